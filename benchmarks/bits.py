@@ -52,7 +52,7 @@ def work(how: str, path: str, robots: str, tasks: str, rounds: str, *names: str)
     from koord.syntax.system import dealt
     from koord.verify.claims import claims_of
     from koord.verify.effort import Deadline
-    from koord.verify.encoding.solver import Answer
+    from koord.verify.encoding.solver import SolverAnswer
     from koord.verify.engines.bits import ic3
     from koord.verify.engines.bits.checking import holds_always
     from koord.verify.engines.bits.circuit import circuit_of
@@ -76,16 +76,16 @@ def work(how: str, path: str, robots: str, tasks: str, rounds: str, *names: str)
             copy = unrolled.begin()
             broken = [x for phases in circuit.bad.values() for _, x in phases]
             bad = copy.of(g.any_of([circuit.lost, *broken]))
-            if unrolled.asked(bad, Deadline()) is not Answer.UNSAT:
+            if unrolled.asked(bad, Deadline()) is not SolverAnswer.UNSAT:
                 return "violated"
             unrolled.never(bad)
         return f"holds for {rounds} rounds"
     question = narrowed(circuit, claims, ())
     properties = tuple(claim.stated for claim in claims if claim.stated is not None)
     renamed = images(system, properties, question.latches)
-    search = ic3.Search(Clauses(g, QUICK), question, Deadline(), renamed)
+    search = ic3.Ic3Run(Clauses(g, QUICK), question, Deadline(), renamed)
     found = search.run()
-    if not isinstance(found, ic3.Invariant):
+    if not isinstance(found, ic3.ClauseInvariant):
         return "no invariant"
     assert holds_always(g, question, found.cubes)
     return f"{len(found.cubes)} clauses, checked"

@@ -13,10 +13,10 @@ from collections.abc import Iterator
 from random import Random
 
 from harness import LIMITS, Column, Report, main, note
-from koord.runtime.chaos.ledger import Journal, Ledger, proposal_of
+from koord.runtime.chaos.ledger import Journal, StormRobot, proposal_of
 from koord.runtime.peer import Peer
 from koord.runtime.proposals import Decision
-from koord.runtime.protocol.entries import Entry
+from koord.runtime.protocol.entries import LogEntry
 from koord.runtime.protocol.messages import Acknowledge, Committed, Decide, Message, Propose
 from koord.runtime.protocol.setup import Setup, Timing, decided
 from koord.runtime.protocol.state import fresh
@@ -46,7 +46,7 @@ def real(run: RunKey, pid: int, many: int) -> list[bytes]:
     decision: Decision = decided(3, [proposal_of(i, 3) for i in range(ROBOTS)])
     messages: list[Message] = [
         Propose(proposal_of(1, 3)),
-        Decide(0, Entry(decision, bytes(16))),
+        Decide(0, LogEntry(decision, bytes(16))),
         Acknowledge(0, 3, bytes(16)),
         Committed(0, 3, bytes(16), 0.1),
     ]
@@ -93,7 +93,7 @@ def attacked(report: Report, kind: str, many: int) -> float:
     """CPU seconds that a datagram takes."""
     hub = Hub(ROBOTS)
     setup = Setup(ROBOTS, Timing.of(0.1, ROBOTS))
-    peer = Peer(RUN, setup, fresh(setup, 0, 9), Ledger(0, Journal()), hub.transport(0), float)
+    peer = Peer(RUN, setup, fresh(setup, 0, 9), StormRobot(0, Journal()), hub.transport(0), float)
     peer.start()
     peer.turn(0.0)  # its own proposal
     if kind == "replayed":

@@ -16,8 +16,8 @@ from msgspec.structs import replace
 
 from harness import RESULTS, Cell, Column, Report, main, note
 from koord.runtime.chaos.faults import CALM, CHAOS, LOSS, Faults
-from koord.runtime.chaos.ledger import Journal, Ledger
-from koord.runtime.chaos.storm import Course, weather
+from koord.runtime.chaos.ledger import Journal, StormRobot
+from koord.runtime.chaos.storm import StormPlan, weather
 from koord.runtime.exploration.exploring import explore
 from koord.runtime.exploration.world import ExplorationBounds
 from koord.runtime.peer import Peer
@@ -56,7 +56,7 @@ def calm(robots: int) -> dict[str, float]:
             run,
             setup,
             fresh(setup, pid, 9),
-            Ledger(pid, Journal()),
+            StormRobot(pid, Journal()),
             Counting(hub, pid),
             lambda: now[0],
         )
@@ -141,7 +141,7 @@ def storms(report: Report) -> None:
         Column("broken", "invariants broken"),
     )
     runs = 2 if report.quick else 8
-    course = Course(storm_s=10.0)
+    course = StormPlan(storm_s=10.0)
     reference = 0.0
     networks = {
         "calm": CALM,

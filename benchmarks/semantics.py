@@ -34,7 +34,7 @@ RUNS: tuple[tuple[str, str, str], ...] = (
 
 def interpreted(name: str, numbers_name: str, policy_name: str, rounds: int) -> dict[str, Any]:
     """CPU seconds and numbers of steps of a run, and of the same run made again."""
-    from koord.sampling.monitors import Watch
+    from koord.sampling.monitors import Monitor
     from koord.sampling.policies import AtRandom, First, Play
     from koord.sampling.running import new_run
     from koord.semantics.recordings import execute
@@ -53,7 +53,7 @@ def interpreted(name: str, numbers_name: str, policy_name: str, rounds: int) -> 
     )
     run = new_run(system, numbers, rng)
     policy = First() if policy_name == "first" else AtRandom(rng)
-    play = Play(run, policy, rounds, Watch(run.d, system, run.inputs))
+    play = Play(run, policy, rounds, Monitor(run.d, system, run.inputs))
     begun = time.process_time()
     rules = [taken.step.rule for taken in play.steps()]
     made = time.process_time()

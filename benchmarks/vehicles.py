@@ -43,7 +43,7 @@ def advanced(body: str, level: str, steering: str, count: int, seconds: float) -
         Body,
         Car,
         Drone,
-        Ideal,
+        IdealBody,
         Level,
         PlannerName,
         Steering,
@@ -52,7 +52,7 @@ def advanced(body: str, level: str, steering: str, count: int, seconds: float) -
     from koord.sim.fleet import Fleet, Placed
     from koord.sim.squads import DeviceModel
 
-    bodies: dict[str, Body] = {"CAR": Car(), "DRONE": Drone(), "POINT": Ideal()}
+    bodies: dict[str, Body] = {"CAR": Car(), "DRONE": Drone(), "POINT": IdealBody()}
     controller = Steering(steering or "MPC")
     model = DeviceModel(bodies[body], PlannerName.STRAIGHT, Level(level), controller)
     side = math.ceil(math.sqrt(count))

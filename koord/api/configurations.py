@@ -10,7 +10,7 @@ from koord.api.fitting import FitRequest, Fitted, beside, can_be_placed, fit
 from koord.api.programs import Loadable, Program, Text, source_of
 from koord.api.results import Result, diagnostics_dict
 from koord.runtime.configuration.checking import load as load_configuration
-from koord.runtime.configuration.model import Configuration
+from koord.runtime.configuration.model import RunConfiguration
 from koord.runtime.configuration.params import params
 from koord.syntax.diagnostics import Diagnostic, KoordError, Severity
 from koord.syntax.source import Source
@@ -20,7 +20,7 @@ class ConfigurationReport(Result, frozen=True):
     """What is wrong with a configuration, by itself and for a program."""
 
     name: str
-    configuration: Configuration | None  #: None if it cannot be read
+    configuration: RunConfiguration | None  #: None if it cannot be read
     program: str | None  #: the name of the program that it was checked with, if with any
     diagnostics: tuple[Diagnostic, ...]
     sources: tuple[Source, ...]  #: the texts that the diagnostics are about
@@ -98,7 +98,7 @@ def check_start(fitted: Fitted) -> None:
         check_can_begin(fitted)
 
 
-def _request(program: Loadable, configuration: Configuration) -> FitRequest:
+def _request(program: Loadable, configuration: RunConfiguration) -> FitRequest:
     if isinstance(program, Program):
         given = dict(program.settings.params)
         return FitRequest(program.source, configuration, program.properties, given)
@@ -109,7 +109,7 @@ def _name(program: Loadable) -> str:
     return program.name if isinstance(program, Program | Source) else fspath(program)
 
 
-def _check_alone(configuration: Configuration) -> None:
+def _check_alone(configuration: RunConfiguration) -> None:
     """All that can be seen of a configuration without a program. Raises KoordError."""
     params(configuration)
     if can_be_placed():

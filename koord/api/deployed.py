@@ -14,14 +14,14 @@ from koord.syntax.problem import Problem
 
 if TYPE_CHECKING:
     from koord.runtime.deploy.running import Job
-    from koord.runtime.deploy.status import Status as Status
+    from koord.runtime.deploy.status import RobotReport as RobotReport
 
 
 class Deployed(Result, frozen=True, kw_only=True):
     """How each robot of a deployed run ended, by its pid."""
 
     problem: Problem
-    statuses: Mapping[int, Status]
+    statuses: Mapping[int, RobotReport]
     agents: tuple[str, ...]  #: the kinds of robots by name; ``kinds`` says which robot is of which
     kinds: tuple[int, ...]
     rounds: int | None  #: that were to be done; None: until somebody ends it
@@ -30,7 +30,7 @@ class Deployed(Result, frozen=True, kw_only=True):
 
     @classmethod
     def of(
-        cls, job: Job, problem: Problem, statuses: Mapping[int, Status], *, interrupted: bool
+        cls, job: Job, problem: Problem, statuses: Mapping[int, RobotReport], *, interrupted: bool
     ) -> Deployed:
         """What robots have said last."""
         return cls(
@@ -99,11 +99,11 @@ class Deployed(Result, frozen=True, kw_only=True):
 class FleetHeard(Progress, frozen=True, kw_only=True):
     """How the robots of a run are doing, by their pids."""
 
-    statuses: Mapping[int, Status]
+    statuses: Mapping[int, RobotReport]
     rounds: int | None  #: that are to be done; None: until somebody ends it
 
     @classmethod
-    def of(cls, statuses: Mapping[int, Status], rounds: int | None) -> FleetHeard:
+    def of(cls, statuses: Mapping[int, RobotReport], rounds: int | None) -> FleetHeard:
         """What robots have said by now."""
         first = max((0, *(status.round for status in statuses.values())))
         said = f"round {first}, {len(statuses)} robots heard"

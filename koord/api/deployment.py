@@ -21,14 +21,14 @@ from koord.api.progress import Cancellation, Listener, asker, heard_by
 from koord.api.robots import Seconds
 from koord.runtime.compile import compiled
 from koord.runtime.compile.loading import loaded
-from koord.runtime.configuration.model import Configuration
+from koord.runtime.configuration.model import RunConfiguration
 from koord.runtime.deploy.ideal import unanswered
 from koord.runtime.deploy.local import Launch, launched
 from koord.runtime.deploy.networks import local_plan, transport_of
 from koord.runtime.deploy.recording import DeploymentRecord
 from koord.runtime.deploy.running import Job as Job
-from koord.runtime.deploy.running import Moment, Runner
-from koord.runtime.deploy.status import Status as Status
+from koord.runtime.deploy.running import RoundReport, Runner
+from koord.runtime.deploy.status import RobotReport as RobotReport
 from koord.runtime.motion.libraries import require
 from koord.runtime.robot import Robot
 from koord.runtime.transports.transport import TransportError
@@ -130,7 +130,7 @@ def job_of(fitted: Fitted, request: DeployRequest) -> Job:
 
 
 def _unanswered(
-    classes: tuple[type[Robot], ...], configuration: Configuration
+    classes: tuple[type[Robot], ...], configuration: RunConfiguration
 ) -> Iterator[Diagnostic]:
     missing = sorted({name for one in classes for name in unanswered(one.EXTERNALS)})
     if missing:
@@ -139,7 +139,7 @@ def _unanswered(
         yield Diagnostic("K932", Severity.ERROR, whole_file(configuration.name), story, hint)
 
 
-def _keyless(configuration: Configuration, request: DeployRequest) -> Iterator[Diagnostic]:
+def _keyless(configuration: RunConfiguration, request: DeployRequest) -> Iterator[Diagnostic]:
     if request.pid is not None and configuration.talk.key is None:
         story = "the robots have no key in common"
         hint = f"add: network: {{key: {secrets.token_hex(16)}}}"
@@ -192,7 +192,7 @@ def _one(
         runner = Runner(job, pid, transport)
         runner.keeps_moments = recorder is not None
 
-        def report(status: Status) -> None:
+        def report(status: RobotReport) -> None:
             tell(FleetHeard.of({pid: status}, job.rounds))
             if recorder is not None:
                 recorder.hear([(status, tuple(runner.moments))], is_sure=True)
@@ -272,9 +272,11 @@ class _Recorder:
     def __init__(self, path: str, problem: Problem, stack: ExitStack) -> None:
         self._path, self._problem, self._stack = path, problem, stack
         self._record: DeploymentRecord | None = None
-        self._early: list[tuple[Status, tuple[Moment, ...]]] = []
+        self._early: list[tuple[RobotReport, tuple[RoundReport, ...]]] = []
 
-    def hear(self, news: Iterable[tuple[Status, tuple[Moment, ...]]], *, is_sure: bool) -> None:
+    def hear(
+        self, news: Iterable[tuple[RobotReport, tuple[RoundReport, ...]]], *, is_sure: bool
+    ) -> None:
         """Write down what robots told."""
         self._early += news
         if not is_sure:

@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from difflib import get_close_matches
 
 from koord.api.results import ArgumentError
-from koord.syntax.catalogue import Entry, entries
+from koord.syntax.catalogue import Story, entries
 
 
-def explain(code: str) -> Entry:
+def explain(code: str) -> Story:
     """What there is to be said of a code: title, story, a program that yields it and one that does
     not. Raises :class:`koord.ArgumentError` if there is no such code.
 
@@ -23,6 +23,6 @@ def explain(code: str) -> Entry:
     raise ArgumentError("code", f"there is no code {code!r}{cure}")
 
 
-def codes() -> Mapping[str, Entry]:
+def codes() -> Mapping[str, Story]:
     """Every code that there is, in order, with its story."""
     return entries()

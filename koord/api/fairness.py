@@ -11,7 +11,7 @@ from koord.semantics.domain import EXACT
 from koord.semantics.recordings import execute
 from koord.syntax.system import System
 from koord.traces.fairness import Excuses, excuses
-from koord.verify.fairness_suggestions import Lassoed, Text, excluding
+from koord.verify.fairness_suggestions import Lassoed, SourceTexts, excluding
 from koord.verify.verdicts import Counterexample, Verdict
 
 
@@ -37,7 +37,7 @@ def fairness_of(
     steps = execute(EXACT, system, found.recording)
     ends = [step.configuration for step in steps if step.rule in ("INIT", "ENV-TRANS")]
     why = excuses(system, found.recording, ends)
-    text = Text(program.source, program.settings, program.properties)
+    text = SourceTexts(program.source, program.settings, program.properties)
     lasso = Lassoed(system, found.recording, ends, why, stated)
     return Fair(why, excluding(text, lasso, until))
 

@@ -12,7 +12,7 @@ from typing import Any
 from msgspec import Struct, field
 
 from koord.refinement.sampling_hosts import SeededHost, settled_starts
-from koord.runtime.compile.naming import Names
+from koord.runtime.compile.naming import PythonNames
 from koord.runtime.robot import Host, Key, Robot, Turn
 from koord.sim.hosting import ANSWERED, SENSED, plain_name
 from koord.syntax.system import System
@@ -23,7 +23,7 @@ class FallbackHost(Struct):
 
     world: Host
     system: System
-    names: Names
+    names: PythonNames
     seed: int
     starts: Mapping[tuple[int | None, str], Any]
     _seeded: dict[int, SeededHost] = field(default_factory=dict)
@@ -69,8 +69,10 @@ class Fallback(Struct, frozen=True):
 
         Raises KoordError where no such starts are found.
         """
-        settled = settled_starts(system, Names(system.program), seed) if starts else {}
+        settled = settled_starts(system, PythonNames(system.program), seed) if starts else {}
         return cls(system, seed, settled)
 
     def __call__(self, world: Host) -> Host:
-        return FallbackHost(world, self.system, Names(self.system.program), self.seed, self.starts)
+        return FallbackHost(
+            world, self.system, PythonNames(self.system.program), self.seed, self.starts
+        )

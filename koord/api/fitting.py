@@ -29,7 +29,7 @@ from koord.api.programs import (
 from koord.api.results import ArgumentError
 from koord.api.robots import Seconds, delta_of, fleet_of, system_of
 from koord.runtime.configuration.checking import load as load_configuration
-from koord.runtime.configuration.model import Configuration, Scatter
+from koord.runtime.configuration.model import RunConfiguration, Scatter
 from koord.runtime.configuration.params import params
 from koord.runtime.motion.libraries import SIM
 from koord.runtime.motion.world import World
@@ -62,7 +62,7 @@ world: {{}}
 
 
 #: What functions of the API take as a configuration; None is the one beside the program's file.
-Configurable: TypeAlias = Configuration | Text | None
+Configurable: TypeAlias = RunConfiguration | Text | None
 
 
 class FitRequest(Struct, frozen=True):
@@ -74,7 +74,7 @@ class FitRequest(Struct, frozen=True):
     """
 
     source: Source
-    configuration: Configuration | None
+    configuration: RunConfiguration | None
     properties: tuple[Source, ...]
     params: Mapping[str, ParamValue]
     delta_s: Fraction | None = None
@@ -86,7 +86,7 @@ class Fitted(Struct, frozen=True):
     """A program with a configuration that suits it. ``kinds`` are those of the robots."""
 
     program: Program
-    configuration: Configuration  #: its δ is set
+    configuration: RunConfiguration  #: its δ is set
     kinds: tuple[int, ...]
     placed: Scene | None  #: None where the libraries that scenes are made with are not installed
     warnings: tuple[Diagnostic, ...] = ()
@@ -127,12 +127,12 @@ def fit_request(
         source = source_of(program)
     if config is None:
         config = beside(source.name, ".yaml")
-    if config is not None and not isinstance(config, Configuration):
+    if config is not None and not isinstance(config, RunConfiguration):
         config = read_configuration(config)
     return FitRequest(source, config, properties, chosen, delta_of(delta_s), robots, seed)
 
 
-def read_configuration(text: Text) -> Configuration:
+def read_configuration(text: Text) -> RunConfiguration:
     """The configuration in a file or a text. Raises KoordError with every mistake."""
     return load_configuration(source_of(text))
 
@@ -223,7 +223,7 @@ def _sizes(
 
 
 def _scene(
-    configuration: Configuration, program: core.Program, request: FitRequest
+    configuration: RunConfiguration, program: core.Program, request: FitRequest
 ) -> Scene | None:
     """Robots and tasks in their world; None where the libraries for that are not installed."""
     if not can_be_placed():
@@ -235,7 +235,7 @@ def _scene(
     return scene(configuration, request.seed, request.robots, landmarks)
 
 
-def _default(program: core.Program, robots: int | None) -> Configuration:
+def _default(program: core.Program, robots: int | None) -> RunConfiguration:
     """Cars and drones in turn, or what the kinds of robots of a program are called after.
 
     Without a number, there are the robots that the program states, or the usual ones.
@@ -259,8 +259,8 @@ def _default(program: core.Program, robots: int | None) -> Configuration:
 
 
 def _with_tasks(
-    configuration: Configuration, program: core.Program, *, sized: bool
-) -> Configuration:
+    configuration: RunConfiguration, program: core.Program, *, sized: bool
+) -> RunConfiguration:
     """Tasks for a program that has a list of them, if the configuration has none."""
     size, scatter = task_count(program), configuration.scatter
     if size is None or scatter.tasks or (configuration.world and configuration.world.tasks):
@@ -270,8 +270,8 @@ def _with_tasks(
 
 
 def _with_delta(
-    configuration: Configuration, program: core.Program, delta_s: Fraction | None
-) -> Configuration:
+    configuration: RunConfiguration, program: core.Program, delta_s: Fraction | None
+) -> RunConfiguration:
     """With δ: as asked for, or as the configuration says, or as the program states."""
     if delta_s is not None:
         return replace(configuration, delta_s=float(delta_s))
@@ -281,7 +281,7 @@ def _with_delta(
 
 
 def _unlike(
-    configuration: Configuration, program: core.Program, kinds: Sequence[int] | None
+    configuration: RunConfiguration, program: core.Program, kinds: Sequence[int] | None
 ) -> tuple[Diagnostic, ...]:
     """Warnings where a configuration is another instance than the program is meant for. It wins.
 

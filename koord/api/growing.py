@@ -23,7 +23,7 @@ from koord.syntax.source import visible
 PERIOD_S = 1.0
 
 
-class Part(Protocol):
+class GrowingFile(Protocol):
     """What grows, and has to be closed."""
 
     def grow(self) -> None:
@@ -76,7 +76,7 @@ class Growing:
         except OSError as error:
             raise _unwritable(error) from None
 
-    def add_own(self, path: str, begun: Callable[[Path], Part]) -> None:
+    def add_own(self, path: str, begun: Callable[[Path], GrowingFile]) -> None:
         """As :meth:`add`, of what sees to its file, or folder, itself. Raises KoordError."""
         here = Path(part_of(path))
         try:

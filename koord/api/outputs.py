@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, BinaryIO, Literal, TypeAlias
 from msgspec import Struct
 
 from koord.api.files import check_folder, check_writable, write_atomically, write_folder
-from koord.api.growing import Growing, Part, remove_part
+from koord.api.growing import Growing, GrowingFile, remove_part
 from koord.api.progress import Listener, Progress
 from koord.api.results import ArgumentError
 from koord.syntax.diagnostics import refusal
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from koord.sim.running import Simulation
 
 
-class Form(Struct, frozen=True):
+class OutputFormat(Struct, frozen=True):
     """A form of file, or of folder, to keep a run in: the libraries for it, and their extra."""
 
     make: Callable[[RunLog, str], bytes | Mapping[str, bytes]]
@@ -31,7 +31,7 @@ class Form(Struct, frozen=True):
     #: Begins such a file while the run goes on, and gives what writes behind it.
     part: Callable[[RunLog, BinaryIO], Callable[[], None]] | None = None
     #: Or one that sees to its file, or folder, itself.
-    own: Callable[[RunLog, Path], Part] | None = None
+    own: Callable[[RunLog, Path], GrowingFile] | None = None
 
 
 def _mcap(recording: RunLog, path: str) -> bytes:
@@ -82,28 +82,28 @@ def _part_mcap(recording: RunLog, file: BinaryIO) -> Callable[[], None]:
     return PartRecord(recording, file).grow
 
 
-def _part_rrd(recording: RunLog, path: Path) -> Part:
+def _part_rrd(recording: RunLog, path: Path) -> GrowingFile:
     from koord.sim.files.rerun import PartRrd
 
     return PartRrd(recording, path)
 
 
-def _part_bag(recording: RunLog, path: Path) -> Part:
+def _part_bag(recording: RunLog, path: Path) -> GrowingFile:
     from koord.sim.files.rosbag import PartBag
 
     return PartBag(recording, path)
 
 
-_PLOTS = dict.fromkeys((".png", ".svg", ".pdf"), Form(_plot, ("matplotlib",), "plot"))
+_PLOTS = dict.fromkeys((".png", ".svg", ".pdf"), OutputFormat(_plot, ("matplotlib",), "plot"))
 _RECORDS = {
-    ".mcap": Form(_mcap, ("mcap",), "sim", _part_mcap),
-    ".rrd": Form(_rrd, ("rerun",), "export", own=_part_rrd),
-    ".rosbag2": Form(_rosbag, ("rosbags",), "export", own=_part_bag),
+    ".mcap": OutputFormat(_mcap, ("mcap",), "sim", _part_mcap),
+    ".rrd": OutputFormat(_rrd, ("rerun",), "export", own=_part_rrd),
+    ".rosbag2": OutputFormat(_rosbag, ("rosbags",), "export", own=_part_bag),
 }
 _VIEWS = {
-    "2d": Form(_page, (), "sim", _part_page),
+    "2d": OutputFormat(_page, (), "sim", _part_page),
     # What grows shows the run from above: a page of space is made as a whole.
-    "3d": Form(_space, ("viser",), "view", _part_page),
+    "3d": OutputFormat(_space, ("viser",), "view", _part_page),
 }
 
 #: How names of records and of pictures may end.
@@ -156,7 +156,7 @@ class Outputs(Struct, frozen=True):
             else:
                 check_writable(path)
 
-    def files(self) -> Iterator[tuple[str, Form]]:
+    def files(self) -> Iterator[tuple[str, OutputFormat]]:
         """Every file but the trace, with its form. Raises ArgumentError."""
         if self.html is not None:
             yield self.html, _form("view", self.view, self.view, _VIEWS)
@@ -166,7 +166,9 @@ class Outputs(Struct, frozen=True):
             yield self.plot, _form("plot", self.plot, Path(self.plot).suffix.lower(), _PLOTS)
 
 
-def _form(argument: str, given: str, ending: str, forms: Mapping[str, Form]) -> Form:
+def _form(
+    argument: str, given: str, ending: str, forms: Mapping[str, OutputFormat]
+) -> OutputFormat:
     if ending not in forms:
         raise ArgumentError(argument, f"{given!r} ends in none of {', '.join(forms)}")
     return forms[ending]

@@ -16,9 +16,9 @@ from koord.api.programs import Text, source_of
 from koord.api.progress import Cancellation, CancelledError, Listener, asker, teller
 from koord.api.results import Result, html_table
 from koord.recheck.certificate import REWRITE, Certificate, digest_of, read
-from koord.recheck.checking import Outcome, Rechecked
+from koord.recheck.checking import Rechecked, RecheckOutcome
 from koord.recheck.checking import recheck as settle
-from koord.recheck.solving import Answer, MissingSolverError, version
+from koord.recheck.solving import MissingSolverError, SolverAnswer, version
 from koord.syntax.diagnostics import refusal
 from koord.syntax.source import NOWHERE, Source, Span, visible
 
@@ -34,14 +34,14 @@ class RecheckReport(Result, frozen=True):
     solver: str  #: which one, with its version
 
     @property
-    def outcome(self) -> Outcome:
+    def outcome(self) -> RecheckOutcome:
         """Confirmed, refuted or unknown."""
         return self.found.outcome
 
     @property
     def confirmed(self) -> bool:
         """Whether all that is claimed follows."""
-        return self.outcome is Outcome.CONFIRMED
+        return self.outcome is RecheckOutcome.CONFIRMED
 
     @property
     def vacuous(self) -> tuple[str, ...]:
@@ -193,4 +193,4 @@ def _place(span: Span) -> forms.Place | None:
     return forms.Place(span.file, span.line, span.column)
 
 
-_MET = {Answer.SAT: "not met", Answer.UNKNOWN: "unknown", Answer.UNSAT: "met"}
+_MET = {SolverAnswer.SAT: "not met", SolverAnswer.UNKNOWN: "unknown", SolverAnswer.UNSAT: "met"}

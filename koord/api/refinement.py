@@ -19,7 +19,7 @@ from koord.api.programs import Loadable, Program, program_of
 from koord.api.progress import Cancellation, Listener, Progress, asker, heard_by
 from koord.api.refused_run import RefusedRun
 from koord.api.results import ArgumentError, Result, html_table
-from koord.api.robots import AS_STATED, Fleet, Seconds, delta_of, system_of
+from koord.api.robots import AS_STATED, FleetSize, Seconds, delta_of, system_of
 from koord.api.traces import sources_of
 from koord.refinement.cases import Case, Tried, all_generated, generated, of_program, tried
 from koord.refinement.cases import Target as Target
@@ -287,7 +287,7 @@ def _all(request: RefineRequest, programs: tuple[Program, ...]) -> Iterator[_Run
 def _systems(program: core.Program, delta_s: Fraction | None) -> Iterator[System]:
     """The program with the robots that it states; else with one number of them after the other."""
     stated = program.instance
-    fleets = [AS_STATED] if stated.kinds else [Fleet(total) for total in _ROBOTS]
+    fleets = [AS_STATED] if stated.kinds else [FleetSize(total) for total in _ROBOTS]
     return (system_of(program, fleet, delta_s) for fleet in cycle(fleets))
 
 

@@ -17,7 +17,7 @@ from koord.syntax.diagnostics import KoordError
 from koord.syntax.system import System, dealt
 
 
-class Fleet(Struct, frozen=True):
+class FleetSize(Struct, frozen=True):
     """How many robots: a number of them, or a number of each kind (``Car=2,Drone=1``).
 
     ``any_number`` stands for every number of them: ``total`` is then no more than an example.
@@ -31,31 +31,31 @@ class Fleet(Struct, frozen=True):
     as_stated: bool = False
 
 
-AS_STATED = Fleet(USUAL_ROBOTS, as_stated=True)
-ANY_NUMBER = Fleet(2, any_number=True)
+AS_STATED = FleetSize(USUAL_ROBOTS, as_stated=True)
+ANY_NUMBER = FleetSize(2, any_number=True)
 
 #: How robots are asked for: so many, so many of each kind, every number of them; None: as the
 #: program states with ``param int numAgents``, or else 3.
-Robots: TypeAlias = int | Mapping[str, int] | Literal["any"] | Fleet | None
+Robots: TypeAlias = int | Mapping[str, int] | Literal["any"] | FleetSize | None
 
 #: The length of a round in seconds, exactly (a float is the decimal that it is written as); None:
 #: as the program states with ``param float delta``, or else 0.1.
 Seconds: TypeAlias = float | Fraction | None
 
 
-def fleet_of(robots: Robots) -> Fleet:
+def fleet_of(robots: Robots) -> FleetSize:
     """The fleet that somebody asks for. Raises ArgumentError where there can be none."""
     match robots:
         case None:
             return AS_STATED
         case "any":
             return ANY_NUMBER
-        case Fleet():
+        case FleetSize():
             return robots
         case int():
-            found = Fleet(robots)
+            found = FleetSize(robots)
         case Mapping():
-            found = Fleet(sum(robots.values()), tuple(robots.items()))
+            found = FleetSize(sum(robots.values()), tuple(robots.items()))
         case _:
             raise ArgumentError("robots", f"{robots!r} is no number of robots")
     if not 1 <= found.total <= MOST_ROBOTS or any(count < 0 for _, count in found.kinds):
@@ -82,7 +82,7 @@ def exact_number(argument: str, number: float | Fraction) -> Fraction:
         raise ArgumentError(argument, f"{number} is not a number") from None
 
 
-def system_of(program: core.Program, fleet: Fleet, delta_s: Fraction | None) -> System:
+def system_of(program: core.Program, fleet: FleetSize, delta_s: Fraction | None) -> System:
     """The program with its robots; without a δ, with that which it states, or the usual one.
 
     Raises ArgumentError for kinds it does not have, and KoordError where it is too much for so many
@@ -96,7 +96,7 @@ def system_of(program: core.Program, fleet: Fleet, delta_s: Fraction | None) -> 
     return system
 
 
-def _robots(program: core.Program, fleet: Fleet, delta_s: Fraction) -> System:
+def _robots(program: core.Program, fleet: FleetSize, delta_s: Fraction) -> System:
     if fleet.as_stated and program.instance.kinds:
         return System(program, program.instance.kinds, delta_s)
     if not fleet.kinds:

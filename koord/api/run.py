@@ -16,9 +16,9 @@ from koord.api.results import ArgumentError, Result
 from koord.api.robots import Robots, Seconds, delta_of, fleet_of, system_of
 from koord.api.trace import Trace
 from koord.api.traces import sources_of
-from koord.sampling.monitors import Watch
-from koord.sampling.policies import AtRandom, First, Play, Taken
-from koord.sampling.running import Moment, Run, new_run
+from koord.sampling.monitors import Monitor
+from koord.sampling.policies import AtRandom, First, Play, TakenStep
+from koord.sampling.running import Run, RunState, new_run
 from koord.semantics.configurations import Configuration, Fault
 from koord.semantics.domain import Constant
 from koord.syntax.budget import Budget, OutOfBudgetError
@@ -130,7 +130,7 @@ class RunReport(Result, frozen=True):
         return self.trace._repr_html_()
 
 
-class Session(Struct):
+class RunSession(Struct):
     """A run by a policy that is going on; ``tracer`` gathers its trace, if there is one."""
 
     program: Program
@@ -139,9 +139,9 @@ class Session(Struct):
     tracer: Tracer | None
     cancelled: Callable[[], bool]
     interrupted: bool = False
-    _kept: Moment | None = None
+    _kept: RunState | None = None
 
-    def steps(self) -> Iterator[Taken]:
+    def steps(self) -> Iterator[TakenStep]:
         """Make the run. A step that is half done when it is ended does not count.
 
         Raises KoordError where an assumption, a contract or a summary cannot be met, and
@@ -248,16 +248,16 @@ class HowToRun(Struct, frozen=True):
 
 def session_of(
     program: Program, system: System, how: HowToRun, seed: int, cancelled: Callable[[], bool] | None
-) -> Session:
+) -> RunSession:
     """A run that is to be made; who never cancels it says None."""
     rng = Random(seed)
     # A trace outlives whoever is asked whether to go on.
     heard = system if cancelled is None else replace(system, budget=Budget(cancelled))
     run = new_run(heard, how.numbers, rng)
     policy = First() if how.policy is Policy.FIRST else AtRandom(rng)
-    play = Play(run, policy, how.rounds, Watch(run.d, heard, run.inputs))
+    play = Play(run, policy, how.rounds, Monitor(run.d, heard, run.inputs))
     tracer = Tracer() if how.traced else None
-    return Session(program, system, play, tracer, cancelled or (lambda: False))
+    return RunSession(program, system, play, tracer, cancelled or (lambda: False))
 
 
 def _one_of(names: type[Name], argument: str, given: Name | str) -> Name:

@@ -24,7 +24,7 @@ from koord.runtime.deploy.running import Job as Deployment
 from koord.runtime.proposals import INIT_ROUND, Decision
 from koord.runtime.transports.transport import TransportError
 from koord.sim.following import Followed
-from koord.sim.processes import Maker
+from koord.sim.processes import RobotMaker
 from koord.sim.running import Ending
 from koord.syntax.diagnostics import refusal
 
@@ -72,7 +72,7 @@ def simulate_processes(
             growing(request.outputs, followed, tracing, tell, paced=False) as round_is_over,
             ExitStack() as stack,
         ):
-            maker = Maker(made, fitted.scene, fallback(fitted))
+            maker = RobotMaker(made, fitted.scene, fallback(fitted))
             plan = local_plan(deployment.configuration, deployment.robots)
             fleet = launched(Launch(deployment, plan, maker, keeps_moments=True))
             stack.callback(fleet.join)

@@ -18,11 +18,11 @@ from koord.runtime.motion.world import Point
 from koord.sim.bounds import moves
 from koord.sim.measuring import Figures
 from koord.sim.run_log import RunLog
-from koord.sim.running import Broken as Broken
+from koord.sim.running import BrokenClaim as BrokenClaim
 from koord.sim.running import Ending as Ending
 from koord.sim.running import Simulation
 from koord.sim.running import still_words as still_words
-from koord.sim.standing import Standing
+from koord.sim.standing import StandingRobot
 from koord.syntax.diagnostics import Diagnostic
 from koord.syntax.problem import Problem
 from koord.traces.replay import Refused
@@ -86,8 +86,8 @@ class Simulated(Result, frozen=True, kw_only=True):
     wall_s: float  #: how long the run took
     figures: Figures
     claims: Mapping[str, int]  #: how often each claim was looked at
-    broken: tuple[Broken, ...]  #: claims that do not hold
-    standing: tuple[Standing, ...]  #: robots that stand still at the end and should go
+    broken: tuple[BrokenClaim, ...]  #: claims that do not hold
+    standing: tuple[StandingRobot, ...]  #: robots that stand still at the end and should go
     fault: Ended | None  #: the fault that ended the run
     refused: Refused | None = None  #: why the trace is none of the semantics
     processes: Processes | None = None  #: of a run with a process for each robot
@@ -159,7 +159,7 @@ class Simulated(Result, frozen=True, kw_only=True):
         return f'<iframe srcdoc="{page}" style="width: 100%; height: 36em; border: 0"></iframe>'
 
 
-def _standing(one: Standing) -> dict[str, Any]:
+def _standing(one: StandingRobot) -> dict[str, Any]:
     why = one.hindrance.name.lower()
     return {"robot": one.robot, "since_s": one.since_s, "why": why, "words": one.words}
 
@@ -194,7 +194,7 @@ class SimulationBegun(Progress, frozen=True, kw_only=True):
 class StandsStill(Progress, frozen=True, kw_only=True):
     """A robot is seen to stand still that is to go somewhere."""
 
-    standing: Standing
+    standing: StandingRobot
 
 
 class SimulationOver(Progress, frozen=True, kw_only=True):
@@ -212,6 +212,6 @@ def round_over(simulation: Simulation) -> Progress:
     return Progress(said, simulation.engine.round, time_s)
 
 
-def standing_words(one: Standing) -> str:
+def standing_words(one: StandingRobot) -> str:
     """Who stands still, since when, and why."""
     return f"robot {one.robot} stands still since {one.since_s:.1f} s: {one.words}"

@@ -10,7 +10,7 @@ import koord.api.sim_libraries  # noqa: F401
 from koord.api.fitting import NO_FILE, Fitted, task_count
 from koord.runtime.compile import compiled
 from koord.runtime.compile.loading import loaded
-from koord.runtime.compile.watching import Sort, Watched, watched
+from koord.runtime.compile.watching import Watched, WatchedKind, watched
 from koord.sim.claims import Checked, Watching
 from koord.sim.hosting import ANSWERED, SENSED, plain_name
 from koord.sim.running import Cast, Simulation
@@ -143,7 +143,7 @@ def check_begun(fitted: Fitted, simulation: Simulation) -> None:
     configuration = fitted.configuration
     problems = []
     for broken in simulation.broken:
-        if broken.sort != Sort.ASSUMPTION.value:
+        if broken.sort != WatchedKind.ASSUMPTION.value:
             continue
         place = configuration.place()
         if configuration.name == NO_FILE:

@@ -8,7 +8,7 @@ from koord.api.fitting import Fitted
 from koord.api.sim_setup import slack
 from koord.api.traces import sources_of
 from koord.refinement.judging import Judged, judge
-from koord.refinement.running import Ran, ready
+from koord.refinement.running import CompiledRun, ready
 from koord.refinement.tracing_host import TracedFleet
 from koord.runtime.compile.slack import loosened
 from koord.runtime.proposals import Decision
@@ -58,7 +58,7 @@ class Tracing:
         assert self._hearing is not None
         self._hearing.round(decision, simulation.engine)
 
-    def ran(self, simulation: Simulation) -> Ran:
+    def ran(self, simulation: Simulation) -> CompiledRun:
         """The run, as far as it got. Raises KoordError."""
         assert self._hearing is not None
         sources = sources_of(self.program)
@@ -71,11 +71,11 @@ class Tracing:
         heard = self._hearing.so_far(simulation.engine, sources, self._shapes(simulation))
         return self._as_written(heard)
 
-    def judged(self, ran: Ran) -> Judged:
+    def judged(self, ran: CompiledRun) -> Judged:
         """What the reference says of a run."""
         return judge(ran)
 
-    def trace(self, ran: Ran) -> Trace:
+    def trace(self, ran: CompiledRun) -> Trace:
         """The trace of a run, of the program as it is written, and with the slack that it had."""
         return self._as_written(ran.trace)
 

@@ -8,11 +8,11 @@ from msgspec import Struct, field
 
 from koord.api.programs import Loadable, Program, program_of
 from koord.api.robots import Robots, Seconds, delta_of, fleet_of, system_of
-from koord.api.run import Ending, HowToRun, Session, session_of
+from koord.api.run import Ending, HowToRun, RunSession, session_of
 from koord.api.trace import Trace
 from koord.api.traces import sources_of
-from koord.sampling.policies import First, Taken, take
-from koord.sampling.running import Moment, Move, Run
+from koord.sampling.policies import First, TakenStep, take
+from koord.sampling.running import ProgramTurn, Run, RunState
 from koord.semantics.recordings import Step
 from koord.traces.trace import Numbers, Violation, assembled
 
@@ -23,7 +23,7 @@ class Option(Struct, frozen=True):
     What ``loses`` would enter a lock that is taken, and cannot be made.
     """
 
-    move: Move
+    move: ProgramTurn
     event: str | None
     loses: bool
 
@@ -36,8 +36,8 @@ class Option(Struct, frozen=True):
 class Shift(Struct, frozen=True):
     """A step that was made, with the moment before it."""
 
-    before: Moment
-    taken: Taken
+    before: RunState
+    taken: TakenStep
 
 
 class Stepper(Struct):
@@ -48,11 +48,11 @@ class Stepper(Struct):
     """
 
     program: Program
-    session: Session
+    session: RunSession
     rounds: int
     taken: list[Step] = field(default_factory=list)
     violation: Violation | None = None
-    _past: list[Moment] = field(default_factory=list)
+    _past: list[RunState] = field(default_factory=list)
 
     @property
     def run(self) -> Run:
@@ -75,13 +75,13 @@ class Stepper(Struct):
         """The turns that could be next; none where the environment's turn is next."""
         return tuple(Option(move, self._name(move), self.run.loses(move)) for move in self._moves())
 
-    def _moves(self) -> Iterator[Move]:
+    def _moves(self) -> Iterator[ProgramTurn]:
         for robot in self.run.waiting:
-            yield from (Move(robot, event) for event in self.run.enabled(robot))
+            yield from (ProgramTurn(robot, event) for event in self.run.enabled(robot))
             if self.run.may_skip(robot):
-                yield Move(robot, None)
+                yield ProgramTurn(robot, None)
 
-    def _name(self, move: Move) -> str | None:
+    def _name(self, move: ProgramTurn) -> str | None:
         if move.event is None:
             return None
         return self.run.system.agent(move.robot).events[move.event].name
@@ -90,7 +90,7 @@ class Stepper(Struct):
         """Make one of the turns. Raises IllegalStepError if the rules do not allow it."""
         moment = self.run.moment
         step = self.run.make(option.move)
-        return self._shift(moment, Taken(step))
+        return self._shift(moment, TakenStep(step))
 
     def finish_round(self) -> Iterator[Shift]:
         """Let the robots that have not had their turn move as the runtime would."""
@@ -102,9 +102,9 @@ class Stepper(Struct):
     def evolve(self) -> Shift:
         """The environment's turn, which ends the round."""
         moment = self.run.moment
-        return self._shift(moment, Taken(self.run.evolve()))
+        return self._shift(moment, TakenStep(self.run.evolve()))
 
-    def _shift(self, before: Moment, taken: Taken) -> Shift:
+    def _shift(self, before: RunState, taken: TakenStep) -> Shift:
         self._past.append(before)
         self._noted(taken.step)
         return Shift(before, taken)

@@ -15,7 +15,7 @@ from fractions import Fraction
 from typing import TYPE_CHECKING
 
 from koord.api.progress import MOST_JOBS
-from koord.api.robots import ANY_NUMBER, AS_STATED, Fleet
+from koord.api.robots import ANY_NUMBER, AS_STATED, FleetSize
 from koord.cli.files import DASH
 from koord.syntax.core import LEAST_DELTA_S, MOST_DELTA_S, MOST_ROBOTS, USUAL_ROBOTS
 from koord.syntax.literals import NumberOutOfRangeError, read_number, shown
@@ -37,10 +37,10 @@ _RATIO = re.compile(r"([+-]?[0-9]{1,100})/([0-9]{1,100})\Z")
 _LIST_TOKEN = re.compile(r"\s*(\[|\]|,|\"[^\"]*\"|[^\s\[\],\"]+)\s*")
 
 
-def fleet(text: str) -> Fleet:
+def fleet(text: str) -> FleetSize:
     """``3`` or ``Car=2,Drone=1``."""
     if "=" not in text:
-        return Fleet(_whole(text, "robots", 1, MOST_ROBOTS))
+        return FleetSize(_whole(text, "robots", 1, MOST_ROBOTS))
     kinds: dict[str, int] = {}
     for part in text.split(","):
         name, _, count = part.partition("=")
@@ -52,10 +52,10 @@ def fleet(text: str) -> Fleet:
     total = sum(kinds.values())
     if not 1 <= total <= MOST_ROBOTS:
         raise ArgumentTypeError(f"there must be 1 to {MOST_ROBOTS} robots, not {total}")
-    return Fleet(total, tuple(kinds.items()))
+    return FleetSize(total, tuple(kinds.items()))
 
 
-def fleets(text: str) -> tuple[Fleet, ...]:
+def fleets(text: str) -> tuple[FleetSize, ...]:
     """``2..10``: one fleet of each size; ``any``: every number of robots at once.
 
     Otherwise the one fleet that :func:`fleet` reads.
@@ -71,7 +71,7 @@ def fleets(text: str) -> tuple[Fleet, ...]:
     most = _whole(high, "robots", 1, MOST_ROBOTS)
     if most < least:
         raise ArgumentTypeError(f"{text!r} has no number of robots; write {most}..{least}")
-    return tuple(Fleet(total) for total in range(least, most + 1))
+    return tuple(FleetSize(total) for total in range(least, most + 1))
 
 
 def rounds(text: str) -> int:

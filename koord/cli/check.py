@@ -6,9 +6,9 @@ import argparse
 import sys
 
 from koord.cli.arguments import add_files, add_json, add_settings, check_files
-from koord.cli.diagnostics import Report, summary
+from koord.cli.diagnostics import DiagnosticReport, summary
 from koord.cli.exits import Exit
-from koord.cli.inputs import Reading, check_file
+from koord.cli.inputs import ReadOptions, check_file
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -21,8 +21,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def main(arguments: argparse.Namespace) -> int:
     check_files([*arguments.files, *arguments.properties])
-    report = Report(strict=arguments.strict)
-    reading = Reading.of(arguments)
+    report = DiagnosticReport(strict=arguments.strict)
+    reading = ReadOptions.of(arguments)
     for path in arguments.files:
         check_file(path, reading, report)
     report.print(sys.stdout, as_json=arguments.json)

@@ -26,9 +26,9 @@ from koord.cli.arguments import (
     runs,
     seed,
 )
-from koord.cli.diagnostics import Report
+from koord.cli.diagnostics import DiagnosticReport
 from koord.cli.exits import Exit
-from koord.cli.inputs import Reading, load_programs
+from koord.cli.inputs import ReadOptions, load_programs
 from koord.cli.progress import Interruption, LiveLine
 from koord.cli.terminal import Paint, style_of, visible
 
@@ -101,8 +101,8 @@ def main(arguments: argparse.Namespace) -> int:
         return _simulator(arguments)
     if arguments.case is not None and arguments.files:
         raise argparse.ArgumentTypeError("--case is of a generated program, and needs no file")
-    report = Report()
-    programs = load_programs(arguments.files, Reading.of(arguments), report)
+    report = DiagnosticReport()
+    programs = load_programs(arguments.files, ReadOptions.of(arguments), report)
     if report.errors and arguments.json:
         report.print(sys.stdout, as_json=True)
     else:

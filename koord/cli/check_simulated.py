@@ -7,7 +7,7 @@ import json
 import sys
 
 from koord.api.refine_simulated import SimulatedRuns, judge_simulated
-from koord.cli.diagnostics import Report
+from koord.cli.diagnostics import DiagnosticReport
 from koord.cli.exits import Exit
 from koord.cli.fitting import fit_request
 from koord.cli.progress import Interruption, LiveLine
@@ -24,7 +24,7 @@ def main(arguments: argparse.Namespace) -> int:
     with Interruption() as interruption, LiveLine(sys.stderr) as line:
         for file in arguments.files:
             own = {**vars(arguments), "file": file, "config": None, "delta": None}
-            report = Report()
+            report = DiagnosticReport()
             wanted = fit_request(argparse.Namespace(**own), report, seed=arguments.seed)
             if wanted is None:
                 raise KoordError(tuple(report.diagnostics))

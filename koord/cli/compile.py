@@ -7,10 +7,10 @@ import sys
 
 from koord.api.compile import compile
 from koord.cli.arguments import add_files, add_settings, check_files
-from koord.cli.diagnostics import Report
+from koord.cli.diagnostics import DiagnosticReport
 from koord.cli.exits import Exit
 from koord.cli.files import DASH, check_writable
-from koord.cli.inputs import Reading, load_programs
+from koord.cli.inputs import ReadOptions, load_programs
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -30,8 +30,8 @@ def main(arguments: argparse.Namespace) -> int:
     check_files([arguments.file, *arguments.properties])
     if arguments.output != DASH:
         check_writable(arguments.output, (arguments.file, *arguments.properties))
-    report = Report()
-    programs = load_programs([arguments.file], Reading.of(arguments), report)
+    report = DiagnosticReport()
+    programs = load_programs([arguments.file], ReadOptions.of(arguments), report)
     report.print(sys.stderr, as_json=False)
     if report.errors:
         return Exit.BAD_INPUT

@@ -7,7 +7,7 @@ import sys
 
 from koord.api.configurations import ConfigurationReport, check_configuration
 from koord.cli.arguments import add_json, check_files
-from koord.cli.diagnostics import Report
+from koord.cli.diagnostics import DiagnosticReport
 from koord.cli.exits import Exit
 from koord.cli.files import DASH, read_program
 from koord.cli.terminal import visible
@@ -32,7 +32,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def main(arguments: argparse.Namespace) -> int:
     check_files(arguments.files)
-    report = Report()
+    report = DiagnosticReport()
     for path in arguments.files:
         before = report.errors
         found = check(path, arguments.program, report)
@@ -43,7 +43,7 @@ def main(arguments: argparse.Namespace) -> int:
     return Exit.BAD_INPUT if report.errors else Exit.OK
 
 
-def check(path: str, program: str | None, report: Report) -> ConfigurationReport | None:
+def check(path: str, program: str | None, report: DiagnosticReport) -> ConfigurationReport | None:
     """What a file says, and for a program; what is wrong goes to the report."""
     try:
         found = check_configuration(_text(path), None if program is None else _text(program))

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from koord.api.verdicts import Verdict
 from koord.cli import departures, fairness
 from koord.cli.excerpt import place
-from koord.cli.tables import Shown, Table, repeats
+from koord.cli.tables import RunTable, ShownStep, repeats
 from koord.cli.terminal import Paint, Style
 from koord.semantics.configurations import Configuration
 from koord.semantics.domain import Constant
@@ -31,7 +31,7 @@ def lines(verdict: Verdict, style: Style) -> Iterator[str]:
 def _lines(verdict: Verdict, found: Counterexample, count: str, style: Style) -> Iterator[str]:
     yield style.paint(f"{verdict.name}: {_headline(verdict, found)}{count}", Paint.ERROR)
     yield ""
-    yield from _rounds(verdict, found, Table(Names(verdict.system), style))
+    yield from _rounds(verdict, found, RunTable(Names(verdict.system), style))
     yield ""
     yield f"  {found.detail} [{verdict.rule}]"
     if found.span is not None:
@@ -50,11 +50,11 @@ def _headline(verdict: Verdict, found: Counterexample) -> str:
     return f"broken in round {found.round}, {found.phase.value}"
 
 
-def _rounds(verdict: Verdict, found: Counterexample, table: Table) -> Iterator[str]:
+def _rounds(verdict: Verdict, found: Counterexample, table: RunTable) -> Iterator[str]:
     """The rounds as ``koord run`` shows them, run by the reference semantics once more."""
     last: Configuration[Constant] | None = None
     first: Configuration[Constant] | None = None  #: of the rounds that repeat
-    steps: list[Shown] = []
+    steps: list[ShownStep] = []
     for step in verdict.steps(found):
         if last is not None and not steps and step.round == found.recording.loop:
             first = last
@@ -62,7 +62,7 @@ def _rounds(verdict: Verdict, found: Counterexample, table: Table) -> Iterator[s
         if last is None:
             yield from table.start(step)
         else:
-            steps.append(Shown(step, last))
+            steps.append(ShownStep(step, last))
             if step.rule == "ENV-TRANS":
                 yield from table.round(step.round, steps)
                 steps = []

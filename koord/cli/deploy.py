@@ -20,7 +20,7 @@ from koord.cli.arguments import (
     rounds,
 )
 from koord.cli.deployed import Board, summary
-from koord.cli.diagnostics import Report
+from koord.cli.diagnostics import DiagnosticReport
 from koord.cli.exits import Exit
 from koord.cli.files import check_writable
 from koord.cli.fitting import fit_request, fitted
@@ -85,7 +85,7 @@ def main(arguments: argparse.Namespace) -> int:
         fresh=arguments.fresh,
         record=arguments.record,
     )
-    report = Report()
+    report = DiagnosticReport()
     prepared = prepare(arguments, request, report)
     report.print(sys.stderr, as_json=False)
     if prepared is None:
@@ -106,7 +106,7 @@ def main(arguments: argparse.Namespace) -> int:
 
 
 def prepare(
-    arguments: argparse.Namespace, request: DeployRequest, report: Report
+    arguments: argparse.Namespace, request: DeployRequest, report: DiagnosticReport
 ) -> tuple[Fitted, Job] | None:
     """The run and what robots know of it; what is wrong goes to the report."""
     wanted = fit_request(arguments, report)

@@ -12,7 +12,7 @@ from rich.table import Table
 from koord.api.deployed import Deployed, FleetHeard
 
 if TYPE_CHECKING:
-    from koord.api.deployed import Status
+    from koord.api.deployed import RobotReport
 
 #: More robots than this nobody reads; the rest is told in the last row.
 MOST_ROWS = 40
@@ -82,7 +82,7 @@ def table(heard: FleetHeard, rows: int = MOST_ROWS) -> Table:
     return made
 
 
-def story(status: Status) -> str:
+def story(status: RobotReport) -> str:
     """What is to be said of a robot besides."""
     if status.trouble is not None:
         return f"stopped: {status.trouble}"

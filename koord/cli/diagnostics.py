@@ -24,7 +24,7 @@ from koord.syntax.diagnostics import Diagnostic, KoordError, Note, Severity
 from koord.syntax.source import NOWHERE, Source, Span, is_whole_file
 
 
-class Report(Struct):
+class DiagnosticReport(Struct):
     """The diagnostics of a run, gathered file by file, and the texts they point into."""
 
     strict: bool = False
@@ -69,7 +69,7 @@ class Report(Struct):
 
 def report_error(error: KoordError, *, as_json: bool, sources: Iterable[Source] = ()) -> None:
     """Show what stopped a command: JSON where the answer was to go, text to standard error."""
-    report = Report()
+    report = DiagnosticReport()
     report.add((), *sources)
     report.add(error.diagnostics)
     report.print(sys.stdout if as_json else sys.stderr, as_json=as_json)

@@ -12,7 +12,7 @@ from koord.api.explain import codes, explain
 from koord.api.results import ArgumentError
 from koord.cli.exits import Exit
 from koord.cli.terminal import PLAIN, Paint, Style, style_of
-from koord.syntax.catalogue import Entry
+from koord.syntax.catalogue import Story
 
 #: Longer lines of prose are tiresome to read, however wide the terminal.
 WIDEST = 88
@@ -38,7 +38,7 @@ def main(arguments: argparse.Namespace) -> int:
     return Exit.OK
 
 
-def story(entry: Entry, style: Style = PLAIN) -> Iterator[str]:
+def story(entry: Story, style: Style = PLAIN) -> Iterator[str]:
     """The lines that tell of one code."""
     paint = Paint.ERROR if entry.severity.value == "error" else Paint.WARNING
     yield f"{style.paint(f'{entry.severity.value} {entry.code}', paint)}: {entry.title}"

@@ -9,10 +9,10 @@ from pathlib import Path
 from koord.api.export import FORMATS, NAME, Wanted, exported
 from koord.api.results import ArgumentError
 from koord.api.robots import system_of
-from koord.cli.diagnostics import Report, report_error
+from koord.cli.diagnostics import DiagnosticReport, report_error
 from koord.cli.exits import Exit
 from koord.cli.files import DASH, check_writable
-from koord.cli.inputs import Reading, load_programs
+from koord.cli.inputs import ReadOptions, load_programs
 from koord.cli.progress import LiveLine
 from koord.syntax.diagnostics import KoordError
 
@@ -40,8 +40,8 @@ def export(arguments: argparse.Namespace) -> int:
     output = arguments.output
     if output != DASH:
         check_writable(output, (*arguments.files, *arguments.properties))
-    report = Report()
-    programs = load_programs(arguments.files, Reading.of(arguments), report)
+    report = DiagnosticReport()
+    programs = load_programs(arguments.files, ReadOptions.of(arguments), report)
     report.print(sys.stderr, as_json=False)
     if report.errors:
         return Exit.BAD_INPUT

@@ -7,14 +7,14 @@ import argparse
 from koord.api.fitting import FitRequest, Fitted, beside, fit, read_configuration
 from koord.api.results import ArgumentError
 from koord.cli.arguments import settings
-from koord.cli.diagnostics import Report
+from koord.cli.diagnostics import DiagnosticReport
 from koord.cli.files import DASH, read_program
 from koord.syntax.diagnostics import KoordError
 
 
 def fit_request(
     arguments: argparse.Namespace,
-    report: Report,
+    report: DiagnosticReport,
     robots: int | None = None,
     seed: int | None = None,
 ) -> FitRequest | None:
@@ -37,7 +37,7 @@ def fit_request(
     return FitRequest(source, configuration, properties, params, arguments.delta, robots, seed)
 
 
-def fitted(request: FitRequest, report: Report) -> Fitted | None:
+def fitted(request: FitRequest, report: DiagnosticReport) -> Fitted | None:
     """Program and configuration together; what does not suit goes to the report."""
     try:
         found = fit(request)

@@ -13,14 +13,14 @@ from msgspec import Struct
 from koord.api.files import InputFile, write_atomically
 from koord.api.layout import format
 from koord.cli.arguments import add_files, check_files
-from koord.cli.diagnostics import Report
+from koord.cli.diagnostics import DiagnosticReport
 from koord.cli.exits import Exit, gravest
 from koord.cli.files import DASH, read_program
 from koord.cli.terminal import Paint, Style, style_of
 from koord.syntax.diagnostics import KoordError
 
 
-class Task(Enum):
+class FormatTask(Enum):
     """What to do with the laid-out text."""
 
     WRITE = "write"
@@ -55,22 +55,22 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def main(arguments: argparse.Namespace) -> int:
     check_files(arguments.files)
     task = _task(arguments.check, arguments.diff)
-    report = Report()
+    report = DiagnosticReport()
     codes = [_format(path, task, report) for path in arguments.files]
     sys.stdout.flush()
     report.print(sys.stderr, as_json=False)
     return gravest(codes)
 
 
-def _task(check: bool, diff: bool) -> Task:
+def _task(check: bool, diff: bool) -> FormatTask:
     if check and diff:
-        return Task.CHECK_AND_DIFF
+        return FormatTask.CHECK_AND_DIFF
     if check:
-        return Task.CHECK
-    return Task.DIFF if diff else Task.WRITE
+        return FormatTask.CHECK
+    return FormatTask.DIFF if diff else FormatTask.WRITE
 
 
-def _format(path: str, task: Task, report: Report) -> Exit:
+def _format(path: str, task: FormatTask, report: DiagnosticReport) -> Exit:
     try:
         laid_out = _lay_out(path, report)
         if laid_out is None:
@@ -81,7 +81,7 @@ def _format(path: str, task: Task, report: Report) -> Exit:
         return Exit.BAD_INPUT
 
 
-def _lay_out(path: str, report: Report) -> LaidOut | None:
+def _lay_out(path: str, report: DiagnosticReport) -> LaidOut | None:
     file = read_program(path)
     try:
         return LaidOut(file, format(file.source))
@@ -90,9 +90,9 @@ def _lay_out(path: str, report: Report) -> LaidOut | None:
         return None
 
 
-def _carry_out(task: Task, laid_out: LaidOut) -> Exit:
+def _carry_out(task: FormatTask, laid_out: LaidOut) -> Exit:
     path = laid_out.file.path
-    if task is Task.WRITE:
+    if task is FormatTask.WRITE:
         if path == DASH:
             _write_bytes(laid_out.text)
         elif laid_out.changed:
@@ -101,12 +101,12 @@ def _carry_out(task: Task, laid_out: LaidOut) -> Exit:
         return Exit.OK
     if not laid_out.changed:
         return Exit.OK
-    if task in (Task.DIFF, Task.CHECK_AND_DIFF):
+    if task in (FormatTask.DIFF, FormatTask.CHECK_AND_DIFF):
         for line in _diff(laid_out, style_of(sys.stdout)):
             print(line)
-    if task is Task.CHECK:
+    if task is FormatTask.CHECK:
         print(f"{laid_out.file.source.name}: would be laid out anew")
-    return Exit.OK if task is Task.DIFF else Exit.VIOLATED
+    return Exit.OK if task is FormatTask.DIFF else Exit.VIOLATED
 
 
 def _write_bytes(text: str) -> None:

@@ -9,27 +9,29 @@ from msgspec import Struct
 
 from koord.api.programs import CheckReport, Program, check, no_program
 from koord.cli.arguments import settings
-from koord.cli.diagnostics import Report
+from koord.cli.diagnostics import DiagnosticReport
 from koord.cli.files import name_of, read_program
 from koord.syntax.diagnostics import KoordError
 from koord.syntax.literals import ParamValue
 from koord.syntax.source import Source
 
 
-class Reading(Struct, frozen=True):
+class ReadOptions(Struct, frozen=True):
     """How programs are to be read: values of their params, and further properties."""
 
     params: Mapping[str, ParamValue]
     properties: tuple[Source, ...]
 
     @staticmethod
-    def of(arguments: argparse.Namespace) -> Reading:
+    def of(arguments: argparse.Namespace) -> ReadOptions:
         """From ``--set`` and ``--with``. Raises KoordError and ArgumentTypeError."""
         properties = tuple(read_program(path).source for path in arguments.properties)
-        return Reading(settings(arguments.settings), properties)
+        return ReadOptions(settings(arguments.settings), properties)
 
 
-def load_programs(paths: Iterable[str], reading: Reading, report: Report) -> tuple[Program, ...]:
+def load_programs(
+    paths: Iterable[str], reading: ReadOptions, report: DiagnosticReport
+) -> tuple[Program, ...]:
     """Load programs to work with; what is wrong goes to the report.
 
     Left out are those with errors, and files of properties alone, which count as one.
@@ -45,7 +47,7 @@ def load_programs(paths: Iterable[str], reading: Reading, report: Report) -> tup
     return tuple(programs)
 
 
-def check_file(path: str, reading: Reading, report: Report) -> CheckReport | None:
+def check_file(path: str, reading: ReadOptions, report: DiagnosticReport) -> CheckReport | None:
     """Read and elaborate one file, reporting what is wrong; None if it cannot be read."""
     try:
         source = read_program(path).source

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from msgspec import Struct
 
 from koord.api.stepping import Option, Shift, Stepper
-from koord.cli.tables import Shown, Table
+from koord.cli.tables import RunTable, ShownStep
 from koord.semantics.rounds import IllegalStepError
 
 HELP = """\
@@ -23,7 +23,7 @@ class Interactive(Struct):
     """A dialogue about a run by hand. ``play`` holds it; then ``stepper`` is where it has come."""
 
     stepper: Stepper
-    table: Table
+    table: RunTable
 
     def play(self, keep: Callable[[], None]) -> None:
         """Ask and move until the user quits, or the run ends. What is asked about is kept first."""
@@ -80,7 +80,7 @@ class Interactive(Struct):
 
     def _show(self, made: Shift) -> None:
         step = made.taken.step
-        lines = list(self.table.rows([Shown(step, made.before.configuration, made.taken.lost)]))
+        lines = list(self.table.rows([ShownStep(step, made.before.configuration, made.taken.lost)]))
         if step.rule == "SKIP" and not lines:
             lines = [f"  {step.robot}  skip"]
         _tell(*lines)

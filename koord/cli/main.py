@@ -53,7 +53,7 @@ class Command(Protocol):
         """Run the command and return its exit code."""
 
 
-class Entry(NamedTuple):
+class CommandEntry(NamedTuple):
     """A command as ``koord --help`` lists it."""
 
     name: str
@@ -64,19 +64,19 @@ class Entry(NamedTuple):
 
 
 COMMANDS = (
-    Entry("check", "find the mistakes in programs"),
-    Entry("fmt", "lay programs out"),
-    Entry("explain", "tell the long story of a diagnostic's code"),
-    Entry("verify", "verify the properties of programs, or find a violation"),
-    Entry("run", "run a program by the rules and show each round"),
-    Entry("recheck", "settle the obligations of a proof with another solver"),
-    Entry("replay", "check a trace rule by rule against its program"),
-    Entry("sim", "run a program in a simulated world"),
-    Entry("compile", "compile a program to Python that robots run"),
-    Entry("deploy", "run a program on robots, or as processes on this machine"),
-    Entry("config", "check configuration files of runs"),
-    Entry("schema", "print the JSON Schema of what koord reads and writes"),
-    Entry("check-refinement", "check that compiled programs do what the rules allow"),
+    CommandEntry("check", "find the mistakes in programs"),
+    CommandEntry("fmt", "lay programs out"),
+    CommandEntry("explain", "tell the long story of a diagnostic's code"),
+    CommandEntry("verify", "verify the properties of programs, or find a violation"),
+    CommandEntry("run", "run a program by the rules and show each round"),
+    CommandEntry("recheck", "settle the obligations of a proof with another solver"),
+    CommandEntry("replay", "check a trace rule by rule against its program"),
+    CommandEntry("sim", "run a program in a simulated world"),
+    CommandEntry("compile", "compile a program to Python that robots run"),
+    CommandEntry("deploy", "run a program on robots, or as processes on this machine"),
+    CommandEntry("config", "check configuration files of runs"),
+    CommandEntry("schema", "print the JSON Schema of what koord reads and writes"),
+    CommandEntry("check-refinement", "check that compiled programs do what the rules allow"),
 )
 
 

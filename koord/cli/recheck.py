@@ -15,9 +15,9 @@ from koord.cli.exits import Exit
 from koord.cli.files import name_of, read_program, read_written
 from koord.cli.progress import LiveLine
 from koord.cli.terminal import Paint, Style, style_of, visible
-from koord.recheck.checking import Outcome, Part, Rechecked
+from koord.recheck.checking import CheckedPart, Rechecked, RecheckOutcome
 from koord.recheck.claim_texts import Premise, PremiseKind, Statement
-from koord.recheck.solving import Answer
+from koord.recheck.solving import SolverAnswer
 from koord.syntax.problem import told
 from koord.syntax.source import NOWHERE
 
@@ -85,9 +85,9 @@ def _recheck(request: Request) -> Exit:
         for text in _lines(report, request, style_of(sys.stdout)):
             print(text)
     codes = {
-        Outcome.CONFIRMED: Exit.VACUOUS if report.vacuous else Exit.OK,
-        Outcome.REFUTED: Exit.VIOLATED,
-        Outcome.UNKNOWN: Exit.UNKNOWN,
+        RecheckOutcome.CONFIRMED: Exit.VACUOUS if report.vacuous else Exit.OK,
+        RecheckOutcome.REFUTED: Exit.VIOLATED,
+        RecheckOutcome.UNKNOWN: Exit.UNKNOWN,
     }
     return codes[report.outcome]
 
@@ -118,12 +118,12 @@ def _lines(report: RecheckReport, request: Request, style: Style) -> list[str]:
         lines += [f"not covered: {name}: {reason}"]
     lines += [f"vacuous: {why}" for why in found.hollow]
     paint = {
-        Outcome.CONFIRMED: Paint.ADDED,
-        Outcome.REFUTED: Paint.ERROR,
-        Outcome.UNKNOWN: Paint.WARNING,
+        RecheckOutcome.CONFIRMED: Paint.ADDED,
+        RecheckOutcome.REFUTED: Paint.ERROR,
+        RecheckOutcome.UNKNOWN: Paint.WARNING,
     }[found.outcome]
     verdict = style.paint(found.outcome.value, paint)
-    if found.hollow and found.outcome is Outcome.CONFIRMED:
+    if found.hollow and found.outcome is RecheckOutcome.CONFIRMED:
         verdict += ", but vacuously"
     why = f": {visible(found.reason)}" if found.reason else ""
     place = ""
@@ -155,27 +155,31 @@ def _team(found: Rechecked) -> str:
     return found.about.problem.fleet
 
 
-def _part_lines(part: Part, where: str) -> list[str]:
-    unmet = [one for one in part.settled if one.answer is not Answer.UNSAT]
+def _part_lines(part: CheckedPart, where: str) -> list[str]:
+    unmet = [one for one in part.settled if one.answer is not SolverAnswer.UNSAT]
     met = len(part.settled) - len(unmet)
     lines = [f"  {met} of {len(part.settled)} obligations{where} are met"]
     for one in unmet:
         lines += [f"  {_WORDS[one.answer]}: {visible(one.name)}: {visible(one.claim)}"]
-        if one.answer is Answer.SAT:
+        if one.answer is SolverAnswer.SAT:
             lines += ["    from a configuration in which the invariant holds, such as"]
             lines += [f"      {visible(text)}" for text in one.state]
     return lines
 
 
 def _opinion_lines(found: Rechecked) -> list[str]:
-    other = [opinion for opinion in found.opinions if opinion.answer is not Answer.UNSAT]
+    other = [opinion for opinion in found.opinions if opinion.answer is not SolverAnswer.UNSAT]
     same, of = len(found.opinions) - len(other), len(found.opinions)
     lines = [f"  {same} of {of} scripts in the certificate are agreed with"]
     for opinion in other:
-        sat = opinion.answer is Answer.SAT
+        sat = opinion.answer is SolverAnswer.SAT
         what = "it can be satisfied" if sat else f"not settled: {opinion.reason}"
         lines += [f"  {visible(opinion.name)}: {visible(what)}"]
     return lines
 
 
-_WORDS = {Answer.SAT: "does not follow", Answer.UNKNOWN: "not settled", Answer.UNSAT: "met"}
+_WORDS = {
+    SolverAnswer.SAT: "does not follow",
+    SolverAnswer.UNKNOWN: "not settled",
+    SolverAnswer.UNSAT: "met",
+}

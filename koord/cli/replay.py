@@ -18,9 +18,9 @@ from koord.cli.arguments import add_json, check_files, number
 from koord.cli.diagnostics import report_error
 from koord.cli.exits import Exit
 from koord.cli.files import name_of, read_program, read_written
-from koord.cli.tables import Rounds, Table, repeats
+from koord.cli.tables import Rounds, RunTable, repeats
 from koord.cli.terminal import Paint, Style, style_of, visible
-from koord.sampling.policies import Taken
+from koord.sampling.policies import TakenStep
 from koord.semantics.recordings import Step
 from koord.syntax.diagnostics import KoordError
 from koord.traces.names import Names
@@ -123,10 +123,10 @@ class _Shown:
     """Shows the rounds of a trace while it is replayed."""
 
     def __init__(self, trace: Trace) -> None:
-        self._rounds = Rounds(Table(Names(trace.system), style_of(sys.stdout)))
+        self._rounds = Rounds(RunTable(Names(trace.system), style_of(sys.stdout)))
 
     def step(self, step: Step) -> None:
-        self._rounds.show(Taken(step))
+        self._rounds.show(TakenStep(step))
 
     def close(self) -> None:
         self._rounds.close()

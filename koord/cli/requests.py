@@ -11,7 +11,7 @@ from typing import ClassVar
 from msgspec import field
 
 from koord.api.results import ArgumentError
-from koord.api.robots import Fleet
+from koord.api.robots import FleetSize
 from koord.api.verify import Engine, Options, engine_of
 from koord.cli.files import DASH, check_writable
 from koord.syntax.content import ByContent
@@ -22,7 +22,7 @@ class Request(ByContent, frozen=True):
 
     ASIDE: ClassVar[frozenset[str]] = frozenset({"asked_at"})
 
-    fleets: tuple[Fleet, ...]  #: several make a sweep
+    fleets: tuple[FleetSize, ...]  #: several make a sweep
     rounds: int
     delta_s: Fraction | None  #: None: as the program states
     engine: Engine

@@ -14,8 +14,8 @@ from koord.api.growing import Growing, part_of, remove_part
 from koord.api.programs import Program
 from koord.api.progress import CancelledError
 from koord.api.results import ArgumentError
-from koord.api.robots import Fleet, system_of
-from koord.api.run import Ending, HowToRun, Policy, Session, session_of
+from koord.api.robots import FleetSize, system_of
+from koord.api.run import Ending, HowToRun, Policy, RunSession, session_of
 from koord.api.stepping import Stepper
 from koord.api.trace import Trace
 from koord.api.traces import complete_trace
@@ -27,14 +27,14 @@ from koord.cli.arguments import (
     add_trace,
     check_files,
 )
-from koord.cli.diagnostics import Report, report_error
+from koord.cli.diagnostics import DiagnosticReport, report_error
 from koord.cli.excerpt import place
 from koord.cli.exits import Exit
 from koord.cli.files import DASH, check_writable
-from koord.cli.inputs import Reading, load_programs
+from koord.cli.inputs import ReadOptions, load_programs
 from koord.cli.interactive import Interactive
 from koord.cli.progress import Interruption
-from koord.cli.tables import Rounds, Table
+from koord.cli.tables import Rounds, RunTable
 from koord.cli.terminal import Paint, Style, style_of, visible
 from koord.semantics.configurations import NO_EVENT
 from koord.syntax.core import PropertyKind
@@ -50,7 +50,7 @@ _PERIOD_S = 0.05
 class Request(Struct, frozen=True):
     """How a program is to be run."""
 
-    fleet: Fleet
+    fleet: FleetSize
     rounds: int
     delta_s: Fraction | None  #: None: as the program states
     policy: Policy
@@ -104,8 +104,8 @@ def main(arguments: argparse.Namespace) -> int:
         raise argparse.ArgumentTypeError("--interactive reads standard input, and so does -")
     if request.trace is not None:
         check_writable(request.trace, (arguments.file, *arguments.properties))
-    report = Report()
-    programs = load_programs([arguments.file], Reading.of(arguments), report)
+    report = DiagnosticReport()
+    programs = load_programs([arguments.file], ReadOptions.of(arguments), report)
     if report.errors and request.as_json:
         report.print(sys.stdout, as_json=True)
     else:
@@ -138,14 +138,14 @@ def _run(loaded: Program, request: Request) -> Exit:
     )
     if not request.as_json:
         print(_heading(loaded, request, system))
-    table = Table(Names(system), style_of(sys.stdout))
+    table = RunTable(Names(system), style_of(sys.stdout))
     if interruption is None:
         return _by_hand(request, Interactive(Stepper(loaded, session, request.rounds), table))
     with interruption:
         return _by_policy(session, request, table)
 
 
-def _by_policy(session: Session, request: Request, table: Table) -> Exit:
+def _by_policy(session: RunSession, request: Request, table: RunTable) -> Exit:
     rounds = None if request.as_json else Rounds(table)
     with Growing(_PERIOD_S) as growing:
         if request.trace is not None:

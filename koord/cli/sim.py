@@ -23,7 +23,7 @@ from koord.cli.arguments import (
     seed,
     sweep,
 )
-from koord.cli.diagnostics import Report
+from koord.cli.diagnostics import DiagnosticReport
 from koord.cli.exits import Exit
 from koord.cli.files import read_program, read_written
 from koord.cli.terminal import visible
@@ -213,7 +213,7 @@ def main(arguments: argparse.Namespace) -> int:
     else:
         _check_single(arguments)
         request.outputs.check()
-    report = Report()
+    report = DiagnosticReport()
     wanted = fit_request(arguments, report, arguments.robots, arguments.seed)
     found = None if wanted is None else fitted(wanted, report)
     out = sys.stdout if report.errors and arguments.json else sys.stderr

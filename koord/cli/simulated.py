@@ -16,7 +16,7 @@ from koord.api.deployed import FleetHeard
 from koord.api.outputs import PageServed
 from koord.api.progress import Progress
 from koord.api.sim_report import (
-    Broken,
+    BrokenClaim,
     Ending,
     Hindrance,
     Setup,
@@ -178,7 +178,7 @@ def bounds_words(setup: Setup) -> str:
     return f"from {low} to {high}"
 
 
-def _told(broken: Broken) -> str:
+def _told(broken: BrokenClaim) -> str:
     who = ""
     if broken.robots:
         many = "robots" if len(broken.robots) > 1 else "robot"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from koord.api.verdicts import Verdict
-from koord.cli.tables import Table
+from koord.cli.tables import RunTable
 from koord.cli.terminal import Paint, Style
 from koord.semantics.configurations import NO_EVENT
 from koord.syntax.system import System
@@ -20,7 +20,7 @@ def lines(verdict: Verdict, style: Style) -> Iterator[str]:
     name = verdict.name
     yield style.paint(f"{name}: not inductive", Paint.WARNING)
     yield "  Here all claims hold (nobody knows whether a run comes here):"
-    table = Table(Names(system), style)
+    table = RunTable(Names(system), style)
     yield from table.configuration(step.configurations[0])
     rounds = len(step.events)
     for number in range(rounds):

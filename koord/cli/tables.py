@@ -26,7 +26,7 @@ from koord.traces.names import Named, Names
 from koord.traces.rendering import UNSET, show_fraction, show_output, show_storage
 
 if TYPE_CHECKING:
-    from koord.sampling.policies import Taken
+    from koord.sampling.policies import TakenStep
 
 #: Of what one step changed, so many lines are shown.
 _MOST_LINES = 12
@@ -37,7 +37,7 @@ _WIDEST_WHO = 24
 ENVIRONMENT = "env"
 
 
-class Shown(Struct, frozen=True):
+class ShownStep(Struct, frozen=True):
     """A step of a round as it is to be shown."""
 
     step: Step
@@ -55,7 +55,7 @@ class _Row(Struct, frozen=True):
     paint: Paint | None = None
 
 
-class Table(Struct):
+class RunTable(Struct):
     """Lays a run out. Rounds in which nothing happens are counted and told together."""
 
     names: Names
@@ -120,7 +120,7 @@ class Table(Struct):
 
     # --- rounds ---------------------------------------------------------------------------------
 
-    def round(self, number: int, steps: list[Shown]) -> Iterator[str]:
+    def round(self, number: int, steps: list[ShownStep]) -> Iterator[str]:
         """The steps of a round, whole or broken off. Rounds count from 1 for those who read."""
         rows = list(self._rows(steps))
         if not rows and steps[-1].step.configuration.fault is None:
@@ -159,13 +159,13 @@ class Table(Struct):
             line += f", with other values of {shown}, on which nothing depends"
         return self.style.paint(line, Paint.BOLD)
 
-    def rows(self, steps: list[Shown]) -> Iterator[str]:
+    def rows(self, steps: list[ShownStep]) -> Iterator[str]:
         """The lines of some steps, without a heading."""
         yield from self._laid_out(list(self._rows(steps)))
         for shown in steps:
             yield from self._fault(shown.step)
 
-    def _rows(self, steps: list[Shown]) -> Iterator[_Row]:
+    def _rows(self, steps: list[ShownStep]) -> Iterator[_Row]:
         """Nothing, if nobody did anything."""
         rows: list[_Row] = []
         skipped: list[str] = []
@@ -186,7 +186,7 @@ class Table(Struct):
             rows.insert(at, _Row(who, "skip", (), paint=Paint.GUTTER))
         yield from rows
 
-    def _of_robot(self, shown: Shown, found: list[Change]) -> _Row:
+    def _of_robot(self, shown: ShownStep, found: list[Change]) -> _Row:
         step = shown.step
         assert step.robot is not None
         who = self._robot(step.robot)
@@ -237,17 +237,17 @@ class Table(Struct):
 class Rounds:
     """Prints the steps of a run, round by round, as each round ends."""
 
-    def __init__(self, table: Table) -> None:
+    def __init__(self, table: RunTable) -> None:
         self._table = table
-        self._steps: list[Shown] = []
+        self._steps: list[ShownStep] = []
         self._last: Configuration[Constant] | None = None
 
-    def show(self, taken: Taken) -> None:
+    def show(self, taken: TakenStep) -> None:
         step = taken.step
         if self._last is None:
             self._print(self._table.start(step))
         else:
-            self._steps.append(Shown(step, self._last, taken.lost))
+            self._steps.append(ShownStep(step, self._last, taken.lost))
             if step.rule == "ENV-TRANS":
                 self._end_round()
         self._last = step.configuration

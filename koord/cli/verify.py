@@ -28,11 +28,11 @@ from koord.cli.arguments import (
     seconds,
     violations,
 )
-from koord.cli.diagnostics import Report, report_error
+from koord.cli.diagnostics import DiagnosticReport, report_error
 from koord.cli.exits import Exit, gravest
 from koord.cli.exporting import add_export, export
 from koord.cli.files import DASH
-from koord.cli.inputs import Reading, load_programs
+from koord.cli.inputs import ReadOptions, load_programs
 from koord.cli.progress import Interruption, LiveLine, TimeUpError, time_limit
 from koord.cli.requests import Request, request_of
 from koord.cli.watching import watched
@@ -145,10 +145,10 @@ def main(arguments: argparse.Namespace) -> int:
 
 def _once(arguments: argparse.Namespace, request: Request) -> int:
     """Read the programs and verify them."""
-    report = Report()
+    report = DiagnosticReport()
     try:
         with time_limit(request.left_s()):
-            programs = load_programs(arguments.files, Reading.of(arguments), report)
+            programs = load_programs(arguments.files, ReadOptions.of(arguments), report)
     except TimeUpError:
         print("koord verify: timeout before all programs were read", file=sys.stderr)
         return Exit.UNKNOWN

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from koord.recheck.body import Body
+from koord.recheck.body import RunningBody
 from koord.recheck.sorts import Family, Value
 from koord.recheck.storage import Storage
 from koord.recheck.terms import INT, Term
@@ -15,7 +15,7 @@ from koord.syntax import core
 from koord.syntax.core import Home, ListOp, QuantifierKind
 
 
-def is_robot(body: Body, index: Term) -> Term:
+def is_robot(body: RunningBody, index: Term) -> Term:
     """Whether a number is that of a robot."""
     if index is body.robot or index in body.here or index.value == 0:
         return body.t.truth(True)
@@ -25,7 +25,7 @@ def is_robot(body: Body, index: Term) -> Term:
 # --- quantifiers ----------------------------------------------------------------------------------
 
 
-def is_open(body: Body, domain: core.QuantifierDomain) -> bool:
+def is_open(body: RunningBody, domain: core.QuantifierDomain) -> bool:
     """Whether there is no list of what a quantifier ranges over."""
     if body.v.robots is not None:
         return False
@@ -40,7 +40,7 @@ def is_open(body: Body, domain: core.QuantifierDomain) -> bool:
             return False
 
 
-def quantified(body: Body, e: core.Quantified) -> Term:
+def quantified(body: RunningBody, e: core.Quantified) -> Term:
     """A quantifier over robots, or over numbers up to one that hangs on theirs. [E-QUANT]"""
     v, type_ = body.v, e.variable.type
     low, high, universal = v.t.integer(0), v.count, e.quantifier is QuantifierKind.FORALL
@@ -66,7 +66,7 @@ def quantified(body: Body, e: core.Quantified) -> Term:
 
 
 def over(
-    body: Body,
+    body: RunningBody,
     low: Term,
     high: Term,
     allowed: Callable[[Term], Term],
@@ -101,7 +101,7 @@ def over(
 # --- functions of lists ---------------------------------------------------------------------------
 
 
-def of_all(body: Body, e: core.Builtin, family: Family) -> Term:
+def of_all(body: RunningBody, e: core.Builtin, family: Family) -> Term:
     """``any``, ``all``, ``min``, ``max`` of an array over all robots. [E-LIST]"""
     t, v = body.t, body.v
 
@@ -130,7 +130,7 @@ def of_all(body: Body, e: core.Builtin, family: Family) -> Term:
 # --- robots by number -----------------------------------------------------------------------------
 
 
-def named(body: Body, place: core.Place, number: Term) -> Storage:
+def named(body: RunningBody, place: core.Place, number: Term) -> Storage:
     """``v@i``: the variable of the robot that the number names. [PROP-READ]"""
     crowd, world, t = body.crowd, body.world, body.t
     assert crowd is not None
@@ -155,7 +155,7 @@ def named(body: Body, place: core.Place, number: Term) -> Storage:
     return body.s.unset(type_) if found is None else found
 
 
-def of_robot(body: Body, e: core.Ran | core.Stopped) -> Term:
+def of_robot(body: RunningBody, e: core.Ran | core.Stopped) -> Term:
     """Whether a robot ran an event, or is stopped; false if there is none. [PROP-RAN]"""
     crowd, world, t = body.crowd, body.world, body.t
     assert crowd is not None

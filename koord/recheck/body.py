@@ -5,7 +5,7 @@ Reads are from the memory of the robot that runs; writes to shared variables go 
 are kept, in their order, as a sequence that can be made on any store.
 
 Expressions call functions, whose bodies are statements. So a body carries the rules for both, and
-the files about places, quantifiers and loops ask :meth:`Body.value` and :meth:`Body.run`.
+the files about places, quantifiers and loops ask ``value`` and ``run`` of it.
 """
 
 from __future__ import annotations
@@ -18,19 +18,21 @@ from koord.recheck.sorts import NotRecheckedError, Value
 from koord.recheck.storage import Crowd, Fault, Frame, Memory, State, Storage, Storages, Write
 from koord.recheck.terms import Term, Terms
 from koord.recheck.values import Values
-from koord.recheck.world import World
+from koord.recheck.world import Instance
 from koord.syntax import core
 from koord.syntax.source import Span
 
 #: What an expression gives, and what statements do.
-Rules: TypeAlias = "tuple[Callable[[Body, core.Expr], Value], Callable[[Body, core.Block], None]]"
+Rules: TypeAlias = (
+    "tuple[Callable[[RunningBody, core.Expr], Value], Callable[[RunningBody, core.Block], None]]"
+)
 
 
-class Body:
+class RunningBody:
     """One running body. ``robot`` is who runs it, None in a property."""
 
     def __init__(
-        self, world: World, values: Values, robot: Term | None, memory: Memory, rules: Rules
+        self, world: Instance, values: Values, robot: Term | None, memory: Memory, rules: Rules
     ) -> None:
         self.world = world
         self.v = values
@@ -57,9 +59,9 @@ class Body:
         #: Whether this is a statement about configurations: no answer of it is anyone's to choose.
         self.closed = memory.state is not None
 
-    def apart(self) -> Body:
+    def apart(self) -> RunningBody:
         """A body that nobody runs and that knows of no configuration."""
-        return Body(self.world, self.v, None, Memory(), self.rules)
+        return RunningBody(self.world, self.v, None, Memory(), self.rules)
 
     # --- paths ----------------------------------------------------------------------------------
 

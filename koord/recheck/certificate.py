@@ -12,7 +12,7 @@ from hashlib import sha256
 
 from msgspec import Struct
 
-from koord.recheck.claims import Kind
+from koord.recheck.claims import ClaimKind
 from koord.syntax.core import MOST_ROBOTS
 from koord.syntax.diagnostics import KoordError, refusal
 from koord.syntax.elaboration.settings import ParamValue, Settings
@@ -47,7 +47,7 @@ class Claimed(Struct, frozen=True):
     """What a certificate says to hold; ``everyone``: for every number of robots."""
 
     name: str
-    kind: Kind
+    kind: ClaimKind
     subject: str
     everyone: bool
 
@@ -236,7 +236,7 @@ def _tasks(reader: _Reader) -> tuple[tuple[Fraction, Fraction, Fraction], ...] |
 
 def _claim(reader: _Reader) -> Claimed:
     kind = reader.field("kind")
-    known = {k.value: k for k in Kind}
+    known = {k.value: k for k in ClaimKind}
     if kind.text() not in known:
         raise kind.wrong("one of " + ", ".join(known))
     return Claimed(

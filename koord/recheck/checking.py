@@ -14,16 +14,23 @@ from koord.recheck import instances
 from koord.recheck.certificate import REWRITE, Certificate
 from koord.recheck.claim_texts import Statement
 from koord.recheck.claims import NO_START, Obligation
-from koord.recheck.discharge import Settled, Settling
+from koord.recheck.discharge import Discharged, Settling
 from koord.recheck.every_number import EveryNumber
-from koord.recheck.initial_states import Argument, Meant, Opened, meant, opened
+from koord.recheck.initial_states import InductiveArgument, Meant, Opened, meant, opened
 from koord.recheck.obligations import Obligations
 from koord.recheck.script import Harmless, NotACommandError, harmless
-from koord.recheck.solving import Answer, Session, SolverEndedError, TextError, answer_of, read
+from koord.recheck.solving import (
+    SolverAnswer,
+    SolverEndedError,
+    SolverSession,
+    TextError,
+    answer_of,
+    read,
+)
 from koord.recheck.sorts import NotRecheckedError
 from koord.recheck.terms import Terms
 from koord.recheck.values import Values
-from koord.recheck.world import World
+from koord.recheck.world import Instance
 from koord.syntax.diagnostics import Diagnostic, KoordError, refusal
 from koord.syntax.source import NOWHERE, Span
 
@@ -34,7 +41,7 @@ QUESTION_S = 20.0
 SECOND_OPINION_S = 10.0
 
 
-class Outcome(Enum):
+class RecheckOutcome(Enum):
     """Whether a certificate holds what it promises."""
 
     CONFIRMED = "confirmed"  #: every obligation is met
@@ -46,18 +53,18 @@ class Opinion(Struct, frozen=True):
     """What the solver says of a script that came with the certificate, and why it says no more."""
 
     name: str
-    answer: Answer
+    answer: SolverAnswer
     reason: str = ""
 
 
-class Part(Struct, frozen=True):
+class CheckedPart(Struct, frozen=True):
     """What became of the obligations about some robots, or about any number of them.
 
     ``span`` is the construct that is not rechecked.
     """
 
-    outcome: Outcome
-    settled: tuple[Settled, ...]
+    outcome: RecheckOutcome
+    settled: tuple[Discharged, ...]
     reason: str = ""
     span: Span = NOWHERE
 
@@ -75,16 +82,16 @@ class Rechecked(Struct, frozen=True):
     """
 
     about: Meant
-    outcome: Outcome
-    everyone: Part | None
-    here: Part | None
+    outcome: RecheckOutcome
+    everyone: CheckedPart | None
+    here: CheckedPart | None
     opinions: tuple[Opinion, ...]
     seconds: float
     reason: str = ""
     span: Span = NOWHERE
 
     @property
-    def settled(self) -> tuple[Settled, ...]:
+    def settled(self) -> tuple[Discharged, ...]:
         return tuple(one for part in (self.everyone, self.here) if part for one in part.settled)
 
     @property
@@ -97,10 +104,10 @@ class Rechecked(Struct, frozen=True):
         """What is confirmed, for every number of robots and for those of the certificate."""
         everyone: tuple[Statement, ...] = ()
         here: tuple[Statement, ...] = ()
-        if self.outcome is not Outcome.REFUTED:
-            if self.everyone is not None and self.everyone.outcome is Outcome.CONFIRMED:
+        if self.outcome is not RecheckOutcome.REFUTED:
+            if self.everyone is not None and self.everyone.outcome is RecheckOutcome.CONFIRMED:
                 everyone = tuple(s for s in self.about.statements if s.claimed.everyone)
-            if self.here is not None and self.here.outcome is Outcome.CONFIRMED:
+            if self.here is not None and self.here.outcome is RecheckOutcome.CONFIRMED:
                 here = tuple(s for s in self.about.statements if s not in everyone)
         return everyone, here
 
@@ -126,13 +133,13 @@ def recheck(
     """
     started = time.monotonic()
     clock = _Clock(None if timeout_s is None else started + timeout_s)
-    everyone: Part | None = None
-    here: Part | None = None
+    everyone: CheckedPart | None = None
+    here: CheckedPart | None = None
     about = meant(certificate)
     try:
         it = opened(certificate, about)
     except NotRecheckedError as error:
-        here = Part(Outcome.UNKNOWN, (), error.reason, error.span)
+        here = CheckedPart(RecheckOutcome.UNKNOWN, (), error.reason, error.span)
         scripts = _read(certificate, progress)
     else:
         scripts = _read(certificate, progress)
@@ -147,51 +154,51 @@ def _argued(
     seed: int,
     clock: _Clock,
     progress: Callable[[str], None],
-) -> tuple[Part | None, Part | None]:
+) -> tuple[CheckedPart | None, CheckedPart | None]:
     """What becomes of the claims for every number of robots, and of those for these robots."""
     everyone = here = None
     if it.everyone is not None:
         everyone = _part(_for_everyone(it.everyone, seed, clock, progress))
-    certain = everyone is not None and everyone.outcome is Outcome.CONFIRMED
+    certain = everyone is not None and everyone.outcome is RecheckOutcome.CONFIRMED
     if not certain or not all(claimed.everyone for claimed in certificate.claims):
-        with Session.start(seed) as session:
+        with SolverSession.start(seed) as session:
             here = _part(_Pass(it.here, session, clock, progress).settled())
     return everyone, here
 
 
-def _part(settling: Iterator[Settled]) -> Part:
+def _part(settling: Iterator[Discharged]) -> CheckedPart:
     """What becomes of obligations, one after the other."""
-    settled: list[Settled] = []
+    settled: list[Discharged] = []
     try:
         for one in settling:
             settled.append(one)
-            if one.answer is Answer.SAT:
+            if one.answer is SolverAnswer.SAT:
                 reason = f"{one.name}: {one.claim} does not follow"
-                return Part(Outcome.REFUTED, tuple(settled), reason)
+                return CheckedPart(RecheckOutcome.REFUTED, tuple(settled), reason)
     except NotRecheckedError as error:
-        return Part(Outcome.UNKNOWN, tuple(settled), error.reason, error.span)
+        return CheckedPart(RecheckOutcome.UNKNOWN, tuple(settled), error.reason, error.span)
     except SolverEndedError as error:
-        return Part(Outcome.UNKNOWN, tuple(settled), str(error))
+        return CheckedPart(RecheckOutcome.UNKNOWN, tuple(settled), str(error))
     for one in settled:
-        if one.answer is Answer.UNKNOWN:
+        if one.answer is SolverAnswer.UNKNOWN:
             reason = f"{one.name}: {one.claim or 'not settled'} (no answer in time)"
-            return Part(Outcome.UNKNOWN, tuple(settled), reason)
-    return Part(Outcome.CONFIRMED, tuple(settled))
+            return CheckedPart(RecheckOutcome.UNKNOWN, tuple(settled), reason)
+    return CheckedPart(RecheckOutcome.CONFIRMED, tuple(settled))
 
 
 def _for_everyone(
-    it: Argument, seed: int, clock: _Clock, progress: Callable[[str], None]
-) -> Iterator[Settled]:
+    it: InductiveArgument, seed: int, clock: _Clock, progress: Callable[[str], None]
+) -> Iterator[Discharged]:
     """The obligations for every number of robots."""
     values = Values(Terms(), None, it.world.sealed)
     looked = False
-    with Session.start(seed) as session:
+    with SolverSession.start(seed) as session:
         settling = Settling(values, session, lambda: clock.left(QUESTION_S), progress)
         for obligation in EveryNumber(it.world, it.claims, values, it.consequences):
             progress(f"any number of robots: {obligation.name}")
             with _named(obligation):
                 one = settling.weighed(instances.settled(settling, obligation), obligation)
-            if one.answer is not Answer.UNSAT and not looked:
+            if one.answer is not SolverAnswer.UNSAT and not looked:
                 looked = True
                 yield from _refuted_by_few(it, seed, clock, progress)
             yield one
@@ -211,17 +218,17 @@ _FEW = (1, 2, 3)
 
 
 def _refuted_by_few(
-    it: Argument, seed: int, clock: _Clock, progress: Callable[[str], None]
-) -> Iterator[Settled]:
+    it: InductiveArgument, seed: int, clock: _Clock, progress: Callable[[str], None]
+) -> Iterator[Discharged]:
     """What holds for every number of robots holds for a few; if it does not, that refutes it."""
     if len(it.world.program.agents) > 1:
         return
     for robots in _FEW:
-        world = World(it.world.program, (0,) * robots, it.world.delta_s)
-        few = Argument(world, it.claims, it.consequences)
-        with Session.start(seed) as session:
+        world = Instance(it.world.program, (0,) * robots, it.world.delta_s)
+        few = InductiveArgument(world, it.claims, it.consequences)
+        with SolverSession.start(seed) as session:
             found = _part(_Pass(few, session, clock, progress).settled())
-        if found.outcome is Outcome.REFUTED:
+        if found.outcome is RecheckOutcome.REFUTED:
             last = found.settled[-1]
             yield replace(
                 last, name=f"with {robots} robot{'' if robots == 1 else 's'}, {last.name}"
@@ -230,42 +237,42 @@ def _refuted_by_few(
 
 def _joined(
     about: Meant,
-    everyone: Part | None,
-    here: Part | None,
+    everyone: CheckedPart | None,
+    here: CheckedPart | None,
     opinions: tuple[Opinion, ...],
     seconds: float,
 ) -> Rechecked:
-    def found(outcome: Outcome, reason: str = "", span: Span = NOWHERE) -> Rechecked:
+    def found(outcome: RecheckOutcome, reason: str = "", span: Span = NOWHERE) -> Rechecked:
         return Rechecked(about, outcome, everyone, here, opinions, seconds, reason, span)
 
     parts = [part for part in (everyone, here) if part is not None]
     for part in parts:
-        if part.outcome is Outcome.REFUTED:
-            return found(Outcome.REFUTED, part.reason)
+        if part.outcome is RecheckOutcome.REFUTED:
+            return found(RecheckOutcome.REFUTED, part.reason)
     for opinion in opinions:
-        if opinion.answer is Answer.SAT:
+        if opinion.answer is SolverAnswer.SAT:
             reason = f"the script {opinion.name!r} in the certificate can be satisfied"
-            return found(Outcome.REFUTED, reason)
+            return found(RecheckOutcome.REFUTED, reason)
     for part in parts:
-        if part.outcome is Outcome.UNKNOWN:
-            return found(Outcome.UNKNOWN, part.reason, part.span)
+        if part.outcome is RecheckOutcome.UNKNOWN:
+            return found(RecheckOutcome.UNKNOWN, part.reason, part.span)
     for opinion in opinions:
-        if opinion.answer is Answer.UNKNOWN:
+        if opinion.answer is SolverAnswer.UNKNOWN:
             reason = f"the script {opinion.name!r} in the certificate: {opinion.reason}"
-            return found(Outcome.UNKNOWN, reason)
-    return found(Outcome.CONFIRMED)
+            return found(RecheckOutcome.UNKNOWN, reason)
+    return found(RecheckOutcome.CONFIRMED)
 
 
 class _Pass(Struct):
     """One way through the obligations, and back to those that were too much at first."""
 
-    it: Argument
-    session: Session
+    it: InductiveArgument
+    session: SolverSession
     clock: _Clock
     progress: Callable[[str], None]
     _derived: list[str] = field(default_factory=list)
 
-    def settled(self) -> Iterator[Settled]:
+    def settled(self) -> Iterator[Discharged]:
         world = self.it.world
         values = Values(Terms(), world.robots, world.sealed)
         obligations = Obligations(world, self.it.claims, values, self.it.consequences)
@@ -275,7 +282,9 @@ class _Pass(Struct):
         for obligation in obligations:
             with _named(obligation):
                 one = settling.settled(obligation)
-                if one.answer is Answer.UNKNOWN and self._derives(obligations, settling, one.claim):
+                if one.answer is SolverAnswer.UNKNOWN and self._derives(
+                    obligations, settling, one.claim
+                ):
                     exact = obligation.attempts[-1]()
                     one = settling.exactly(obligation.name, exact, self._derived)
                 one = settling.weighed(one, obligation)
@@ -295,7 +304,7 @@ class _Pass(Struct):
         ]
         derivation: Obligation = obligations.derivation(claim, others)
         attempt = derivation.attempts[-1]()
-        if settling.exactly(derivation.name, attempt).answer is Answer.UNSAT:
+        if settling.exactly(derivation.name, attempt).answer is SolverAnswer.UNSAT:
             self._derived.append(name)
             return True
         return False
@@ -328,9 +337,9 @@ def _opinion(
     progress(f"enclosed: {name}")
     left = clock.left(SECOND_OPINION_S)
     if left <= 0:
-        return Opinion(name, Answer.UNKNOWN, "there was no time left to ask")
+        return Opinion(name, SolverAnswer.UNKNOWN, "there was no time left to ask")
     try:
         answer = answer_of(script, left)
     except SolverEndedError as error:
-        return Opinion(name, Answer.UNKNOWN, str(error))
-    return Opinion(name, answer, "no answer in time" if answer is Answer.UNKNOWN else "")
+        return Opinion(name, SolverAnswer.UNKNOWN, str(error))
+    return Opinion(name, answer, "no answer in time" if answer is SolverAnswer.UNKNOWN else "")

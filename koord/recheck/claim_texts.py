@@ -14,7 +14,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from koord.recheck.certificate import REWRITE, Certificate, Claimed
-from koord.recheck.claims import Kind
+from koord.recheck.claims import ClaimKind
 from koord.syntax import ast, core
 from koord.syntax.core import PropertyKind
 from koord.syntax.diagnostics import refusal
@@ -58,16 +58,16 @@ NO_FAULT = (
 )
 
 
-def name_of(kind: Kind, subject: str, name: str) -> str:
+def name_of(kind: ClaimKind, subject: str, name: str) -> str:
     """What a claim is called: ``name`` counts for statements of the program alone."""
     match kind:
-        case Kind.STATEMENT:
+        case ClaimKind.STATEMENT:
             return name
-        case Kind.FAULT:
+        case ClaimKind.FAULT:
             return "no fault"
-        case Kind.LOST_UPDATE:
+        case ClaimKind.LOST_UPDATE:
             return f"no lost update of {subject}"
-        case Kind.CONTRACT:
+        case ClaimKind.CONTRACT:
             return f"contract {subject}"
     assert_never(kind)
 
@@ -78,9 +78,9 @@ def statements(
     """What a certificate claims. Raises KoordError (K941) where it says what it cannot mean."""
     if not certificate.claims:
         raise _damage(certificate, "nothing is claimed")
-    found: dict[tuple[Kind, str], Statement] = {}
+    found: dict[tuple[ClaimKind, str], Statement] = {}
     for claimed in certificate.claims:
-        subject = claimed.name if claimed.kind is Kind.STATEMENT else claimed.subject
+        subject = claimed.name if claimed.kind is ClaimKind.STATEMENT else claimed.subject
         if (claimed.kind, subject) in found:
             raise _damage(certificate, f"{claimed.name!r} is claimed twice")
         _check_name(certificate, claimed)
@@ -92,7 +92,7 @@ def statements(
 def _check_name(certificate: Certificate, claimed: Claimed) -> None:
     """What a claim is called follows from what it is."""
     kind, subject = claimed.kind, claimed.subject
-    if subject and kind in (Kind.STATEMENT, Kind.FAULT):
+    if subject and kind in (ClaimKind.STATEMENT, ClaimKind.FAULT):
         about = (
             f"a claim of kind {kind.value!r} has no subject, and {claimed.name!r} has {subject!r}"
         )
@@ -112,21 +112,21 @@ def _statement(
 ) -> Statement:
     subject = claimed.subject
     match claimed.kind:
-        case Kind.STATEMENT:
+        case ClaimKind.STATEMENT:
             for property_, text in invariants(program, sections):
                 if property_.name == claimed.name:
                     return Statement(claimed, text, property_.span)
             story = f"the program states no invariant {claimed.name!r}"
-        case Kind.FAULT:
+        case ClaimKind.FAULT:
             return Statement(claimed, NO_FAULT)
-        case Kind.LOST_UPDATE:
+        case ClaimKind.LOST_UPDATE:
             for d in program.allwrite:
                 if d.variable.name == subject:
                     words = f"in no round somebody writes `{subject}` or a part of it that "
                     words += "another robot updates in that round from what it was"
                     return Statement(claimed, f"{claimed.name}: {words}", d.span)
             story = f"the program has no shared variable {subject!r} to lose an update of"
-        case Kind.CONTRACT:
+        case ClaimKind.CONTRACT:
             for module, contract in _contracts(program):
                 if contract.name == subject and module.environment is not None:
                     text = _contract_text(sections, contract)
@@ -148,9 +148,9 @@ def invariants(
 
 def _check_left_out(certificate: Certificate, program: core.Program) -> None:
     """What is named as not covered is something that can be asked of the program."""
-    known = {p.name for p in program.properties} | {name_of(Kind.FAULT, "", "")}
-    known |= {name_of(Kind.LOST_UPDATE, d.variable.name, "") for d in program.allwrite}
-    known |= {name_of(Kind.CONTRACT, c.name, "") for _, c in _contracts(program)}
+    known = {p.name for p in program.properties} | {name_of(ClaimKind.FAULT, "", "")}
+    known |= {name_of(ClaimKind.LOST_UPDATE, d.variable.name, "") for d in program.allwrite}
+    known |= {name_of(ClaimKind.CONTRACT, c.name, "") for _, c in _contracts(program)}
     claimed = {one.name for one in certificate.claims}
     for name, _ in certificate.not_covered:
         if name not in known or name in claimed:

@@ -11,12 +11,12 @@ from koord.recheck.storage import Cell, Crowd, Fault, State, Storage
 from koord.recheck.terms import Term
 from koord.recheck.turns import Turns
 from koord.recheck.values import Values
-from koord.recheck.world import World
+from koord.recheck.world import Instance
 from koord.syntax import core
 from koord.syntax.types import EnumType, Type
 
 
-class Kind(Enum):
+class ClaimKind(Enum):
     """Why something is claimed."""
 
     STATEMENT = "property"  #: a statement about configurations
@@ -32,7 +32,7 @@ class Claim(Struct, frozen=True):
     """
 
     name: str
-    kind: Kind
+    kind: ClaimKind
     stated: core.Property | None = None
     subject: str = ""
     depth: int = 1
@@ -50,7 +50,7 @@ class Goal(Struct, frozen=True):
     holds: Term
 
 
-class Shown(Struct, frozen=True):
+class ShownTerm(Struct, frozen=True):
     """A part of a configuration, or a choice, to be shown in a counterexample."""
 
     what: str
@@ -58,7 +58,7 @@ class Shown(Struct, frozen=True):
     type: Type | None
 
 
-class Attempt(Struct, frozen=True):
+class Entailment(Struct, frozen=True):
     """From the hypotheses each goal follows. ``shown`` is what to tell of a counterexample.
 
     ``names`` are numbers of robots that it is about, where there is any number of them.
@@ -66,7 +66,7 @@ class Attempt(Struct, frozen=True):
 
     hypotheses: tuple[Term, ...]
     goals: tuple[Goal, ...]
-    shown: tuple[Shown, ...] = ()
+    shown: tuple[ShownTerm, ...] = ()
     names: tuple[Term, ...] = ()
 
 
@@ -78,7 +78,7 @@ class Obligation(Struct, frozen=True):
     """
 
     name: str
-    attempts: tuple[Callable[[], Attempt], ...]
+    attempts: tuple[Callable[[], Entailment], ...]
     hollow: str = ""
 
 
@@ -87,7 +87,7 @@ NO_START = "no configuration satisfies what is assumed of the start"
 NO_END = "no round can end: nothing satisfies the contracts"
 
 
-class Past(Struct, frozen=True):
+class History(Struct, frozen=True):
     """A configuration at the start of a round, and all that is known of how it came about."""
 
     state: State
@@ -120,7 +120,7 @@ def taken(goals: Iterable[Goal]) -> list[Term]:
 # --- configurations in the words of the program ---------------------------------------------------
 
 
-def parts(world: World, v: Values, state: State, suffix: str = "") -> Iterator[Shown]:
+def parts(world: Instance, v: Values, state: State, suffix: str = "") -> Iterator[ShownTerm]:
     """The variables of a configuration, part by part."""
     program = world.program
     for d, storage in zip(program.allread, state.store.allread, strict=True):
@@ -135,15 +135,15 @@ def parts(world: World, v: Values, state: State, suffix: str = "") -> Iterator[S
             its = port.declaration.variable
             yield from _leaves(v, port.label, where, storage, its.type)
         if world.stops():
-            yield Shown(f"stopped@{i}{suffix}", robot.stopped, None)
+            yield ShownTerm(f"stopped@{i}{suffix}", robot.stopped, None)
 
 
-def _leaves(v: Values, name: str, where: str, storage: Storage, type_: Type) -> Iterator[Shown]:
+def _leaves(v: Values, name: str, where: str, storage: Storage, type_: Type) -> Iterator[ShownTerm]:
     if isinstance(storage, Cell):
         if storage.is_set.value is False:
             return
         for term, leaf in v.leaves(storage.value, type_):
-            yield Shown(f"{name}{where}", term, leaf if isinstance(leaf, EnumType) else None)
+            yield ShownTerm(f"{name}{where}", term, leaf if isinstance(leaf, EnumType) else None)
         return
     parts = v.parts(type_)
     assert parts is not None

@@ -9,9 +9,9 @@ from contextlib import contextmanager
 from msgspec import Struct, field
 from msgspec.structs import replace
 
-from koord.recheck.claims import Attempt, Goal, Obligation, Shown
+from koord.recheck.claims import Entailment, Goal, Obligation, ShownTerm
 from koord.recheck.script import Script
-from koord.recheck.solving import Answer, Session, SolverEndedError
+from koord.recheck.solving import SolverAnswer, SolverEndedError, SolverSession
 from koord.recheck.terms import Term, Terms
 from koord.recheck.values import Values
 from koord.syntax.types import EnumType
@@ -23,14 +23,14 @@ QUICK_S = 1.0
 _MOST_QUICK_FAILS = 2
 
 
-class Settled(Struct, frozen=True):
+class Discharged(Struct, frozen=True):
     """What became of an obligation: ``claim`` is the goal that does not follow, or is not known to.
 
     ``state`` is the solver's counterexample, in the words of the program.
     """
 
     name: str
-    answer: Answer
+    answer: SolverAnswer
     claim: str = ""
     state: tuple[str, ...] = ()
     #: What it means that nothing satisfies the hypotheses; empty if something may.
@@ -41,39 +41,39 @@ class Settling(Struct):
     """Puts obligations to one session."""
 
     values: Values
-    session: Session
+    session: SolverSession
     deadline: Callable[[], float]  #: how many seconds the next question may take
     progress: Callable[[str], None] = lambda text: None
     _script: Script = field(default_factory=Script)
     _declared: int = 0
     _quick_fails: int = 0
 
-    def weighed(self, one: Settled, obligation: Obligation) -> Settled:
+    def weighed(self, one: Discharged, obligation: Obligation) -> Discharged:
         """The same, with what it means that it is met by nothing, if that is soon found out."""
-        if not obligation.hollow or one.answer is not Answer.UNSAT:
+        if not obligation.hollow or one.answer is not SolverAnswer.UNSAT:
             return one
         with self.pushed([*self.values.ranges, *obligation.attempts[0]().hypotheses]):
-            is_hollow = self._check(quick=True) is Answer.UNSAT
+            is_hollow = self._check(quick=True) is SolverAnswer.UNSAT
         return replace(one, hollow=obligation.hollow) if is_hollow else one
 
-    def settled(self, obligation: Obligation) -> Settled:
+    def settled(self, obligation: Obligation) -> Discharged:
         *quick, exact = obligation.attempts
         for attempt in quick:
             if self._quick_fails > _MOST_QUICK_FAILS:
                 break  # this program needs to know more
-            if self._tried(obligation.name, attempt(), (), quick=True).answer is Answer.UNSAT:
+            if self._tried(obligation.name, attempt(), (), quick=True).answer is SolverAnswer.UNSAT:
                 self._quick_fails = max(0, self._quick_fails - 1)
-                return Settled(obligation.name, Answer.UNSAT)
+                return Discharged(obligation.name, SolverAnswer.UNSAT)
             self._quick_fails += 1
         return self.exactly(obligation.name, exact())
 
-    def exactly(self, name: str, attempt: Attempt, without: Sequence[str] = ()) -> Settled:
+    def exactly(self, name: str, attempt: Entailment, without: Sequence[str] = ()) -> Discharged:
         """One attempt; the claims in ``without`` are shown elsewhere."""
         return self._tried(name, attempt, without)
 
     def _tried(
-        self, name: str, attempt: Attempt, without: Sequence[str], *, quick: bool = False
-    ) -> Settled:
+        self, name: str, attempt: Entailment, without: Sequence[str], *, quick: bool = False
+    ) -> Discharged:
         t = self.values.t
         known = {id(part) for fact in attempt.hypotheses for part in _parts(fact)}
         goals = []
@@ -84,61 +84,61 @@ class Settling(Struct):
             if any(part.value is not True for part in left):
                 goals.append(replace(goal, holds=t.conjunction(left)))
         if not goals:
-            return Settled(name, Answer.UNSAT)
+            return Discharged(name, SolverAnswer.UNSAT)
         # What answers satisfy that any claim asks for, they satisfy.
         legal = [goal.legal for goal in attempt.goals]
         proved: list[Goal] = []
         with self.pushed([*self.values.ranges, *attempt.hypotheses, *legal]):
             with self.pushed([t.negation(t.conjunction(goal.holds for goal in goals))]):
                 answer = self._check(quick=quick)
-            if quick or answer is Answer.UNSAT:
-                return Settled(name, answer)
+            if quick or answer is SolverAnswer.UNSAT:
+                return Discharged(name, answer)
             settled = self._one_by_one(name, attempt, goals, proved)
-        if settled.answer is not Answer.UNKNOWN or not proved:
+        if settled.answer is not SolverAnswer.UNKNOWN or not proved:
             return settled
         # Perhaps what is open follows from the goals that are proved, with nothing else given.
         left_over = [goal for goal in goals if goal not in proved]
         with self.pushed([*self.values.ranges, *legal, *(goal.holds for goal in proved)]):
             found = [self._alone(name, attempt, goal).answer for goal in left_over]
-        if all(answer is Answer.UNSAT for answer in found):
-            return Settled(name, Answer.UNSAT)
+        if all(answer is SolverAnswer.UNSAT for answer in found):
+            return Discharged(name, SolverAnswer.UNSAT)
         return settled
 
     def _one_by_one(
-        self, name: str, attempt: Attempt, goals: Sequence[Goal], proved: list[Goal]
-    ) -> Settled:
+        self, name: str, attempt: Entailment, goals: Sequence[Goal], proved: list[Goal]
+    ) -> Discharged:
         """Each goal by itself; what follows is known for the rest."""
         left = list(goals)
         while True:
             waiting = []
             for goal in left:
                 settled = self._alone(name, attempt, goal)
-                if settled.answer is Answer.SAT:
+                if settled.answer is SolverAnswer.SAT:
                     return settled
-                if settled.answer is Answer.UNKNOWN:
+                if settled.answer is SolverAnswer.UNKNOWN:
                     waiting.append(goal)
                 else:
                     proved.append(goal)
                     self.tell([goal.holds])
             if not waiting:
-                return Settled(name, Answer.UNSAT)
+                return Discharged(name, SolverAnswer.UNSAT)
             if len(waiting) == len(left):
-                return Settled(name, Answer.UNKNOWN, waiting[0].claim)
+                return Discharged(name, SolverAnswer.UNKNOWN, waiting[0].claim)
             left = waiting
 
-    def _alone(self, name: str, attempt: Attempt, goal: Goal) -> Settled:
+    def _alone(self, name: str, attempt: Entailment, goal: Goal) -> Discharged:
         """One goal, case by case."""
         for case in conjuncts(self.values.t, goal.holds):
             with self.pushed([self.values.t.negation(case)]):
                 answer = self._check()
-                if answer is Answer.SAT:
+                if answer is SolverAnswer.SAT:
                     state = tuple(self._told(attempt.shown))
-                    return Settled(name, answer, goal.claim, state)
-            if answer is Answer.UNKNOWN:
-                return Settled(name, answer, goal.claim)
-        return Settled(name, Answer.UNSAT, goal.claim)
+                    return Discharged(name, answer, goal.claim, state)
+            if answer is SolverAnswer.UNKNOWN:
+                return Discharged(name, answer, goal.claim)
+        return Discharged(name, SolverAnswer.UNSAT, goal.claim)
 
-    def _check(self, *, quick: bool = False) -> Answer:
+    def _check(self, *, quick: bool = False) -> SolverAnswer:
         return self.check(QUICK_S if quick else math.inf)
 
     @contextmanager
@@ -154,11 +154,11 @@ class Settling(Struct):
         """Assert something until what was pushed last is taken back."""
         self.session.tell(self._asserted(facts))
 
-    def check(self, seconds: float) -> Answer:
+    def check(self, seconds: float) -> SolverAnswer:
         """Whether what is asserted can hold."""
         left = min(seconds, self.deadline())
         if left <= 0:
-            return Answer.UNKNOWN
+            return SolverAnswer.UNKNOWN
         self.session.allow(left)
         return self.session.check()
 
@@ -173,7 +173,7 @@ class Settling(Struct):
         self._declared = len(self.values.declarations)
         return [*news, *commands]
 
-    def _told(self, shown: Sequence[Shown]) -> Iterator[str]:
+    def _told(self, shown: Sequence[ShownTerm]) -> Iterator[str]:
         """The counterexample, in the words of the program."""
         for one in shown:
             definitions, text = self._script.text(one.term)

@@ -14,12 +14,12 @@ from koord.recheck.generic_turn import Anyone, Crowds
 from koord.recheck.races import made
 from koord.recheck.storage import Cell, Crowd, Many, Robot, Storage, Store, Write
 from koord.recheck.terms import INT, Term
-from koord.recheck.turns import Turn
+from koord.recheck.turns import EventTurn
 from koord.syntax import core
 from koord.syntax.core import Home
 from koord.syntax.types import RecordType, Type, is_flat
 
-Moves = list[list[Anyone[Turn]]]
+Moves = list[list[Anyone[EventTurn]]]
 
 
 class Gathering(Struct, frozen=True):
@@ -57,7 +57,9 @@ class Gathering(Struct, frozen=True):
 
     # --- the end of the program turns -----------------------------------------------------------
 
-    def skips_legally(self, but: Term | None = None, mover: Turn | None = None) -> Iterator[Term]:
+    def skips_legally(
+        self, but: Term | None = None, mover: EventTurn | None = None
+    ) -> Iterator[Term]:
         """Who ran nothing by the end of the round was obliged by nothing. [SKIP]
 
         ``mover`` is what one more robot, ``but``, runs on top.
@@ -75,7 +77,7 @@ class Gathering(Struct, frozen=True):
                 free = self.not_obliged(turn, mover)
                 yield crowds.all_of(kind, robot, t.disjunction([stopped, *moved, free]))
 
-    def not_obliged(self, turn: Turn, mover: Turn | None) -> Term:
+    def not_obliged(self, turn: EventTurn, mover: EventTurn | None) -> Term:
         """There are answers with which ``pre`` does not hold, or a class of the event is taken."""
         t = self.crowds.v.t
         taken = [self.taken(lock) for lock in turn.event.lock_classes]
@@ -86,7 +88,7 @@ class Gathering(Struct, frozen=True):
         return t.disjunction([off(self.crowds, turn), *taken])
 
 
-def off(crowds: Crowds, turn: Turn) -> Term:
+def off(crowds: Crowds, turn: EventTurn) -> Term:
     """Whether there are answers with which ``pre`` does not hold."""
     t = crowds.v.t
     faulted = t.disjunction(fault.when for fault in turn.guard_faults)
@@ -110,7 +112,7 @@ def stopped_together(crowds: Crowds, state: Crowd) -> tuple[Term, Crowd]:
     return idle, Crowd(after, state.store)
 
 
-def may_run(crowds: Crowds, start: Crowd, robot: Term, turn: Turn) -> Term:
+def may_run(crowds: Crowds, start: Crowd, robot: Term, turn: EventTurn) -> Term:
     """A robot may select an event, as far as it alone is concerned. [SELECT]"""
     t = crowds.v.t
     return t.conjunction(
@@ -272,7 +274,7 @@ class Gathered(Struct):
         value = v.merge(its.is_set, its.value, storage.value, type_)
         return Cell(t.either(storage.is_set, its.is_set), value)
 
-    def _writes(self, turn: Turn, slot: int) -> bool:
+    def _writes(self, turn: EventTurn, slot: int) -> bool:
         return any(_is_to(w, Home.ALLWRITE, slot) for w in turn.writes)
 
     def _wrote(self, round_: Gathering, slot: int, robot: Term) -> Term:

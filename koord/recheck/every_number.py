@@ -14,10 +14,10 @@ from msgspec.structs import replace
 from koord.recheck.claims import (
     NO_END,
     NO_START,
-    Attempt,
     Claim,
+    ClaimKind,
+    Entailment,
     Goal,
-    Kind,
     Obligation,
     stated,
 )
@@ -27,9 +27,9 @@ from koord.recheck.lost_updates import overlap, updated
 from koord.recheck.races import made
 from koord.recheck.storage import Crowd, Fault, Many, Robot, Storages
 from koord.recheck.terms import BOOL, INT, Term, Terms
-from koord.recheck.turns import Turn, Turns
+from koord.recheck.turns import EventTurn, Turns
 from koord.recheck.values import Values
-from koord.recheck.world import World
+from koord.recheck.world import Instance
 from koord.syntax import core
 from koord.syntax.core import Home
 
@@ -39,7 +39,7 @@ class EveryNumber:
 
     def __init__(
         self,
-        world: World,
+        world: Instance,
         claims: Sequence[Claim],
         v: Values,
         consequences: Sequence[core.Property] = (),
@@ -54,24 +54,24 @@ class EveryNumber:
     def __iter__(self) -> Iterator[Obligation]:
         t, opening = self.v.t, self.crowds.opening()
         sound = [t.negation(fault.when) for fault in opening.faults]
-        if any(claim.kind is Kind.FAULT for claim in self.claims):
+        if any(claim.kind is ClaimKind.FAULT for claim in self.claims):
             goals = [_sound(t, fault) for fault in opening.faults]
-            yield _once("initiation: no fault", Attempt(opening.facts, tuple(goals)))
+            yield _once("initiation: no fault", Entailment(opening.facts, tuple(goals)))
         goals = stated(self.turns, opening.state, self.claims, between_rounds=True)
-        starts = Attempt((*opening.facts, *sound), tuple(goals))
+        starts = Entailment((*opening.facts, *sound), tuple(goals))
         yield replace(_once("initiation", starts), hollow=NO_START)
-        yield from Step(self, self._anything(opening))
+        yield from StepObligations(self, self._anything(opening))
         for property_ in self.consequences:
-            claim = Claim(property_.name, Kind.STATEMENT, property_)
+            claim = Claim(property_.name, ClaimKind.STATEMENT, property_)
             name = f"the invariant implies {claim.name}"
             yield Obligation(name, (partial(self._implied, claim, opening),))
 
-    def _implied(self, claim: Claim, opening: Begun) -> Attempt:
+    def _implied(self, claim: Claim, opening: Begun) -> Entailment:
         state, facts = self._anything(opening)
         at_round = claim.at_round
         known = stated(self.turns, state, self.claims, between_rounds=at_round)
         goals = stated(self.turns, state, [claim], between_rounds=at_round)
-        return Attempt((*facts, *taken(known)), tuple(goals))
+        return Entailment((*facts, *taken(known)), tuple(goals))
 
     def _anything(self, opening: Begun) -> tuple[Crowd, list[Term]]:
         """Any configuration, but for what nobody ever writes: that is as INIT left it."""
@@ -88,7 +88,7 @@ class EveryNumber:
         return state, facts
 
 
-class Step(Struct, dict=True):
+class StepObligations(Struct, dict=True):
     """The obligations of one step of a round, from any configuration with the invariant."""
 
     of: EveryNumber
@@ -99,12 +99,12 @@ class Step(Struct, dict=True):
             for position in range(len(self.world.program.agents[kind].events)):
                 yield from self._event(kind, position)
         yield from self._quiet()
-        if any(claim.kind is Kind.LOST_UPDATE for claim in self.claims):
+        if any(claim.kind is ClaimKind.LOST_UPDATE for claim in self.claims):
             yield from self._updates()
         yield from self._environment()
 
     @property
-    def world(self) -> World:
+    def world(self) -> Instance:
         return self.of.world
 
     @property
@@ -173,20 +173,20 @@ class Step(Struct, dict=True):
         name = f"event {move.said.event.name}{whose}"
         robot, is_one = self._one(f"who runs {name}", kind)
         turn = move.of(robot)
-        if any(claim.kind is Kind.FAULT for claim in self.claims):
+        if any(claim.kind is ClaimKind.FAULT for claim in self.claims):
             yield Obligation(f"{name}: no fault", (partial(self._no_fault, robot, is_one, turn),))
         attempts = [partial(self._exactly, robot, is_one, turn)]
         if not self.world.mentions(core.Ran) and not self.world.asks():
             attempts.insert(0, partial(self._loosely, robot, is_one, turn))
         yield Obligation(name, tuple(attempts))
 
-    def _no_fault(self, robot: Term, is_one: Term, turn: Turn) -> Attempt:
+    def _no_fault(self, robot: Term, is_one: Term, turn: EventTurn) -> Entailment:
         """A fault needs one robot only. [T-FAULT]"""
         awake = self.t.negation(self.start.robot(turn.robot, robot).stopped)
         goals = [_sound(self.t, fault, turn.legal) for fault in turn.faults]
-        return Attempt((*self.known, is_one, awake), tuple(goals), names=(robot,))
+        return Entailment((*self.known, is_one, awake), tuple(goals), names=(robot,))
 
-    def _loosely(self, robot: Term, is_one: Term, turn: Turn) -> Attempt:
+    def _loosely(self, robot: Term, is_one: Term, turn: EventTurn) -> Entailment:
         """Of what the other robots have done only the claims are known, and the locks."""
         t, before, inside, s = self.t, self.start, self.loose, self.s
         program, agent = self.world.program, self.world.program.agents[turn.robot]
@@ -215,9 +215,9 @@ class Step(Struct, dict=True):
                 facts.append(t.implies(turn.entered[lock], s.same(x, y, d.variable.type)))
         facts.append(may_run(self.crowds, before, robot, turn))
         after = self._moved(inside, robot, turn)
-        return Attempt((*self.known, *facts), tuple(self._stated(after)), names=(robot,))
+        return Entailment((*self.known, *facts), tuple(self._stated(after)), names=(robot,))
 
-    def _exactly(self, robot: Term, is_one: Term, turn: Turn) -> Attempt:
+    def _exactly(self, robot: Term, is_one: Term, turn: EventTurn) -> Entailment:
         """The other robots have done what they can do at the start of the round."""
         round_, t = self.gathering, self.t
         facts = [is_one, *round_.facts, *self.inside, round_.ran_none(robot)]
@@ -231,7 +231,7 @@ class Step(Struct, dict=True):
             facts += [t.implies(last, fact) for fact in round_.skips_legally(but=robot, mover=turn)]
             after = self._ended(after, last)
         names = (robot, *round_.winners.values())
-        return Attempt((*self.known, *facts), tuple(self._stated(after)), names=names)
+        return Entailment((*self.known, *facts), tuple(self._stated(after)), names=names)
 
     def _ended(self, state: Crowd, last: Term) -> Crowd:
         """The configuration after END-PROG, if the last robot has moved."""
@@ -244,7 +244,7 @@ class Step(Struct, dict=True):
 
         return Crowd(robot, state.store)
 
-    def _moved(self, state: Crowd, mover: Term, turn: Turn) -> Crowd:
+    def _moved(self, state: Crowd, mover: Term, turn: EventTurn) -> Crowd:
         """One more robot has run an event."""
         t, s = self.t, self.s
         agent = self.world.program.agents[turn.robot]
@@ -282,7 +282,7 @@ class Step(Struct, dict=True):
         if self.world.asks():
             yield Obligation("a last turn in which a robot skips", (self._last_skip,))
 
-    def _first_skip(self) -> Attempt:
+    def _first_skip(self) -> Entailment:
         t, never = self.t, self.t.integer(-1)
 
         def robot(kind: int, k: Term) -> Robot:
@@ -295,13 +295,13 @@ class Step(Struct, dict=True):
             may = t.either(self.start.robot(kind, one).stopped, t.conjunction(free))
             skipping.append(t.both(is_one, may))
         goals = self._stated(Crowd(robot, self.start.store))
-        return Attempt((*self.known, t.disjunction(skipping)), tuple(goals))
+        return Entailment((*self.known, t.disjunction(skipping)), tuple(goals))
 
-    def _last_skip(self) -> Attempt:
+    def _last_skip(self) -> Entailment:
         round_ = self.gathering
         idle, ended = stopped_together(self.crowds, round_.state)
         facts = [*round_.facts, *self.inside, idle, *round_.skips_legally()]
-        return Attempt((*self.known, *facts), tuple(self._stated(ended)))
+        return Entailment((*self.known, *facts), tuple(self._stated(ended)))
 
     # --- pairs of robots ------------------------------------------------------------------------
 
@@ -310,12 +310,16 @@ class Step(Struct, dict=True):
         flat = [move for mine in self.moves for move in mine]
         for mine in flat:
             names = set(updated(mine.said.event.effect))
-            asked = [c for c in self.claims if c.kind is Kind.LOST_UPDATE and c.subject in names]
+            asked = [
+                c for c in self.claims if c.kind is ClaimKind.LOST_UPDATE and c.subject in names
+            ]
             for other in flat if asked else ():
                 name = f"updates of {mine.said.event.name} and {other.said.event.name}"
                 yield Obligation(name, (partial(self._update, mine, other, asked),))
 
-    def _update(self, mine: Anyone[Turn], other: Anyone[Turn], asked: Sequence[Claim]) -> Attempt:
+    def _update(
+        self, mine: Anyone[EventTurn], other: Anyone[EventTurn], asked: Sequence[Claim]
+    ) -> Entailment:
         t = self.t
         facts, pair = [], []
         for number, move in enumerate((mine, other)):
@@ -345,14 +349,14 @@ class Step(Struct, dict=True):
             )
             for claim in asked
         ]
-        return Attempt((*self.known, *facts), tuple(goals), names=(one, two))
+        return Entailment((*self.known, *facts), tuple(goals), names=(one, two))
 
     # --- the environment ------------------------------------------------------------------------
 
     def _environment(self) -> Iterator[Obligation]:
         name = "the environment's turn"
         ways = (self._end_loosely, self._end_exactly)
-        if any(claim.kind is Kind.FAULT for claim in self.claims):
+        if any(claim.kind is ClaimKind.FAULT for claim in self.claims):
             faults = tuple(partial(self._no_fault_after, end) for end in ways)
             yield Obligation(f"{name}: no fault", faults)
         hollow = NO_END if self.world.promised else ""
@@ -367,7 +371,7 @@ class Step(Struct, dict=True):
         facts = [*round_.facts, *round_.skips_legally()]
         return end, [*facts, *taken(self._stated(end))]
 
-    def _no_fault_after(self, end: Callable[[], tuple[Crowd, list[Term]]]) -> Attempt:
+    def _no_fault_after(self, end: Callable[[], tuple[Crowd, list[Term]]]) -> Entailment:
         state, facts = end()
         goals = []
         for kind, one in enumerate(self.crowds.evolved(state)):
@@ -375,9 +379,9 @@ class Step(Struct, dict=True):
             for fault in one.said.faults:
                 never = self.crowds.all_of(kind, one.blank, self.t.negation(fault.when))
                 goals.append(Goal(_words(fault), self.t.conjunction(legal), never))
-        return Attempt((*self.known, *facts), tuple(goals))
+        return Entailment((*self.known, *facts), tuple(goals))
 
-    def _evolved(self, end: Callable[[], tuple[Crowd, list[Term]]]) -> Attempt:
+    def _evolved(self, end: Callable[[], tuple[Crowd, list[Term]]]) -> Entailment:
         t = self.t
         state, facts = end()
         evolved = self.crowds.evolved(state)
@@ -387,7 +391,7 @@ class Step(Struct, dict=True):
         after = Crowd(lambda kind, k: evolved[kind].of(k).robot, state.store)
         goals = self._stated(after, between_rounds=True)
         for claim in self.claims:
-            if claim.kind is Kind.CONTRACT:
+            if claim.kind is ClaimKind.CONTRACT:
                 kept = [
                     self.crowds.all_of(kind, one.blank, promise)
                     for kind, one in enumerate(evolved)
@@ -395,7 +399,7 @@ class Step(Struct, dict=True):
                     if name == claim.subject
                 ]
                 goals.append(Goal(claim.name, t.truth(True), t.conjunction(kept)))
-        return Attempt((*self.known, *facts), tuple(goals))
+        return Entailment((*self.known, *facts), tuple(goals))
 
 
 def taken(goals: Iterable[Goal]) -> list[Term]:
@@ -403,7 +407,7 @@ def taken(goals: Iterable[Goal]) -> list[Term]:
     return [term for goal in goals for term in (goal.legal, goal.holds)]
 
 
-def _once(name: str, attempt: Attempt) -> Obligation:
+def _once(name: str, attempt: Entailment) -> Obligation:
     return Obligation(name, (lambda: attempt,))
 
 

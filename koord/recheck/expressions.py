@@ -6,7 +6,7 @@ from fractions import Fraction
 from typing import assert_never
 
 from koord.recheck import all_robots, externals, maps, places, quantifiers
-from koord.recheck.body import Body
+from koord.recheck.body import RunningBody
 from koord.recheck.sorts import Family, NotRecheckedError, Value
 from koord.recheck.storage import Frame, Storage
 from koord.recheck.terms import Term
@@ -15,7 +15,7 @@ from koord.syntax.core import BinaryOp, ListOp, UnaryOp
 from koord.syntax.types import ArrayType, BoolType, FloatType, MapType, Type
 
 
-def value(body: Body, e: core.Expr) -> Value:
+def value(body: RunningBody, e: core.Expr) -> Value:
     """The value of an expression; faults are noted and evaluation goes on."""
     t = body.t
     match e:
@@ -63,7 +63,7 @@ def value(body: Body, e: core.Expr) -> Value:
     assert_never(e)
 
 
-def _constant(body: Body, e: core.Const) -> Term:
+def _constant(body: RunningBody, e: core.Const) -> Term:
     match e.type:
         case BoolType():
             return body.t.truth(bool(e.value))
@@ -76,7 +76,7 @@ def _constant(body: Body, e: core.Const) -> Term:
             return body.t.integer(int(e.value))
 
 
-def _unary(body: Body, e: core.Unary) -> Term:
+def _unary(body: RunningBody, e: core.Unary) -> Term:
     a = body.condition(e.operand)
     match e.op:
         case UnaryOp.NEG:
@@ -91,7 +91,7 @@ def _unary(body: Body, e: core.Unary) -> Term:
     assert_never(e.op)
 
 
-def _binary(body: Body, e: core.Binary) -> Term:
+def _binary(body: RunningBody, e: core.Binary) -> Term:
     t = body.t
     if e.op in (BinaryOp.AND, BinaryOp.OR, BinaryOp.IMPLIES):
         left = body.condition(e.left)
@@ -131,7 +131,7 @@ def _binary(body: Body, e: core.Binary) -> Term:
     raise AssertionError(e.op)
 
 
-def _builtin(body: Body, e: core.Builtin) -> Value:
+def _builtin(body: RunningBody, e: core.Builtin) -> Value:
     first = e.arguments[0]
     if e.op is ListOp.LENGTH and isinstance(first.type, ArrayType):
         return (
@@ -161,7 +161,7 @@ def _builtin(body: Body, e: core.Builtin) -> Value:
     assert_never(e.op)
 
 
-def _map(body: Body, e: core.MakeMap) -> Value:
+def _map(body: RunningBody, e: core.MakeMap) -> Value:
     """Of two entries with one key the later counts. [E-MAP]"""
     assert isinstance(e.type, MapType)
     made = maps.empty(body.v, e.type)
@@ -170,7 +170,7 @@ def _map(body: Body, e: core.MakeMap) -> Value:
     return made
 
 
-def _call(body: Body, e: core.Call) -> Value:
+def _call(body: RunningBody, e: core.Call) -> Value:
     """A call of a function defined in Koord: its body, with variables of its own. [E-CALL]"""
     function = body.world.program.function(e.function)
     arguments: list[Storage | None] = [
@@ -189,7 +189,7 @@ def _call(body: Body, e: core.Call) -> Value:
     return value
 
 
-def _choose(body: Body, e: core.Choose) -> Value:
+def _choose(body: RunningBody, e: core.Choose) -> Value:
     if body.closed:
         raise NotRecheckedError("choose in a property is not rechecked", e.span)
     low, high = body.condition(e.low), body.condition(e.high)

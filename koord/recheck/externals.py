@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from koord.recheck import quantifiers
-from koord.recheck.body import Body
+from koord.recheck.body import RunningBody
 from koord.recheck.sorts import NotRecheckedError, Value
 from koord.recheck.terms import Term
 from koord.recheck.values import Values
@@ -15,7 +15,7 @@ from koord.syntax.types import GrowingType, MapType, Type, atoms, contains
 from koord.syntax.walk import nodes
 
 
-def answer(body: Body, e: core.ExternalCall) -> Value:
+def answer(body: RunningBody, e: core.ExternalCall) -> Value:
     """Any answer that the summary allows; the same to the same question. [EXTERNAL]"""
     function = body.world.program.external(e.function)
     if any(contains(v.type, MapType) for v in (function.result, *function.parameters)):
@@ -44,7 +44,7 @@ def answer(body: Body, e: core.ExternalCall) -> Value:
 
 
 def _summary(
-    body: Body, function: core.External, arguments: Sequence[Value], answer: Value
+    body: RunningBody, function: core.External, arguments: Sequence[Value], answer: Value
 ) -> tuple[Term, Term]:
     """What a function requires, and what it promises of an answer."""
     outer, body.bound = (
@@ -67,7 +67,7 @@ def _summary(
     return met, promised
 
 
-def _promise_always(asking: Body, function: core.External) -> bool:
+def _promise_always(asking: RunningBody, function: core.External) -> bool:
     """Suppose the summary of all questions at once, where any number of robots may ask.
 
     A mathematical function keeps it for all arguments, asked for or not. [EXTERNAL] Not where
@@ -104,7 +104,7 @@ def _promise_always(asking: Body, function: core.External) -> bool:
     return True
 
 
-def _looks_inside(body: Body, promise: core.Expr) -> bool:
+def _looks_inside(body: RunningBody, promise: core.Expr) -> bool:
     sealed = body.world.sealed
     return any(type_ in sealed for node in nodes(promise) for type_ in opened(node))
 

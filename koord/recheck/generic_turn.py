@@ -28,9 +28,9 @@ from koord.recheck.storage import (
     Write,
 )
 from koord.recheck.terms import BOOL, INT, Term
-from koord.recheck.turns import Evolved, Turn, Turns
+from koord.recheck.turns import EventTurn, Evolved, Turns
 from koord.recheck.values import Values
-from koord.recheck.world import Key, World
+from koord.recheck.world import Instance, Key
 from koord.syntax import core
 from koord.syntax.core import Home
 from koord.syntax.types import ArrayType
@@ -87,7 +87,7 @@ class Replacing(Struct, frozen=True):
             case _:
                 return v.t.put(x, old, new)
 
-    def turn(self, turn: Turn, old: Term, new: Term) -> Turn:
+    def turn(self, turn: EventTurn, old: Term, new: Term) -> EventTurn:
         t = self.s.v.t
         return replace(
             turn,
@@ -122,7 +122,7 @@ class Begun(Struct, frozen=True):
 class Crowds(Struct, frozen=True):
     """Works out turns of any robot, and configurations of any number of them."""
 
-    world: World
+    world: Instance
     turns: Turns
 
     @property
@@ -258,10 +258,10 @@ class Crowds(Struct, frozen=True):
 
     # --- turns ----------------------------------------------------------------------------------
 
-    def turn(self, state: Crowd, kind: int, position: int) -> Anyone[Turn]:
+    def turn(self, state: Crowd, kind: int, position: int) -> Anyone[EventTurn]:
         """An event of any robot of a kind. [EVENT-TRANS]"""
 
-        def said(blank: Term) -> Turn:
+        def said(blank: Term) -> EventTurn:
             agent, own = self.world.program.agents[kind], state.robot(kind, blank)
             return self.turns.attempt(agent, blank, kind, own, state.store, position)
 

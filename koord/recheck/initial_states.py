@@ -12,8 +12,8 @@ from msgspec.structs import replace
 
 from koord.recheck.certificate import Certificate, Conjunct
 from koord.recheck.claim_texts import INVARIANTS, Premise, Statement, premises, statements
-from koord.recheck.claims import Claim, Kind
-from koord.recheck.world import World
+from koord.recheck.claims import Claim, ClaimKind
+from koord.recheck.world import Instance
 from koord.syntax import ast, core
 from koord.syntax.diagnostics import Diagnostic, Severity, refusal
 from koord.syntax.elaboration import elaborate
@@ -32,10 +32,10 @@ class Meant(Struct, frozen=True):
     sections: tuple[ast.Section, ...]
 
 
-class Argument(Struct, frozen=True):
+class InductiveArgument(Struct, frozen=True):
     """Claims that prove themselves, about some robots or any number of them."""
 
-    world: World
+    world: Instance
     #: The invariant's conjuncts, and what is claimed beside statements about configurations.
     claims: tuple[Claim, ...]
     #: Statements that are claimed without being conjuncts: they have to follow.
@@ -45,8 +45,8 @@ class Argument(Struct, frozen=True):
 class Opened(Struct, frozen=True):
     """A certificate with its program: what to recheck, for its robots and for every number."""
 
-    here: Argument
-    everyone: Argument | None
+    here: InductiveArgument
+    everyone: InductiveArgument | None
 
 
 _OF_PROPERTIES = (ast.Assume, ast.Invariant, ast.FunDef, ast.ParamDecl)
@@ -91,17 +91,19 @@ def opened(certificate: Certificate, about: Meant) -> Opened:
     beside = [(f"conjunct {k}", s) for k, s in enumerate(conjuncts)]
     together = with_invariants(about.sections, [*own, *beside])
     program = _elaborated(certificate, together)
-    _check_given(certificate, World(about.problem.program, certificate.kinds, certificate.delta_s))
+    _check_given(
+        certificate, Instance(about.problem.program, certificate.kinds, certificate.delta_s)
+    )
     names = [p.name for p in about.problem.program.properties if p.kind in INVARIANTS]
-    here = World(program, certificate.kinds, certificate.delta_s)
+    here = Instance(program, certificate.kinds, certificate.delta_s)
     found = _argument(certificate, here, names, everyone=False)
     if not any(claimed.everyone for claimed in certificate.claims):
         return Opened(found, None)
-    anyone = World(program, (), certificate.delta_s)
+    anyone = Instance(program, (), certificate.delta_s)
     return Opened(found, _argument(certificate, anyone, names, everyone=True))
 
 
-def _check_given(certificate: Certificate, world: World) -> None:
+def _check_given(certificate: Certificate, world: Instance) -> None:
     """The scripts that belong to a proof are all there."""
     turns = ["the program turns", "the environment's turn"]
     inside = world.urgent() or (world.asks() and world.mentions(core.Stopped))
@@ -120,8 +122,8 @@ def _check_given(certificate: Certificate, world: World) -> None:
 
 
 def _argument(
-    certificate: Certificate, world: World, names: Sequence[str], *, everyone: bool
-) -> Argument:
+    certificate: Certificate, world: Instance, names: Sequence[str], *, everyone: bool
+) -> InductiveArgument:
     """The claims and the invariant; ``everyone``: those for every number of robots alone."""
     by_name = {p.name: p for p in world.program.properties}
     own = {given: by_name[f"stated {k}"] for k, given in enumerate(names)}
@@ -132,7 +134,7 @@ def _argument(
     ]
     depths = [1 if everyone else conjunct.depth for _, conjunct in conjuncts]
     claims = [
-        Claim(conjunct.name, Kind.STATEMENT, stated, depth=depth)
+        Claim(conjunct.name, ClaimKind.STATEMENT, stated, depth=depth)
         for (stated, conjunct), depth in zip(conjuncts, depths, strict=True)
     ]
     kept = {(c.stated.condition, c.stated.kind) for c in claims if c.stated is not None}
@@ -140,12 +142,12 @@ def _argument(
     for claimed in certificate.claims:
         if everyone and not claimed.everyone:
             continue
-        if claimed.kind is not Kind.STATEMENT:
+        if claimed.kind is not ClaimKind.STATEMENT:
             depth = max(depths, default=1)
             claims.append(Claim(claimed.name, claimed.kind, None, claimed.subject, depth))
         elif (own[claimed.name].condition, own[claimed.name].kind) not in kept:
             consequences.append(replace(own[claimed.name], name=claimed.name))
-    return Argument(world, tuple(claims), tuple(consequences))
+    return InductiveArgument(world, tuple(claims), tuple(consequences))
 
 
 def _parsed(name: str, conjunct: Conjunct) -> Stated[ast.Invariant]:

@@ -16,9 +16,9 @@ from itertools import product
 
 from msgspec import Struct, field
 
-from koord.recheck.claims import Attempt, Goal, Obligation
-from koord.recheck.discharge import Settled, Settling, conjuncts
-from koord.recheck.solving import Answer
+from koord.recheck.claims import Entailment, Goal, Obligation
+from koord.recheck.discharge import Discharged, Settling, conjuncts
+from koord.recheck.solving import SolverAnswer
 from koord.recheck.terms import BOOL, INT, Term
 from koord.recheck.values import Values
 
@@ -47,7 +47,7 @@ class _Try:
     """One attempt at an obligation."""
 
     def __init__(
-        self, settling: Settling, attempt: Attempt, seconds: float, done: set[str]
+        self, settling: Settling, attempt: Entailment, seconds: float, done: set[str]
     ) -> None:
         self.settling = settling
         self.attempt = attempt
@@ -116,7 +116,7 @@ class _Try:
             for case, denied in zip(cases, denials, strict=True):
                 with settling.pushed([denied]):
                     answer = settling.check(self.seconds)
-                if answer is Answer.UNSAT:
+                if answer is SolverAnswer.UNSAT:
                     self.shown.append(case.holds)
                     settling.tell([grounding.said(case.holds)])
                 else:
@@ -126,14 +126,14 @@ class _Try:
     def _follows(self, case: _Case) -> bool:
         t = self.settling.values.t
         with self.settling.pushed([t.negation(case.holds)]):
-            return self.settling.check(_QUANTIFIED_S) is Answer.UNSAT
+            return self.settling.check(_QUANTIFIED_S) is SolverAnswer.UNSAT
 
 
-def settled(settling: Settling, obligation: Obligation) -> Settled:
+def settled(settling: Settling, obligation: Obligation) -> Discharged:
     """An obligation about any number of robots: met, or open."""
     *quick, exact = [attempt() for attempt in obligation.attempts]
     if _at_once(settling, exact):
-        return Settled(obligation.name, Answer.UNSAT)
+        return Discharged(obligation.name, SolverAnswer.UNSAT)
     done: set[str] = set()
     for attempt in quick:
         trying = _Try(settling, attempt, _LOOSE_S, done)
@@ -149,11 +149,11 @@ def settled(settling: Settling, obligation: Obligation) -> Settled:
         if left and not more:
             left = trying.with_quantifiers(left)
     if not left:
-        return Settled(obligation.name, Answer.UNSAT)
-    return Settled(obligation.name, Answer.UNKNOWN, left[0].goal.claim)
+        return Discharged(obligation.name, SolverAnswer.UNSAT)
+    return Discharged(obligation.name, SolverAnswer.UNKNOWN, left[0].goal.claim)
 
 
-def _at_once(settling: Settling, attempt: Attempt) -> bool:
+def _at_once(settling: Settling, attempt: Entailment) -> bool:
     """Whether all goals follow, as the solver finds out quickly."""
     t, goals = settling.values.t, attempt.goals
     denied = t.negation(t.conjunction(goal.holds for goal in goals))
@@ -161,7 +161,7 @@ def _at_once(settling: Settling, attempt: Attempt) -> bool:
         return True
     legal = [goal.legal for goal in goals]
     with settling.pushed([*settling.values.ranges, *attempt.hypotheses, *legal, denied]):
-        return settling.check(_AT_ONCE_S) is Answer.UNSAT
+        return settling.check(_AT_ONCE_S) is SolverAnswer.UNSAT
 
 
 # --- statements about all numbers, said of a few of them ------------------------------------------

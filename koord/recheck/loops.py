@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from msgspec import Struct, field
 
 from koord.recheck import places
-from koord.recheck.body import Body
+from koord.recheck.body import RunningBody
 from koord.recheck.sorts import Family, NotRecheckedError, Value
 from koord.recheck.storage import Cell, Frame, Many, Storage
 from koord.recheck.sums import total
@@ -27,10 +27,10 @@ from koord.syntax.walk import statements, written
 _PLAIN = core.Assign | core.If | core.ForRange | core.ForEach | core.Break | core.Return
 
 
-class Loop(Struct):
+class LoopTerms(Struct):
     """A loop from ``low`` up to ``high``; ``over``: what it goes through, its key's variable."""
 
-    body: Body
+    body: RunningBody
     low: Term
     high: Term
     variable: core.Variable
@@ -254,7 +254,9 @@ def _is_plain(cell: Cell) -> bool:
     return cell.is_set.value is True and isinstance(cell.value, Term)
 
 
-def _tried(body: Body, block: core.Block, condition: Term) -> tuple[Term, Term, Storage | None]:
+def _tried(
+    body: RunningBody, block: core.Block, condition: Term
+) -> tuple[Term, Term, Storage | None]:
     """Run a block by itself, where a condition holds: when it returns, when it breaks out of
     the loop that it is the body of, and what it returns.
     """
@@ -275,7 +277,7 @@ def _tried(body: Body, block: core.Block, condition: Term) -> tuple[Term, Term, 
     return returned, broken, result
 
 
-def _returns(body: Body, when: Term, result: Storage | None) -> None:
+def _returns(body: RunningBody, when: Term, result: Storage | None) -> None:
     """The running function has returned where a condition holds."""
     frame = body.frame
     assert frame is not None

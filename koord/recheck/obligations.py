@@ -10,21 +10,21 @@ from functools import partial
 
 from koord.recheck.claims import (
     NO_START,
-    Attempt,
     Claim,
-    Kind,
+    ClaimKind,
+    Entailment,
+    History,
     Obligation,
-    Past,
     sound,
     taken,
 )
 from koord.recheck.rounds import Rounds
-from koord.recheck.steps import Round
+from koord.recheck.steps import RoundObligations
 from koord.recheck.storage import Cell, State, Storage, Storages
 from koord.recheck.terms import Term
-from koord.recheck.turns import Opening, Turns
+from koord.recheck.turns import Initialisation, Turns
 from koord.recheck.values import Values
-from koord.recheck.world import Key, World
+from koord.recheck.world import Instance, Key
 from koord.syntax import core
 from koord.syntax.core import Home
 
@@ -34,7 +34,7 @@ class Obligations:
 
     def __init__(
         self,
-        world: World,
+        world: Instance,
         claims: Sequence[Claim],
         v: Values,
         consequences: Sequence[core.Property] = (),
@@ -61,7 +61,7 @@ class Obligations:
         for depth in sorted({claim.depth for claim in self.claims}):
             assumed = [claim for claim in self.claims if claim.depth <= depth]
             asked = [claim for claim in self.claims if claim.depth == depth]
-            first = self._followed(Past(opening.state, (*opening.facts, *sound)), assumed)
+            first = self._followed(History(opening.state, (*opening.facts, *sound)), assumed)
             past = first
             for number in range(1, depth):
                 yield from self._round(past, assumed, asked, f"round {number}")
@@ -72,7 +72,7 @@ class Obligations:
             yield from self._round(past, assumed, asked, "")
 
         for property_ in self.consequences:
-            claim = Claim(property_.name, Kind.STATEMENT, property_)
+            claim = Claim(property_.name, ClaimKind.STATEMENT, property_)
             yield Obligation(
                 f"the invariant implies {claim.name}",
                 (partial(self._implied, claim, tuple(self.claims)),),
@@ -83,32 +83,32 @@ class Obligations:
         name = f"{claim.name} follows from the other claims"
         return Obligation(name, (partial(self._implied, claim, tuple(others)),))
 
-    def _implied(self, claim: Claim, others: Sequence[Claim]) -> Attempt:
+    def _implied(self, claim: Claim, others: Sequence[Claim]) -> Entailment:
         opening = self.turns.opening()
-        past = self._anything(Past(opening.state, opening.facts))
+        past = self._anything(History(opening.state, opening.facts))
         at_round = claim.at_round
         facts = taken(self.rounds.goals(past.state, others, between_rounds=at_round))
         goals = self.rounds.goals(past.state, [claim], between_rounds=at_round)
-        return Attempt((*past.facts, *facts), tuple(goals), tuple(self.rounds.parts(past.state)))
+        return Entailment((*past.facts, *facts), tuple(goals), tuple(self.rounds.parts(past.state)))
 
     # --- where rounds start ---------------------------------------------------------------------
 
-    def _initiation(self, opening: Opening) -> Iterator[Obligation]:
-        if any(claim.kind is Kind.FAULT for claim in self.claims):
+    def _initiation(self, opening: Initialisation) -> Iterator[Obligation]:
+        if any(claim.kind is ClaimKind.FAULT for claim in self.claims):
             yield Obligation("initiation: no fault", (partial(self._no_fault_at_start, opening),))
         yield Obligation("initiation", (partial(self._starts, opening),), NO_START)
 
-    def _no_fault_at_start(self, opening: Opening) -> Attempt:
+    def _no_fault_at_start(self, opening: Initialisation) -> Entailment:
         goals = [sound(self.turns, fault) for fault in opening.faults]
-        return Attempt(opening.facts, tuple(goals), tuple(self.rounds.parts(opening.state)))
+        return Entailment(opening.facts, tuple(goals), tuple(self.rounds.parts(opening.state)))
 
-    def _starts(self, opening: Opening) -> Attempt:
+    def _starts(self, opening: Initialisation) -> Entailment:
         sound = [self.v.t.negation(fault.when) for fault in opening.faults]
         goals = self.rounds.goals(opening.state, self.claims, between_rounds=True)
         shown = tuple(self.rounds.parts(opening.state))
-        return Attempt((*opening.facts, *sound), tuple(goals), shown)
+        return Entailment((*opening.facts, *sound), tuple(goals), shown)
 
-    def _anything(self, first: Past) -> Past:
+    def _anything(self, first: History) -> History:
         """Any configuration, but for what nobody ever writes: that is as INIT left it."""
         t, facts = self.v.t, []
         state = self.rounds.anything_like(first.state, self.world.written, "")
@@ -124,7 +124,7 @@ class Obligations:
         if self.nothing_begins or any(_has_unknown(storage) for storage in kept):
             # What INIT and the assumptions say of them still holds.
             facts += first.facts
-        return Past(state, tuple(facts))
+        return History(state, tuple(facts))
 
     def _variables(self, state: State) -> Iterator[tuple[Key, Storage]]:
         store = state.store
@@ -137,27 +137,27 @@ class Obligations:
                 for slot, storage in enumerate(kept):
                     yield (home, kind, slot), storage
 
-    def _followed(self, past: Past, assumed: Sequence[Claim]) -> Past:
+    def _followed(self, past: History, assumed: Sequence[Claim]) -> History:
         """The same, with what is assumed at the start of a round."""
         goals = self.rounds.goals(past.state, assumed, between_rounds=True)
-        return Past(past.state, (*past.facts, *taken(goals)))
+        return History(past.state, (*past.facts, *taken(goals)))
 
-    def _extended(self, past: Past, assumed: Sequence[Claim], label: str) -> Past:
+    def _extended(self, past: History, assumed: Sequence[Claim], label: str) -> History:
         """What a whole round leads to, in which everything that is assumed held."""
         prefix, end, facts = self.rounds.ended(past, assumed, label)
         evolution = self.turns.environment(end)
         t = self.v.t
         sound = [t.negation(fault.when) for fault in evolution.faults]
         known = (*past.facts, *prefix.facts, *facts, *evolution.facts, *sound)
-        return self._followed(Past(evolution.state, known), assumed)
+        return self._followed(History(evolution.state, known), assumed)
 
     # --- one round ------------------------------------------------------------------------------
 
     def _round(
-        self, past: Past, assumed: Sequence[Claim], asked: Sequence[Claim], label: str
+        self, past: History, assumed: Sequence[Claim], asked: Sequence[Claim], label: str
     ) -> Iterator[Obligation]:
         """Everything that one more step of a round may break."""
-        round_ = Round(self.rounds, past, assumed, asked, label)
+        round_ = RoundObligations(self.rounds, past, assumed, asked, label)
         for i in range(len(self.world.kinds)):
             for position in range(len(self.world.agent(i).events)):
                 yield from round_.event(i, position)

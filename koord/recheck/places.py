@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import assert_never
 
 from koord.recheck import all_robots, maps
-from koord.recheck.body import Body
+from koord.recheck.body import RunningBody
 from koord.recheck.sorts import Family, Value
 from koord.recheck.storage import AtKey, Cell, Field, Location, Many, Storage, Write
 from koord.recheck.terms import Term
@@ -16,7 +16,7 @@ from koord.syntax.source import Span
 from koord.syntax.types import MapType, QueueType, Type
 
 
-def read(body: Body, place: core.Place) -> Value:
+def read(body: RunningBody, place: core.Place) -> Value:
     """Every read is from the robot's own memory. [LOOKUP]"""
     storage, type_ = root(body, place), place.variable.type
     steps = list(place.steps)
@@ -31,7 +31,7 @@ def read(body: Body, place: core.Place) -> Value:
     return part(body, value, type_, steps)
 
 
-def check_index(body: Body, index: Term, storage: Storage, span: Span) -> None:
+def check_index(body: RunningBody, index: Term, storage: Storage, span: Span) -> None:
     t = body.t
     if isinstance(storage, Many):
         there = all_robots.is_robot(body, index)
@@ -42,7 +42,7 @@ def check_index(body: Body, index: Term, storage: Storage, span: Span) -> None:
     body.fault_unless(there, "index out of range", span)
 
 
-def part(body: Body, value: Value, type_: Type, steps: Sequence[core.Step]) -> Value:
+def part(body: RunningBody, value: Value, type_: Type, steps: Sequence[core.Step]) -> Value:
     for step in steps:
         location = located(body, step, type_)
         if isinstance(location, Field):
@@ -66,7 +66,7 @@ def part(body: Body, value: Value, type_: Type, steps: Sequence[core.Step]) -> V
     return value
 
 
-def located(body: Body, step: core.Step, type_: Type) -> Location:
+def located(body: RunningBody, step: core.Step, type_: Type) -> Location:
     """Where a step leads from a value of a type."""
     match step:
         case core.FieldStep(position=position):
@@ -79,7 +79,7 @@ def located(body: Body, step: core.Step, type_: Type) -> Location:
     assert_never(step)
 
 
-def root(body: Body, place: core.Place) -> Storage:
+def root(body: RunningBody, place: core.Place) -> Storage:
     variable, memory = place.variable, body.memory
     match variable.home:
         case Home.BOUND:
@@ -101,7 +101,7 @@ def root(body: Body, place: core.Place) -> Storage:
     assert_never(variable.home)
 
 
-def of_named(body: Body, place: core.Place) -> Storage:
+def of_named(body: RunningBody, place: core.Place) -> Storage:
     """``v@i``: the variable of the robot that the number names. [PROP-READ]"""
     assert place.robot is not None
     number, type_ = body.condition(place.robot), place.variable.type
@@ -123,7 +123,7 @@ def of_named(body: Body, place: core.Place) -> Storage:
     return found
 
 
-def assign(body: Body, place: core.Place, value: Value) -> None:
+def assign(body: RunningBody, place: core.Place, value: Value) -> None:
     """Write a place. [LOCAL-ASSIGN] [SHARED-ASSIGN] [ALLREAD] [ACTUATE]"""
     variable = place.variable
     types = [variable.type, *(step.type for step in place.steps)]
@@ -144,7 +144,7 @@ def assign(body: Body, place: core.Place, value: Value) -> None:
         body.writes.append(Write(body.path, variable, locations, value))
 
 
-def held_in(body: Body, home: Home) -> list[Storage] | list[Storage | None]:
+def held_in(body: RunningBody, home: Home) -> list[Storage] | list[Storage | None]:
     memory = body.memory
     match home:
         case Home.LOCAL:
@@ -161,7 +161,7 @@ def held_in(body: Body, home: Home) -> list[Storage] | list[Storage | None]:
 
 
 def check_place(
-    body: Body, place: core.Place, storage: Storage, locations: Sequence[Location]
+    body: RunningBody, place: core.Place, storage: Storage, locations: Sequence[Location]
 ) -> None:
     """A place exists for writing, or the step that fails is a fault. [S-ASSIGN]"""
     type_, value = place.variable.type, None
@@ -193,7 +193,7 @@ def check_place(
 
 
 def entry_in(
-    body: Body, storage: Storage, place: core.Place, locations: Sequence[Location]
+    body: RunningBody, storage: Storage, place: core.Place, locations: Sequence[Location]
 ) -> Value:
     """What storage has at locations that lead to an entry, which is there."""
     type_, value = place.variable.type, None
@@ -216,7 +216,7 @@ def entry_in(
     return value
 
 
-def removed(body: Body, s: core.Remove) -> None:
+def removed(body: RunningBody, s: core.Remove) -> None:
     """The first equal element goes, if there is one, or the key. [S-REMOVE]"""
     wanted = body.value(s.value)
     whole = read(body, s.place)
@@ -231,7 +231,7 @@ def removed(body: Body, s: core.Remove) -> None:
         assign(body, s.place, body.v.without(whole, position, s.place.type))
 
 
-def popped(body: Body, s: core.Pop) -> None:
+def popped(body: RunningBody, s: core.Pop) -> None:
     """The first of a queue goes, or the last of a list. [S-POP]"""
     t, type_ = body.t, s.place.type
     whole = read(body, s.place)
@@ -245,10 +245,10 @@ def popped(body: Body, s: core.Pop) -> None:
         assign(body, s.into, taken)
 
 
-def storage_of(body: Body, variable: core.Variable) -> Storage:
+def storage_of(body: RunningBody, variable: core.Variable) -> Storage:
     found = held_in(body, variable.home)[variable.slot]
     return body.s.unset(variable.type) if found is None else found
 
 
-def set_storage(body: Body, variable: core.Variable, storage: Storage) -> None:
+def set_storage(body: RunningBody, variable: core.Variable, storage: Storage) -> None:
     held_in(body, variable.home)[variable.slot] = storage

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import assert_never
 
 from koord.recheck import all_robots
-from koord.recheck.body import Body
+from koord.recheck.body import RunningBody
 from koord.recheck.sorts import NotRecheckedError, Value
 from koord.recheck.terms import Term
 from koord.syntax import core
@@ -14,7 +14,7 @@ from koord.syntax.core import QuantifierKind
 from koord.syntax.types import MapType, Type, contains
 
 
-def quantified(body: Body, e: core.Quantified) -> Term:
+def quantified(body: RunningBody, e: core.Quantified) -> Term:
     slot, universal = e.variable.slot, e.quantifier is QuantifierKind.FORALL
     if isinstance(e.domain, core.AllValues):
         return every_value(body, e, e.domain.type)
@@ -31,7 +31,7 @@ def quantified(body: Body, e: core.Quantified) -> Term:
     return result
 
 
-def instances(body: Body, e: core.Quantified) -> list[Value]:
+def instances(body: RunningBody, e: core.Quantified) -> list[Value]:
     match e.domain:
         case core.RobotRange(agent=agent):
             kinds = body.world.kinds
@@ -45,7 +45,7 @@ def instances(body: Body, e: core.Quantified) -> list[Value]:
     assert_never(e.domain)
 
 
-def fixed_range(body: Body, low: core.Expr, high: core.Expr) -> range:
+def fixed_range(body: RunningBody, low: core.Expr, high: core.Expr) -> range:
     start, end = body.condition(low).value, body.condition(high).value
     if start is None or end is None:
         where = low if start is None else high
@@ -55,7 +55,7 @@ def fixed_range(body: Body, low: core.Expr, high: core.Expr) -> range:
     return range(int(start), int(end))
 
 
-def every_value(body: Body, e: core.Quantified, type_: Type) -> Term:
+def every_value(body: RunningBody, e: core.Quantified, type_: Type) -> Term:
     """A mathematical quantifier, in a summary."""
     assert e.quantifier is QuantifierKind.FORALL
     if contains(type_, MapType):
@@ -70,7 +70,7 @@ def every_value(body: Body, e: core.Quantified, type_: Type) -> Term:
     return body.t.for_all(binders, body.t.implies(body.t.conjunction(ranges), holds))
 
 
-def binder(body: Body, name: str, type_: Type, binders: list[Term]) -> Value:
+def binder(body: RunningBody, name: str, type_: Type, binders: list[Term]) -> Value:
     """A value of variables of a quantifier, which are added to the others."""
     parts = body.v.parts(type_)
     if parts is not None:
@@ -80,7 +80,7 @@ def binder(body: Body, name: str, type_: Type, binders: list[Term]) -> Value:
     return symbol
 
 
-def of_robots(body: Body, number: core.Expr, holds: Sequence[Term]) -> Term:
+def of_robots(body: RunningBody, number: core.Expr, holds: Sequence[Term]) -> Term:
     """Whether something holds of the robot that the number names; false if there is none."""
     index = body.condition(number)
     return body.t.disjunction(
@@ -88,7 +88,7 @@ def of_robots(body: Body, number: core.Expr, holds: Sequence[Term]) -> Term:
     )
 
 
-def ran(body: Body, e: core.Ran, robot: int) -> Term:
+def ran(body: RunningBody, e: core.Ran, robot: int) -> Term:
     position = body.state().robots[robot].ran
     positions = [p for kind, p in e.events if kind == body.world.kinds[robot]]
     return body.t.disjunction(body.t.equal(position, body.t.integer(p)) for p in positions)

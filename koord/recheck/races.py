@@ -12,7 +12,7 @@ from koord.syntax.core import Home
 from koord.syntax.types import Type, is_flat
 
 
-class Part(Struct, frozen=True):
+class WrittenPart(Struct, frozen=True):
     """What one robot writes, where ``when`` holds."""
 
     robot: int
@@ -47,9 +47,9 @@ class Racing(Struct):
     facts: list[Term] = field(default_factory=list)
     _ranks: dict[int, Term] = field(default_factory=dict)
 
-    def joined(self, store: Store, parts: Sequence[Part]) -> Store:
+    def joined(self, store: Store, parts: Sequence[WrittenPart]) -> Store:
         allread, allwrite = list(store.allread), list(store.allwrite)
-        raced: dict[int, list[tuple[Part, Write]]] = {}
+        raced: dict[int, list[tuple[WrittenPart, Write]]] = {}
         for part in parts:
             for w in part.writes:
                 slot = w.variable.slot
@@ -68,7 +68,9 @@ class Racing(Struct):
                 allwrite[slot] = self._any(allwrite[slot], type_, writes)
         return Store(tuple(allread), tuple(allwrite))
 
-    def _won(self, storage: Storage, type_: Type, writes: Sequence[tuple[Part, Write]]) -> Storage:
+    def _won(
+        self, storage: Storage, type_: Type, writes: Sequence[tuple[WrittenPart, Write]]
+    ) -> Storage:
         """Each atom as the last of its writers leaves it."""
         by_robot: dict[int, Storage] = {}
         for part, w in writes:
@@ -116,7 +118,9 @@ class Racing(Struct):
             self._ranks[robot] = rank
         return self._ranks[robot]
 
-    def _any(self, storage: Storage, type_: Type, writes: Sequence[tuple[Part, Write]]) -> Storage:
+    def _any(
+        self, storage: Storage, type_: Type, writes: Sequence[tuple[WrittenPart, Write]]
+    ) -> Storage:
         """Lists that several robots may write: anything, where one of them does."""
         t = self.s.v.t
         written = t.disjunction(t.both(part.when, w.when) for part, w in writes)

@@ -10,20 +10,20 @@ from collections.abc import Iterable, Iterator, Sequence
 
 from msgspec import Struct
 
-from koord.recheck.claims import Claim, Goal, Past, Shown, parts, stated, taken
-from koord.recheck.races import Part, Racing
+from koord.recheck.claims import Claim, Goal, History, ShownTerm, parts, stated, taken
+from koord.recheck.races import Racing, WrittenPart
 from koord.recheck.storage import Robot, State, Storage, Store
 from koord.recheck.terms import BOOL, INT, Term, Terms
-from koord.recheck.turns import Turn, Turns
+from koord.recheck.turns import EventTurn, Turns
 from koord.recheck.world import Key
 from koord.syntax import core
 from koord.syntax.core import Home
 
 
-class Choice(Struct, frozen=True):
+class EventChoice(Struct, frozen=True):
     """A robot's event in a round, and the unknown that says whether it has run it."""
 
-    turn: Turn
+    turn: EventTurn
     runs: Term
 
 
@@ -31,7 +31,7 @@ class Prefix(Struct, frozen=True):
     """The beginning of a round: ``state`` is what it has led to. ``facts`` say that it is legal."""
 
     start: State
-    choices: tuple[tuple[Choice, ...], ...]  #: by robot, by event
+    choices: tuple[tuple[EventChoice, ...], ...]  #: by robot, by event
     state: State
     facts: tuple[Term, ...]
 
@@ -52,14 +52,14 @@ class Rounds(Struct, frozen=True):
         world, v = self.turns.world, self.turns.v
         t = v.t
         facts: list[Term] = []
-        choices: list[tuple[Choice, ...]] = []
+        choices: list[tuple[EventChoice, ...]] = []
         for i in range(len(world.kinds)):
             mine = []
             for position, event in enumerate(world.agent(i).events):
                 turn = self.turns.turn(start, i, position)
                 runs = v.symbol(f"{i} runs {event.name} in {label}", BOOL)
                 facts.append(t.implies(runs, self.may_run(start, turn)))
-                mine.append(Choice(turn, runs))
+                mine.append(EventChoice(turn, runs))
             facts += _at_most_one(t, [choice.runs for choice in mine])
             choices.append(tuple(mine))
         facts += self._one_winner_each(choices)
@@ -70,12 +70,12 @@ class Rounds(Struct, frozen=True):
             if world.guarding(d.variable.slot) is not None
         )
         racing = Racing(self.turns.s, label, exclusive)
-        parts = [Part(choice.turn.robot, choice.runs, choice.turn.writes) for choice in flat]
+        parts = [WrittenPart(choice.turn.robot, choice.runs, choice.turn.writes) for choice in flat]
         store = racing.joined(start.store, parts)
         robots = tuple(self._moved(start.robots[i], mine) for i, mine in enumerate(choices))
         return Prefix(start, tuple(choices), State(robots, store), (*facts, *racing.facts))
 
-    def may_run(self, start: State, turn: Turn) -> Term:
+    def may_run(self, start: State, turn: EventTurn) -> Term:
         """The robot may select the event, as far as it alone is concerned. [SELECT]"""
         t = self.turns.v.t
         return t.conjunction(
@@ -87,7 +87,7 @@ class Rounds(Struct, frozen=True):
             ]
         )
 
-    def _one_winner_each(self, choices: Sequence[Sequence[Choice]]) -> list[Term]:
+    def _one_winner_each(self, choices: Sequence[Sequence[EventChoice]]) -> list[Term]:
         """No two robots enter one lock class. [ATOMIC]"""
         t = self.turns.v.t
         facts: list[Term] = []
@@ -96,7 +96,7 @@ class Rounds(Struct, frozen=True):
             facts += _at_most_one(t, entering)
         return facts
 
-    def _enters(self, mine: Sequence[Choice], lock: int) -> Term:
+    def _enters(self, mine: Sequence[EventChoice], lock: int) -> Term:
         t = self.turns.v.t
         return t.disjunction(
             t.both(choice.runs, choice.turn.entered[lock])
@@ -108,7 +108,7 @@ class Rounds(Struct, frozen=True):
         """Whether one of the robots that ran has entered the class."""
         return self.turns.v.t.disjunction(self._enters(mine, lock) for mine in prefix.choices)
 
-    def _moved(self, own: Robot, mine: Sequence[Choice]) -> Robot:
+    def _moved(self, own: Robot, mine: Sequence[EventChoice]) -> Robot:
         """A robot after the event that it ran, or as it was. [END-EVENT] [SKIP]"""
         merged = Robot(own.locals, own.ports, own.asked, own.stopped, self.turns.v.t.integer(-1))
         for choice in mine:
@@ -129,7 +129,7 @@ class Rounds(Struct, frozen=True):
         return idle, State(robots, state.store)
 
     def skips_legally(
-        self, prefix: Prefix, *, mover: Turn | None = None, nobody_moved: bool = False
+        self, prefix: Prefix, *, mover: EventTurn | None = None, nobody_moved: bool = False
     ) -> list[Term]:
         """Robot by robot: if it ran nothing by the end of the round, nothing obliged it. [SKIP]
 
@@ -152,7 +152,7 @@ class Rounds(Struct, frozen=True):
         return facts
 
     def _not_obliged(
-        self, prefix: Prefix, turn: Turn, mover: Turn | None, nobody_moved: bool
+        self, prefix: Prefix, turn: EventTurn, mover: EventTurn | None, nobody_moved: bool
     ) -> Term:
         """There are answers with which ``pre`` does not hold, or a class of the event is taken."""
         t = self.turns.v.t
@@ -168,7 +168,7 @@ class Rounds(Struct, frozen=True):
         return t.disjunction([off, *taken])
 
     def ended(
-        self, past: Past, assumed: Sequence[Claim], label: str
+        self, past: History, assumed: Sequence[Claim], label: str
     ) -> tuple[Prefix, State, list[Term]]:
         """The end of the program turns of a round, and what is known of it."""
         prefix = self.prefix(past.state, label or "the round")
@@ -224,7 +224,7 @@ class Rounds(Struct, frozen=True):
         """Statements that are to hold in a configuration."""
         return stated(self.turns, state, claims, between_rounds=between_rounds)
 
-    def parts(self, state: State, suffix: str = "") -> Iterator[Shown]:
+    def parts(self, state: State, suffix: str = "") -> Iterator[ShownTerm]:
         """The variables of a configuration, part by part."""
         return parts(self.turns.world, self.turns.v, state, suffix)
 

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from multiprocessing.process import BaseProcess
 
 
-class Answer(Enum):
+class SolverAnswer(Enum):
     """What a solver says of a question."""
 
     SAT = "sat"
@@ -74,7 +74,7 @@ _ALL = "(set-logic ALL)"
 _GRACE_S = 20.0
 
 
-class Session(Struct):
+class SolverSession(Struct):
     """One run of cvc5, fed with commands. Inside a ``with``, at whose end it is over."""
 
     _process: BaseProcess
@@ -84,7 +84,7 @@ class Session(Struct):
     _question_s: float | None = None
 
     @staticmethod
-    def start(seed: int = 0, logic: str = _ALL) -> Session:
+    def start(seed: int = 0, logic: str = _ALL) -> SolverSession:
         """Raises MissingSolverError."""
         _cvc5()  # whoever is forked from this process has it then
         can_fork = "fork" in multiprocessing.get_all_start_methods()
@@ -96,9 +96,9 @@ class Session(Struct):
             )
             process.start()
             theirs.close()
-        return Session(process, ours, [logic])
+        return SolverSession(process, ours, [logic])
 
-    def __enter__(self) -> Session:
+    def __enter__(self) -> SolverSession:
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -144,10 +144,14 @@ class Session(Struct):
         self.tell([f"(set-option :tlimit-per {max(1, int(seconds * 1000))})"])
         self._question_s = seconds + _GRACE_S
 
-    def check(self) -> Answer:
+    def check(self) -> SolverAnswer:
         """Whether what is asserted can hold."""
         said = self.ask(["(check-sat)"], self._question_s).split()
-        return Answer(said[-1]) if said and said[-1] in ("sat", "unsat") else Answer.UNKNOWN
+        return (
+            SolverAnswer(said[-1])
+            if said and said[-1] in ("sat", "unsat")
+            else SolverAnswer.UNKNOWN
+        )
 
     def values(self, terms: Sequence[str]) -> list[str]:
         """What the model says of terms, after ``sat``."""
@@ -188,13 +192,13 @@ def _fraction(match: re.Match[str]) -> str:
 
 def read(script: Harmless) -> None:
     """Have cvc5 read a script that someone else wrote. Raises TextError, and SolverEndedError."""
-    with Session.start(logic=script.logic or _ALL) as session:
+    with SolverSession.start(logic=script.logic or _ALL) as session:
         session.ask(script.commands, _GRACE_S)
 
 
-def answer_of(script: Harmless, seconds: float) -> Answer:
+def answer_of(script: Harmless, seconds: float) -> SolverAnswer:
     """What cvc5 says of such a script. Raises what :func:`read` raises."""
-    with Session.start(logic=script.logic or _ALL) as session:
+    with SolverSession.start(logic=script.logic or _ALL) as session:
         session.ask(script.commands, _GRACE_S)
         session.allow(seconds)
         return session.check()

@@ -6,23 +6,23 @@ from collections.abc import Sequence
 from typing import assert_never
 
 from koord.recheck import expressions, places, quantifiers
-from koord.recheck.body import Body
-from koord.recheck.loops import Loop
+from koord.recheck.body import RunningBody
+from koord.recheck.loops import LoopTerms
 from koord.recheck.sorts import Family, Value
 from koord.recheck.storage import Memory
 from koord.recheck.terms import Term
 from koord.recheck.values import Values
-from koord.recheck.world import World
+from koord.recheck.world import Instance
 from koord.syntax import core
 from koord.syntax.types import INT
 
 
-def body(world: World, values: Values, robot: Term | None, memory: Memory) -> Body:
+def body(world: Instance, values: Values, robot: Term | None, memory: Memory) -> RunningBody:
     """A body that a robot runs; nobody in a property."""
-    return Body(world, values, robot, memory, (expressions.value, run))
+    return RunningBody(world, values, robot, memory, (expressions.value, run))
 
 
-def run(body: Body, block: core.Block) -> None:
+def run(body: RunningBody, block: core.Block) -> None:
     """The statements in order; what left the block does not go on."""
     outer = body.path
     for s in block:
@@ -34,7 +34,7 @@ def run(body: Body, block: core.Block) -> None:
     body.path = outer
 
 
-def execute(body: Body, s: core.Stmt) -> None:
+def execute(body: RunningBody, s: core.Stmt) -> None:
     t = body.t
     match s:
         case core.Assign():
@@ -47,7 +47,7 @@ def execute(body: Body, s: core.Stmt) -> None:
                         run(body, block)
         case core.ForRange() if is_open(body, s.low) or is_open(body, s.high):
             low, high = body.condition(s.low), body.condition(s.high)
-            Loop(body, low, high, s.variable, None, s.body, s.span).run()
+            LoopTerms(body, low, high, s.variable, None, s.body, s.span).run()
         case core.ForRange():
             trips = [(None, t.integer(k)) for k in quantifiers.fixed_range(body, s.low, s.high)]
             go_through(body, trips, None, s.variable, s.body)
@@ -55,7 +55,7 @@ def execute(body: Body, s: core.Stmt) -> None:
             over = body.value(s.sequence)
             if isinstance(over, Family):
                 zero = t.integer(0)
-                Loop(body, zero, body.v.count, s.value, (over, s.key), s.body, s.span).run()
+                LoopTerms(body, zero, body.v.count, s.value, (over, s.key), s.body, s.span).run()
                 return
             items = body.items(over, s.span)
             numbered = [(t.integer(k), item) for k, item in enumerate(items)]
@@ -87,13 +87,13 @@ def execute(body: Body, s: core.Stmt) -> None:
             assert_never(s)
 
 
-def is_open(body: Body, bound: core.Expr) -> bool:
+def is_open(body: RunningBody, bound: core.Expr) -> bool:
     """Whether the bound of a loop is not a number, since that of robots is open."""
     return body.v.robots is None and body.condition(bound).value is None
 
 
 def go_through(
-    body: Body,
+    body: RunningBody,
     trips: Sequence[tuple[Term | None, Value]],
     key: core.Variable | None,
     variable: core.Variable,
@@ -115,7 +115,7 @@ def go_through(
     body.path = outer
 
 
-def leave(body: Body, s: core.Return) -> None:
+def leave(body: RunningBody, s: core.Return) -> None:
     frame = body.frame
     assert frame is not None
     if s.value is not None:

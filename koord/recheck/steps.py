@@ -10,13 +10,13 @@ from msgspec.structs import replace
 
 from koord.recheck.claims import (
     NO_END,
-    Attempt,
     Claim,
+    ClaimKind,
+    Entailment,
     Goal,
-    Kind,
+    History,
     Obligation,
-    Past,
-    Shown,
+    ShownTerm,
     sound,
     taken,
 )
@@ -25,22 +25,22 @@ from koord.recheck.races import made
 from koord.recheck.rounds import Prefix, Rounds
 from koord.recheck.storage import State, Store
 from koord.recheck.terms import BOOL, Term, Terms
-from koord.recheck.turns import Turn
-from koord.recheck.world import World
+from koord.recheck.turns import EventTurn
+from koord.recheck.world import Instance
 from koord.syntax import core
 
 
-class Round(Struct, dict=True):
+class RoundObligations(Struct, dict=True):
     """The obligations of one round. ``within`` says which, where it is not any round."""
 
     of: Rounds
-    past: Past
+    past: History
     assumed: Sequence[Claim]
     asked: Sequence[Claim]
     label: str
 
     @property
-    def world(self) -> World:
+    def world(self) -> Instance:
         return self.of.turns.world
 
     @property
@@ -52,7 +52,7 @@ class Round(Struct, dict=True):
         return f" in {self.label}" if self.label else ""
 
     @cached_property
-    def shown(self) -> tuple[Shown, ...]:
+    def shown(self) -> tuple[ShownTerm, ...]:
         return tuple(self.of.parts(self.past.state))
 
     @cached_property
@@ -60,20 +60,20 @@ class Round(Struct, dict=True):
         return self.of.prefix(self.past.state, self.label or "the round")
 
     @cached_property
-    def chosen(self) -> tuple[Shown, ...]:
+    def chosen(self) -> tuple[ShownTerm, ...]:
         return tuple(
-            Shown(f"robot {c.turn.robot} has run {c.turn.event.name}", c.runs, None)
+            ShownTerm(f"robot {c.turn.robot} has run {c.turn.event.name}", c.runs, None)
             for mine in self.prefix.choices
             for c in mine
         )
 
     def _attempt(
-        self, facts: Iterable[Term], goals: Iterable[Goal], shown: tuple[Shown, ...]
-    ) -> Attempt:
-        return Attempt((*self.past.facts, *facts), tuple(goals), shown)
+        self, facts: Iterable[Term], goals: Iterable[Goal], shown: tuple[ShownTerm, ...]
+    ) -> Entailment:
+        return Entailment((*self.past.facts, *facts), tuple(goals), shown)
 
     def _faults_asked(self) -> bool:
-        return any(claim.kind is Kind.FAULT for claim in self.asked)
+        return any(claim.kind is ClaimKind.FAULT for claim in self.asked)
 
     # --- events ---------------------------------------------------------------------------------
 
@@ -87,13 +87,13 @@ class Round(Struct, dict=True):
             attempts.insert(0, partial(self._event_loosely, turn))
         yield Obligation(name, tuple(attempts))
 
-    def _no_fault(self, turn: Turn) -> Attempt:
+    def _no_fault(self, turn: EventTurn) -> Entailment:
         """A fault needs one robot only. [T-FAULT]"""
         awake = self.t.negation(self.past.state.robots[turn.robot].stopped)
         goals = [sound(self.of.turns, fault, turn.legal) for fault in turn.faults]
         return self._attempt([awake], goals, self.shown)
 
-    def _event_exactly(self, turn: Turn) -> Attempt:
+    def _event_exactly(self, turn: EventTurn) -> Entailment:
         """The other robots have done what they can do on ``c``."""
         prefix, t = self.prefix, self.t
         facts = [*prefix.facts, *self.inside, prefix.ran_none(turn.robot, self.of.turns)]
@@ -114,7 +114,7 @@ class Round(Struct, dict=True):
         goals = self.of.goals(after, self.asked)
         return self._attempt(facts, goals, (*self.shown, *self.chosen))
 
-    def _event_loosely(self, turn: Turn) -> Attempt:
+    def _event_loosely(self, turn: EventTurn) -> Entailment:
         """Of what the other robots have done only the claims are known, and the locks."""
         state, i = self.loose, turn.robot
         before, t = self.past.state, self.t
@@ -141,7 +141,7 @@ class Round(Struct, dict=True):
         facts.append(self.of.may_run(before, turn))
         return self._attempt(facts, self.of.goals(after, self.asked), ())
 
-    def _moved(self, state: State, turn: Turn) -> tuple[Term | None, State]:
+    def _moved(self, state: State, turn: EventTurn) -> tuple[Term | None, State]:
         """One more robot has run an event.
 
         Where it can be seen, also whether it was the last to move, which ends the program turns.
@@ -193,7 +193,7 @@ class Round(Struct, dict=True):
             name = f"a last turn in which a robot skips{self.within}"
             yield Obligation(name, (self._last_skip,))
 
-    def _first_skip(self) -> Attempt:
+    def _first_skip(self) -> Entailment:
         never = self.t.integer(-1)
         state = self.past.state
         robots = tuple(replace(robot, ran=never) for robot in state.robots)
@@ -201,7 +201,7 @@ class Round(Struct, dict=True):
         goals = self.of.goals(State(robots, state.store), self.asked)
         return self._attempt([self.t.disjunction(may)], goals, self.shown)
 
-    def _last_skip(self) -> Attempt:
+    def _last_skip(self) -> Entailment:
         idle, ended = self.of.stopped_together(self.prefix.state)
         legal = self.of.skips_legally(self.prefix)
         facts = (*self.prefix.facts, *self.inside, idle, *legal)
@@ -211,10 +211,10 @@ class Round(Struct, dict=True):
 
     def updates(self) -> Iterator[Obligation]:
         """No two robots write one location in the round, of whom one updates it."""
-        if any(claim.kind is Kind.LOST_UPDATE for claim in self.asked):
+        if any(claim.kind is ClaimKind.LOST_UPDATE for claim in self.asked):
             yield Obligation(f"updates in one round{self.within}", (self._updates,))
 
-    def _updates(self) -> Attempt:
+    def _updates(self) -> Entailment:
         t = self.t
         goals = [
             Goal(
@@ -223,7 +223,7 @@ class Round(Struct, dict=True):
                 t.negation(meeting(self.of.turns, self.prefix, claim.subject)),
             )
             for claim in self.asked
-            if claim.kind is Kind.LOST_UPDATE
+            if claim.kind is ClaimKind.LOST_UPDATE
         ]
         return self._attempt(self.prefix.facts, goals, (*self.shown, *self.chosen))
 
@@ -245,18 +245,18 @@ class Round(Struct, dict=True):
         prefix, end, facts = self.of.ended(self.past, self.assumed, self.label)
         return end, [*prefix.facts, *facts]
 
-    def _no_fault_after(self, end: Callable[[], tuple[State, list[Term]]]) -> Attempt:
+    def _no_fault_after(self, end: Callable[[], tuple[State, list[Term]]]) -> Entailment:
         state, facts = end()
         evolution = self.of.turns.environment(state)
         goals = [sound(self.of.turns, fault) for fault in evolution.faults]
         return self._attempt([*facts, *evolution.facts], goals, self.shown)
 
-    def _evolved(self, end: Callable[[], tuple[State, list[Term]]]) -> Attempt:
+    def _evolved(self, end: Callable[[], tuple[State, list[Term]]]) -> Entailment:
         state, facts = end()
         t, evolution = self.t, self.of.turns.environment(state)
         goals = self.of.goals(evolution.state, self.asked, between_rounds=True)
         for claim in self.asked:
-            if claim.kind is Kind.CONTRACT:
+            if claim.kind is ClaimKind.CONTRACT:
                 kept = [x for name, _, x in evolution.promises if name == claim.subject]
                 goals.append(Goal(claim.name, t.truth(True), t.conjunction(kept)))
         sound = [t.negation(fault.when) for fault in evolution.faults]

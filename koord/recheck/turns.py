@@ -9,8 +9,8 @@ from __future__ import annotations
 from msgspec import Struct
 
 from koord.recheck import places, statements
-from koord.recheck.body import Body
-from koord.recheck.races import Part, Racing
+from koord.recheck.body import RunningBody
+from koord.recheck.races import Racing, WrittenPart
 from koord.recheck.storage import (
     Crowd,
     Fault,
@@ -24,13 +24,13 @@ from koord.recheck.storage import (
 )
 from koord.recheck.terms import Term
 from koord.recheck.values import Values
-from koord.recheck.world import World
+from koord.recheck.world import Instance
 from koord.syntax import core
 from koord.syntax.core import Direction, Start
 from koord.syntax.types import INT, ArrayType
 
 
-class Turn(Struct, frozen=True):
+class EventTurn(Struct, frozen=True):
     """What one event of one robot does, if it runs.
 
     ``robot`` is its number, or its kind where it is any robot of any number of them.
@@ -52,7 +52,7 @@ class Turn(Struct, frozen=True):
     entered: dict[int, Term]
 
 
-class Opening(Struct, frozen=True):
+class Initialisation(Struct, frozen=True):
     """What INIT gives: a configuration, what holds of it, and what may go wrong on the way."""
 
     state: State
@@ -81,7 +81,7 @@ class Evolved(Struct, frozen=True):
 class Turns(Struct, frozen=True):
     """Works out turns."""
 
-    world: World
+    world: Instance
     v: Values
 
     @property
@@ -90,7 +90,7 @@ class Turns(Struct, frozen=True):
 
     # --- INIT -----------------------------------------------------------------------------------
 
-    def opening(self) -> Opening:
+    def opening(self) -> Initialisation:
         """The configuration after INIT, in which all assumptions hold. [INIT] [PROP-ASSUME]"""
         program, t = self.world.program, self.v.t
         shared, base = self.declared()
@@ -99,7 +99,7 @@ class Turns(Struct, frozen=True):
             for i in range(len(self.world.kinds))
         ]
         racing = Racing(self.s, "INIT")
-        everyone = [Part(i, t.truth(True), tuple(b.writes)) for i, b in enumerate(bodies)]
+        everyone = [WrittenPart(i, t.truth(True), tuple(b.writes)) for i, b in enumerate(bodies)]
         store = racing.joined(base, everyone)
         never = t.integer(-1)
         robots = tuple(
@@ -112,9 +112,9 @@ class Turns(Struct, frozen=True):
             holds, legal = self.holds(state, assumption.condition, assumption.bound)
             facts += [legal, holds]
         faults = [fault for b in (shared, *bodies) for fault in b.faults]
-        return Opening(state, tuple(facts), tuple(faults))
+        return Initialisation(state, tuple(facts), tuple(faults))
 
-    def declared(self) -> tuple[Body, Store]:
+    def declared(self) -> tuple[RunningBody, Store]:
         """The store before robots begin, and the body that made it."""
         program = self.world.program
         allread = [self.s.unset(d.variable.type) for d in program.allread]
@@ -124,7 +124,7 @@ class Turns(Struct, frozen=True):
             self._start(shared, d, shared.memory.allwrite, "")
         return shared, Store(tuple(allread), tuple(shared.memory.allwrite))
 
-    def initial(self, agent: core.Agent, robot: Term, name: str, base: Store) -> Body:
+    def initial(self, agent: core.Agent, robot: Term, name: str, base: Store) -> RunningBody:
         """What a robot does in INIT; ``name`` is what its unknowns are called after."""
         memory = Memory(
             [self.s.unset(d.variable.type) for d in agent.locals],
@@ -146,7 +146,7 @@ class Turns(Struct, frozen=True):
 
     def _start(
         self,
-        body: Body,
+        body: RunningBody,
         entry: core.Declaration,
         storages: list[Storage],
         where: str,
@@ -161,7 +161,7 @@ class Turns(Struct, frozen=True):
             value = body.value(entry.initial)
         storages[variable.slot] = self.s.stored(value, variable.type)
 
-    def _start_own(self, body: Body, entry: core.Declaration, robot: str) -> None:
+    def _start_own(self, body: RunningBody, entry: core.Declaration, robot: str) -> None:
         """The robot's own entry of an allread variable: a write like any other. [ALLREAD]"""
         variable = entry.variable
         assert isinstance(variable.type, ArrayType)
@@ -177,14 +177,14 @@ class Turns(Struct, frozen=True):
 
     # --- program turns --------------------------------------------------------------------------
 
-    def turn(self, state: State, robot: int, position: int) -> Turn:
+    def turn(self, state: State, robot: int, position: int) -> EventTurn:
         """One event of a robot, on a configuration at the start of a round. [EVENT-TRANS]"""
         agent, number = self.world.agent(robot), self.v.t.integer(robot)
         return self.attempt(agent, number, robot, state.robots[robot], state.store, position)
 
     def attempt(
         self, agent: core.Agent, pid: Term, robot: int, own: Robot, store: Store, position: int
-    ) -> Turn:
+    ) -> EventTurn:
         """One event of a robot of a kind, whose number is ``pid``. [ATOMIC]"""
         event, t = agent.events[position], self.v.t
         memory = Memory([*own.locals], [*own.ports], [*store.allread], [*store.allwrite])
@@ -201,7 +201,7 @@ class Turns(Struct, frozen=True):
             t.either(own.stopped, body.stopped),
             t.integer(position),
         )
-        return Turn(
+        return EventTurn(
             robot,
             position,
             event,
@@ -267,7 +267,7 @@ class Turns(Struct, frozen=True):
                 read = self.v.fresh(f"{module.name}.{variable.name}@{robot} read", variable.type)
                 memory.after[variable.slot] = self.s.stored(read, variable.type)
 
-    def _kept(self, body: Body, contract: core.Contract) -> Term:
+    def _kept(self, body: RunningBody, contract: core.Contract) -> Term:
         """``requires`` before implies ``ensures`` after. [ENV-CONTRACT]"""
         t = self.v.t
         body.bound = [None] * contract.bound

@@ -18,7 +18,7 @@ from koord.syntax.walk import blocks, nodes, written
 Key = tuple[Home, int, int]
 
 
-class World:
+class Instance:
     """A program, which kind each robot is of, and the length of a round in seconds.
 
     Without ``kinds`` there is any number of robots, each of any kind.

@@ -15,7 +15,7 @@ from koord.refinement.generating import profiles
 from koord.refinement.generating.profiles import GENERAL, WILD, Profile
 from koord.refinement.generating.programs import system as generated_system
 from koord.refinement.judging import Judged, judge
-from koord.refinement.running import Compiled, Ran, ready, run
+from koord.refinement.running import Compiled, CompiledRun, ready, run
 from koord.runtime.chaos.faults import CALM, Faults
 from koord.runtime.engine import AtRandom, Deployed, Schedule, Unheard
 from koord.syntax.source import Source
@@ -30,14 +30,14 @@ _SEEDS = 2**31
 _LARGEST = 120
 
 
-class Policy(Enum):
+class SchedulePolicy(Enum):
     """How a schedule is made."""
 
     DEPLOYED = "deployed"  #: rotating rank, first enabled event, no skips
     RANDOM = "random"  #: any order, any enabled event, now and then a skip
 
     def schedule(self, rng: Random) -> Schedule:
-        return Deployed() if self is Policy.DEPLOYED else AtRandom(rng)
+        return Deployed() if self is SchedulePolicy.DEPLOYED else AtRandom(rng)
 
 
 class Target(Enum):
@@ -48,7 +48,7 @@ class Target(Enum):
     UDP = "udp"  #: deployed robots as processes that talk over UDP
 
 
-class Sort(Enum):
+class ProgramFamily(Enum):
     """The sorts of programs that are generated."""
 
     CALM = "calm"  #: little goes wrong
@@ -57,7 +57,11 @@ class Sort(Enum):
 
     @property
     def profile(self) -> Profile:
-        return {Sort.CALM: profiles.CALM, Sort.GENERAL: GENERAL, Sort.WILD: WILD}[self]
+        return {
+            ProgramFamily.CALM: profiles.CALM,
+            ProgramFamily.GENERAL: GENERAL,
+            ProgramFamily.WILD: WILD,
+        }[self]
 
 
 class Case(Struct, frozen=True):
@@ -65,7 +69,7 @@ class Case(Struct, frozen=True):
 
     system: System
     sources: Sources
-    policy: Policy
+    policy: SchedulePolicy
     rounds: int
     seed: int
     largest: int | None = None  #: the size of values at which the run ends
@@ -78,7 +82,7 @@ class Tried(Struct, frozen=True):
 
     case: Case
     judged: Judged | None = None
-    ran: Ran | None = None
+    ran: CompiledRun | None = None
     crash: str = ""
 
     @property
@@ -100,7 +104,7 @@ def tried(case: Case, of: Compiled | None = None) -> Tried:
     return Tried(case, judge(ran), ran)
 
 
-def _run(case: Case, made: Compiled) -> Ran:
+def _run(case: Case, made: Compiled) -> CompiledRun:
     if case.target is Target.ENGINE:
         rng = Random(case.seed)
         schedule = case.policy.schedule(rng)
@@ -123,7 +127,7 @@ def of_program(
 ) -> Iterator[Case]:
     """Cases of one program: with the systems in turn, every third as it would be deployed."""
     for number, system in enumerate(systems):
-        policy = Policy.RANDOM if number % 3 else Policy.DEPLOYED
+        policy = SchedulePolicy.RANDOM if number % 3 else SchedulePolicy.DEPLOYED
         seed = seeds.randrange(_SEEDS)
         yield Case(system, sources, policy, rounds, seed, target=target, faults=faults)
 
@@ -137,10 +141,12 @@ def generated(
     that meets a random assumption would take most of the time.
     """
     rng = Random(seed)
-    sort = rng.choice((Sort.CALM, Sort.CALM, Sort.GENERAL, Sort.WILD))
+    sort = rng.choice(
+        (ProgramFamily.CALM, ProgramFamily.CALM, ProgramFamily.GENERAL, ProgramFamily.WILD)
+    )
     system = generated_system(rng, sort.profile)
     system = replace(system, program=replace(system.program, assumptions=(), properties=()))
-    policy = rng.choice((Policy.RANDOM, Policy.RANDOM, Policy.DEPLOYED))
+    policy = rng.choice((SchedulePolicy.RANDOM, SchedulePolicy.RANDOM, SchedulePolicy.DEPLOYED))
     sources = Sources(Source("generated", ""))
     return Case(system, sources, policy, rounds, seed, _LARGEST, target, faults)
 

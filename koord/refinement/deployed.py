@@ -22,11 +22,11 @@ from msgspec.structs import replace
 from koord.refinement.instrumented_robot import (
     GAVE_UP,
     GaveUpError,
+    InstrumentedRobot,
     Told,
     Witness,
-    Witnessed,
 )
-from koord.refinement.running import Compiled, Ran
+from koord.refinement.running import Compiled, CompiledRun
 from koord.refinement.sampling_hosts import SeededHost, settled_starts
 from koord.refinement.trace_merge import gathered
 from koord.runtime.chaos.faults import CALM, Faults
@@ -107,7 +107,9 @@ class Expedition(Struct, frozen=True):
         """Raises KoordError where no starts are found that meet the assumptions."""
         return settled_starts(self.system, self.made.names, self.seed)
 
-    def member(self, job: Job, pid: int, starts: Starts, tell: Callable[[Told], None]) -> Witnessed:
+    def member(
+        self, job: Job, pid: int, starts: Starts, tell: Callable[[Told], None]
+    ) -> InstrumentedRobot:
         """A robot that tells what it does. What is deployed has the host that it will have."""
         made = self.made
         program = job.classes[job.kinds[pid]]
@@ -122,9 +124,9 @@ class Expedition(Struct, frozen=True):
             body = IdealHost(program, pid, job.robots, job.delta_s, self.seed, place)
         host = Witness(body, made, self.system, starts, tell)
         robot = program(pid, job.kinds, job.delta_s, host)
-        return Witnessed(robot, host, job.journal(pid), job.program, self.largest)
+        return InstrumentedRobot(robot, host, job.journal(pid), job.program, self.largest)
 
-    def ran(self, told: list[list[Told]]) -> Ran:
+    def ran(self, told: list[list[Told]]) -> CompiledRun:
         library = self.host(0).answer if self.is_seeded else None
         return gathered(self.sources, self.system, told, self.rounds, library)
 
@@ -139,7 +141,7 @@ class _Crew:
         self.expedition = expedition
         self.job = job
         self.starts = starts
-        self.members: dict[int, Witnessed] = {}
+        self.members: dict[int, InstrumentedRobot] = {}
         self.told: list[list[Told]] = [[] for _ in range(self.job.robots)]
 
     def switch_on(self, pid: int, incarnation: int, back: bool) -> Newborn:
@@ -155,7 +157,7 @@ class _Crew:
         return Newborn(member, setup, fresh(setup, pid, incarnation))
 
 
-def over_network(expedition: Expedition) -> Ran:
+def over_network(expedition: Expedition) -> CompiledRun:
     """A run over a simulated network: a storm, and then a calm until it is over.
 
     Raises StuckError, DisagreementError.
@@ -207,7 +209,7 @@ def _over_the_wire(robots: int) -> Callable[[Message], Message]:
 # --- in processes -------------------------------------------------------------------------------
 
 
-def over_udp(expedition: Expedition) -> Ran:
+def over_udp(expedition: Expedition) -> CompiledRun:
     """A run of processes that talk over UDP, on a network as bad as the faults say.
 
     Raises StuckError, BrokenError, DisagreementError, TransportError.
@@ -223,7 +225,7 @@ def over_udp(expedition: Expedition) -> Ran:
         except KoordError as error:
             return replace(expedition.ran([]), gave_up=error)
 
-        def make(job: Job, pid: int) -> Witnessed:
+        def make(job: Job, pid: int) -> InstrumentedRobot:
             return expedition.member(job, pid, starts, written_to(folder / f"{pid}.told"))
 
         def carry(plan: Plan, pid: int) -> Transport:

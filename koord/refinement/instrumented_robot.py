@@ -18,8 +18,8 @@ from koord.refinement.translation import Translation, to_written
 from koord.runtime.deploy.journal import Journal
 from koord.runtime.deploy.member import Member, Platform
 from koord.runtime.motion.world import Point
-from koord.runtime.proposals import INIT_ROUND, Decision, Fault, Faulted, Proposal, Taken
-from koord.runtime.protocol.entries import Entry
+from koord.runtime.proposals import INIT_ROUND, Admitted, Decision, EventFault, Faulted, Proposal
+from koord.runtime.protocol.entries import LogEntry
 from koord.runtime.robot import Robot, Turn
 from koord.semantics.configurations import Robot as RobotState
 from koord.semantics.configurations import Written
@@ -44,7 +44,7 @@ class Undeclared(Struct, frozen=True):
     """A shared variable's start is a fault. [INIT]"""
 
 
-class Asked(Struct, frozen=True):
+class TurnAnswers(Struct, frozen=True):
     """What a round's turn was answered; INIT's round is -1."""
 
     round: int
@@ -69,7 +69,7 @@ class Stumbled(Struct, frozen=True):
     """The robot's model of the environment faulted at the end of a round."""
 
     round: int
-    fault: Fault
+    fault: EventFault
 
 
 class Acted(Struct, frozen=True):
@@ -99,7 +99,16 @@ class GaveUp(Struct, frozen=True):
 
 
 Told: TypeAlias = (
-    Began | Undeclared | Asked | Sensed | Stood | Stumbled | Acted | Kept | Coordinated | GaveUp
+    Began
+    | Undeclared
+    | TurnAnswers
+    | Sensed
+    | Stood
+    | Stumbled
+    | Acted
+    | Kept
+    | Coordinated
+    | GaveUp
 )
 
 
@@ -136,7 +145,7 @@ class Witness(TracingHost):
             case Reading():
                 self.say(Sensed(self.round_of(turn), given))
             case Answer():
-                self.say(Asked(self.round_of(turn), given))
+                self.say(TurnAnswers(self.round_of(turn), given))
 
     def stood(self, round_: int, robot: Robot) -> None:
         self.say(Stood(round_, self.translation.robot(robot)))
@@ -176,7 +185,7 @@ class GaveUpError(Exception):
     """A robot cannot go on, and nothing that is checked is to blame."""
 
 
-class Witnessed(Member):
+class InstrumentedRobot(Member):
     """A deployed robot that tells what it does.
 
     It gives up if its host does, or if a value is larger than ``largest``. Raises GaveUpError.
@@ -216,13 +225,13 @@ class Witnessed(Member):
         self._witness.say(GaveUp(why))
         return GaveUpError(GAVE_UP)
 
-    def _begin(self) -> Fault | None:
+    def _begin(self) -> EventFault | None:
         fault = super()._begin()
         if fault is not None:
             self._witness.say(Undeclared())
         return fault
 
-    def _sense(self) -> Fault | None:
+    def _sense(self) -> EventFault | None:
         fault = super()._sense()
         if fault is not None:
             self._witness.say(Stumbled(self._round_of(Turn.ENV), fault))
@@ -237,16 +246,16 @@ class Witnessed(Member):
         self._witness.say(Coordinated(round_, time.monotonic()))
         return super().decided(round_, proposals)
 
-    def commit(self, entry: Entry, kept: Taken | None) -> None:
+    def commit(self, entry: LogEntry, kept: Admitted | None) -> None:
         self._witness.say(Acted(entry.decision))
         super().commit(entry, kept)
 
-    def _act(self, kept: Taken | None, changed: dict[str, Any]) -> None:
+    def _act(self, kept: Admitted | None, changed: dict[str, Any]) -> None:
         if kept is not None and not self.mute:
             self._tell_output(kept.event)
         super()._act(kept, changed)
 
-    def _end(self, faulted: Faulted, kept: Taken | None) -> None:
+    def _end(self, faulted: Faulted, kept: Admitted | None) -> None:
         if not self.mute and (kept is not None or faulted.robot == self.robot.pid):
             self._tell_output(faulted.event if kept is None else kept.event)
         super()._end(faulted, kept)

@@ -6,14 +6,14 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from koord.refinement.completion import CompletedInputs, program_turns
-from koord.refinement.running import Ran
+from koord.refinement.running import CompiledRun
 from koord.semantics.domain import DOUBLES
 from koord.semantics.oracle import Key, Phase
 from koord.semantics.recordings import Concrete, RecordedInputs, Recording, Step, execute
 from koord.semantics.rounds import IllegalStepError, evolved, initialised
 from koord.semantics.values import default
 from koord.syntax import core
-from koord.traces.replay import Planned, Refused, Replayed, replay
+from koord.traces.replay import ExpectedStep, Refused, Replayed, replay
 from koord.traces.trace import Trace
 
 
@@ -29,7 +29,7 @@ class Judged(Struct, frozen=True):
         return self.replayed.steps
 
 
-def judge(ran: Ran) -> Judged:
+def judge(ran: CompiledRun) -> Judged:
     """Replay a run on the reference semantics over doubles, rule by rule, for equality.
 
     Of a fault, its place in the text is compared as well.
@@ -56,7 +56,7 @@ def _elsewhere(step: Step, place: str) -> Refused | None:
     assert fault is not None
     if str(fault.span) == place:
         return None
-    planned = Planned(step.rule, step.round, step.robot, step.event)
+    planned = ExpectedStep(step.rule, step.round, step.robot, step.event)
     reason = f"the fault is at {fault.span}, and not at {place}"
     return Refused("FAULT", planned, reason)
 

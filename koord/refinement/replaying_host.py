@@ -13,7 +13,7 @@ from typing import Any
 from msgspec import Struct, field
 
 from koord.refinement.translation import PHASES, Translation, started_type, to_plain
-from koord.runtime.compile.naming import Names
+from koord.runtime.compile.naming import PythonNames
 from koord.runtime.motion.world import Point
 from koord.runtime.proposals import Proposal
 from koord.runtime.robot import Host, Key, Robot, Turn
@@ -49,7 +49,7 @@ def _doubles(value: Any, type_: Type) -> Any:
 class ReplayingHost:
     """The host of a run that was recorded; ``round`` is the one that is open."""
 
-    def __init__(self, trace: Trace, names: Names, other: Host) -> None:
+    def __init__(self, trace: Trace, names: PythonNames, other: Host) -> None:
         self.trace, self.other = trace, other
         self.round = 0
         self.translation = Translation(trace.system, names)

@@ -12,7 +12,7 @@ from koord.refinement.sampling_hosts import SampledHost
 from koord.refinement.translation import Translation, to_fault, to_written
 from koord.runtime.compile import compiled
 from koord.runtime.compile.loading import loaded
-from koord.runtime.compile.naming import Names
+from koord.runtime.compile.naming import PythonNames
 from koord.runtime.engine import AtRandom, Deployed, Ended, RoundEngine, Schedule, Shown
 from koord.runtime.proposals import INIT_ROUND, Decision
 from koord.runtime.robot import Robot
@@ -33,7 +33,7 @@ class Compiled(Struct, frozen=True):
     """A program, and the classes that were compiled from it."""
 
     program: core.Program
-    names: Names
+    names: PythonNames
     classes: tuple[type[Robot], ...]
     #: The places of the program's text by the way that compiled programs name them.
     places: dict[str, core.Output]
@@ -48,20 +48,20 @@ class Compiled(Struct, frozen=True):
 
 def ready(program: core.Program) -> Compiled:
     """Compile a program and load what was made of it."""
-    names = Names(program)
+    names = PythonNames(program)
     outputs = {
         place_of(names, node.span): node for node in nodes(program) if isinstance(node, core.Output)
     }
     return Compiled(program, names, loaded(compiled(program)), outputs)
 
 
-def place_of(names: Names, span: Span) -> str:
+def place_of(names: PythonNames, span: Span) -> str:
     """How compiled programs name a place: without the file where it is their own."""
     where = f"{span.line}:{span.column}"
     return where if span.file == names.file else f"{span.file}:{where}"
 
 
-class Ran(Struct, frozen=True):
+class CompiledRun(Struct, frozen=True):
     """A run as a trace, and what it ended with: a place of a fault, a reason to stop early."""
 
     trace: Trace
@@ -89,13 +89,13 @@ def opening_order(decision: Decision, robots: int) -> tuple[int, ...]:
     return (*order, *(i for i in range(robots) if i not in order))
 
 
-def ended_in(trace: Trace, ended: Ended | None) -> Ran:
+def ended_in(trace: Trace, ended: Ended | None) -> CompiledRun:
     """A run that ended in a fault, or in none."""
     if ended is None:
-        return Ran(trace)
+        return CompiledRun(trace)
     *before, last = trace.configurations
     faulted = replace(last, fault=to_fault(ended.fault, ended.robot))
-    return Ran(replace(trace, configurations=(*before, faulted)), ended.fault.place)
+    return CompiledRun(replace(trace, configurations=(*before, faulted)), ended.fault.place)
 
 
 class _Recorder(Struct):
@@ -127,7 +127,7 @@ def run(
     rounds: int,
     rng: Random,
     largest: int | None = None,
-) -> Ran:
+) -> CompiledRun:
     """Run a compiled program for so many rounds, or until it faults or stops.
 
     A run ends, too, when a variable holds more than ``largest`` scalars, or digits of a number:
@@ -154,7 +154,7 @@ def run(
         tuple(recorder.configurations),
         tuple(made.emitted(shown)),
     )
-    return ended_in(trace, fleet.ended) if gave_up is None else Ran(trace, None, gave_up)
+    return ended_in(trace, fleet.ended) if gave_up is None else CompiledRun(trace, None, gave_up)
 
 
 def _play(
@@ -199,4 +199,4 @@ def _size(value: object) -> int:
             return 1
 
 
-__all__ = ["AtRandom", "Compiled", "Deployed", "Ran", "place_of", "ready", "run"]
+__all__ = ["AtRandom", "Compiled", "CompiledRun", "Deployed", "place_of", "ready", "run"]

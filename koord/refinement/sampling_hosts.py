@@ -7,7 +7,7 @@ from random import Random
 from typing import Any
 
 from koord.refinement.translation import PHASES, Translation, started_type, to_plain
-from koord.runtime.compile.naming import Names
+from koord.runtime.compile.naming import PythonNames
 from koord.runtime.motion.world import Point
 from koord.runtime.proposals import rotating
 from koord.runtime.robot import Key, Robot, Turn
@@ -77,7 +77,9 @@ class SampledHost:
 # --- robots in processes of their own -------------------------------------------------------------
 
 
-def settled_starts(system: System, names: Names, seed: int) -> dict[tuple[int | None, str], Any]:
+def settled_starts(
+    system: System, names: PythonNames, seed: int
+) -> dict[tuple[int | None, str], Any]:
     """Starts that meet the assumptions, by robot and attribute. Raises KoordError without any.
 
     Nothing, if there is nothing to meet: then robots begin as their hosts have it. [PROP-ASSUME]
@@ -124,7 +126,7 @@ class SeededHost:
     nothing else. Contracts are kept; who looks after assumptions passes ``starts``.
     """
 
-    def __init__(self, system: System, names: Names, seed: str, pid: int) -> None:
+    def __init__(self, system: System, names: PythonNames, seed: str, pid: int) -> None:
         self.position: Point = (0.0, 0.0, 0.0)
         self.holding = False
         self._system = system

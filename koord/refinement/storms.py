@@ -12,9 +12,9 @@ from tempfile import TemporaryDirectory
 from msgspec import Struct
 
 from koord.refinement.deployed import Expedition, read_from, spare, written_to
-from koord.refinement.instrumented_robot import Acted, Coordinated, Told, Witnessed
+from koord.refinement.instrumented_robot import Acted, Coordinated, InstrumentedRobot, Told
 from koord.refinement.judging import Judged, judge
-from koord.runtime.chaos.ether import Hub, plan, plugged_in
+from koord.runtime.chaos.ether import BadHub, plan, plugged_in
 from koord.runtime.chaos.faults import Faults
 from koord.runtime.deploy.local import Launch, LocalProcesses, launched
 from koord.runtime.deploy.running import Job
@@ -49,10 +49,10 @@ def storm(
         job = expedition.job(folder, float(expedition.system.delta_s))
         starts = expedition.starts()
 
-        def make(job: Job, pid: int) -> Witnessed:
+        def make(job: Job, pid: int) -> InstrumentedRobot:
             return expedition.member(job, pid, starts, written_to(folder / f"{pid}.told"))
 
-        hub = Hub(folder / "hub", faults, expedition.seed)
+        hub = BadHub(folder / "hub", faults, expedition.seed)
         fork = multiprocessing.get_context("fork")
         carrying = fork.Process(target=hub.run, daemon=True)
         carrying.start()

@@ -15,7 +15,6 @@ from msgspec.structs import replace
 from koord.refinement.completion import Library, with_summaries
 from koord.refinement.instrumented_robot import (
     Acted,
-    Asked,
     Began,
     Coordinated,
     GaveUp,
@@ -24,12 +23,13 @@ from koord.refinement.instrumented_robot import (
     Stood,
     Stumbled,
     Told,
+    TurnAnswers,
     Undeclared,
 )
-from koord.refinement.running import Ran, opening_order, schedule_of
+from koord.refinement.running import CompiledRun, opening_order, schedule_of
 from koord.refinement.translation import started_type, to_fault
 from koord.runtime.proposals import INIT_ROUND, Decision
-from koord.runtime.proposals import Fault as Found
+from koord.runtime.proposals import EventFault as Found
 from koord.semantics.configurations import Configuration, Robot, Store, Written
 from koord.semantics.domain import DOUBLES, Constant
 from koord.semantics.oracle import Key, Phase
@@ -77,7 +77,7 @@ class _Heard(Struct):
                     raise DisagreementError(f"{pid} began with {start}, not {self.starts[key]}")
             case Undeclared():
                 self.undeclared = True
-            case Asked(round=round_, answer=answer):
+            case TurnAnswers(round=round_, answer=answer):
                 of_round = self.answers.setdefault(round_, {})
                 of_round[answer.phase, answer.robot, answer.key] = answer
             case Sensed(round=round_, reading=reading):
@@ -108,7 +108,7 @@ def gathered(
     told: Sequence[Sequence[Told]],
     rounds: int | None = None,
     library: Library | None = None,
-) -> Ran:
+) -> CompiledRun:
     """The run that the robots tell of, of at most so many rounds. ``told[i]`` is by robot i.
 
     ``library`` answers what only the rules ask; without one the reference's does.
@@ -130,14 +130,14 @@ class _Gathering(Struct):
     most: int | None
     library: Library | None
 
-    def ran(self) -> Ran:
+    def ran(self) -> CompiledRun:
         """The run as a trace. What the last round left open may be missing in it."""
         heard, system = self.heard, self.system
         first = heard.decisions.get(INIT_ROUND)
         if first is None:
             nothing = Recording(Opening(()), ())
             bare = Trace(self.sources, system, Numbers.DOUBLE, nothing, ())
-            return Ran(bare, gave_up=heard.gave_up)
+            return CompiledRun(bare, gave_up=heard.gave_up)
         order = opening_order(first, system.robots)
         fault = self._fault_of(first)
         if fault is not None:
@@ -159,8 +159,8 @@ class _Gathering(Struct):
         try:
             trace = self._seen(with_summaries(bare, self.library), fault)
         except KoordError as error:  # what nobody saw is nothing that the program allows
-            return Ran(bare, None, error)
-        return Ran(trace, None if fault is None else fault[1].place, heard.gave_up)
+            return CompiledRun(bare, None, error)
+        return CompiledRun(trace, None if fault is None else fault[1].place, heard.gave_up)
 
     def _begin_the_rest(self) -> None:
         """What robots did not come to begin with, because INIT ended in a fault."""

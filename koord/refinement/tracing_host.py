@@ -12,7 +12,7 @@ from typing import Any, TypeAlias
 from msgspec.structs import replace
 
 from koord.refinement.completion import Completing, PutOffError, with_summaries
-from koord.refinement.running import Compiled, Ran, ended_in, opening_order, schedule_of
+from koord.refinement.running import Compiled, CompiledRun, ended_in, opening_order, schedule_of
 from koord.refinement.translation import PHASES, Translation, to_plain, to_value
 from koord.runtime.engine import RoundEngine
 from koord.runtime.proposals import Decision
@@ -156,7 +156,7 @@ class TracedFleet(TracingHost):
             tuple(one for one in self.made.emitted(fleet.shown) if one.round < len(known)),
         )
 
-    def ran(self, fleet: RoundEngine, sources: Sources, shapes: Mapping[str, Shape]) -> Ran:
+    def ran(self, fleet: RoundEngine, sources: Sources, shapes: Mapping[str, Shape]) -> CompiledRun:
         """The run, with the answers that the rules ask for. Raises KoordError."""
         trace = self.so_far(fleet, sources, shapes, whole=True)
         if self._completing.put_off:

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 from koord.runtime import proposals
-from koord.runtime.compile.naming import Names
+from koord.runtime.compile.naming import PythonNames
 from koord.runtime.engine import RoundEngine
 from koord.runtime.robot import Robot as Running
 from koord.runtime.robot import Turn
@@ -77,7 +77,7 @@ def to_storage(value: Any, type_: Type, robots: int) -> Storage[Constant]:
             return Cell(True, to_value(value, type_))
 
 
-def to_fault(found: proposals.Fault, robot: int | None) -> Fault:
+def to_fault(found: proposals.EventFault, robot: int | None) -> Fault:
     """A fault that a robot met; its place is only known as the runtime names it."""
     return Fault(found.kind, robot, NOWHERE, found.detail)
 
@@ -85,7 +85,7 @@ def to_fault(found: proposals.Fault, robot: int | None) -> Fault:
 class Translation:
     """Attributes, questions and states of a system's robots, as the semantics has them. [CONFIG]"""
 
-    def __init__(self, system: System, names: Names) -> None:
+    def __init__(self, system: System, names: PythonNames) -> None:
         self.system = system
         self.names = names
         self._declared = dict(_declared(system.program, names))
@@ -181,7 +181,7 @@ def started_type(variable: core.Variable) -> Type:
 
 
 def _declared(
-    program: core.Program, names: Names
+    program: core.Program, names: PythonNames
 ) -> Iterator[tuple[tuple[int | None, str], core.Declaration]]:
     """The variables that may start arbitrary, by kind and attribute."""
     for entry in program.allwrite:

@@ -11,14 +11,14 @@ from typing import Any
 import msgspec
 
 from koord.runtime.proposals import (
-    Asked,
+    Admitted,
     Attempt,
     Decision,
-    Fault,
+    EventFault,
     Faulted,
     Plain,
     Proposal,
-    Taken,
+    StopRequests,
     Write,
 )
 from koord.syntax.faults import FaultKind
@@ -115,7 +115,7 @@ def decision_of(flat: FlatDecision) -> Decision:
     round_, ran, skipped, writes, digest, faulted = flat
     return Decision(
         round_,
-        tuple(Taken(robot, event, _asked_of(asked)) for robot, event, asked in ran),
+        tuple(Admitted(robot, event, _asked_of(asked)) for robot, event, asked in ran),
         skipped,
         tuple(_write_of(w) for w in writes),
         digest,
@@ -145,19 +145,19 @@ def _write_of(flat: FlatWrite) -> Write:
     return Write(variable, tuple(plain(step) for step in path), plain(value))
 
 
-def _asked_of(number: int) -> Asked:
+def _asked_of(number: int) -> StopRequests:
     try:
-        return Asked(number)
+        return StopRequests(number)
     except ValueError as error:
         raise NotPlainError(f"asked {number}") from error
 
 
-def flat_fault(fault: Fault) -> FlatFault:
+def flat_fault(fault: EventFault) -> FlatFault:
     return _FAULT_KINDS.index(fault.kind), fault.place, fault.detail
 
 
-def fault_of(flat: FlatFault) -> Fault:
+def fault_of(flat: FlatFault) -> EventFault:
     kind, place, detail = flat
     if not 0 <= kind < len(_FAULT_KINDS):
         raise NotPlainError(f"kind of fault {kind}")
-    return Fault(_FAULT_KINDS[kind], place, detail)
+    return EventFault(_FAULT_KINDS[kind], place, detail)

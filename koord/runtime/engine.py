@@ -14,16 +14,16 @@ from typing import Protocol
 from msgspec import Struct, field
 
 from koord.runtime.operations import FaultError
-from koord.runtime.proposals import INIT_ROUND, Decision, Fault, Proposal, decide, rotating
+from koord.runtime.proposals import INIT_ROUND, Decision, EventFault, Proposal, decide, rotating
 from koord.runtime.robot import Host, Robot, Status, Written
-from koord.runtime.store import Store
+from koord.runtime.store import AgreedStore
 
 
 class Ended(Struct, frozen=True):
     """The fault that ended a run; ``robot`` is None where a shared variable's start is to blame."""
 
     robot: int | None
-    fault: Fault
+    fault: EventFault
 
 
 class Shown(Struct, frozen=True):
@@ -52,7 +52,7 @@ class RoundEngine:
         self.robots = [classes[kind](pid, kinds, delta_s, host) for pid, kind in enumerate(kinds)]
         self._may_fault = any(robot.has_model for robot in self.robots)
         self.host = host
-        self.store = Store(classes[0].SHARED, len(kinds))
+        self.store = AgreedStore(classes[0].SHARED, len(kinds))
         self.round = 0  #: the one that is open or comes next
         self.ended: Ended | None = None
         self.shown: list[Shown] = []

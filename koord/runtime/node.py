@@ -9,15 +9,14 @@ from __future__ import annotations
 from enum import Enum
 from typing import Protocol, assert_never
 
-from koord.runtime.proposals import Proposal, Taken
-from koord.runtime.protocol.entries import Entry, Ran
+from koord.runtime.proposals import Admitted, Proposal
+from koord.runtime.protocol.entries import LastRun, LogEntry
 from koord.runtime.protocol.events import (
     Arm,
     Begin,
     Commit,
     Disarm,
     Effect,
-    End,
     Event,
     Expired,
     Hold,
@@ -26,6 +25,7 @@ from koord.runtime.protocol.events import (
     Reason,
     Received,
     Resume,
+    RunEnded,
     Send,
     ShowStore,
     Started,
@@ -45,13 +45,13 @@ class Participant(Protocol):
     def propose(self, round_: int) -> Proposal | None:
         """Sense, run the first enabled event into a buffer. None: it has nothing to say at all."""
 
-    def commit(self, entry: Entry, kept: Taken | None) -> None:
+    def commit(self, entry: LogEntry, kept: Admitted | None) -> None:
         """Apply the writes; keep the buffer, or throw it away; act."""
 
     def show(self) -> bytes:
         """The store, for a robot that needs it."""
 
-    def install(self, round_: int, store: bytes, ran: Ran | None) -> None:
+    def install(self, round_: int, store: bytes, ran: LastRun | None) -> None:
         """Replace the store; keep the buffer if it is of the round that ``ran`` names."""
 
     def hold(self, reason: Reason | None) -> None:
@@ -68,7 +68,7 @@ class Outbox(Protocol):
         """To all other robots."""
 
 
-class Work(Enum):
+class PendingWork(Enum):
     """What a node itself waits for, besides the timers of the machine."""
 
     ROUND = "round"  #: the next round begins, and the program has to run
@@ -83,7 +83,7 @@ class Node:
         self.over = False
         self._robot = robot
         self._outbox = outbox
-        self._due: dict[Timer | Work, float] = {}
+        self._due: dict[Timer | PendingWork, float] = {}
         self._work = 0
 
     def start(self, now: float) -> None:
@@ -129,12 +129,12 @@ class Node:
                 self._due.pop(timer, None)
             case Begin(round=round_, after_s=after_s):
                 self._work = round_
-                self._due[Work.ROUND] = now + after_s
+                self._due[PendingWork.ROUND] = now + after_s
             case Commit(entry=entry, kept=kept):
-                self._due.pop(Work.ROUND, None)
+                self._due.pop(PendingWork.ROUND, None)
                 self._robot.commit(entry, kept)
             case Install(round=round_, store=store, ran=ran):
-                self._due.pop(Work.ROUND, None)
+                self._due.pop(PendingWork.ROUND, None)
                 self._robot.install(round_, store, ran)
             case ShowStore(to=to):
                 self._do(StoreShown(now, to, self.state.round, self._robot.show()))
@@ -142,7 +142,7 @@ class Node:
                 self._robot.hold(reason)
             case Resume():
                 self._robot.hold(None)
-            case End():
+            case RunEnded():
                 self.over = True
             case _:
                 assert_never(effect)

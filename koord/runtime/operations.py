@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from typing import Any, NoReturn, TypeVar
 
-from koord.runtime.proposals import Fault
+from koord.runtime.proposals import EventFault
 from koord.syntax.faults import FaultKind
 
 T = TypeVar("T")
@@ -25,7 +25,7 @@ class FaultError(Exception):
 
     def __init__(self, kind: FaultKind, place: str, detail: str = "") -> None:
         super().__init__(f"{place}: {kind.value}")
-        self.fault = Fault(kind, place, detail)
+        self.fault = EventFault(kind, place, detail)
 
 
 # --- reading ------------------------------------------------------------------------------------

@@ -43,7 +43,7 @@ class Write(Struct, frozen=True):
     value: Plain
 
 
-class Fault(Struct, frozen=True):
+class EventFault(Struct, frozen=True):
     """A fault of a robot's event; ``place`` is ``file:line:column``. [FAULT]"""
 
     kind: FaultKind
@@ -51,7 +51,7 @@ class Fault(Struct, frozen=True):
     detail: str = ""
 
 
-class Asked(Enum):
+class StopRequests(Enum):
     """What a robot's event asked for besides writing. [STOP]"""
 
     NOTHING = 0
@@ -69,8 +69,8 @@ class Attempt(Struct, frozen=True):
     event: int | None
     writes: tuple[Write, ...] = ()
     locks: tuple[int, ...] = ()
-    asked: Asked = Asked.NOTHING
-    fault: Fault | None = None
+    asked: StopRequests = StopRequests.NOTHING
+    fault: EventFault | None = None
 
 
 class Proposal(NamedTuple):
@@ -88,12 +88,12 @@ class Proposal(NamedTuple):
     urgent: bool = False
 
 
-class Taken(Struct, frozen=True):
+class Admitted(Struct, frozen=True):
     """A robot that was let through, and the event (the attempt's) that it ran."""
 
     robot: int
     event: int | None
-    asked: Asked = Asked.NOTHING
+    asked: StopRequests = StopRequests.NOTHING
 
 
 class Faulted(Struct, frozen=True):
@@ -101,7 +101,7 @@ class Faulted(Struct, frozen=True):
 
     robot: int
     event: int | None
-    fault: Fault
+    fault: EventFault
 
 
 class Decision(Struct, frozen=True):
@@ -109,12 +109,12 @@ class Decision(Struct, frozen=True):
 
     ``ran`` are the robots let through, in their order; every other robot skipped, after them.
     ``writes`` are theirs, in that order: later ones win. ``digest`` is that of the store after the
-    writes (:meth:`koord.runtime.store.Store.digest`); empty where nobody asked for it. A round with
-    a ``fault`` ends the run: robots stop.
+    writes (``AgreedStore.digest``); empty where nobody asked for it. A round with a ``fault``
+    ends the run: robots stop.
     """
 
     round: int
-    ran: tuple[Taken, ...]
+    ran: tuple[Admitted, ...]
     skipped: tuple[int, ...]
     writes: tuple[Write, ...]
     digest: bytes = b""
@@ -138,7 +138,7 @@ def decide(round_: int, proposals: Mapping[int, Proposal], order: Iterable[int])
     if stumbled is not None:
         return Decision(round_, (), (), (), fault=stumbled)
     taken: set[int] = set()
-    ran: list[Taken] = []
+    ran: list[Admitted] = []
     skipped: list[int] = []
     writes: list[Write] = []
     for robot in order:
@@ -151,7 +151,7 @@ def decide(round_: int, proposals: Mapping[int, Proposal], order: Iterable[int])
             faulted = Faulted(robot, attempt.event, attempt.fault)
             return Decision(round_, tuple(ran), tuple(skipped), tuple(writes), fault=faulted)
         taken.update(attempt.locks)
-        ran.append(Taken(robot, attempt.event, attempt.asked))
+        ran.append(Admitted(robot, attempt.event, attempt.asked))
         writes += attempt.writes
     return Decision(round_, tuple(ran), tuple(skipped), tuple(writes))
 

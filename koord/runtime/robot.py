@@ -37,7 +37,7 @@ from koord.runtime.operations import (
     without,
     without_key,
 )
-from koord.runtime.proposals import INIT_ROUND, Asked, Attempt, Fault, Proposal, Write
+from koord.runtime.proposals import INIT_ROUND, Attempt, EventFault, Proposal, StopRequests, Write
 from koord.runtime.shapes import (
     BOOL,
     FLOAT,
@@ -138,8 +138,8 @@ class Buffer:
         self.writes: list[tuple[str, tuple[Any, ...], Any]] = []
         self.locks: set[int] = set()
         self.output: list[Written] = []
-        self.asked = Asked.NOTHING
-        self.fault: Fault | None = None
+        self.asked = StopRequests.NOTHING
+        self.fault: EventFault | None = None
         self.in_pre = False
 
 
@@ -247,12 +247,12 @@ class Robot:
 
     def stop(self) -> None:
         """``stop``: no more events after this one. [STOP]"""
-        self._buffer.asked = Asked.TO_STOP
+        self._buffer.asked = StopRequests.TO_STOP
 
     def trystop(self) -> None:
         """``trystop()``: stop when everyone has asked. [STOP]"""
-        if self._buffer.asked is Asked.NOTHING:
-            self._buffer.asked = Asked.TO_STOP_TOGETHER
+        if self._buffer.asked is StopRequests.NOTHING:
+            self._buffer.asked = StopRequests.TO_STOP_TOGETHER
 
     def output(self, stream: str, place: str, *values: Any) -> None:
         """``stream << value << …``. [OUTPUT]"""
@@ -366,9 +366,9 @@ class Robot:
         self.__dict__ = buffer.state
         self.__dict__.update(changed)
         self.ran = event
-        if buffer.asked is Asked.TO_STOP:
+        if buffer.asked is StopRequests.TO_STOP:
             self.status = Status.STOPPED
-        elif buffer.asked is Asked.TO_STOP_TOGETHER and self.status is Status.RUNNING:
+        elif buffer.asked is StopRequests.TO_STOP_TOGETHER and self.status is Status.RUNNING:
             self.status = Status.ASKED
         return buffer.output
 
@@ -398,7 +398,7 @@ class Robot:
         held = self.__dict__
         return {name: held[name] for name in self.PORTS}
 
-    def evolve(self, readings: Mapping[str, Any]) -> Fault | None:
+    def evolve(self, readings: Mapping[str, Any]) -> EventFault | None:
         """The environment's turn: models first, from the ports before it; then sensors. [ENV-TRANS]
 
         What is read again stays the same object, so that nobody need look at it again. Raises
@@ -456,11 +456,11 @@ class Robot:
         writes = tuple([self._write(*write) for write in buffer.writes])
         return Attempt(buffer.event, writes, locks, buffer.asked)
 
-    def located(self, fault: Fault) -> Fault:
+    def located(self, fault: EventFault) -> EventFault:
         """The fault with its file: in compiled programs a place is that in their own file."""
         if fault.place.count(":") > 1:
             return fault
-        return Fault(fault.kind, f"{self.SOURCE}:{fault.place}", fault.detail)
+        return EventFault(fault.kind, f"{self.SOURCE}:{fault.place}", fault.detail)
 
     def _write(self, name: str, path: tuple[Any, ...], value: Any) -> Write:
         number = self._numbers[name]
@@ -495,7 +495,6 @@ __all__ = [
     "STRING",
     "UNSET",
     "Array",
-    "Asked",
     "Enumeration",
     "Event",
     "Host",
@@ -508,6 +507,7 @@ __all__ = [
     "Robot",
     "Shape",
     "Shared",
+    "StopRequests",
     "Turn",
     "at",
     "begun",

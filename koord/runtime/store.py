@@ -51,7 +51,7 @@ class Layout(Struct, frozen=True):
     variables: tuple[Shared, ...]
 
 
-class Store:
+class AgreedStore:
     """The agreed values by name. ``values`` is for reading; :meth:`apply` alone changes it."""
 
     __slots__ = ("layout", "robots", "values")

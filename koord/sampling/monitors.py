@@ -41,7 +41,7 @@ class _Watched(Struct):
         return cls(parts, set(range(len(parts))), readers)
 
 
-class Watch(Struct):
+class Monitor(Struct):
     """Looks at the observed configurations of a run."""
 
     d: Domain[Constant]

@@ -8,8 +8,8 @@ from typing import Protocol
 
 from msgspec import Struct
 
-from koord.sampling.monitors import Watch
-from koord.sampling.running import Move, Run
+from koord.sampling.monitors import Monitor
+from koord.sampling.running import ProgramTurn, Run
 from koord.semantics.recordings import Recording, Step
 from koord.semantics.rounds import IllegalStepError
 from koord.traces.trace import Violation
@@ -18,7 +18,7 @@ from koord.traces.trace import Violation
 class Policy(Protocol):
     """Who moves next, and how."""
 
-    def move(self, run: Run, waiting: tuple[int, ...]) -> Move:
+    def move(self, run: Run, waiting: tuple[int, ...]) -> ProgramTurn:
         """A move of one of the robots that wait for their turn. It is made if the rules allow."""
         ...
 
@@ -26,10 +26,10 @@ class Policy(Protocol):
 class First:
     """What the runtime does: robots in order, and of each the first event that is enabled."""
 
-    def move(self, run: Run, waiting: tuple[int, ...]) -> Move:
+    def move(self, run: Run, waiting: tuple[int, ...]) -> ProgramTurn:
         robot = waiting[0]
         events = run.enabled(robot)
-        return Move(robot, events[0] if events else None)
+        return ProgramTurn(robot, events[0] if events else None)
 
 
 class AtRandom(Struct, frozen=True):
@@ -38,35 +38,37 @@ class AtRandom(Struct, frozen=True):
     rng: Random
     skips_percent: int = 15
 
-    def move(self, run: Run, waiting: tuple[int, ...]) -> Move:
+    def move(self, run: Run, waiting: tuple[int, ...]) -> ProgramTurn:
         robot = self.rng.choice(waiting)
         events = run.enabled(robot)
         skips = self.rng.randrange(100) < self.skips_percent and run.may_skip(robot)
-        return Move(robot, None if skips or not events else self.rng.choice(events))
+        return ProgramTurn(robot, None if skips or not events else self.rng.choice(events))
 
 
-class Taken(Struct, frozen=True):
+class TakenStep(Struct, frozen=True):
     """A step of a run, and the event that the robot could not run because a lock was taken."""
 
     step: Step
     lost: str | None = None
 
 
-def take(run: Run, move: Move) -> Taken:
+def take(run: Run, move: ProgramTurn) -> TakenStep:
     """Make a move, or, where it loses a lock, a skip; where that is not allowed, another event.
 
     Raises IllegalStepError if the move is not allowed for another reason.
     """
     try:
-        return Taken(run.make(move))
+        return TakenStep(run.make(move))
     except IllegalStepError as refused:
         if refused.rule != "ATOMIC" or move.event is None:
             raise
     lost = run.system.agent(move.robot).events[move.event].name
-    others = [Move(move.robot, event) for event in run.enabled(move.robot) if event != move.event]
-    for instead in (Move(move.robot, None), *others):
+    others = [
+        ProgramTurn(move.robot, event) for event in run.enabled(move.robot) if event != move.event
+    ]
+    for instead in (ProgramTurn(move.robot, None), *others):
         try:
-            return Taken(run.make(instead), lost)
+            return TakenStep(run.make(instead), lost)
         except IllegalStepError as refused:
             if refused.rule not in ("SKIP", "ATOMIC"):
                 raise
@@ -79,23 +81,23 @@ class Play(Struct):
     run: Run
     policy: Policy
     rounds: int
-    watch: Watch
+    watch: Monitor
     violation: Violation | None = None
 
-    def steps(self) -> Iterator[Taken]:
+    def steps(self) -> Iterator[TakenStep]:
         """The steps, up to a fault, a violation, the last round, or until everyone has stopped.
 
         Raises KoordError where an assumption, a contract or a summary cannot be met.
         """
-        yield from self._observed(Taken(self.run.begin()))
+        yield from self._observed(TakenStep(self.run.begin()))
         while not self._over:
             waiting = self.run.waiting
             if waiting:
                 yield from self._observed(take(self.run, self.policy.move(self.run, waiting)))
             else:
-                yield from self._observed(Taken(self.run.evolve()))
+                yield from self._observed(TakenStep(self.run.evolve()))
 
-    def _observed(self, taken: Taken) -> Iterator[Taken]:
+    def _observed(self, taken: TakenStep) -> Iterator[TakenStep]:
         self.violation = self.watch.after(taken.step)
         yield taken
 

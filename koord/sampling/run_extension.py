@@ -8,7 +8,7 @@ from fractions import Fraction
 
 from msgspec.structs import replace
 
-from koord.sampling.running import Move, Run
+from koord.sampling.running import ProgramTurn, Run
 from koord.sampling.sampled_inputs import SampledInputs
 from koord.sampling.values import Sampler
 from koord.semantics.domain import Constant
@@ -48,7 +48,7 @@ def extended(recording: Recording, sampler: Sampler) -> Recording:
         inputs.give((), round_.readings, round_.answers)
         for robot in round_.order:
             if run.configuration.fault is None:
-                run.make(Move(robot, round_.events[robot]))
+                run.make(ProgramTurn(robot, round_.events[robot]))
         if run.configuration.fault is not None:
             break
         if not round_.cut:

@@ -34,19 +34,19 @@ from koord.syntax.system import Status, System
 from koord.traces.trace import Numbers
 
 
-class Move(Struct, frozen=True):
+class ProgramTurn(Struct, frozen=True):
     """A program turn: the position of the event, None for a skip."""
 
     robot: int
     event: int | None
 
 
-class Moment(Struct, frozen=True):
+class RunState(Struct, frozen=True):
     """A run so far: where it is, how many rounds are behind it, and what the open one recorded."""
 
     configuration: Configuration[Constant]
     rounds: int = 0
-    moves: tuple[Move, ...] = ()
+    moves: tuple[ProgramTurn, ...] = ()
     answers: tuple[Answer, ...] = ()
 
 
@@ -59,22 +59,22 @@ class Run:
         self.inputs = inputs
         self._opening = Opening(())
         self._rounds: list[Round] = []
-        self._moment: Moment | None = None
+        self._moment: RunState | None = None
 
     @property
     def d(self) -> Domain[Constant]:
         return self.numbers.domain
 
     @property
-    def moment(self) -> Moment:
+    def moment(self) -> RunState:
         return replace(self._now, answers=tuple(self.inputs.answers.values()))
 
     @property
-    def _now(self) -> Moment:
+    def _now(self) -> RunState:
         assert self._moment is not None, "begin comes first"
         return self._moment
 
-    def go_back(self, moment: Moment) -> None:
+    def go_back(self, moment: RunState) -> None:
         """Undo everything since that moment."""
         self._moment = moment
         del self._rounds[moment.rounds :]
@@ -129,7 +129,7 @@ class Run:
     def may_skip(self, robot: int) -> bool:
         return may_skip(self.d, self.system, self.configuration, robot, self.inputs)
 
-    def loses(self, move: Move) -> bool:
+    def loses(self, move: ProgramTurn) -> bool:
         """Whether an event that may be selected enters a lock class that is taken."""
         if move.event is None:
             return False
@@ -139,7 +139,7 @@ class Run:
             return refused.rule == "ATOMIC"
         return False
 
-    def make(self, move: Move) -> Step:
+    def make(self, move: ProgramTurn) -> Step:
         """A program turn. Raises IllegalStepError if the rules do not allow it."""
         before, name = self._now, None
         if move.event is None:
@@ -151,7 +151,7 @@ class Run:
             )
         check_lengths(before.configuration, stepped.configuration)
         moves = (*before.moves, move)
-        self._moment = Moment(stepped.configuration, before.rounds, moves)
+        self._moment = RunState(stepped.configuration, before.rounds, moves)
         rule = "SKIP" if move.event is None else "EVENT-TRANS"
         return Step(rule, before.rounds, move.robot, name, stepped)
 
@@ -166,7 +166,7 @@ class Run:
         return Step("ENV-TRANS", number, None, None, stepped)
 
     def _arrive(self, configuration: Configuration[Constant], rounds: int) -> None:
-        self._moment = Moment(configuration, rounds)
+        self._moment = RunState(configuration, rounds)
         self.inputs.forget_round()
         self.inputs.look_at(configuration)
 

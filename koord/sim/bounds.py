@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator, Sequence
 
 from msgspec.structs import replace
 
-from koord.runtime.configuration.model import Configuration
+from koord.runtime.configuration.model import RunConfiguration
 from koord.runtime.configuration.reading import problem
 from koord.runtime.motion.world import Disc, Obstacle, Point, World
 from koord.sim.hosting import GOALS, WAYS, plain_name
@@ -28,7 +28,7 @@ MARGIN_M = 2.0
 _ROOM_M, _ABOVE_M = 3.0, 1.0
 
 
-def world_of(configuration: Configuration, landmarks: Sequence[Point] | None) -> World:
+def world_of(configuration: RunConfiguration, landmarks: Sequence[Point] | None) -> World:
     """The world of a configuration, with the bounds that it gives, or with room for all places.
 
     ``landmarks`` are the places that a program names, None if it moves nobody. Raises KoordError if
@@ -87,7 +87,7 @@ def _number(e: core.Expr) -> float | None:
     return None if value is None or isinstance(value, bool | str) else float(value)
 
 
-def _places(configuration: Configuration, world: World) -> Iterator[Point]:
+def _places(configuration: RunConfiguration, world: World) -> Iterator[Point]:
     """The places that a configuration names."""
     for robot in configuration.robots:
         if robot.position is not None:

@@ -16,20 +16,20 @@ from typing import Any
 from msgspec import Struct, field
 
 from koord.runtime.compile.loading import loaded
-from koord.runtime.compile.watching import Claim, Sort, Watched
+from koord.runtime.compile.watching import Watched, WatchedClaim, WatchedKind
 from koord.runtime.motion.world import Point
 from koord.runtime.operations import FaultError
 from koord.runtime.robot import Host, Key, Robot, Turn
 from koord.runtime.shapes import Shape, from_plain
-from koord.runtime.watch import Watch
+from koord.runtime.watch import ClaimWatch
 from koord.sim.hosting import placed
-from koord.sim.running import Broken, Moment, Simulation
+from koord.sim.running import BrokenClaim, Simulation, WatchPoint
 
 #: What is looked at when.
 _SORTS = {
-    Moment.BEGUN: (Sort.ASSUMPTION, Sort.INVARIANT, Sort.AT_ROUND),
-    Moment.EVENTS: (Sort.INVARIANT,),
-    Moment.ROUND: (Sort.INVARIANT, Sort.AT_ROUND),
+    WatchPoint.BEGUN: (WatchedKind.ASSUMPTION, WatchedKind.INVARIANT, WatchedKind.AT_ROUND),
+    WatchPoint.EVENTS: (WatchedKind.INVARIANT,),
+    WatchPoint.ROUND: (WatchedKind.INVARIANT, WatchedKind.AT_ROUND),
 }
 
 
@@ -43,7 +43,7 @@ _MOST_AT_A_TICK = 200
 class _Stated(Struct):
     """A claim about robots, and for which of them it is known not to hold."""
 
-    claim: Claim
+    claim: WatchedClaim
     robots: tuple[Sequence[int], ...]
     broken: set[tuple[int, ...]] = field(default_factory=set)
     looked: int = -1  #: when it was looked at last
@@ -56,7 +56,7 @@ class _Changes:
     before is the same value.
     """
 
-    def __init__(self, claims: Iterable[Claim]) -> None:
+    def __init__(self, claims: Iterable[WatchedClaim]) -> None:
         known = {claim.method: claim.looks for claim in claims if claim.looks is not None}
         looks = known.values()
         self.own = sorted({name for one in looks for name in chain(*one.own)})
@@ -96,7 +96,7 @@ class _Changes:
         self._last[name] = now
         self._changed.setdefault(name, deque(maxlen=_LOOKS)).append(changed)
 
-    def since(self, look: int, claim: Claim) -> set[int] | None:
+    def since(self, look: int, claim: WatchedClaim) -> set[int] | None:
         """The robots of which a claim sees something else than at a look; None: it may be any."""
         count = self.look - look
         if count > _LOOKS or claim.looks is None:
@@ -122,18 +122,18 @@ class Watching:
         self._changes = _Changes(watched.claims)
         self._measured = [list(_measured(one)) for one in run.cast.classes]
         self._next = 0
-        self._stated: dict[Sort, list[_Stated]] = {sort: [] for sort in Sort}
-        self._contracts: list[list[Claim]] = [[] for _ in run.cast.classes]
+        self._stated: dict[WatchedKind, list[_Stated]] = {sort: [] for sort in WatchedKind}
+        self._contracts: list[list[WatchedClaim]] = [[] for _ in run.cast.classes]
         for claim in watched.claims:
-            if claim.sort is Sort.CONTRACT:
+            if claim.sort is WatchedKind.CONTRACT:
                 (kind,) = claim.agents
                 assert kind is not None
                 self._contracts[kind].append(claim)
-            elif claim.sort is not Sort.SUMMARY:
+            elif claim.sort is not WatchedKind.SUMMARY:
                 whose = tuple(_robots(kinds, agent) for agent in claim.agents)
                 self._stated[claim.sort].append(_Stated(claim, whose))
 
-    def look(self, moment: Moment, run: Simulation) -> Iterator[Broken]:
+    def look(self, moment: WatchPoint, run: Simulation) -> Iterator[BrokenClaim]:
         """The claims that do not hold now. [PROP-INVARIANT] [PROP-ROUND]"""
         engine = run.engine
         if engine.ended is not None:
@@ -147,11 +147,11 @@ class Watching:
                 self._count(claim)
                 for robots in self._broken(stated):
                     place = _place(run, robots[0]) if robots else None
-                    yield Broken(
+                    yield BrokenClaim(
                         _named(claim), time_s, robots, place, f"at {claim.span}", sort.value
                     )
 
-    def glance(self, run: Simulation) -> Iterator[Broken]:
+    def glance(self, run: Simulation) -> Iterator[BrokenClaim]:
         """The contracts that the world does not keep now. [PROP-CONTRACT]"""
         if not any(self._contracts):
             return
@@ -175,7 +175,7 @@ class Watching:
                 if not self.watch.holds(claim.method):
                     who = (robot.pid,)
                     where = f"at {claim.span}"
-                    yield Broken(_named(claim), fleet.now_s, who, (x, y, z), where, "contract")
+                    yield BrokenClaim(_named(claim), fleet.now_s, who, (x, y, z), where, "contract")
 
     # --- inside ---------------------------------------------------------------------------------
 
@@ -188,7 +188,7 @@ class Watching:
         self._next = (first + _MOST_AT_A_TICK) % count
         return [robots[(first + k) % count] for k in range(_MOST_AT_A_TICK)]
 
-    def _count(self, claim: Claim) -> None:
+    def _count(self, claim: WatchedClaim) -> None:
         name = self._names[claim.method]
         self.looked[name] = self.looked.get(name, 0) + 1
 
@@ -222,15 +222,15 @@ class Checked:
     def __init__(self, host: Host) -> None:
         self.host = host
         self.looked: dict[str, int] = {}
-        self._summaries: dict[str, Claim] = {}
-        self._watch: Watch | None = None
-        self._broken: list[Broken] = []
+        self._summaries: dict[str, WatchedClaim] = {}
+        self._watch: ClaimWatch | None = None
+        self._broken: list[BrokenClaim] = []
         self._now_s: Callable[[], float] = lambda: 0.0
 
     def hold(self, watched: Watched, run: Simulation) -> None:
         """Hold all answers against the summaries of a program, before a run begins."""
         self._watch = watch_of(watched, run)
-        self._summaries = {c.function: c for c in watched.claims if c.sort is Sort.SUMMARY}
+        self._summaries = {c.function: c for c in watched.claims if c.sort is WatchedKind.SUMMARY}
         self._now_s = lambda: run.fleet.now_s
 
     def start(self, robot: int | None, name: str) -> Any:
@@ -256,24 +256,24 @@ class Checked:
         if not watch.meets(claim.method, arguments, made):
             told = f"at {claim.span}, of {_shown(arguments)}: {_shown(made)}"
             self._broken.append(
-                Broken(name, self._now_s(), (robot,), None, told, Sort.SUMMARY.value)
+                BrokenClaim(name, self._now_s(), (robot,), None, told, WatchedKind.SUMMARY.value)
             )
         return answer
 
-    def look(self, moment: Moment, run: Simulation) -> Iterator[Broken]:
+    def look(self, moment: WatchPoint, run: Simulation) -> Iterator[BrokenClaim]:
         """The summaries that were not met since this was asked last. [EXTERNAL]"""
         broken, self._broken = self._broken, []
         yield from broken
 
-    def glance(self, run: Simulation) -> Iterator[Broken]:
+    def glance(self, run: Simulation) -> Iterator[BrokenClaim]:
         """Nothing is asked between rounds."""
         yield from ()
 
 
-def watch_of(watched: Watched, run: Simulation) -> Watch:
+def watch_of(watched: Watched, run: Simulation) -> ClaimWatch:
     """What looks at a run for its claims; the host knows what it may ask."""
     (made,) = loaded(watched.text)
-    assert issubclass(made, Watch)
+    assert issubclass(made, ClaimWatch)
     run.host.watches = (*run.host.watches, made)
     return made(run.cast.kinds, run.scene.delta_s, run.claims_host)
 
@@ -318,7 +318,7 @@ def _tuples(
         yield from (several for several in product(*robots) if not changed.isdisjoint(several))
 
 
-def _named(claim: Claim) -> str:
+def _named(claim: WatchedClaim) -> str:
     return f"{claim.sort.value} {claim.name}"
 
 

@@ -12,13 +12,13 @@ from typing import Any
 
 import numpy as np
 
-from koord.runtime.deploy.running import Moment
+from koord.runtime.deploy.running import RoundReport
 from koord.runtime.motion.arrays import Bools, Floats, Ints
 from koord.runtime.motion.planning import Hindrance
 from koord.runtime.proposals import INIT_ROUND, Decision, Proposal, rotating
 from koord.runtime.robot import Host, Key, Robot, Turn
 from koord.sim.fleet import Fleet
-from koord.sim.processes import Delta, Tick, Told
+from koord.sim.processes import EnvironmentStep, RoundStory, Tick
 from koord.sim.running import Cast, Simulation
 from koord.sim.scene import Scene
 
@@ -52,10 +52,10 @@ class Followed(Simulation):
             supplied=supplied,
         )
 
-    def hear(self, moments: Iterable[Moment]) -> None:
+    def hear(self, moments: Iterable[RoundReport]) -> None:
         """What a robot tells, its rounds in order."""
         for moment in moments:
-            assert isinstance(moment.told, Told)
+            assert isinstance(moment.told, RoundStory)
             self._memory.add(moment.pid, moment.round, moment.told)
 
     def rounds(self, *, is_over: bool = False) -> Iterator[Decision]:
@@ -91,12 +91,12 @@ class _Memory:
     def __init__(self, robots: int) -> None:
         self.round = INIT_ROUND
         self._robots = robots
-        self._told: dict[int, dict[int, Told]] = {}
-        self._turns: dict[int, dict[int, Delta]] = {}
+        self._told: dict[int, dict[int, RoundStory]] = {}
+        self._turns: dict[int, dict[int, EnvironmentStep]] = {}
         self._answers: dict[tuple[int, int, Turn, Key], Any] = {}
         self.starts: dict[tuple[int | None, str], Any] = {}
 
-    def add(self, robot: int, number: int, told: Told) -> None:
+    def add(self, robot: int, number: int, told: RoundStory) -> None:
         self._told.setdefault(number, {})[robot] = told
         for ended, delta in told.turns.items():
             self._turns.setdefault(ended, {})[robot] = delta
@@ -112,13 +112,13 @@ class _Memory:
         """Whether all have told how a round ended."""
         return len(self._turns.get(number, ())) == self._robots
 
-    def told(self, robot: int) -> Told:
+    def told(self, robot: int) -> RoundStory:
         return self._told[self.round][robot]
 
-    def deltas(self) -> list[Delta]:
+    def deltas(self) -> list[EnvironmentStep]:
         return [self._turns[self.round][robot] for robot in range(self._robots)]
 
-    def delta(self, robot: int) -> Delta:
+    def delta(self, robot: int) -> EnvironmentStep:
         return self._turns[self.round][robot]
 
     def answer(self, robot: int, turn: Turn, key: Key) -> Any:

@@ -2,8 +2,8 @@
 
 What a process does not have is the others: they are heard of, and not met. Where no two vehicles
 touch, a robot moves as it does among the others in one process, to the last bit. A robot tells all
-that its program left open and how its vehicle moved (:class:`Told`): from that the run is made out
-(:mod:`.following`).
+that its program left open and how its vehicle moved (:class:`RoundStory`): from that the run is
+made out (:mod:`.following`).
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from koord.runtime.deploy.member import Member
 from koord.runtime.deploy.running import Job
 from koord.runtime.motion.arrays import Floats
 from koord.runtime.motion.world import Point
-from koord.runtime.protocol.entries import Entry
+from koord.runtime.protocol.entries import LogEntry
 from koord.runtime.robot import Host, Key, Robot, Turn
 from koord.sim.fleet import Fleet, Sensed
 from koord.sim.running import Cast, host_of
@@ -35,7 +35,7 @@ class Tick(Struct, frozen=True):
     path: Floats | None  #: the last of them, shape ``(k, 3)``, if it is new
 
 
-class Delta(Struct, frozen=True):
+class EnvironmentStep(Struct, frozen=True):
     """The environment's turn of one robot: how it moved, and what it read at the end of it."""
 
     ticks: tuple[Tick, ...]
@@ -47,7 +47,7 @@ class Delta(Struct, frozen=True):
 Question: TypeAlias = tuple[Turn, int | None, Key]
 
 
-class Told(Struct):
+class RoundStory(Struct):
     """What a robot tells of a round: all that its program left open since it told last.
 
     ``ran`` are the robots that were let through, in the order in which they were, and
@@ -57,7 +57,7 @@ class Told(Struct):
 
     starts: dict[tuple[int | None, str], Any] = field(default_factory=dict)
     answers: dict[Question, Any] = field(default_factory=dict)
-    turns: dict[int, Delta] = field(default_factory=dict)
+    turns: dict[int, EnvironmentStep] = field(default_factory=dict)
     ran: tuple[int, ...] = ()
     had_an_event: bool = False
 
@@ -75,7 +75,7 @@ class SimulatedBody:
         self._holding = False
         self._given = 0
         self._ticks: list[Tick] = []
-        self._told = Told()
+        self._told = RoundStory()
         x, y, z = self._fleet.positions()[pid].tolist()
         self.position: Point = (x, y, z)
 
@@ -95,9 +95,9 @@ class SimulatedBody:
         """What the robot knows of itself."""
         return self._vehicle.sensed[self._pid]
 
-    def told(self) -> Told:
+    def told(self) -> RoundStory:
         """All that there is to tell since the last time."""
-        told, self._told = self._told, Told()
+        told, self._told = self._told, RoundStory()
         return told
 
     def start(self, robot: int | None, name: str) -> Any:
@@ -110,7 +110,7 @@ class SimulatedBody:
         self._vehicle.pass_time([robot], self._rounds * self._delta_s, self._tick)
         self.position = self._ticks[-1].position if self._ticks else self.position
         readings = self._host.read(robot)
-        self._told.turns[ended] = Delta(tuple(self._ticks), self.sensed, readings)
+        self._told.turns[ended] = EnvironmentStep(tuple(self._ticks), self.sensed, readings)
         self._ticks.clear()
         return readings
 
@@ -141,7 +141,7 @@ class SimulatedBody:
         self._ticks.append(Tick((x, y, z), heading, (w, i, j, k), reached, given, path))
 
 
-class Maker(Struct, frozen=True):
+class RobotMaker(Struct, frozen=True):
     """Makes the robots of a run, each where its process is."""
 
     cast: Cast
@@ -153,7 +153,7 @@ class Maker(Struct, frozen=True):
         robot = job.classes[job.kinds[pid]](pid, job.kinds, job.delta_s, body)
         member = Member(robot, body, job.journal(pid), job.program)
 
-        def tell(entry: Entry) -> Told:
+        def tell(entry: LogEntry) -> RoundStory:
             decision = entry.decision
             last = job.rounds is not None and entry.round + 1 >= job.rounds
             if decision.fault is None and (last or member.all_stopped):

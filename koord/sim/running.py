@@ -29,7 +29,7 @@ from koord.sim.measuring import Figures, Gauge
 from koord.sim.observing import Observer, deeds_of, header_of
 from koord.sim.run_log import RunLog, RunLogger
 from koord.sim.scene import Scene
-from koord.sim.standing import Standing, Watchman
+from koord.sim.standing import StandingRobot, Watchman
 from koord.syntax.collector import uncollected
 
 #: A run in which nothing has changed for so long is over.
@@ -54,7 +54,7 @@ class Ending(Enum):
     PLAYED = "the recorded run is over"
 
 
-class Broken(Struct, frozen=True):
+class BrokenClaim(Struct, frozen=True):
     """A claim that does not hold: what, when, whose, where; ``sort`` is what it is."""
 
     claim: str
@@ -65,7 +65,7 @@ class Broken(Struct, frozen=True):
     sort: str = ""
 
 
-class Moment(Enum):
+class WatchPoint(Enum):
     """When claims are looked at."""
 
     BEGUN = "after INIT"
@@ -78,11 +78,11 @@ class Claims(Protocol):
 
     looked: dict[str, int]
 
-    def look(self, moment: Moment, run: Simulation) -> Iterator[Broken]:
+    def look(self, moment: WatchPoint, run: Simulation) -> Iterator[BrokenClaim]:
         """The claims that do not hold now."""
         ...
 
-    def glance(self, run: Simulation) -> Iterator[Broken]:
+    def glance(self, run: Simulation) -> Iterator[BrokenClaim]:
         """The claims that do not hold of the world, at a tick between two rounds."""
         ...
 
@@ -147,9 +147,13 @@ class Simulation:
         self.observer = Observer(self.recorder, self.engine, self.fleet)
         self.gauge = Gauge(self.fleet, self.engine, self.recorder, scene)
         self.ending: Ending | None = None
-        self.broken: list[Broken] = []
-        self.noticed: list[Standing] = []  #: robots that were seen to stand still, as it was seen
-        self.standing: tuple[Standing, ...] = ()  #: those that stand still when the run has ended
+        self.broken: list[BrokenClaim] = []
+        self.noticed: list[
+            StandingRobot
+        ] = []  #: robots that were seen to stand still, as it was seen
+        self.standing: tuple[
+            StandingRobot, ...
+        ] = ()  #: those that stand still when the run has ended
         self._told: set[tuple[str, tuple[int, ...]]] = set()
         self._digest = Digest()
         self._before: tuple[Any, ...] | None = None
@@ -170,7 +174,7 @@ class Simulation:
         decision = self.engine.begin()
         self.observer.begun(decision)
         self._note(decision)
-        self._look(Moment.BEGUN)
+        self._look(WatchPoint.BEGUN)
         self._conclude()
         return decision
 
@@ -183,14 +187,14 @@ class Simulation:
         self.gauge.events(decision, deeds)
         self._note(decision)
         if engine.ended is None:
-            self._look(Moment.EVENTS)
+            self._look(WatchPoint.EVENTS)
         if engine.ended is None and self.goes_on:
             self.pass_time()
             engine.environment_turn()
             self.gauge.round(self.host.sensed)
             if engine.ended is None:
                 self._watch_over()
-                self._look(Moment.ROUND)
+                self._look(WatchPoint.ROUND)
         self._conclude()
         return decision
 
@@ -236,7 +240,7 @@ class Simulation:
             words = f"{near.distance_m:.3f} m apart, less than {self.scene.safety_m:.3f} m"
             place: Point = tuple(fleet.positions()[near.one].tolist())
             pair = (near.one, near.other)
-            self._break(Broken("separation", fleet.now_s, pair, place, words))
+            self._break(BrokenClaim("separation", fleet.now_s, pair, place, words))
         for claims in self.claims:
             for broken in claims.glance(self):
                 self._break(broken)
@@ -252,16 +256,16 @@ class Simulation:
         for one in self.watchman.round(began_s, ended_s, sensed, robots, places, touched):
             self._notice(one)
 
-    def _notice(self, one: Standing) -> None:
+    def _notice(self, one: StandingRobot) -> None:
         self.noticed.append(one)
         self.recorder.standing(self.time_s, one.robot, one.since_s, one.words)
 
-    def _look(self, moment: Moment) -> None:
+    def _look(self, moment: WatchPoint) -> None:
         for claims in self.claims:
             for broken in claims.look(moment, self):
                 self._break(broken)
 
-    def _break(self, broken: Broken) -> None:
+    def _break(self, broken: BrokenClaim) -> None:
         """Of a claim that stays broken for the same robots the first time is told."""
         key = (broken.claim, broken.robots)
         if key in self._told:

@@ -13,7 +13,7 @@ import numpy as np
 from msgspec import Struct
 from msgspec.structs import replace
 
-from koord.runtime.configuration.model import Configuration, RobotPlace, Vehicle
+from koord.runtime.configuration.model import RobotPlace, RunConfiguration, Vehicle
 from koord.runtime.configuration.reading import problem
 from koord.runtime.motion.automaton import Visit
 from koord.runtime.motion.bodies import Body
@@ -69,7 +69,7 @@ class Scene(Struct, frozen=True):
 
 
 def scene(
-    configuration: Configuration,
+    configuration: RunConfiguration,
     seed: int | None = None,
     robots: int | None = None,
     landmarks: Sequence[Point] | None = None,
@@ -156,7 +156,7 @@ def _model(vehicle: Vehicle) -> DeviceModel:
     )
 
 
-def _unplanned(configuration: Configuration, vehicle: Vehicle) -> Iterator[Diagnostic]:
+def _unplanned(configuration: RunConfiguration, vehicle: Vehicle) -> Iterator[Diagnostic]:
     """A device that is described, and of which it is not said how it plans its paths."""
     path = vehicle.path
     described = bool(path) and path[0] in ("device", "devices")
@@ -170,7 +170,7 @@ def _unplanned(configuration: Configuration, vehicle: Vehicle) -> Iterator[Diagn
 
 
 def _starts(
-    configuration: Configuration,
+    configuration: RunConfiguration,
     world: World,
     places: Sequence[RobotPlace],
     bodies: Sequence[Body],
@@ -276,7 +276,7 @@ def _scattered(
 # --- what cannot be -------------------------------------------------------------------------------
 
 
-def _refuse(configuration: Configuration, complaints: Any, places: Sequence[RobotPlace]) -> None:
+def _refuse(configuration: RunConfiguration, complaints: Any, places: Sequence[RobotPlace]) -> None:
     """Raises KoordError for what geometry complains of, each with its place in the file."""
     problems = []
     for complaint in complaints:

@@ -9,7 +9,7 @@ import numpy as np
 
 from koord.runtime.engine import Schedule
 from koord.runtime.motion.arrays import Floats
-from koord.runtime.motion.bodies import Ideal, PlannerName
+from koord.runtime.motion.bodies import IdealBody, PlannerName
 from koord.runtime.motion.clearance import Clearance
 from koord.runtime.motion.world import Point, World
 from koord.runtime.proposals import Decision
@@ -93,7 +93,7 @@ def _scene(places: Sequence[Sequence[Point]], delta_s: float) -> Scene:
     low, high = every.min(0) - _MARGIN_M, every.max(0) + _MARGIN_M
     (x0, y0, z0), (x1, y1, z1) = low.tolist(), high.tolist()
     ground = min(0.0, z0 + _MARGIN_M)
-    model = DeviceModel(Ideal(), PlannerName.STRAIGHT)
+    model = DeviceModel(IdealBody(), PlannerName.STRAIGHT)
     count = len(places[0])
     return Scene(
         World((x0, y0, ground), (x1, y1, max(z1, ground + 1.0))),

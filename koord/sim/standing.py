@@ -29,7 +29,7 @@ _ASKS_S = 1.0
 _BLOCKED_S, _BLOCKED_M = 5.0, 0.05
 
 
-class Standing(Struct, frozen=True):
+class StandingRobot(Struct, frozen=True):
     """A robot that stands still."""
 
     robot: int
@@ -44,7 +44,7 @@ class Watchman:
     def __init__(self, world: World, bodies: Sequence[Body]) -> None:
         self.now_s = self.still_s = 0.0
         self._world, self._bodies = world, tuple(bodies)
-        self._stuck: dict[int, Standing] = {}
+        self._stuck: dict[int, StandingRobot] = {}
         self._wants: list[dict[Point, tuple[float, float]]] = [{} for _ in bodies]
         self._unclear: list[tuple[float, float] | None] = [None] * len(bodies)
         #: Where robots that are on their way have been since when, but for a few centimetres.
@@ -62,7 +62,7 @@ class Watchman:
         robots: Sequence[Robot],
         places: Sequence[Point],
         touched: Callable[[int], Sequence[tuple[Hindrance, int]]],
-    ) -> Iterator[Standing]:
+    ) -> Iterator[StandingRobot]:
         """A round is over: who stands still since then.
 
         ``places`` are where robots truly are, and ``touched`` is what a robot's vehicle touches.
@@ -91,7 +91,7 @@ class Watchman:
                     yield stands
         self.still_s = 0.0 if moves else self.still_s + (ended_s - began_s)
 
-    def standing(self, robots: Sequence[Robot], still_s: float) -> tuple[Standing, ...]:
+    def standing(self, robots: Sequence[Robot], still_s: float) -> tuple[StandingRobot, ...]:
         """All that stand still by now; those that wait for a way only if all have for so long."""
         found = dict(self._stuck)
         if self.still_s >= still_s - 1e-9:
@@ -131,7 +131,7 @@ class Watchman:
         else:
             wants[goal] = wants.get(goal, (self.now_s, 0.0))[0], self.now_s
 
-    def _waiting(self, pid: int) -> Iterator[Standing]:
+    def _waiting(self, pid: int) -> Iterator[StandingRobot]:
         """Whether a robot waits for a way: for a path that is clear, if it finds any."""
         unclear, recently = self._unclear[pid], self.now_s - _ASKS_S - 1e-9
         if unclear is not None and unclear[1] >= recently:
@@ -170,8 +170,8 @@ class _Heard(Struct):
         return self.host.choose(turn, robot, key, low, high)
 
 
-def _standing(pid: int, since_s: float, plight: Plight, more: str = "") -> Standing:
-    return Standing(pid, since_s, plight.hindrance, plight.words + more)
+def _standing(pid: int, since_s: float, plight: Plight, more: str = "") -> StandingRobot:
+    return StandingRobot(pid, since_s, plight.hindrance, plight.words + more)
 
 
 def _no_headway(touched: Sequence[tuple[Hindrance, int]]) -> Plight:

@@ -21,7 +21,7 @@ from koord.syntax.system import System
 from koord.traces.lassos import Lasso, able_in, holds_at, ran
 
 
-class Standing(Enum):
+class EventStatus(Enum):
     """How an event stands in the rounds that repeat."""
 
     RUNS = "runs"  #: in one of them at least
@@ -36,7 +36,7 @@ class OfEvent(Struct, frozen=True):
     event: str
     enabled: tuple[int, ...]
     ran: tuple[int, ...]
-    standing: Standing
+    standing: EventStatus
 
 
 class OfLock(Struct, frozen=True):
@@ -128,12 +128,14 @@ def _of_robot(lasso: Lasso, rounds: tuple[int, ...], robot: int) -> OfRobot:
     )
 
 
-def _standing(rounds: tuple[int, ...], enabled: tuple[int, ...], here: tuple[int, ...]) -> Standing:
+def _standing(
+    rounds: tuple[int, ...], enabled: tuple[int, ...], here: tuple[int, ...]
+) -> EventStatus:
     if here:
-        return Standing.RUNS
+        return EventStatus.RUNS
     if not enabled:
-        return Standing.NEVER
-    return Standing.ALWAYS if enabled == rounds else Standing.AT_TIMES
+        return EventStatus.NEVER
+    return EventStatus.ALWAYS if enabled == rounds else EventStatus.AT_TIMES
 
 
 def told(found: Excuses) -> list[str]:
@@ -166,11 +168,11 @@ def _told(rounds: tuple[int, ...], of: OfRobot) -> list[str]:
             line += f", so that it may skip for ever, also in {_rounds(of.skips)}"
         said.append(line)
     for event in of.events:
-        if event.standing is Standing.AT_TIMES:
+        if event.standing is EventStatus.AT_TIMES:
             without = tuple(n for n in rounds if n not in event.enabled)
             how = f"is enabled in {_rounds(event.enabled)} only, not in {_rounds(without)}"
             said.append(f"never runs {event.event}, which {how}")
-        elif event.standing is Standing.ALWAYS:
+        elif event.standing is EventStatus.ALWAYS:
             how = "fairness is to robots, and which event one runs is its own affair"
             said.append(f"never runs {event.event}, which is always enabled: {how}")
     for lock in of.locks:
@@ -186,7 +188,7 @@ def _told(rounds: tuple[int, ...], of: OfRobot) -> list[str]:
 
 
 def _waits(event: OfEvent, of: OfRobot) -> bool:
-    return event.standing in (Standing.AT_TIMES, Standing.ALWAYS) and bool(of.locks)
+    return event.standing in (EventStatus.AT_TIMES, EventStatus.ALWAYS) and bool(of.locks)
 
 
 def _robots(who: Sequence[int]) -> str:

@@ -48,7 +48,7 @@ from koord.traces.trace import (
 Question: TypeAlias = "tuple[str, tuple[Concrete, ...]]"
 
 
-class Planned(Struct, frozen=True):
+class ExpectedStep(Struct, frozen=True):
     """A step that a recording speaks of, before anyone knows whether it is legal."""
 
     rule: str
@@ -65,7 +65,7 @@ class Refused(Struct, frozen=True):
     """
 
     rule: str
-    step: Planned
+    step: ExpectedStep
     reason: str
     differences: tuple[Change, ...] = ()
 
@@ -80,20 +80,20 @@ class Replayed(Struct, frozen=True):
     trusted: tuple[str, ...] = ()
 
 
-def planned(trace: Trace) -> Iterator[Planned]:
+def planned(trace: Trace) -> Iterator[ExpectedStep]:
     """The steps that a trace's recording speaks of."""
-    yield Planned("INIT", BEFORE_ROUNDS)
+    yield ExpectedStep("INIT", BEFORE_ROUNDS)
     for number, round_ in enumerate(trace.recording.rounds):
         for robot in round_.order:
             position = round_.events[robot] if robot < len(round_.events) else None
             if position is None:
-                yield Planned("SKIP", number, robot)
+                yield ExpectedStep("SKIP", number, robot)
             else:
                 events = trace.system.agent(robot).events
                 name = events[position].name if 0 <= position < len(events) else str(position)
-                yield Planned("EVENT-TRANS", number, robot, name)
+                yield ExpectedStep("EVENT-TRANS", number, robot, name)
         if not round_.cut:
-            yield Planned("ENV-TRANS", number)
+            yield ExpectedStep("ENV-TRANS", number)
 
 
 def replay(trace: Trace, seen: Callable[[Step], None] = lambda step: None) -> Replayed:
@@ -167,7 +167,7 @@ class _Replay:
         self.check_end(last)
 
     def refusal(
-        self, rule: str, plan: Planned, reason: str, found: tuple[Change, ...] = ()
+        self, rule: str, plan: ExpectedStep, reason: str, found: tuple[Change, ...] = ()
     ) -> _RefusedError:
         return _RefusedError(Refused(rule, plan, reason, found))
 
@@ -185,13 +185,13 @@ class _Replay:
                 f"{len(rounds)} rounds have {len(trace.configurations)} configurations",
             )
         for number, round_ in enumerate(rounds):
-            plan = Planned("EVENT-TRANS", number)
+            plan = ExpectedStep("EVENT-TRANS", number)
             if len(round_.events) != robots:
                 raise self.refusal("EVENT-TRANS", plan, f"there are not {robots} robots' events")
             for robot, position in enumerate(round_.events):
                 events = trace.system.agent(robot).events
                 if position is not None and not 0 <= position < len(events):
-                    plan = Planned("SELECT", number, robot)
+                    plan = ExpectedStep("SELECT", number, robot)
                     raise self.refusal("SELECT", plan, f"the robot has no event {position}")
         for answer in self.answers():
             if answer.function is not None:
@@ -214,7 +214,7 @@ class _Replay:
             return True
         return self.plan[number + 1].round != step.round
 
-    def check_step(self, plan: Planned, step: Step, *, closes: bool) -> None:
+    def check_step(self, plan: ExpectedStep, step: Step, *, closes: bool) -> None:
         for made in emitted(step):
             recorded = next(self.outputs, None)
             if recorded is None or not same_output(made, recorded):
@@ -244,14 +244,16 @@ class _Replay:
             found = tuple(islice(differences(self.names, last.configuration, recorded), 20))
             if found:
                 reason = "nobody moved, but the configuration recorded is another"
-                raise self.refusal("EVENT-TRANS", Planned("EVENT-TRANS", number), reason, found)
+                raise self.refusal(
+                    "EVENT-TRANS", ExpectedStep("EVENT-TRANS", number), reason, found
+                )
         violation = self.trace.violation
         if self.trace.recording.loop is not None:
             self.check_lasso(violation, plan)
         elif violation is not None:
             self.check_violation(violation, plan, last)
 
-    def check_lasso(self, violation: Violation | None, plan: Planned) -> None:
+    def check_lasso(self, violation: Violation | None, plan: ExpectedStep) -> None:
         """A run that repeats itself closes, is fair, and breaks what it says. [LASSO]"""
         trace = self.trace
         flaw: Flaw | None = Flaw("LASSO", "a run without end is told in exact numbers")
@@ -267,7 +269,7 @@ class _Replay:
     def stated(self, name: str) -> core.Property | None:
         return next((p for p in self.trace.system.program.properties if p.name == name), None)
 
-    def check_violation(self, violation: Violation, plan: Planned, last: Step) -> None:
+    def check_violation(self, violation: Violation, plan: ExpectedStep, last: Step) -> None:
         """A trace that claims a violation has to show it."""
         rule, shown = "PROP-INVARIANT", False
         match violation.kind:

@@ -16,16 +16,16 @@ from koord.syntax.budget import OutOfBudgetError
 from koord.syntax.core import UnaryOp
 from koord.syntax.diagnostics import KoordError
 from koord.syntax.system import System
-from koord.verify.claims import Claim, Phase
+from koord.verify.claims import Claim, ClaimPhase
 from koord.verify.effort import Deadline, Effort
-from koord.verify.encoding.moments import Moment
-from koord.verify.encoding.solver import Answer
+from koord.verify.encoding.moments import SymbolicConfiguration
+from koord.verify.encoding.solver import SolverAnswer
 from koord.verify.encoding.unrolling import Unrolling, violations
 from koord.verify.engine_names import Engine
 from koord.verify.ledger import Judge, Ledger, Reach
 from koord.verify.obstacles import Beyond, Elsewhere, GaveUp, Lengths, Obstacle, Unreplayed, gave_up
 from koord.verify.verdicts import Counterexample, Outcome, Verdict, has_fewest
-from koord.verify.witness import NotReplayedError, Reader, recording_of
+from koord.verify.witness import ModelReader, NotReplayedError, recording_of
 
 #: What other claims may cost where one is violated, so that nobody waits long to see it.
 AFTERWARDS_S = 10.0
@@ -47,7 +47,7 @@ class BoundedCheck:
         self._judge = judge
         self._started = time.monotonic()
         self._moments = self._unrolling.moments()
-        self._moment: Moment | None = None
+        self._moment: SymbolicConfiguration | None = None
         self.unreplayed: dict[Claim, tuple[str, int | None]] = {}
         self.completed: int | None = None
         self.covered: int | None = None
@@ -100,7 +100,7 @@ class BoundedCheck:
                 self.reason = ""  # the moment is looked at again
                 break
             self._moment = None
-            if not self.reason and moment.phase in (Phase.INIT, Phase.END):
+            if not self.reason and moment.phase in (ClaimPhase.INIT, ClaimPhase.END):
                 self.completed = moment.configuration.round
                 if not self._unrolling.unknowns.limits:
                     self.covered = self.completed
@@ -116,7 +116,7 @@ class BoundedCheck:
         """What the unrolling does not cover."""
         return self._unrolling.unknowns.uncovered
 
-    def _take_for_granted(self, moment: Moment, proved: Sequence[Claim]) -> None:
+    def _take_for_granted(self, moment: SymbolicConfiguration, proved: Sequence[Claim]) -> None:
         d, solver = self._unrolling.encoder.d, self._unrolling.solver
         state = [claim for claim in proved if claim.is_state_property]
         for violated, needed in violations(self._unrolling.system, d, moment, state).values():
@@ -125,7 +125,7 @@ class BoundedCheck:
 
 def _look(
     unrolling: Unrolling,
-    moment: Moment,
+    moment: SymbolicConfiguration,
     claims: Sequence[Claim],
     deadline: Deadline,
     effort: Effort | None,
@@ -145,16 +145,16 @@ def _look(
     pending = {claim: violated for claim, (violated, _) in asked.items()}
     while pending:
         answer = solver.check([disjunction(d, list(pending.values()))], deadline, effort)
-        if answer is Answer.UNKNOWN:
+        if answer is SolverAnswer.UNKNOWN:
             why = "timeout" if deadline.is_near() else "the solver gave up"
             return found, unreplayed, why
-        if answer is Answer.UNSAT:
+        if answer is SolverAnswer.UNSAT:
             break
         model = solver.model()
         broken_here = [claim for claim, violated in pending.items() if model.truth(violated)]
         # A fault ends the run, so a run that breaks another claim is preferred to show it.
         claim = broken_here[0]
-        reader = Reader(model, unrolling.system)
+        reader = ModelReader(model, unrolling.system)
         recording = recording_of(reader, unrolling.opening, unrolling.rounds, moment.phase)
         try:
             counterexample = judge(recording, claim, moment.phase)

@@ -22,7 +22,7 @@ from koord.syntax.parsing.parser import parse
 from koord.syntax.printing.stated import stated
 from koord.syntax.source import Source
 from koord.syntax.system import System
-from koord.verify.claims import Claim, ClaimKind, Phase, claims_of
+from koord.verify.claims import Claim, ClaimKind, ClaimPhase, claims_of
 from koord.verify.effort import Deadline, Effort
 from koord.verify.encoding.unrolling import Unrolling, violations
 from koord.verify.engine_names import Engine
@@ -38,10 +38,10 @@ VERSION = 3
 
 #: What the configurations are called that a step looks at.
 _MOMENTS = {
-    Phase.INIT: "initiation",
-    Phase.INSIDE: "consecution inside a round",
-    Phase.MIDDLE: "consecution of the program turns",
-    Phase.END: "consecution of the environment's turn",
+    ClaimPhase.INIT: "initiation",
+    ClaimPhase.INSIDE: "consecution inside a round",
+    ClaimPhase.MIDDLE: "consecution of the program turns",
+    ClaimPhase.END: "consecution of the environment's turn",
 }
 
 
@@ -60,7 +60,7 @@ class Lemma(Struct, frozen=True):
     everyone: bool
 
 
-class Shown(Struct, frozen=True):
+class ProvedClaims(Struct, frozen=True):
     """Names of claims that hold in all rounds, whoever found that out, with what helps to show it.
 
     ``everyone`` are those of them that hold for every number of robots. ``beyond`` are claims that
@@ -78,12 +78,12 @@ class Shown(Struct, frozen=True):
 _OF_RUNS = "it is about whole runs, and a certificate is about configurations"
 
 
-def shown_by(report: Report) -> Shown:
+def shown_by(report: Report) -> ProvedClaims:
     """What a verification has shown of all rounds."""
     settled = [v for v in report.verdicts if v.outcome is Outcome.HOLDS and v.rounds is None]
     holding = [v for v in settled if v.claim.kind is not ClaimKind.LIVENESS]
     lemmas = (Lemma(text, v.engine is Engine.EVERY_N) for v in holding for text in v.lemmas)
-    return Shown(
+    return ProvedClaims(
         tuple(v.claim.name for v in holding),
         frozenset(v.claim.name for v in holding if v.engine is Engine.EVERY_N),
         tuple(dict.fromkeys(lemmas)),
@@ -104,7 +104,7 @@ class Certificate(Struct, frozen=True):
 
 
 def certificate(
-    system: System, texts: Texts, shown: Shown, deadline: Deadline, version: str
+    system: System, texts: Texts, shown: ProvedClaims, deadline: Deadline, version: str
 ) -> Certificate | None:
     """The certificate of those claims that are inductive together; None if there are none."""
     system, subject, found, depths = _argument(system, texts, shown, deadline)
@@ -162,7 +162,7 @@ def certificate(
 
 
 def _argument(
-    system: System, texts: Texts, shown: Shown, deadline: Deadline
+    system: System, texts: Texts, shown: ProvedClaims, deadline: Deadline
 ) -> tuple[System, System, list[tuple[str, Source]], dict[Claim, int]]:
     """The system with what was found, what the proof is about, and over how many rounds it goes."""
     found = _found(shown.lemmas)
@@ -174,8 +174,8 @@ def _argument(
 
 
 def _with_lemmas(
-    system: System, shown: Shown, inductive: Mapping[Claim, int], deadline: Deadline
-) -> Shown | None:
+    system: System, shown: ProvedClaims, inductive: Mapping[Claim, int], deadline: Deadline
+) -> ProvedClaims | None:
     """The same with invariants that make more claims inductive, if some are found.
 
     A search needs none to settle a claim, and a certificate does.
@@ -325,11 +325,11 @@ def _base(
         found = list(violations(system, d, moment, asked).values())
         for _, needed in found:
             solver.add(needed)
-        where = f" in round {number + 1}" if moment.phase is not Phase.INIT else ""
+        where = f" in round {number + 1}" if moment.phase is not ClaimPhase.INIT else ""
         name = _MOMENTS[moment.phase].replace("consecution", "base") + where
         script = solver.script([disjunction(d, [violated for violated, _ in found])])
         yield f"{name}{over}", script
-        if moment.phase in (Phase.INIT, Phase.END):
-            number += moment.phase is Phase.END
+        if moment.phase in (ClaimPhase.INIT, ClaimPhase.END):
+            number += moment.phase is ClaimPhase.END
             if number + 1 == depth:
                 return

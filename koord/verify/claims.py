@@ -49,7 +49,7 @@ def rule_of(claim: Claim) -> str:
     return RULES[claim.kind]
 
 
-class Phase(Enum):
+class ClaimPhase(Enum):
     """The configurations of a run that are looked at. [T-PREFIX]"""
 
     INIT = "after INIT"
@@ -75,22 +75,22 @@ class Claim(Struct, frozen=True):
         """Whether the claim speaks of configurations, so that it may be assumed of one."""
         return self.kind is ClaimKind.PROPERTY
 
-    def looked_at(self, phase: Phase) -> bool:
+    def looked_at(self, phase: ClaimPhase) -> bool:
         """Whether the claim is about configurations of this phase. [PROP-INVARIANT] [PROP-ROUND]"""
         match self.kind:
             case ClaimKind.PROPERTY:
                 assert self.stated is not None
                 every = self.stated.kind is PropertyKind.INVARIANT
-                if every and phase is Phase.END and not self.reads_ports:
+                if every and phase is ClaimPhase.END and not self.reads_ports:
                     # The environment changes ports only: it was asked after the program turns.
                     return False
-                return every or phase not in (Phase.INSIDE, Phase.MIDDLE)
+                return every or phase not in (ClaimPhase.INSIDE, ClaimPhase.MIDDLE)
             case ClaimKind.FAULT:
                 return True
             case ClaimKind.LOST_UPDATE:
-                return phase in (Phase.INSIDE, Phase.MIDDLE)
+                return phase in (ClaimPhase.INSIDE, ClaimPhase.MIDDLE)
             case ClaimKind.CONTRACT:
-                return phase is Phase.END
+                return phase is ClaimPhase.END
             case ClaimKind.LIVENESS:
                 return False
 
@@ -140,7 +140,7 @@ def liveness_of(system: System) -> tuple[Claim, ...]:
     return tuple(Claim(p.name, ClaimKind.LIVENESS, p) for p in live)
 
 
-class Findings(Struct, Generic[V], frozen=True):
+class StepFindings(Struct, Generic[V], frozen=True):
     """What a step found out besides the configuration it leads to."""
 
     fault: V
@@ -153,7 +153,7 @@ def broken(
     system: System,
     claim: Claim,
     configuration: Configuration[V],
-    findings: Findings[V],
+    findings: StepFindings[V],
     inputs: Inputs[V],
 ) -> tuple[V, tuple[Legality[V], ...]]:
     """Whether a configuration, or the step to it, breaks a claim."""

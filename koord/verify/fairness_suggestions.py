@@ -26,7 +26,7 @@ from koord.syntax.printing.program import print_program
 from koord.syntax.source import Source
 from koord.syntax.system import System
 from koord.syntax.walk import reached
-from koord.traces.fairness import Excuses, OfEvent, Standing
+from koord.traces.fairness import EventStatus, Excuses, OfEvent
 from koord.traces.lassos import flaw_of
 from koord.verify.engines.explicit.fair_search import lively
 from koord.verify.engines.explicit.limits import FEW_EDGES, HANDFUL, Limits
@@ -38,7 +38,7 @@ MOST, TRIED = 2, 24
 CHECKING_S = 1.0
 
 
-class Text(Struct, frozen=True):
+class SourceTexts(Struct, frozen=True):
     """What a program is read from."""
 
     source: Source
@@ -56,7 +56,7 @@ class Lassoed(Struct, frozen=True):
     stated: core.Property
 
 
-def excluding(text: Text, lasso: Lassoed, until: float | None = None) -> tuple[str, ...]:
+def excluding(text: SourceTexts, lasso: Lassoed, until: float | None = None) -> tuple[str, ...]:
     """Expectations under which the lasso is not fair, and that some run meets, as Koord.
 
     Looked for up to a moment of :func:`time.monotonic`, if one is given.
@@ -71,7 +71,7 @@ def excluding(text: Text, lasso: Lassoed, until: float | None = None) -> tuple[s
     return tuple(found)
 
 
-def _under(text: Text, lasso: Lassoed, line: str) -> System | None:
+def _under(text: SourceTexts, lasso: Lassoed, line: str) -> System | None:
     """The system with the expectation, if that is one, and excludes the lasso by saying more."""
     more = Source("expected.krd", line + "\n")
     program = load(text.source, text.settings, (*text.properties, more)).program
@@ -106,14 +106,14 @@ def _is_met(system: System, stated: core.Property, until: float | None) -> bool:
     return not lively(system, (stated,), limits, most_edges=FEW_EDGES).is_empty
 
 
-def _candidates(text: Text, lasso: Lassoed) -> Iterator[str]:
+def _candidates(text: SourceTexts, lasso: Lassoed) -> Iterator[str]:
     """Lines to try, the likeliest first: what is enabled is run, then what is waited for comes."""
     events = _events(text)
     program = lasso.system.program
     taken = {p.name for p in (*program.properties, *program.expectations)}
     idle = list(_idle(lasso))
     for event in idle:
-        if event.standing is not Standing.NEVER:
+        if event.standing is not EventStatus.NEVER:
             for pre in events.get(event.event, ()):
                 name = _unused(f"Runs{event.event}", taken)
                 yield _line(name, pre, f"ran({event.event})")
@@ -130,14 +130,14 @@ def _idle(lasso: Lassoed) -> Iterator[OfEvent]:
     for of in lasso.why.robots:
         for event in of.events:
             known = found.get(event.event)
-            if event.standing is not Standing.RUNS and (
-                known is None or known.standing is Standing.NEVER
+            if event.standing is not EventStatus.RUNS and (
+                known is None or known.standing is EventStatus.NEVER
             ):
                 found[event.event] = event
     yield from found.values()
 
 
-def _events(text: Text) -> dict[str, list[list[ast.Expr]]]:
+def _events(text: SourceTexts) -> dict[str, list[list[ast.Expr]]]:
     """What the guards of events of each name are made of."""
     found: dict[str, list[list[ast.Expr]]] = {}
     sections = list(parse(text.source).program.sections)

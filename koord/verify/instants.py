@@ -28,7 +28,7 @@ from koord.syntax.types import FLOAT, FloatType, Type, within
 from koord.syntax.walk import last_site, statements, written
 from koord.verify.claims import Claim, ClaimKind
 from koord.verify.effort import Deadline, Effort
-from koord.verify.encoding.solver import Answer as Solved
+from koord.verify.encoding.solver import SolverAnswer as Solved
 from koord.verify.encoding.symbols import Symbolic, SymbolicInputs, SymbolicOracle
 from koord.verify.encoding.terms import Term
 from koord.verify.encoding.unrolling import Unrolling

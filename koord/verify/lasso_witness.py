@@ -8,7 +8,7 @@ from koord.semantics.recordings import Recording, execute
 from koord.semantics.rounds import IllegalStepError
 from koord.syntax.system import System
 from koord.traces.lassos import broken_by, flaw_of
-from koord.verify.claims import Claim, Phase
+from koord.verify.claims import Claim, ClaimPhase
 from koord.verify.promises import unkept
 from koord.verify.verdicts import Counterexample
 from koord.verify.witness import NotReplayedError
@@ -46,4 +46,4 @@ def replayed_lasso(system: System, recording: Recording, claim: Claim) -> Counte
         detail = f"what should lead to {stated.name}{whose} is true {when}, and nothing follows"
         if since > loop:
             detail = f"what should lead to {stated.name}{whose} is true, and nothing follows"
-    return Counterexample(recording, last, Phase.END, detail, response.robot, stated.span)
+    return Counterexample(recording, last, ClaimPhase.END, detail, response.robot, stated.span)

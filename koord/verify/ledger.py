@@ -19,7 +19,7 @@ from koord.semantics.recordings import Recording
 from koord.syntax.budget import OutOfBudgetError
 from koord.syntax.diagnostics import KoordError
 from koord.syntax.system import System
-from koord.verify.claims import Claim, Phase
+from koord.verify.claims import Claim, ClaimPhase
 from koord.verify.effort import Deadline
 from koord.verify.engine_names import Engine
 from koord.verify.failures import Failure, failure_of
@@ -39,7 +39,7 @@ from koord.verify.verdicts import Bounds, BrokenStep, Counterexample, Outcome, V
 ANSWERED_ALL_S = 20.0
 
 #: Replays a recording that should break a claim; raises NotReplayedError if it does not.
-Judge = Callable[[Recording, Claim, Phase], Counterexample]
+Judge = Callable[[Recording, Claim, ClaimPhase], Counterexample]
 
 
 class VerificationProblem(Struct, frozen=True):

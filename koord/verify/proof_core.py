@@ -14,7 +14,7 @@ from msgspec.structs import replace
 
 from koord.syntax.analysis.premises import Premise, premises, without
 from koord.syntax.system import System
-from koord.verify.claims import Claim, ClaimKind, Phase, claims_of
+from koord.verify.claims import Claim, ClaimKind, ClaimPhase, claims_of
 from koord.verify.effort import Deadline
 from koord.verify.engine_names import Engine
 from koord.verify.engines.engine import Workers
@@ -97,6 +97,6 @@ def _turns(engines: set[Engine], found: bool) -> Iterator[AnyTurn]:
         yield EngineTurn(row.engine, row.task, workers)
 
 
-def _unasked(recording: object, claim: Claim, phase: Phase) -> Counterexample:
+def _unasked(recording: object, claim: Claim, phase: ClaimPhase) -> Counterexample:
     """Whatever breaks a claim here is no run of the program, which has all its premises."""
     raise NotReplayedError("a premise was left out")

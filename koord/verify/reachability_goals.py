@@ -21,7 +21,7 @@ from msgspec.structs import replace
 
 from koord.syntax import core
 from koord.syntax.analysis.premises import Premise, promises_of
-from koord.syntax.analysis.suppositions import Denial, Reading
+from koord.syntax.analysis.suppositions import Denial, SuppositionReader
 from koord.syntax.core import BinaryOp, Home, PropertyKind, QuantifierKind, UnaryOp
 from koord.syntax.source import Span
 from koord.syntax.system import System
@@ -69,7 +69,7 @@ class ReachabilityGoals(Struct, frozen=True):
 
 def reachability_goals_of(system: System) -> ReachabilityGoals:
     """All that should be possible in a system."""
-    reading = Reading(system.program)
+    reading = SuppositionReader(system.program)
     goals = [
         ReachabilityGoal(
             aim, subject, _never(system.program, f"never {n}", condition, bound), span, observed
@@ -95,7 +95,7 @@ def reachability_goals_of(system: System) -> ReachabilityGoals:
 
 def supposes(program: core.Program, condition: core.Expr) -> bool:
     """Whether a statement says what follows from something that is to come true."""
-    return any(Reading(program).denials(condition, disjunctions=False))
+    return any(SuppositionReader(program).denials(condition, disjunctions=False))
 
 
 def _with(
@@ -145,7 +145,7 @@ def _events(system: System) -> Iterator[_Stated]:
             yield Aim.EVENT, event.name, body, 1, event.span, False
 
 
-def _suppositions(reading: Reading) -> Iterator[_Stated]:
+def _suppositions(reading: SuppositionReader) -> Iterator[_Stated]:
     for stated in reading.program.properties:
         for denial, span in _denials(reading, stated):
             each = stated.each
@@ -156,7 +156,7 @@ def _suppositions(reading: Reading) -> Iterator[_Stated]:
             yield Aim.SUPPOSITION, stated.name, denial, stated.bound, span, observed
 
 
-def _denials(reading: Reading, stated: core.Property) -> Iterator[Denial]:
+def _denials(reading: SuppositionReader, stated: core.Property) -> Iterator[Denial]:
     if stated.trigger is not None:
         yield core.Unary(UnaryOp.NOT, stated.trigger, BOOL), stated.trigger.span
         return
@@ -181,7 +181,9 @@ class _Supposed(Struct, frozen=True):
     promises: tuple[Premise, ...]
 
 
-def _of_contracts(system: System, reading: Reading) -> dict[_Supposed, dict[int, core.Contract]]:
+def _of_contracts(
+    system: System, reading: SuppositionReader
+) -> dict[_Supposed, dict[int, core.Contract]]:
     """What contracts suppose, and by kind of robot a contract that denies it."""
     found: dict[_Supposed, dict[int, core.Contract]] = {}
     for kind in sorted(set(system.kinds)):
@@ -193,7 +195,7 @@ def _of_contracts(system: System, reading: Reading) -> dict[_Supposed, dict[int,
 
 
 def _supposed(
-    module: core.Module, contract: core.Contract, reading: Reading
+    module: core.Module, contract: core.Contract, reading: SuppositionReader
 ) -> Iterator[tuple[_Supposed, core.Contract]]:
     promises, names = promises_of(module, contract), (module.name, contract.name)
     if not all(isinstance(e, core.Const) for e in contract.requires):

@@ -11,7 +11,7 @@ from koord.semantics.domain import Constant
 from koord.semantics.recordings import Recording
 from koord.syntax.source import Span
 from koord.syntax.system import System
-from koord.verify.claims import Claim, Phase
+from koord.verify.claims import Claim, ClaimPhase
 from koord.verify.engine_names import Engine
 from koord.verify.failures import Failure
 from koord.verify.obstacles import Obstacle
@@ -56,7 +56,7 @@ class Counterexample(Struct, frozen=True):
 
     recording: Recording
     round: int
-    phase: Phase
+    phase: ClaimPhase
     detail: str
     robot: int | None = None
     span: Span | None = None
@@ -73,7 +73,7 @@ class BrokenStep(Struct, frozen=True):
 
     configurations: tuple[Configuration[Constant], ...]
     events: tuple[tuple[int, ...], ...]
-    phase: Phase
+    phase: ClaimPhase
 
 
 class Ways(Struct, frozen=True):

@@ -37,7 +37,7 @@ from koord.syntax.source import Span
 from koord.syntax.system import System
 from koord.syntax.types import INT, ArrayType, MapType, RecordType, SequenceType, Type
 from koord.traces.rendering import show_value
-from koord.verify.claims import Claim, ClaimKind, Findings, Phase, broken
+from koord.verify.claims import Claim, ClaimKind, ClaimPhase, StepFindings, broken
 from koord.verify.encoding import moments
 from koord.verify.encoding import solver as solving
 from koord.verify.encoding.symbols import Symbolic, SymbolicAnswer, SymbolicInputs
@@ -46,7 +46,7 @@ from koord.verify.promises import unkept
 from koord.verify.verdicts import Counterexample
 
 
-class Reader(Struct, frozen=True):
+class ModelReader(Struct, frozen=True):
     """Reads concrete values out of a model."""
 
     model: solving.Model
@@ -102,7 +102,10 @@ class Reader(Struct, frozen=True):
 
 
 def recording_of(
-    reader: Reader, opening: moments.Opening, taken: list[moments.SymbolicRound], phase: Phase
+    reader: ModelReader,
+    opening: moments.SymbolicInit,
+    taken: list[moments.SymbolicRound],
+    phase: ClaimPhase,
 ) -> Recording:
     """The run that a model describes, up to the given phase of its last round."""
     recorded = []
@@ -112,14 +115,14 @@ def recording_of(
     return Recording(opening_of(reader, opening), tuple(recorded))
 
 
-def opening_of(reader: Reader, opening: moments.Opening) -> Opening:
+def opening_of(reader: ModelReader, opening: moments.SymbolicInit) -> Opening:
     """INIT as a model describes it."""
     order = _order(reader, opening.before)
     answers = reader.answers(opening.inputs) + reader.answers(opening.moment.checks)
     return Opening(order, tuple(_start(reader, *s) for s in opening.inputs.starts), answers)
 
 
-def _start(reader: Reader, home: Home, slot: int, robot: int | None, value: Symbolic) -> Start:
+def _start(reader: ModelReader, home: Home, slot: int, robot: int | None, value: Symbolic) -> Start:
     program = reader.system.program
     if home is Home.ALLWRITE:
         type_ = program.allwrite[slot].variable.type
@@ -137,7 +140,9 @@ def _start(reader: Reader, home: Home, slot: int, robot: int | None, value: Symb
     return Start(home, slot, robot, reader.value(value, type_))
 
 
-def round_of(reader: Reader, symbolic: moments.SymbolicRound, phase: Phase | None) -> Round:
+def round_of(
+    reader: ModelReader, symbolic: moments.SymbolicRound, phase: ClaimPhase | None
+) -> Round:
     """A round as a model describes it, up to a phase; all of it for None."""
     system = reader.system
     events: list[int | None] = [None] * system.robots
@@ -146,10 +151,10 @@ def round_of(reader: Reader, symbolic: moments.SymbolicRound, phase: Phase | Non
             events[option.robot] = option.position
     order = _order(reader, symbolic.before) or tuple(range(system.robots))
     answers = reader.answers(symbolic.inputs)
-    cut = phase in (Phase.INSIDE, Phase.MIDDLE)
+    cut = phase in (ClaimPhase.INSIDE, ClaimPhase.MIDDLE)
     if phase is not None:
         answers += reader.answers(_moment(symbolic, phase).checks)
-    if phase is Phase.INSIDE:
+    if phase is ClaimPhase.INSIDE:
         # Robots that run no event have not moved yet. [T-PREFIX]
         free = (i for i, may_skip in enumerate(symbolic.free) if reader.truth(may_skip))
         order = tuple(i for i in order if events[i] is not None) or (next(free),)
@@ -171,15 +176,15 @@ def round_of(reader: Reader, symbolic: moments.SymbolicRound, phase: Phase | Non
     return Round(order, tuple(events), readings, answers, cut)
 
 
-def _moment(symbolic: moments.SymbolicRound, phase: Phase) -> moments.Moment:
-    if phase is Phase.END:
+def _moment(symbolic: moments.SymbolicRound, phase: ClaimPhase) -> moments.SymbolicConfiguration:
+    if phase is ClaimPhase.END:
         return symbolic.end
-    if phase is Phase.MIDDLE or symbolic.inside is None:
+    if phase is ClaimPhase.MIDDLE or symbolic.inside is None:
         return symbolic.middle
     return symbolic.inside
 
 
-def _order(reader: Reader, before: dict[tuple[int, int], Term]) -> tuple[int, ...]:
+def _order(reader: ModelReader, before: dict[tuple[int, int], Term]) -> tuple[int, ...]:
     """The order that the places describe; pid order where there are none."""
     robots = range(reader.system.robots)
     if not before:
@@ -206,7 +211,9 @@ class OnlyOfSliceError(NotReplayedError):
     """A lasso of a slice was found that is none of the whole program."""
 
 
-def replayed(system: System, recording: Recording, claim: Claim, phase: Phase) -> Counterexample:
+def replayed(
+    system: System, recording: Recording, claim: Claim, phase: ClaimPhase
+) -> Counterexample:
     """The recording as a counterexample, after it ran on the exact domain and broke the claim.
 
     Raises :class:`NotReplayedError` where it did not.
@@ -246,14 +253,14 @@ def replayed(system: System, recording: Recording, claim: Claim, phase: Phase) -
     return Counterexample(recording, number, phase, detail, robot, span, met_fault)
 
 
-def _phase_of(step: Step) -> Phase:
+def _phase_of(step: Step) -> ClaimPhase:
     match step.rule:
         case "INIT":
-            return Phase.INIT
+            return ClaimPhase.INIT
         case "ENV-TRANS":
-            return Phase.END
+            return ClaimPhase.END
         case _:
-            return Phase.INSIDE
+            return ClaimPhase.INSIDE
 
 
 def _falsified(
@@ -360,15 +367,15 @@ def _last_answers(recording: Recording) -> tuple[Answer, ...]:
     return tuple(answer for answer in source if answer.phase is Asked.CHECK)
 
 
-def _findings(system: System, recording: Recording, steps: list[Step]) -> Findings[Constant]:
+def _findings(system: System, recording: Recording, steps: list[Step]) -> StepFindings[Constant]:
     """What the last step of an exact run found out besides its configuration."""
     last = steps[-1]
     promises = tuple((False, contract.name) for _, contract in last.stepped.promises)
     if not recording.rounds or last.rule == "ENV-TRANS":
-        return Findings(False, (), promises)
+        return StepFindings(False, (), promises)
     met = _meetings(system, recording, steps)
     names = (declaration.variable.name for declaration in system.program.allwrite)
-    return Findings(False, tuple((name in met, name) for name in names), promises)
+    return StepFindings(False, tuple((name in met, name) for name in names), promises)
 
 
 class _Meeting(Struct, frozen=True):

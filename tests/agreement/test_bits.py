@@ -33,7 +33,7 @@ from koord.syntax.types import (
 from koord.verify.encoding.terms import Term
 from koord.verify.engines.bits import numbers
 from koord.verify.engines.bits.domain import BitDomain, Bits
-from koord.verify.engines.bits.found_runs import Assignment, Names
+from koord.verify.engines.bits.found_runs import Assignment, ValueNames
 from koord.verify.engines.bits.numbers import Number
 from tests.agreement.flattening import flat_evolved, flat_turned, itself
 from tests.agreement.symbols import Asked, Symbols
@@ -103,7 +103,7 @@ class Meaning:
         if d.is_inexact():
             raise OpenError
         if self.step is None:
-            self.step = Assignment(d, self.symbols.given, Names(d.opaques), 0)
+            self.step = Assignment(d, self.symbols.given, ValueNames(d.opaques), 0)
         if not isinstance(value, tuple) and isinstance(type_, StringType | StreamType):
             return cast(Constant, value)
         return self.step.scalar(cast(Bits, value), type_)

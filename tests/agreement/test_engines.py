@@ -29,7 +29,7 @@ from koord.verify.claims import Claim, ClaimKind, claims_of
 from koord.verify.effort import Deadline, Effort
 from koord.verify.engine_names import Engine
 from koord.verify.engines.every_n.proving import SPARING, prove
-from koord.verify.engines.explicit.findings import Exhausted, Subject, Violated
+from koord.verify.engines.explicit.findings import Exhausted, GoalKind, Violated
 from koord.verify.engines.explicit.finiteness import NotFinite
 from koord.verify.engines.explicit.limits import Limits
 from koord.verify.engines.explicit.search import survey
@@ -42,10 +42,10 @@ from tests.verify.asking import ask, bounded, inductive, of_text
 from tests.verify.engines.bits.asking import on_bits
 
 NAMES = {
-    Subject.PROPERTY: "{}",
-    Subject.FAULT: "no fault",
-    Subject.CONTRACT: "contract {}",
-    Subject.LOST_UPDATE: "no lost update of {}",
+    GoalKind.PROPERTY: "{}",
+    GoalKind.FAULT: "no fault",
+    GoalKind.CONTRACT: "contract {}",
+    GoalKind.LOST_UPDATE: "no lost update of {}",
 }
 
 
@@ -80,7 +80,7 @@ class Searched:
 def searched(seed: int, of: System) -> Searched | None:
     """None if it is not finite."""
     limits = Limits(states=1_000, rounds=12)
-    found = survey(of, of.program.properties, limits, subjects=frozenset(Subject))
+    found = survey(of, of.program.properties, limits, subjects=frozenset(GoalKind))
     if isinstance(found.end, NotFinite):
         return None
     first = {NAMES[v.claim.subject].format(v.claim.name): v.rounds for v in found.violated}

@@ -18,7 +18,13 @@ from koord.semantics.properties import holds_in
 from koord.semantics.recordings import RecordedInputs, execute
 from koord.syntax.analysis.symmetry import Symmetry, symmetry_of
 from koord.syntax.system import System
-from koord.verify.engines.explicit.findings import Exhausted, OutOfBounds, Subject, Survey, Violated
+from koord.verify.engines.explicit.findings import (
+    Exhausted,
+    GoalKind,
+    OutOfBounds,
+    Survey,
+    Violated,
+)
 from koord.verify.engines.explicit.finiteness import NotFinite
 from koord.verify.engines.explicit.limits import Limits
 from koord.verify.engines.explicit.search import survey
@@ -31,7 +37,7 @@ ROUNDS = 3
 #: Turns that the plain search may take on one system.
 STEPS = 2_500
 
-EVERYTHING = frozenset(Subject)
+EVERYTHING = frozenset(GoalKind)
 
 Said = dict[tuple[str, str], int]
 
@@ -71,7 +77,7 @@ def compare_with_plain(seed: int, of: System) -> str:
         plain = PlainSearch(of, of.program.properties, limit=STEPS).run(ROUNDS)
     except TooMuchError:
         return "too large"
-    without = {key: n for key, n in said(found).items() if key[0] != Subject.LOST_UPDATE.value}
+    without = {key: n for key, n in said(found).items() if key[0] != GoalKind.LOST_UPDATE.value}
     assert without == plain.violated, seed
     assert not isinstance(found.end, NotFinite)
     assert found.end.states == plain.states, seed
@@ -116,13 +122,13 @@ def shows(of: System, violated: Violated) -> bool:
     last = list(execute(EXACT, of, violated.recording))[-1]
     claim, configuration = violated.claim, last.configuration
     match claim.subject:
-        case Subject.FAULT:
+        case GoalKind.FAULT:
             return configuration.fault is not None
-        case Subject.CONTRACT:
+        case GoalKind.CONTRACT:
             return any(contract.name == claim.name for _, contract in last.stepped.promises)
-        case Subject.LOST_UPDATE:
+        case GoalKind.LOST_UPDATE:
             return configuration.fault is None
-        case Subject.PROPERTY:
+        case GoalKind.PROPERTY:
             p = next(p for p in of.program.properties if p.name == claim.name)
             inputs = RecordedInputs()
             holds, _ = holds_in(EXACT, of, configuration, p.condition, p.bound, inputs)

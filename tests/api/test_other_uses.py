@@ -10,7 +10,7 @@ import pytest
 from jsonschema import Draft202012Validator
 
 import koord
-from koord.recheck.checking import Outcome
+from koord.recheck.checking import RecheckOutcome
 
 COUNTER = koord.Source(
     "counter.krd",
@@ -43,7 +43,7 @@ def test_a_certificate_is_confirmed(certificate: koord.Certificate, tmp_path: Pa
     document = json.loads(report.to_json())
     Draft202012Validator(koord.schema("recheck")).validate(document)
     certificate.save(tmp_path / "c.json")
-    assert koord.recheck(tmp_path / "c.json").outcome is Outcome.CONFIRMED
+    assert koord.recheck(tmp_path / "c.json").outcome is RecheckOutcome.CONFIRMED
 
 
 def test_threads_recheck_while_others_verify(certificate: koord.Certificate) -> None:

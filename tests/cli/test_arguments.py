@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from koord.api.robots import Fleet
+from koord.api.robots import FleetSize
 from koord.cli import arguments
 from koord.cli.arguments import (
     check_files,
@@ -26,8 +26,8 @@ from koord.cli.main import main
 
 
 def test_a_fleet() -> None:
-    assert fleet("3") == Fleet(3)
-    assert fleet("Car=2,Drone=1") == Fleet(3, (("Car", 2), ("Drone", 1)))
+    assert fleet("3") == FleetSize(3)
+    assert fleet("Car=2,Drone=1") == FleetSize(3, (("Car", 2), ("Drone", 1)))
     assert fleet("Car=2,Drone=0").total == 2
 
 

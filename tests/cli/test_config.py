@@ -16,7 +16,7 @@ import yaml
 from koord.api.configurations import check_start
 from koord.api.deployment import DeployRequest
 from koord.cli import config, deploy, fitting
-from koord.cli.diagnostics import Report
+from koord.cli.diagnostics import DiagnosticReport
 from koord.cli.exits import Exit
 from koord.cli.main import main
 from koord.syntax.diagnostics import Diagnostic, KoordError
@@ -143,7 +143,7 @@ def refused(
     flags |= {"delta": None}
     told = []
     for check in (_by_config, _by_sim, _by_deploy):
-        report = Report()
+        report = DiagnosticReport()
         try:
             check(Namespace(**flags), report)
         except KoordError as error:
@@ -153,18 +153,18 @@ def refused(
     return one, two, three
 
 
-def _by_config(arguments: Namespace, report: Report) -> None:
+def _by_config(arguments: Namespace, report: DiagnosticReport) -> None:
     config.check(arguments.config, None, report)
 
 
-def _by_sim(arguments: Namespace, report: Report) -> None:
+def _by_sim(arguments: Namespace, report: DiagnosticReport) -> None:
     wanted = fitting.fit_request(arguments, report)
     found = None if wanted is None else fitting.fitted(wanted, report)
     if found is not None:
         check_start(found)
 
 
-def _by_deploy(arguments: Namespace, report: Report) -> None:
+def _by_deploy(arguments: Namespace, report: DiagnosticReport) -> None:
     deploy.prepare(arguments, DeployRequest(rounds=1, as_fast_as_possible=True), report)
 
 

@@ -10,7 +10,7 @@ import pytest
 
 from koord.api.deployment import DeployRequest
 from koord.cli import deploy
-from koord.cli.diagnostics import Report
+from koord.cli.diagnostics import DiagnosticReport
 from koord.cli.exits import Exit
 from koord.cli.main import main
 
@@ -216,7 +216,7 @@ def test_rounds_are_as_long_as_the_program_states_if_the_configuration_does_not_
         properties=[],
         delta=None,
     )
-    wanted = deploy.prepare(arguments, DeployRequest(rounds=2), Report())
+    wanted = deploy.prepare(arguments, DeployRequest(rounds=2), DiagnosticReport())
     assert wanted is not None
     _, job = wanted
     assert (job.delta_s, job.pace_s) == (0.03, 0.03)

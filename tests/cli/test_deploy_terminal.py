@@ -20,7 +20,7 @@ import pytest
 from koord.api.deployed import FleetHeard
 from koord.cli.deployed import table
 from koord.cli.exits import Exit
-from koord.runtime.deploy.status import Status
+from koord.runtime.deploy.status import RobotReport
 
 EXAMPLES = Path(__file__).parents[2] / "specs" / "examples"
 
@@ -133,7 +133,7 @@ def test_a_run_that_ends_leaves_its_summary_alone(tmp_path: Path) -> None:
 # --- the table ------------------------------------------------------------------------------------
 
 
-def status(pid: int, round_: int, **said: object) -> Status:
+def status(pid: int, round_: int, **said: object) -> RobotReport:
     plain: dict[str, object] = {
         "behind": 0,
         "coordinator": 0,
@@ -154,10 +154,10 @@ def status(pid: int, round_: int, **said: object) -> Status:
         "is_mute": False,
         "is_voter": True,
     }
-    return Status(pid=pid, round=round_, **{**plain, **said})  # type: ignore[arg-type]
+    return RobotReport(pid=pid, round=round_, **{**plain, **said})  # type: ignore[arg-type]
 
 
-def column(statuses: list[Status], name: str, rows: int = 24) -> list[str]:
+def column(statuses: list[RobotReport], name: str, rows: int = 24) -> list[str]:
     made = table(FleetHeard.of({one.pid: one for one in statuses}, 200), rows)
     (found,) = [c for c in made.columns if c.header == name]
     return [str(cell) for cell in found.cells]

@@ -8,7 +8,7 @@ import pytest
 from jsonschema import Draft202012Validator, ValidationError
 
 from koord.api.results import diagnostics_dict
-from koord.cli.diagnostics import Report, render, summary
+from koord.cli.diagnostics import DiagnosticReport, render, summary
 from koord.cli.terminal import Style
 from koord.syntax.diagnostics import Diagnostic, Note, Severity
 from koord.syntax.source import NOWHERE, Source, Span, whole_file
@@ -93,7 +93,7 @@ def test_the_summary_counts() -> None:
 
 
 def test_a_report_is_in_the_order_of_the_text_and_ends_with_a_count() -> None:
-    report = Report()
+    report = DiagnosticReport()
     report.add([UNKNOWN, UNUSED, TWICE], SOURCE)
     report.add([UNREADABLE])
     report.add([UNREADABLE])
@@ -111,18 +111,18 @@ def test_a_report_is_in_the_order_of_the_text_and_ends_with_a_count() -> None:
 
 def test_an_empty_report_says_nothing() -> None:
     out = io.StringIO()
-    Report().print(out, as_json=False)
+    DiagnosticReport().print(out, as_json=False)
     assert out.getvalue() == ""
 
 
 def test_strict_makes_warnings_errors() -> None:
-    report = Report(strict=True)
+    report = DiagnosticReport(strict=True)
     report.add([UNUSED], SOURCE)
     assert (report.errors, report.warnings) == (1, 0)
 
 
 def test_json_is_what_the_schema_says() -> None:
-    report = Report()
+    report = DiagnosticReport()
     report.add([UNKNOWN, UNUSED, TWICE, UNREADABLE], SOURCE)
     out = io.StringIO()
     report.print(out, as_json=True)

@@ -11,10 +11,10 @@ import pytest
 from koord.api import campaign_runs, deployment
 from koord.cli.exits import Exit
 from koord.cli.main import main
-from koord.runtime.configuration.model import Configuration
+from koord.runtime.configuration.model import RunConfiguration
 from koord.runtime.deploy.local import LocalProcesses
-from koord.runtime.deploy.running import Moment
-from koord.runtime.deploy.status import Status
+from koord.runtime.deploy.running import RoundReport
+from koord.runtime.deploy.status import RobotReport
 from koord.runtime.transports.transport import TransportError
 from koord.runtime.transports.udp import Plan, on_this_machine
 
@@ -108,7 +108,7 @@ def test_a_refused_start_leaves_everything_as_it_was(
 def test_robots_of_which_one_cannot_begin_leave_nothing(
     folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def half(configuration: Configuration, robots: int) -> Plan:
+    def half(configuration: RunConfiguration, robots: int) -> Plan:
         here = on_this_machine(robots, 27_001, group=None)
         return Plan((here.addresses[0], ("203.0.113.9", 27_002)))
 
@@ -136,12 +136,12 @@ def test_nothing_is_recorded_before_all_robots_can_talk(
     class Halves(LocalProcesses):
         """Robot 0 tells how it is doing, and then robot 1 that it cannot begin."""
 
-        def news(self, timeout_s: float) -> Iterator[tuple[Status, tuple[Moment, ...]]]:
+        def news(self, timeout_s: float) -> Iterator[tuple[RobotReport, tuple[RoundReport, ...]]]:
             if self.statuses:
                 self.failures.append(TransportError("robot 1 cannot begin"))
                 return
-            self.statuses[0] = Status(
-                **dict.fromkeys(Status.__annotations__, 0)
+            self.statuses[0] = RobotReport(
+                **dict.fromkeys(RobotReport.__annotations__, 0)
                 | {"drops": (), "waiting_for": (), "holding": None}  # type: ignore[arg-type]
             )
             yield self.statuses[0], ()

@@ -16,7 +16,7 @@ from jsonschema import Draft202012Validator
 
 import koord
 from koord.api.programs import Program
-from koord.api.robots import AS_STATED, Fleet
+from koord.api.robots import AS_STATED, FleetSize
 from koord.api.run import Policy
 from koord.api.verify import Engine
 from koord.cli import main as frame
@@ -64,7 +64,7 @@ def test_every_flag_of_verify_arrives(monkeypatch: pytest.MonkeyPatch, program: 
         (
             program,
             requests.Request(
-                fleets=(Fleet(3, (("Car", 2), ("Drone", 1))),),
+                fleets=(FleetSize(3, (("Car", 2), ("Drone", 1))),),
                 rounds=5,
                 delta_s=Fraction(1, 3),
                 engine=Engine.BMC,
@@ -163,7 +163,7 @@ def test_every_flag_of_run_arrives(monkeypatch: pytest.MonkeyPatch, program: str
     assert frame.main(words) == Exit.OK
     assert seen == [
         run.Request(
-            fleet=Fleet(2),
+            fleet=FleetSize(2),
             rounds=0,
             delta_s=Fraction(2),
             policy=Policy.RANDOM,

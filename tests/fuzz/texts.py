@@ -8,7 +8,7 @@ import re
 from pathlib import Path
 from random import Random
 
-from koord.cli.diagnostics import Report
+from koord.cli.diagnostics import DiagnosticReport
 from koord.syntax.catalogue import of_programs
 from koord.syntax.diagnostics import Diagnostic, Severity
 from koord.syntax.load import load
@@ -50,7 +50,7 @@ def _shown(source: Source, diagnostics: tuple[Diagnostic, ...]) -> None:
             assert 1 <= span.line <= span.end_line <= lines
             assert span.column >= 1
             assert (span.line, span.column) <= (span.end_line, span.end_column)
-    report = Report()
+    report = DiagnosticReport()
     report.add(diagnostics, source)
     for as_json in (False, True):
         shown = io.StringIO()

@@ -525,8 +525,8 @@ VERIFY = (
     Mutant(
         "lists keep their length whatever is written",
         "syntax.analysis.footprint._note",
-        "Written.PARTS if _inside_list(place) else Written.WHOLE",
-        "Written.PARTS",
+        "WriteExtent.PARTS if _inside_list(place) else WriteExtent.WHOLE",
+        "WriteExtent.PARTS",
         (FOOTPRINT,),
     ),
     Mutant(
@@ -588,15 +588,15 @@ VERIFY = (
     Mutant(
         "invariants at rounds are asked for everywhere",
         "verify.claims.Claim.looked_at",
-        "phase not in (Phase.INSIDE, Phase.MIDDLE)",
+        "phase not in (ClaimPhase.INSIDE, ClaimPhase.MIDDLE)",
         "phase is not None",
         (CLAIMS,),
     ),
     Mutant(
         "the environment is not asked about ports",
         "verify.claims.Claim.looked_at",
-        "every and phase is Phase.END and not self.reads_ports",
-        "every and phase is Phase.END",
+        "every and phase is ClaimPhase.END and not self.reads_ports",
+        "every and phase is ClaimPhase.END",
         (CLAIMS, BMC),
     ),
     Mutant(
@@ -679,7 +679,7 @@ VERIFY = (
     Mutant(
         "goals are reached where some start has them",
         "verify.vacuity.vacuous_goals._holds_at_once",
-        "answer is Answer.UNSAT and not unrolling.unknowns.limits",
+        "answer is SolverAnswer.UNSAT and not unrolling.unknowns.limits",
         "not unrolling.unknowns.limits",
         (VACUITY,),
     ),
@@ -762,7 +762,7 @@ VERIFY = (
     ),
     Mutant(
         "all that a function supposes is meant wherever it is called",
-        "syntax.analysis.suppositions.Reading.denials",
+        "syntax.analysis.suppositions.SuppositionReader.denials",
         "self._calls[e.function] == 1 and admits(e)",
         "admits(e)",
         (VACUITY,),

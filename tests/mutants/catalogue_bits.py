@@ -144,21 +144,21 @@ BITS = (
     # IC3
     Mutant(
         "a clause is learned one frame too late",
-        "verify.engines.bits.ic3.Search._blocked",
+        "verify.engines.bits.ic3.Ic3Run._blocked",
         "self._leads_to(level - 1, wanted)",
         "self._leads_to(level, wanted)",
         (IC3,),
     ),
     Mutant(
         "a clause may keep INIT out",
-        "verify.engines.bits.ic3.Search._apart",
+        "verify.engines.bits.ic3.Ic3Run._apart",
         "not self._starts_in(enough)",
         "enough",
         (IC3,),
     ),
     Mutant(
         "a smaller cube need not be apart from INIT",
-        "verify.engines.bits.ic3.Search._dropped",
+        "verify.engines.bits.ic3.Ic3Run._dropped",
         "if self._starts_in(cube):\n    return None",
         "pass",
         (IC3,),
@@ -172,7 +172,7 @@ BITS = (
     ),
     Mutant(
         "clauses are pushed unasked",
-        "verify.engines.bits.ic3.Search._pushed",
+        "verify.engines.bits.ic3.Ic3Run._pushed",
         "self._leads_to(level, cube, but=False) is None",
         "not cube",
         (IC3,),

@@ -25,14 +25,14 @@ CERTIFIED = (
     ),
     Mutant(
         "robots that variables hold stay where others move",
-        "verify.engines.bits.prime_implicants.Table._held",
+        "verify.engines.bits.prime_implicants.PlaceTable._held",
         "not self.places[k].of_robots",
         "k >= 0",
         (LEMMAS,),
     ),
     Mutant(
         "sets of robots that are not spoken of stay",
-        "verify.engines.bits.prime_implicants.Table.orbit",
+        "verify.engines.bits.prime_implicants.PlaceTable.orbit",
         "zip([*m, *still[0]], [*new, *still[1]], strict=True)",
         "zip(m, new, strict=True)",
         (LEMMAS,),

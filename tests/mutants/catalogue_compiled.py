@@ -251,7 +251,7 @@ ENGINE = (
     Mutant(
         "trystop undoes stop",
         "runtime.robot.Robot.trystop",
-        "self._buffer.asked is Asked.NOTHING",
+        "self._buffer.asked is StopRequests.NOTHING",
         "self._buffer.asked",
         (ROUNDS,),
     ),
@@ -299,14 +299,14 @@ ENGINE = (
     ),
     Mutant(
         "a list that became shorter grows again",
-        "runtime.store.Store.apply",
+        "runtime.store.AgreedStore.apply",
         "first = _index(write.path[0])",
         "first = _index(write.path[0])\nitems += [write.value] * (first - len(items) + 1)",
         (STORE,),
     ),
     Mutant(
         "two stores look alike",
-        "runtime.store.Store.digest",
+        "runtime.store.AgreedStore.digest",
         "self.snapshot()",
         "self.layout",
         (STORE,),

@@ -15,7 +15,7 @@ EXPORTED = (
     Mutant(
         "scripts that are not settled are passed over",
         "recheck.checking._joined",
-        "Answer.UNKNOWN",
+        "SolverAnswer.UNKNOWN",
         "None",
         (DAMAGE, CRASHING),
     ),

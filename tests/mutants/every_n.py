@@ -26,14 +26,14 @@ EVERY_N = (
     Mutant(
         "every N: the environment's turn is not asked about",
         "verify.engines.every_n.proving._Step._moments",
-        "[Phase.INSIDE, Phase.END]",
-        "[Phase.INSIDE]",
+        "[ClaimPhase.INSIDE, ClaimPhase.END]",
+        "[ClaimPhase.INSIDE]",
         (PROVING,),
     ),
     Mutant(
         "every N: inside a round nobody is urgent any more",
         "verify.engines.every_n.proving._Step._goal",
-        "[] if moment is Phase.INSIDE else [round_.calm, round_.legal]",
+        "[] if moment is ClaimPhase.INSIDE else [round_.calm, round_.legal]",
         "[round_.legal]",
         (PROVING,),
     ),
@@ -46,7 +46,7 @@ EVERY_N = (
     ),
     Mutant(
         "every N: who wants a taken lock has to act nevertheless",
-        "verify.engines.every_n.rounds.Round._urge",
+        "verify.engines.every_n.rounds.ParameterisedRound._urge",
         "d.unary(UnaryOp.NOT, self._taken(robot, urgent))",
         "d.const(True, BOOL)",
         (PROVING,),
@@ -61,8 +61,8 @@ EVERY_N = (
     Mutant(
         "every N: sensors never change",
         "verify.engines.every_n.initial_states.Anywhere._own",
-        "self._footprint.get((home, kind, slot), Written.NEVER)",
-        "self._footprint.get((home, -1, slot), Written.NEVER)",
+        "self._footprint.get((home, kind, slot), WriteExtent.NEVER)",
+        "self._footprint.get((home, -1, slot), WriteExtent.NEVER)",
         (PROVING,),
     ),
     Mutant(
@@ -120,21 +120,21 @@ EVERY_N = (
     ),
     Mutant(
         "every N: a flag may hang on what the loop changes",
-        "verify.engines.every_n.loops.Change.as_flag",
+        "verify.engines.every_n.loops.LoopEffect.as_flag",
         "self._is(self._put(self._seen(), False), False)",
         "not self._is(self._put(self._seen(), True), True)",
         (LOOPS,),
     ),
     Mutant(
         "every N: trips do not fault",
-        "verify.engines.every_n.loops.Loop._log_faults",
+        "verify.engines.every_n.loops.MachineLoop._log_faults",
         "self._d.is_valid(self.facts.book.glimpse(quiet))",
         "self._d is not None",
         (LOOPS,),
     ),
     Mutant(
         "every N: what is not understood of a loop stays as it was",
-        "verify.engines.every_n.loops.Loop._summary",
+        "verify.engines.every_n.loops.MachineLoop._summary",
         "if path not in self._old:\n    return self._anything(path)",
         "if path in self._old and path[0] == 'locals':\n    return self._old[path]",
         (LOOPS,),

@@ -9,21 +9,21 @@ HORN_TEST = "tests/verify/engines/horn/test_engine.py"
 HORN = (
     Mutant(
         "spacer: invariants are taken on trust",
-        "verify.engines.horn.engine.Question.is_kept",
+        "verify.engines.horn.engine.HornQuery.is_kept",
         "all(self.clauses.impossible(body, deadline, effort) for body in bodies)",
         "bool(bodies)",
         (HORN_TEST,),
     ),
     Mutant(
         "spacer: nobody looks at the start",
-        "verify.engines.horn.engine.Question.of",
+        "verify.engines.horn.engine.HornQuery.of",
         "for body in false_starts:\n    clauses.spoil(body)",
         "pass",
         (HORN_TEST,),
     ),
     Mutant(
         "spacer: what never changes is new in each round",
-        "verify.engines.horn.engine.Question.of",
+        "verify.engines.horn.engine.HornQuery.of",
         "x.get_id() in ours or _is_symbol(x)",
         "x.get_id() in ours",
         (HORN_TEST,),

@@ -20,7 +20,7 @@ from koord.refinement.generating.programs import system
 from koord.syntax.load import load
 from koord.syntax.source import Source
 from koord.syntax.system import System, dealt
-from koord.verify.engines.explicit.findings import Claim, OutOfBounds, Subject
+from koord.verify.engines.explicit.findings import GoalKind, OutOfBounds, SearchGoal
 from koord.verify.engines.explicit.finiteness import NotFinite
 from koord.verify.engines.explicit.limits import Limits
 from koord.verify.engines.explicit.search import survey
@@ -30,7 +30,7 @@ from tests.peers.shapes import NotCoveredError
 
 ROUNDS = 2
 
-SUBJECTS = frozenset({Subject.PROPERTY, Subject.FAULT, Subject.CONTRACT})
+SUBJECTS = frozenset({GoalKind.PROPERTY, GoalKind.FAULT, GoalKind.CONTRACT})
 
 needs_spin = pytest.mark.skipif(
     bool(spin.missing()),
@@ -52,11 +52,11 @@ def searched(made: System, rounds: int = ROUNDS) -> dict[str, int] | str:
     return {_name(violated.claim): violated.rounds for violated in found.violated}
 
 
-def _name(claim: Claim) -> str:
+def _name(claim: SearchGoal) -> str:
     match claim.subject:
-        case Subject.FAULT:
+        case GoalKind.FAULT:
             return model.NO_FAULT
-        case Subject.CONTRACT:
+        case GoalKind.CONTRACT:
             return f"contract {claim.name}"
         case _:
             return claim.name

@@ -21,7 +21,7 @@ from koord.syntax.source import Source
 from koord.syntax.system import System, dealt
 from koord.syntax.types import INT, BoolType, EnumType
 from koord.verify.claims import claims_of
-from koord.verify.engines.explicit.findings import Exhausted, Subject
+from koord.verify.engines.explicit.findings import Exhausted, GoalKind
 from koord.verify.engines.explicit.limits import Limits
 from koord.verify.engines.explicit.search import survey
 from koord.verify.export.tla.module import invariant_name, module
@@ -93,13 +93,13 @@ def example(name: str, robots: int) -> System:
 
 def searched(of: System) -> tuple[set[str], bool] | None:
     """The properties that break, and whether something faults; None if that is not known."""
-    subjects = frozenset({Subject.PROPERTY, Subject.FAULT})
+    subjects = frozenset({GoalKind.PROPERTY, GoalKind.FAULT})
     stated = [claim.stated for claim in claims_of(of) if claim.stated is not None]
     found = survey(of, stated, Limits(states=2_000), subjects=subjects)
     if not isinstance(found.end, Exhausted):
         return None
-    broken = {v.claim.name for v in found.violated if v.claim.subject is Subject.PROPERTY}
-    return broken, any(v.claim.subject is Subject.FAULT for v in found.violated)
+    broken = {v.claim.name for v in found.violated if v.claim.subject is GoalKind.PROPERTY}
+    return broken, any(v.claim.subject is GoalKind.FAULT for v in found.violated)
 
 
 def agree(of: System, folder: Path, where: object) -> str:

@@ -15,7 +15,7 @@ from koord.syntax.elaboration.settings import ParamValue, Settings
 from koord.syntax.load import load
 from koord.syntax.source import Source
 from koord.syntax.system import dealt
-from koord.verify.certificates import Shown, Texts, certificate, digest
+from koord.verify.certificates import ProvedClaims, Texts, certificate, digest
 from koord.verify.claims import claims_of
 from koord.verify.effort import Deadline
 
@@ -37,7 +37,7 @@ def _made(
     program = load(source, settings).program
     assert program is not None
     system = dealt(program, robots, delta)
-    shown = Shown(tuple(claim.name for claim in claims_of(system)), frozenset(everyone))
+    shown = ProvedClaims(tuple(claim.name for claim in claims_of(system)), frozenset(everyone))
     texts = Texts(source, (), settings)
     made = certificate(system, texts, shown, Deadline.after(60), "test")
     assert made is not None

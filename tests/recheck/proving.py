@@ -6,15 +6,15 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import TypeAlias
 
 from koord.recheck import instances
-from koord.recheck.claims import Claim, Kind
-from koord.recheck.discharge import Settled, Settling
+from koord.recheck.claims import Claim, ClaimKind
+from koord.recheck.discharge import Discharged, Settling
 from koord.recheck.every_number import EveryNumber
 from koord.recheck.obligations import Obligations
-from koord.recheck.solving import Answer, Session
+from koord.recheck.solving import SolverAnswer, SolverSession
 from koord.recheck.sorts import NotRecheckedError
 from koord.recheck.terms import Terms
 from koord.recheck.values import Values
-from koord.recheck.world import World
+from koord.recheck.world import Instance
 from koord.syntax.system import System
 from koord.verify.claims import claims_of
 
@@ -24,33 +24,33 @@ SECONDS = 5.0
 def restated(system: System) -> list[Claim]:
     """The claims about a system, as the rechecker has them."""
     return [
-        Claim(claim.name, Kind(claim.kind.value), claim.stated, claim.subject)
+        Claim(claim.name, ClaimKind(claim.kind.value), claim.stated, claim.subject)
         for claim in claims_of(system)
     ]
 
 
-def world_of(system: System) -> World:
-    return World(system.program, system.kinds, system.delta_s)
+def world_of(system: System) -> Instance:
+    return Instance(system.program, system.kinds, system.delta_s)
 
 
-def settled(world: World, claims: Sequence[Claim]) -> Iterator[Settled]:
+def settled(world: Instance, claims: Sequence[Claim]) -> Iterator[Discharged]:
     """Every obligation of some claims, settled."""
     values = Values(Terms(), world.robots, world.sealed)
-    with Session.start() as session:
+    with SolverSession.start() as session:
         settling = Settling(values, session, lambda: SECONDS)
         for obligation in Obligations(world, claims, values):
             yield settling.settled(obligation)
 
 
 #: How the obligations of some claims are settled.
-Settler: TypeAlias = "Callable[[World, Sequence[Claim]], Iterator[Settled]]"
+Settler: TypeAlias = "Callable[[Instance, Sequence[Claim]], Iterator[Discharged]]"
 
 
-def settled_for_everyone(world: World, claims: Sequence[Claim]) -> Iterator[Settled]:
+def settled_for_everyone(world: Instance, claims: Sequence[Claim]) -> Iterator[Discharged]:
     """Every obligation of some claims for any number of robots, settled."""
-    anyone = World(world.program, (), world.delta_s)
+    anyone = Instance(world.program, (), world.delta_s)
     values = Values(Terms(), None, anyone.sealed)
-    with Session.start() as session:
+    with SolverSession.start() as session:
         settling = Settling(values, session, lambda: SECONDS)
         for obligation in EveryNumber(anyone, claims, values):
             yield instances.settled(settling, obligation)
@@ -65,7 +65,9 @@ def confirmed(
         world = world_of(system)
         claims = restated(system)
         while claims:
-            failed = next((s for s in settled(world, claims) if s.answer is not Answer.UNSAT), None)
+            failed = next(
+                (s for s in settled(world, claims) if s.answer is not SolverAnswer.UNSAT), None
+            )
             if failed is None:
                 return {claim.name for claim in claims}
             name = failed.claim.split(" (")[0]

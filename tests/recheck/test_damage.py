@@ -11,9 +11,9 @@ import pytest
 
 from koord.recheck import checking
 from koord.recheck.certificate import read
-from koord.recheck.checking import Outcome, recheck
+from koord.recheck.checking import RecheckOutcome, recheck
 from koord.recheck.script import Harmless, NotACommandError, harmless
-from koord.recheck.solving import Answer
+from koord.recheck.solving import SolverAnswer
 from koord.syntax.diagnostics import KoordError
 from koord.verify.certificates import digest
 from tests.recheck.certificates import Document, document_of, rechecked
@@ -168,7 +168,7 @@ def test_two_scripts_of_one_name_are_refused() -> None:
 
 def test_a_script_that_can_be_satisfied_refutes() -> None:
     found = rechecked(tampered(lambda script: "(declare-const x Int)(assert (< 0 x))(check-sat)"))
-    assert found.outcome is Outcome.REFUTED
+    assert found.outcome is RecheckOutcome.REFUTED
     assert "can be satisfied" in found.reason
 
 
@@ -177,18 +177,18 @@ def test_a_script_that_is_too_deep_for_the_solver_is_not_agreed_with() -> None:
     deep = 200_000
     nested = f"(assert {'(not ' * deep}true{')' * deep})(check-sat)"
     found = rechecked(tampered(lambda script: nested))
-    assert found.outcome is not Outcome.CONFIRMED
+    assert found.outcome is not RecheckOutcome.CONFIRMED
     assert "consecution of the program turns" in found.reason
 
 
 def test_scripts_that_are_too_hard_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(checking, "SECOND_OPINION_S", 0.0)
     found = rechecked(document_of("hvac.krd", 1))
-    assert found.outcome is Outcome.UNKNOWN
+    assert found.outcome is RecheckOutcome.UNKNOWN
     assert (
         found.reason == "the script 'initiation' in the certificate: there was no time left to ask"
     )
-    assert [opinion.answer for opinion in found.opinions] == [Answer.UNKNOWN] * 4
+    assert [opinion.answer for opinion in found.opinions] == [SolverAnswer.UNKNOWN] * 4
 
 
 def test_a_script_is_passed_on_without_its_options() -> None:

@@ -23,7 +23,7 @@ from koord.syntax.load import load
 from koord.syntax.source import Source
 from koord.syntax.system import System
 from koord.verify.certificates import digest
-from koord.verify.engines.explicit.findings import Exhausted, Subject
+from koord.verify.engines.explicit.findings import Exhausted, GoalKind
 from koord.verify.engines.explicit.limits import Limits
 from koord.verify.engines.explicit.search import survey
 from tests.recheck.certificates import Document
@@ -71,19 +71,19 @@ def is_true(said: dict[str, Any], claim: dict[str, Any], document: Document) -> 
 
 def _holds(system: System, program: Program, wanted: str) -> bool:
     asked = [p for p in program.properties if p.name == wanted]
-    found = survey(system, asked, Limits(states=20_000, rounds=12), subjects=frozenset(Subject))
+    found = survey(system, asked, Limits(states=20_000, rounds=12), subjects=frozenset(GoalKind))
     assert isinstance(found.end, Exhausted), found.end
     broken = {(one.claim.subject, one.claim.name) for one in found.violated}
     if asked:
-        return (Subject.PROPERTY, wanted) not in broken
+        return (GoalKind.PROPERTY, wanted) not in broken
     what, _, _ = wanted.partition(":")
     match what.split():
         case ["no", "fault"]:
-            return all(subject is not Subject.FAULT for subject, _ in broken)
+            return all(subject is not GoalKind.FAULT for subject, _ in broken)
         case ["no", "lost", "update", "of", name]:
-            return (Subject.LOST_UPDATE, name) not in broken
+            return (GoalKind.LOST_UPDATE, name) not in broken
         case ["contract", name]:
-            return (Subject.CONTRACT, name) not in broken
+            return (GoalKind.CONTRACT, name) not in broken
     raise AssertionError(f"nobody knows what is meant by {wanted!r}")
 
 

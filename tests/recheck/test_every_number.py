@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from koord.cli.main import main
-from koord.recheck.checking import Outcome
+from koord.recheck.checking import RecheckOutcome
 from koord.syntax.load import load
 from koord.syntax.source import Source
 from koord.syntax.system import dealt
@@ -56,7 +56,7 @@ def _cases() -> list[object]:
 @pytest.mark.parametrize(("file", "robots", "delta"), _cases())
 def test_a_proof_for_every_number_is_confirmed(file: str, robots: int, delta: str) -> None:
     found = rechecked(everyone_of(file, robots, delta))
-    assert found.outcome is Outcome.CONFIRMED, found.reason
+    assert found.outcome is RecheckOutcome.CONFIRMED, found.reason
     assert found.everyone is not None
     assert found.here is None, "all that is claimed is shown for every number"
 
@@ -81,7 +81,7 @@ MISTAKES = {
 @pytest.mark.parametrize("change", MISTAKES.values(), ids=MISTAKES)
 def test_a_mistake_is_refuted(change: tuple[str, int, str, str, str]) -> None:
     found = rechecked(_changed(*change))
-    assert found.outcome is Outcome.REFUTED, found.reason
+    assert found.outcome is RecheckOutcome.REFUTED, found.reason
 
 
 SLOW_MISTAKES = {
@@ -99,7 +99,7 @@ SLOW_MISTAKES = {
 @pytest.mark.parametrize("change", SLOW_MISTAKES.values(), ids=SLOW_MISTAKES)
 def test_a_deeper_mistake_is_not_confirmed(change: tuple[str, int, str, str, str]) -> None:
     found = rechecked(_changed(*change))
-    assert found.outcome is not Outcome.CONFIRMED
+    assert found.outcome is not RecheckOutcome.CONFIRMED
 
 
 @pytest.mark.slow
@@ -109,11 +109,11 @@ def test_what_holds_for_some_numbers_is_refuted_for_every_number() -> None:
     highest = conjunct(document, "Highest")
     highest["text"] = highest["text"].replace("numAgents - 1", "1")
     with_text(document, "leader@i == numAgents - 1", "leader@i == 1")
-    assert rechecked(document).outcome is Outcome.CONFIRMED
+    assert rechecked(document).outcome is RecheckOutcome.CONFIRMED
     for part in (*document["claims"], *document["invariant"]):
         part["every_number"] = True
     found = rechecked(document)
-    assert found.outcome is Outcome.REFUTED
+    assert found.outcome is RecheckOutcome.REFUTED
     assert found.reason.startswith("with 1 robot, ")
 
 
@@ -125,7 +125,7 @@ def test_claims_for_every_number_need_their_own_invariant() -> None:
         conjunct(document, name)["every_number"] = False
     found = rechecked(document)
     assert found.everyone is not None
-    assert found.everyone.outcome is not Outcome.CONFIRMED
+    assert found.everyone.outcome is not RecheckOutcome.CONFIRMED
 
 
 # --- invariants that were found -------------------------------------------------------------------
@@ -167,10 +167,10 @@ def test_found_invariants_are_in_the_certificate(tmp_path: Path) -> None:
     assert found
     assert not any(claim["name"].startswith("Found") for claim in document["claims"])
     said = rechecked(document)
-    assert said.outcome is Outcome.CONFIRMED, said.reason
+    assert said.outcome is RecheckOutcome.CONFIRMED, said.reason
     assert said.everyone is not None
     document["invariant"] = [c for c in document["invariant"] if c not in found]
-    assert rechecked(document).outcome is not Outcome.CONFIRMED
+    assert rechecked(document).outcome is not RecheckOutcome.CONFIRMED
 
 
 # --- against a search -----------------------------------------------------------------------------

@@ -7,7 +7,7 @@ from fractions import Fraction
 import jsonschema
 import pytest
 
-from koord.recheck.checking import Outcome
+from koord.recheck.checking import RecheckOutcome
 from tests.recheck.certificates import EXAMPLES, document_of, rechecked
 
 pytest.importorskip("cvc5")
@@ -53,7 +53,7 @@ def _cases() -> list[object]:
 def test_a_certificate_is_confirmed(file: str, robots: int, delta: str) -> None:
     document = document_of(file, robots, Fraction(delta))
     found = rechecked(document)
-    assert found.outcome is Outcome.CONFIRMED, found.reason
+    assert found.outcome is RecheckOutcome.CONFIRMED, found.reason
     assert {opinion.answer.value for opinion in found.opinions} == {"unsat"}
 
 

@@ -7,7 +7,7 @@ from functools import cache
 
 import pytest
 
-from koord.recheck.checking import Outcome
+from koord.recheck.checking import RecheckOutcome
 from koord.syntax.diagnostics import KoordError
 from koord.syntax.elaboration.settings import Settings
 from koord.syntax.load import load
@@ -66,7 +66,7 @@ def conjunct(document: Document, part: str) -> Document:
     return found[0]
 
 
-def outcome(document: Document) -> Outcome:
+def outcome(document: Document) -> RecheckOutcome:
     return rechecked(document).outcome
 
 
@@ -74,7 +74,7 @@ def test_the_assignment_of_tasks_is_confirmed_by_what_was_found() -> None:
     document = task()
     assert [claim["name"] for claim in document["claims"]] == ["Exclusive", "no fault"]
     assert conjunct(document, "mine@i == k implies list[k].assigned")
-    assert outcome(document) is Outcome.CONFIRMED
+    assert outcome(document) is RecheckOutcome.CONFIRMED
 
 
 @pytest.mark.parametrize(
@@ -95,18 +95,20 @@ def test_the_assignment_of_tasks_is_confirmed_by_what_was_found() -> None:
     ids=["kinds", "token", "unset", "urgent", "ports", "stops", "delivery", "sum"],
 )
 def test_what_ic3_finds_is_confirmed(text: str, kinds: tuple[int, ...]) -> None:
-    assert outcome(made(text, kinds)) is Outcome.CONFIRMED
+    assert outcome(made(text, kinds)) is RecheckOutcome.CONFIRMED
 
 
 @pytest.mark.skipif(installed() is None, reason="needs abc")
 def test_what_abc_finds_is_confirmed() -> None:
-    assert outcome(made(alone("task.krd", "Exclusive"), choice=Engine.ABC)) is Outcome.CONFIRMED
+    assert (
+        outcome(made(alone("task.krd", "Exclusive"), choice=Engine.ABC)) is RecheckOutcome.CONFIRMED
+    )
 
 
 def test_without_one_of_its_parts_it_is_refuted() -> None:
     document = task()
     document["invariant"].remove(conjunct(document, "list[k].assigned"))
-    assert outcome(document) is Outcome.REFUTED
+    assert outcome(document) is RecheckOutcome.REFUTED
 
 
 def test_with_a_part_that_says_more_it_is_refuted() -> None:
@@ -121,7 +123,7 @@ def test_with_a_part_that_says_more_it_is_refuted() -> None:
         found = conjunct(document, part)
         assert old in found["text"]
         found["text"] = found["text"].replace(old, new)
-        assert outcome(document) is Outcome.REFUTED, new
+        assert outcome(document) is RecheckOutcome.REFUTED, new
 
 
 def test_of_another_program_it_is_refuted() -> None:
@@ -132,7 +134,7 @@ def test_of_another_program_it_is_refuted() -> None:
     ):
         document = task()
         with_text(document, old, new)
-        assert outcome(document) is not Outcome.CONFIRMED, old
+        assert outcome(document) is not RecheckOutcome.CONFIRMED, old
 
 
 def test_a_program_that_is_not_the_one_that_was_certified_is_refused() -> None:

@@ -11,7 +11,7 @@ from koord.refinement.generating.profiles import FINITE
 from koord.refinement.generating.programs import system
 from koord.semantics.every_number import NotFiniteError
 from koord.verify.claims import claims_of
-from koord.verify.engines.explicit.findings import Claim, Exhausted, Subject
+from koord.verify.engines.explicit.findings import Exhausted, GoalKind, SearchGoal
 from koord.verify.engines.explicit.finiteness import NotFinite
 from koord.verify.engines.explicit.limits import Limits
 from koord.verify.engines.explicit.search import survey
@@ -29,7 +29,7 @@ def compared(first: int, last: int, how: Settler = settled) -> Counter[str]:
         properties = [c.stated for c in claims_of(made) if c.stated is not None]
         limits = Limits(states=3_000, rounds=6)
         try:
-            found = survey(made, properties, limits, subjects=frozenset(Subject))
+            found = survey(made, properties, limits, subjects=frozenset(GoalKind))
         except NotFiniteError:
             continue
         if isinstance(found.end, NotFinite):
@@ -47,12 +47,12 @@ def compared(first: int, last: int, how: Settler = settled) -> Counter[str]:
     return count
 
 
-def name_of(claim: Claim) -> str:
+def name_of(claim: SearchGoal) -> str:
     """The name that the verifier gives to what the search calls so."""
     words = {
-        Subject.FAULT: "no fault",
-        Subject.CONTRACT: f"contract {claim.name}",
-        Subject.LOST_UPDATE: f"no lost update of {claim.name}",
+        GoalKind.FAULT: "no fault",
+        GoalKind.CONTRACT: f"contract {claim.name}",
+        GoalKind.LOST_UPDATE: f"no lost update of {claim.name}",
     }
     return words.get(claim.subject, claim.name)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from koord.recheck.checking import Outcome
+from koord.recheck.checking import RecheckOutcome
 from koord.verify.engine_names import Engine
 from tests.recheck.certificates import rechecked, with_text
 from tests.recheck.test_found import made
@@ -55,7 +55,7 @@ KINDS = (0, 0)
 def test_claims_about_maps_are_confirmed(choice: Engine | None) -> None:
     document = made(LOCKERS, KINDS, choice)
     assert [c["name"] for c in document["claims"]] == ["Here", "Owner", "Visits", "no fault"]
-    assert rechecked(document).outcome is Outcome.CONFIRMED
+    assert rechecked(document).outcome is RecheckOutcome.CONFIRMED
 
 
 @pytest.mark.parametrize(
@@ -74,7 +74,7 @@ def test_what_another_program_does_to_maps_is_refuted(old: str, new: str) -> Non
     document = made(LOCKERS, KINDS)
     with_text(document, old, new)
     found = rechecked(document)
-    assert found.outcome is Outcome.REFUTED, found.reason
+    assert found.outcome is RecheckOutcome.REFUTED, found.reason
 
 
 RACED = """
@@ -92,9 +92,9 @@ invariant Kept at round: m[1] == 0
 
 def test_a_map_that_several_robots_write_is_not_as_it_was() -> None:
     document = made(RACED, KINDS)
-    assert rechecked(document).outcome is Outcome.CONFIRMED
+    assert rechecked(document).outcome is RecheckOutcome.CONFIRMED
     with_text(document, "eff: n = n + 1", "eff: m[1] = n + 1")
-    assert rechecked(document).outcome is Outcome.REFUTED
+    assert rechecked(document).outcome is RecheckOutcome.REFUTED
 
 
 def test_the_order_of_keys_is_not_rechecked() -> None:
@@ -105,7 +105,7 @@ def test_the_order_of_keys_is_not_rechecked() -> None:
         "        for k, v in visits: mine = mine\n",
     )
     found = rechecked(document)
-    assert found.outcome is Outcome.UNKNOWN
+    assert found.outcome is RecheckOutcome.UNKNOWN
     assert found.reason.startswith("going through a map")
     assert found.span.line > 0
 
@@ -128,4 +128,4 @@ invariant Noted: forall i: here@i implies contains(came, i)
 """
     document = made(text, KINDS, None)
     assert "no lost update of came" in [c["name"] for c in document["claims"]]
-    assert rechecked(document).outcome is Outcome.CONFIRMED
+    assert rechecked(document).outcome is RecheckOutcome.CONFIRMED

@@ -7,7 +7,7 @@ from fractions import Fraction
 
 import pytest
 
-from koord.recheck.checking import Outcome
+from koord.recheck.checking import RecheckOutcome
 from koord.syntax.diagnostics import KoordError
 from koord.verify.certificates import digest
 from tests.recheck.certificates import Document, conjunct, document_of, rechecked, with_text
@@ -126,7 +126,7 @@ def test_a_mistake_is_refuted(file: str, robots: int, delta: str, change: Change
     document = document_of(file, robots, Fraction(delta))
     change(document)
     found = rechecked(document)
-    assert found.outcome is Outcome.REFUTED, found.reason
+    assert found.outcome is RecheckOutcome.REFUTED, found.reason
 
 
 def _claim_more(document: Document) -> None:
@@ -189,7 +189,7 @@ def test_a_weaker_invariant_that_proves_itself_is_confirmed() -> None:
     """What counts is what is claimed: lemmas may be others than the program's own."""
     document = document_of("hvac.krd", 1, Fraction(40))
     _invariant("Comfort", "60 <= HVAC.temp", "61 <= HVAC.temp")(document)
-    assert rechecked(document).outcome is Outcome.CONFIRMED
+    assert rechecked(document).outcome is RecheckOutcome.CONFIRMED
 
 
 def test_a_counterexample_is_told_in_the_words_of_the_program() -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from koord.recheck.checking import Outcome
+from koord.recheck.checking import RecheckOutcome
 from koord.verify.engine_names import Engine
 from tests.recheck.test_found import made, outcome
 from tests.sampling import first
@@ -45,4 +45,4 @@ def test_what_a_slice_proves_is_confirmed_of_the_whole_program(choice: Engine | 
     assert "count = count + 2" in document["program"]["text"]
     assert len(texts) > 1
     assert not [text for text in texts if "count" in text or "where" in text]
-    assert outcome(document) is Outcome.CONFIRMED
+    assert outcome(document) is RecheckOutcome.CONFIRMED

@@ -9,7 +9,7 @@ import pytest
 
 from koord.recheck.discharge import conjuncts
 from koord.recheck.script import Script
-from koord.recheck.solving import Answer, Session, plain
+from koord.recheck.solving import SolverAnswer, SolverSession, plain
 from koord.recheck.sorts import Value
 from koord.recheck.terms import INT, Term, Terms
 from koord.recheck.values import Values
@@ -28,9 +28,9 @@ def follows(values: Values, facts: list[Term], goal: Term) -> bool:
     for term in [*facts, values.t.negation(goal)]:
         definitions, text = script.text(term)
         commands += [*definitions, f"(assert {text})"]
-    with Session.start() as session:
+    with SolverSession.start() as session:
         session.tell([*values.declarations, *commands])
-        return session.check() is Answer.UNSAT
+        return session.check() is SolverAnswer.UNSAT
 
 
 @pytest.mark.parametrize("divisor", [-3, -2, -1, 1, 2, 3])

@@ -12,7 +12,7 @@ from random import Random
 
 import pytest
 
-from koord.recheck.checking import Outcome, Rechecked
+from koord.recheck.checking import Rechecked, RecheckOutcome
 from koord.syntax.elaboration.settings import Settings
 from koord.syntax.load import load
 from koord.syntax.source import Source
@@ -125,7 +125,7 @@ def outcomes(first: int, last: int) -> Counter[str]:
         if found is None:
             count["nothing"] += 1
             continue
-        assert found.outcome is not Outcome.REFUTED, (seed, found.reason)
+        assert found.outcome is not RecheckOutcome.REFUTED, (seed, found.reason)
         count[found.outcome.value] += 1
         count["hollow"] += bool(found.hollow)
     return count
@@ -154,4 +154,4 @@ def test_certificates_of_examples_are_not_refuted(path: Path) -> None:
     kinds = program.instance.kinds
     system = System(program, kinds, program.instance.used_delta_s) if kinds else dealt(program, 2)
     found = _of(source, settings, system, 30.0)
-    assert found is None or found.outcome is not Outcome.REFUTED
+    assert found is None or found.outcome is not RecheckOutcome.REFUTED

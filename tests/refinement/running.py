@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from random import Random
 
-from koord.refinement.cases import Case, Policy, Tried, tried
+from koord.refinement.cases import Case, SchedulePolicy, Tried, tried
 from koord.syntax import core
 from koord.syntax.load import load
 from koord.syntax.source import Source
@@ -27,7 +27,7 @@ def ran(
     *,
     robots: int = 2,
     rounds: int = 3,
-    policy: Policy = Policy.DEPLOYED,
+    policy: SchedulePolicy = SchedulePolicy.DEPLOYED,
     seed: int = 0,
     name: str = "app.krd",
 ) -> Tried:

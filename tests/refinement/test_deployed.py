@@ -11,8 +11,8 @@ import pytest
 from msgspec.structs import replace
 
 from koord.refinement import running
-from koord.refinement.cases import Case, Policy, Target, Tried, generated, tried
-from koord.refinement.instrumented_robot import Acted, Witnessed
+from koord.refinement.cases import Case, SchedulePolicy, Target, Tried, generated, tried
+from koord.refinement.instrumented_robot import Acted, InstrumentedRobot
 from koord.refinement.running import ready
 from koord.refinement.trace_merge import DisagreementError, gathered
 from koord.runtime.chaos.faults import CALM, CHAOS, LOSS, Faults
@@ -20,7 +20,15 @@ from koord.runtime.chaos.unreliable import Unreliable
 from koord.runtime.compile import compiled
 from koord.runtime.deploy.member import Member
 from koord.runtime.engine import Deployed, Unheard
-from koord.runtime.proposals import INIT_ROUND, Attempt, Decision, Fault, Proposal, Taken, decide
+from koord.runtime.proposals import (
+    INIT_ROUND,
+    Admitted,
+    Attempt,
+    Decision,
+    EventFault,
+    Proposal,
+    decide,
+)
 from koord.runtime.robot import Status
 from koord.runtime.transports.transport import Hub
 from koord.syntax import core
@@ -47,7 +55,9 @@ def expedition(
     seed: int = 1,
 ) -> Tried:
     system = dealt(program(text), robots)
-    case = Case(system, sources(text), Policy.DEPLOYED, rounds, seed, target=target, faults=faults)
+    case = Case(
+        system, sources(text), SchedulePolicy.DEPLOYED, rounds, seed, target=target, faults=faults
+    )
     return tried(case)
 
 
@@ -153,8 +163,8 @@ def test_a_robot_that_acts_though_it_was_not_let_through_is_refused(
     """[ATOMIC]"""
     honest = Member._act
 
-    def wrongly(self: Member, kept: Taken | None, changed: dict[str, Any]) -> None:
-        event = kept if kept is not None else Taken(self.robot.pid, 0)
+    def wrongly(self: Member, kept: Admitted | None, changed: dict[str, Any]) -> None:
+        event = kept if kept is not None else Admitted(self.robot.pid, 0)
         honest(self, event if self.robot._buffers else kept, changed)
 
     monkeypatch.setattr(Member, "_act", wrongly)
@@ -165,16 +175,16 @@ def test_a_robot_that_acts_though_it_was_not_let_through_is_refused(
 
 def test_output_that_does_not_leave_is_missed(monkeypatch: pytest.MonkeyPatch) -> None:
     """[OUTPUT]"""
-    monkeypatch.setattr(Witnessed, "_tell_output", lambda self, event: None)
+    monkeypatch.setattr(InstrumentedRobot, "_tell_output", lambda self, event: None)
     outcome = expedition(COUNT)
     assert outcome.refused is None  # nobody saw it, so nothing is known
     silent = COUNT.replace("stdout << mine", "stdout << pid")
 
-    def other(self: Witnessed, event: int | None) -> None:
+    def other(self: InstrumentedRobot, event: int | None) -> None:
         if self._proposal is not None:
             self._witness.kept(self._proposal.round, self.robot, None)
 
-    monkeypatch.setattr(Witnessed, "_tell_output", other)
+    monkeypatch.setattr(InstrumentedRobot, "_tell_output", other)
     refused = expedition(silent).refused
     assert refused is not None
     assert refused.rule == "OUTPUT"
@@ -183,7 +193,7 @@ def test_output_that_does_not_leave_is_missed(monkeypatch: pytest.MonkeyPatch) -
 def test_two_decisions_of_one_round_are_noticed() -> None:
     """(I-AGREE)"""
     system = dealt(program(COUNT), 2)
-    one, other = (Decision(INIT_ROUND, (Taken(i, None),), (), ()) for i in range(2))
+    one, other = (Decision(INIT_ROUND, (Admitted(i, None),), (), ()) for i in range(2))
     with pytest.raises(DisagreementError):
         gathered(sources(COUNT), system, [[Acted(one)], [Acted(other)]])
 
@@ -236,7 +246,7 @@ def test_lost_proposals_are_skips() -> None:
     text = "local:\n  int n = 0\nUp:\n  eff:\n    n = n + 1\n"
     system = dealt(program(text), 3)
     for faults in (LOSS, replace(LOSS, loss=0.0, crashes_per_s=1.0)):
-        case = Case(system, sources(text), Policy.DEPLOYED, 40, 5, faults=faults)
+        case = Case(system, sources(text), SchedulePolicy.DEPLOYED, 40, 5, faults=faults)
         outcome = tried(case, ready(system.program))
         agrees(outcome)
         assert outcome.ran is not None
@@ -249,7 +259,9 @@ def test_urgent_proposals_are_not_lost() -> None:
     """[SKIP] (R-OWED)"""
     text = "local:\n  int n = 0\nurgent Up:\n  eff:\n    n = n + 1\n"
     system = dealt(program(text), 3)
-    case = Case(system, sources(text), Policy.DEPLOYED, 10, 5, faults=replace(LOSS, loss=1.0))
+    case = Case(
+        system, sources(text), SchedulePolicy.DEPLOYED, 10, 5, faults=replace(LOSS, loss=1.0)
+    )
     outcome = tried(case)
     agrees(outcome)
     assert outcome.ran is not None
@@ -299,7 +311,7 @@ def test_the_fault_of_a_model_ends_the_run_before_the_round(seed: int) -> None:
 
 def test_of_several_models_the_first_robot_s_counts() -> None:
     def stumbled(robot: int) -> Proposal:
-        fault = Fault(FaultKind.DIVISION, f"app.krd:{robot}:1")
+        fault = EventFault(FaultKind.DIVISION, f"app.krd:{robot}:1")
         return Proposal(robot, 3, (Attempt(None, fault=fault),))
 
     proposals: Mapping[int, Proposal] = {

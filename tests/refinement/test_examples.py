@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from koord.refinement.cases import Policy
+from koord.refinement.cases import SchedulePolicy
 from tests.refinement.running import agrees, ran
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "specs/examples"
@@ -16,7 +16,7 @@ FILES = sorted(EXAMPLES.rglob("*.krd"))
 @pytest.mark.parametrize("file", FILES, ids=lambda path: path.stem)
 def test_a_compiled_example_refines_its_program(file: Path) -> None:
     text = file.read_text("utf-8")
-    for policy, robots in ((Policy.DEPLOYED, 2), (Policy.RANDOM, 3)):
+    for policy, robots in ((SchedulePolicy.DEPLOYED, 2), (SchedulePolicy.RANDOM, 3)):
         outcome = ran(text, robots=robots, rounds=4, policy=policy, seed=robots, name=file.name)
         assert outcome.refused is None
         assert outcome.judged is not None
@@ -40,7 +40,7 @@ def test_a_whole_run_of_an_example_is_judged() -> None:
 def test_many_runs_of_an_example(file: Path) -> None:
     text = file.read_text("utf-8")
     for seed in range(12):
-        policy = Policy.RANDOM if seed % 3 else Policy.DEPLOYED
+        policy = SchedulePolicy.RANDOM if seed % 3 else SchedulePolicy.DEPLOYED
         outcome = ran(
             text, robots=1 + seed % 4, rounds=15, policy=policy, seed=seed, name=file.name
         )

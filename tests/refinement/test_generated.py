@@ -9,7 +9,7 @@ from random import Random
 
 import pytest
 
-from koord.cli.tables import Shown, Table
+from koord.cli.tables import RunTable, ShownStep
 from koord.cli.terminal import PLAIN
 from koord.refinement.cases import Case, Tried, all_generated, generated, tried
 from koord.semantics.domain import DOUBLES, Constant
@@ -58,11 +58,11 @@ def test_of_a_step_that_faults_nothing_is_seen_but_the_fault(outcomes: list[Trie
         trace, names = judged.trace, Names(judged.trace.system)
         *earlier, last = execute(DOUBLES, trace.system, trace.recording)
         rules[last.rule] += 1
-        table = Table(names, PLAIN)
+        table = RunTable(names, PLAIN)
         if earlier:
             before = earlier[-1].configuration
             assert list(changes(names, before, last.configuration)) == []
-            shown = list(table.round(last.round, [Shown(last, before)]))
+            shown = list(table.round(last.round, [ShownStep(last, before)]))
         else:
             shown = list(table.start(last))
             assert not any(" = " in line for line in shown)

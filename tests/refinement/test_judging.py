@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 from msgspec.structs import replace
 
-from koord.refinement.cases import Policy, Tried, generated, tried
+from koord.refinement.cases import SchedulePolicy, Tried, generated, tried
 from koord.refinement.judging import judge
-from koord.refinement.running import Ran
+from koord.refinement.running import CompiledRun
 from koord.refinement.shrinking import ever_smaller
 from koord.traces.trace import Trace
 from tests.refinement.running import ran, seeds
@@ -31,7 +31,7 @@ def changed(trace: Trace, number: int, **fields: object) -> Trace:
 
 
 def refused(trace: Trace, place: str | None = None) -> str:
-    found = judge(Ran(trace, place)).refused
+    found = judge(CompiledRun(trace, place)).refused
     assert found is not None
     return found.rule
 
@@ -92,6 +92,6 @@ def test_a_case_that_fails_is_made_smaller(programs: bool) -> None:
     assert small.failed
     assert small.case.rounds == 1
     assert small.case.system.robots == 1
-    assert small.case.policy in Policy
+    assert small.case.policy in SchedulePolicy
     statements = [len(e.effect) for a in small.case.system.program.agents for e in a.events]
     assert (sum(statements) == 0) is programs

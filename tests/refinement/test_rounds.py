@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from koord.refinement.cases import Policy
+from koord.refinement.cases import SchedulePolicy
 from koord.refinement.running import ready
 from koord.runtime.engine import Deployed, RoundEngine
 from koord.runtime.robot import Robot, Status
@@ -175,7 +175,7 @@ def test_a_robot_that_loses_an_urgent_event_runs_another() -> None:
     decided = it.program_turns(Deployed())
     assert [(taken.robot, taken.event) for taken in decided.ran] == [(0, 0), (1, 1)]
     assert decided.skipped == (2,)
-    for policy in Policy:
+    for policy in SchedulePolicy:
         agrees(ran(URGENT, robots=3, rounds=8, policy=policy, seed=5))
 
 

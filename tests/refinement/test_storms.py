@@ -52,7 +52,7 @@ def test_eight_robots_in_a_storm_do_what_the_rules_allow(
 
 def test_the_hub_loses_doubles_and_delays(tmp_path: Path) -> None:
     faults = Faults(loss=0.3, duplication=0.2, least_delay_s=0.0, most_delay_s=0.01)
-    hub = ether.Hub(tmp_path / "hub", faults, seed=1)
+    hub = ether.BadHub(tmp_path / "hub", faults, seed=1)
     hub.cards = {pid: os.open(os.devnull, os.O_RDWR) for pid in range(3)}
     group = bytes.fromhex("01005e4b0101") + bytes((2, 0, 0, 0, 75, 1)) + b"\x08\x00"
     for _ in range(500):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from koord.refinement.cases import Policy
+from koord.refinement.cases import SchedulePolicy
 from tests.refinement.running import agrees, ran
 
 NAN = (
@@ -138,6 +138,6 @@ CASES = {
 
 @pytest.mark.parametrize("name", CASES)
 def test_values_are_those_of_the_rules(name: str) -> None:
-    for policy in Policy:
+    for policy in SchedulePolicy:
         for seed in range(3):
             agrees(ran(CASES[name], robots=2, rounds=3, policy=policy, seed=seed))

@@ -7,14 +7,13 @@ from dataclasses import dataclass, field
 
 from koord.runtime.exploration.world import proposal_of
 from koord.runtime.proposals import Proposal
-from koord.runtime.protocol.entries import Entry
+from koord.runtime.protocol.entries import LogEntry
 from koord.runtime.protocol.events import (
     Arm,
     Begin,
     Commit,
     Disarm,
     Effect,
-    End,
     Event,
     Expired,
     Hold,
@@ -23,6 +22,7 @@ from koord.runtime.protocol.events import (
     Reason,
     Received,
     Resume,
+    RunEnded,
     Send,
     ShowStore,
     Started,
@@ -52,7 +52,7 @@ class Fleet:
     states: dict[int, State] = field(default_factory=dict)
     mail: list[Parcel] = field(default_factory=list)
     datagrams: int = 0  #: sent, a message to all counted once
-    acted: dict[int, list[Entry]] = field(default_factory=dict)
+    acted: dict[int, list[LogEntry]] = field(default_factory=dict)
     kept: dict[int, list[int]] = field(default_factory=dict)
     timers: dict[int, dict[Timer, float]] = field(default_factory=dict)
     work: dict[int, int | None] = field(default_factory=dict)
@@ -113,7 +113,7 @@ class Fleet:
                 self.holds[robot].append(None)
             case Install():
                 self.work[robot] = None
-            case End():
+            case RunEnded():
                 self.over.append(robot)
 
     def _post(self, sender: int, to: int, message: Message) -> None:

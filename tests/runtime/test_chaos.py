@@ -6,7 +6,7 @@ import pytest
 from msgspec.structs import replace
 
 from koord.runtime.chaos.faults import CALM, CHAOS, LOSS, Faults
-from koord.runtime.chaos.storm import Course, Weathered, weather
+from koord.runtime.chaos.storm import StormPlan, Weathered, weather
 from koord.runtime.protocol.setup import Setup, Timing
 
 KILLING = Faults(
@@ -15,10 +15,10 @@ KILLING = Faults(
 
 
 def storm(
-    robots: int, faults: Faults, seed: int, *, owing: int = 0, course: Course | None = None
+    robots: int, faults: Faults, seed: int, *, owing: int = 0, course: StormPlan | None = None
 ) -> Weathered:
     setup = Setup(robots, Timing.of(0.1, robots), owing=frozenset(range(owing)))
-    return weather(setup, faults, seed, course if course is not None else Course(storm_s=3.0))
+    return weather(setup, faults, seed, course if course is not None else StormPlan(storm_s=3.0))
 
 
 @pytest.mark.parametrize("robots", [1, 2, 3, 8])
@@ -56,7 +56,7 @@ def test_with_a_third_lost_most_rounds_still_happen(seed: int) -> None:
 
 @pytest.mark.parametrize("seed", range(4))
 def test_killed_coordinators_are_succeeded(seed: int) -> None:
-    weathered = storm(5, KILLING, seed, course=Course(storm_s=5.0))
+    weathered = storm(5, KILLING, seed, course=StormPlan(storm_s=5.0))
     assert weathered.broken is None
     assert weathered.epochs >= 3
     assert weathered.rounds_in_storm >= 25
@@ -70,7 +70,7 @@ def test_a_run_is_a_function_of_its_seed() -> None:
 def test_without_a_majority_nothing_is_committed() -> None:
     dead = replace(CALM, loss=1.0)
     setup = Setup(3, Timing.of(0.1, 3))
-    weathered = weather(setup, dead, 1, Course(storm_s=2.0, calm_s=20.0))
+    weathered = weather(setup, dead, 1, StormPlan(storm_s=2.0, calm_s=20.0))
     assert weathered.rounds_in_storm == -1
     assert weathered.broken is None
 
@@ -81,5 +81,5 @@ def test_without_a_majority_nothing_is_committed() -> None:
 def test_chaos_at_length(robots: int, part: int) -> None:
     for seed in range(part * 100, part * 100 + 100):
         owing = robots if seed % 4 == 0 else 0
-        weathered = storm(robots, CHAOS, seed, owing=owing, course=Course(storm_s=5.0))
+        weathered = storm(robots, CHAOS, seed, owing=owing, course=StormPlan(storm_s=5.0))
         assert weathered.broken is None, weathered

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from koord.runtime.configuration.checking import DEFAULT_GROUP, DEFAULT_PORT, load
 from koord.runtime.configuration.forms import Carrier, json_schema
-from koord.runtime.configuration.model import Configuration
+from koord.runtime.configuration.model import RunConfiguration
 from koord.runtime.motion.bodies import PlannerName
 from koord.runtime.motion.world import Box, Disc, Polygon
 from koord.syntax.diagnostics import KoordError
@@ -78,7 +78,7 @@ devices:
 """
 
 
-def loaded(text: str) -> Configuration:
+def loaded(text: str) -> RunConfiguration:
     return load(Source("run.yaml", text))
 
 

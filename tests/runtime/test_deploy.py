@@ -25,13 +25,13 @@ from koord.runtime.deploy.status import Tally, status_of
 from koord.runtime.engine import Deployed, RoundEngine
 from koord.runtime.peer import Peer
 from koord.runtime.proposals import Attempt, Decision, Proposal, Write
-from koord.runtime.protocol.entries import Entry
+from koord.runtime.protocol.entries import LogEntry
 from koord.runtime.protocol.events import Reason
 from koord.runtime.protocol.setup import Setup, Timing
 from koord.runtime.protocol.state import State, fresh, returning
 from koord.runtime.robot import Robot, Turn
 from koord.runtime.transports.transport import Hub
-from koord.runtime.transports.udp import Reach
+from koord.runtime.transports.udp import Delivery
 from koord.runtime.wire.codec import RunKey
 from koord.runtime.wire.frames import Drop
 from koord.syntax.load import load
@@ -264,7 +264,7 @@ def test_a_store_that_differs_is_noticed() -> None:
     one.propose(-1)
     decision = Decision(-1, (), (0,), (), digest=b"another")
     with pytest.raises(DivergedError):
-        one.commit(Entry(decision), None)
+        one.commit(LogEntry(decision), None)
 
 
 def test_ideal_robots_go_where_they_are_told_at_their_speed() -> None:
@@ -321,9 +321,9 @@ def test_what_happens_on_this_machine_is_heard_on_it_or_goes_round() -> None:
     port = 20_000 + time.time_ns() % 20_000
     configuration = load_configuration(Source("c.yaml", "num_robots: 3\n"))
     plan = local_plan(configuration, 3)
-    assert (plan.reach is Reach.GROUP) == hears_itself(port + 10)
+    assert (plan.reach is Delivery.GROUP) == hears_itself(port + 10)
     alone = load_configuration(Source("c.yaml", "num_robots: 3\nnetwork: {transport: unicast}\n"))
-    assert local_plan(alone, 3).reach is Reach.EACH
+    assert local_plan(alone, 3).reach is Delivery.EACH
 
 
 def test_robots_with_other_programs_do_not_hear_each_other() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from msgspec.structs import replace as changed
 
 from koord.runtime.proposals import Decision
-from koord.runtime.protocol.entries import COMMITTED, Entry, Position, digest
+from koord.runtime.protocol.entries import COMMITTED, LogEntry, Position, digest
 from koord.runtime.protocol.events import Install, Reason, Received, Timer
 from koord.runtime.protocol.messages import (
     Acknowledge,
@@ -583,13 +583,13 @@ def test_an_entry_that_another_history_lacks_is_not_committed_by_what_follows() 
     held = robots.states[2].tentative
     assert held is not None
     robots.lose()
-    other = Entry(Decision(0, (), (0, 1, 2), ()), held.entry.previous)
-    following = Entry(Decision(1, (), (0, 1, 2), ()), digest(other))
+    other = LogEntry(Decision(0, (), (0, 1, 2), ()), held.entry.previous)
+    following = LogEntry(Decision(1, (), (0, 1, 2), ()), digest(other))
     robots.do(2, Received(0.0, 1, 0, Decide(1, following)))
     assert robots.states[2].round == 0
     assert robots.states[2].tentative == held
     assert robots.states[2].is_behind
-    fits = Entry(Decision(1, (), (0, 1, 2), ()), held.digest)
+    fits = LogEntry(Decision(1, (), (0, 1, 2), ()), held.digest)
     robots.do(2, Received(0.0, 1, 0, Decide(1, fits)))
     assert robots.states[2].round == 1
     assert robots.acted[2][-1] == held.entry

@@ -20,8 +20,8 @@ from koord.runtime.exploration.claims import (
 )
 from koord.runtime.exploration.exploring import explore, wander
 from koord.runtime.exploration.world import ExplorationBounds, proposal_of
-from koord.runtime.proposals import Decision, Taken
-from koord.runtime.protocol.entries import Entry, Held, digest
+from koord.runtime.proposals import Admitted, Decision
+from koord.runtime.protocol.entries import Held, LogEntry, digest
 from koord.runtime.protocol.setup import Setup, Timing
 from koord.runtime.protocol.state import Coordinator, fresh
 
@@ -120,17 +120,17 @@ def test_a_violation_comes_with_its_story() -> None:
 
 def _let_all_through(round_: int, proposals: object) -> Decision:
     """A wrong decision: nobody is excluded by a lock."""
-    ran = tuple(Taken(i, None if round_ < 0 else 0) for i in range(3))
+    ran = tuple(Admitted(i, None if round_ < 0 else 0) for i in range(3))
     return Decision(round_, ran, (), ())
 
 
 # --- the claims themselves ------------------------------------------------------------------------
 
 
-def entry(*ran: int, late: tuple[int, ...] = ()) -> Entry:
-    taken = tuple(Taken(i, 0) for i in ran)
+def entry(*ran: int, late: tuple[int, ...] = ()) -> LogEntry:
+    taken = tuple(Admitted(i, 0) for i in ran)
     skipped = tuple(i for i in range(3) if i not in ran)
-    return Entry(Decision(0, taken, skipped, ()), late=late)
+    return LogEntry(Decision(0, taken, skipped, ()), late=late)
 
 
 def test_two_winners_of_a_class_are_seen() -> None:
@@ -142,7 +142,7 @@ def test_two_winners_of_a_class_are_seen() -> None:
 def test_what_nobody_proposed_is_seen() -> None:
     """(I-VALID)"""
     assert not list(valid(entry(0, 2), proposal_of))
-    made_up = Entry(Decision(0, (Taken(0, 7),), (1, 2), ()), late=(1, 2))
+    made_up = LogEntry(Decision(0, (Admitted(0, 7),), (1, 2), ()), late=(1, 2))
     assert list(valid(made_up, proposal_of))
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 
 from koord.runtime.exploration.world import proposal_of
-from koord.runtime.proposals import Attempt, Fault, Proposal, Write
-from koord.runtime.protocol.entries import GENESIS, Entry, digest
-from koord.runtime.protocol.events import Begin, Commit, End, Hold, Reason, Resume, Timer
+from koord.runtime.proposals import Attempt, EventFault, Proposal, Write
+from koord.runtime.protocol.entries import GENESIS, LogEntry, digest
+from koord.runtime.protocol.events import Begin, Commit, Hold, Reason, Resume, RunEnded, Timer
 from koord.runtime.protocol.messages import (
     Acknowledge,
     Ask,
@@ -84,7 +84,7 @@ def test_writes_are_in_the_order_of_the_robots() -> None:
 
 def test_a_fault_ends_the_round() -> None:
     """[FAULT]"""
-    fault = Fault(FaultKind.DIVISION, "a.krd:1:1")
+    fault = EventFault(FaultKind.DIVISION, "a.krd:1:1")
     faulty = Proposal(1, 1, (Attempt(4, fault=fault),))
     decision = decide(1, [Proposal(0, 1, (attempt(0),)), faulty])
     assert decision.fault is not None
@@ -94,12 +94,12 @@ def test_a_fault_ends_the_round() -> None:
 
 
 def test_a_digest_stands_for_a_history() -> None:
-    first = Entry(decide(0, [Proposal(0, 0)]))
-    other = Entry(decide(0, [Proposal(0, 0, (attempt(),))]))
+    first = LogEntry(decide(0, [Proposal(0, 0)]))
+    other = LogEntry(decide(0, [Proposal(0, 0, (attempt(),))]))
     assert digest(first) != digest(other)
-    assert digest(first) != digest(Entry(first.decision, previous=b"x" * 16))
-    assert digest(first) != digest(Entry(first.decision, late=(0,)))
-    assert digest(first) == digest(Entry(decide(0, [Proposal(0, 0)]), GENESIS))
+    assert digest(first) != digest(LogEntry(first.decision, previous=b"x" * 16))
+    assert digest(first) != digest(LogEntry(first.decision, late=(0,)))
+    assert digest(first) == digest(LogEntry(decide(0, [Proposal(0, 0)]), GENESIS))
 
 
 # --- a round --------------------------------------------------------------------------------------
@@ -444,11 +444,11 @@ def test_a_fault_ends_the_run_for_all() -> None:
     robots = begun()
     robots.propose(0)
     robots.propose(1)
-    fault = Fault(FaultKind.INDEX, "a.krd:1:1")
+    fault = EventFault(FaultKind.INDEX, "a.krd:1:1")
     robots.propose(2, Proposal(2, 0, (Attempt(0, fault=fault),)))
     robots.settle()
     assert all(state.ended for state in robots.states.values())
-    assert any(isinstance(effect, End) for effect in robots.effects)
+    assert any(isinstance(effect, RunEnded) for effect in robots.effects)
 
 
 def test_a_commit_is_the_only_effect_that_acts() -> None:

@@ -26,7 +26,7 @@ from koord.runtime.shapes import (
     from_plain,
     to_plain,
 )
-from koord.runtime.store import Layout, Shared, Store
+from koord.runtime.store import AgreedStore, Layout, Shared
 
 ROBOTS = 3
 
@@ -50,8 +50,8 @@ LAYOUT = Layout(
 )
 
 
-def store() -> Store:
-    made = Store(LAYOUT, ROBOTS)
+def store() -> AgreedStore:
+    made = AgreedStore(LAYOUT, ROBOTS)
     made.declare(
         {
             "own": ((), (1,), (2, 3)),
@@ -101,7 +101,7 @@ def test_a_key_is_added_even_if_another_robot_took_it_out() -> None:
 
 
 def test_a_write_to_a_list_that_is_not_set_is_lost() -> None:
-    it = Store(LAYOUT, ROBOTS)
+    it = AgreedStore(LAYOUT, ROBOTS)
     assert it.apply([Write(3, (0,), (1, True)), Write(4, (1,), (1, True))]) == {"seen": None}
     it.apply([Write(2, (1, 0), 3), Write(0, (1,), (4,))])
     assert it.values["items"][1] == (3, None)
@@ -150,11 +150,11 @@ def test_stores_agree_if_and_only_if_their_digests_do() -> None:
 
 
 def test_a_store_comes_back_from_its_snapshot() -> None:
-    one, other = store(), Store(LAYOUT, ROBOTS)
+    one, other = store(), AgreedStore(LAYOUT, ROBOTS)
     other.restore(_as_lists(one.snapshot()))
     assert other.values == one.values
     assert type(other.values["items"][0]) is Item
-    unset = Store(LAYOUT, ROBOTS)
+    unset = AgreedStore(LAYOUT, ROBOTS)
     other.restore(unset.snapshot())
     assert other.values == unset.values
 

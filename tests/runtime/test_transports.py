@@ -14,12 +14,12 @@ from itertools import count
 
 import pytest
 
-from koord.runtime.chaos.ledger import Journal, Ledger
+from koord.runtime.chaos.ledger import Journal, StormRobot
 from koord.runtime.peer import Peer
 from koord.runtime.protocol.setup import Setup, Timing
 from koord.runtime.protocol.state import fresh
 from koord.runtime.transports.transport import Hub, Transport, TransportError
-from koord.runtime.transports.udp import Plan, Reach, Udp, on_this_machine
+from koord.runtime.transports.udp import Delivery, Plan, Udp, on_this_machine
 from koord.runtime.wire.codec import RunKey
 from koord.runtime.wire.frames import LONGEST, Drop
 from tests.runtime.together import KEY, together
@@ -62,7 +62,7 @@ def broadcast(robots: int) -> list[Transport]:
     """As in the paper's configurations: 127.255.255.255, and an address for each robot."""
     port = free_port(robots)
     addresses = tuple((f"127.0.1.{pid}", port) for pid in range(robots))
-    plan = Plan(addresses, Reach.SUBNET, ("127.255.255.255", port))
+    plan = Plan(addresses, Delivery.SUBNET, ("127.255.255.255", port))
     return [Udp(plan, pid) for pid in range(robots)]
 
 
@@ -180,7 +180,9 @@ def test_robots_agree_over_it(make: Make) -> None:
     setup = Setup(3, Timing.of(0.0, 3))
     run = RunKey("a run", KEY, 3)
     peers = [
-        Peer(run, setup, fresh(setup, pid, 99), Ledger(pid, Journal()), transport, time.monotonic)
+        Peer(
+            run, setup, fresh(setup, pid, 99), StormRobot(pid, Journal()), transport, time.monotonic
+        )
         for pid, transport in enumerate(make(3))
     ]
     for peer in peers:

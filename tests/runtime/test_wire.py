@@ -12,17 +12,17 @@ from hypothesis import strategies as st
 
 from koord.runtime.encoding import encode
 from koord.runtime.proposals import (
-    Asked,
+    Admitted,
     Attempt,
     Decision,
-    Fault,
+    EventFault,
     Faulted,
     Plain,
     Proposal,
-    Taken,
+    StopRequests,
     Write,
 )
-from koord.runtime.protocol.entries import Admission, Entry, Position, Ran
+from koord.runtime.protocol.entries import Admission, LastRun, LogEntry, Position
 from koord.runtime.protocol.messages import (
     Acknowledge,
     Ask,
@@ -66,13 +66,13 @@ events = st.none() | st.integers(0, 20)
 writes = st.lists(
     st.builds(Write, st.integers(0, 9), st.lists(values, max_size=3).map(tuple), values), max_size=3
 ).map(tuple)
-faults = st.builds(Fault, st.sampled_from(FaultKind), st.text(max_size=9), st.text(max_size=9))
+faults = st.builds(EventFault, st.sampled_from(FaultKind), st.text(max_size=9), st.text(max_size=9))
 attempts = st.builds(
     Attempt,
     events,
     writes,
     st.lists(st.integers(0, 9), max_size=3).map(tuple),
-    st.sampled_from(Asked),
+    st.sampled_from(StopRequests),
     st.none() | faults,
 )
 proposals = st.builds(
@@ -81,21 +81,23 @@ proposals = st.builds(
 decisions = st.builds(
     Decision,
     rounds,
-    st.lists(st.builds(Taken, robots, events, st.sampled_from(Asked)), max_size=3).map(tuple),
+    st.lists(st.builds(Admitted, robots, events, st.sampled_from(StopRequests)), max_size=3).map(
+        tuple
+    ),
     st.lists(robots, max_size=3).map(tuple),
     writes,
     st.binary(max_size=16),
     st.none() | st.builds(Faulted, robots, events, faults),
 )
 entries = st.builds(
-    Entry,
+    LogEntry,
     decisions,
     digests,
     st.lists(st.builds(Admission, robots, st.integers(0, 2**63)), max_size=2).map(tuple),
     st.lists(robots, max_size=3).map(tuple),
 )
 positions = st.builds(Position, rounds, epochs)
-rans = st.none() | st.builds(Ran, rounds, events)
+rans = st.none() | st.builds(LastRun, rounds, events)
 messages: st.SearchStrategy[Message] = st.one_of(
     st.builds(Propose, proposals),
     st.builds(Decide, epochs, entries),

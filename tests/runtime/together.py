@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from koord.runtime.chaos.ledger import Journal, Ledger
+from koord.runtime.chaos.ledger import Journal, StormRobot
 from koord.runtime.peer import Peer
 from koord.runtime.protocol.setup import Setup
 from koord.runtime.protocol.state import State, fresh
@@ -22,10 +22,10 @@ class Together:
     hub: Hub
     now: float = 0.0
     peers: list[Peer] = field(default_factory=list)
-    ledgers: list[Ledger] = field(default_factory=list)
+    ledgers: list[StormRobot] = field(default_factory=list)
 
     def join(self, state: State, transport: Transport, run: str = "tests") -> Peer:
-        ledger = Ledger(state.pid, Journal())
+        ledger = StormRobot(state.pid, Journal())
         known = RunKey(run, KEY, self.setup.robots)
         peer = Peer(known, self.setup, state, ledger, transport, lambda: self.now)
         self.peers.append(peer)

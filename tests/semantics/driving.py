@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from random import Random
 
-from koord.sampling.monitors import Watch
+from koord.sampling.monitors import Monitor
 from koord.sampling.policies import Play, Policy
-from koord.sampling.running import Move, Run, new_run
+from koord.sampling.running import ProgramTurn, Run, new_run
 from koord.semantics.configurations import Configuration
 from koord.semantics.domain import Constant
 from koord.semantics.recordings import Step
@@ -38,12 +38,12 @@ class Drive:
     def go(self, robot: int, event: str) -> Drive:
         """The robot runs the event. Raises IllegalStepError if it may not."""
         position = self.names.of(robot).events.index(event)
-        self.last = self.run.make(Move(robot, position))
+        self.last = self.run.make(ProgramTurn(robot, position))
         return self
 
     def skip(self, *robots: int) -> Drive:
         for robot in robots:
-            self.last = self.run.make(Move(robot, None))
+            self.last = self.run.make(ProgramTurn(robot, None))
         return self
 
     def env(self) -> Drive:
@@ -129,7 +129,7 @@ def played(
     """A run by a policy, to its end, and its trace."""
     system = system if system is not None else dealt(program, robots)
     run = new_run(system, numbers, rng if rng is not None else Random(0))
-    play = Play(run, policy, rounds, Watch(run.d, system, run.inputs))
+    play = Play(run, policy, rounds, Monitor(run.d, system, run.inputs))
     for _ in play.steps():
         pass
     return play, traced(NO_TEXT, system, numbers, play.recording(), play.violation)

@@ -7,9 +7,9 @@ from random import Random
 
 import pytest
 
-from koord.refinement.cases import Policy
+from koord.refinement.cases import SchedulePolicy
 from koord.refinement.running import ready
-from koord.sampling.monitors import Watch
+from koord.sampling.monitors import Monitor
 from koord.sampling.policies import First, Play
 from koord.sampling.running import new_run
 from koord.syntax.load import load
@@ -67,7 +67,7 @@ def trace_of(text: str) -> Trace:
     program = load(source).program
     assert program is not None
     run = new_run(dealt(program, 2), Numbers.EXACT, Random(0))
-    play = Play(run, First(), 3, Watch(run.d, run.system, run.inputs))
+    play = Play(run, First(), 3, Monitor(run.d, run.system, run.inputs))
     list(play.steps())
     return traced(Sources(source), run.system, Numbers.EXACT, play.recording())
 
@@ -106,7 +106,7 @@ def read_itf(raw: bytes, name: str) -> Trace:
     return embedded_trace(parse(raw, name), name)
 
 
-@pytest.mark.parametrize("policy", Policy)
-def test_compiled_programs_read_ports_by_either_name(policy: Policy) -> None:
+@pytest.mark.parametrize("policy", SchedulePolicy)
+def test_compiled_programs_read_ports_by_either_name(policy: SchedulePolicy) -> None:
     for text, _ in CASES.values():
         agrees(ran(text, robots=2, policy=policy))

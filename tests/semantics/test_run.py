@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
-from koord.sampling.monitors import Watch
+from koord.sampling.monitors import Monitor
 from koord.sampling.policies import AtRandom
 from koord.semantics.configurations import NO_EVENT, Configuration
 from koord.semantics.domain import Constant
@@ -828,7 +828,7 @@ def test_properties_read_the_store_and_each_robots_own() -> None:
     b.invariant("Nobody", x.at(7).eq(0), bound=0)
     shared, own, nobody = b.properties
     d = drive(b.program(), 2)
-    watch = Watch(d.run.d, d.run.system, d.run.inputs)
+    watch = Monitor(d.run.d, d.run.system, d.run.inputs)
     assert watch.holds(shared, d.configuration)
     d.go(0, "Go")
     assert d.own(1, "total") == "0"

@@ -25,7 +25,7 @@ from koord.sampling.library import (
     square_root,
 )
 from koord.sampling.policies import AtRandom, First, take
-from koord.sampling.running import Move
+from koord.sampling.running import ProgramTurn
 from koord.sampling.sampled_inputs import SampledInputs
 from koord.sampling.values import Sampler
 from koord.semantics.oracle import Phase
@@ -534,8 +534,8 @@ def test_the_first_policy_is_what_the_runtime_does() -> None:
 def test_a_lost_lock_is_told() -> None:
     """[ATOMIC] [SKIP]"""
     d = drive(programs.lock_demo(), 2)
-    assert take(d.run, Move(0, 2)).lost is None
-    taken = take(d.run, Move(1, 1))
+    assert take(d.run, ProgramTurn(0, 2)).lost is None
+    taken = take(d.run, ProgramTurn(1, 1))
     assert (taken.lost, taken.step.rule) == ("Right", "SKIP")
 
 
@@ -546,10 +546,10 @@ def test_where_a_loser_may_not_skip_it_runs_another_event() -> None:
     b.event("Lose", TRUE, b.atomic(x.set(PID), lock=0))
     b.event("Must", TRUE, b.atomic(y.set(PID + 1), lock=1), urgent=True)
     d = drive(b.program(), 3).go(0, "Lose")
-    taken = take(d.run, Move(1, 0))
+    taken = take(d.run, ProgramTurn(1, 0))
     assert (taken.lost, taken.step.event) == ("Lose", "Must")
     assert d.shared("y") == "2"
-    taken = take(d.run, Move(2, 0))
+    taken = take(d.run, ProgramTurn(2, 0))
     assert (taken.lost, taken.step.rule) == ("Lose", "SKIP")
 
 

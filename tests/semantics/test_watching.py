@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
-from koord.sampling.monitors import Watch
+from koord.sampling.monitors import Monitor
 from koord.sampling.policies import AtRandom
 from koord.sampling.sampled_inputs import SampledInputs
 from koord.sampling.values import Sampler
@@ -52,7 +52,7 @@ def check(system: System, made: Recording) -> int:
     """Compare on every configuration of a run; how often a property did not hold."""
     d = Numbers.EXACT.domain
     inputs = SampledInputs(Sampler(system, Numbers.EXACT, Random(0)))
-    watch, broken = Watch(d, system, inputs), 0
+    watch, broken = Monitor(d, system, inputs), 0
     for step in execute(d, system, made):
         c = step.configuration
         if c.fault is not None:

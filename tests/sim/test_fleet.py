@@ -16,7 +16,7 @@ from koord.runtime.motion.bodies import (
     Car,
     DifferentialDrive,
     Drone,
-    Ideal,
+    IdealBody,
     Level,
     PlannerName,
     Steering,
@@ -35,7 +35,7 @@ CAR = DeviceModel(Car(), PlannerName.RRT_CAR)
 PURSUING = DeviceModel(Car(), PlannerName.RRT_CAR, steering=Steering.PURSUIT)
 DRONE = DeviceModel(Drone(), PlannerName.RRT_DRONE)
 ROVER = DeviceModel(DifferentialDrive(), PlannerName.RRT_DIFF)
-POINT = DeviceModel(Ideal(), PlannerName.STRAIGHT)
+POINT = DeviceModel(IdealBody(), PlannerName.STRAIGHT)
 ROUGH = Disturbances(Positioning(0.01, 0.01, 20.0), 0.1, Wind((0.5, 0, 0), 0.5))
 
 MIXED = [
@@ -184,7 +184,7 @@ def test_an_ideal_robot_is_exactly_where_its_speed_takes_it() -> None:
     fleet = Fleet(World(), [Placed(POINT, (0, 0, 1))])
     fleet.follow(0, [(0, 0, 1), (3, 0, 1)])
     fleet.advance_to(2.0)
-    assert fleet.positions()[0] == pytest.approx([2.0 * Ideal().cruise_mps, 0, 1])
+    assert fleet.positions()[0] == pytest.approx([2.0 * IdealBody().cruise_mps, 0, 1])
     fleet.advance_to(5.0)
     assert fleet.positions()[0].tolist() == [3, 0, 1]
 

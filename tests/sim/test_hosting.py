@@ -15,7 +15,7 @@ from koord.runtime.compile import compiled
 from koord.runtime.compile.loading import loaded
 from koord.runtime.engine import AtRandom, Deployed, Schedule
 from koord.runtime.engine import RoundEngine as Engine
-from koord.runtime.motion.bodies import Car, Drone, Ideal, PlannerName
+from koord.runtime.motion.bodies import Car, Drone, IdealBody, PlannerName
 from koord.runtime.motion.clearance import clearance_of
 from koord.runtime.motion.library import Chart, Library
 from koord.runtime.motion.mapping import occupied
@@ -37,7 +37,7 @@ DELTA_S = 0.1
 DEPLOYED = Deployed()
 CAR = DeviceModel(Car(), PlannerName.RRT_CAR)
 DRONE = DeviceModel(Drone(), PlannerName.RRT_DRONE)
-POINT = DeviceModel(Ideal(), PlannerName.STRAIGHT)
+POINT = DeviceModel(IdealBody(), PlannerName.STRAIGHT)
 
 
 def program(name: str, **params: ParamValue) -> tuple[type[Robot], ...]:

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 import koord
-from koord.syntax.catalogue import Entry, entries, of_programs
+from koord.syntax.catalogue import Story, entries, of_programs
 from koord.syntax.diagnostics import Severity
 from koord.syntax.elaboration import Elaborated, Settings
 from koord.syntax.load import load
@@ -56,19 +56,19 @@ def test_each_story_is_of_a_code_that_can_come() -> None:
 
 
 @pytest.mark.parametrize("entry", ENTRIES, ids=lambda entry: entry.code)
-def test_the_bad_example_yields_its_code(entry: Entry) -> None:
+def test_the_bad_example_yields_its_code(entry: Story) -> None:
     found = {d.code: d.severity for d in loaded(entry.bad).diagnostics}
     assert found.get(entry.code) is entry.severity, found
 
 
 @pytest.mark.parametrize("entry", ENTRIES, ids=lambda entry: entry.code)
-def test_the_bad_example_shows_one_mistake(entry: Entry) -> None:
+def test_the_bad_example_shows_one_mistake(entry: Story) -> None:
     errors = {d.code for d in loaded(entry.bad).diagnostics if d.severity is Severity.ERROR}
     assert errors <= {entry.code}
 
 
 @pytest.mark.parametrize("entry", ENTRIES, ids=lambda entry: entry.code)
-def test_the_good_example_is_right(entry: Entry) -> None:
+def test_the_good_example_is_right(entry: Story) -> None:
     elaborated = loaded(entry.good)
     assert [d for d in elaborated.diagnostics if d.severity is Severity.ERROR] == []
     assert entry.code not in {d.code for d in elaborated.diagnostics}
@@ -90,4 +90,4 @@ def test_stories_are_told_properly(code: str) -> None:
 
 def test_a_story_of_another_form_is_refused() -> None:
     with pytest.raises(ValueError, match="no entry of the catalogue: # K204"):
-        Entry.read("# K204\n\nA story.\n")
+        Story.read("# K204\n\nA story.\n")

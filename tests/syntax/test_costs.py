@@ -13,7 +13,7 @@ from koord.semantics.turns import program_turn
 from koord.syntax import core
 from koord.syntax.analysis.limits import count, excesses
 from koord.syntax.analysis.trips import starting_lengths
-from koord.syntax.analysis.work import MOST_DEEP, Ledger, Sizes
+from koord.syntax.analysis.work import MOST_DEEP, TypeSizes, WorkEstimate
 from koord.syntax.budget import ENDLESS, Budget
 from koord.syntax.diagnostics import Severity
 from koord.syntax.elaboration import ParamValue, Settings
@@ -277,7 +277,7 @@ Go:
 """
     made = program(text)
     event = made.agents[0].events[0]
-    work, culprit = Ledger(made, (0, 0, 0), Sizes(3)).body((), event.effect)
+    work, culprit = WorkEstimate(made, (0, 0, 0), TypeSizes(3)).body((), event.effect)
     assert culprit is None
     driven = drive(made, 3)
     counting = Counting(ENDLESS.is_over)
@@ -326,7 +326,7 @@ def test_sizes_of_types() -> None:
     )
     (agent,) = made.agents
     types = [d.variable.type for d in (*agent.locals, *made.allread)]
-    sizes = Sizes(5)
+    sizes = TypeSizes(5)
     assert [sizes.of(t).parts for t in types] == [12, 4, 5, 20]
     assert [sizes.of(t).depth for t in types] == [4, 4, 4, 4]
 

@@ -14,7 +14,7 @@ from koord.semantics.recordings import execute
 from koord.semantics.storage import Cell, Storage
 from koord.semantics.values import Seq
 from koord.syntax import core
-from koord.syntax.analysis.footprint import Footprint, Written, footprint, statuses, stops_show
+from koord.syntax.analysis.footprint import Footprint, WriteExtent, footprint, statuses, stops_show
 from koord.syntax.core import Home
 from koord.syntax.system import Status
 from koord.syntax.types import BOOL, INT, ArrayType, ListType, MapType, QueueType, RecordType
@@ -43,9 +43,9 @@ HOLDER = RecordType("Holder", (("items", ListType(INT)), ("flag", BOOL)))
 K = bound("k", 0, INT)
 
 
-def written(b: Build, x: E) -> Written:
+def written(b: Build, x: E) -> WriteExtent:
     variable = x.place.variable
-    return footprint(b.program()).get((variable.home, 0, variable.slot), Written.NEVER)
+    return footprint(b.program()).get((variable.home, 0, variable.slot), WriteExtent.NEVER)
 
 
 def test_what_is_only_read_is_never_written() -> None:
@@ -64,7 +64,7 @@ def test_writes_are_found_wherever_they_stand() -> None:
     inner = when(TRUE, homes[1].set(1), otherwise=(b.atomic(for_range(K, 0, 2, homes[0].set(K))),))
     b.event("Go", TRUE, inner, homes[2][PID].set(0), bound=1)
     b.event("Out", TRUE, out.set(1))
-    assert [written(b, x) for x in (*homes, out)] == [Written.WHOLE] * 4
+    assert [written(b, x) for x in (*homes, out)] == [WriteExtent.WHOLE] * 4
 
 
 def test_elements_of_a_list_and_the_list_itself() -> None:
@@ -72,9 +72,9 @@ def test_elements_of_a_list_and_the_list_itself() -> None:
     b = Build()
     x = b.local("x", ListType(INT), lst(INT, 1))
     b.event("Part", TRUE, x[0].set(2))
-    assert written(b, x) is Written.PARTS
+    assert written(b, x) is WriteExtent.PARTS
     b.event("Whole", TRUE, x.append(3))
-    assert written(b, x) is Written.WHOLE
+    assert written(b, x) is WriteExtent.WHOLE
 
 
 @pytest.mark.parametrize("operation", ["append", "remove", "pop", "into"])
@@ -89,8 +89,8 @@ def test_list_operations_write_the_list_as_a_whole(operation: str) -> None:
         "into": x.pop(into=y[0]),
     }[operation]
     b.event("Go", TRUE, effect)
-    assert written(b, x) is Written.WHOLE
-    assert written(b, y) is (Written.PARTS if operation == "into" else Written.NEVER)
+    assert written(b, x) is WriteExtent.WHOLE
+    assert written(b, y) is (WriteExtent.PARTS if operation == "into" else WriteExtent.NEVER)
 
 
 def test_parts_of_records_arrays_and_maps() -> None:
@@ -101,11 +101,11 @@ def test_parts_of_records_arrays_and_maps() -> None:
     deep = b.local("deep", ListType(ListType(INT)), lst(ListType(INT), lst(INT, 1)))
     b.event("Go", TRUE, holder.field("items")[0].set(2), grid[0].set(1), names[0].set(1))
     b.event("Deep", TRUE, deep[0].append(2))
-    assert written(b, holder) is Written.PARTS
+    assert written(b, holder) is WriteExtent.PARTS
     # An element of an array is an atom of its own; a key may be new.
-    assert written(b, grid) is Written.WHOLE
-    assert written(b, names) is Written.WHOLE
-    assert written(b, deep) is Written.WHOLE
+    assert written(b, grid) is WriteExtent.WHOLE
+    assert written(b, names) is WriteExtent.WHOLE
+    assert written(b, deep) is WriteExtent.WHOLE
 
 
 def test_sensors_change_by_themselves_and_modelled_ports_by_their_model() -> None:
@@ -116,10 +116,10 @@ def test_sensors_change_by_themselves_and_modelled_ports_by_their_model() -> Non
     b.module("Free")
     b.module("Made", [heat.set(heat + 1)])
     b.event("Go", TRUE)
-    assert written(b, free) is Written.WHOLE
-    assert written(b, heat) is Written.WHOLE
-    assert written(b, wish) is Written.NEVER
-    assert written(b, kept) is Written.NEVER
+    assert written(b, free) is WriteExtent.WHOLE
+    assert written(b, heat) is WriteExtent.WHOLE
+    assert written(b, wish) is WriteExtent.NEVER
+    assert written(b, kept) is WriteExtent.NEVER
 
 
 def test_kinds_of_robot_have_footprints_of_their_own() -> None:
@@ -130,7 +130,7 @@ def test_kinds_of_robot_have_footprints_of_their_own() -> None:
     b.agent("Two")
     b.local("y", INT, 0)
     b.event("Go", TRUE)
-    assert footprint(b.program()) == {(Home.LOCAL, 0, 0): Written.WHOLE}
+    assert footprint(b.program()) == {(Home.LOCAL, 0, 0): WriteExtent.WHOLE}
 
 
 # --- statuses -------------------------------------------------------------------------------------
@@ -172,15 +172,15 @@ def test_asking_shows_if_a_property_looks() -> None:
 # --- generated programs ---------------------------------------------------------------------------
 
 
-def changed(before: Storage[Constant], after: Storage[Constant]) -> Written:
+def changed(before: Storage[Constant], after: Storage[Constant]) -> WriteExtent:
     """How much of a variable is another than before, at least."""
     if before == after:
-        return Written.NEVER
+        return WriteExtent.NEVER
     if isinstance(before, Cell) and isinstance(after, Cell):
         old, new = before.value, after.value
         if before.is_set and isinstance(old, Seq) and isinstance(new, Seq):
-            return Written.PARTS if old.length == new.length else Written.WHOLE
-    return Written.PARTS
+            return WriteExtent.PARTS if old.length == new.length else WriteExtent.WHOLE
+    return WriteExtent.PARTS
 
 
 def of_robot(robot: Robot[Constant]) -> dict[tuple[Home, int, int], Storage[Constant]]:
@@ -216,6 +216,6 @@ def test_runs_change_no_more_than_the_footprint_says() -> None:
                 pairs += [(key, before[key], after[key]) for key in before]
                 assert Status(int(new.status)) in statuses(made.program)[new.kind], seed
             for key, was, became in pairs:
-                assert changed(was, became) <= found.get(key, Written.NEVER), (seed, key)
+                assert changed(was, became) <= found.get(key, WriteExtent.NEVER), (seed, key)
                 changes += was != became
     assert changes > 200

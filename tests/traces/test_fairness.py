@@ -16,7 +16,7 @@ from koord.semantics.properties import holds_in
 from koord.semantics.recordings import Recording, execute
 from koord.semantics.turns import guard_of
 from koord.syntax.system import Status, System
-from koord.traces.fairness import Excuses, Standing, excuses, told
+from koord.traces.fairness import EventStatus, Excuses, excuses, told
 from koord.verify.engines.explicit.fair_search import lively
 from koord.verify.engines.explicit.limits import Limits
 from tests.agreement.test_lassos import LIVELY, searched, with_liveness
@@ -58,13 +58,13 @@ def assert_true(of: System, recording: Recording) -> Excuses:
             assert shown.ran == tuple(n for n in rounds if does[n] == position)
             always = len(shown.enabled) == len(rounds)
             assert shown.standing is (
-                Standing.RUNS
+                EventStatus.RUNS
                 if shown.ran
-                else Standing.ALWAYS
+                else EventStatus.ALWAYS
                 if always
-                else Standing.AT_TIMES
+                else EventStatus.AT_TIMES
                 if shown.enabled
-                else Standing.NEVER
+                else EventStatus.NEVER
             )
         for lock in robot.locks:
             of_class = {

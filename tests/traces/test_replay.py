@@ -21,7 +21,7 @@ from koord.syntax import core
 from koord.syntax.faults import FaultKind
 from koord.syntax.system import System, dealt
 from koord.syntax.types import BOOL, FLOAT, INT
-from koord.traces.replay import Planned, Refused, planned, replay
+from koord.traces.replay import ExpectedStep, Refused, planned, replay
 from koord.traces.trace import Numbers, Trace, Violation, ViolationKind, traced
 from tests.generators.runs import recording
 from tests.generators.strategies import systems
@@ -118,7 +118,9 @@ def test_an_event_that_is_not_enabled() -> None:
     trace = drive(programs.sum_of_ids(), 3).round("Add", None, None).round(None, "Add", None)
     wrong = first_wrong(with_round(trace.trace(), 1, order=(1, 0, 2), events=(0, 0, None)))
     assert wrong == Refused(
-        "SELECT", Planned("EVENT-TRANS", 1, 0, "Add"), "the pre of Add does not hold for robot 0"
+        "SELECT",
+        ExpectedStep("EVENT-TRANS", 1, 0, "Add"),
+        "the pre of Add does not hold for robot 0",
     )
 
 
@@ -127,14 +129,14 @@ def test_an_event_of_a_robot_that_stopped() -> None:
     trace = drive(programs.stopping(), 2).round("Ask", "Grow").round("Ask", "Grow")
     trace = trace.round("Ask", "Stop").round(None, None)
     wrong = first_wrong(with_round(trace.trace(), 3, events=(None, 2)))
-    assert (wrong.rule, wrong.step) == ("STOP", Planned("EVENT-TRANS", 3, 1, "Grow"))
+    assert (wrong.rule, wrong.step) == ("STOP", ExpectedStep("EVENT-TRANS", 3, 1, "Grow"))
 
 
 def test_a_lock_that_is_taken() -> None:
     """[REPLAY] [ATOMIC]"""
     trace = drive(programs.lock_demo(), 2).round("Left", None).trace()
     wrong = first_wrong(with_round(trace, 0, events=(0, 0)))
-    assert (wrong.rule, wrong.step) == ("ATOMIC", Planned("EVENT-TRANS", 0, 1, "Left"))
+    assert (wrong.rule, wrong.step) == ("ATOMIC", ExpectedStep("EVENT-TRANS", 0, 1, "Left"))
 
 
 def test_a_skip_that_is_not_allowed() -> None:
@@ -142,7 +144,7 @@ def test_a_skip_that_is_not_allowed() -> None:
     trace = drive(programs.lock_demo(urgent=True), 2).go(0, "Left").skip(1).env().trace()
     assert replay(trace).refused is None
     wrong = first_wrong(with_round(trace, 0, order=(1, 0)))
-    assert (wrong.rule, wrong.step) == ("SKIP", Planned("SKIP", 0, 1))
+    assert (wrong.rule, wrong.step) == ("SKIP", ExpectedStep("SKIP", 0, 1))
 
 
 def test_a_step_behind_a_fault() -> None:
@@ -150,7 +152,7 @@ def test_a_step_behind_a_fault() -> None:
     d = drive(programs.fault_demo(FaultKind.INDEX), 3).skip(0).go(1, "Slip")
     trace = d.trace()
     wrong = first_wrong(with_round(trace, 0, order=(0, 1, 2)))
-    assert (wrong.rule, wrong.step) == ("FAULT", Planned("SKIP", 0, 2))
+    assert (wrong.rule, wrong.step) == ("FAULT", ExpectedStep("SKIP", 0, 2))
 
 
 def test_a_round_behind_one_that_was_cut() -> None:
@@ -176,7 +178,7 @@ def test_a_choice_out_of_its_range() -> None:
     """[REPLAY] [CHOOSE]"""
     trace = drive(programs.thermostat(), 2).round(None, None).round(None, None).trace()
     wrong = first_wrong(changed_answers(trace, 1, lambda value: Fraction(3)))
-    assert (wrong.rule, wrong.step) == ("CHOOSE", Planned("ENV-TRANS", 1))
+    assert (wrong.rule, wrong.step) == ("CHOOSE", ExpectedStep("ENV-TRANS", 1))
 
 
 def test_a_choice_that_is_missing() -> None:
@@ -184,14 +186,14 @@ def test_a_choice_that_is_missing() -> None:
     trace = drive(programs.thermostat(), 2).round(None, None).trace()
     wrong = first_wrong(with_round(trace, 0, answers=()))
     assert wrong.rule in ("CHOOSE", "EXTERNAL")
-    assert wrong.step == Planned("ENV-TRANS", 0)
+    assert wrong.step == ExpectedStep("ENV-TRANS", 0)
 
 
 def test_an_answer_that_breaks_its_summary() -> None:
     """[REPLAY] [EXTERNAL]"""
     trace = drive(programs.external_planner(), 1).round("Ask").trace()
     wrong = first_wrong(changed_answers(trace, 0, lambda value: 0))
-    assert (wrong.rule, wrong.step) == ("EXTERNAL", Planned("EVENT-TRANS", 0, 0, "Ask"))
+    assert (wrong.rule, wrong.step) == ("EXTERNAL", ExpectedStep("EVENT-TRANS", 0, 0, "Ask"))
     assert "meets its summary" in wrong.reason
 
 
@@ -261,7 +263,7 @@ def test_a_start_that_is_missing() -> None:
     opening = replace(trace.recording.opening, starts=())
     recorded = Recording(opening, trace.recording.rounds)
     wrong = first_wrong(replace(trace, recording=recorded))
-    assert (wrong.rule, wrong.step) == ("INIT", Planned("INIT", -1))
+    assert (wrong.rule, wrong.step) == ("INIT", ExpectedStep("INIT", -1))
 
 
 def test_a_start_that_is_assumed_away() -> None:
@@ -271,14 +273,14 @@ def test_a_start_that_is_assumed_away() -> None:
     opening = replace(trace.recording.opening, starts=starts)
     made = Recording(opening, trace.recording.rounds)
     wrong = first_wrong(replace(trace, recording=made))
-    assert (wrong.rule, wrong.step) == ("PROP-ASSUME", Planned("INIT", -1))
+    assert (wrong.rule, wrong.step) == ("PROP-ASSUME", ExpectedStep("INIT", -1))
     assert wrong.reason.startswith("Apart does not hold")
 
 
 def test_a_reading_that_is_missing() -> None:
     """[REPLAY] [ENV-FREE]"""
     wrong = first_wrong(with_round(rover_trace(), 0, readings=()))
-    assert (wrong.rule, wrong.step) == ("ENV-FREE", Planned("ENV-TRANS", 0))
+    assert (wrong.rule, wrong.step) == ("ENV-FREE", ExpectedStep("ENV-TRANS", 0))
 
 
 def test_a_reading_that_breaks_a_contract() -> None:
@@ -289,7 +291,7 @@ def test_a_reading_that_breaks_a_contract() -> None:
         for r in trace.recording.rounds[0].readings
     )
     wrong = first_wrong(with_round(trace, 0, readings=readings))
-    assert (wrong.rule, wrong.step) == ("ENV-CONTRACT", Planned("ENV-TRANS", 0))
+    assert (wrong.rule, wrong.step) == ("ENV-CONTRACT", ExpectedStep("ENV-TRANS", 0))
 
 
 # --- what was seen ------------------------------------------------------------------------------
@@ -316,7 +318,7 @@ def test_a_configuration_that_is_another() -> None:
         return replace(c, store=store, robots=robots)
 
     wrong = first_wrong(with_configuration(trace, 2, poke))
-    assert (wrong.rule, wrong.step) == ("ENV-TRANS", Planned("ENV-TRANS", 1))
+    assert (wrong.rule, wrong.step) == ("ENV-TRANS", ExpectedStep("ENV-TRANS", 1))
     shared = wrong.differences[0]
     assert (shared.robot, shared.name, shared.old, shared.new) == (None, "total", "3", "5")
     copies = [(c.robot, c.name) for c in wrong.differences[1:]]
@@ -345,7 +347,7 @@ def test_a_configuration_inside_a_round_is_compared() -> None:
     """[REPLAY]: the last one of a round that was cut."""
     trace = drive(programs.late_violation(), 2).go(1, "Count").trace()
     wrong = first_wrong(with_configuration(trace, 1, lambda c: trace.configurations[0]))
-    assert wrong.step == Planned("EVENT-TRANS", 0, 1, "Count")
+    assert wrong.step == ExpectedStep("EVENT-TRANS", 0, 1, "Count")
     assert ("n", "1", "0") in [(c.name, c.old, c.new) for c in wrong.differences]
 
 

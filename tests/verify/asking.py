@@ -15,7 +15,7 @@ from koord.syntax.load import load
 from koord.syntax.source import Source
 from koord.syntax.system import System, dealt
 from koord.verify.bounded_check import BoundedCheck
-from koord.verify.claims import Claim, Phase, claims_of
+from koord.verify.claims import Claim, ClaimPhase, claims_of
 from koord.verify.effort import Deadline
 from koord.verify.engine_names import Engine
 from koord.verify.engines.induction.proving import prove
@@ -69,7 +69,7 @@ def bounded(
     return Checked(shown, check, system)
 
 
-def judged(system: System, recording: Recording, claim: Claim, phase: Phase) -> Counterexample:
+def judged(system: System, recording: Recording, claim: Claim, phase: ClaimPhase) -> Counterexample:
     return replayed(system, recording, claim, phase)
 
 

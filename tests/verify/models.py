@@ -16,11 +16,11 @@ from koord.syntax.core import BinaryOp, UnaryOp
 from koord.syntax.system import System
 from koord.syntax.types import INT, ArrayType, RecordType, Robots, Type
 from koord.verify.effort import Deadline
-from koord.verify.encoding.moments import Moment
-from koord.verify.encoding.solver import Answer, Model
+from koord.verify.encoding.moments import SymbolicConfiguration
+from koord.verify.encoding.solver import Model, SolverAnswer
 from koord.verify.encoding.terms import Term
 from koord.verify.encoding.unrolling import Unrolling
-from koord.verify.witness import Reader
+from koord.verify.witness import ModelReader
 
 #: What properties read of a configuration: the store, and of each robot locals, ports, status, ran.
 Seen = tuple[object, ...]
@@ -81,13 +81,13 @@ def starts(system: System) -> set[Seen]:
 # --- by the formula -------------------------------------------------------------------------------
 
 
-def models(unrolling: Unrolling, moment: Moment, most: int = 200) -> set[Seen]:
+def models(unrolling: Unrolling, moment: SymbolicConfiguration, most: int = 200) -> set[Seen]:
     """What properties may read at a moment, by the solver."""
     d, system = unrolling.encoder.d, unrolling.system
     sound = d.unary(UnaryOp.NOT, moment.findings.fault)
     question = [sound, moment.real]
     found: set[Seen] = set()
-    while unrolling.solver.check(question, Deadline()) is Answer.SAT:
+    while unrolling.solver.check(question, Deadline()) is SolverAnswer.SAT:
         model = unrolling.solver.model()
         one = read(model, system, moment.configuration)
         found.add(seen_by_properties(one))
@@ -116,7 +116,7 @@ def starts_by_formula(system: System) -> set[Seen]:
     return models(unrolling, unrolling.opening.moment)
 
 
-def _first_round(system: System) -> tuple[Unrolling, Moment]:
+def _first_round(system: System) -> tuple[Unrolling, SymbolicConfiguration]:
     unrolling = Unrolling(system)
     taken = unrolling.encoder.round(unrolling.opening.moment.configuration, "0")
     unrolling.solver.add([*taken.middle.constraints, *taken.urgency])
@@ -128,7 +128,7 @@ def _first_round(system: System) -> tuple[Unrolling, Moment]:
 
 def read(model: Model, system: System, c: Configuration[Term]) -> Configuration[Constant]:
     """A configuration as a model has it. Copies are not read."""
-    reader = Reader(model, system)
+    reader = ModelReader(model, system)
     program = system.program
 
     def of(storages: tuple[Storage[Term], ...], types: list[Type]) -> tuple[Storage[Constant], ...]:
@@ -149,7 +149,9 @@ def read(model: Model, system: System, c: Configuration[Term]) -> Configuration[
     return Configuration(tuple(robots), store, c.round)
 
 
-def _storage(reader: Reader, storage: Storage[Term], type_: Type, robots: int) -> Storage[Constant]:
+def _storage(
+    reader: ModelReader, storage: Storage[Term], type_: Type, robots: int
+) -> Storage[Constant]:
     if isinstance(storage, Cell):
         if not reader.truth(storage.is_set):
             return unset(EXACT, type_, robots)

@@ -12,7 +12,7 @@ from koord.syntax.load import load
 from koord.syntax.source import Source
 from koord.syntax.system import System, dealt
 from koord.syntax.types import BOOL, INT
-from koord.verify.claims import NO_FAULT, Claim, ClaimKind, Phase, claims_of, liveness_of
+from koord.verify.claims import NO_FAULT, Claim, ClaimKind, ClaimPhase, claims_of, liveness_of
 from tests.semantics import programs
 from tests.semantics.building import TRUE, Build, I, bound, contract, forall
 from tests.verify.reference import updates
@@ -110,8 +110,8 @@ def test_liveness_is_kept_apart() -> None:
     assert [c.stated for c in liveness_of(dealt(b.program(), 2))] == [live]
 
 
-def phases(claim: Claim) -> set[Phase]:
-    return {phase for phase in Phase if claim.looked_at(phase)}
+def phases(claim: Claim) -> set[ClaimPhase]:
+    return {phase for phase in ClaimPhase if claim.looked_at(phase)}
 
 
 def test_each_claim_is_about_some_configurations() -> None:
@@ -127,12 +127,12 @@ def test_each_claim_is_about_some_configurations() -> None:
     about = {claim.name: phases(claim) for claim in claims_of(dealt(b.program(), 2))}
     assert about == {
         # The environment's turn changes ports only.
-        "Local": {Phase.INIT, Phase.INSIDE, Phase.MIDDLE},
-        "Port": set(Phase),
-        "AtRound": {Phase.INIT, Phase.END},
-        "no fault": set(Phase),
-        "no lost update of s": {Phase.INSIDE, Phase.MIDDLE},
-        "contract Cold": {Phase.END},
+        "Local": {ClaimPhase.INIT, ClaimPhase.INSIDE, ClaimPhase.MIDDLE},
+        "Port": set(ClaimPhase),
+        "AtRound": {ClaimPhase.INIT, ClaimPhase.END},
+        "no fault": set(ClaimPhase),
+        "no lost update of s": {ClaimPhase.INSIDE, ClaimPhase.MIDDLE},
+        "contract Cold": {ClaimPhase.END},
     }
 
 
@@ -143,7 +143,7 @@ def test_a_port_may_be_read_in_a_function() -> None:
     b.function("warm", [n], BOOL, core.Return((heat > n).expr))
     b.invariant("Cold", ~b.call("warm", 0))
     (claim, _) = claims_of(dealt(b.program(), 1))
-    assert Phase.END in phases(claim)
+    assert ClaimPhase.END in phases(claim)
 
 
 def test_only_properties_speak_of_configurations() -> None:

@@ -18,7 +18,7 @@ from koord.traces.fairness import excuses
 from koord.traces.lassos import flaw_of
 from koord.verify.engines.explicit.fair_search import lively
 from koord.verify.engines.explicit.limits import Limits
-from koord.verify.fairness_suggestions import Lassoed, Text, excluding
+from koord.verify.fairness_suggestions import Lassoed, SourceTexts, excluding
 
 RESTLESS = """
 local:
@@ -86,7 +86,9 @@ def suggested(text: str, robots: int = 2) -> tuple[str, ...]:
     steps = execute(EXACT, of, recording)
     ends = [s.configuration for s in steps if s.rule in ("INIT", "ENV-TRANS")]
     why = excuses(of, recording, ends)
-    lines = excluding(Text(source, Settings(), ()), Lassoed(of, recording, ends, why, stated))
+    lines = excluding(
+        SourceTexts(source, Settings(), ()), Lassoed(of, recording, ends, why, stated)
+    )
     for line in lines:
         pasted = load(Source("program.krd", f"{dedent(text)}\n{line}\n")).program
         assert pasted is not None, line

@@ -18,8 +18,8 @@ from koord.refinement.generating.programs import system
 from koord.semantics.every_number import NotFiniteError
 from koord.syntax.system import System
 from koord.verify.claims import ClaimKind, claims_of
-from koord.verify.engines.explicit.findings import Claim as Searched
-from koord.verify.engines.explicit.findings import Exhausted, Subject
+from koord.verify.engines.explicit.findings import Exhausted, GoalKind
+from koord.verify.engines.explicit.findings import SearchGoal as Searched
 from koord.verify.engines.explicit.finiteness import NotFinite
 from koord.verify.engines.explicit.limits import Limits
 from koord.verify.engines.explicit.search import survey
@@ -81,7 +81,7 @@ def searches_agree(cases: list[Compared], rounds: int = ROUNDS) -> Counter[str]:
         claims = claims_of(case.system)
         properties = [claim.stated for claim in claims if claim.stated is not None]
         limits = Limits(states=20_000, rounds=rounds)
-        found = survey(case.system, properties, limits, subjects=frozenset(Subject))
+        found = survey(case.system, properties, limits, subjects=frozenset(GoalKind))
         if isinstance(found.end, NotFinite):
             continue
         count["systems"] += 1
@@ -94,13 +94,13 @@ def searches_agree(cases: list[Compared], rounds: int = ROUNDS) -> Counter[str]:
 def _name(claim: Searched) -> str:
     """The name that the verifier gives to what the search calls so."""
     match claim.subject:
-        case Subject.FAULT:
+        case GoalKind.FAULT:
             return "no fault"
-        case Subject.CONTRACT:
+        case GoalKind.CONTRACT:
             return f"contract {claim.name}"
-        case Subject.LOST_UPDATE:
+        case GoalKind.LOST_UPDATE:
             return f"no lost update of {claim.name}"
-        case Subject.PROPERTY:
+        case GoalKind.PROPERTY:
             return claim.name
 
 

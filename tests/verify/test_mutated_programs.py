@@ -16,7 +16,7 @@ from random import Random
 import pytest
 from msgspec.structs import replace
 
-from koord.sampling.monitors import Watch
+from koord.sampling.monitors import Monitor
 from koord.sampling.policies import AtRandom, Play
 from koord.sampling.running import new_run
 from koord.syntax import core
@@ -27,7 +27,7 @@ from koord.syntax.source import Source
 from koord.syntax.system import System, dealt
 from koord.traces.trace import Numbers, ViolationKind
 from koord.verify.claims import claims_of
-from koord.verify.engines.explicit.findings import Subject
+from koord.verify.engines.explicit.findings import GoalKind
 from koord.verify.engines.explicit.finiteness import NotFinite
 from koord.verify.engines.explicit.limits import Limits
 from koord.verify.engines.explicit.search import survey
@@ -104,7 +104,7 @@ def searched(system: System) -> dict[str, int]:
     stated = [claim.stated for claim in claims_of(system) if claim.stated is not None]
     limits = Limits(states=3_000, rounds=ROUNDS)
     try:
-        found = survey(patient(system), stated, limits, subjects=frozenset(Subject))
+        found = survey(patient(system), stated, limits, subjects=frozenset(GoalKind))
     except OutOfBudgetError:
         return {}
     assert not isinstance(found.end, NotFinite)
@@ -116,7 +116,7 @@ def ran(system: System) -> dict[str, int]:
     for seed in range(RUNS):
         rng = Random(seed)
         run = new_run(patient(system), Numbers.EXACT, rng)
-        play = Play(run, AtRandom(rng), ROUNDS, Watch(run.d, run.system, run.inputs))
+        play = Play(run, AtRandom(rng), ROUNDS, Monitor(run.d, run.system, run.inputs))
         try:
             for _ in play.steps():
                 pass

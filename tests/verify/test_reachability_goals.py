@@ -14,7 +14,7 @@ from koord.semantics.every_number import NotFiniteError
 from koord.semantics.recordings import Recording
 from koord.syntax.core import PropertyKind
 from koord.syntax.system import System
-from koord.verify.claims import Claim, Phase, claims_of
+from koord.verify.claims import Claim, ClaimPhase, claims_of
 from koord.verify.effort import Deadline, Effort
 from koord.verify.ledger import Ledger, VerificationProblem
 from koord.verify.reachability_goals import ReachabilityGoals, reachability_goals_of
@@ -38,7 +38,7 @@ def observed(wished: ReachabilityGoals) -> System:
     return replace(wished.system, program=replace(program, properties=properties))
 
 
-def unasked(recording: Recording, claim: Claim, phase: Phase) -> Counterexample:
+def unasked(recording: Recording, claim: Claim, phase: ClaimPhase) -> Counterexample:
     raise AssertionError("nobody is shown how a wish comes true")
 
 

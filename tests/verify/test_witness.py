@@ -12,7 +12,7 @@ from koord.syntax import core
 from koord.syntax.source import Span
 from koord.syntax.system import System, dealt
 from koord.syntax.types import FLOAT, INT, ListType
-from koord.verify.claims import NO_FAULT, Claim, Phase, claims_of
+from koord.verify.claims import NO_FAULT, Claim, ClaimPhase, claims_of
 from koord.verify.witness import NotReplayedError, replayed, simplified
 from tests.semantics import programs
 from tests.semantics.building import (
@@ -52,8 +52,10 @@ def rounds(*events: tuple[int | None, ...], cut: bool = True) -> Recording:
 
 def test_a_run_that_breaks_the_claim_is_shown() -> None:
     system = dealt(programs.late_violation(2), 2)
-    shown = replayed(system, rounds((0, None), (0, None)), claim_of(system, "Small"), Phase.MIDDLE)
-    assert (shown.round, shown.phase) == (2, Phase.MIDDLE)
+    shown = replayed(
+        system, rounds((0, None), (0, None)), claim_of(system, "Small"), ClaimPhase.MIDDLE
+    )
+    assert (shown.round, shown.phase) == (2, ClaimPhase.MIDDLE)
     assert "Small" in shown.detail
 
 
@@ -67,7 +69,7 @@ def test_a_run_that_breaks_the_claim_is_shown() -> None:
 def test_a_run_that_does_not_is_not(recording: Recording, why: str) -> None:
     system = dealt(programs.late_violation(2), 2)
     with pytest.raises(NotReplayedError, match=why):
-        replayed(system, recording, claim_of(system, "Small"), Phase.MIDDLE)
+        replayed(system, recording, claim_of(system, "Small"), ClaimPhase.MIDDLE)
 
 
 def test_a_run_that_the_rules_forbid_is_not_shown() -> None:
@@ -76,7 +78,7 @@ def test_a_run_that_the_rules_forbid_is_not_shown() -> None:
     claim = claim_of(system, "Bounded")
     for recording in (rounds((1, None)), rounds((0, 0)), rounds((0, None), (0, None))):
         with pytest.raises(NotReplayedError, match=r"^\[(SELECT|ATOMIC)\]"):
-            replayed(system, recording, claim, Phase.MIDDLE)
+            replayed(system, recording, claim, ClaimPhase.MIDDLE)
 
 
 def test_a_fault_is_shown_where_it_is_and_hides_what_it_hides() -> None:
@@ -87,12 +89,12 @@ def test_a_fault_is_shown_where_it_is_and_hides_what_it_hides() -> None:
     b.invariant("Zero", forall(I, x.at(I).eq(0)))
     system = dealt(b.program(), 2)
     recording = rounds((None, 0))
-    shown = replayed(system, recording, NO_FAULT, Phase.MIDDLE)
+    shown = replayed(system, recording, NO_FAULT, ClaimPhase.MIDDLE)
     assert (shown.robot, shown.detail) == (1, "robot 1: division by zero")
     with pytest.raises(NotReplayedError, match="faults before"):
-        replayed(system, recording, claim_of(system, "Zero"), Phase.MIDDLE)
+        replayed(system, recording, claim_of(system, "Zero"), ClaimPhase.MIDDLE)
     with pytest.raises(NotReplayedError, match="no fault happened"):
-        replayed(system, rounds((None, None)), NO_FAULT, Phase.MIDDLE)
+        replayed(system, rounds((None, None)), NO_FAULT, ClaimPhase.MIDDLE)
 
 
 def test_what_is_kept_of_a_run_ends_at_its_fault() -> None:
@@ -105,8 +107,8 @@ def test_what_is_kept_of_a_run_ends_at_its_fault() -> None:
     for order, moved in (((0, 1, 2), (0, 1)), ((2, 1, 0), (2, 1))):
         first, last = found.rounds
         recording = replace(found, rounds=(first, replace(last, order=order)))
-        shown = replayed(system, recording, NO_FAULT, Phase.END)
-        assert (shown.round, shown.phase, shown.robot) == (2, Phase.INSIDE, 1)
+        shown = replayed(system, recording, NO_FAULT, ClaimPhase.END)
+        assert (shown.round, shown.phase, shown.robot) == (2, ClaimPhase.INSIDE, 1)
         assert shown.recording.rounds == (first, Round(moved, (None, 0, None), cut=True))
 
 
@@ -118,10 +120,10 @@ def test_a_lost_update_needs_two_writes_that_meet_and_an_update() -> None:
     b.event("Set", TRUE, x[0].set(5))
     system = dealt(b.program(), 2)
     claim = claim_of(system, "no lost update of x")
-    assert replayed(system, rounds((0, 1)), claim, Phase.MIDDLE).round == 1
+    assert replayed(system, rounds((0, 1)), claim, ClaimPhase.MIDDLE).round == 1
     for events in ((0, 0), (1, 1), (0, None), (1, 0)):
         with pytest.raises(NotReplayedError, match="not broken"):
-            replayed(system, rounds(events), claim, Phase.MIDDLE)
+            replayed(system, rounds(events), claim, ClaimPhase.MIDDLE)
 
 
 @pytest.mark.parametrize(
@@ -142,7 +144,7 @@ def test_a_lost_update_is_told_with_its_statement(order: tuple[int, int], said: 
     b.event("Up", TRUE, b.local("y", INT, 0).set(1), up)
     system = dealt(b.program(), 2)
     run = replace(rounds((0, 1)), rounds=(Round(order, (0, 1), (), (), True),))
-    shown = replayed(system, run, claim_of(system, "no lost update of x"), Phase.MIDDLE)
+    shown = replayed(system, run, claim_of(system, "no lost update of x"), ClaimPhase.MIDDLE)
     assert shown.detail == f"robots {order[0]} and {order[1]} write x in one round: {said}"
     assert shown.span == up.span
 
@@ -154,10 +156,10 @@ def test_a_broken_contract_is_the_robots_whose_ports_they_are() -> None:
     b.module("Unit", [heat.set(heat + 1)], contracts=[contract("Low", [], [heat.primed < 3])])
     system = dealt(b.program(), 2)
     claim = claim_of(system, "contract Low")
-    shown = replayed(system, rounds((None, None), (None, None), cut=False), claim, Phase.END)
+    shown = replayed(system, rounds((None, None), (None, None), cut=False), claim, ClaimPhase.END)
     assert (shown.round, shown.robot) == (2, 1)
     with pytest.raises(NotReplayedError):
-        replayed(system, rounds((None, None), cut=False), claim, Phase.END)
+        replayed(system, rounds((None, None), cut=False), claim, ClaimPhase.END)
 
 
 # --- recordings -----------------------------------------------------------------------------------
@@ -179,7 +181,7 @@ def test_everything_left_open_is_in_the_recording() -> None:
     checked = bounded(b.program(), rounds=2)
     shown = checked.violated["Never"]
     assert shown.round == 1
-    assert shown.phase is Phase.END
+    assert shown.phase is ClaimPhase.END
     recording = shown.recording
     starts = {(start.home.value, start.robot) for start in recording.opening.starts}
     assert starts == {("local", 0), ("local", 1)}
@@ -243,7 +245,7 @@ def test_events_that_need_not_be_are_left_out() -> None:
     simple = simplified(system, everyone, claim)
     assert sum(e is not None for round_ in simple.rounds for e in round_.events) == 3
     assert len(simple.rounds) == 3
-    replayed(system, simple, claim, Phase.MIDDLE)
+    replayed(system, simple, claim, ClaimPhase.MIDDLE)
     assert simplified(system, everyone, claim, tries=0) == everyone
     assert simplified(system, simple, claim) == simple
 
@@ -289,7 +291,7 @@ def test_a_statement_that_is_false_for_a_fault_says_so(statement: str, kind: str
     )
     system = dealt(elaborating.program(text), 2)
     start = Recording(Opening((0, 1)), ())
-    found = replayed(system, start, claim_of(system, "A"), Phase.INIT)
+    found = replayed(system, start, claim_of(system, "A"), ClaimPhase.INIT)
     if kind is None:
         assert found.fault is None
         assert "evaluated" not in found.detail

@@ -19,7 +19,7 @@ from koord.syntax.types import Type
 T = TypeVar("T")
 
 
-class Reach(IntEnum):
+class ReadScope(IntEnum):
     """What a function's body may read, and so where it may be called."""
 
     NOTHING = 0  #: its parameters: from everywhere
@@ -33,7 +33,7 @@ class Draft(Struct):
     random: Random
     profile: Profile
     palette: Palette
-    functions: list[tuple[Reach, core.Function]] = field(default_factory=list)
+    functions: list[tuple[ReadScope, core.Function]] = field(default_factory=list)
     externals: list[core.External] = field(default_factory=list)
     unset: set[str] = field(default_factory=set)  #: names that may well hold nothing yet
     _line: int = 0
@@ -106,7 +106,7 @@ class Context(Struct):
     events: list[tuple[int, int, str]] = field(default_factory=list)
     pid: bool = True
     in_property: bool = False
-    calls: Reach | None = Reach.ROBOT
+    calls: ReadScope | None = ReadScope.ROBOT
     externals: bool = True
     choices: bool = False
     result: Type | None = None

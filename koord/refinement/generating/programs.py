@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from random import Random
 
-from koord.refinement.generating.drafts import Context, Draft, Reach, Slots
+from koord.refinement.generating.drafts import Context, Draft, ReadScope, Slots
 from koord.refinement.generating.expressions import expression
 from koord.refinement.generating.palette import palette
 from koord.refinement.generating.profiles import GENERAL, Profile
 from koord.refinement.generating.properties import assumption, contract, property_
-from koord.refinement.generating.statements import Signature, block, function
+from koord.refinement.generating.statements import FunctionType, block, function
 from koord.syntax import core
 from koord.syntax.core import BinaryOp, Direction, ExternalKind, Home, PropertyKind, Start
 from koord.syntax.system import System
@@ -175,18 +175,18 @@ def _open_type(draft: Draft, *, ints: bool) -> Type:
 # --- functions ----------------------------------------------------------------------------------
 
 
-def _function(draft: Draft, shared: list[core.Variable]) -> tuple[Reach, core.Function]:
-    reach = draft.pick(tuple(Reach))
+def _function(draft: Draft, shared: list[core.Variable]) -> tuple[ReadScope, core.Function]:
+    reach = draft.pick(tuple(ReadScope))
     c = Context(
         draft,
         Slots(),
-        variables=shared if reach >= Reach.SHARED else [],
-        pid=reach is Reach.ROBOT,
+        variables=shared if reach >= ReadScope.SHARED else [],
+        pid=reach is ReadScope.ROBOT,
         calls=reach,
         externals=False,
     )
     parameters = tuple(draft.type() for _ in range(draft.random.randint(0, 2)))
-    return reach, function(c, draft.name("f"), Signature(parameters, draft.type()))
+    return reach, function(c, draft.name("f"), FunctionType(parameters, draft.type()))
 
 
 def _external(draft: Draft) -> core.External:
@@ -196,7 +196,7 @@ def _external(draft: Draft) -> core.External:
     parameters = tuple(slots.fresh(draft, draft.type()) for _ in range(count))
     result = slots.fresh(draft, _open_type(draft, ints=False))
     c = Context(
-        draft, slots, bound=list(parameters), pid=False, calls=Reach.NOTHING, externals=False
+        draft, slots, bound=list(parameters), pid=False, calls=ReadScope.NOTHING, externals=False
     )
     requires = (expression(c, BOOL, 1),) if draft.chance(draft.profile.faulty) else ()
     c.bound.append(result)
@@ -347,7 +347,7 @@ class _Agent:
         closed = modelled or direction is Direction.ACTUATOR
         type_ = draft.type() if closed else _open_type(draft, ints=True)
         variable = core.Variable(Home.PORT, len(self.ports), draft.name("port"), type_)
-        c = Context(draft, Slots(), calls=Reach.NOTHING, externals=False)
+        c = Context(draft, Slots(), calls=ReadScope.NOTHING, externals=False)
         initial: core.Expr | Start = expression(c, type_, 1)
         if direction is Direction.SENSOR and self._may_be_open(type_) and draft.chance(0.5):
             initial = Start.ARBITRARY
@@ -362,5 +362,5 @@ class _Agent:
             writable=[port.declaration.variable for port in own],
             choices=True,
         )
-        c.calls = Reach.NOTHING
+        c.calls = ReadScope.NOTHING
         return block(c, 1)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from koord.refinement.generating.drafts import Context, Draft, Reach, Slots
+from koord.refinement.generating.drafts import Context, Draft, ReadScope, Slots
 from koord.refinement.generating.expressions import expression
 from koord.syntax import core
 from koord.syntax.core import Home, PropertyKind, QuantifierKind
@@ -30,7 +30,7 @@ def about_configurations(
         events=events,
         pid=False,
         in_property=True,
-        calls=Reach.SHARED if draft.chance(0.3) else None,
+        calls=ReadScope.SHARED if draft.chance(0.3) else None,
         externals=False,
     )
 
@@ -118,7 +118,7 @@ def contract(draft: Draft, ports: list[core.Port], own: list[core.Port]) -> core
         draft,
         Slots(),
         variables=[p.declaration.variable for p in ports],
-        calls=Reach.NOTHING,
+        calls=ReadScope.NOTHING,
         externals=False,
     )
     requires = (expression(before, BOOL, 1),) if draft.chance(0.4) else ()

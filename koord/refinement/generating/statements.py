@@ -264,14 +264,14 @@ def _signal(c: Context, depth: int) -> core.Stmt:
 # --- functions ----------------------------------------------------------------------------------
 
 
-class Signature(Struct, frozen=True):
+class FunctionType(Struct, frozen=True):
     """What a function takes and gives."""
 
     parameters: tuple[Type, ...]
     result: Type
 
 
-def function(c: Context, name: str, signature: Signature) -> core.Function:
+def function(c: Context, name: str, signature: FunctionType) -> core.Function:
     """A function of that signature; ``c`` is the context of a body with nothing bound."""
     parameters = tuple(c.slots.fresh(c.draft, type_) for type_ in signature.parameters)
     c.bound += parameters
@@ -287,7 +287,7 @@ def function(c: Context, name: str, signature: Signature) -> core.Function:
     )
 
 
-__all__ = ["Signature", "block", "function", "literal", "statement"]
+__all__ = ["FunctionType", "block", "function", "literal", "statement"]
 
 
 # --- places that are written ---------------------------------------------------------------------

@@ -24,7 +24,7 @@ from random import Random
 from msgspec.structs import replace
 
 from koord.runtime.chaos.faults import Faults
-from koord.runtime.transports.udp import Plan, Reach, Udp
+from koord.runtime.transports.udp import Delivery, Plan, Udp
 
 #: The robots of this network are few.
 MOST_ROBOTS = 200
@@ -74,7 +74,7 @@ def _mac(pid: int) -> bytes:
 def plan(robots: int) -> Plan:
     """Who is where, and one group for all."""
     addresses = tuple((address(pid), _PORT) for pid in range(robots))
-    return Plan(addresses, Reach.GROUP, ("239.255.75.1", _PORT + 1))
+    return Plan(addresses, Delivery.GROUP, ("239.255.75.1", _PORT + 1))
 
 
 # --- a robot's end --------------------------------------------------------------------------------
@@ -121,7 +121,7 @@ def card() -> int:
 # --- the hub --------------------------------------------------------------------------------------
 
 
-class Hub:
+class BadHub:
     """Carries frames between the cards, badly. One process, until somebody ends it."""
 
     def __init__(self, path: Path, faults: Faults, seed: int) -> None:

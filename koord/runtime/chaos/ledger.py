@@ -12,8 +12,8 @@ import msgspec
 from msgspec import Struct, field
 
 from koord.runtime.chaos.network import Newborn
-from koord.runtime.proposals import INIT_ROUND, Attempt, Plain, Proposal, Taken, Write
-from koord.runtime.protocol.entries import Entry, Ran
+from koord.runtime.proposals import INIT_ROUND, Admitted, Attempt, Plain, Proposal, Write
+from koord.runtime.protocol.entries import LastRun, LogEntry
 from koord.runtime.protocol.events import Reason
 from koord.runtime.protocol.setup import Setup
 from koord.runtime.protocol.state import fresh, returning
@@ -50,7 +50,7 @@ class Journal(Struct):
     kept: list[int] = field(default_factory=list)
 
 
-class Ledger:
+class StormRobot:
     """The robot. ``store`` is what its decisions add up to."""
 
     def __init__(self, pid: int, journal: Journal) -> None:
@@ -58,7 +58,7 @@ class Ledger:
         self.store: dict[tuple[Plain, ...], Plain] = {}
         self.round = INIT_ROUND
         self.holding: Reason | None = None
-        self.acted: list[Entry] = []
+        self.acted: list[LogEntry] = []
         self._journal = journal
 
     def propose(self, round_: int) -> Proposal | None:
@@ -69,7 +69,7 @@ class Ledger:
         self._journal.proposed = proposal_of(self.pid, round_)
         return self._journal.proposed
 
-    def commit(self, entry: Entry, kept: Taken | None) -> None:
+    def commit(self, entry: LogEntry, kept: Admitted | None) -> None:
         if entry.round != self.round:
             raise AssertionError(f"{self.pid} commits {entry.round}, and is at {self.round}")
         for write in entry.decision.writes:
@@ -90,7 +90,7 @@ class Ledger:
     def show(self) -> bytes:
         return msgspec.msgpack.encode(list(self.store.items()))
 
-    def install(self, round_: int, store: bytes, ran: Ran | None) -> None:
+    def install(self, round_: int, store: bytes, ran: LastRun | None) -> None:
         items = msgspec.msgpack.decode(store)
         self.store = {tuple(place): value for place, value in items}
         self.round = round_
@@ -106,11 +106,11 @@ class Ledgers:
 
     def __init__(self, setup: Setup) -> None:
         self.journals = [Journal() for _ in range(setup.robots)]
-        self.ledgers = [Ledger(pid, journal) for pid, journal in enumerate(self.journals)]
+        self.ledgers = [StormRobot(pid, journal) for pid, journal in enumerate(self.journals)]
         self._setup = setup
 
     def switch_on(self, pid: int, incarnation: int, back: bool) -> Newborn:
         """A robot with an empty memory, but for its journal."""
-        ledger = self.ledgers[pid] = Ledger(pid, self.journals[pid])
+        ledger = self.ledgers[pid] = StormRobot(pid, self.journals[pid])
         begin = returning if back else fresh
         return Newborn(ledger, self._setup, begin(self._setup, pid, incarnation))

@@ -12,7 +12,7 @@ from koord.runtime.chaos.ledger import Ledgers, proposal_of
 from koord.runtime.chaos.network import Network, Sent
 from koord.runtime.exploration.claims import (
     Accepted,
-    Broken,
+    BrokenInvariant,
     acted_rightly,
     agree,
     lasting,
@@ -35,10 +35,10 @@ class Weathered(Struct, frozen=True):
     epochs: int
     crashes: int
     datagrams: int
-    broken: Broken | None = None
+    broken: BrokenInvariant | None = None
 
 
-class Course(Struct, frozen=True):
+class StormPlan(Struct, frozen=True):
     """How long it blows, and how long it may take to recover."""
 
     storm_s: float = 5.0
@@ -46,12 +46,12 @@ class Course(Struct, frozen=True):
     calm_s: float = 30.0  #: within so much time
 
 
-def weather(setup: Setup, faults: Faults, seed: int, course: Course = Course()) -> Weathered:
+def weather(setup: Setup, faults: Faults, seed: int, course: StormPlan = StormPlan()) -> Weathered:
     """Run robots through a storm and into a calm. A function of its arguments."""
     ledgers = Ledgers(setup)
     network = Network(setup, faults, seed, ledgers.switch_on)
     watch = _Watch(setup)
-    broken: Broken | None = None
+    broken: BrokenInvariant | None = None
     try:
         broken = _blow(network, watch, course.storm_s, None)
         stormy = watch.rounds
@@ -61,7 +61,7 @@ def weather(setup: Setup, faults: Faults, seed: int, course: Course = Course()) 
             broken = _blow(network, watch, until, watch.rounds + course.calm_rounds)
         broken = broken or watch.at_the_end(network, ledgers)
     except AssertionError as error:
-        stormy, broken = watch.rounds, Broken("ledger", str(error))
+        stormy, broken = watch.rounds, BrokenInvariant("ledger", str(error))
     return Weathered(
         seed,
         watch.rounds,
@@ -74,7 +74,9 @@ def weather(setup: Setup, faults: Faults, seed: int, course: Course = Course()) 
     )
 
 
-def _blow(network: Network, watch: _Watch, until_s: float, goal: int | None) -> Broken | None:
+def _blow(
+    network: Network, watch: _Watch, until_s: float, goal: int | None
+) -> BrokenInvariant | None:
     """Until a time; or until all that are up have come so far, which must be before that time."""
     while network.now < until_s:
         robot = network.step()
@@ -88,7 +90,7 @@ def _blow(network: Network, watch: _Watch, until_s: float, goal: int | None) -> 
     if goal is None:
         return None
     lag = {state.pid: (state.round, state.office) for state in network.running()}
-    return Broken("progress", f"not at round {goal}: {lag}")
+    return BrokenInvariant("progress", f"not at round {goal}: {lag}")
 
 
 class _Watch:
@@ -109,7 +111,7 @@ class _Watch:
     def rounds(self) -> int:
         return len(self._acted) - 1
 
-    def look(self, network: Network, robot: int | None) -> Iterator[Broken]:
+    def look(self, network: Network, robot: int | None) -> Iterator[BrokenInvariant]:
         """After each step, at the robot that took it."""
         for sent in network.sent:
             yield from self._read(sent)
@@ -126,7 +128,7 @@ class _Watch:
             self._promised[state.pid] = state.promised
             yield from lasting(state, self._acted)
 
-    def _read(self, sent: Sent) -> Iterator[Broken]:
+    def _read(self, sent: Sent) -> Iterator[BrokenInvariant]:
         self.datagrams += 1
         match sent.message:
             case Acknowledge(epoch=epoch, digest=mark):
@@ -136,21 +138,21 @@ class _Watch:
                 key = (epoch, entry.round)
                 mark = repr(entry).encode()
                 if self._decided.setdefault(key, mark) != mark:
-                    yield Broken("I-ONE-ENTRY", f"epoch and round {key}")
+                    yield BrokenInvariant("I-ONE-ENTRY", f"epoch and round {key}")
             case _:
                 pass
 
-    def _commits(self, state: State) -> Iterator[Broken]:
+    def _commits(self, state: State) -> Iterator[BrokenInvariant]:
         for held in state.log[-16:]:
             place = held.round + 1
             if place < len(self._acted):
                 yield from agree(self._acted[place].entry, held.entry)
                 if self._acted[place].digest != held.digest:
-                    yield Broken("I-AGREE", f"round {held.round} on two histories")
+                    yield BrokenInvariant("I-AGREE", f"round {held.round} on two histories")
             elif place == len(self._acted):
                 yield from self._first_commit(held)
 
-    def _first_commit(self, held: Held) -> Iterator[Broken]:
+    def _first_commit(self, held: Held) -> Iterator[BrokenInvariant]:
         roster = self._rosters[-1] if self._rosters else (0,) * self._setup.robots
         yield from one_winner(held.entry, proposal_of)
         yield from valid(held.entry, proposal_of)
@@ -165,7 +167,7 @@ class _Watch:
             changed[admission.robot] = admission.incarnation
         self._rosters.append(tuple(changed))
 
-    def at_the_end(self, network: Network, ledgers: Ledgers) -> Broken | None:
+    def at_the_end(self, network: Network, ledgers: Ledgers) -> BrokenInvariant | None:
         """Each robot's own books agree with what was decided about it."""
         for robot, journal in enumerate(ledgers.journals):
             if network.nodes[robot] is None:
@@ -176,7 +178,9 @@ class _Watch:
                 if any(taken.robot == robot for taken in held.entry.decision.ran)
             ]
             if journal.kept != through:
-                return Broken("ledger", f"{robot} kept {journal.kept}, was let through {through}")
+                return BrokenInvariant(
+                    "ledger", f"{robot} kept {journal.kept}, was let through {through}"
+                )
         stores = {
             ledger.round: ledger.store
             for robot, ledger in enumerate(ledgers.ledgers)
@@ -184,5 +188,7 @@ class _Watch:
         }
         for robot, ledger in enumerate(ledgers.ledgers):
             if network.nodes[robot] is not None and ledger.store != stores[ledger.round]:
-                return Broken("ledger", f"{robot} has another store at round {ledger.round}")
+                return BrokenInvariant(
+                    "ledger", f"{robot} has another store at round {ledger.round}"
+                )
         return None

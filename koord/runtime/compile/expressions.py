@@ -13,7 +13,7 @@ from msgspec import Struct, field
 from msgspec.structs import replace
 
 from koord.runtime.compile.knowledge import Knowledge
-from koord.runtime.compile.naming import Names
+from koord.runtime.compile.naming import PythonNames
 from koord.runtime.compile.spelling import (
     constant,
     is_tree,
@@ -49,7 +49,7 @@ class Scope(Struct):
     ``ranges`` are the variables of loops that no statement writes, with the loop's upper bound.
     """
 
-    names: Names
+    names: PythonNames
     knowledge: Knowledge
     agent: int | None
     in_method: bool = True
@@ -390,7 +390,7 @@ def _kinds(scope: Scope) -> range:
     return range(len(scope.names.program.agents))
 
 
-def _held_by(names: Names, kind: int, variable: core.Variable) -> str:
+def _held_by(names: PythonNames, kind: int, variable: core.Variable) -> str:
     """The attribute of one kind of robot: kinds may number a name differently."""
     agent = names.program.agents[kind]
     entries = (
@@ -423,7 +423,7 @@ def _step(scope: Scope, above: Code, step: core.Step, type_: Type) -> Code:
     assert_never(step)
 
 
-def field_name(names: Names, type_: Type, position: int) -> str:
+def field_name(names: PythonNames, type_: Type, position: int) -> str:
     """The attribute of a record's field."""
     assert isinstance(type_, RecordType)
     return names.field(type_.fields[position][0])

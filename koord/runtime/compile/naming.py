@@ -34,7 +34,7 @@ _OF_ROBOTS = frozenset(dir(robot.Robot))
 _OF_RECORDS = frozenset(dir(tuple)) | {"_make", "_replace", "_asdict", "_fields"}
 
 
-class Names:
+class PythonNames:
     """The Python names of a program's parts, all told apart."""
 
     def __init__(self, program: core.Program) -> None:

@@ -10,7 +10,7 @@ from koord.runtime import robot
 from koord.runtime.compile.expressions import Code, Scope, expression
 from koord.runtime.compile.formatting import formatted
 from koord.runtime.compile.knowledge import Knowledge
-from koord.runtime.compile.naming import Names
+from koord.runtime.compile.naming import PythonNames
 from koord.runtime.compile.spelling import annotation, constant_name, shape, string, tuple_of
 from koord.runtime.compile.statements import Lines, block, indented
 from koord.syntax import core
@@ -36,7 +36,7 @@ class Module:
 
     def __init__(self, program: core.Program) -> None:
         self.program = program
-        self.names = Names(program)
+        self.names = PythonNames(program)
         self.knowledge = Knowledge(program)
 
     def lines(self) -> Lines:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from fractions import Fraction
 
-from koord.runtime.compile.naming import Names
+from koord.runtime.compile.naming import PythonNames
 from koord.syntax.diagnostics import Diagnostic, KoordError, Severity
 from koord.syntax.source import Span
 from koord.syntax.types import (
@@ -41,7 +41,7 @@ class NotCompilableError(Exception):
     """A program has something in it that no text has: only the verifier makes opaque types."""
 
 
-def annotation(names: Names, type_: Type) -> str:
+def annotation(names: PythonNames, type_: Type) -> str:
     """The type as an annotation."""
     match type_:
         case IntType() | EnumType():
@@ -62,7 +62,7 @@ def annotation(names: Names, type_: Type) -> str:
             raise NotCompilableError(name)
 
 
-def shape(names: Names, type_: Type) -> str:
+def shape(names: PythonNames, type_: Type) -> str:
     """The type as an expression that makes its shape."""
     match type_:
         case IntType():
@@ -103,7 +103,9 @@ def is_tree(type_: Type) -> bool:
     return isinstance(type_, RecordType | ArrayType)
 
 
-def constant(names: Names, value: int | Fraction | bool | str, type_: Type, span: Span) -> str:
+def constant(
+    names: PythonNames, value: int | Fraction | bool | str, type_: Type, span: Span
+) -> str:
     """A constant of the text. Raises NumberTooLargeError."""
     match type_:
         case FloatType():

@@ -1,7 +1,7 @@
 """What a program claims, compiled: invariants, assumptions, contracts and summaries as methods.
 
 They become functions of a program of their own, which is compiled like any other; the class that
-has them looks at robots from outside (:class:`koord.runtime.watch.Watch`).
+has them looks at robots from outside (:class:`koord.runtime.watch.ClaimWatch`).
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from msgspec import Struct, field
 from msgspec.structs import replace
 
 from koord.runtime.compile.expressions import Scope
-from koord.runtime.compile.naming import Names
+from koord.runtime.compile.naming import PythonNames
 from koord.runtime.compile.program import Module
 from koord.runtime.compile.slack import Loosening
 from koord.runtime.compile.spelling import string, tuple_of
@@ -26,7 +26,7 @@ from koord.syntax.types import BOOL
 from koord.syntax.walk import nodes
 
 
-class Sort(Enum):
+class WatchedKind(Enum):
     """What is claimed, and so when it is looked at."""
 
     INVARIANT = "invariant"
@@ -36,7 +36,7 @@ class Sort(Enum):
     SUMMARY = "summary"
 
 
-class Claim(Struct, frozen=True):
+class WatchedClaim(Struct, frozen=True):
     """A claim: the method that says whether it holds, and what it is given.
 
     An invariant is given robots, of the ``agents`` that it is about (None: of any); a contract is
@@ -44,7 +44,7 @@ class Claim(Struct, frozen=True):
     """
 
     name: str
-    sort: Sort
+    sort: WatchedKind
     span: Span
     method: str
     agents: tuple[int | None, ...] = ()
@@ -67,7 +67,7 @@ class Looks(Struct, frozen=True):
 class Watched(Struct):
     """The claims of a program, and the text of the module that has them."""
 
-    claims: tuple[Claim, ...]
+    claims: tuple[WatchedClaim, ...]
     text: str
 
 
@@ -79,7 +79,7 @@ def watched(program: core.Program, slack: Fraction) -> Watched:
 class _Gathering(Struct):
     program: core.Program
     slack: Fraction
-    claims: list[Claim] = field(default_factory=list)
+    claims: list[WatchedClaim] = field(default_factory=list)
     functions: list[core.Function] = field(default_factory=list)
 
     def watched(self) -> Watched:
@@ -87,12 +87,14 @@ class _Gathering(Struct):
         for stated in self.program.properties:
             if stated.kind in (PropertyKind.INVARIANT, PropertyKind.AT_ROUND):
                 at_round = stated.kind is PropertyKind.AT_ROUND
-                sort = Sort.AT_ROUND if at_round else Sort.INVARIANT
+                sort = WatchedKind.AT_ROUND if at_round else WatchedKind.INVARIANT
                 loose = loosening.expression(stated.condition)
                 self._of_robots(stated.name, sort, stated.span, loose, stated.bound)
         for assumed in self.program.assumptions:
             loose = loosening.expression(assumed.condition)
-            self._of_robots(assumed.name, Sort.ASSUMPTION, assumed.span, loose, assumed.bound)
+            self._of_robots(
+                assumed.name, WatchedKind.ASSUMPTION, assumed.span, loose, assumed.bound
+            )
         for kind, agent in enumerate(self.program.agents):
             for module in agent.modules:
                 for contract in module.contracts:
@@ -103,11 +105,13 @@ class _Gathering(Struct):
         functions = (*self.program.functions, *loosening.functions.values(), *self.functions)
         # Their bodies are in order of dependence as long as loosened ones stand behind the others.
         made = replace(self.program, functions=functions)
-        watching = _WatchModule(made, Names(self.program), self.claims)
+        watching = _WatchModule(made, PythonNames(self.program), self.claims)
         claims = tuple(replace(c, method=watching.names.methods[c.method]) for c in self.claims)
         return Watched(claims, watching.text())
 
-    def _of_robots(self, name: str, sort: Sort, span: Span, e: core.Expr, bound: int) -> None:
+    def _of_robots(
+        self, name: str, sort: WatchedKind, span: Span, e: core.Expr, bound: int
+    ) -> None:
         """A statement, without the quantifiers over robots at its beginning."""
         robots: list[core.Variable] = []
         agents: list[int | None] = []
@@ -128,7 +132,13 @@ class _Gathering(Struct):
         ensured = loosening.expression(_all(contract.ensures))
         e = core.Binary(core.BinaryOp.IMPLIES, required, ensured, BOOL)
         self._add(
-            contract.name, Sort.CONTRACT, contract.span, e, [], contract.bound, agents=(kind,)
+            contract.name,
+            WatchedKind.CONTRACT,
+            contract.span,
+            e,
+            [],
+            contract.bound,
+            agents=(kind,),
         )
 
     def _of_summary(self, external: core.External) -> None:
@@ -138,7 +148,7 @@ class _Gathering(Struct):
             bound = external.bound
             self._add(
                 external.name,
-                Sort.SUMMARY,
+                WatchedKind.SUMMARY,
                 external.span,
                 e,
                 parameters,
@@ -149,7 +159,7 @@ class _Gathering(Struct):
     def _add(
         self,
         name: str,
-        sort: Sort,
+        sort: WatchedKind,
         span: Span,
         e: core.Expr,
         parameters: list[core.Variable],
@@ -162,8 +172,8 @@ class _Gathering(Struct):
         body = (core.Return(e),)
         made = core.Function(called, tuple(parameters), BOOL, body, bound, span=span)
         self.functions.append(made)
-        looks = None if sort is Sort.SUMMARY else _looks(self.program, e, parameters)
-        self.claims.append(Claim(name, sort, span, called, agents, function, looks))
+        looks = None if sort is WatchedKind.SUMMARY else _looks(self.program, e, parameters)
+        self.claims.append(WatchedClaim(name, sort, span, called, agents, function, looks))
 
 
 def _all(conditions: tuple[core.Expr, ...]) -> core.Expr:
@@ -180,7 +190,7 @@ def _all(conditions: tuple[core.Expr, ...]) -> core.Expr:
 
 def _looks(program: core.Program, e: core.Expr, robots: list[core.Variable]) -> Looks | None:
     """Where a claim looks; None where that is not seen from its text."""
-    names = Names(program)
+    names = PythonNames(program)
     own: list[set[str]] = [set() for _ in robots]
     entries: list[set[str]] = [set() for _ in robots]
     shared: set[str] = set()
@@ -243,10 +253,12 @@ class _WatchModule(Module):
 
     watching = True
 
-    def __init__(self, program: core.Program, names: Names, claims: list[Claim]) -> None:
+    def __init__(
+        self, program: core.Program, names: PythonNames, claims: list[WatchedClaim]
+    ) -> None:
         super().__init__(program)
         methods = {claim.method for claim in claims}
-        self._contracts = {c.method: c.agents[0] for c in claims if c.sort is Sort.CONTRACT}
+        self._contracts = {c.method: c.agents[0] for c in claims if c.sort is WatchedKind.CONTRACT}
         self._kind: int | None = None
         # What robots hold has the names that their own module has given it.
         self.names.shared, self.names.own = names.shared, names.own

@@ -69,7 +69,7 @@ class Talk(Struct, frozen=True):
     listen: tuple[str, ...] = ()
 
 
-class Configuration(ByContent, frozen=True):
+class RunConfiguration(ByContent, frozen=True):
     """A run. ``robots[i]`` has pid i."""
 
     ASIDE: ClassVar[frozenset[str]] = frozenset({"document"})

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from typing import Any
 
-from koord.runtime.configuration.model import Configuration
+from koord.runtime.configuration.model import RunConfiguration
 from koord.runtime.configuration.reading import problem
 from koord.syntax.diagnostics import KoordError
 from koord.syntax.elaboration.settings import ParamValue
 from koord.syntax.literals import NumberOutOfRangeError, is_number, read_number
 
 
-def params(configuration: Configuration) -> dict[str, ParamValue]:
+def params(configuration: RunConfiguration) -> dict[str, ParamValue]:
     """The values that a configuration gives params. Raises KoordError for what is no value."""
     return {
         name: _value(configuration, value, ("params", name))
@@ -19,7 +19,7 @@ def params(configuration: Configuration) -> dict[str, ParamValue]:
     }
 
 
-def _value(configuration: Configuration, value: Any, path: tuple[str | int, ...]) -> ParamValue:
+def _value(configuration: RunConfiguration, value: Any, path: tuple[str | int, ...]) -> ParamValue:
     word = configuration.word(*path)
     if isinstance(value, list):
         return tuple(_value(configuration, v, (*path, k)) for k, v in enumerate(value))

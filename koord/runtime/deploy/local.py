@@ -12,14 +12,14 @@ from multiprocessing.process import BaseProcess
 
 from msgspec import Struct, field
 
-from koord.runtime.deploy.running import Job, Make, Moment, Runner, ideal_member
-from koord.runtime.deploy.status import Status
+from koord.runtime.deploy.running import Job, Make, RoundReport, Runner, ideal_member
+from koord.runtime.deploy.status import RobotReport
 from koord.runtime.transports.transport import Transport, TransportError
 from koord.runtime.transports.udp import Plan, Udp
 from koord.syntax.forking import FORKING
 
 #: What a robot's process says: how it is doing and what it did, or why it could not begin.
-News = tuple[Status, tuple[Moment, ...]] | TransportError
+News = tuple[RobotReport, tuple[RoundReport, ...]] | TransportError
 
 _STOP = b"stop"
 
@@ -44,7 +44,7 @@ class LocalProcesses(Struct):
     launch: Launch
     processes: list[BaseProcess] = field(default_factory=list)
     ends: list[Connection] = field(default_factory=list)
-    statuses: dict[int, Status] = field(default_factory=dict)
+    statuses: dict[int, RobotReport] = field(default_factory=dict)
     failures: list[TransportError] = field(default_factory=list)
 
     @property
@@ -58,7 +58,7 @@ class LocalProcesses(Struct):
         codes = enumerate(process.exitcode for process in self.processes)
         return tuple(pid for pid, code in codes if code not in (None, 0))
 
-    def news(self, timeout_s: float) -> Iterator[tuple[Status, tuple[Moment, ...]]]:
+    def news(self, timeout_s: float) -> Iterator[tuple[RobotReport, tuple[RoundReport, ...]]]:
         """What has been said, waiting so long at most for something."""
         open_ends = [end for end in self.ends if not end.closed]
         if not open_ends:
@@ -152,7 +152,7 @@ def _robot(launch: Launch, pid: int, end: Connection) -> None:
     runner.keeps_moments = launch.keeps_moments
     parent = os.getppid()
 
-    def report(status: Status) -> None:
+    def report(status: RobotReport) -> None:
         moments = tuple(runner.moments)
         runner.moments.clear()
         try:

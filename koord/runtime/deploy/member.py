@@ -13,23 +13,23 @@ from koord.runtime.motion.world import Point
 from koord.runtime.operations import FaultError
 from koord.runtime.proposals import (
     INIT_ROUND,
-    Asked,
+    Admitted,
     Attempt,
     Decision,
-    Fault,
+    EventFault,
     Faulted,
     Proposal,
-    Taken,
+    StopRequests,
     decide,
     rotating,
 )
-from koord.runtime.protocol.entries import Entry, Ran
+from koord.runtime.protocol.entries import LastRun, LogEntry
 from koord.runtime.protocol.events import Reason
 from koord.runtime.robot import Buffer, Host, Robot, Status, Written
 from koord.runtime.shapes import ShapeError, from_plain, to_plain
-from koord.runtime.store import Store
+from koord.runtime.store import AgreedStore
 
-_STATUSES = {Asked.TO_STOP: Status.STOPPED, Asked.TO_STOP_TOGETHER: Status.ASKED}
+_STATUSES = {StopRequests.TO_STOP: Status.STOPPED, StopRequests.TO_STOP_TOGETHER: Status.ASKED}
 
 _STORE = msgspec.msgpack.Decoder(
     tuple[tuple[Any, ...], tuple[int, ...], FlatFault | None], ext_hook=big_int
@@ -54,15 +54,15 @@ class Member:
         """``program`` is a digest of the program's text, so that no other's journal is read."""
         self.robot = robot
         self.host = host
-        self.store = Store(robot.SHARED, robot.numAgents)
+        self.store = AgreedStore(robot.SHARED, robot.numAgents)
         self.statuses = [Status.RUNNING] * robot.numAgents
         self.round = INIT_ROUND  #: the first round that it has not acted on
         self.mute = False  #: it has lost its locals, and can only hold what others decide
         self.holding: Reason | None = None
-        self.fault: Fault | None = None
+        self.fault: EventFault | None = None
         self.output: list[Written] = []  #: not yet shown
-        self.seen: Callable[[Entry, Taken | None], None] = _nobody
-        self.tell: Callable[[Entry], Any] = _nothing  #: what is to be said of a round besides
+        self.seen: Callable[[LogEntry, Admitted | None], None] = _nobody
+        self.tell: Callable[[LogEntry], Any] = _nothing  #: what is to be said of a round besides
         self._journal = journal
         self._program = program
         self._turns = 0
@@ -88,7 +88,7 @@ class Member:
         self._write_down()
         return made
 
-    def _begin(self) -> Fault | None:
+    def _begin(self) -> EventFault | None:
         """What the allwrite variables hold before any robot's INIT. [INIT]"""
         robot = self.robot
         try:
@@ -99,7 +99,7 @@ class Member:
         vars(robot).update(self.store.values)
         return None
 
-    def _sense(self) -> Fault | None:
+    def _sense(self) -> EventFault | None:
         """The environment's turns since the last program turn. [ENV-TRANS]"""
         while self._turns:
             self._turns -= 1
@@ -108,7 +108,7 @@ class Member:
                 return self.robot.located(fault)
         return None
 
-    def commit(self, entry: Entry, kept: Taken | None) -> None:
+    def commit(self, entry: LogEntry, kept: Admitted | None) -> None:
         """Act on what was decided. [SHARED-ASSIGN] [SKIP] [STOP]"""
         decision = entry.decision
         if decision.fault is not None:
@@ -128,7 +128,7 @@ class Member:
         self._after(entry.round)
         self.seen(entry, kept)
 
-    def _end(self, faulted: Faulted, kept: Taken | None) -> None:
+    def _end(self, faulted: Faulted, kept: Admitted | None) -> None:
         """The run is over; what was written up to the fault is written. [FAULT] [OUTPUT]"""
         self.fault = faulted.fault
         if not self.mute and kept is not None:
@@ -136,7 +136,7 @@ class Member:
         elif not self.mute and faulted.robot == self.robot.pid:
             self.output += self.robot.outcome(faulted.event)
 
-    def _act(self, kept: Taken | None, changed: dict[str, Any]) -> None:
+    def _act(self, kept: Admitted | None, changed: dict[str, Any]) -> None:
         if kept is None or self.mute:
             self.robot.discard(changed)
             return
@@ -182,7 +182,7 @@ class Member:
         decision = decide(round_, there, rotating(max(round_, 0), robots))
         if round_ == INIT_ROUND or round_ % (1 + robots // 16) or decision.fault is not None:
             return decision
-        after = Store(self.store.layout, robots)
+        after = AgreedStore(self.store.layout, robots)
         after.values = dict(self.store.values)
         try:
             after.apply(decision.writes)
@@ -199,7 +199,7 @@ class Member:
         fault = None if self.fault is None else flat_fault(self.fault)
         return encode((self.store.snapshot(), statuses, fault))
 
-    def install(self, round_: int, store: bytes, ran: Ran | None) -> None:
+    def install(self, round_: int, store: bytes, ran: LastRun | None) -> None:
         """Take over a store; what of the own turn happened is told by ``ran``."""
         snapshot, statuses, fault = _STORE.decode(store)
         self.fault = None if fault is None else fault_of(fault)
@@ -215,7 +215,7 @@ class Member:
             return
         missed = round_ - max(self.round, 0)
         if mine is not None and ran is not None and ran.round == mine.round >= self.round:
-            self._act(Taken(self.robot.pid, ran.event), changed)
+            self._act(Admitted(self.robot.pid, ran.event), changed)
             if mine.round < round_ - 1:
                 self.robot.discard({})  # and it skipped since
         elif ran is not None and ran.round >= self.round:
@@ -291,9 +291,9 @@ class Member:
         return buffer
 
 
-def _nobody(entry: Entry, kept: Taken | None) -> None:
+def _nobody(entry: LogEntry, kept: Admitted | None) -> None:
     """Nobody looks at what was committed."""
 
 
-def _nothing(entry: Entry) -> None:
+def _nothing(entry: LogEntry) -> None:
     """Nothing is said of a round but what happened in it."""

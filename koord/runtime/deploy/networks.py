@@ -7,10 +7,10 @@ import socket
 from typing import assert_never
 
 from koord.runtime.configuration.forms import Carrier
-from koord.runtime.configuration.model import Configuration
+from koord.runtime.configuration.model import RunConfiguration
 from koord.runtime.transports.routed import Routed
 from koord.runtime.transports.transport import Transport, TransportError
-from koord.runtime.transports.udp import Plan, Reach, Udp, on_this_machine
+from koord.runtime.transports.udp import Delivery, Plan, Udp, on_this_machine
 from koord.syntax.forking import FORKING
 
 #: Where ports for robots on this machine are looked for.
@@ -20,7 +20,7 @@ _FIRST_PORT, _PORTS = 20_000, 30_000
 _TRIES = 20
 
 
-def plan_of(configuration: Configuration) -> Plan:
+def plan_of(configuration: RunConfiguration) -> Plan:
     """Who is where, for UDP."""
     talk = configuration.talk
     addresses = tuple(robot.address for robot in configuration.robots)
@@ -30,17 +30,17 @@ def plan_of(configuration: Configuration) -> Plan:
             # The group has a port of its own, below those of robots on one machine.
             local = all(ip.startswith("127.") for ip, _ in addresses)
             interface = "127.0.0.1" if local else talk.interface
-            return Plan(addresses, Reach.GROUP, (talk.shared, talk.port), interface)
+            return Plan(addresses, Delivery.GROUP, (talk.shared, talk.port), interface)
         case Carrier.BROADCAST:
             assert talk.shared is not None
-            return Plan(addresses, Reach.SUBNET, (talk.shared, talk.port))
+            return Plan(addresses, Delivery.SUBNET, (talk.shared, talk.port))
         case Carrier.UNICAST | Carrier.ZENOH:
             return Plan(addresses)
         case _:
             assert_never(talk.carrier)
 
 
-def local_plan(configuration: Configuration, robots: int) -> Plan:
+def local_plan(configuration: RunConfiguration, robots: int) -> Plan:
     """All robots on this machine, each with a port, whatever addresses they will have outside."""
     unicast = configuration.talk.carrier is Carrier.UNICAST
     with FORKING:  # else a robot of another thread keeps the sockets that are tried here
@@ -80,7 +80,7 @@ def hears_itself(port: int) -> bool:
     return False
 
 
-def transport_of(configuration: Configuration, run: str, pid: int) -> Transport:
+def transport_of(configuration: RunConfiguration, run: str, pid: int) -> Transport:
     """The network of one robot. Raises TransportError."""
     talk = configuration.talk
     if talk.carrier is Carrier.ZENOH:

@@ -6,8 +6,8 @@ from typing import IO, Any
 
 from msgspec import to_builtins
 
-from koord.runtime.deploy.running import Moment
-from koord.runtime.deploy.status import Status
+from koord.runtime.deploy.running import RoundReport
+from koord.runtime.deploy.status import RobotReport
 from koord.runtime.records import RecordFile
 from koord.syntax.problem import Problem
 
@@ -40,7 +40,7 @@ class DeploymentRecord:
         facts |= {"delta_s": str(problem.delta_s), "differing": ", ".join(problem.differing)}
         self._file.describe("koord", facts)
 
-    def moments(self, moments: tuple[Moment, ...], now_ns: int) -> None:
+    def moments(self, moments: tuple[RoundReport, ...], now_ns: int) -> None:
         """What a robot did."""
         for moment in moments:
             said = [{"stream": w.stream, "values": repr(w.values)} for w in moment.output]
@@ -54,7 +54,7 @@ class DeploymentRecord:
             }
             self._file.add(f"/robots/{moment.pid}", _ROBOTS, message, now_ns, moment.round)
 
-    def status(self, status: Status, now_ns: int) -> None:
+    def status(self, status: RobotReport, now_ns: int) -> None:
         """How a robot is doing."""
         message = to_builtins(status)
         message["holding"] = None if status.holding is None else status.holding.value

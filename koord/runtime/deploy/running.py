@@ -12,14 +12,14 @@ from typing import Any
 from msgspec import Struct
 from msgspec.structs import replace
 
-from koord.runtime.configuration.model import Configuration
+from koord.runtime.configuration.model import RunConfiguration
 from koord.runtime.deploy.ideal import IdealHost
 from koord.runtime.deploy.journal import Journal
 from koord.runtime.deploy.member import DivergedError, Member
-from koord.runtime.deploy.status import Status, Tally, status_of
+from koord.runtime.deploy.status import RobotReport, Tally, status_of
 from koord.runtime.peer import Clock, Peer
-from koord.runtime.proposals import INIT_ROUND, Taken
-from koord.runtime.protocol.entries import Entry
+from koord.runtime.proposals import INIT_ROUND, Admitted
+from koord.runtime.protocol.entries import LogEntry
 from koord.runtime.protocol.setup import Setup, Timing
 from koord.runtime.protocol.state import fresh, returning
 from koord.runtime.robot import Robot, Written
@@ -39,7 +39,7 @@ class Job(Struct, frozen=True):
 
     classes: tuple[type[Robot], ...]
     kinds: tuple[int, ...]
-    configuration: Configuration
+    configuration: RunConfiguration
     key: bytes
     run: str
     delta_s: float
@@ -71,7 +71,7 @@ class Job(Struct, frozen=True):
         return Journal(self.journals / f"{name}-{pid}.journal")
 
 
-class Moment(Struct, frozen=True):
+class RoundReport(Struct, frozen=True):
     """What a robot did in a round, for the record."""
 
     pid: int
@@ -119,7 +119,7 @@ class Runner:
     ) -> None:
         self.job = job
         self.tally = Tally()
-        self.moments: list[Moment] = []  #: not yet taken by anyone
+        self.moments: list[RoundReport] = []  #: not yet taken by anyone
         self.keeps_moments = False
         self.trouble: str | None = None  #: why it had to stop
         self._clock = clock
@@ -145,7 +145,7 @@ class Runner:
         run = RunKey(f"{job.run} {job.program} {job.robots}", job.key, job.robots)
         self.peer = Peer(run, setup, state, self.member, transport, clock)
 
-    def _saw(self, entry: Entry, kept: Taken | None) -> None:
+    def _saw(self, entry: LogEntry, kept: Admitted | None) -> None:
         pid, tally, now = self.member.robot.pid, self.tally, self._clock()
         late = pid in entry.late
         took_s = 0.0
@@ -166,16 +166,18 @@ class Runner:
             position = self.member.host.position
             told = self.member.tell(entry)
             self.moments.append(
-                Moment(pid, entry.round, name, position, output, late, took_s, told)
+                RoundReport(pid, entry.round, name, position, output, late, took_s, told)
             )
         self.member.output.clear()
 
     @property
-    def status(self) -> Status:
+    def status(self) -> RobotReport:
         status = status_of(self.peer, self.member, self.tally)
         return replace(status, trouble=self.trouble)
 
-    def run(self, is_told_to_stop: Callable[[], bool], report: Callable[[Status], None]) -> Status:
+    def run(
+        self, is_told_to_stop: Callable[[], bool], report: Callable[[RobotReport], None]
+    ) -> RobotReport:
         """Until the run is over, everybody has stopped, or somebody says so."""
         self.peer.start()
         next_report = self._clock()

@@ -10,7 +10,7 @@ from koord.runtime.protocol.coordinating import waiting_for
 from koord.runtime.protocol.events import Reason
 
 
-class Status(Struct, frozen=True):
+class RobotReport(Struct, frozen=True):
     """One robot at one moment. Rounds count from 0; -1 is INIT."""
 
     pid: int
@@ -48,11 +48,11 @@ class Tally(Struct):
     took_s: float = 0.0
 
 
-def status_of(peer: Peer, member: Member, tally: Tally) -> Status:
+def status_of(peer: Peer, member: Member, tally: Tally) -> RobotReport:
     """How a robot is doing."""
     state = peer.node.state
     fault = member.fault
-    return Status(
+    return RobotReport(
         pid=state.pid,
         round=state.round,
         behind=max(0, state.target - state.round),

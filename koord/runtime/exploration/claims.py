@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Sequence
 from msgspec import Struct
 
 from koord.runtime.proposals import INIT_ROUND, Attempt, Proposal
-from koord.runtime.protocol.entries import Entry, Held
+from koord.runtime.protocol.entries import Held, LogEntry
 from koord.runtime.protocol.setup import Setup
 from koord.runtime.protocol.state import Coordinator, State
 
@@ -18,50 +18,54 @@ from koord.runtime.protocol.state import Coordinator, State
 ProposalOf = Callable[[int, int], Proposal]
 
 
-class Broken(Struct, frozen=True):
+class BrokenInvariant(Struct, frozen=True):
     """An invariant that does not hold: its id, and what was seen."""
 
     claim: str
     story: str
 
 
-def one_winner(entry: Entry, proposal_of: ProposalOf) -> Iterable[Broken]:
+def one_winner(entry: LogEntry, proposal_of: ProposalOf) -> Iterable[BrokenInvariant]:
     """(I-ONE-WINNER)"""
     taken: set[int] = set()
     for robot, attempt in _let_through(entry, proposal_of):
         locks = set() if attempt is None else set(attempt.locks)
         if entry.round != INIT_ROUND and taken & locks:
             story = f"round {entry.round}: {robot} enters a taken class, {sorted(taken & locks)}"
-            yield Broken("I-ONE-WINNER", story)
+            yield BrokenInvariant("I-ONE-WINNER", story)
         taken |= locks
 
 
-def valid(entry: Entry, proposal_of: ProposalOf) -> Iterable[Broken]:
+def valid(entry: LogEntry, proposal_of: ProposalOf) -> Iterable[BrokenInvariant]:
     """(I-VALID)"""
     taken: set[int] = set()
     for robot, attempt in _let_through(entry, proposal_of):
         if attempt is None or robot in entry.late:
-            yield Broken("I-VALID", f"round {entry.round}: {robot} did not propose what it runs")
+            yield BrokenInvariant(
+                "I-VALID", f"round {entry.round}: {robot} did not propose what it runs"
+            )
         else:
             taken |= set(attempt.locks)
     for robot in entry.decision.skipped:
         attempts = proposal_of(robot, entry.round).attempts
         free = any(taken.isdisjoint(attempt.locks) for attempt in attempts)
         if free and robot not in entry.late and entry.decision.fault is None:
-            yield Broken("I-VALID", f"round {entry.round}: {robot} skips without a reason")
+            yield BrokenInvariant("I-VALID", f"round {entry.round}: {robot} skips without a reason")
 
 
-def _let_through(entry: Entry, proposal_of: ProposalOf) -> Iterable[tuple[int, Attempt | None]]:
+def _let_through(entry: LogEntry, proposal_of: ProposalOf) -> Iterable[tuple[int, Attempt | None]]:
     for one in entry.decision.ran:
         attempts = proposal_of(one.robot, entry.round).attempts
         found = next((a for a in attempts if (a.event, a.asked) == (one.event, one.asked)), None)
         yield one.robot, found
 
 
-def agree(first: Entry, second: Entry) -> Iterable[Broken]:
+def agree(first: LogEntry, second: LogEntry) -> Iterable[BrokenInvariant]:
     """(I-AGREE), of two entries committed for one round."""
     if first != second:
-        yield Broken("I-AGREE", f"round {first.round}: both {first} and {second} are committed")
+        yield BrokenInvariant(
+            "I-AGREE", f"round {first.round}: both {first} and {second} are committed"
+        )
 
 
 class Accepted(Struct, frozen=True):
@@ -74,7 +78,7 @@ class Accepted(Struct, frozen=True):
 
 def acted_rightly(
     setup: Setup, held: Held, roster: Sequence[int], accepted: Iterable[Accepted]
-) -> Iterable[Broken]:
+) -> Iterable[BrokenInvariant]:
     """(I-ACT): ``accepted`` are the acknowledgements of the entry, ``roster`` was in force."""
     admitted = {admission.robot for admission in held.entry.admitted}
     by_epoch: dict[int, set[int]] = {}
@@ -84,10 +88,12 @@ def acted_rightly(
             by_epoch.setdefault(one.epoch, {setup.coordinator(one.epoch)}).add(one.robot)
     most = max((len(robots) for robots in by_epoch.values()), default=1)
     if most < setup.majority:
-        yield Broken("I-ACT", f"round {held.round} is committed, and {most} robots accepted it")
+        yield BrokenInvariant(
+            "I-ACT", f"round {held.round} is committed, and {most} robots accepted it"
+        )
 
 
-def lasting(state: State, committed: Sequence[Held]) -> Iterable[Broken]:
+def lasting(state: State, committed: Sequence[Held]) -> Iterable[BrokenInvariant]:
     """(I-LASTING): ``committed`` with the epochs in which that was first known."""
     if not isinstance(state.office, Coordinator):
         return
@@ -97,4 +103,4 @@ def lasting(state: State, committed: Sequence[Held]) -> Iterable[Broken]:
         mine = state.tentative
         if mine is None or mine.digest != held.digest:
             story = f"coordinator {state.pid} of epoch {state.promised} lacks round {held.round}"
-            yield Broken("I-LASTING", story)
+            yield BrokenInvariant("I-LASTING", story)

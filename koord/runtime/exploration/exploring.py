@@ -11,7 +11,7 @@ from msgspec.structs import replace
 
 from koord.runtime.exploration.claims import (
     Accepted,
-    Broken,
+    BrokenInvariant,
     acted_rightly,
     agree,
     lasting,
@@ -39,7 +39,7 @@ CRASHES, TIMERS = 0.03, 0.1
 class InvariantViolation(Struct, frozen=True):
     """An invariant that does not hold, and what led to it."""
 
-    broken: Broken
+    broken: BrokenInvariant
     story: tuple[str, ...]
 
 
@@ -169,7 +169,7 @@ class _Search:
             violation,
         )
 
-    def _broken(self, world: ProtocolState, transition: Transition) -> Iterator[Broken]:
+    def _broken(self, world: ProtocolState, transition: Transition) -> Iterator[BrokenInvariant]:
         after = transition.world
         for held in transition.committed:
             self._entries.add(held.digest)
@@ -180,9 +180,9 @@ class _Search:
         if after.sent != world.sent:
             rival = self._explorer.contradiction(world, after)
             if rival is not None:
-                yield Broken("I-ONE-ENTRY", f"another entry of its epoch: {rival.message}")
+                yield BrokenInvariant("I-ONE-ENTRY", f"another entry of its epoch: {rival.message}")
 
-    def _of_coordinator(self, local: int, world: ProtocolState) -> Iterable[Broken]:
+    def _of_coordinator(self, local: int, world: ProtocolState) -> Iterable[BrokenInvariant]:
         """(I-LASTING), once for each state and history."""
         if local == DOWN or (local, world.acted) in self._lasting:
             return
@@ -191,7 +191,7 @@ class _Search:
 
     def _of_commit(
         self, world: ProtocolState, after: ProtocolState, transition: Transition, held: Held
-    ) -> Iterable[Broken]:
+    ) -> Iterable[BrokenInvariant]:
         yield from agree(self._explorer.acted(after)[held.round + 1].entry, held.entry)
         yield from one_winner(held.entry, self._explorer.propose)
         yield from valid(held.entry, self._explorer.propose)

@@ -106,7 +106,7 @@ class ProtocolState(msgspec.Struct, frozen=True):
     acted: int = 0  #: which history: from INIT on, what anybody has ever committed first
 
 
-class Move(Struct, frozen=True):
+class RobotAction(Struct, frozen=True):
     """What one robot does about one cause."""
 
     local: int
@@ -147,7 +147,7 @@ class Explorer:
         self._local_numbers: dict[Local, int] = {}
         self._parcel_numbers: dict[Parcel, int] = {}
         self._to = [0] * setup.robots  #: per robot, the bits of what is sent to it
-        self._moves: dict[tuple[int, Cause], Move | None] = {}
+        self._moves: dict[tuple[int, Cause], RobotAction | None] = {}
         self._histories: list[tuple[Held, ...]] = [()]
         self._longer: dict[tuple[int, Held], int] = {}  #: histories, by what was added to which
         self._rivals: list[int] = []  #: per message, the bits of those that contradict it
@@ -230,13 +230,13 @@ class Explorer:
         if one.work is not None:
             yield Act.WORK
 
-    def _move(self, number: int, cause: Cause) -> Move | None:
+    def _move(self, number: int, cause: Cause) -> RobotAction | None:
         key = (number, cause)
         if key not in self._moves:
             self._moves[key] = self._worked_out(self.locals[number], cause)
         return self._moves[key]
 
-    def _worked_out(self, local: Local, cause: Cause) -> Move | None:
+    def _worked_out(self, local: Local, cause: Cause) -> RobotAction | None:
         state = local.state
         over = state.round >= self.bounds.rounds
         match cause:
@@ -258,7 +258,7 @@ class Explorer:
                 raise AssertionError(cause)
         return self._stepped(local, event)
 
-    def _stepped(self, local: Local, event: Event) -> Move | None:
+    def _stepped(self, local: Local, event: Event) -> RobotAction | None:
         before = local.state
         state, effects = step(self.setup, before, event)
         local = replace(local, state=state)
@@ -279,16 +279,16 @@ class Explorer:
                 sent |= bits
         if _highest_epoch(local.state) > self.bounds.epoch:
             return None
-        move = Move(self._number(local), sent, tuple(committed))
+        move = RobotAction(self._number(local), sent, tuple(committed))
         return self._with_work(local, move) if self.bounds.eager else move
 
-    def _with_work(self, local: Local, move: Move) -> Move:
+    def _with_work(self, local: Local, move: RobotAction) -> RobotAction:
         """The move, and the robot's own proposal with it, if it has one to make."""
         if local.work is None or local.state.round >= self.bounds.rounds:
             return move
         worked = self._worked_out(local, Act.WORK)
         assert worked is not None
-        return Move(worked.local, move.sent | worked.sent, move.committed + worked.committed)
+        return RobotAction(worked.local, move.sent | worked.sent, move.committed + worked.committed)
 
     def _carried_out(self, local: Local, effect: Effect) -> tuple[Local, int]:
         match effect:
@@ -351,7 +351,7 @@ class Explorer:
 
     # --- the whole ------------------------------------------------------------------------------
 
-    def _started(self, state: State) -> Move:
+    def _started(self, state: State) -> RobotAction:
         move = self._stepped(Local(state, frozenset(), None), Started(0.0))
         assert move is not None
         return move
@@ -362,7 +362,7 @@ class Explorer:
         after = replace(self._after(world, robot, move), restarts=incarnation)
         return Transition(robot, Act.RESTART, after, ())
 
-    def _after(self, world: ProtocolState, robot: int, move: Move) -> ProtocolState:
+    def _after(self, world: ProtocolState, robot: int, move: RobotAction) -> ProtocolState:
         acted = world.acted
         for held in move.committed:
             history = self._histories[acted]

@@ -239,7 +239,7 @@ class Drone(RoundBody, frozen=True):
         return replace(self, cruise_mps=speed_mps, speed_mps=fastest)
 
 
-class Ideal(RoundBody, frozen=True):
+class IdealBody(RoundBody, frozen=True):
     """A point that goes exactly where it is told, at one speed."""
 
     LOOK: ClassVar[Look] = Look("point", flies=True)
@@ -255,7 +255,7 @@ class Ideal(RoundBody, frozen=True):
     def pace(self) -> Pace:
         return Pace(self.cruise_mps, 1e6, 1e6)
 
-    def cruising(self, speed_mps: float) -> Ideal:
+    def cruising(self, speed_mps: float) -> IdealBody:
         return replace(self, cruise_mps=speed_mps)
 
 
@@ -286,7 +286,7 @@ VEHICLES: dict[str, VehicleType] = {
         "koord.sim.vehicles.differential",
     ),
     "IDEAL": VehicleType(
-        Ideal(),
+        IdealBody(),
         (PlannerName.STRAIGHT, PlannerName.RRT_DRONE, PlannerName.RRT_STAR_DRONE),
         "koord.sim.vehicles.points",
     ),

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from koord.runtime.proposals import Taken
-from koord.runtime.protocol.entries import Entry, Held, Ran
-from koord.runtime.protocol.events import Begin, Commit, End, Reason, Timer
+from koord.runtime.proposals import Admitted
+from koord.runtime.protocol.entries import Held, LastRun, LogEntry
+from koord.runtime.protocol.events import Begin, Commit, Reason, RunEnded, Timer
 from koord.runtime.protocol.messages import Hello
 from koord.runtime.protocol.state import Coordinator, Retired
-from koord.runtime.protocol.turn import Turn
+from koord.runtime.protocol.turn import StepContext
 
 
-def commit(turn: Turn, held: Held) -> None:
+def commit(turn: StepContext, held: Held) -> None:
     """Act on the entry of the robot's round, which a majority is known to hold. (R-COMMIT)"""
     state = turn.state
     entry = held.entry
@@ -31,11 +31,11 @@ def commit(turn: Turn, held: Held) -> None:
     _end_if_over(turn, entry)
 
 
-def _kept(entry: Entry, pid: int) -> Taken | None:
+def _kept(entry: LogEntry, pid: int) -> Admitted | None:
     return next((taken for taken in entry.decision.ran if taken.robot == pid), None)
 
 
-def _roster(roster: tuple[int, ...], entry: Entry) -> tuple[int, ...]:
+def _roster(roster: tuple[int, ...], entry: LogEntry) -> tuple[int, ...]:
     """Who is admitted counts from here on. (R-ADMIT)"""
     if not entry.admitted:
         return roster
@@ -45,16 +45,16 @@ def _roster(roster: tuple[int, ...], entry: Entry) -> tuple[int, ...]:
     return tuple(changed)
 
 
-def _last_ran(before: tuple[Ran | None, ...], entry: Entry) -> tuple[Ran | None, ...]:
+def _last_ran(before: tuple[LastRun | None, ...], entry: LogEntry) -> tuple[LastRun | None, ...]:
     if not entry.decision.ran:
         return before
     changed = list(before)
     for taken in entry.decision.ran:
-        changed[taken.robot] = Ran(entry.round, taken.event)
+        changed[taken.robot] = LastRun(entry.round, taken.event)
     return tuple(changed)
 
 
-def _end_if_over(turn: Turn, entry: Entry) -> None:
+def _end_if_over(turn: StepContext, entry: LogEntry) -> None:
     state = turn.state
     if state.roster[state.pid] > state.incarnation:
         retire(turn)
@@ -62,24 +62,24 @@ def _end_if_over(turn: Turn, entry: Entry) -> None:
         end(turn)
 
 
-def end(turn: Turn) -> None:
+def end(turn: StepContext) -> None:
     """There are no more rounds; whoever is behind is still answered."""
     turn.change(ended=True)
     for timer in (Timer.DEADLINE, Timer.HOLD, Timer.SILENCE):
         turn.disarm(timer)
-    turn.want(End())
+    turn.want(RunEnded())
 
 
-def retire(turn: Turn) -> None:
+def retire(turn: StepContext) -> None:
     """Another robot has this one's pid. (R-ADMIT)"""
     turn.take(Retired())
     turn.hold(Reason.TWICE)
     for timer in Timer:
         turn.disarm(timer)
-    turn.want(End())
+    turn.want(RunEnded())
 
 
-def go_on(turn: Turn, pause_s: float) -> None:
+def go_on(turn: StepContext, pause_s: float) -> None:
     """Begin the round that is open now, unless the robot has yet to catch up. (R-BEGIN)"""
     state = turn.state
     if isinstance(state.office, Retired):
@@ -102,7 +102,7 @@ def go_on(turn: Turn, pause_s: float) -> None:
         turn.disarm(Timer.RESEND)
 
 
-def _clear_desk(turn: Turn, desk: Coordinator, pause_s: float) -> None:
+def _clear_desk(turn: StepContext, desk: Coordinator, pause_s: float) -> None:
     """The coordinator's desk for a new round. (R-OPEN)"""
     setup = turn.setup
     roster = turn.state.roster

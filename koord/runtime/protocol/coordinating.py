@@ -6,7 +6,7 @@ from msgspec.structs import replace
 
 from koord.runtime.proposals import INIT_ROUND, Proposal
 from koord.runtime.protocol.committing import commit, go_on
-from koord.runtime.protocol.entries import Admission, Entry, Held, digest
+from koord.runtime.protocol.entries import Admission, Held, LogEntry, digest
 from koord.runtime.protocol.events import ShowStore, Timer
 from koord.runtime.protocol.following import teach
 from koord.runtime.protocol.messages import (
@@ -18,10 +18,10 @@ from koord.runtime.protocol.messages import (
     Propose,
 )
 from koord.runtime.protocol.state import Coordinator, State
-from koord.runtime.protocol.turn import Turn
+from koord.runtime.protocol.turn import StepContext
 
 
-def take_office(turn: Turn) -> None:
+def take_office(turn: StepContext) -> None:
     """Elected: send the tentative entry again, or say that the round is open. (R-OFFICE)"""
     setup = turn.setup
     desk = Coordinator((None,) * setup.robots, began=turn.now)
@@ -38,7 +38,7 @@ def take_office(turn: Turn) -> None:
         gather(turn, state.mine)
 
 
-def gather(turn: Turn, proposal: Proposal) -> None:
+def gather(turn: StepContext, proposal: Proposal) -> None:
     """A proposal for the open round; the first of a robot counts. (R-OPEN)"""
     desk = turn.state.office
     assert isinstance(desk, Coordinator)
@@ -49,7 +49,7 @@ def gather(turn: Turn, proposal: Proposal) -> None:
     decide_if_ready(turn)
 
 
-def on_propose(turn: Turn, sender: int, message: Propose) -> None:
+def on_propose(turn: StepContext, sender: int, message: Propose) -> None:
     state = turn.state
     proposal = message.proposal
     if proposal.robot != sender:
@@ -64,7 +64,7 @@ def on_propose(turn: Turn, sender: int, message: Propose) -> None:
             turn.send(sender, Decide(state.promised, state.tentative.entry))
 
 
-def decide_if_ready(turn: Turn) -> None:
+def decide_if_ready(turn: StepContext) -> None:
     """(R-DECIDE)"""
     state, setup = turn.state, turn.setup
     desk = state.office
@@ -74,11 +74,11 @@ def decide_if_ready(turn: Turn) -> None:
     if missing and (not desk.overdue or owed(turn) & frozenset(missing)):
         return
     decision = setup.decide(state.round, desk.proposals)
-    entry = Entry(decision, state.chain, _admissions(turn, desk), missing)
+    entry = LogEntry(decision, state.chain, _admissions(turn, desk), missing)
     _put_forward(turn, entry)
 
 
-def overdue(turn: Turn) -> None:
+def overdue(turn: StepContext) -> None:
     """The deadline for proposals is over. (R-DECIDE)"""
     desk = turn.state.office
     if isinstance(desk, Coordinator):
@@ -90,19 +90,19 @@ def missing_in(desk: Coordinator) -> tuple[int, ...]:
     return tuple(i for i, proposal in enumerate(desk.proposals) if proposal is None)
 
 
-def owed(turn: Turn) -> frozenset[int]:
+def owed(turn: StepContext) -> frozenset[int]:
     """The robots without whose proposals the round is not decided. (R-OWED) [INIT] [SKIP]"""
     setup = turn.setup
     return setup.everyone if turn.state.round == INIT_ROUND else setup.owing
 
 
-def _admissions(turn: Turn, desk: Coordinator) -> tuple[Admission, ...]:
+def _admissions(turn: StepContext, desk: Coordinator) -> tuple[Admission, ...]:
     """Who is let in again; a majority of others must be left to agree to it. (R-ADMIT)"""
     most = turn.setup.robots - turn.setup.majority
     return tuple(Admission(robot, incarnation) for robot, incarnation in desk.guests[:most])
 
 
-def _put_forward(turn: Turn, entry: Entry) -> None:
+def _put_forward(turn: StepContext, entry: LogEntry) -> None:
     """Hold an entry in the own epoch, and ask all others to. (R-DECIDE) (R-OFFICE)"""
     state = turn.state
     turn.change(tentative=Held(state.promised, entry, digest(entry)))
@@ -112,7 +112,7 @@ def _put_forward(turn: Turn, entry: Entry) -> None:
     _count(turn, state.pid, state.incarnation)
 
 
-def on_acknowledge(turn: Turn, sender: int, incarnation: int, message: Acknowledge) -> None:
+def on_acknowledge(turn: StepContext, sender: int, incarnation: int, message: Acknowledge) -> None:
     """(R-MAJORITY)"""
     state = turn.state
     if message.round < state.round:
@@ -126,7 +126,7 @@ def on_acknowledge(turn: Turn, sender: int, incarnation: int, message: Acknowled
         _count(turn, sender, incarnation)
 
 
-def _say_committed(turn: Turn, to: int, message: Acknowledge) -> None:
+def _say_committed(turn: StepContext, to: int, message: Acknowledge) -> None:
     """The robot's Committed was lost."""
     state = turn.state
     if isinstance(state.office, Coordinator) and any(
@@ -137,7 +137,7 @@ def _say_committed(turn: Turn, to: int, message: Acknowledge) -> None:
         teach(turn, to, message.round)
 
 
-def _count(turn: Turn, robot: int, incarnation: int) -> None:
+def _count(turn: StepContext, robot: int, incarnation: int) -> None:
     """One more robot holds the tentative entry. (R-MAJORITY)"""
     state = turn.state
     desk, held = state.office, state.tentative
@@ -155,12 +155,12 @@ def _count(turn: Turn, robot: int, incarnation: int) -> None:
     go_on(turn, pause_s)
 
 
-def _pause(turn: Turn, desk: Coordinator) -> float:
+def _pause(turn: StepContext, desk: Coordinator) -> float:
     """What is left of the round; a round that took too long is not made up for. (R-BEGIN)"""
     return max(0.0, desk.began + turn.setup.timing.delta_s - turn.now)
 
 
-def on_hello(turn: Turn, sender: int, incarnation: int, message: Hello) -> None:
+def on_hello(turn: StepContext, sender: int, incarnation: int, message: Hello) -> None:
     """A robot is back. (R-REJOIN) (R-ADMIT)"""
     state = turn.state
     desk = state.office
@@ -173,7 +173,7 @@ def on_hello(turn: Turn, sender: int, incarnation: int, message: Hello) -> None:
         turn.take(replace(desk, guests=(*others, (sender, incarnation))))
 
 
-def resend(turn: Turn) -> None:
+def resend(turn: StepContext) -> None:
     """Ask again who has not answered. (R-AGAIN)"""
     state, setup = turn.state, turn.setup
     desk = state.office
@@ -189,7 +189,7 @@ def resend(turn: Turn) -> None:
     turn.await_longer()
 
 
-def _ask_again(turn: Turn, whom: list[int], message: Decide | Open) -> None:
+def _ask_again(turn: StepContext, whom: list[int], message: Decide | Open) -> None:
     """One message to all, if they are many, or if the others have heard nothing for a while."""
     if len(whom) > turn.setup.robots // 2 or turn.state.tries > 0:
         turn.tell(message)
@@ -198,7 +198,7 @@ def _ask_again(turn: Turn, whom: list[int], message: Decide | Open) -> None:
         turn.send(robot, message)
 
 
-def check_majority(turn: Turn) -> bool:
+def check_majority(turn: StepContext) -> bool:
     """Whether a majority was heard since this was asked last. (R-SILENCE)"""
     state = turn.state
     desk = state.office
@@ -210,7 +210,7 @@ def check_majority(turn: Turn) -> bool:
     return True
 
 
-def note(turn: Turn, sender: int) -> None:
+def note(turn: StepContext, sender: int) -> None:
     """A robot was heard."""
     desk = turn.state.office
     if isinstance(desk, Coordinator) and sender not in desk.heard:

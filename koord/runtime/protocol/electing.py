@@ -22,10 +22,10 @@ from koord.runtime.protocol.state import (
     Follower,
     Rejoining,
 )
-from koord.runtime.protocol.turn import Turn
+from koord.runtime.protocol.turn import StepContext
 
 
-def silence(turn: Turn) -> None:
+def silence(turn: StepContext) -> None:
     """(R-SILENCE)"""
     state = turn.state
     match state.office:
@@ -44,7 +44,7 @@ def silence(turn: Turn) -> None:
             pass
 
 
-def canvass(turn: Turn) -> None:
+def canvass(turn: StepContext) -> None:
     """Ask who would have this robot as coordinator. (R-CANVASS)"""
     state, setup = turn.state, turn.setup
     standing = isinstance(state.office, Canvassing)
@@ -57,13 +57,13 @@ def canvass(turn: Turn) -> None:
     _stand_if_supported(turn)
 
 
-def _budget(turn: Turn, epoch: int) -> float:
+def _budget(turn: StepContext, epoch: int) -> float:
     """Not the same for two robots, so that they do not go on disturbing each other."""
     timing, setup = turn.setup.timing, turn.setup
     return timing.silence_s / 2 + timing.slot_s * ((turn.state.pid + epoch) % setup.robots)
 
 
-def on_canvass(turn: Turn, sender: int, message: Canvass) -> None:
+def on_canvass(turn: StepContext, sender: int, message: Canvass) -> None:
     """(R-CANVASS)"""
     state = turn.state
     if message.epoch <= state.promised:
@@ -86,7 +86,7 @@ def on_canvass(turn: Turn, sender: int, message: Canvass) -> None:
         turn.watch_leader()
 
 
-def on_support(turn: Turn, sender: int, incarnation: int, message: Support) -> None:
+def on_support(turn: StepContext, sender: int, incarnation: int, message: Support) -> None:
     """(R-STAND)"""
     state = turn.state
     office = state.office
@@ -97,7 +97,7 @@ def on_support(turn: Turn, sender: int, incarnation: int, message: Support) -> N
         _stand_if_supported(turn)
 
 
-def _stand_if_supported(turn: Turn) -> None:
+def _stand_if_supported(turn: StepContext) -> None:
     state = turn.state
     office = state.office
     assert isinstance(office, Canvassing)
@@ -111,7 +111,7 @@ def _stand_if_supported(turn: Turn) -> None:
     _count(turn, state.pid, state.incarnation)
 
 
-def on_candidacy(turn: Turn, sender: int, message: Candidacy) -> None:
+def on_candidacy(turn: StepContext, sender: int, message: Candidacy) -> None:
     """(R-VOTE)"""
     state, setup = turn.state, turn.setup
     epoch = message.epoch
@@ -131,14 +131,14 @@ def on_candidacy(turn: Turn, sender: int, message: Candidacy) -> None:
     turn.send(sender, Vote(epoch))
 
 
-def on_vote(turn: Turn, sender: int, incarnation: int, message: Vote) -> None:
+def on_vote(turn: StepContext, sender: int, incarnation: int, message: Vote) -> None:
     """(R-OFFICE)"""
     state = turn.state
     if isinstance(state.office, Candidate) and message.epoch == state.promised:
         _count(turn, sender, incarnation)
 
 
-def _count(turn: Turn, robot: int, incarnation: int) -> None:
+def _count(turn: StepContext, robot: int, incarnation: int) -> None:
     state = turn.state
     office = state.office
     assert isinstance(office, Candidate)
@@ -150,7 +150,7 @@ def _count(turn: Turn, robot: int, incarnation: int) -> None:
         take_office(turn)
 
 
-def on_overruled(turn: Turn, message: Overruled) -> None:
+def on_overruled(turn: StepContext, message: Overruled) -> None:
     """(R-OVERRULED)"""
     state = turn.state
     turn.hear(message.epoch)
@@ -160,7 +160,7 @@ def on_overruled(turn: Turn, message: Overruled) -> None:
         canvass(turn)
 
 
-def resend(turn: Turn) -> None:
+def resend(turn: StepContext) -> None:
     """Ask again who has not answered. (R-AGAIN)"""
     state = turn.state
     match state.office:

@@ -25,7 +25,7 @@ class Admission(msgspec.Struct, frozen=True):
     incarnation: int
 
 
-class Entry(msgspec.Struct, frozen=True):
+class LogEntry(msgspec.Struct, frozen=True):
     """A round's decision with what goes with it; the unit that robots agree on.
 
     ``late`` are the robots whose proposal was not there in time. ``previous`` is the digest of the
@@ -42,7 +42,7 @@ class Entry(msgspec.Struct, frozen=True):
         return self.decision.round
 
 
-def digest(entry: Entry) -> bytes:
+def digest(entry: LogEntry) -> bytes:
     """The digest of the history that ends with an entry."""
     admitted = tuple((a.robot, a.incarnation) for a in entry.admitted)
     flat = (flat_decision(entry.decision), entry.previous, admitted, entry.late)
@@ -53,7 +53,7 @@ class Held(msgspec.Struct, frozen=True):
     """An entry that a robot holds, and the epoch in which it took it."""
 
     epoch: int
-    entry: Entry
+    entry: LogEntry
     digest: bytes
 
     @property
@@ -61,7 +61,7 @@ class Held(msgspec.Struct, frozen=True):
         return self.entry.decision.round
 
 
-class Ran(msgspec.Struct, frozen=True):
+class LastRun(msgspec.Struct, frozen=True):
     """The last round in which a robot was let through, and the event that it ran."""
 
     round: int

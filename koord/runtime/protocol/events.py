@@ -6,8 +6,8 @@ from enum import Enum
 
 import msgspec
 
-from koord.runtime.proposals import Proposal, Taken
-from koord.runtime.protocol.entries import Entry, Ran
+from koord.runtime.proposals import Admitted, Proposal
+from koord.runtime.protocol.entries import LastRun, LogEntry
 from koord.runtime.protocol.messages import Message
 
 
@@ -105,8 +105,8 @@ class Commit(msgspec.Struct, frozen=True):
     A robot that is back may find that it was let through with what it proposed before the crash.
     """
 
-    entry: Entry
-    kept: Taken | None
+    entry: LogEntry
+    kept: Admitted | None
 
 
 class Install(msgspec.Struct, frozen=True):
@@ -117,7 +117,7 @@ class Install(msgspec.Struct, frozen=True):
 
     round: int
     store: bytes
-    ran: Ran | None
+    ran: LastRun | None
 
 
 class ShowStore(msgspec.Struct, frozen=True):
@@ -136,7 +136,7 @@ class Resume(msgspec.Struct, frozen=True):
     """Go on."""
 
 
-class End(msgspec.Struct, frozen=True):
+class RunEnded(msgspec.Struct, frozen=True):
     """The run is over: a fault, the last round, or another robot with this pid."""
 
 
@@ -153,4 +153,6 @@ class Disarm(msgspec.Struct, frozen=True):
     timer: Timer
 
 
-Effect = Send | Tell | Begin | Commit | Install | ShowStore | Hold | Resume | End | Arm | Disarm
+Effect = (
+    Send | Tell | Begin | Commit | Install | ShowStore | Hold | Resume | RunEnded | Arm | Disarm
+)

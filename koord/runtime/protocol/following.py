@@ -19,13 +19,13 @@ from koord.runtime.protocol.messages import (
     Snapshot,
 )
 from koord.runtime.protocol.state import Follower, Rejoining, State
-from koord.runtime.protocol.turn import Turn
+from koord.runtime.protocol.turn import StepContext
 
 #: So many entries are sent to one who asks; for more it asks again.
 BATCH = 8
 
 
-def follow(turn: Turn, sender: int, epoch: int) -> bool:
+def follow(turn: StepContext, sender: int, epoch: int) -> bool:
     """Take the sender for the coordinator of its epoch, unless a higher one is promised."""
     state, setup = turn.state, turn.setup
     if epoch < state.promised:
@@ -42,7 +42,7 @@ def follow(turn: Turn, sender: int, epoch: int) -> bool:
     return True
 
 
-def propose(turn: Turn, proposal: Proposal) -> None:
+def propose(turn: StepContext, proposal: Proposal) -> None:
     """The robot's own proposal has been worked out. (R-BEGIN)"""
     state = turn.state
     if state.mine is not None or proposal.round != state.round or state.ended:
@@ -54,7 +54,7 @@ def propose(turn: Turn, proposal: Proposal) -> None:
         turn.await_answer(turn.setup.timing.patience_s)
 
 
-def on_decide(turn: Turn, sender: int, message: Decide) -> None:
+def on_decide(turn: StepContext, sender: int, message: Decide) -> None:
     """(R-ACCEPT)"""
     if not follow(turn, sender, message.epoch):
         return
@@ -80,7 +80,7 @@ def on_decide(turn: Turn, sender: int, message: Decide) -> None:
     turn.await_answer()
 
 
-def on_committed(turn: Turn, sender: int, message: Committed) -> None:
+def on_committed(turn: StepContext, sender: int, message: Committed) -> None:
     """(R-COMMIT). True whatever its epoch; but only a current one says who coordinates."""
     if message.epoch >= turn.state.promised:
         follow(turn, sender, message.epoch)
@@ -95,7 +95,7 @@ def on_committed(turn: Turn, sender: int, message: Committed) -> None:
         fall_behind(turn, sender, message.round + 1)
 
 
-def on_open(turn: Turn, sender: int, message: Open) -> None:
+def on_open(turn: StepContext, sender: int, message: Open) -> None:
     """The coordinator lacks this robot's proposal. (R-OWED)"""
     if not follow(turn, sender, message.epoch):
         return
@@ -107,7 +107,7 @@ def on_open(turn: Turn, sender: int, message: Open) -> None:
         turn.send(sender, Propose(state.mine))
 
 
-def _commit_if_chained(turn: Turn, round_: int, previous: bytes, epoch: int) -> None:
+def _commit_if_chained(turn: StepContext, round_: int, previous: bytes, epoch: int) -> None:
     """An entry that the coordinator goes on after is committed. (R-COMMIT)"""
     held = turn.state.tentative
     if held is not None and held.digest == previous and round_ == held.round + 1:
@@ -118,7 +118,7 @@ def _commit_if_chained(turn: Turn, round_: int, previous: bytes, epoch: int) -> 
 # --- catching up ----------------------------------------------------------------------------------
 
 
-def fall_behind(turn: Turn, teacher: int, target: int) -> None:
+def fall_behind(turn: StepContext, teacher: int, target: int) -> None:
     """Rounds up to ``target`` are committed that this robot does not hold. (R-ASK)"""
     state = turn.state
     if target <= state.target and state.is_behind:
@@ -128,7 +128,7 @@ def fall_behind(turn: Turn, teacher: int, target: int) -> None:
     turn.await_answer()
 
 
-def teach(turn: Turn, to: int, round_: int) -> None:
+def teach(turn: StepContext, to: int, round_: int) -> None:
     """Send what is committed from a round on. (R-ASK) (R-TEACH)"""
     state = turn.state
     if round_ >= state.round:
@@ -142,7 +142,7 @@ def teach(turn: Turn, to: int, round_: int) -> None:
         turn.send(to, History(held.epoch, held.entry, held is batch[-1]))
 
 
-def on_history(turn: Turn, sender: int, message: History) -> None:
+def on_history(turn: StepContext, sender: int, message: History) -> None:
     """(R-COMMIT). Raising the promise keeps a coordinator of old from going on after it."""
     state = turn.state
     entry = message.entry
@@ -156,7 +156,7 @@ def on_history(turn: Turn, sender: int, message: History) -> None:
         turn.await_answer()
 
 
-def on_snapshot(turn: Turn, sender: int, message: Snapshot) -> None:
+def on_snapshot(turn: StepContext, sender: int, message: Snapshot) -> None:
     """(R-SNAPSHOT)"""
     state = turn.state
     rejoining = isinstance(state.office, Rejoining)
@@ -185,7 +185,7 @@ def on_snapshot(turn: Turn, sender: int, message: Snapshot) -> None:
     go_on(turn, 0.0)
 
 
-def _learn_epoch(turn: Turn, epoch: int) -> None:
+def _learn_epoch(turn: StepContext, epoch: int) -> None:
     """What is true by a higher epoch's majority ends every lower office."""
     state = turn.state
     if epoch > state.promised:
@@ -197,7 +197,7 @@ def _learn_epoch(turn: Turn, epoch: int) -> None:
 # --- what is sent again ---------------------------------------------------------------------------
 
 
-def resend(turn: Turn) -> None:
+def resend(turn: StepContext) -> None:
     """A follower's question was not answered. (R-AGAIN)"""
     state = turn.state
     question = _unanswered(state)
@@ -217,14 +217,14 @@ def _unanswered(state: State) -> Ask | Acknowledge | Propose | None:
     return None if state.mine is None else Propose(state.mine)
 
 
-def rejoin(turn: Turn) -> None:
+def rejoin(turn: StepContext) -> None:
     """Ask for a snapshot, again and again. (R-REJOIN)"""
     turn.hold(Reason.REJOINING)
     turn.tell(Hello(empty=True))
     turn.await_longer()
 
 
-def is_back(turn: Turn, round_: int) -> bool:
+def is_back(turn: StepContext, round_: int) -> bool:
     """Whether a first start turns out to be none. (R-FRESH)"""
     state = turn.state
     if round_ > INIT_ROUND and state.round == INIT_ROUND and state.mine is None:
@@ -232,7 +232,7 @@ def is_back(turn: Turn, round_: int) -> bool:
     return False
 
 
-def start_over(turn: Turn) -> None:
+def start_over(turn: StepContext) -> None:
     """Rejoin in a new incarnation. (R-FRESH)"""
     turn.change(incarnation=turn.state.spare)
     turn.take(Rejoining())

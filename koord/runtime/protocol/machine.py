@@ -45,14 +45,14 @@ from koord.runtime.protocol.state import (
     Retired,
     State,
 )
-from koord.runtime.protocol.turn import Turn
+from koord.runtime.protocol.turn import StepContext
 
 
 def step(setup: Setup, state: State, event: Event) -> tuple[State, tuple[Effect, ...]]:
     """The state after an event, and what is wanted done, in this order. Pure."""
     if isinstance(state.office, Retired):
         return state, ()
-    turn = Turn(setup, state, event.now)
+    turn = StepContext(setup, state, event.now)
     match event:
         case Received(sender=sender, incarnation=incarnation, message=message):
             if 0 <= sender < setup.robots and sender != state.pid:
@@ -70,7 +70,7 @@ def step(setup: Setup, state: State, event: Event) -> tuple[State, tuple[Effect,
     return turn.state, tuple(turn.effects)
 
 
-def _start(turn: Turn) -> None:
+def _start(turn: StepContext) -> None:
     timing = turn.setup.timing
     match turn.state.office:
         case Rejoining():
@@ -86,13 +86,13 @@ def _start(turn: Turn) -> None:
     turn.watch_leader()
 
 
-def _propose(turn: Turn, event: Proposed) -> None:
+def _propose(turn: StepContext, event: Proposed) -> None:
     following.propose(turn, event.proposal)
     if isinstance(turn.state.office, Coordinator) and turn.state.mine is event.proposal:
         coordinating.gather(turn, event.proposal)
 
 
-def _show(turn: Turn, event: StoreShown) -> None:
+def _show(turn: StepContext, event: StoreShown) -> None:
     """(R-SNAPSHOT)"""
     state = turn.state
     if event.round == state.round:
@@ -111,7 +111,7 @@ def _show(turn: Turn, event: StoreShown) -> None:
 # --- messages -------------------------------------------------------------------------------------
 
 
-def _receive(turn: Turn, sender: int, incarnation: int, message: Message) -> None:
+def _receive(turn: StepContext, sender: int, incarnation: int, message: Message) -> None:
     coordinating.note(turn, sender)
     if following.is_back(turn, _round_of(message)):
         following.start_over(turn)
@@ -179,7 +179,7 @@ def _round_of(message: Message) -> int:
 # --- timers ---------------------------------------------------------------------------------------
 
 
-def _expire(turn: Turn, timer: Timer) -> None:
+def _expire(turn: StepContext, timer: Timer) -> None:
     match timer:
         case Timer.DEADLINE:
             coordinating.overdue(turn)
@@ -193,7 +193,7 @@ def _expire(turn: Turn, timer: Timer) -> None:
             assert_never(timer)
 
 
-def _resend(turn: Turn) -> None:
+def _resend(turn: StepContext) -> None:
     match turn.state.office:
         case Follower():
             following.resend(turn)

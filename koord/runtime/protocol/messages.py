@@ -5,7 +5,7 @@ from __future__ import annotations
 import msgspec
 
 from koord.runtime.proposals import Proposal
-from koord.runtime.protocol.entries import Entry, Position, Ran
+from koord.runtime.protocol.entries import LastRun, LogEntry, Position
 
 
 class Propose(msgspec.Struct, frozen=True):
@@ -18,7 +18,7 @@ class Decide(msgspec.Struct, frozen=True):
     """What became of the round, if a majority takes it. (R-DECIDE)"""
 
     epoch: int
-    entry: Entry
+    entry: LogEntry
 
 
 class Acknowledge(msgspec.Struct, frozen=True):
@@ -57,7 +57,7 @@ class History(msgspec.Struct, frozen=True):
     """An entry that is committed, in this epoch or a lower one. ``last`` of what was asked for."""
 
     epoch: int
-    entry: Entry
+    entry: LogEntry
     last: bool = True
 
 
@@ -68,7 +68,7 @@ class Snapshot(msgspec.Struct, frozen=True):
     round: int
     chain: bytes
     roster: tuple[int, ...]
-    last_ran: tuple[Ran | None, ...]
+    last_ran: tuple[LastRun | None, ...]
     store: bytes
     ended: bool = False  #: there are no more rounds
 

@@ -10,8 +10,8 @@ from koord.runtime.protocol.entries import (
     FIRST_INCARNATION,
     GENESIS,
     Held,
+    LastRun,
     Position,
-    Ran,
 )
 from koord.runtime.protocol.events import Reason
 from koord.runtime.protocol.setup import Setup
@@ -70,7 +70,7 @@ class State(msgspec.Struct, frozen=True):
     spare: int  #: a new incarnation, should this turn out to be no first start (R-FRESH)
     office: Office
     roster: tuple[int, ...]
-    last_ran: tuple[Ran | None, ...]
+    last_ran: tuple[LastRun | None, ...]
     promised: int = 0
     seen: int = 0
     round: int = INIT_ROUND

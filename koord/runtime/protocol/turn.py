@@ -25,7 +25,7 @@ from koord.runtime.protocol.state import Follower, Office, State
 MOST_DOUBLINGS = 2
 
 
-class Turn:
+class StepContext:
     """Lives as long as one call of ``step``; nobody else sees it."""
 
     __slots__ = ("effects", "now", "setup", "state")

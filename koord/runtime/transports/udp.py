@@ -21,7 +21,7 @@ _BUFFER_BYTES = 4 << 20
 _BATCH = 256
 
 
-class Reach(Enum):
+class Delivery(Enum):
     """How a datagram gets to all."""
 
     EACH = "unicast"  #: once for each robot
@@ -36,7 +36,7 @@ class Plan(Struct, frozen=True):
     """
 
     addresses: tuple[Address, ...]
-    reach: Reach = Reach.EACH
+    reach: Delivery = Delivery.EACH
     shared: Address | None = None
     interface: str = "0.0.0.0"
 
@@ -46,7 +46,7 @@ def on_this_machine(robots: int, port: int, *, group: str | None = "239.255.75.1
     addresses = tuple(("127.0.0.1", port + 1 + pid) for pid in range(robots))
     if group is None:
         return Plan(addresses)
-    return Plan(addresses, Reach.GROUP, (group, port), "127.0.0.1")
+    return Plan(addresses, Delivery.GROUP, (group, port), "127.0.0.1")
 
 
 class Udp:
@@ -71,7 +71,7 @@ class Udp:
     def _joined(self, shared: Address) -> socket.socket:
         """A socket that hears what is sent to all; the own one is made able to send to them."""
         try:
-            if self._plan.reach is Reach.GROUP:
+            if self._plan.reach is Delivery.GROUP:
                 card = socket.inet_aton(self._plan.interface)
                 self._socket.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, card)
                 self._socket.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_LOOP, 1)

@@ -19,7 +19,7 @@ from koord.runtime.encoding import (
     flat_proposal,
     proposal_of,
 )
-from koord.runtime.protocol.entries import Admission, Entry, Position, Ran
+from koord.runtime.protocol.entries import Admission, LastRun, LogEntry, Position
 from koord.runtime.protocol.messages import (
     Acknowledge,
     Ask,
@@ -163,7 +163,7 @@ def _message(kind: MessageKind, flat: Any) -> Message:
             return History(flat[0], _entry(flat[1]), flat[2])
         case MessageKind.SNAPSHOT:
             epoch, round_, chain, roster, last_ran, store, ended = flat
-            ran = tuple(None if one is None else Ran(*one) for one in last_ran)
+            ran = tuple(None if one is None else LastRun(*one) for one in last_ran)
             return Snapshot(epoch, round_, chain, roster, ran, store, ended)
         case MessageKind.CANVASS:
             return Canvass(flat[0], Position(flat[1], flat[2]))
@@ -181,14 +181,14 @@ def _message(kind: MessageKind, flat: Any) -> Message:
             assert_never(kind)
 
 
-def _flat_entry(entry: Entry) -> FlatEntry:
+def _flat_entry(entry: LogEntry) -> FlatEntry:
     admitted = tuple((a.robot, a.incarnation) for a in entry.admitted)
     return flat_decision(entry.decision), entry.previous, admitted, entry.late
 
 
-def _entry(flat: FlatEntry) -> Entry:
+def _entry(flat: FlatEntry) -> LogEntry:
     decision, previous, admitted, late = flat
-    return Entry(decision_of(decision), previous, tuple(Admission(*a) for a in admitted), late)
+    return LogEntry(decision_of(decision), previous, tuple(Admission(*a) for a in admitted), late)
 
 
 def _fits(message: Message, robots: int) -> bool:

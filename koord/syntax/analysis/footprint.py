@@ -19,7 +19,7 @@ from koord.syntax.walk import nodes, statements, written
 _RESIZING = core.Append | core.Remove | core.Pop
 
 
-class Written(IntEnum):
+class WriteExtent(IntEnum):
     """How much of a variable may change."""
 
     NEVER = 0
@@ -27,7 +27,7 @@ class Written(IntEnum):
     WHOLE = 2
 
 
-Footprint = dict[tuple[Home, int, int], Written]
+Footprint = dict[tuple[Home, int, int], WriteExtent]
 """(home, agent kind or 0 for shared variables, slot) → how it is written; NEVER is left out."""
 
 
@@ -46,7 +46,7 @@ def footprint(program: core.Program) -> Footprint:
                     port = agent.ports[position]
                     if port.direction is Direction.SENSOR:
                         slot = port.declaration.variable.slot
-                        found[Home.PORT, kind, slot] = Written.WHOLE
+                        found[Home.PORT, kind, slot] = WriteExtent.WHOLE
     return found
 
 
@@ -87,8 +87,8 @@ def _note(found: Footprint, kind: int, place: core.Place) -> None:
     variable = place.variable
     own = variable.home in (Home.LOCAL, Home.PORT)
     key = (variable.home, kind if own else 0, variable.slot)
-    how = Written.PARTS if _inside_list(place) else Written.WHOLE
-    found[key] = max(found.get(key, Written.NEVER), how)
+    how = WriteExtent.PARTS if _inside_list(place) else WriteExtent.WHOLE
+    found[key] = max(found.get(key, WriteExtent.NEVER), how)
 
 
 def _inside_list(place: core.Place) -> bool:

@@ -17,9 +17,9 @@ from koord.syntax.analysis.work import (
     MOST_DEEP,
     MOST_NODES,
     MOST_STEPS,
-    Ledger,
-    Sizes,
     TooLargeError,
+    TypeSizes,
+    WorkEstimate,
 )
 from koord.syntax.diagnostics import Diagnostic, Severity
 from koord.syntax.source import Span
@@ -34,13 +34,13 @@ DEEPEST_TYPE = 40
 
 def excesses(program: core.Program, kinds: Sequence[int]) -> tuple[Diagnostic, ...]:
     """What is too much about a program for robots of these kinds; nothing if it can be run."""
-    sizes = Sizes(len(kinds))
+    sizes = TypeSizes(len(kinds))
     found = tuple(_of_types(_declared(program), kinds, sizes))
     found = found or tuple(_of_storage(program, kinds, sizes))
     if found:
         return found
     try:
-        ledger = Ledger(program, tuple(kinds), sizes)
+        ledger = WorkEstimate(program, tuple(kinds), sizes)
         found = tuple(_of_bodies(program, ledger))
         return tuple(_of_types(_bound(ledger), kinds, sizes)) or found
     except TooLargeError:
@@ -64,7 +64,7 @@ class _Holding(Struct, frozen=True):
 
 
 def _of_types(
-    typed: Iterable[tuple[Type, str, Span]], kinds: Sequence[int], sizes: Sizes
+    typed: Iterable[tuple[Type, str, Span]], kinds: Sequence[int], sizes: TypeSizes
 ) -> Iterator[Diagnostic]:
     """Values that are too large, each by itself."""
     for type_, what, span in typed:
@@ -87,7 +87,9 @@ def _of_types(
             )
 
 
-def _of_storage(program: core.Program, kinds: Sequence[int], sizes: Sizes) -> Iterator[Diagnostic]:
+def _of_storage(
+    program: core.Program, kinds: Sequence[int], sizes: TypeSizes
+) -> Iterator[Diagnostic]:
     """Variables that are too large all together."""
     holdings = list(_holdings(program, kinds, sizes))
     total = sum(holding.copies * holding.parts for holding in holdings)
@@ -108,7 +110,7 @@ def _of_storage(program: core.Program, kinds: Sequence[int], sizes: Sizes) -> It
     )
 
 
-def _holdings(program: core.Program, kinds: Sequence[int], sizes: Sizes) -> Iterator[_Holding]:
+def _holdings(program: core.Program, kinds: Sequence[int], sizes: TypeSizes) -> Iterator[_Holding]:
     for declaration in program.allwrite:
         yield _Holding(declaration, 1, _held(declaration, sizes))
     for declaration in program.allread:
@@ -120,7 +122,7 @@ def _holdings(program: core.Program, kinds: Sequence[int], sizes: Sizes) -> Iter
             yield _Holding(declaration, often[kind], _held(declaration, sizes))
 
 
-def _held(declaration: core.Declaration, sizes: Sizes) -> int:
+def _held(declaration: core.Declaration, sizes: TypeSizes) -> int:
     parts = sizes.of(declaration.variable.type).parts
     return parts * max(1, declaration.length if declaration.length is not None else 1)
 
@@ -141,7 +143,7 @@ def _declared(program: core.Program) -> Iterator[tuple[Type, str, Span]]:
             yield parameter.type, f"the parameter `{parameter.name}`", span
 
 
-def _bound(ledger: Ledger) -> Iterator[tuple[Type, str, Span]]:
+def _bound(ledger: WorkEstimate) -> Iterator[tuple[Type, str, Span]]:
     """The types of variables inside of bodies."""
     for variable, span in ledger.bound.values():
         yield variable.type, f"`{variable.name}`", span
@@ -159,7 +161,7 @@ class _Body(Struct, frozen=True):
     block: core.Block = ()
 
 
-def _of_bodies(program: core.Program, ledger: Ledger) -> Iterator[Diagnostic]:
+def _of_bodies(program: core.Program, ledger: WorkEstimate) -> Iterator[Diagnostic]:
     """Bodies that take too long, or whose calls stand too deep in each other.
 
     Of functions the first is told that is too much, and not all that call it.
@@ -174,7 +176,7 @@ def _of_bodies(program: core.Program, ledger: Ledger) -> Iterator[Diagnostic]:
         yield from _of_body(body, ledger)
 
 
-def _of_body(body: _Body, ledger: Ledger) -> Iterator[Diagnostic]:
+def _of_body(body: _Body, ledger: WorkEstimate) -> Iterator[Diagnostic]:
     work, culprit = ledger.body(body.parts, body.block)
     span = culprit if culprit is not None else body.span
     if work.deep > MOST_DEEP:

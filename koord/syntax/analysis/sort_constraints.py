@@ -12,7 +12,7 @@ from koord.syntax.system import System
 from koord.syntax.types import Type
 
 
-class Body(Struct):
+class BodyShapes(Struct):
     """Where expressions stand: whose body it is, and its bound variables' shapes.
 
     ``strict`` holds where a statement is false if the expression is: there it does not matter
@@ -126,7 +126,7 @@ class SortBook:
 
     # --- shapes of variables --------------------------------------------------------------------
 
-    def variable(self, variable: core.Variable, body: Body) -> Shape:
+    def variable(self, variable: core.Variable, body: BodyShapes) -> Shape:
         """What a variable holds that a body names."""
         match variable.home:
             case Home.BOUND:
@@ -152,7 +152,7 @@ class SortBook:
             unify(found[0], other)
         return found[0] if found else self.fresh(variable.type)
 
-    def bound(self, variable: core.Variable, body: Body) -> Shape:
+    def bound(self, variable: core.Variable, body: BodyShapes) -> Shape:
         """What a bound variable of a body holds."""
         if variable not in body.bound:
             body.bound[variable] = self.fresh(variable.type)

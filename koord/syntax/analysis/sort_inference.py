@@ -11,7 +11,7 @@ from msgspec.structs import replace
 from koord.syntax import core
 from koord.syntax.analysis.definedness import Sure
 from koord.syntax.analysis.loop_order import is_order_free
-from koord.syntax.analysis.sort_constraints import Body, Range, SortBook
+from koord.syntax.analysis.sort_constraints import BodyShapes, Range, SortBook
 from koord.syntax.analysis.sorts import Entries, Items, Scalar, Shape, unify
 from koord.syntax.analysis.sorts_of_expressions import Expressions
 from koord.syntax.core import Start
@@ -31,7 +31,7 @@ class Sorting:
     def run(self) -> str:
         """Why robots may not change places; empty if they may."""
         program, system = self._system.program, self._system
-        nobody = Body(Sure(system, None, in_init=True))
+        nobody = BodyShapes(Sure(system, None, in_init=True))
         for function in program.externals:
             parameters = [self.book.fresh(p.type) for p in function.parameters]
             self.book.externals[function.name] = parameters, self.book.held(function.result.type)
@@ -44,31 +44,31 @@ class Sorting:
         closed: list[core.Expr] = [x.condition for x in program.assumptions]
         closed += [x.condition for x in self._properties]
         for condition in closed:
-            self._statement(condition, Body(Sure(system, None)))
+            self._statement(condition, BodyShapes(Sure(system, None)))
         return self.book.reason()
 
     def _agent(self, kind: int, agent: core.Agent) -> None:
         starting = Sure(self._system, kind, in_init=True)
         sure = Sure(self._system, kind)
         for port, of in zip(agent.ports, self.book.ports[kind], strict=True):
-            self._start(port.declaration, of, Body(starting))
+            self._start(port.declaration, of, BodyShapes(starting))
         for entry, of in zip(agent.locals, self.book.locals[kind], strict=True):
-            self._start(entry, of, Body(starting))
+            self._start(entry, of, BodyShapes(starting))
         for entry, of in zip(self._system.program.allread, self.book.allread, strict=True):
             assert isinstance(of, Items)
-            self._start(entry, of.element, Body(starting))
-        self._block(agent.init, Body(starting))
+            self._start(entry, of.element, BodyShapes(starting))
+        self._block(agent.init, BodyShapes(starting))
         for event in agent.events:
-            body = Body(sure)
+            body = BodyShapes(sure)
             self._expressions.shape(event.guard, body)
             self._block(event.effect, body)
         for module in agent.modules:
-            self._block(module.environment or (), Body(sure))
+            self._block(module.environment or (), BodyShapes(sure))
             for contract in module.contracts:
                 for e in (*contract.requires, *contract.ensures):
-                    self._statement(e, Body(sure))
+                    self._statement(e, BodyShapes(sure))
 
-    def _start(self, entry: core.Declaration, of: Shape, body: Body) -> None:
+    def _start(self, entry: core.Declaration, of: Shape, body: BodyShapes) -> None:
         if not isinstance(entry.initial, Start):
             unify(of, self._expressions.shape(entry.initial, body))
 
@@ -79,18 +79,18 @@ class Sorting:
         filled = frozenset(variable.slot for variable in bound)
         sure = replace(Sure(self._system, None), filled=filled)
         for e in (*function.requires, *function.ensures):
-            self._statement(e, Body(sure, dict(bound)))
+            self._statement(e, BodyShapes(sure, dict(bound)))
 
-    def _statement(self, e: core.Expr, body: Body) -> None:
+    def _statement(self, e: core.Expr, body: BodyShapes) -> None:
         self._expressions.shape(e, replace(body, strict=True))
 
     # --- statements -----------------------------------------------------------------------------
 
-    def _block(self, block: core.Block, body: Body) -> None:
+    def _block(self, block: core.Block, body: BodyShapes) -> None:
         for s in block:
             self._execute(s, body)
 
-    def _execute(self, s: core.Stmt, body: Body) -> None:
+    def _execute(self, s: core.Stmt, body: BodyShapes) -> None:
         match s:
             case core.Assign(place=place, value=value):
                 unify(self._expressions.place(place, body), self._expressions.shape(value, body))
@@ -110,7 +110,7 @@ class Sorting:
                 for inner in blocks(s):
                     self._block(inner, body)
 
-    def _on_list(self, s: core.Append | core.Remove | core.Pop, body: Body) -> None:
+    def _on_list(self, s: core.Append | core.Remove | core.Pop, body: BodyShapes) -> None:
         of = self._expressions.place(s.place, body)
         if isinstance(of, Entries):
             assert isinstance(s, core.Remove)
@@ -123,7 +123,7 @@ class Sorting:
         elif s.into is not None:
             unify(self._expressions.place(s.into, body), of.element)
 
-    def _for_range(self, s: core.ForRange, body: Body) -> None:
+    def _for_range(self, s: core.ForRange, body: BodyShapes) -> None:
         variable = self.book.bound(s.variable, body)
         assert isinstance(variable, Scalar)
         assert variable.sort is not None
@@ -136,7 +136,7 @@ class Sorting:
             body = replace(body, sure=sure)
         self._block(s.body, replace(body, sure=body.sure.with_value(s.variable.slot)))
 
-    def _for_each(self, s: core.ForEach, body: Body) -> None:
+    def _for_each(self, s: core.ForEach, body: BodyShapes) -> None:
         over = self._expressions.shape(s.sequence, body)
         value = self.book.bound(s.value, body)
         sure = body.sure.with_value(s.value.slot)

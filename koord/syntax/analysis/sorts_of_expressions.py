@@ -9,7 +9,13 @@ from msgspec.structs import replace
 
 from koord.syntax import core
 from koord.syntax.analysis.definedness import Sure, indices
-from koord.syntax.analysis.sort_constraints import Body, Range, SortBook, be_number, number_robots
+from koord.syntax.analysis.sort_constraints import (
+    BodyShapes,
+    Range,
+    SortBook,
+    be_number,
+    number_robots,
+)
 from koord.syntax.analysis.sorts import Entries, Fields, Items, Scalar, Shape, Sort, unify
 from koord.syntax.core import BinaryOp, ListOp, QuantifierKind, UnaryOp
 from koord.syntax.types import INT, Type
@@ -17,7 +23,7 @@ from koord.syntax.types import INT, Type
 _CONNECTIVES = (BinaryOp.AND, BinaryOp.OR, BinaryOp.IMPLIES)
 
 #: Goes through the statements of a function's body.
-RunBlock = Callable[[core.Block, Body], None]
+RunBlock = Callable[[core.Block, BodyShapes], None]
 
 
 class Expressions(Struct):
@@ -29,7 +35,7 @@ class Expressions(Struct):
     book: SortBook
     run_block: RunBlock
 
-    def shape(self, e: core.Expr, body: Body) -> Shape:
+    def shape(self, e: core.Expr, body: BodyShapes) -> Shape:
         """The shape of an expression's value."""
         inner = replace(body, strict=False) if body.strict else body
         match e:
@@ -76,14 +82,14 @@ class Expressions(Struct):
 
     # --- operators ------------------------------------------------------------------------------
 
-    def _unary(self, e: core.Unary, body: Body) -> Shape:
+    def _unary(self, e: core.Unary, body: BodyShapes) -> Shape:
         operand = self.shape(e.operand, body)
         if e.op is UnaryOp.NOT:
             return Scalar(None)
         be_number(operand, "calculated with")
         return self.book.integer(number="calculated") if e.type == INT else Scalar(None)
 
-    def _binary(self, e: core.Binary, body: Body) -> Shape:
+    def _binary(self, e: core.Binary, body: BodyShapes) -> Shape:
         if e.op in _CONNECTIVES:
             # Where ``a and b`` is false, it may as well fault; so may b of ``a implies b``.
             strict_left = body.strict and e.op is BinaryOp.AND
@@ -101,7 +107,7 @@ class Expressions(Struct):
         be_number(right, why)
         return self.book.integer(number="calculated") if e.type == INT else Scalar(None)
 
-    def _builtin(self, e: core.Builtin, body: Body) -> Shape:
+    def _builtin(self, e: core.Builtin, body: BodyShapes) -> Shape:
         shapes = [self.shape(argument, body) for argument in e.arguments]
         of = shapes[0]
         match e.op:
@@ -124,7 +130,7 @@ class Expressions(Struct):
                 pass
         return Scalar(None)
 
-    def _listed(self, items: tuple[core.Expr, ...], type_: Type, body: Body) -> Shape:
+    def _listed(self, items: tuple[core.Expr, ...], type_: Type, body: BodyShapes) -> Shape:
         of = self.book.held(type_)
         assert isinstance(of, Items)
         of.index.be_number("an index into a list that is written out")
@@ -132,7 +138,7 @@ class Expressions(Struct):
             unify(of.element, self.shape(item, body))
         return of
 
-    def _mapped(self, e: core.MakeMap, body: Body) -> Shape:
+    def _mapped(self, e: core.MakeMap, body: BodyShapes) -> Shape:
         of = self.book.held(e.type)
         assert isinstance(of, Entries)
         for key, value in e.entries:
@@ -142,7 +148,7 @@ class Expressions(Struct):
 
     # --- calls and quantifiers ------------------------------------------------------------------
 
-    def _call(self, e: core.Call, body: Body) -> Shape:
+    def _call(self, e: core.Call, body: BodyShapes) -> Shape:
         """Each call has sorts of its own, as if the body stood in its place."""
         function = self.book.system.program.function(e.function)
         assert function.result is not None
@@ -153,16 +159,16 @@ class Expressions(Struct):
         result = self.book.fresh(function.result)
         filled = frozenset(parameter.slot for parameter in function.parameters)
         sure = replace(body.sure, filled=filled, robots={}, within={})
-        self.run_block(function.body, Body(sure, bound, result))
+        self.run_block(function.body, BodyShapes(sure, bound, result))
         return result
 
-    def _external_call(self, e: core.ExternalCall, body: Body) -> Shape:
+    def _external_call(self, e: core.ExternalCall, body: BodyShapes) -> Shape:
         parameters, result = self.book.externals[e.function]
         for of, argument in zip(parameters, e.arguments, strict=True):
             unify(of, self.shape(argument, body))
         return result
 
-    def _quantified(self, e: core.Quantified, body: Body) -> Shape:
+    def _quantified(self, e: core.Quantified, body: BodyShapes) -> Shape:
         variable, slot = self.book.bound(e.variable, body), e.variable.slot
         strict = body.strict and e.quantifier is QuantifierKind.FORALL
         outer = replace(body, strict=False)
@@ -193,7 +199,7 @@ class Expressions(Struct):
         return Scalar(None)
 
     def range(
-        self, low: core.Expr, high: core.Expr, variable: Sort, slot: int, body: Body
+        self, low: core.Expr, high: core.Expr, variable: Sort, slot: int, body: BodyShapes
     ) -> Sure | None:
         """What is known in a range that may be one over all robots; None if it is not."""
         starts_at_0 = isinstance(low, core.Const) and low.value == 0
@@ -207,7 +213,7 @@ class Expressions(Struct):
             be_number(self.shape(limit, body), "the limit of a range")
         return None
 
-    def over(self, low: core.Expr, high: core.Expr, body: Body) -> Sort | None:
+    def over(self, low: core.Expr, high: core.Expr, body: BodyShapes) -> Sort | None:
         """The index of the list whose indices a range goes over, if it does that."""
         of = indices(low, high)
         if of is None:
@@ -217,7 +223,7 @@ class Expressions(Struct):
 
     # --- places ---------------------------------------------------------------------------------
 
-    def place(self, place: core.Place, body: Body) -> Shape:
+    def place(self, place: core.Place, body: BodyShapes) -> Shape:
         """The shape of what is at a place."""
         if place.robot is not None:
             unify(self.shape(place.robot, body), self.book.robot())
@@ -226,7 +232,7 @@ class Expressions(Struct):
             of = self._step(of, step, body)
         return of
 
-    def _step(self, of: Shape, step: core.Step, body: Body) -> Shape:
+    def _step(self, of: Shape, step: core.Step, body: BodyShapes) -> Shape:
         match step:
             case core.FieldStep(position=position):
                 assert isinstance(of, Fields)

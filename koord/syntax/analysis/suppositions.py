@@ -29,7 +29,7 @@ def _anything(e: core.Expr) -> bool:
     return True
 
 
-class Reading(Struct, dict=True):
+class SuppositionReader(Struct, dict=True):
     """Reads the statements of a program.
 
     A function that is called in one place is read as if it stood there: then the denial calls one

@@ -53,13 +53,13 @@ _NO_COUNTERS: Counters = {}
 _ONE = Work(1, 1)
 
 
-class Ledger:
+class WorkEstimate:
     """The work of a program's bodies, for robots of these kinds. Functions are worked out once.
 
     ``bound`` are the variables inside of bodies that were met on the way.
     """
 
-    def __init__(self, program: core.Program, kinds: tuple[int, ...], sizes: Sizes) -> None:
+    def __init__(self, program: core.Program, kinds: tuple[int, ...], sizes: TypeSizes) -> None:
         self.program = program
         self.kinds = kinds
         self.sizes = sizes
@@ -200,7 +200,7 @@ class Size(Struct, frozen=True):
 _SCALAR = Size(1, 1)
 
 
-class Sizes(Struct):
+class TypeSizes(Struct):
     """Sizes of types for a number of robots.
 
     They are remembered by identity: records may share their parts so often that whoever walks

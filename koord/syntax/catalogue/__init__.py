@@ -25,7 +25,7 @@ _FORM = re.compile(
 )
 
 
-class Entry(Struct, frozen=True):
+class Story(Struct, frozen=True):
     """The story of a code: ``bad`` is a program that yields it, ``good`` one that does not."""
 
     code: str
@@ -36,7 +36,7 @@ class Entry(Struct, frozen=True):
     good: str = ""
 
     @classmethod
-    def read(cls, text: str) -> Entry:
+    def read(cls, text: str) -> Story:
         """What a file of the catalogue says. A `ValueError` if it has another form."""
         parts = _FORM.fullmatch(text)
         if parts is None:
@@ -52,13 +52,13 @@ class Entry(Struct, frozen=True):
 
 
 @cache
-def entries() -> Mapping[str, Entry]:
+def entries() -> Mapping[str, Story]:
     """Every code that koord can print, in order, with its story."""
     pages = (each for each in files(__name__).iterdir() if each.name.endswith(".md"))
-    read = (Entry.read(page.read_text(encoding="utf-8")) for page in pages)
+    read = (Story.read(page.read_text(encoding="utf-8")) for page in pages)
     return {entry.code: entry for entry in sorted(read, key=lambda entry: entry.code)}
 
 
-def of_programs() -> Mapping[str, Entry]:
+def of_programs() -> Mapping[str, Story]:
     """The codes that the text of a program yields by itself: they have examples."""
     return {code: entry for code, entry in entries().items() if entry.bad}

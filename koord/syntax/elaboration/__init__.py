@@ -1,9 +1,9 @@
 """Elaboration: from the tree of a file to the typed core program.
 
 Read :mod:`koord.syntax.elaboration.program` first, which names the steps in their order. A
-:class:`~koord.syntax.elaboration.body.Body` is the place where an expression or a statement stands;
-every function that elaborates one takes it first. An answer of None means that something is wrong
-and told already: nobody tells it again.
+``BodyScope`` (``body.py``) is the place where an expression or a statement stands; every function
+that elaborates one takes it first. An answer of None means that something is wrong and told
+already: nobody tells it again.
 """
 
 from __future__ import annotations

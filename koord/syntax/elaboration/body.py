@@ -61,11 +61,11 @@ class Types(Struct):
     members: dict[str, list[MemberSymbol]] = field(default_factory=dict)
 
 
-Expression = Callable[["Body", ast.Expr, "Type | None"], "core.Expr | None"]
-Block = Callable[["Body", ast.Block], core.Block]
+Expression = Callable[["BodyScope", ast.Expr, "Type | None"], "core.Expr | None"]
+Block = Callable[["BodyScope", ast.Block], core.Block]
 
 
-class Session(Struct):
+class Elaboration(Struct):
     """The state of one elaboration: names declared so far, findings, counters.
 
     ``partial`` is set for a file of properties on its own: names that it does not declare belong to
@@ -154,7 +154,7 @@ SEES_PORTS = SEES_VARIABLES | CONTRACT | {Where.ENVIRONMENT}
 SEES_PID = SEES_PORTS | {Where.INITIAL}
 
 
-class Robot(Struct):
+class RobotScope(Struct):
     """The robot that ``… @ i`` names; ``kind`` if all that it can be are of one kind."""
 
     expr: core.Expr
@@ -162,7 +162,7 @@ class Robot(Struct):
     used: bool = False
 
 
-class Write(Struct, frozen=True):
+class SharedWrite(Struct, frozen=True):
     """A write of a shared variable; ``block`` is the atomic block around it."""
 
     variable: core.Variable
@@ -171,7 +171,7 @@ class Write(Struct, frozen=True):
     span: Span
 
 
-class Loop(Struct, frozen=True):
+class LoopScope(Struct, frozen=True):
     """A loop around a statement: ``over`` is the list whose positions or elements it visits."""
 
     variable: str
@@ -180,10 +180,10 @@ class Loop(Struct, frozen=True):
     by_position: bool
 
 
-class Body(Struct):
+class BodyScope(Struct):
     """One body being elaborated: its names, its slots, and what it was seen to do."""
 
-    session: Session
+    session: Elaboration
     where: Where
     agent: AgentScope | None
     findings: Findings
@@ -192,17 +192,17 @@ class Body(Struct):
     bound: int = 0
     depth: int = 0
     overflowed: bool = False
-    robot: Robot | None = None
+    robot: RobotScope | None = None
     primed: bool = False
     #: The quantified variable that stands for ``pid`` in a property, once one is needed.
     closing: core.Variable | None = None
     result: Type | None = None
-    loops: list[Loop] = field(default_factory=list)
+    loops: list[LoopScope] = field(default_factory=list)
     #: The variables of loops over numbers: nothing else writes them.
     counters: set[core.Variable] = field(default_factory=set)
     breakable: int = 0
     atomic: AtomicBlock | None = None
-    writes: list[Write] = field(default_factory=list)
+    writes: list[SharedWrite] = field(default_factory=list)
     shared_reads: set[int] = field(default_factory=set)
     calls: list[str] = field(default_factory=list)
     #: Whether the function is the library's: its calls mean the library's functions.

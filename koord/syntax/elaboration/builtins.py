@@ -7,17 +7,17 @@ from functools import partial, reduce
 
 from koord.syntax import ast, core
 from koord.syntax.analysis.folding import folded
-from koord.syntax.elaboration.body import Body
+from koord.syntax.elaboration.body import BodyScope
 from koord.syntax.elaboration.coercion import POISON, fit, widened
 from koord.syntax.elaboration.literals import keys_of, list_of
 from koord.syntax.elaboration.phrases import a
 from koord.syntax.elaboration.resolve_types import element_of, is_numeric
 from koord.syntax.types import BOOL, FLOAT, INT, ArrayType, ListType, MapType, Type
 
-Builtin = Callable[[Body, ast.Call, Type | None], core.Expr | None]
+Builtin = Callable[[BodyScope, ast.Call, Type | None], core.Expr | None]
 
 
-def _counted(body: Body, e: ast.Call, count: int) -> bool:
+def _counted(body: BodyScope, e: ast.Call, count: int) -> bool:
     if len(e.arguments) == count:
         return True
     for argument in e.arguments:
@@ -31,11 +31,11 @@ def _counted(body: Body, e: ast.Call, count: int) -> bool:
     return False
 
 
-def _no_list(body: Body, e: ast.Expr, name: str, given: Type, of: str = "a list") -> None:
+def _no_list(body: BodyScope, e: ast.Expr, name: str, given: Type, of: str = "a list") -> None:
     body.error("K229", e.span, f"`{name}` wants {of}, not {a(given)}")
 
 
-def _length(body: Body, e: ast.Call, expected: Type | None) -> core.Expr | None:
+def _length(body: BodyScope, e: ast.Call, expected: Type | None) -> core.Expr | None:
     if not _counted(body, e, 1):
         return None
     read_before = set(body.shared_reads)
@@ -58,7 +58,7 @@ def _fixed(place: core.Place) -> bool:
     return all(isinstance(step, core.FieldStep) for step in place.steps)
 
 
-def _contains(body: Body, e: ast.Call, expected: Type | None) -> core.Expr | None:
+def _contains(body: BodyScope, e: ast.Call, expected: Type | None) -> core.Expr | None:
     if not _counted(body, e, 2):
         return None
     where, what = (argument.value for argument in e.arguments)
@@ -77,7 +77,7 @@ def _contains(body: Body, e: ast.Call, expected: Type | None) -> core.Expr | Non
     return core.Builtin(core.ListOp.CONTAINS, (sequence, value), BOOL, span=e.span)
 
 
-def _keys(body: Body, e: ast.Call, expected: Type | None) -> core.Expr | None:
+def _keys(body: BodyScope, e: ast.Call, expected: Type | None) -> core.Expr | None:
     """``keys(m)``: the keys of a map, or the elements of a set, as a list. [E-LIST]"""
     value = body.expr(e.arguments[0].value) if _counted(body, e, 1) else None
     if value is None:
@@ -89,7 +89,7 @@ def _keys(body: Body, e: ast.Call, expected: Type | None) -> core.Expr | None:
 
 
 def _over_truths(op: core.ListOp) -> Builtin:
-    def builtin(body: Body, e: ast.Call, expected: Type | None) -> core.Expr | None:
+    def builtin(body: BodyScope, e: ast.Call, expected: Type | None) -> core.Expr | None:
         if not _counted(body, e, 1):
             return None
         value = body.expr(e.arguments[0].value, ListType(BOOL))
@@ -103,7 +103,7 @@ def _over_truths(op: core.ListOp) -> Builtin:
     return builtin
 
 
-def _numbers(body: Body, e: ast.Call) -> list[core.Expr] | None:
+def _numbers(body: BodyScope, e: ast.Call) -> list[core.Expr] | None:
     """The arguments, all of one number type."""
     found: list[core.Expr] = []
     for value in [body.expr(argument.value) for argument in e.arguments]:
@@ -123,7 +123,7 @@ def _pair(e: ast.Call, op: core.BinaryOp, left: core.Expr, right: core.Expr) -> 
     return folded(core.Binary(op, left, right, left.type, span=e.span))
 
 
-def _clamp(body: Body, e: ast.Call, expected: Type | None) -> core.Expr | None:
+def _clamp(body: BodyScope, e: ast.Call, expected: Type | None) -> core.Expr | None:
     """``clamp(x, low, high)`` is ``max(low, min(x, high))``. [E-ARITH]"""
     found = _numbers(body, e) if _counted(body, e, 3) else None
     if found is None:
@@ -133,7 +133,7 @@ def _clamp(body: Body, e: ast.Call, expected: Type | None) -> core.Expr | None:
 
 
 def _extreme(op: core.ListOp, pair: core.BinaryOp) -> Builtin:
-    def builtin(body: Body, e: ast.Call, expected: Type | None) -> core.Expr | None:
+    def builtin(body: BodyScope, e: ast.Call, expected: Type | None) -> core.Expr | None:
         if len(e.arguments) == 1:
             return of_list(body, e)
         if not e.arguments:
@@ -142,7 +142,7 @@ def _extreme(op: core.ListOp, pair: core.BinaryOp) -> Builtin:
         found = _numbers(body, e)
         return None if found is None else reduce(partial(_pair, e, pair), found)
 
-    def of_list(body: Body, e: ast.Call) -> core.Expr | None:
+    def of_list(body: BodyScope, e: ast.Call) -> core.Expr | None:
         value = body.expr(e.arguments[0].value)
         if value is None:
             return None
@@ -155,7 +155,7 @@ def _extreme(op: core.ListOp, pair: core.BinaryOp) -> Builtin:
     return builtin
 
 
-def _abs(body: Body, e: ast.Call, expected: Type | None) -> core.Expr | None:
+def _abs(body: BodyScope, e: ast.Call, expected: Type | None) -> core.Expr | None:
     if not _counted(body, e, 1):
         return None
     value = body.expr(e.arguments[0].value)
@@ -167,14 +167,14 @@ def _abs(body: Body, e: ast.Call, expected: Type | None) -> core.Expr | None:
     return folded(core.Unary(core.UnaryOp.ABS, value, value.type, span=e.span))
 
 
-def _float(body: Body, e: ast.Call, expected: Type | None) -> core.Expr | None:
+def _float(body: BodyScope, e: ast.Call, expected: Type | None) -> core.Expr | None:
     if not _counted(body, e, 1):
         return None
     value = e.arguments[0].value
     return fit(body, body.expr(value), FLOAT, value.span, "the argument of `float`")
 
 
-def _to_list(body: Body, e: ast.Call, expected: Type | None) -> core.Expr | None:
+def _to_list(body: BodyScope, e: ast.Call, expected: Type | None) -> core.Expr | None:
     return list_of(body, tuple(argument.value for argument in e.arguments), expected, e.span)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from koord.syntax import ast, core
-from koord.syntax.elaboration.body import CLOSED, Body, Where
+from koord.syntax.elaboration.body import CLOSED, BodyScope, Where
 from koord.syntax.elaboration.builtins import BUILTINS
 from koord.syntax.elaboration.coercion import POISON, fit, widened
 from koord.syntax.elaboration.function_calls import call, candidates, is_named
@@ -31,7 +31,7 @@ METHODS = frozenset({"length", "len", "contains", "any", "all", "min", "max", "k
 _POS = RecordInfo(POS, (None, None, None), ast.Ident("pos"))
 
 
-def function_call(body: Body, e: ast.Call, expected: Type | None) -> core.Expr | None:
+def function_call(body: BodyScope, e: ast.Call, expected: Type | None) -> core.Expr | None:
     """A call by its name: the program's function, a record, a built-in, the library's."""
     name = e.function.name
     session = body.session
@@ -60,7 +60,7 @@ def function_call(body: Body, e: ast.Call, expected: Type | None) -> core.Expr |
 _CHANGING = frozenset({Where.EFFECT, Where.INIT, Where.ENVIRONMENT, Where.FUNCTION})
 
 
-def method_call(body: Body, e: ast.MethodCall, expected: Type | None) -> core.Expr | None:
+def method_call(body: BodyScope, e: ast.MethodCall, expected: Type | None) -> core.Expr | None:
     """``x.f(a)`` is ``f(x, a)`` for the operations on lists."""
     if e.method.name in METHODS:
         return function_call(body, as_call(e), expected)
@@ -75,7 +75,7 @@ def method_call(body: Body, e: ast.MethodCall, expected: Type | None) -> core.Ex
     return None
 
 
-def _as_function(body: Body, e: ast.MethodCall) -> str:
+def _as_function(body: BodyScope, e: ast.MethodCall) -> str:
     """The hint for `x.f(a)` where there is no operation `f`."""
     name = e.method.name
     if name in _functions(body):
@@ -85,7 +85,7 @@ def _as_function(body: Body, e: ast.MethodCall) -> str:
     )
 
 
-def _functions(body: Body) -> list[str]:
+def _functions(body: BodyScope) -> list[str]:
     """What can be called in an expression."""
     session = body.session
     drawn = ["choose"] if body.where in CLOSED | {Where.ENVIRONMENT, Where.INIT} else []
@@ -99,7 +99,7 @@ def as_call(e: ast.MethodCall) -> ast.Call:
     return ast.Call(e.method, (receiver, *e.arguments), span=e.span)
 
 
-def _change(body: Body, e: ast.Call, name: str) -> core.Expr | None:
+def _change(body: BodyScope, e: ast.Call, name: str) -> core.Expr | None:
     for argument in e.arguments:
         body.expr(argument.value, POISON)
     body.error(
@@ -111,7 +111,7 @@ def _change(body: Body, e: ast.Call, name: str) -> core.Expr | None:
     return None
 
 
-def _unknown(body: Body, e: ast.Call) -> core.Expr | None:
+def _unknown(body: BodyScope, e: ast.Call) -> core.Expr | None:
     for argument in e.arguments:
         body.expr(argument.value, POISON)
     if body.session.partial:
@@ -126,7 +126,7 @@ def _unknown(body: Body, e: ast.Call) -> core.Expr | None:
     return None
 
 
-def _choose(body: Body, e: ast.Call) -> core.Expr | None:
+def _choose(body: BodyScope, e: ast.Call) -> core.Expr | None:
     """``choose(low, high)``, [ENV-TRANS]."""
     if body.where in CLOSED:
         body.error(
@@ -161,7 +161,7 @@ def _choose(body: Body, e: ast.Call) -> core.Expr | None:
     return core.Choose(lower, upper, type_, body.fresh_site(), span=e.span)
 
 
-_SPECIAL: dict[str, Callable[[Body, ast.Call], core.Expr | None]] = {
+_SPECIAL: dict[str, Callable[[BodyScope, ast.Call], core.Expr | None]] = {
     "choose": _choose,
     "ran": ran,
 }

@@ -8,13 +8,13 @@ from koord.syntax import ast, core
 from koord.syntax.analysis.contradictions import contradicting
 from koord.syntax.analysis.folding import constant
 from koord.syntax.diagnostics import Note
-from koord.syntax.elaboration.body import Body, Confusion, Session
+from koord.syntax.elaboration.body import BodyScope, Confusion, Elaboration
 from koord.syntax.elaboration.symbols import Named, ParamSymbol, VariableSymbol
 from koord.syntax.types import ArrayType, show
 from koord.syntax.walk import nodes
 
 
-def never_enabled(session: Session, event: ast.Event, guard: core.Expr) -> None:
+def never_enabled(session: Elaboration, event: ast.Event, guard: core.Expr) -> None:
     """An event whose guard is false in every configuration."""
     if constant(guard) is False or contradicting([guard]) is not None:
         assert event.pre is not None
@@ -25,7 +25,7 @@ def never_enabled(session: Session, event: ast.Event, guard: core.Expr) -> None:
         )
 
 
-def lost_updates(body: Body, guarded: frozenset[int], effect: core.Block) -> None:
+def lost_updates(body: BodyScope, guarded: frozenset[int], effect: core.Block) -> None:
     """Allwrite variables that an event reads, and writes outside of `atomic`.
 
     ``guarded`` are those that its guard reads. There, a write that is the same for every robot (a
@@ -59,7 +59,7 @@ def _differs(statement: core.Assign) -> bool:
 
 
 def contradictions(
-    session: Session,
+    session: Elaboration,
     agents: Iterable[core.Agent],
     assumptions: Iterable[core.Assumption],
     externals: Iterable[core.External],
@@ -78,7 +78,9 @@ def contradictions(
         _never(session, external.ensures, "this `ensures:`", "no function can keep it")
 
 
-def _never(session: Session, conditions: Sequence[core.Expr], what: str, consequence: str) -> None:
+def _never(
+    session: Elaboration, conditions: Sequence[core.Expr], what: str, consequence: str
+) -> None:
     false = [condition for condition in conditions if constant(condition) is False]
     for condition in false:
         session.findings.warning("K404", condition.span, f"{what} is always false: {consequence}")
@@ -88,7 +90,7 @@ def _never(session: Session, conditions: Sequence[core.Expr], what: str, consequ
         session.findings.warning("K404", part.span, story)
 
 
-def unused(session: Session, scopes: Iterable[dict[str, Named]]) -> None:
+def unused(session: Elaboration, scopes: Iterable[dict[str, Named]]) -> None:
     """Variables and params that are named nowhere."""
     for scope in scopes:
         for name, symbol in scope.items():
@@ -108,7 +110,7 @@ def unused(session: Session, scopes: Iterable[dict[str, Named]]) -> None:
                 )
 
 
-def confused(session: Session) -> None:
+def confused(session: Elaboration) -> None:
     """Allread variables whose entries were meant to be lists: one error for each, at its type."""
     for symbol in session.shared.values():
         if not isinstance(symbol, VariableSymbol):
@@ -118,7 +120,7 @@ def confused(session: Session) -> None:
             _confused(session, symbol, uses)
 
 
-def _confused(session: Session, symbol: VariableSymbol, uses: list[Confusion]) -> None:
+def _confused(session: Elaboration, symbol: VariableSymbol, uses: list[Confusion]) -> None:
     name = symbol.variable.name
     assert isinstance(symbol.variable.type, ArrayType)
     entry = show(symbol.variable.type.element)

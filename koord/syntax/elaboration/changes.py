@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from koord.syntax import ast, core
-from koord.syntax.elaboration.body import Body
+from koord.syntax.elaboration.body import BodyScope
 from koord.syntax.elaboration.calls import METHODS, as_call
 from koord.syntax.elaboration.coercion import POISON, fit
 from koord.syntax.elaboration.names import Meaning
@@ -16,7 +16,7 @@ from koord.syntax.elaboration.targets import target
 from koord.syntax.types import BOOL, INT, PRESENT, GrowingType, MapType, RecordType, SetType, Type
 
 
-def call_statement(body: Body, s: ast.CallStmt) -> core.Block:
+def call_statement(body: BodyScope, s: ast.CallStmt) -> core.Block:
     """``append(x, v)``, ``x.remove(v)``, ``pop(q)``, ``assign(task, pid)``"""
     call = s.call
     if isinstance(call, ast.MethodCall):
@@ -41,7 +41,9 @@ def call_statement(body: Body, s: ast.CallStmt) -> core.Block:
     return ()
 
 
-def _changed(body: Body, call: ast.Call, count: int, *, reads: bool = True) -> core.Place | None:
+def _changed(
+    body: BodyScope, call: ast.Call, count: int, *, reads: bool = True
+) -> core.Place | None:
     """The place that is changed, if the number of arguments is right."""
     if len(call.arguments) != count:
         for argument in call.arguments:
@@ -67,7 +69,7 @@ def _growing(type_: Type) -> Type | None:
     return type_.element if isinstance(type_, GrowingType) else None
 
 
-def _no_list(body: Body, call: ast.Call, place: core.Place, what: str) -> core.Block:
+def _no_list(body: BodyScope, call: ast.Call, place: core.Place, what: str) -> core.Block:
     name, meant = call.function.name, None
     if name == "add" and isinstance(place.type, GrowingType):
         meant = "did you mean `append`?"
@@ -78,7 +80,7 @@ def _no_list(body: Body, call: ast.Call, place: core.Place, what: str) -> core.B
     return ()
 
 
-def _append(body: Body, call: ast.Call) -> core.Block:
+def _append(body: BodyScope, call: ast.Call) -> core.Block:
     place = _changed(body, call, 2)
     if place is None:
         return ()
@@ -91,7 +93,7 @@ def _append(body: Body, call: ast.Call) -> core.Block:
     return () if value is None else (core.Append(place, value, span=call.span),)
 
 
-def _add(body: Body, call: ast.Call) -> core.Block:
+def _add(body: BodyScope, call: ast.Call) -> core.Block:
     """``s.add(x)`` writes the entry of ``x``, which makes no use of what was there. [S-ADD]"""
     place = _changed(body, call, 2, reads=False)
     if place is None:
@@ -109,7 +111,7 @@ def _add(body: Body, call: ast.Call) -> core.Block:
     return (core.Assign(entry, core.Const(0, PRESENT, span=call.span), span=call.span),)
 
 
-def _remove(body: Body, call: ast.Call) -> core.Block:
+def _remove(body: BodyScope, call: ast.Call) -> core.Block:
     place = _changed(body, call, 2)
     if place is None:
         return ()
@@ -122,7 +124,7 @@ def _remove(body: Body, call: ast.Call) -> core.Block:
     return () if value is None else (core.Remove(place, value, span=call.span),)
 
 
-def _pop(body: Body, call: ast.Call) -> core.Block:
+def _pop(body: BodyScope, call: ast.Call) -> core.Block:
     place = _changed(body, call, 1)
     if place is None:
         return ()
@@ -131,7 +133,7 @@ def _pop(body: Body, call: ast.Call) -> core.Block:
     return (core.Pop(place, None, span=call.span),)
 
 
-def pop_into(body: Body, s: ast.Assign) -> core.Block:
+def pop_into(body: BodyScope, s: ast.Assign) -> core.Block:
     """``v = pop(q)``"""
     assert isinstance(s.value, ast.Call | ast.MethodCall)
     call = s.value if isinstance(s.value, ast.Call) else as_call(s.value)
@@ -152,7 +154,7 @@ def pop_into(body: Body, s: ast.Assign) -> core.Block:
     return (core.Pop(place, into, span=s.span),)
 
 
-def _assign(body: Body, call: ast.Call) -> core.Block:
+def _assign(body: BodyScope, call: ast.Call) -> core.Block:
     """``assign(task, robot)`` marks the task as the robot's."""
     place = _changed(body, call, 2)
     if place is None:
@@ -192,7 +194,7 @@ def _task_field(place: Meaning, name: str, wanted: Type) -> core.Place | None:
     return core.Place(place.variable, (*place.steps, step), span=place.span)
 
 
-_CHANGES: dict[str, Callable[[Body, ast.Call], core.Block]] = {
+_CHANGES: dict[str, Callable[[BodyScope, ast.Call], core.Block]] = {
     "append": _append,
     "add": _add,
     "remove": _remove,

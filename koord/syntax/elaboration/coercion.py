@@ -5,7 +5,7 @@ from __future__ import annotations
 from fractions import Fraction
 
 from koord.syntax import core
-from koord.syntax.elaboration.body import Body, Confusion
+from koord.syntax.elaboration.body import BodyScope, Confusion
 from koord.syntax.elaboration.phrases import a
 from koord.syntax.source import Span
 from koord.syntax.types import (
@@ -44,7 +44,7 @@ def accepts(wanted: Type, given: Type) -> bool:
 
 
 def fit(
-    body: Body, value: core.Expr | None, wanted: Type | None, span: Span, what: str
+    body: BodyScope, value: core.Expr | None, wanted: Type | None, span: Span, what: str
 ) -> core.Expr | None:
     """The value as one of the type ``wanted``; ``what`` says what it is for in messages."""
     if value is None or wanted is None:
@@ -78,7 +78,7 @@ def _cure(wanted: Type, given: Type) -> str | None:
             return None
 
 
-def _confused(body: Body, value: core.Expr, wanted: Type, span: Span) -> bool:
+def _confused(body: BodyScope, value: core.Expr, wanted: Type, span: Span) -> bool:
     """Whether the misfit is that of an allread variable that was meant to hold lists."""
     if not isinstance(value, core.Read):
         return False
@@ -96,7 +96,7 @@ def _confused(body: Body, value: core.Expr, wanted: Type, span: Span) -> bool:
             return False
 
 
-def stores_list(body: Body, place: core.Place, value: core.Expr, span: Span) -> bool:
+def stores_list(body: BodyScope, place: core.Place, value: core.Expr, span: Span) -> bool:
     """Whether a list is stored in an allread entry that holds one of its elements; noted if so."""
     if place.variable.home is not core.Home.ALLREAD or len(place.steps) != 1:
         return False

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from koord.syntax import ast
 from koord.syntax.diagnostics import Note
-from koord.syntax.elaboration.body import Body, Session, Where
+from koord.syntax.elaboration.body import BodyScope, Elaboration, Where
 from koord.syntax.elaboration.library import library
 from koord.syntax.elaboration.records import field_value
 from koord.syntax.elaboration.resolve_types import GENERIC, PREDEFINED, resolve
@@ -12,7 +12,9 @@ from koord.syntax.elaboration.symbols import RESERVED, MemberSymbol, RecordInfo
 from koord.syntax.types import STREAM, EnumType, RecordType, Type
 
 
-def declare_types(session: Session, enums: list[ast.EnumDef], records: list[ast.RecordDef]) -> None:
+def declare_types(
+    session: Elaboration, enums: list[ast.EnumDef], records: list[ast.RecordDef]
+) -> None:
     """Enter all types into the session. `Task` is the library's unless the program has its own."""
     own: dict[str, ast.RecordDef] = {}
     for enum in enums:
@@ -28,7 +30,7 @@ def declare_types(session: Session, enums: list[ast.EnumDef], records: list[ast.
     _records(session, own)
 
 
-def _is_new(session: Session, name: ast.Ident) -> bool:
+def _is_new(session: Elaboration, name: ast.Ident) -> bool:
     if name.name == "?":
         return False
     if name.name in PREDEFINED or name.name in GENERIC:
@@ -49,7 +51,7 @@ def _is_new(session: Session, name: ast.Ident) -> bool:
     return True
 
 
-def _enum(session: Session, enum: ast.EnumDef) -> None:
+def _enum(session: Elaboration, enum: ast.EnumDef) -> None:
     members: list[ast.Ident] = []
     for member in enum.members:
         if member.name in RESERVED:
@@ -76,7 +78,7 @@ def _enum(session: Session, enum: ast.EnumDef) -> None:
         session.types.members.setdefault(member.name, []).append(symbol)
 
 
-def _records(session: Session, records: dict[str, ast.RecordDef]) -> None:
+def _records(session: Elaboration, records: dict[str, ast.RecordDef]) -> None:
     """Resolve records so that each comes behind those that it is made of."""
     done: set[str] = set()
     for name in records:
@@ -117,7 +119,7 @@ def _names(type_: ast.TypeExpr) -> list[str]:
     return names
 
 
-def _endless(session: Session, records: dict[str, ast.RecordDef], cycle: list[str]) -> None:
+def _endless(session: Elaboration, records: dict[str, ast.RecordDef], cycle: list[str]) -> None:
     name = records[cycle[0]].name
     way = " → ".join(f"`{part}`" for part in [*cycle, cycle[0]])
     session.findings.error(
@@ -128,8 +130,8 @@ def _endless(session: Session, records: dict[str, ast.RecordDef], cycle: list[st
     )
 
 
-def _record(session: Session, record: ast.RecordDef) -> None:
-    body = Body(session, Where.CONSTANT, None, session.findings)
+def _record(session: Elaboration, record: ast.RecordDef) -> None:
+    body = BodyScope(session, Where.CONSTANT, None, session.findings)
     fields: list[tuple[str, Type]] = []
     defaults: list[ast.Expr | None] = []
     seen: dict[str, ast.Ident] = {}
@@ -166,7 +168,7 @@ def _record(session: Session, record: ast.RecordDef) -> None:
     session.types.records[name] = RecordInfo(made, tuple(defaults), record.name)
 
 
-def check_defaults(session: Session, records: list[ast.RecordDef]) -> None:
+def check_defaults(session: Elaboration, records: list[ast.RecordDef]) -> None:
     """Check the initial values of fields, which constructions may leave out."""
     for record in records:
         info = session.types.records.get(record.name.name)
@@ -176,6 +178,6 @@ def check_defaults(session: Session, records: list[ast.RecordDef]) -> None:
         for decl in record.fields:
             if decl.initial is None or decl.name.name not in names:
                 continue
-            body = Body(session, Where.CONSTANT, None, session.findings)
+            body = BodyScope(session, Where.CONSTANT, None, session.findings)
             wanted = info.type.fields[names.index(decl.name.name)][1]
             field_value(body, decl.initial, decl.name.name, wanted)

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from koord.syntax import ast, core
 from koord.syntax.diagnostics import Note
-from koord.syntax.elaboration.body import Body, Session, Where
+from koord.syntax.elaboration.body import BodyScope, Elaboration, Where
 from koord.syntax.elaboration.cautions import lost_updates, never_enabled
 from koord.syntax.elaboration.coercion import fit
 from koord.syntax.elaboration.symbols import AgentScope
 from koord.syntax.types import BOOL
 
 
-def name_events(session: Session, scope: AgentScope, events: list[ast.Event]) -> None:
+def name_events(session: Elaboration, scope: AgentScope, events: list[ast.Event]) -> None:
     """Give the events their positions."""
     for position, event in enumerate(events):
         name = event.name.name
@@ -27,9 +27,9 @@ def name_events(session: Session, scope: AgentScope, events: list[ast.Event]) ->
         scope.events.setdefault(name, position)
 
 
-def event(session: Session, scope: AgentScope, section: ast.Event) -> core.Event:
+def event(session: Elaboration, scope: AgentScope, section: ast.Event) -> core.Event:
     """An event. Its lock classes are still numbers of atomic blocks."""
-    body = Body(session, Where.GUARD, scope, session.findings)
+    body = BodyScope(session, Where.GUARD, scope, session.findings)
     guard: core.Expr = core.Const(True, BOOL, span=section.name.span)
     if section.pre is not None:
         found = fit(body, body.expr(section.pre, BOOL), BOOL, section.pre.span, "a guard")
@@ -52,9 +52,11 @@ def event(session: Session, scope: AgentScope, section: ast.Event) -> core.Event
     )
 
 
-def init(session: Session, scope: AgentScope, sections: list[ast.Init]) -> tuple[core.Block, int]:
+def init(
+    session: Elaboration, scope: AgentScope, sections: list[ast.Init]
+) -> tuple[core.Block, int]:
     """What robots do at the start, and how many bound slots it needs."""
-    body = Body(session, Where.INIT, scope, session.findings)
+    body = BodyScope(session, Where.INIT, scope, session.findings)
     statements: list[core.Stmt] = []
     for section in sections:
         statements.extend(body.block(section.body))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import assert_never
 
 from koord.syntax import ast, core
-from koord.syntax.elaboration.body import Body
+from koord.syntax.elaboration.body import BodyScope
 from koord.syntax.elaboration.calls import function_call, method_call
 from koord.syntax.elaboration.literals import collection
 from koord.syntax.elaboration.operators import binary, unary
@@ -14,7 +14,7 @@ from koord.syntax.elaboration.quantifiers import quantified
 from koord.syntax.types import BOOL, FLOAT, INT, STRING, Type
 
 
-def expression(body: Body, e: ast.Expr, expected: Type | None) -> core.Expr | None:
+def expression(body: BodyScope, e: ast.Expr, expected: Type | None) -> core.Expr | None:
     """The expression, typed; ``expected`` is the type that its place wants, if that is known.
 
     Where the type of the result differs from ``expected``, the caller finds out. None means that

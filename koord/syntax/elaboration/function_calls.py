@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from koord.syntax import ast, core
 from koord.syntax.diagnostics import Note
-from koord.syntax.elaboration.body import LOGICAL, Body, Where
+from koord.syntax.elaboration.body import LOGICAL, BodyScope, Where
 from koord.syntax.elaboration.coercion import POISON, accepts, fit
 from koord.syntax.elaboration.library import library_signatures
 from koord.syntax.elaboration.symbols import Signature
@@ -14,7 +14,7 @@ from koord.syntax.source import Span
 from koord.syntax.types import FLOAT, INT, Type, show
 
 
-def candidates(body: Body, name: str) -> Sequence[Signature]:
+def candidates(body: BodyScope, name: str) -> Sequence[Signature]:
     """The functions that a call by this name can mean."""
     table = body.session.functions
     own = table.own.get(name)
@@ -29,7 +29,7 @@ def candidates(body: Body, name: str) -> Sequence[Signature]:
 
 
 def library_call(
-    body: Body, name: str, arguments: tuple[core.Expr, ...], span: Span
+    body: BodyScope, name: str, arguments: tuple[core.Expr, ...], span: Span
 ) -> core.Expr | None:
     """A call of the library's function of that name whose types fit."""
     for signature in library_signatures(body.session, name):
@@ -38,7 +38,7 @@ def library_call(
     raise AssertionError(f"the library has no {name} for these types")
 
 
-def is_named(body: Body, e: ast.Call) -> bool:
+def is_named(body: BodyScope, e: ast.Call) -> bool:
     """Whether an argument has a name, which is told."""
     for argument in e.arguments:
         if argument.name is not None:
@@ -52,7 +52,7 @@ def is_named(body: Body, e: ast.Call) -> bool:
     return False
 
 
-def call(body: Body, e: ast.Call, known: Sequence[Signature]) -> core.Expr | None:
+def call(body: BodyScope, e: ast.Call, known: Sequence[Signature]) -> core.Expr | None:
     """A call of one of the functions that the name can mean."""
     if is_named(body, e):
         return None
@@ -78,7 +78,7 @@ def call(body: Body, e: ast.Call, known: Sequence[Signature]) -> core.Expr | Non
 
 
 def _chosen(
-    body: Body, e: ast.Call, fitting: list[Signature]
+    body: BodyScope, e: ast.Call, fitting: list[Signature]
 ) -> tuple[Signature | None, list[core.Expr | None]]:
     """The function meant, by number and then types of arguments; and the arguments."""
     if len(fitting) == 1:
@@ -132,7 +132,7 @@ def _ordinal(place: int) -> str:
     return (_ORDINALS[place] if place < len(_ORDINALS) else f"number {place + 1}") + " argument"
 
 
-def _wrong_count(body: Body, e: ast.Call, known: Sequence[Signature]) -> None:
+def _wrong_count(body: BodyScope, e: ast.Call, known: Sequence[Signature]) -> None:
     if not known:
         return
     counts = sorted({len(signature.parameters) for signature in known})
@@ -161,7 +161,7 @@ def _called(signature: Signature) -> str:
 
 
 def _made(
-    body: Body, signature: Signature, arguments: tuple[core.Expr, ...], span: Span
+    body: BodyScope, signature: Signature, arguments: tuple[core.Expr, ...], span: Span
 ) -> core.Expr | None:
     if body.where is Where.CONSTANT:
         body.error("K226", span, "the value of a function is not known before the run")

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from koord.syntax import core
-from koord.syntax.elaboration.body import Session
+from koord.syntax.elaboration.body import Elaboration
 from koord.syntax.elaboration.phrases import listed
 
 
-def in_order(session: Session) -> list[core.Function | core.External]:
+def in_order(session: Elaboration) -> list[core.Function | core.External]:
     """The functions, each behind those that it calls. Recursion is an error, told once a cycle.
 
     The summary of an external function may speak of the function itself ("symmetric").
@@ -37,7 +37,7 @@ def in_order(session: Session) -> list[core.Function | core.External]:
     return [made for made in done.values() if made is not None]
 
 
-def check_logical_calls(session: Session) -> None:
+def check_logical_calls(session: Elaboration) -> None:
     """Statements call functions of fixed answers only."""
     table = session.functions
     for name, span in session.logical_calls:
@@ -59,11 +59,11 @@ def check_logical_calls(session: Session) -> None:
             stack.extend(called)
 
 
-def _is_external(session: Session, name: str) -> bool:
+def _is_external(session: Elaboration, name: str) -> bool:
     return isinstance(session.functions.elaborated.get(name), core.External)
 
 
-def _recursion(session: Session, cycle: list[str]) -> None:
+def _recursion(session: Elaboration, cycle: list[str]) -> None:
     own = [session.functions.own[name] for name in cycle if name in session.functions.own]
     if not own:
         raise AssertionError(f"the library is recursive: {cycle}")

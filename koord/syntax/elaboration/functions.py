@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from koord.syntax import ast, core
 from koord.syntax.diagnostics import Note
-from koord.syntax.elaboration.body import Body, Session, Where
+from koord.syntax.elaboration.body import BodyScope, Elaboration, Where
 from koord.syntax.elaboration.coercion import fit
 from koord.syntax.elaboration.findings import Findings
 from koord.syntax.elaboration.library import signature
@@ -20,7 +20,7 @@ _KINDS = {
 }
 
 
-def declare_functions(session: Session, definitions: list[ast.FunDef]) -> None:
+def declare_functions(session: Elaboration, definitions: list[ast.FunDef]) -> None:
     """Enter the program's own functions."""
     own = session.functions.own
     for definition in definitions:
@@ -40,7 +40,7 @@ def declare_functions(session: Session, definitions: list[ast.FunDef]) -> None:
         own[name.name] = signature(session, definition, name.name, library=False)
 
 
-def define_functions(session: Session) -> None:
+def define_functions(session: Elaboration) -> None:
     """Elaborate the program's own functions, and those of the library that are called."""
     table = session.functions
     for own in table.own.values():
@@ -59,7 +59,7 @@ def define_functions(session: Session) -> None:
             _unfit(session, wanted, findings)
 
 
-def _unfit(session: Session, wanted: Signature, findings: Findings) -> None:
+def _unfit(session: Elaboration, wanted: Signature, findings: Findings) -> None:
     """A function of the library does not fit the program's own `Task`."""
     told = findings.in_order()
     task = session.types.declared.get("Task")
@@ -74,7 +74,7 @@ def _unfit(session: Session, wanted: Signature, findings: Findings) -> None:
     )
 
 
-def _define(session: Session, wanted: Signature, findings: Findings) -> None:
+def _define(session: Elaboration, wanted: Signature, findings: Findings) -> None:
     definition = wanted.definition
     if isinstance(definition.body, ast.External):
         made: core.Function | core.External | None = _external(session, wanted, findings)
@@ -84,9 +84,9 @@ def _define(session: Session, wanted: Signature, findings: Findings) -> None:
         session.functions.elaborated[wanted.name] = made
 
 
-def _body(session: Session, wanted: Signature, findings: Findings, where: Where) -> Body:
+def _body(session: Elaboration, wanted: Signature, findings: Findings, where: Where) -> BodyScope:
     """A body with the parameters in scope."""
-    body = Body(session, where, None, findings, library=wanted.library)
+    body = BodyScope(session, where, None, findings, library=wanted.library)
     body.origin = session.functions.origins.get(wanted.name) if wanted.library else None
     for decl, type_ in zip(wanted.definition.parameters, wanted.parameters, strict=True):
         known = body.frames[0].get(decl.name.name)
@@ -105,7 +105,7 @@ def _body(session: Session, wanted: Signature, findings: Findings, where: Where)
 
 
 def _function(
-    session: Session, wanted: Signature, statements: ast.Block, findings: Findings
+    session: Elaboration, wanted: Signature, statements: ast.Block, findings: Findings
 ) -> core.Function | None:
     body = _body(session, wanted, findings, Where.FUNCTION)
     body.result = wanted.result
@@ -149,7 +149,7 @@ def _function(
     )
 
 
-def _parameters(body: Body, wanted: Signature) -> tuple[core.Variable, ...]:
+def _parameters(body: BodyScope, wanted: Signature) -> tuple[core.Variable, ...]:
     return tuple(
         core.Variable(core.Home.BOUND, slot, name, type_)
         for slot, (name, type_) in enumerate(
@@ -175,7 +175,7 @@ def returns(statements: ast.Block) -> bool:
     return False
 
 
-def _external(session: Session, wanted: Signature, findings: Findings) -> core.External | None:
+def _external(session: Elaboration, wanted: Signature, findings: Findings) -> core.External | None:
     definition = wanted.definition
     if definition.result is None:
         findings.error(
@@ -223,7 +223,7 @@ def _external(session: Session, wanted: Signature, findings: Findings) -> core.E
     )
 
 
-def _condition(body: Body, condition: ast.Expr) -> core.Expr | None:
+def _condition(body: BodyScope, condition: ast.Expr) -> core.Expr | None:
     what = "what a summary says"
     made = fit(body, body.expr(condition, BOOL), BOOL, condition.span, what)
     if made is not None:
@@ -231,7 +231,7 @@ def _condition(body: Body, condition: ast.Expr) -> core.Expr | None:
     return made
 
 
-def check_promises(body: Body, condition: core.Expr) -> None:
+def check_promises(body: BodyScope, condition: core.Expr) -> None:
     """Tell of statements about every value of a type that nobody could ever try. [EXTERNAL]
 
     Of what is said of all values, some can be tried, and the rest taken on trust. Of what is denied

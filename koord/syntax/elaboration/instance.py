@@ -7,16 +7,16 @@ from itertools import islice
 
 from koord.syntax import ast, core
 from koord.syntax.core import LEAST_DELTA_S, MOST_DELTA_S, MOST_ROBOTS
-from koord.syntax.elaboration.body import Session
+from koord.syntax.elaboration.body import Elaboration
 from koord.syntax.elaboration.params import declared_value
 from koord.syntax.elaboration.phrases import a
-from koord.syntax.elaboration.sections import FLAGS, Kind, Sections
+from koord.syntax.elaboration.sections import FLAGS, AgentSections, Sections
 from koord.syntax.elaboration.variables import declared_twice
 from koord.syntax.source import Span
 from koord.syntax.types import FLOAT, INT, show
 
 
-def instance(session: Session, sections: Sections) -> core.Instance:
+def instance(session: Elaboration, sections: Sections) -> core.Instance:
     """The instance, as far as the program states it. What it says wrongly is told."""
     delta_s = _delta(session, sections)
     total = _robots(session, sections.common)
@@ -33,7 +33,7 @@ def instance(session: Session, sections: Sections) -> core.Instance:
     return core.Instance(tuple(islice(kinds_of, MOST_ROBOTS)), delta_s)
 
 
-def _check_kinds(session: Session, sections: Sections, stated: list[Kind]) -> None:
+def _check_kinds(session: Elaboration, sections: Sections, stated: list[AgentSections]) -> None:
     """The number is stated of each kind of robot, if of one; and not of all together besides."""
     for decl in _of_robots(sections.common)[:1]:
         _wrong(
@@ -52,15 +52,15 @@ def _check_kinds(session: Session, sections: Sections, stated: list[Kind]) -> No
             )
 
 
-def _of_robots(kind: Kind) -> list[ast.VarDecl]:
+def _of_robots(kind: AgentSections) -> list[ast.VarDecl]:
     return [decl for decl in kind.of_run if decl.name.name != "delta"]
 
 
-def _of_delta(kind: Kind) -> list[ast.VarDecl]:
+def _of_delta(kind: AgentSections) -> list[ast.VarDecl]:
     return [decl for decl in kind.of_run if decl.name.name == "delta"]
 
 
-def _robots(session: Session, kind: Kind) -> int | None:
+def _robots(session: Elaboration, kind: AgentSections) -> int | None:
     """How many robots there are, or of this kind; None if that is not stated, or wrong."""
     decl = _only(session, _of_robots(kind))
     if decl is None:
@@ -80,7 +80,7 @@ def _robots(session: Session, kind: Kind) -> int | None:
     return int(value)
 
 
-def _delta(session: Session, sections: Sections) -> Fraction | None:
+def _delta(session: Elaboration, sections: Sections) -> Fraction | None:
     """The length of a round; None if it is not stated, or wrong."""
     for kind in sections.kinds:
         for decl in _of_delta(kind):
@@ -101,13 +101,13 @@ def _delta(session: Session, sections: Sections) -> Fraction | None:
     return value
 
 
-def _only(session: Session, found: list[ast.VarDecl]) -> ast.VarDecl | None:
+def _only(session: Elaboration, found: list[ast.VarDecl]) -> ast.VarDecl | None:
     for decl in found[1:]:
         declared_twice(session, decl.name, found[0].name)
     return found[0] if found else None
 
 
-def _value(session: Session, decl: ast.VarDecl) -> Fraction | None:
+def _value(session: Elaboration, decl: ast.VarDecl) -> Fraction | None:
     wanted = FLOAT if decl.name.name == "delta" else INT
     if decl.initial is None:
         cure = f"state it here, or leave the line out and use `{FLAGS[decl.name.name]}`"
@@ -123,5 +123,5 @@ def _value(session: Session, decl: ast.VarDecl) -> Fraction | None:
     return Fraction(found.value)
 
 
-def _wrong(session: Session, span: Span, message: str, hint: str) -> None:
+def _wrong(session: Elaboration, span: Span, message: str, hint: str) -> None:
     session.findings.error("K250", span, message, hint)

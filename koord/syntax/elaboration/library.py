@@ -12,7 +12,7 @@ from msgspec import Struct
 
 from koord.syntax import ast
 from koord.syntax.content import content_fields
-from koord.syntax.elaboration.body import Body, Session, Where
+from koord.syntax.elaboration.body import BodyScope, Elaboration, Where
 from koord.syntax.elaboration.findings import Findings
 from koord.syntax.elaboration.resolve_types import resolve
 from koord.syntax.elaboration.symbols import Signature
@@ -78,7 +78,7 @@ def library_names() -> list[str]:
     return [name for name in library().functions if name not in _INTERNAL]
 
 
-def library_signatures(session: Session, name: str) -> tuple[Signature, ...]:
+def library_signatures(session: Elaboration, name: str) -> tuple[Signature, ...]:
     """The library's functions of that name, typed for this program."""
     table = session.functions
     found = table.library.get(name)
@@ -92,7 +92,7 @@ def library_signatures(session: Session, name: str) -> tuple[Signature, ...]:
     return found
 
 
-def _unique(session: Session, name: str, number: int) -> str:
+def _unique(session: Elaboration, name: str, number: int) -> str:
     """The name in the core program, which no function of the user has."""
     wanted = name if number == 1 else f"{name}_{number}"
     while wanted in session.functions.own:
@@ -100,10 +100,12 @@ def _unique(session: Session, name: str, number: int) -> str:
     return wanted
 
 
-def signature(session: Session, definition: ast.FunDef, name: str, *, library: bool) -> Signature:
+def signature(
+    session: Elaboration, definition: ast.FunDef, name: str, *, library: bool
+) -> Signature:
     """What callers see of a function. Mistakes in the library's types are told at its calls."""
     findings = Findings() if library else session.findings
-    body = Body(session, Where.CONSTANT, None, findings)
+    body = BodyScope(session, Where.CONSTANT, None, findings)
     parameters = tuple(resolve(body, decl.type) for decl in definition.parameters)
     result = resolve(body, definition.result) if definition.result is not None else None
     sound = all(parameters) and (result is not None or definition.result is None)

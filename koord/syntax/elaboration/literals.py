@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from koord.syntax import ast, core
-from koord.syntax.elaboration.body import Body
+from koord.syntax.elaboration.body import BodyScope
 from koord.syntax.elaboration.coercion import POISON, fit, widened
 from koord.syntax.elaboration.resolve_types import element_of
 from koord.syntax.source import Span
@@ -22,7 +22,7 @@ from koord.syntax.types import (
 )
 
 
-def collection(body: Body, e: ast.Collection, expected: Type | None) -> core.Expr | None:
+def collection(body: BodyScope, e: ast.Collection, expected: Type | None) -> core.Expr | None:
     """A list, map or set that is written out."""
     match e:
         case ast.ListLit(items=items):
@@ -34,7 +34,7 @@ def collection(body: Body, e: ast.Collection, expected: Type | None) -> core.Exp
 
 
 def list_of(
-    body: Body, items: tuple[ast.Expr, ...], expected: Type | None, span: Span
+    body: BodyScope, items: tuple[ast.Expr, ...], expected: Type | None, span: Span
 ) -> core.Expr | None:
     """A list of the items, of the type that its place wants if that is a list."""
     element = element_of(expected) if expected is not None else None
@@ -53,7 +53,9 @@ def list_of(
     return core.MakeList(tuple(found), made, span=span)
 
 
-def _array(body: Body, items: list[core.Expr], expected: ArrayType, span: Span) -> core.Expr | None:
+def _array(
+    body: BodyScope, items: list[core.Expr], expected: ArrayType, span: Span
+) -> core.Expr | None:
     if expected.size is Robots.ALL:
         body.error(
             "K204",
@@ -69,7 +71,7 @@ def _array(body: Body, items: list[core.Expr], expected: ArrayType, span: Span) 
 
 
 def _inferred(
-    body: Body, items: tuple[ast.Expr, ...], expected: Type | None, span: Span
+    body: BodyScope, items: tuple[ast.Expr, ...], expected: Type | None, span: Span
 ) -> core.Expr | None:
     if expected == POISON:
         for item in items:
@@ -104,7 +106,7 @@ def _inferred(
     return core.MakeList(tuple(values), ListType(element), span=span)
 
 
-def set_of(body: Body, e: ast.SetLit, expected: Type | None) -> core.Expr | None:
+def set_of(body: BodyScope, e: ast.SetLit, expected: Type | None) -> core.Expr | None:
     """A set of the elements: a map in which each is present."""
     element = expected.key if isinstance(expected, SetType) else None
     made = list_of(body, e.items, None if element is None else ListType(element), e.span)
@@ -123,13 +125,13 @@ def keys_of(of: core.Expr) -> core.Expr:
     return core.Builtin(core.ListOp.KEYS, (of,), ListType(of.type.key), span=of.span)
 
 
-def gone_through(body: Body, e: ast.Expr) -> core.Expr | None:
+def gone_through(body: BodyScope, e: ast.Expr) -> core.Expr | None:
     """What loops and quantifiers go through: a list, an array, a map; of a set its elements."""
     of = body.expr(e)
     return keys_of(of) if of is not None and isinstance(of.type, SetType) else of
 
 
-def map_of(body: Body, e: ast.MapLit, expected: Type | None) -> core.Expr | None:
+def map_of(body: BodyScope, e: ast.MapLit, expected: Type | None) -> core.Expr | None:
     """A map with the entries."""
     if expected == POISON:
         return None
@@ -149,7 +151,7 @@ def map_of(body: Body, e: ast.MapLit, expected: Type | None) -> core.Expr | None
     return core.MakeMap(tuple(entries), wanted, span=e.span)
 
 
-def _entry_types(body: Body, e: ast.MapLit) -> MapType | None:
+def _entry_types(body: BodyScope, e: ast.MapLit) -> MapType | None:
     """The type that the first entry has."""
     if not e.entries:
         body.error(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from koord.syntax import ast, core
-from koord.syntax.elaboration.body import Body, Loop
+from koord.syntax.elaboration.body import BodyScope, LoopScope
 from koord.syntax.elaboration.coercion import fit
 from koord.syntax.elaboration.literals import gone_through
 from koord.syntax.elaboration.phrases import a
@@ -24,7 +24,7 @@ _BOUND_OPS = frozenset(
 )
 
 
-def for_range(body: Body, s: ast.ForRange) -> core.Block:
+def for_range(body: BodyScope, s: ast.ForRange) -> core.Block:
     """``for i = low, high:``"""
     low = _bound(body, s.low, "the start of a loop")
     high = _bound(body, s.high, "the end of a loop")
@@ -41,7 +41,7 @@ def for_range(body: Body, s: ast.ForRange) -> core.Block:
     return (core.ForRange(symbol.variable, low, high, inner, span=s.span),)
 
 
-def repeat(body: Body, s: ast.Repeat) -> core.Block:
+def repeat(body: BodyScope, s: ast.Repeat) -> core.Block:
     """``repeat n:`` is a loop from 0 to ``n`` whose variable nobody sees. [S-FOR]"""
     count = _bound(body, s.count, "how often a loop repeats")
     with body.frame():
@@ -52,14 +52,14 @@ def repeat(body: Body, s: ast.Repeat) -> core.Block:
     return (core.ForRange(variable, core.Const(0, INT, span=s.span), count, inner, span=s.span),)
 
 
-def _inside(body: Body, statements: ast.Block) -> core.Block:
+def _inside(body: BodyScope, statements: ast.Block) -> core.Block:
     body.breakable += 1
     inner = body.block(statements)
     body.breakable -= 1
     return inner
 
 
-def _bound(body: Body, e: ast.Expr, what: str) -> core.Expr | None:
+def _bound(body: BodyScope, e: ast.Expr, what: str) -> core.Expr | None:
     bound = fit(body, body.expr(e, INT), INT, e.span, what)
     if bound is None or _known_beforehand(body, bound):
         return bound
@@ -73,7 +73,7 @@ def _bound(body: Body, e: ast.Expr, what: str) -> core.Expr | None:
     return None
 
 
-def _known_beforehand(body: Body, bound: core.Expr) -> bool:
+def _known_beforehand(body: BodyScope, bound: core.Expr) -> bool:
     match bound:
         case core.Const() | core.Pid() | core.NumAgents():
             return True
@@ -89,7 +89,7 @@ def _known_beforehand(body: Body, bound: core.Expr) -> bool:
             return False
 
 
-def _loop_over(body: Body, s: ast.ForRange) -> Loop:
+def _loop_over(body: BodyScope, s: ast.ForRange) -> LoopScope:
     """The list whose positions the loop visits, if its end is a length; for hints."""
     match s.high:
         case ast.Call(function=ast.Ident(name="length" | "len"), arguments=(argument,)):
@@ -99,10 +99,10 @@ def _loop_over(body: Body, s: ast.ForRange) -> Loop:
         case _:
             over = None
     element = _variable_element(body, over) if isinstance(over, ast.Name) else None
-    return Loop(s.variable.name, over, element, by_position=True)
+    return LoopScope(s.variable.name, over, element, by_position=True)
 
 
-def _variable_element(body: Body, over: ast.Name) -> Type | None:
+def _variable_element(body: BodyScope, over: ast.Name) -> Type | None:
     found = body.lookup(over.name)
     variable = found.variable if found is not None else None
     if variable is None:
@@ -113,11 +113,11 @@ def _variable_element(body: Body, over: ast.Name) -> Type | None:
     return element_of(variable.type) if isinstance(variable, core.Variable) else None
 
 
-def for_each(body: Body, s: ast.ForEach) -> core.Block:
+def for_each(body: BodyScope, s: ast.ForEach) -> core.Block:
     """``for x in list:``, ``for k, v in list:``."""
     sequence = gone_through(body, s.sequence)
     key_type, value_type = _visited(body, s, sequence)
-    body.loops.append(Loop(s.variables[-1].name, s.sequence, value_type, by_position=False))
+    body.loops.append(LoopScope(s.variables[-1].name, s.sequence, value_type, by_position=False))
     with body.frame():
         key = body.declare(s.variables[0], key_type, Role.LOOP) if len(s.variables) > 1 else None
         if key and key.variable and sequence and not isinstance(sequence.type, MapType):
@@ -135,7 +135,7 @@ def for_each(body: Body, s: ast.ForEach) -> core.Block:
 
 
 def _visited(
-    body: Body, s: ast.ForEach, sequence: core.Expr | None
+    body: BodyScope, s: ast.ForEach, sequence: core.Expr | None
 ) -> tuple[Type | None, Type | None]:
     if sequence is None:
         return (INT, None)
@@ -161,7 +161,7 @@ def _visited(
     return (INT, element)
 
 
-def break_(body: Body, s: ast.Break) -> core.Block:
+def break_(body: BodyScope, s: ast.Break) -> core.Block:
     """``break``"""
     if body.breakable:
         return (core.Break(span=s.span),)

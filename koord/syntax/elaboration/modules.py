@@ -8,7 +8,7 @@ from msgspec import Struct, field
 
 from koord.syntax import ast, core
 from koord.syntax.diagnostics import Note
-from koord.syntax.elaboration.body import Body, Session, Where
+from koord.syntax.elaboration.body import BodyScope, Elaboration, Where
 from koord.syntax.elaboration.coercion import fit
 from koord.syntax.elaboration.library import PORT_ALIASES, library
 from koord.syntax.elaboration.resolve_types import resolve
@@ -45,7 +45,7 @@ class UsedModule(Struct):
 
 
 def merge(
-    session: Session, sections: list[ast.Using], mentioned: Mapping[str, Span]
+    session: Elaboration, sections: list[ast.Using], mentioned: Mapping[str, Span]
 ) -> list[UsedModule]:
     """The modules that one kind of robot uses.
 
@@ -79,7 +79,7 @@ def canonical(module: str, port: str) -> str:
 
 
 def _own_ports(
-    session: Session,
+    session: Elaboration,
     module: UsedModule,
     decls: tuple[ast.VarDecl, ...],
     direction: core.Direction,
@@ -121,7 +121,7 @@ def _place(span: Span) -> tuple[int, int]:
 
 
 def declare_ports(
-    session: Session, kinds: Sequence[tuple[AgentScope, Sequence[UsedModule]]]
+    session: Elaboration, kinds: Sequence[tuple[AgentScope, Sequence[UsedModule]]]
 ) -> None:
     """Enter the ports of every kind of robot; what all kinds have comes first, in one order."""
     types: dict[int, Type | None] = {}
@@ -133,7 +133,7 @@ def declare_ports(
             for name, port in module.ports.items():
                 if id(port.decl) not in types:
                     types[id(port.decl)] = resolve(
-                        Body(session, Where.CONSTANT, None, session.findings), port.decl.type
+                        BodyScope(session, Where.CONSTANT, None, session.findings), port.decl.type
                     )
                 type_ = types[id(port.decl)]
                 if type_ is None:
@@ -168,7 +168,7 @@ def _enter(scope: AgentScope, module: UsedModule, name: str, symbol: PortNamed) 
 
 
 def ports(
-    session: Session, scope: AgentScope, modules: Sequence[UsedModule]
+    session: Elaboration, scope: AgentScope, modules: Sequence[UsedModule]
 ) -> tuple[core.Port, ...]:
     """The ports of a kind of robot in the order of their slots."""
     result: list[core.Port] = []
@@ -179,7 +179,7 @@ def ports(
         start = core.Start.UNSET
         if symbol.direction is core.Direction.SENSOR:
             start = core.Start.ARBITRARY
-        body = Body(session, Where.INITIAL, scope, session.findings)
+        body = BodyScope(session, Where.INITIAL, scope, session.findings)
         initial = initial_value(body, port.decl, symbol.variable.type, start)
         declaration = core.Declaration(symbol.variable, initial, span=port.decl.span)
         spelling = port.spelling if port.spelling != symbol.variable.name else ""
@@ -189,13 +189,13 @@ def ports(
     return tuple(result)
 
 
-def module(session: Session, scope: AgentScope, used: UsedModule) -> core.Module:
+def module(session: Elaboration, scope: AgentScope, used: UsedModule) -> core.Module:
     """The core module: its environment and contracts elaborated."""
     positions = tuple(slot for slot in sorted(scope.slots) if scope.slots[slot].module == used.name)
     environment: core.Block | None = None
     bound = 0
     if used.environment is not None:
-        body = Body(session, Where.ENVIRONMENT, scope, session.findings, module=used.name)
+        body = BodyScope(session, Where.ENVIRONMENT, scope, session.findings, module=used.name)
         environment = body.block(used.environment)
         bound = body.bound
     return core.Module(
@@ -208,7 +208,9 @@ def module(session: Session, scope: AgentScope, used: UsedModule) -> core.Module
     )
 
 
-def _contracts(session: Session, scope: AgentScope, used: UsedModule) -> tuple[core.Contract, ...]:
+def _contracts(
+    session: Elaboration, scope: AgentScope, used: UsedModule
+) -> tuple[core.Contract, ...]:
     result: list[core.Contract] = []
     seen: dict[str, ast.Ident] = {}
     for contract in used.contracts:
@@ -230,7 +232,7 @@ def _contracts(session: Session, scope: AgentScope, used: UsedModule) -> tuple[c
 
 
 def _conditions(
-    session: Session,
+    session: Elaboration,
     scope: AgentScope,
     used: UsedModule,
     conditions: tuple[ast.Expr, ...],
@@ -240,7 +242,7 @@ def _conditions(
     result: list[core.Expr] = []
     bound = 0
     for condition in conditions:
-        body = Body(session, where, scope, session.findings, module=used.name)
+        body = BodyScope(session, where, scope, session.findings, module=used.name)
         made = fit(body, body.expr(condition, BOOL), BOOL, condition.span, "what a contract says")
         bound = max(bound, body.bound)
         if made is not None:

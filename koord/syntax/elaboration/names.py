@@ -9,7 +9,7 @@ from koord.syntax.elaboration.body import (
     SEES_PID,
     SEES_PORTS,
     SEES_VARIABLES,
-    Body,
+    BodyScope,
     Where,
 )
 from koord.syntax.elaboration.coercion import POISON
@@ -35,7 +35,7 @@ from koord.syntax.types import FLOAT, INT, Type
 Meaning = core.Place | core.Expr | None
 
 
-def name(body: Body, e: ast.Name, expected: Type | None) -> Meaning:
+def name(body: BodyScope, e: ast.Name, expected: Type | None) -> Meaning:
     """The meaning of a name."""
     bound = body.lookup(e.name)
     if bound is not None:
@@ -52,7 +52,7 @@ def name(body: Body, e: ast.Name, expected: Type | None) -> Meaning:
     return _special(body, e, expected)
 
 
-def _declared(body: Body, e: ast.Name) -> tuple[Named | None, AgentScope | None]:
+def _declared(body: BodyScope, e: ast.Name) -> tuple[Named | None, AgentScope | None]:
     """The variable, constant or param of that name."""
     session = body.session
     if e.name in session.shared:
@@ -65,7 +65,7 @@ def _declared(body: Body, e: ast.Name) -> tuple[Named | None, AgentScope | None]
     return (owners[0].variables[e.name], owners[0]) if owners else (None, None)
 
 
-def _context(body: Body) -> AgentScope | None:
+def _context(body: BodyScope) -> AgentScope | None:
     """The kind of robot whose names are meant, if it is one kind."""
     if body.robot is not None:
         kind = body.robot.kind
@@ -73,7 +73,7 @@ def _context(body: Body) -> AgentScope | None:
     return body.agent
 
 
-def _symbol(body: Body, e: ast.Name, found: Named, agent: AgentScope | None) -> Meaning:
+def _symbol(body: BodyScope, e: ast.Name, found: Named, agent: AgentScope | None) -> Meaning:
     body.session.mark_used(found.declared)
     match found:
         case Poisoned():
@@ -106,7 +106,7 @@ def _placed(value: core.Expr, span: Span) -> core.Expr:
 
 
 def _variable(
-    body: Body, e: ast.Name, variable: core.Variable, agent: AgentScope | None
+    body: BodyScope, e: ast.Name, variable: core.Variable, agent: AgentScope | None
 ) -> Meaning:
     if body.where not in SEES_VARIABLES:
         out_of_reach(body, e, f"the variable `{e.name}`")
@@ -120,7 +120,9 @@ def _variable(
     return core.Place(variable, robot=_robot(body, e.span), span=e.span)
 
 
-def _common(body: Body, e: ast.Expr, variable: core.Variable, agent: AgentScope | None) -> bool:
+def _common(
+    body: BodyScope, e: ast.Expr, variable: core.Variable, agent: AgentScope | None
+) -> bool:
     """Whether every robot that can be meant has the variable; told if not."""
     if body.where not in CLOSED or _context(body) is not None or body.session.single:
         return True
@@ -144,7 +146,7 @@ def _common(body: Body, e: ast.Expr, variable: core.Variable, agent: AgentScope 
     return False
 
 
-def _robot(body: Body, span: Span) -> core.Expr | None:
+def _robot(body: BodyScope, span: Span) -> core.Expr | None:
     """Whose local or port is meant: None for the robot that runs."""
     if body.robot is not None:
         body.robot.used = True
@@ -154,7 +156,7 @@ def _robot(body: Body, span: Span) -> core.Expr | None:
     return None
 
 
-def _ports(body: Body, wanted: str) -> list[PortNamed]:
+def _ports(body: BodyScope, wanted: str) -> list[PortNamed]:
     agent = _context(body)
     if agent is not None:
         found = agent.ports.get(wanted, [])
@@ -170,7 +172,7 @@ def _module(port: PortNamed) -> str | None:
     return None if isinstance(port, Poisoned) else port.module
 
 
-def _unqualified(body: Body, e: ast.Name, ports: list[PortNamed]) -> Meaning:
+def _unqualified(body: BodyScope, e: ast.Name, ports: list[PortNamed]) -> Meaning:
     if len(ports) > 1:
         modules = [port.module for port in ports if not isinstance(port, Poisoned)]
         body.error(
@@ -183,7 +185,7 @@ def _unqualified(body: Body, e: ast.Name, ports: list[PortNamed]) -> Meaning:
     return port_place(body, e, ports[0])
 
 
-def port_place(body: Body, e: ast.Expr, port: PortNamed) -> Meaning:
+def port_place(body: BodyScope, e: ast.Expr, port: PortNamed) -> Meaning:
     """The place of a port that was found."""
     match port:
         case Poisoned():
@@ -202,11 +204,13 @@ def port_place(body: Body, e: ast.Expr, port: PortNamed) -> Meaning:
             return core.Place(variable, robot=_robot(body, e.span), primed=body.primed, span=e.span)
 
 
-def _owner(body: Body, port: str) -> AgentScope | None:
+def _owner(body: BodyScope, port: str) -> AgentScope | None:
     return next((scope for scope in body.session.agents if port in scope.ports), None)
 
 
-def _member(body: Body, e: ast.Name, members: list[MemberSymbol], expected: Type | None) -> Meaning:
+def _member(
+    body: BodyScope, e: ast.Name, members: list[MemberSymbol], expected: Type | None
+) -> Meaning:
     if len(members) > 1 and expected == POISON:
         return None
     if len(members) > 1:
@@ -225,7 +229,7 @@ def _member(body: Body, e: ast.Name, members: list[MemberSymbol], expected: Type
     return core.Const(member.position, member.type, span=e.span)
 
 
-def _special(body: Body, e: ast.Name, expected: Type | None) -> Meaning:
+def _special(body: BodyScope, e: ast.Name, expected: Type | None) -> Meaning:
     match e.name:
         case "pid":
             return _pid(body, e)
@@ -242,7 +246,7 @@ def _special(body: Body, e: ast.Name, expected: Type | None) -> Meaning:
             return None
 
 
-def _pid(body: Body, e: ast.Name) -> Meaning:
+def _pid(body: BodyScope, e: ast.Name) -> Meaning:
     if body.where in CLOSED:
         if body.robot is not None:
             body.robot.used = True
@@ -265,7 +269,7 @@ def _pid(body: Body, e: ast.Name) -> Meaning:
     return None
 
 
-def robot_entry(body: Body, found: core.Place, e: ast.Expr) -> core.Place:
+def robot_entry(body: BodyScope, found: core.Place, e: ast.Expr) -> core.Place:
     """``x@i`` is ``x[i]`` for an allread ``x``."""
     assert body.robot is not None
     element = element_of(found.variable.type)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from koord.syntax import ast, core
 from koord.syntax.analysis.folding import folded
-from koord.syntax.elaboration.body import CLOSED, Body
+from koord.syntax.elaboration.body import CLOSED, BodyScope
 from koord.syntax.elaboration.coercion import accepts, fit, widened
 from koord.syntax.elaboration.function_calls import library_call
 from koord.syntax.elaboration.phrases import a
@@ -37,7 +37,7 @@ _ARITHMETIC = {
 _CHAIN = 16
 
 
-def unary(body: Body, e: ast.Unary) -> core.Expr | None:
+def unary(body: BodyScope, e: ast.Unary) -> core.Expr | None:
     """``-e`` and ``not e``."""
     if e.op is ast.UnaryOp.NOT:
         operand = fit(body, body.expr(e.operand, BOOL), BOOL, e.operand.span, "what `not` negates")
@@ -55,7 +55,7 @@ def unary(body: Body, e: ast.Unary) -> core.Expr | None:
     return folded(core.Unary(core.UnaryOp.NEG, operand, operand.type, span=e.span))
 
 
-def binary(body: Body, e: ast.Binary, expected: Type | None) -> core.Expr | None:
+def binary(body: BodyScope, e: ast.Binary, expected: Type | None) -> core.Expr | None:
     """An operator with two operands."""
     if e.op in _LOGIC:
         return _logic(body, e)
@@ -77,7 +77,7 @@ def _of_name(e: ast.Expr, expected: Type | None) -> Type | None:
     return expected if isinstance(e, ast.Name) else None
 
 
-def _logic(body: Body, e: ast.Binary) -> core.Expr | None:
+def _logic(body: BodyScope, e: ast.Binary) -> core.Expr | None:
     op = _LOGIC[e.op]
     parts = _chain(e)
     what = f"what `{e.op.value}` joins"
@@ -115,7 +115,7 @@ def _balanced(op: core.BinaryOp, parts: list[core.Expr]) -> core.Expr:
     return core.Binary(op, left, right, BOOL, span=left.span.to(right.span))
 
 
-def _equality(body: Body, e: ast.Binary) -> core.Expr | None:
+def _equality(body: BodyScope, e: ast.Binary) -> core.Expr | None:
     if body.where in CLOSED and "choose" not in body.session.functions.own:
         for choice, other in ((e.right, e.left), (e.left, e.right)):
             if isinstance(choice, ast.Call) and choice.function.name == "choose":
@@ -139,7 +139,7 @@ def _equality(body: Body, e: ast.Binary) -> core.Expr | None:
     return folded(core.Binary(op, left, right, BOOL, span=e.span))
 
 
-def _operands(body: Body, e: ast.Binary) -> tuple[core.Expr | None, core.Expr | None]:
+def _operands(body: BodyScope, e: ast.Binary) -> tuple[core.Expr | None, core.Expr | None]:
     """Both operands; one that says its type helps one that does not (``[]``, a member)."""
     if _silent(body, e.left):
         right = body.expr(e.right)
@@ -148,13 +148,13 @@ def _operands(body: Body, e: ast.Binary) -> tuple[core.Expr | None, core.Expr | 
     return left, body.expr(e.right, left.type if left is not None else None)
 
 
-def _silent(body: Body, e: ast.Expr) -> bool:
+def _silent(body: BodyScope, e: ast.Expr) -> bool:
     if isinstance(e, ast.Name):
         return len(body.session.member(e.name)) > 1
     return isinstance(e, ast.Collection)
 
 
-def _within(body: Body, e: ast.Binary, choice: ast.Call, other: ast.Expr) -> core.Expr | None:
+def _within(body: BodyScope, e: ast.Binary, choice: ast.Call, other: ast.Expr) -> core.Expr | None:
     """In a property, ``x == choose(low, high)`` says that x is in the range."""
     value = body.expr(other)
     if len(choice.arguments) != 2 or e.op is not ast.BinaryOp.EQ:
@@ -176,7 +176,7 @@ def _within(body: Body, e: ast.Binary, choice: ast.Call, other: ast.Expr) -> cor
     return folded(core.Binary(core.BinaryOp.AND, above, below, BOOL, span=e.span))
 
 
-def _order(body: Body, e: ast.Binary, left: core.Expr, right: core.Expr) -> core.Expr | None:
+def _order(body: BodyScope, e: ast.Binary, left: core.Expr, right: core.Expr) -> core.Expr | None:
     if not (is_numeric(left.type) and is_numeric(right.type)):
         wrong = right if is_numeric(left.type) else left
         body.error(
@@ -204,7 +204,9 @@ def _same_number(left: core.Expr, right: core.Expr) -> tuple[core.Expr, core.Exp
     )
 
 
-def _arithmetic(body: Body, e: ast.Binary, left: core.Expr, right: core.Expr) -> core.Expr | None:
+def _arithmetic(
+    body: BodyScope, e: ast.Binary, left: core.Expr, right: core.Expr
+) -> core.Expr | None:
     if POS in (left.type, right.type):
         return _vector(body, e, left, right)
     if not (is_numeric(left.type) and is_numeric(right.type)):
@@ -221,7 +223,7 @@ def _arithmetic(body: Body, e: ast.Binary, left: core.Expr, right: core.Expr) ->
 
 
 def compute(
-    body: Body, op: core.BinaryOp, left: core.Expr, right: core.Expr, span: Span
+    body: BodyScope, op: core.BinaryOp, left: core.Expr, right: core.Expr, span: Span
 ) -> core.Expr | None:
     """Arithmetic on two numbers of one type."""
     if op is core.BinaryOp.MOD and left.type == FLOAT:
@@ -238,7 +240,7 @@ def _arithmetic_hint(wrong: Type) -> str | None:
     return None
 
 
-def _vector(body: Body, e: ast.Binary, left: core.Expr, right: core.Expr) -> core.Expr | None:
+def _vector(body: BodyScope, e: ast.Binary, left: core.Expr, right: core.Expr) -> core.Expr | None:
     """``a + b``, ``a - b``, ``a * k``, ``k * a``, ``a / k`` of positions."""
     if left.type == POS and right.type == POS:
         if e.op is ast.BinaryOp.ADD:

@@ -6,7 +6,7 @@ from fractions import Fraction
 
 from koord.syntax import ast, core
 from koord.syntax.analysis.folding import folded
-from koord.syntax.elaboration.body import Body, Session, Where
+from koord.syntax.elaboration.body import BodyScope, Elaboration, Where
 from koord.syntax.elaboration.coercion import fit
 from koord.syntax.elaboration.findings import Findings
 from koord.syntax.elaboration.phrases import a
@@ -25,9 +25,9 @@ from koord.syntax.types import (
 )
 
 
-def param_value(session: Session, decl: ast.VarDecl) -> core.Expr | None:
+def param_value(session: Elaboration, decl: ast.VarDecl) -> core.Expr | None:
     """The value of a param as an expression without names, or None if there is none."""
-    body = Body(session, Where.CONSTANT, None, session.findings)
+    body = BodyScope(session, Where.CONSTANT, None, session.findings)
     type_ = resolve(body, decl.type)
     if type_ is None:
         return None
@@ -62,24 +62,26 @@ def param_value(session: Session, decl: ast.VarDecl) -> core.Expr | None:
     return _initial(body, decl, decl.initial, type_)
 
 
-def declared_value(session: Session, decl: ast.VarDecl, initial: ast.Expr) -> core.Expr | None:
+def declared_value(session: Elaboration, decl: ast.VarDecl, initial: ast.Expr) -> core.Expr | None:
     """The value that a declaration gives, whatever the settings say; None if it is wrong."""
-    body = Body(session, Where.CONSTANT, None, session.findings)
+    body = BodyScope(session, Where.CONSTANT, None, session.findings)
     type_ = resolve(body, decl.type)
     return None if type_ is None else _initial(body, decl, initial, type_)
 
 
-def _initial(body: Body, decl: ast.VarDecl, initial: ast.Expr, type_: Type) -> core.Expr | None:
+def _initial(
+    body: BodyScope, decl: ast.VarDecl, initial: ast.Expr, type_: Type
+) -> core.Expr | None:
     found = body.expr(initial, type_)
     found = fit(body, found, type_, initial.span, f"`{decl.name.name}`")
     return _constant(body, found, decl) if found is not None else None
 
 
-def text_value(session: Session, decl: ast.VarDecl) -> core.Expr | None:
+def text_value(session: Elaboration, decl: ast.VarDecl) -> core.Expr | None:
     """The value of a param without the settings; None if the text gives it none."""
     if decl.initial is None:
         return None
-    body = Body(session, Where.CONSTANT, None, Findings())  # it may be wrong: it is not used
+    body = BodyScope(session, Where.CONSTANT, None, Findings())  # it may be wrong: it is not used
     type_ = resolve(body, decl.type)
     found = None if type_ is None else body.expr(decl.initial, type_)
     found = fit(body, found, type_, decl.initial.span, f"`{decl.name.name}`")
@@ -96,7 +98,7 @@ def _allowed(type_: Type) -> bool:
             return type_ in (INT, FLOAT, BOOL, STRING, POS)
 
 
-def _constant(body: Body, found: core.Expr, decl: ast.VarDecl) -> core.Expr | None:
+def _constant(body: BodyScope, found: core.Expr, decl: ast.VarDecl) -> core.Expr | None:
     value = _reduced(found)
     if value is None:
         body.error(

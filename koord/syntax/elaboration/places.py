@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from koord.syntax import ast, core
 from koord.syntax.elaboration import names
-from koord.syntax.elaboration.body import CLOSED, CONTRACT, Body
+from koord.syntax.elaboration.body import CLOSED, CONTRACT, BodyScope
 from koord.syntax.elaboration.coercion import fit
 from koord.syntax.elaboration.names import Meaning
 from koord.syntax.elaboration.phrases import a, choice, did_you_mean, listed
@@ -16,7 +16,7 @@ from koord.syntax.elaboration.unknown_names import unknown
 from koord.syntax.types import INT, EnumType, FloatType, MapType, RecordType, SetType, Type
 
 
-def meaning(body: Body, e: ast.Expr, expected: Type | None = None) -> Meaning:
+def meaning(body: BodyScope, e: ast.Expr, expected: Type | None = None) -> Meaning:
     """The place or the value that an expression denotes."""
     match e:
         case ast.Name():
@@ -28,7 +28,7 @@ def meaning(body: Body, e: ast.Expr, expected: Type | None = None) -> Meaning:
             return body.expr(e, expected)
 
 
-def _composed(body: Body, e: ast.Attribute | ast.Index | ast.AtRobot | ast.Prime) -> Meaning:
+def _composed(body: BodyScope, e: ast.Attribute | ast.Index | ast.AtRobot | ast.Prime) -> Meaning:
     match e:
         case ast.Attribute():
             return _attribute(body, e)
@@ -54,7 +54,7 @@ def stepped(found: core.Place | core.Expr, step: core.Step, e: ast.Expr) -> Mean
     return core.Select(found, step, span=e.span)
 
 
-def _attribute(body: Body, e: ast.Attribute) -> Meaning:
+def _attribute(body: BodyScope, e: ast.Attribute) -> Meaning:
     if isinstance(e.base, ast.Name) and _is_free(body, e.base.name):
         owner = e.base.name
         if owner in body.session.types.named or _is_module(body, owner):
@@ -69,7 +69,7 @@ def _attribute(body: Body, e: ast.Attribute) -> Meaning:
     return field(body, base, e)
 
 
-def _is_free(body: Body, name: str) -> bool:
+def _is_free(body: BodyScope, name: str) -> bool:
     """Whether the name is not that of a variable."""
     session = body.session
     return (
@@ -79,7 +79,7 @@ def _is_free(body: Body, name: str) -> bool:
     )
 
 
-def is_unknown(body: Body, name: str) -> bool:
+def is_unknown(body: BodyScope, name: str) -> bool:
     """Whether the name means nothing here."""
     session = body.session
     return (
@@ -90,7 +90,7 @@ def is_unknown(body: Body, name: str) -> bool:
     )
 
 
-def field(body: Body, base: core.Place | core.Expr, e: ast.Attribute) -> Meaning:
+def field(body: BodyScope, base: core.Place | core.Expr, e: ast.Attribute) -> Meaning:
     """A field of a record."""
     record = base.type
     if not isinstance(record, RecordType):
@@ -116,12 +116,12 @@ def field(body: Body, base: core.Place | core.Expr, e: ast.Attribute) -> Meaning
     return stepped(base, core.FieldStep(found, name, type_, span=e.name.span), e)
 
 
-def _is_module(body: Body, name: str) -> bool:
+def _is_module(body: BodyScope, name: str) -> bool:
     session = body.session
     return name in session.library_ports or any(name in agent.modules for agent in session.agents)
 
 
-def _qualified(body: Body, e: ast.Attribute, owner: str) -> Meaning:
+def _qualified(body: BodyScope, e: ast.Attribute, owner: str) -> Meaning:
     kind = body.session.types.named.get(owner)
     if isinstance(kind, EnumType):
         return _member(body, e, kind)
@@ -154,7 +154,7 @@ def _qualified(body: Body, e: ast.Attribute, owner: str) -> Meaning:
     return names.port_place(body, e, port)
 
 
-def find_module(body: Body, owner: str) -> ModuleScope | None:
+def find_module(body: BodyScope, owner: str) -> ModuleScope | None:
     """The module of that name that the robots meant use."""
     kind = body.robot.kind if body.robot is not None else None
     if kind is not None:
@@ -164,7 +164,7 @@ def find_module(body: Body, owner: str) -> ModuleScope | None:
     return next((module for module in body.session.modules() if module.name == owner), None)
 
 
-def _member(body: Body, e: ast.Attribute, kind: EnumType) -> Meaning:
+def _member(body: BodyScope, e: ast.Attribute, kind: EnumType) -> Meaning:
     if e.name.name in kind.members:
         return core.Const(kind.members.index(e.name.name), kind, span=e.span)
     body.error(
@@ -176,7 +176,7 @@ def _member(body: Body, e: ast.Attribute, kind: EnumType) -> Meaning:
     return None
 
 
-def _entry(body: Body, base: ast.Expr, found: Meaning) -> Meaning:
+def _entry(body: BodyScope, base: ast.Expr, found: Meaning) -> Meaning:
     """``x@i`` of an allread variable, and ``x.f @ i``, is the entry of robot ``i``."""
     if (
         isinstance(base, ast.Name)
@@ -190,7 +190,7 @@ def _entry(body: Body, base: ast.Expr, found: Meaning) -> Meaning:
     return found
 
 
-def _index(body: Body, e: ast.Index) -> Meaning:
+def _index(body: BodyScope, e: ast.Index) -> Meaning:
     base = meaning(body, e.base)
     if base is None:
         body.expr(e.index)

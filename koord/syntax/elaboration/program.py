@@ -23,11 +23,11 @@ from koord.syntax.elaboration import (
     unset,
     variables,
 )
-from koord.syntax.elaboration.body import Body, Session, Where
+from koord.syntax.elaboration.body import BodyScope, Elaboration, Where
 from koord.syntax.elaboration.expressions import expression
 from koord.syntax.elaboration.findings import Findings
 from koord.syntax.elaboration.library import library_ports, mentioned
-from koord.syntax.elaboration.sections import Kind, Sections, sort
+from koord.syntax.elaboration.sections import AgentSections, Sections, sort
 from koord.syntax.elaboration.settings import Elaborated, Settings
 from koord.syntax.elaboration.starts import assumed
 from koord.syntax.elaboration.statements import block
@@ -45,7 +45,7 @@ def elaborate(program: ast.Program, settings: Settings = _DEFAULTS) -> Elaborate
     """
     findings = Findings()
     sections = sort(program.sections, findings)
-    session = Session(settings, findings, expression, block, FunctionTable())
+    session = Elaboration(settings, findings, expression, block, FunctionTable())
     session.library_ports = library_ports()
     session.partial = sections.only_properties
     if sections.is_empty:
@@ -71,17 +71,17 @@ class _Robots(Struct):
     """One kind of robot: its names, and its sections."""
 
     scope: AgentScope
-    kind: Kind
+    kind: AgentSections
     modules: tuple[modules.UsedModule, ...] = ()
 
 
-def _kinds(sections: Sections) -> list[Kind]:
+def _kinds(sections: Sections) -> list[AgentSections]:
     """The kinds of robot. What stands outside of `agent` blocks is for all of them."""
     common = sections.common
     if not sections.kinds:
         return [common]
     return [
-        Kind(
+        AgentSections(
             kind.name,
             kind.declared,
             [*common.locals, *kind.locals],
@@ -97,7 +97,7 @@ def _kinds(sections: Sections) -> list[Kind]:
 
 
 def _declare(
-    session: Session, sections: Sections, robots: list[_Robots], program: ast.Program
+    session: Elaboration, sections: Sections, robots: list[_Robots], program: ast.Program
 ) -> None:
     """Enter every name."""
     declared_types.declare_types(session, sections.enums, sections.records)
@@ -120,30 +120,30 @@ def _declare(
         events.name_events(session, each.scope, each.kind.events)
 
 
-def _variables(session: Session, robots: list[_Robots]) -> frozenset[str]:
+def _variables(session: Elaboration, robots: list[_Robots]) -> frozenset[str]:
     """The names that are variables of every kind of robot."""
     scopes = [frozenset(each.scope.variables) for each in robots]
     return frozenset(session.shared) | frozenset.intersection(*scopes)
 
 
 def _entries(
-    session: Session, sections: Sections, robots: list[_Robots]
-) -> Iterator[variables.Entry]:
+    session: Elaboration, sections: Sections, robots: list[_Robots]
+) -> Iterator[variables.ScopedDeclaration]:
     """Every declaration of a variable or param."""
     for decl in sections.params:
-        yield variables.Entry(decl, (session.shared,), is_param=True)
+        yield variables.ScopedDeclaration(decl, (session.shared,), is_param=True)
     for decl in (*sections.allread, *sections.allwrite):
-        yield variables.Entry(decl, (session.shared,))
+        yield variables.ScopedDeclaration(decl, (session.shared,))
     scopes: dict[int, tuple[ast.VarDecl, list[dict[str, Named]]]] = {}
     for each in robots:
         for decl in each.kind.locals:
             scopes.setdefault(id(decl), (decl, []))[1].append(each.scope.variables)
     for decl, found in scopes.values():
-        yield variables.Entry(decl, tuple(found))
+        yield variables.ScopedDeclaration(decl, tuple(found))
 
 
 def _define(
-    session: Session, sections: Sections, robots: list[_Robots], program: ast.Program
+    session: Elaboration, sections: Sections, robots: list[_Robots], program: ast.Program
 ) -> core.Program:
     """Elaborate every body, and put the program together."""
     allwrite = _shared(session, sections.allwrite, Where.SHARED_INITIAL)
@@ -184,14 +184,14 @@ def _define(
     return made
 
 
-def _starts_with_tasks(session: Session, allwrite: tuple[core.Declaration, ...]) -> bool:
+def _starts_with_tasks(session: Elaboration, allwrite: tuple[core.Declaration, ...]) -> bool:
     """Whether the world's tasks are what a variable begins with."""
     unset = (d for d in allwrite if d.initial is core.Start.UNSET)
     return any(starts.tasks(d.variable, session.settings) is not None for d in unset)
 
 
 def _shared(
-    session: Session, decls: list[ast.VarDecl], where: Where
+    session: Elaboration, decls: list[ast.VarDecl], where: Where
 ) -> tuple[core.Declaration, ...]:
     result = []
     for decl in decls:
@@ -202,13 +202,13 @@ def _shared(
         if where is Where.INITIAL:
             assert isinstance(type_, ArrayType)
             type_ = type_.element
-        body = Body(session, where, None, session.findings)
+        body = BodyScope(session, where, None, session.findings)
         initial = starts.initial_value(body, decl, type_, core.Start.UNSET)
         result.append(core.Declaration(symbol.variable, initial, span=decl.span))
     return tuple(result)
 
 
-def _agent(session: Session, robots: _Robots) -> core.Agent:
+def _agent(session: Elaboration, robots: _Robots) -> core.Agent:
     scope = robots.scope
     init, init_bound = events.init(session, scope, robots.kind.init)
     return core.Agent(
@@ -223,26 +223,26 @@ def _agent(session: Session, robots: _Robots) -> core.Agent:
     )
 
 
-def _locals(session: Session, robots: _Robots) -> tuple[core.Declaration, ...]:
+def _locals(session: Elaboration, robots: _Robots) -> tuple[core.Declaration, ...]:
     by_slot: dict[int, core.Declaration] = {}
     for decl in robots.kind.locals:
         symbol = robots.scope.variables.get(decl.name.name)
         if not isinstance(symbol, VariableSymbol) or symbol.declared is not decl.name:
             continue
-        body = Body(session, Where.INITIAL, robots.scope, session.findings)
+        body = BodyScope(session, Where.INITIAL, robots.scope, session.findings)
         initial = starts.initial_value(body, decl, symbol.variable.type, core.Start.UNSET)
         declaration = core.Declaration(symbol.variable, initial, span=decl.span)
         by_slot[symbol.variable.slot] = declaration
     return tuple(by_slot[slot] for slot in sorted(by_slot))
 
 
-def _sources(sections: Sections) -> list[tuple[int | None, Kind]]:
+def _sources(sections: Sections) -> list[tuple[int | None, AgentSections]]:
     """Where assumptions and properties stand: outside, then in each kind of robot."""
     inside = [(number, kind) for number, kind in enumerate(sections.kinds)]
     return [(None, sections.common), *inside]
 
 
-def _assumptions(session: Session, sections: Sections) -> tuple[core.Assumption, ...]:
+def _assumptions(session: Elaboration, sections: Sections) -> tuple[core.Assumption, ...]:
     result: list[core.Assumption | None] = []
     for kind, source in _sources(sections):
         for section in source.assumptions:
@@ -251,7 +251,7 @@ def _assumptions(session: Session, sections: Sections) -> tuple[core.Assumption,
     return tuple(made for made in result if made is not None)
 
 
-def _expectations(session: Session, sections: Sections) -> tuple[core.Property, ...]:
+def _expectations(session: Elaboration, sections: Sections) -> tuple[core.Property, ...]:
     result: list[core.Property | None] = []
     for kind, source in _sources(sections):
         for section in source.expectations:
@@ -260,7 +260,7 @@ def _expectations(session: Session, sections: Sections) -> tuple[core.Property, 
     return tuple(made for made in result if made is not None)
 
 
-def _properties(session: Session, sections: Sections) -> tuple[core.Property, ...]:
+def _properties(session: Elaboration, sections: Sections) -> tuple[core.Property, ...]:
     stated = [
         (kind, section) for kind, source in _sources(sections) for section in source.properties
     ]

@@ -7,14 +7,14 @@ from typing import assert_never
 
 from koord.syntax import ast, core
 from koord.syntax.diagnostics import Note
-from koord.syntax.elaboration.body import Body, Session, Where
+from koord.syntax.elaboration.body import BodyScope, Elaboration, Where
 from koord.syntax.elaboration.coercion import fit
 from koord.syntax.elaboration.sections import Stated
 from koord.syntax.elaboration.symbols import AgentScope
 from koord.syntax.types import BOOL
 
 
-def closed(body: Body, e: ast.Expr, what: str) -> core.Expr | None:
+def closed(body: BodyScope, e: ast.Expr, what: str) -> core.Expr | None:
     """The statement, said of every robot if it speaks of ``pid``."""
     made = fit(body, body.expr(e, BOOL), BOOL, e.span, what)
     if made is None or body.closing is None:
@@ -23,12 +23,12 @@ def closed(body: Body, e: ast.Expr, what: str) -> core.Expr | None:
     return core.Quantified(core.QuantifierKind.FORALL, body.closing, domain, made, span=e.span)
 
 
-def _kind(body: Body) -> int | None:
+def _kind(body: BodyScope) -> int | None:
     """The kind of the robots that an unqualified local belongs to; None if there is but one."""
     return body.agent.index if body.agent is not None and not body.session.single else None
 
 
-def scope_of(session: Session, kind: int | None) -> AgentScope | None:
+def scope_of(session: Elaboration, kind: int | None) -> AgentScope | None:
     """The robots that an unqualified local belongs to: those of one kind, or all."""
     if session.single:
         return session.agents[0]
@@ -36,10 +36,10 @@ def scope_of(session: Session, kind: int | None) -> AgentScope | None:
 
 
 def assumption(
-    session: Session, section: ast.Assume, number: int, kind: int | None
+    session: Elaboration, section: ast.Assume, number: int, kind: int | None
 ) -> core.Assumption | None:
     """An assumption about the configuration after INIT."""
-    body = Body(session, Where.ASSUMPTION, scope_of(session, kind), session.findings)
+    body = BodyScope(session, Where.ASSUMPTION, scope_of(session, kind), session.findings)
     condition = closed(body, section.condition, "an assumption")
     if condition is None:
         return None
@@ -48,10 +48,10 @@ def assumption(
 
 
 def property_(
-    session: Session, section: Stated, name: str, kind: int | None
+    session: Elaboration, section: Stated, name: str, kind: int | None
 ) -> core.Property | None:
     """A property to check, or an expectation of whole runs."""
-    body = Body(session, Where.PROPERTY, scope_of(session, kind), session.findings)
+    body = BodyScope(session, Where.PROPERTY, scope_of(session, kind), session.findings)
     match section:
         case ast.Invariant(at_round=at_round, condition=condition):
             made = closed(body, condition, "an invariant")
@@ -67,7 +67,7 @@ def property_(
     return core.Property(name, sort, made, body.bound, span=section.span)
 
 
-def _eventually(body: Body, section: ast.Eventually, name: str) -> core.Property | None:
+def _eventually(body: BodyScope, section: ast.Eventually, name: str) -> core.Property | None:
     goal = fit(
         body, body.expr(section.goal, BOOL), BOOL, section.goal.span, "what eventually holds"
     )
@@ -78,12 +78,12 @@ def _eventually(body: Body, section: ast.Eventually, name: str) -> core.Property
     return core.Property(name, kind, goal, body.bound, each=each, span=section.span)
 
 
-def _each(body: Body) -> core.Each | None:
+def _each(body: BodyScope) -> core.Each | None:
     """Who a statement about whole runs is meant for, one by one, if it speaks of ``pid``."""
     return None if body.closing is None else core.Each(body.closing, _kind(body))
 
 
-def _leads_to(body: Body, section: ast.LeadsTo, name: str) -> core.Property | None:
+def _leads_to(body: BodyScope, section: ast.LeadsTo, name: str) -> core.Property | None:
     trigger = fit(body, body.expr(section.trigger, BOOL), BOOL, section.trigger.span, "a trigger")
     goal = fit(body, body.expr(section.goal, BOOL), BOOL, section.goal.span, "a goal")
     if trigger is None or goal is None:
@@ -99,7 +99,7 @@ _WORDS: dict[type[Stated], str] = {
 }
 
 
-def names(session: Session, sections: Iterable[Stated]) -> list[str]:
+def names(session: Elaboration, sections: Iterable[Stated]) -> list[str]:
     """The names of the properties; those without one are numbered by their order."""
     result: list[str] = []
     first: dict[str, ast.Ident] = {}

@@ -5,7 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from koord.syntax import ast, core
-from koord.syntax.elaboration.body import CLOSED, CONTRACT, LOGICAL, SUMMARIES, Body, Robot, Where
+from koord.syntax.elaboration.body import (
+    CLOSED,
+    CONTRACT,
+    LOGICAL,
+    SUMMARIES,
+    BodyScope,
+    RobotScope,
+    Where,
+)
 from koord.syntax.elaboration.coercion import fit
 from koord.syntax.elaboration.literals import gone_through
 from koord.syntax.elaboration.names import Meaning, robot_entry
@@ -20,7 +28,7 @@ _KINDS = {
 }
 
 
-def quantified(body: Body, e: ast.Quantified) -> core.Expr | None:
+def quantified(body: BodyScope, e: ast.Quantified) -> core.Expr | None:
     """``forall i, j: …`` as one quantifier per name, the first outermost."""
     if body.where not in LOGICAL:
         body.error(
@@ -48,7 +56,7 @@ def quantified(body: Body, e: ast.Quantified) -> core.Expr | None:
 
 
 def _binder(
-    body: Body, binder: ast.Binder, name: ast.Ident
+    body: BodyScope, binder: ast.Binder, name: ast.Ident
 ) -> tuple[core.Variable, core.QuantifierDomain] | None:
     if binder.type is not None:
         return _typed(body, binder, binder.type, name)
@@ -60,7 +68,7 @@ def _binder(
 
 
 def _bind(
-    body: Body,
+    body: BodyScope,
     name: ast.Ident,
     type_: Type | None,
     domain: core.QuantifierDomain | None,
@@ -73,7 +81,7 @@ def _bind(
 
 
 def _range(
-    body: Body, binder: ast.Binder, name: ast.Ident
+    body: BodyScope, binder: ast.Binder, name: ast.Ident
 ) -> tuple[core.Variable, core.QuantifierDomain] | None:
     assert binder.low is not None
     low = fit(body, body.expr(binder.low, INT), INT, binder.low.span, "the start of a range")
@@ -86,7 +94,7 @@ def _range(
 
 
 def _elements(
-    body: Body, over: ast.Expr, name: ast.Ident
+    body: BodyScope, over: ast.Expr, name: ast.Ident
 ) -> tuple[core.Variable, core.QuantifierDomain] | None:
     sequence = gone_through(body, over)
     if sequence is None:
@@ -99,7 +107,7 @@ def _elements(
 
 
 def _typed(
-    body: Body, binder: ast.Binder, type_: ast.TypeExpr, name: ast.Ident
+    body: BodyScope, binder: ast.Binder, type_: ast.TypeExpr, name: ast.Ident
 ) -> tuple[core.Variable, core.QuantifierDomain] | None:
     if isinstance(type_, ast.NamedType) and not type_.arguments:
         for agent in body.session.agents:
@@ -119,7 +127,7 @@ def _typed(
     return _bind(body, name, found, None if found is None else core.AllValues(found))
 
 
-def at_robot(body: Body, e: ast.AtRobot, base: Callable[[], Meaning]) -> Meaning:
+def at_robot(body: BodyScope, e: ast.AtRobot, base: Callable[[], Meaning]) -> Meaning:
     """``v@i``: the base, with the locals and ports of robot ``i``."""
     if body.where not in CLOSED | CONTRACT:
         body.error(
@@ -135,7 +143,7 @@ def at_robot(body: Body, e: ast.AtRobot, base: Callable[[], Meaning]) -> Meaning
         base()
         return None
     outer = body.robot
-    body.robot = Robot(robot, _kind(body, e.robot))
+    body.robot = RobotScope(robot, _kind(body, e.robot))
     try:
         found = base()
         if (
@@ -160,7 +168,7 @@ def at_robot(body: Body, e: ast.AtRobot, base: Callable[[], Meaning]) -> Meaning
     return found
 
 
-def _kind(body: Body, robot: ast.Expr) -> int | None:
+def _kind(body: BodyScope, robot: ast.Expr) -> int | None:
     if isinstance(robot, ast.Name):
         symbol = body.lookup(robot.name)
         if symbol is not None and symbol.kind is not None:
@@ -168,7 +176,7 @@ def _kind(body: Body, robot: ast.Expr) -> int | None:
     return 0 if body.session.single else None
 
 
-def primed(body: Body, e: ast.Prime, base: Callable[[], Meaning]) -> Meaning:
+def primed(body: BodyScope, e: ast.Prime, base: Callable[[], Meaning]) -> Meaning:
     """``x'``: the port after the environment's turn."""
     if body.where is not Where.ENSURES:
         body.error(
@@ -186,7 +194,7 @@ def primed(body: Body, e: ast.Prime, base: Callable[[], Meaning]) -> Meaning:
         body.primed = outer
 
 
-def ran(body: Body, e: ast.Call) -> core.Expr | None:
+def ran(body: BodyScope, e: ast.Call) -> core.Expr | None:
     """``ran(E)``, of the robot that ``@`` names or of every robot."""
     if body.where not in CLOSED:
         body.error(

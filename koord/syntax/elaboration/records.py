@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from koord.syntax import ast, core
-from koord.syntax.elaboration.body import Body, Where
+from koord.syntax.elaboration.body import BodyScope, Where
 from koord.syntax.elaboration.coercion import POISON, fit
 from koord.syntax.elaboration.phrases import choice, did_you_mean, listed
 from koord.syntax.elaboration.symbols import RecordInfo
 from koord.syntax.types import RecordType, Type
 
 
-def construct(body: Body, e: ast.Call, record: RecordInfo) -> core.Expr | None:
+def construct(body: BodyScope, e: ast.Call, record: RecordInfo) -> core.Expr | None:
     """A record of the type, with named or positional fields."""
     given = _placed(body, e, record)
     fields: list[core.Expr] = []
@@ -23,7 +23,7 @@ def construct(body: Body, e: ast.Call, record: RecordInfo) -> core.Expr | None:
         elif record.defaults[place] is not None and given is not None:
             default = record.defaults[place]
             assert default is not None
-            aside = Body(body.session, Where.CONSTANT, None, body.findings)
+            aside = BodyScope(body.session, Where.CONSTANT, None, body.findings)
             fitted = field_value(aside, default, name, wanted)
         else:
             missing.append(name)
@@ -46,12 +46,12 @@ def construct(body: Body, e: ast.Call, record: RecordInfo) -> core.Expr | None:
     return core.MakeRecord(tuple(fields), record.type, span=e.span)
 
 
-def field_value(body: Body, value: ast.Expr, name: str, wanted: Type) -> core.Expr | None:
+def field_value(body: BodyScope, value: ast.Expr, name: str, wanted: Type) -> core.Expr | None:
     """A value for a field."""
     return fit(body, body.expr(value, wanted), wanted, value.span, f"the field `{name}`")
 
 
-def _placed(body: Body, e: ast.Call, record: RecordInfo) -> dict[int, ast.Expr] | None:
+def _placed(body: BodyScope, e: ast.Call, record: RecordInfo) -> dict[int, ast.Expr] | None:
     """The arguments by position of their field; None if one has none."""
     placed: dict[int, ast.Expr] = {}
     sound = True
@@ -68,7 +68,9 @@ def _placed(body: Body, e: ast.Call, record: RecordInfo) -> dict[int, ast.Expr] 
     return placed if sound else None
 
 
-def _position(body: Body, argument: ast.Argument, place: int, record: RecordInfo) -> int | None:
+def _position(
+    body: BodyScope, argument: ast.Argument, place: int, record: RecordInfo
+) -> int | None:
     names = [name for name, _ in record.type.fields]
     if argument.name is None:
         if place < len(names):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from koord.syntax import ast, core
 from koord.syntax.analysis.folding import constant
-from koord.syntax.elaboration.body import Body, Where
+from koord.syntax.elaboration.body import BodyScope, Where
 from koord.syntax.elaboration.phrases import did_you_mean
 from koord.syntax.types import (
     BOOL,
@@ -47,7 +47,7 @@ MAX_TYPE_DEPTH = 20
 MAX_SIZE = 1_000_000
 
 
-def resolve(body: Body, written: ast.TypeExpr, depth: int = 0) -> Type | None:
+def resolve(body: BodyScope, written: ast.TypeExpr, depth: int = 0) -> Type | None:
     """The type meant, or None if it is wrong (told by then). ``body`` evaluates sizes."""
     if depth > MAX_TYPE_DEPTH:
         body.error(
@@ -70,7 +70,7 @@ def resolve(body: Body, written: ast.TypeExpr, depth: int = 0) -> Type | None:
             return _named(body, written, depth)
 
 
-def _named(body: Body, written: ast.NamedType, depth: int) -> Type | None:
+def _named(body: BodyScope, written: ast.NamedType, depth: int) -> Type | None:
     name = written.name
     arguments = [resolve(body, argument, depth + 1) for argument in written.arguments]
     if name in GENERIC:
@@ -100,7 +100,7 @@ def _named(body: Body, written: ast.NamedType, depth: int) -> Type | None:
     return meant
 
 
-def _generic(body: Body, name: str, found: list[Type], written: ast.NamedType) -> Type | None:
+def _generic(body: BodyScope, name: str, found: list[Type], written: ast.NamedType) -> Type | None:
     if name == "List":
         return ListType(found[0])
     if name == "Queue":
@@ -124,8 +124,8 @@ def _comparable(type_: Type) -> bool:
     return not any(isinstance(each, unfit) for each in within(type_))
 
 
-def _size(body: Body, size: ast.Expr) -> int | Robots | None:
-    sizes = Body(body.session, Where.CONSTANT, None, body.findings)
+def _size(body: BodyScope, size: ast.Expr) -> int | Robots | None:
+    sizes = BodyScope(body.session, Where.CONSTANT, None, body.findings)
     expr = sizes.expr(size, INT)
     if expr is None:
         return None

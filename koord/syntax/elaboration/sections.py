@@ -16,7 +16,7 @@ Stated = ast.Invariant | ast.Eventually | ast.LeadsTo
 FLAGS = {"numAgents": "--robots", "Nsys": "--robots", "delta": "--delta"}
 
 
-class Kind(Struct):
+class AgentSections(Struct):
     """What one kind of robot has; also what stands outside of `agent` blocks, for all kinds."""
 
     name: str
@@ -34,8 +34,8 @@ class Kind(Struct):
 class Sections(Struct):
     """A whole program, sorted."""
 
-    common: Kind = field(default_factory=lambda: Kind(""))
-    kinds: list[Kind] = field(default_factory=list)
+    common: AgentSections = field(default_factory=lambda: AgentSections(""))
+    kinds: list[AgentSections] = field(default_factory=list)
     allread: list[ast.VarDecl] = field(default_factory=list)
     allwrite: list[ast.VarDecl] = field(default_factory=list)
     params: list[ast.VarDecl] = field(default_factory=list)
@@ -83,7 +83,7 @@ def sort(sections: Iterable[ast.Section], findings: Findings) -> Sections:
     return result
 
 
-def _place(section: ast.Section, into: Sections, kind: Kind, findings: Findings) -> None:
+def _place(section: ast.Section, into: Sections, kind: AgentSections, findings: Findings) -> None:
     if _of_kind(section, kind):
         return
     match section:
@@ -114,7 +114,7 @@ def _place(section: ast.Section, into: Sections, kind: Kind, findings: Findings)
             raise AssertionError(section)
 
 
-def _of_kind(section: ast.Section, kind: Kind) -> bool:
+def _of_kind(section: ast.Section, kind: AgentSections) -> bool:
     match section:
         case ast.VarSection(kind=ast.VarKind.LOCAL, decls=decls):
             kind.locals.extend(decls)
@@ -146,7 +146,7 @@ def _of_kind(section: ast.Section, kind: Kind) -> bool:
 
 def _agent(section: ast.Agent, into: Sections, findings: Findings) -> None:
     known = next((kind for kind in into.kinds if kind.name == section.name.name), None)
-    kind = known or Kind(section.name.name, section.name)
+    kind = known or AgentSections(section.name.name, section.name)
     if known is None:
         into.kinds.append(kind)
     for part in section.sections:

@@ -9,7 +9,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from koord.syntax import ast, core
-from koord.syntax.elaboration.body import Body
+from koord.syntax.elaboration.body import BodyScope
 from koord.syntax.elaboration.coercion import fit
 from koord.syntax.elaboration.findings import Findings
 from koord.syntax.elaboration.settings import Settings
@@ -18,7 +18,7 @@ from koord.syntax.walk import nodes
 
 
 def initial_value(
-    body: Body, decl: ast.VarDecl, type_: Type, start: core.Start
+    body: BodyScope, decl: ast.VarDecl, type_: Type, start: core.Start
 ) -> core.Expr | core.Start:
     """The initial value of a declaration, or ``start`` if it has none."""
     if decl.initial is None:

@@ -7,7 +7,7 @@ from typing import assert_never
 
 from koord.syntax import ast, core
 from koord.syntax.elaboration import loops
-from koord.syntax.elaboration.body import MAX_DEPTH, AtomicBlock, Body, Where
+from koord.syntax.elaboration.body import MAX_DEPTH, AtomicBlock, BodyScope, Where
 from koord.syntax.elaboration.changes import call_statement, pop_into
 from koord.syntax.elaboration.coercion import POISON, fit, stores_list
 from koord.syntax.elaboration.phrases import a
@@ -22,7 +22,7 @@ _PROGRAM = frozenset({Where.EFFECT, Where.INIT})
 _OWN_VARIABLES = frozenset({Where.FUNCTION, Where.ENVIRONMENT})
 
 
-def block(body: Body, statements: ast.Block) -> core.Block:
+def block(body: BodyScope, statements: ast.Block) -> core.Block:
     """The statements in order; wrong ones are left out, and told."""
     if body.depth >= MAX_DEPTH:
         body.error(
@@ -71,7 +71,7 @@ def block(body: Body, statements: ast.Block) -> core.Block:
     return tuple(result)
 
 
-def if_(body: Body, s: ast.If) -> core.Block:
+def if_(body: BodyScope, s: ast.If) -> core.Block:
     """``if … elif … else`` as nested two-way choices."""
     if len(s.arms) + body.depth > MAX_DEPTH:
         body.error(
@@ -94,7 +94,7 @@ def if_(body: Body, s: ast.If) -> core.Block:
     return otherwise
 
 
-def _atomic(body: Body, s: ast.Atomic) -> core.Block:
+def _atomic(body: BodyScope, s: ast.Atomic) -> core.Block:
     if body.where is not Where.EFFECT:
         body.error(
             "K225",
@@ -120,7 +120,7 @@ def _atomic(body: Body, s: ast.Atomic) -> core.Block:
     return (made,)
 
 
-def _return(body: Body, s: ast.Return) -> core.Block:
+def _return(body: BodyScope, s: ast.Return) -> core.Block:
     if body.where is not Where.FUNCTION:
         body.error(
             "K221",
@@ -147,7 +147,7 @@ def _return(body: Body, s: ast.Return) -> core.Block:
     return () if value is None else (core.Return(value, span=s.span),)
 
 
-def _stop(body: Body, s: ast.Stop | ast.TryStop) -> core.Block:
+def _stop(body: BodyScope, s: ast.Stop | ast.TryStop) -> core.Block:
     word = "stop" if isinstance(s, ast.Stop) else "trystop"
     if body.where not in _PROGRAM:
         body.error("K225", s.span, f"`{word}` has no place in {body.where.value}")
@@ -155,7 +155,7 @@ def _stop(body: Body, s: ast.Stop | ast.TryStop) -> core.Block:
     return (core.Stop(span=s.span) if isinstance(s, ast.Stop) else core.TryStop(span=s.span),)
 
 
-def _local(body: Body, s: ast.LocalDecl) -> core.Block:
+def _local(body: BodyScope, s: ast.LocalDecl) -> core.Block:
     decl = s.decl
     if body.where not in _OWN_VARIABLES:
         body.error(
@@ -167,7 +167,7 @@ def _local(body: Body, s: ast.LocalDecl) -> core.Block:
         # what follows may use it
         body.declare(decl.name, None, Role.LOCAL)
         return ()
-    constants = Body(body.session, Where.CONSTANT, None, body.findings)
+    constants = BodyScope(body.session, Where.CONSTANT, None, body.findings)
     type_ = resolve(constants, decl.type)
     if type_ == STREAM:
         body.error("K238", decl.span, "a stream is a port of a module, not a variable")
@@ -186,7 +186,7 @@ def _local(body: Body, s: ast.LocalDecl) -> core.Block:
     return (core.Assign(place, value, span=s.span),)
 
 
-def assign(body: Body, s: ast.Assign) -> core.Block:
+def assign(body: BodyScope, s: ast.Assign) -> core.Block:
     """``target = value``"""
     value = s.value
     if isinstance(value, ast.Call | ast.MethodCall):
@@ -224,7 +224,7 @@ def _same(one: ast.Expr | None, other: ast.Expr) -> bool:
         return False
 
 
-def increment(body: Body, s: ast.Increment) -> core.Block:
+def increment(body: BodyScope, s: ast.Increment) -> core.Block:
     """``x++``, ``x--``"""
     place = target(body, s.target)
     if place is None:
@@ -250,7 +250,7 @@ def increment(body: Body, s: ast.Increment) -> core.Block:
 STDOUT = "stdout"
 
 
-def output(body: Body, s: ast.Output) -> core.Block:
+def output(body: BodyScope, s: ast.Output) -> core.Block:
     """Write values to a stream."""
     values = [body.expr(value) for value in s.values]
     if body.where not in (Where.EFFECT, Where.INIT):
@@ -269,7 +269,7 @@ def output(body: Body, s: ast.Output) -> core.Block:
     return (core.Output(stream, tuple(found), span=s.span),)
 
 
-def _stream(body: Body, e: ast.Expr) -> str | None:
+def _stream(body: BodyScope, e: ast.Expr) -> str | None:
     agent = body.agent
     assert agent is not None
     match e:

@@ -6,13 +6,13 @@ from typing import assert_never
 
 from koord.syntax import ast, core
 from koord.syntax.diagnostics import Note
-from koord.syntax.elaboration.body import Body, Where, Write
+from koord.syntax.elaboration.body import BodyScope, SharedWrite, Where
 from koord.syntax.elaboration.places import find_module, is_unknown, meaning
 from koord.syntax.elaboration.symbols import ParamSymbol, PortSymbol, Role, StreamSymbol
 from koord.syntax.elaboration.unknown_names import unknown
 
 
-def target(body: Body, e: ast.Expr) -> core.Place | None:
+def target(body: BodyScope, e: ast.Expr) -> core.Place | None:
     """The place that a statement writes; None if it may not be written, which is told."""
     root = _root(e)
     if root is None:
@@ -49,7 +49,7 @@ def _root(e: ast.Expr) -> ast.Name | None:
     return e if isinstance(e, ast.Name) else None
 
 
-def _only_places(body: Body, e: ast.Expr) -> None:
+def _only_places(body: BodyScope, e: ast.Expr) -> None:
     if not isinstance(e, ast.Call | ast.MethodCall):
         body.error(
             "K213", e.span, "this cannot be written to", "variables, their parts, and ports can"
@@ -59,7 +59,7 @@ def _only_places(body: Body, e: ast.Expr) -> None:
     body.error("K213", e.span, "the answer of a call cannot be written to")
 
 
-def _impure(body: Body, e: ast.Expr, root: ast.Name) -> None:
+def _impure(body: BodyScope, e: ast.Expr, root: ast.Name) -> None:
     body.error(
         "K224",
         e.span,
@@ -68,7 +68,7 @@ def _impure(body: Body, e: ast.Expr, root: ast.Name) -> None:
     )
 
 
-def _is_stream(body: Body, e: ast.Expr, root: ast.Name) -> bool:
+def _is_stream(body: BodyScope, e: ast.Expr, root: ast.Name) -> bool:
     found = None
     if isinstance(e, ast.Attribute) and e.base is root:
         module = find_module(body, root.name)
@@ -86,7 +86,7 @@ def _is_stream(body: Body, e: ast.Expr, root: ast.Name) -> bool:
     return False
 
 
-def _is_constant(body: Body, e: ast.Expr, root: ast.Name) -> bool:
+def _is_constant(body: BodyScope, e: ast.Expr, root: ast.Name) -> bool:
     if body.lookup(root.name) is not None:
         return False
     known = body.session.shared.get(root.name)
@@ -104,12 +104,12 @@ def _is_constant(body: Body, e: ast.Expr, root: ast.Name) -> bool:
     return False
 
 
-def _allowed(body: Body, e: ast.Expr, root: ast.Name, place: core.Place) -> bool:
+def _allowed(body: BodyScope, e: ast.Expr, root: ast.Name, place: core.Place) -> bool:
     match place.variable.home:
         case core.Home.LOCAL:
             return True
         case core.Home.ALLWRITE:
-            body.writes.append(Write(place.variable, _is_own(e), body.atomic, e.span))
+            body.writes.append(SharedWrite(place.variable, _is_own(e), body.atomic, e.span))
             if body.atomic is not None:
                 body.atomic.writes[place.variable.slot] = place.variable
             return True
@@ -137,7 +137,7 @@ def _is_own(e: ast.Expr) -> bool:
     return isinstance(index, ast.Name) and index.name == "pid"
 
 
-def _own_entry(body: Body, e: ast.Expr, root: ast.Name, place: core.Place) -> bool:
+def _own_entry(body: BodyScope, e: ast.Expr, root: ast.Name, place: core.Place) -> bool:
     """[ALLREAD]: only ``x[pid] = …``."""
     if _is_own(e):
         return True
@@ -154,7 +154,7 @@ def _own_entry(body: Body, e: ast.Expr, root: ast.Name, place: core.Place) -> bo
     return False
 
 
-def _port(body: Body, e: ast.Expr, place: core.Place) -> bool:
+def _port(body: BodyScope, e: ast.Expr, place: core.Place) -> bool:
     symbol = body.agent.slots.get(place.variable.slot) if body.agent is not None else None
     assert isinstance(symbol, PortSymbol)
     if body.where is Where.ENVIRONMENT:
@@ -181,7 +181,7 @@ def _port(body: Body, e: ast.Expr, place: core.Place) -> bool:
     return True
 
 
-def _bound(body: Body, e: ast.Expr, root: ast.Name) -> bool:
+def _bound(body: BodyScope, e: ast.Expr, root: ast.Name) -> bool:
     symbol = body.lookup(root.name)
     if symbol is None or symbol.role is Role.LOCAL:
         return True

@@ -8,7 +8,7 @@ from msgspec import Struct
 
 from koord.syntax import ast
 from koord.syntax.core import Direction
-from koord.syntax.elaboration.body import SEES_PID, SEES_PORTS, SEES_VARIABLES, Body, Where
+from koord.syntax.elaboration.body import SEES_PID, SEES_PORTS, SEES_VARIABLES, BodyScope, Where
 from koord.syntax.elaboration.coercion import POISON, accepts
 from koord.syntax.elaboration.phrases import did_you_mean, otherwise
 from koord.syntax.elaboration.records import field_position
@@ -35,7 +35,7 @@ class _Candidate(Struct, frozen=True):
 
 
 def unknown(
-    body: Body,
+    body: BodyScope,
     e: ast.Name,
     field: str | None = None,
     expected: Type | None = None,
@@ -80,7 +80,7 @@ def _has(given: Type, field: str | None) -> bool:
     return isinstance(given, RecordType) and field_position(given, field) is not None
 
 
-def _element_hint(body: Body, wanted: str, field: str | None) -> str | None:
+def _element_hint(body: BodyScope, wanted: str, field: str | None) -> str | None:
     """In a loop over a list of records, a name like that of the record may mean the element."""
     for loop in reversed(body.loops):
         element = loop.element
@@ -100,7 +100,7 @@ def _element_hint(body: Body, wanted: str, field: str | None) -> str | None:
     return None
 
 
-def _visible(body: Body) -> dict[str, _Candidate]:
+def _visible(body: BodyScope) -> dict[str, _Candidate]:
     """The names that could stand here. Of one that stands for several things nothing is known."""
     session, found = body.session, dict[str, _Candidate]()
 
@@ -149,7 +149,7 @@ def _candidate(symbol: Named) -> _Candidate:
     assert_never(symbol)
 
 
-def _of_port(body: Body, port: PortNamed) -> _Candidate:
+def _of_port(body: BodyScope, port: PortNamed) -> _Candidate:
     match port:
         case PortSymbol(variable=variable, direction=direction):
             inside = body.where is Where.ENVIRONMENT
@@ -169,7 +169,7 @@ def _is_constant(found: Named) -> bool:
     )
 
 
-def out_of_reach(body: Body, e: ast.Expr, what: str) -> None:
+def out_of_reach(body: BodyScope, e: ast.Expr, what: str) -> None:
     match body.where:
         case Where.FUNCTION | Where.SUMMARY | Where.SUMMARY_REQUIRES:
             body.error(

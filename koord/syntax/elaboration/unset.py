@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 from typing import assert_never
 
 from koord.syntax import core
-from koord.syntax.elaboration.body import Session
+from koord.syntax.elaboration.body import Elaboration
 from koord.syntax.elaboration.starts import Key, key, places_read, takes_tasks
 from koord.syntax.source import Span
 from koord.syntax.types import (
@@ -40,7 +40,7 @@ _FIRST: tuple[tuple[Type, str], ...] = (
 _MOST_PATHS = 1_000
 
 
-def never_set(session: Session, program: core.Program) -> None:
+def never_set(session: Elaboration, program: core.Program) -> None:
     """Warn of variables without a value that nothing sets, and something reads."""
     unset = [d for d in _declarations(program) if d[0].initial is core.Start.UNSET]
     if not unset:
@@ -158,7 +158,7 @@ def _atoms(type_: Type) -> Iterator[Path]:
             yield (position, *rest)
 
 
-def _warn(session: Session, declaration: core.Declaration, path: Path) -> None:
+def _warn(session: Elaboration, declaration: core.Declaration, path: Path) -> None:
     variable = declaration.variable
     type_, fields = variable.type, []
     for position in path:

@@ -8,7 +8,7 @@ from msgspec import Struct
 
 from koord.syntax import ast, core
 from koord.syntax.diagnostics import Note
-from koord.syntax.elaboration.body import Body, Session, Where
+from koord.syntax.elaboration.body import BodyScope, Elaboration, Where
 from koord.syntax.elaboration.params import param_value, text_value
 from koord.syntax.elaboration.phrases import did_you_mean
 from koord.syntax.elaboration.resolve_types import resolve
@@ -27,7 +27,7 @@ from koord.syntax.source import whole_file
 from koord.syntax.types import STREAM, ArrayType, EnumType, ListType, Robots, Type, show
 
 
-class Entry(Struct, frozen=True):
+class ScopedDeclaration(Struct, frozen=True):
     """A declaration, and the scopes that it enters: those of some kinds of robot, or all."""
 
     decl: ast.VarDecl
@@ -35,7 +35,7 @@ class Entry(Struct, frozen=True):
     is_param: bool = False
 
 
-def enter_names(session: Session, entries: Iterable[Entry]) -> None:
+def enter_names(session: Elaboration, entries: Iterable[ScopedDeclaration]) -> None:
     """Enter all names in the order of the text. One that is declared twice is poisoned."""
     for entry in sorted(entries, key=lambda entry: _place(entry.decl.name)):
         name = entry.decl.name
@@ -60,7 +60,7 @@ def _place(name: ast.Ident) -> tuple[str, int, int]:
     return name.span.file, name.span.line, name.span.column
 
 
-def _known(session: Session, entry: Entry) -> ast.Ident | None:
+def _known(session: Elaboration, entry: ScopedDeclaration) -> ast.Ident | None:
     name = entry.decl.name.name
     everywhere = any(scope is session.shared for scope in entry.scopes)
     inner = [agent.variables for agent in session.agents] if everywhere else list(entry.scopes)
@@ -77,7 +77,7 @@ def is_pending(scope: dict[str, Named], decl: ast.VarDecl) -> bool:
     return isinstance(found, Pending) and found.declared is decl.name
 
 
-def reserved(session: Session, name: ast.Ident) -> None:
+def reserved(session: Elaboration, name: ast.Ident) -> None:
     """Tell that a name is the language's own."""
     session.findings.error(
         "K209",
@@ -87,7 +87,7 @@ def reserved(session: Session, name: ast.Ident) -> None:
     )
 
 
-def declared_twice(session: Session, name: ast.Ident, first: ast.Ident) -> None:
+def declared_twice(session: Elaboration, name: ast.Ident, first: ast.Ident) -> None:
     """Tell that a name is taken."""
     session.findings.error(
         "K208",
@@ -98,7 +98,7 @@ def declared_twice(session: Session, name: ast.Ident, first: ast.Ident) -> None:
     )
 
 
-def declare_params(session: Session, decls: list[ast.VarDecl]) -> tuple[core.Parameter, ...]:
+def declare_params(session: Elaboration, decls: list[ast.VarDecl]) -> tuple[core.Parameter, ...]:
     """Enter the constants of the run, with the values that the settings give them."""
     used: list[core.Parameter] = []
     for decl in decls:
@@ -147,9 +147,9 @@ def plain(value: core.Expr) -> ParamValue:
             raise AssertionError(f"{value!r} is no value of a param")
 
 
-def variable_type(session: Session, decl: ast.VarDecl) -> Type | None:
+def variable_type(session: Elaboration, decl: ast.VarDecl) -> Type | None:
     """The type of a variable."""
-    body = Body(session, Where.CONSTANT, None, session.findings)
+    body = BodyScope(session, Where.CONSTANT, None, session.findings)
     type_ = resolve(body, decl.type)
     if type_ == STREAM:
         session.findings.error(
@@ -163,14 +163,14 @@ def variable_type(session: Session, decl: ast.VarDecl) -> Type | None:
 
 
 def declare_shared(
-    session: Session, allread: list[ast.VarDecl], allwrite: list[ast.VarDecl]
+    session: Elaboration, allread: list[ast.VarDecl], allwrite: list[ast.VarDecl]
 ) -> None:
     """Enter the shared variables."""
     _declare(session, core.Home.ALLWRITE, allwrite)
     _declare(session, core.Home.ALLREAD, allread)
 
 
-def _declare(session: Session, home: core.Home, decls: Iterable[ast.VarDecl]) -> None:
+def _declare(session: Elaboration, home: core.Home, decls: Iterable[ast.VarDecl]) -> None:
     slot = 0
     for decl in decls:
         if not is_pending(session.shared, decl):
@@ -186,7 +186,7 @@ def _declare(session: Session, home: core.Home, decls: Iterable[ast.VarDecl]) ->
         slot += 1
 
 
-def _per_robot(session: Session, decl: ast.VarDecl, type_: Type) -> Type | None:
+def _per_robot(session: Elaboration, decl: ast.VarDecl, type_: Type) -> Type | None:
     """The type of an allread variable: an array with one element per robot."""
     match type_:
         case ListType(element=element) | ArrayType(element=element, size=Robots.ALL):
@@ -212,7 +212,9 @@ def _per_robot(session: Session, decl: ast.VarDecl, type_: Type) -> Type | None:
     return None
 
 
-def declare_locals(session: Session, scopes: list[tuple[AgentScope, list[ast.VarDecl]]]) -> None:
+def declare_locals(
+    session: Elaboration, scopes: list[tuple[AgentScope, list[ast.VarDecl]]]
+) -> None:
     """Enter the locals of every kind of robot.
 
     What all kinds have, by name and type, comes first and in one order: the same slot in each, so

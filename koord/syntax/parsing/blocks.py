@@ -8,9 +8,9 @@ from typing import cast
 from msgspec.structs import replace
 
 from koord.syntax import ast
-from koord.syntax.parsing.line_forms import Form, type_end
-from koord.syntax.parsing.lines import Part
-from koord.syntax.parsing.reader import Reader
+from koord.syntax.parsing.line_forms import LineKind, type_end
+from koord.syntax.parsing.lines import LinePart
+from koord.syntax.parsing.reader import LineReader
 from koord.syntax.parsing.tokens import ARMS, BLOCKS, KEYWORDS, LOOPS, Token, shown, words
 from koord.syntax.source import Span
 
@@ -29,7 +29,7 @@ _ALIKE = 0.65
 _OTHER_BLOCKS = words("while loop do switch case match try with until when")
 
 
-def block(reader: Reader, parts: list[Part]) -> ast.Block:
+def block(reader: LineReader, parts: list[LinePart]) -> ast.Block:
     """The statements of a body; an ``if`` takes the ``elif`` and ``else`` behind it."""
     statements: list[ast.Stmt] = []
     position = 0
@@ -58,7 +58,7 @@ def block(reader: Reader, parts: list[Part]) -> ast.Block:
     return tuple(statements)
 
 
-def reach(part: Part) -> Span:
+def reach(part: LinePart) -> Span:
     """From the first token of a part to the last one of its body."""
     last = part
     while last.body:
@@ -66,7 +66,7 @@ def reach(part: Part) -> Span:
     return part.span.to(last.span)
 
 
-def _continues(reader: Reader, before: Part, part: Part) -> bool:
+def _continues(reader: LineReader, before: LinePart, part: LinePart) -> bool:
     """Whether a part is a further arm of the ``if`` whose last arm so far is ``before``."""
     if before.first == "ELSE":
         return False
@@ -88,7 +88,7 @@ def _continues(reader: Reader, before: Part, part: Part) -> bool:
     return True
 
 
-def _if(reader: Reader, parts: list[Part]) -> ast.If:
+def _if(reader: LineReader, parts: list[LinePart]) -> ast.If:
     arms: list[tuple[ast.Expr, ast.Block]] = []
     otherwise: ast.Block | None = None
     for part in parts:
@@ -101,19 +101,19 @@ def _if(reader: Reader, parts: list[Part]) -> ast.If:
     return ast.If(tuple(arms), otherwise, span=parts[0].span.to(reach(parts[-1])))
 
 
-def _loop(reader: Reader, part: Part) -> ast.Block:
-    head = reader.line(Form.LOOP, part, opens=True)
+def _loop(reader: LineReader, part: LinePart) -> ast.Block:
+    head = reader.line(LineKind.LOOP, part, opens=True)
     body = block(reader, reader.body(part))
     if not isinstance(head, ast.ForRange | ast.ForEach | ast.Repeat):
         return body
     return (replace(head, body=body, span=reach(part)),)
 
 
-def _simple(reader: Reader, part: Part) -> list[ast.Stmt]:
+def _simple(reader: LineReader, part: LinePart) -> list[ast.Stmt]:
     if _declares(part.tokens):
         decls = reader.declaration(part)
         return [ast.LocalDecl(decl, span=decl.span) for decl in decls]
-    statement = cast("ast.Stmt | None", reader.line(Form.STATEMENT, part))
+    statement = cast("ast.Stmt | None", reader.line(LineKind.STATEMENT, part))
     return [statement] if statement else []
 
 
@@ -132,7 +132,7 @@ def _declares(tokens: list[Token]) -> bool:
     )
 
 
-def _misplaced(reader: Reader, part: Part) -> ast.Block:
+def _misplaced(reader: LineReader, part: LinePart) -> ast.Block:
     """Tell of a part that is no statement; if it has a body of statements, they stay."""
     first = part.first
     word = shown(part.tokens[0].text) if part.tokens else ":"

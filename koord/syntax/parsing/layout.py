@@ -11,9 +11,9 @@ from itertools import pairwise
 
 from msgspec import Struct, field
 
-from koord.syntax.parsing.lines import Line, Part, language_lines
-from koord.syntax.parsing.report import Report
-from koord.syntax.parsing.tokens import Text, shown, words
+from koord.syntax.parsing.lines import Line, LinePart, language_lines
+from koord.syntax.parsing.report import ErrorLog
+from koord.syntax.parsing.tokens import TokenText, shown, words
 
 #: Blocks may stand inside each other so deep.
 MAX_BLOCKS = 64
@@ -36,7 +36,7 @@ class _Level(Struct):
     """An open block."""
 
     column: int
-    head: Part  #: whose body it is
+    head: LinePart  #: whose body it is
     depth: int
     #: Columns of lines that were told to be wrongly indented and belong here.
     mistaken: set[int] = field(default_factory=set)
@@ -45,7 +45,7 @@ class _Level(Struct):
     inline: bool = False
 
 
-def lay_out(text: Text, report: Report) -> list[Part]:
+def lay_out(text: TokenText, report: ErrorLog) -> list[LinePart]:
     """The parts at the left margin, with their bodies."""
     layout = _Layout(report, tabs=text.tabs)
     for line in language_lines(text.lines, report):
@@ -56,11 +56,11 @@ def lay_out(text: Text, report: Report) -> list[Part]:
 class _Layout:
     __slots__ = ("levels", "previous", "report", "root", "tabs", "too_deep")
 
-    def __init__(self, report: Report, *, tabs: bool) -> None:
+    def __init__(self, report: ErrorLog, *, tabs: bool) -> None:
         self.report = report
         #: Whether tabs were told of: then nobody knows what the indentation was meant to be.
         self.tabs = tabs
-        self.root = Part([])
+        self.root = LinePart([])
         self.levels = [_Level(0, self.root, 0)]
         self.previous: Line | None = None
         self.too_deep = False
@@ -119,7 +119,7 @@ class _Layout:
             top = outer
         return top
 
-    def _open(self, column: int, head: Part, deeper: int) -> None:
+    def _open(self, column: int, head: LinePart, deeper: int) -> None:
         """Open the body of a part, and those around it that began on the same line."""
         assert self.previous is not None
         top = self.levels[-1]
@@ -137,7 +137,7 @@ class _Layout:
             place = part.tokens[0].span if part.tokens else part.span
             self.report.error(code, place, message, cure)
 
-    def _continued(self, line: Line) -> tuple[Part, int] | None:
+    def _continued(self, line: Line) -> tuple[LinePart, int] | None:
         """The part whose body a deeper-indented line goes on with, if the line before has one.
 
         With it, how many blocks deeper it is than the line before.
@@ -178,7 +178,7 @@ class _Layout:
         return opened[0][0], chain.index(opened[0][0]) + 1
 
 
-def _opens(part: Part, *, alone: bool) -> bool:
+def _opens(part: LinePart, *, alone: bool) -> bool:
     """Whether a part without a colon was meant to have one; ``alone`` at the left margin."""
     if not part.tokens:
         return False
@@ -195,12 +195,12 @@ def _goes_on_with_if(level: _Level, line: Line) -> bool:
     return body[-1].first in ("IF", "ELIF")
 
 
-def _is_statement(part: Part) -> bool:
+def _is_statement(part: LinePart) -> bool:
     """Whether a line can go on with a block of statements, whatever its indentation means."""
     return part.first not in _OUTER and not (part.first == "NAME" and part.colon)
 
 
-def _head(part: Part) -> str:
+def _head(part: LinePart) -> str:
     return f"`{shown(part.tokens[0].text)}`" if part.tokens else "`:`"
 
 

@@ -25,7 +25,7 @@ from koord.syntax.source import Placed
 MAX_DEPTH = 200
 
 
-class Form(Enum):
+class LineKind(Enum):
     """What a line, or a piece of one, can be: the start symbols of the grammar."""
 
     EXPRESSION = "expression"
@@ -61,7 +61,7 @@ def _lark() -> Lark:
         Path(__file__).with_name("grammar.lark").read_text("utf-8"),
         parser="lalr",
         lexer=_NoLexer,
-        start=[form.value for form in Form],
+        start=[form.value for form in LineKind],
         transformer=Builder(),
         maybe_placeholders=False,
     )
@@ -70,7 +70,7 @@ def _lark() -> Lark:
 _END = LarkToken("$END", "")
 
 
-def parse_line(form: Form, tokens: list[Token], *, quantified: bool) -> Any:
+def parse_line(form: LineKind, tokens: list[Token], *, quantified: bool) -> Any:
     """The node that the tokens of a line make. Raises UnexpectedError or MisplacedError.
 
     ``quantified`` tells whether there are quantifiers among them.
@@ -96,13 +96,13 @@ def parse_line(form: Form, tokens: list[Token], *, quantified: bool) -> Any:
     return node
 
 
-def _feeder(form: Form) -> tuple[Callable[..., Any], Callable[[], set[str]]]:
+def _feeder(form: LineKind) -> tuple[Callable[..., Any], Callable[[], set[str]]]:
     """What takes tokens, and what tells which terminals it would take next."""
     parser = _lark().parse_interactive(None, form.value)
     return parser.parser_state.feed_token, cast(Callable[[], set[str]], parser.accepts)
 
 
-def _possible(form: Form, tokens: list[Token]) -> frozenset[str]:
+def _possible(form: LineKind, tokens: list[Token]) -> frozenset[str]:
     """The terminals that can stand behind tokens that are the beginning of a line.
 
     They are fed again: the token that was refused may have changed the state of the parser.

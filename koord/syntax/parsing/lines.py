@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from msgspec import Struct, field
 
 from koord.syntax.diagnostics import Note
-from koord.syntax.parsing.report import Report
+from koord.syntax.parsing.report import ErrorLog
 from koord.syntax.parsing.tokens import KEYWORDS, LOOPS, TextLine, Token, words
 from koord.syntax.source import Span
 
@@ -34,12 +34,12 @@ GOES_ON = words("OPERATOR LESS GREATER OUTPUT DOT IN LEADSTO")
 UNFINISHED = GOES_ON | words("MINUS NOT COMMA ASSIGN COLON FORALL EXISTS")
 
 
-class Part(Struct):
+class LinePart(Struct):
     """A piece of a line up to a colon that opens a block, or up to the end of the line."""
 
     tokens: list[Token]
     colon: Token | None = None
-    body: list[Part] = field(default_factory=list)
+    body: list[LinePart] = field(default_factory=list)
     #: Something is so wrong in it that nothing more is to be said.
     broken: bool = False
     #: The code of what was told of it: only the same is told again.
@@ -76,9 +76,9 @@ class Line(Struct):
 
     indent: int
     #: The parts that belong to the block of the line: one, unless a line break is missing.
-    roots: list[Part] = field(default_factory=list)
+    roots: list[LinePart] = field(default_factory=list)
     #: From a root to the last part, each the body of the one before.
-    chain: list[Part] = field(default_factory=list)
+    chain: list[LinePart] = field(default_factory=list)
     #: Brackets that are open so far.
     brackets: list[Token] = field(default_factory=list)
     #: Where tokens go; None if a part is to be begun.
@@ -88,7 +88,7 @@ class Line(Struct):
 
     def begin(self) -> list[Token]:
         """Begin a part behind a colon, or at the start of the line."""
-        part = Part([])
+        part = LinePart([])
         (self.chain[-1].body if self.chain else self.roots).append(part)
         self.chain.append(part)
         self.sink = part.tokens
@@ -101,7 +101,7 @@ class Line(Struct):
         return self.begin()
 
 
-def language_lines(lines: list[TextLine], report: Report) -> Iterator[Line]:
+def language_lines(lines: list[TextLine], report: ErrorLog) -> Iterator[Line]:
     """The lines of the language, each with its parts."""
     cutter = _Cutter(lines, report)
     while cutter.at < len(lines):
@@ -113,7 +113,7 @@ def language_lines(lines: list[TextLine], report: Report) -> Iterator[Line]:
 class _Cutter:
     __slots__ = ("at", "lines", "report", "strict_until")
 
-    def __init__(self, lines: list[TextLine], report: Report) -> None:
+    def __init__(self, lines: list[TextLine], report: ErrorLog) -> None:
         self.lines = lines
         self.report = report
         self.at = 0
@@ -298,6 +298,6 @@ def _is_over(line: Line, following: TextLine) -> bool:
     return _ends_head(part) or (falls_back and following.tokens[0].type not in _CLOSING)
 
 
-def _ends_head(part: Part) -> bool:
+def _ends_head(part: LinePart) -> bool:
     """Whether the last token is likely to be the colon behind the head of a block."""
     return part.first in words("IF ELIF DEF") | LOOPS and part.tokens[-1].type == "COLON"

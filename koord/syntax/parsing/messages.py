@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 
 from msgspec import Struct
 
-from koord.syntax.parsing.line_forms import Form, UnexpectedError
+from koord.syntax.parsing.line_forms import LineKind, UnexpectedError
 from koord.syntax.parsing.tokens import KEYWORDS, Token, shown, words
 from koord.syntax.source import Span
 
@@ -53,7 +53,7 @@ class Complaint(Struct, frozen=True):
 class Mistake(Struct, frozen=True):
     """A line that could not be read: its tokens, and where which ones were possible."""
 
-    form: Form
+    form: LineKind
     tokens: list[Token]
     position: int
     expected: frozenset[str]
@@ -89,7 +89,7 @@ _OPERATORS = frozenset(
 )
 
 
-def explain(form: Form, tokens: list[Token], error: UnexpectedError, end: Token) -> Complaint:
+def explain(form: LineKind, tokens: list[Token], error: UnexpectedError, end: Token) -> Complaint:
     """What is wrong with the line."""
     mistake = Mistake(form, tokens, error.position, error.expected, end)
     for rule in _RULES:
@@ -147,7 +147,7 @@ def _assign_for_equal(m: Mistake) -> Complaint | None:
     before = [token.type for token in m.tokens[: m.position]]
     brackets = sum(before.count(kind) for kind in ("LPAR", "LSQB", "LBRACE"))
     closed = sum(before.count(kind) for kind in ("RPAR", "RSQB", "RBRACE"))
-    if m.form is Form.STATEMENT and brackets == closed:
+    if m.form is LineKind.STATEMENT and brackets == closed:
         message = "a statement assigns once"
         return Complaint("K132", m.token, message, "write `==` to compare, or two statements")
     return Complaint(
@@ -170,7 +170,7 @@ def _equal_for_assign(m: Mistake) -> Complaint | None:
 def _augmented(m: Mistake) -> Complaint | None:
     sign, equal = m.token, m.at(m.position + 1)
     if (
-        m.form is not Form.STATEMENT
+        m.form is not LineKind.STATEMENT
         or "ASSIGN" not in m.expected
         or sign.type not in ("OPERATOR", "MINUS")
         or equal.type != "ASSIGN"
@@ -275,7 +275,7 @@ def _no_index(m: Mistake) -> Complaint | None:
 
 
 def _several_names(m: Mistake) -> Complaint | None:
-    if m.form is not Form.DECLARATION or m.token.type != "COMMA" or not m.could_end:
+    if m.form is not LineKind.DECLARATION or m.token.type != "COMMA" or not m.could_end:
         return None
     return Complaint(
         "K137",
@@ -287,7 +287,7 @@ def _several_names(m: Mistake) -> Complaint | None:
 
 
 def _no_type(m: Mistake) -> Complaint | None:
-    if m.form not in (Form.DECLARATION, Form.SIGNATURE):
+    if m.form not in (LineKind.DECLARATION, LineKind.SIGNATURE):
         return None
     before = m.at(m.position - 1)
     if before.type != "NAME" or "NAME" not in m.expected or m.wants_value:
@@ -302,7 +302,7 @@ def _no_type(m: Mistake) -> Complaint | None:
 
 
 def _loop(m: Mistake) -> Complaint | None:
-    if m.form is not Form.LOOP:
+    if m.form is not LineKind.LOOP:
         return None
     token = m.token
     kinds = [t.type for t in m.tokens]
@@ -330,7 +330,7 @@ def _loop(m: Mistake) -> Complaint | None:
 
 
 def _value_as_statement(m: Mistake) -> Complaint | None:
-    if m.form is not Form.STATEMENT or "ASSIGN" not in m.expected:
+    if m.form is not LineKind.STATEMENT or "ASSIGN" not in m.expected:
         return None
     if m.token.type not in ("OPERATOR", "MINUS", "LESS", "GREATER"):
         return None
@@ -344,10 +344,10 @@ def _two_in_one(m: Mistake) -> Complaint | None:
         return None
     token = m.token
     text = shown(token.text)
-    if token.type == "ASSIGN" and m.form is Form.STATEMENT:
+    if token.type == "ASSIGN" and m.form is LineKind.STATEMENT:
         return None
     repaired = m.tokens[: m.position]
-    if m.form in (Form.STATEMENT, Form.DECLARATION) and (
+    if m.form in (LineKind.STATEMENT, LineKind.DECLARATION) and (
         token.type in _WORDS or token.type == "NAME"
     ):
         message = f"the line should end before `{text}`"
@@ -369,13 +369,13 @@ def _nothing(m: Mistake) -> Complaint | None:
     if m.tokens:
         return None
     what = {
-        Form.EXPRESSION: "a value",
-        Form.GOAL: "a property",
-        Form.DECLARATION: "a declaration, such as `int x`,",
-        Form.SIGNATURE: "the name of a function",
-        Form.MEMBERS: "a name",
-        Form.STATEMENT: "a statement",
-        Form.LOOP: "a loop",
+        LineKind.EXPRESSION: "a value",
+        LineKind.GOAL: "a property",
+        LineKind.DECLARATION: "a declaration, such as `int x`,",
+        LineKind.SIGNATURE: "the name of a function",
+        LineKind.MEMBERS: "a name",
+        LineKind.STATEMENT: "a statement",
+        LineKind.LOOP: "a loop",
     }[m.form]
     return Complaint("K130", m.end, f"{what} is expected here")
 

@@ -10,7 +10,7 @@ from msgspec.structs import replace
 
 from koord.syntax import ast
 from koord.syntax.parsing.operands import (
-    Bound,
+    BinderPiece,
     MisplacedError,
     RangeBound,
     TypedBound,
@@ -25,7 +25,7 @@ from koord.syntax.parsing.tokens import Token, string_value
 Children = list[Any]
 
 
-class Signature(Struct, frozen=True):
+class FunctionHead(Struct, frozen=True):
     """The head of a function."""
 
     name: ast.Ident
@@ -171,7 +171,7 @@ class Builder:
     # --- quantifiers
 
     def binder_plain(self, c: Children) -> Any:
-        return Bound(c[0])
+        return BinderPiece(c[0])
 
     def binder_typed(self, c: Children) -> Any:
         return TypedBound(c[0], c[1])
@@ -222,10 +222,10 @@ class Builder:
         return c[0]
 
     def signature_plain(self, c: Children) -> Any:
-        return Signature(ident(c[0]), (), c[4] if len(c) > 3 else None)
+        return FunctionHead(ident(c[0]), (), c[4] if len(c) > 3 else None)
 
     def signature(self, c: Children) -> Any:
-        return Signature(ident(c[0]), tuple(c[2]), c[5] if len(c) > 4 else None)
+        return FunctionHead(ident(c[0]), tuple(c[2]), c[5] if len(c) > 4 else None)
 
     def member(self, c: Children) -> Any:
         return [ident(c[0])]

@@ -22,7 +22,7 @@ class MisplacedError(Exception):
     hint: str | None = None
 
 
-class Bound(Struct, frozen=True):
+class BinderPiece(Struct, frozen=True):
     """A piece of a quantifier that is a name, or the upper bound of the piece before it."""
 
     value: ast.Expr
@@ -113,7 +113,7 @@ def place(target: ast.Expr) -> ast.Expr:
     return target
 
 
-def binders(pieces: list[Bound | TypedBound | RangeBound]) -> tuple[ast.Binder, ...]:
+def binders(pieces: list[BinderPiece | TypedBound | RangeBound]) -> tuple[ast.Binder, ...]:
     """Names that share a range, from the pieces between commas."""
     found: list[ast.Binder] = []
     names: list[ast.Ident] = []
@@ -132,7 +132,7 @@ def binders(pieces: list[Bound | TypedBound | RangeBound]) -> tuple[ast.Binder, 
         piece = pieces[position]
         position += 1
         match piece:
-            case Bound():
+            case BinderPiece():
                 names.append(_bound_name(piece.value))
             case TypedBound():
                 close()
@@ -144,7 +144,7 @@ def binders(pieces: list[Bound | TypedBound | RangeBound]) -> tuple[ast.Binder, 
                 names.append(_bound_name(piece.name))
                 shared, names = tuple(names), []
                 following = pieces[position] if position < len(pieces) else None
-                if isinstance(following, Bound):
+                if isinstance(following, BinderPiece):
                     position += 1
                     high = following.value
                     span = across(shared[0], high)

@@ -8,11 +8,11 @@ from koord.syntax import ast
 from koord.syntax.collector import uncollected
 from koord.syntax.diagnostics import Diagnostic
 from koord.syntax.parsing.layout import lay_out
-from koord.syntax.parsing.lines import Part
-from koord.syntax.parsing.reader import Reader
-from koord.syntax.parsing.report import Report
+from koord.syntax.parsing.lines import LinePart
+from koord.syntax.parsing.reader import LineReader
+from koord.syntax.parsing.report import ErrorLog
 from koord.syntax.parsing.sections import sections
-from koord.syntax.parsing.tokens import Text, tokenise
+from koord.syntax.parsing.tokens import TokenText, tokenise
 from koord.syntax.source import Source
 
 #: A longer text is not read.
@@ -36,7 +36,7 @@ def parse(source: Source) -> Parsed:
 
 
 def _parse(source: Source) -> Parsed:
-    report = Report()
+    report = ErrorLog()
     if len(source.text) > MAX_CHARACTERS:
         report.error(
             "K106",
@@ -44,14 +44,14 @@ def _parse(source: Source) -> Parsed:
             f"this file has {len(source.text):,} characters, more than {MAX_CHARACTERS:,}",
             "is it a program? If so, take it apart",
         )
-        text = Text([], (), tabs=False)
+        text = TokenText([], (), tabs=False)
     else:
         text = tokenise(source, report)
-    reader = Reader(report)
+    reader = LineReader(report)
     tree = sections(reader, lay_out(text, report))
     for line in text.lines:
         if line.tokens[0].line in report.damaged:
-            reader.lose(Part(line.tokens))
+            reader.lose(LinePart(line.tokens))
     program = ast.Program(
         tree,
         text.comments,

@@ -6,11 +6,11 @@ from itertools import pairwise
 from typing import Any, cast
 
 from koord.syntax import ast
-from koord.syntax.parsing.line_forms import MAX_DEPTH, Form, UnexpectedError, parse_line
-from koord.syntax.parsing.lines import GOES_ON, UNFINISHED, Part
+from koord.syntax.parsing.line_forms import MAX_DEPTH, LineKind, UnexpectedError, parse_line
+from koord.syntax.parsing.lines import GOES_ON, UNFINISHED, LinePart
 from koord.syntax.parsing.messages import explain
 from koord.syntax.parsing.operands import MisplacedError
-from koord.syntax.parsing.report import Report
+from koord.syntax.parsing.report import ErrorLog
 from koord.syntax.parsing.tokens import BLOCKS, KEYWORDS, Token, shown, words
 from koord.syntax.source import Span
 
@@ -18,7 +18,7 @@ from koord.syntax.source import Span
 _MAX_REPAIRS = 10
 
 #: Forms that may go on over several lines without brackets: the expressions of properties.
-_OVER_LINES = frozenset([Form.EXPRESSION, Form.GOAL, Form.MEMBERS])
+_OVER_LINES = frozenset([LineKind.EXPRESSION, LineKind.GOAL, LineKind.MEMBERS])
 #: Complaints that may as well mean a missing colon.
 _NO_COLON = frozenset(["K130", "K131", "K135"])
 #: First words of sections: nothing else begins so.
@@ -27,25 +27,25 @@ _SECTIONS = words(
 )
 
 
-class Reader:
+class LineReader:
     """Reads parts; a part with a mistake is told, and None where nothing can be made of it."""
 
     __slots__ = ("around", "displaced", "heads", "lost", "report")
 
-    def __init__(self, report: Report) -> None:
+    def __init__(self, report: ErrorLog) -> None:
         self.report = report
         #: Words that begin a block but have no node of their own.
         self.heads: list[ast.Ident] = []
         #: Names in what could not be read.
         self.lost: set[str] = set()
         #: The section that is being read, beside which others stand.
-        self.around: Part | None = None
+        self.around: LinePart | None = None
         #: Sections that stood inside of others, to be read as if they stood beside them.
-        self.displaced: list[Part] = []
+        self.displaced: list[LinePart] = []
 
     # --- sections in sections
 
-    def is_displaced(self, part: Part, *, or_named: bool = False) -> bool:
+    def is_displaced(self, part: LinePart, *, or_named: bool = False) -> bool:
         """Whether a part that stands inside of a section is one itself, which is told then.
 
         ``or_named`` says that a word with a block can be nothing but an event here.
@@ -69,7 +69,9 @@ class Reader:
 
     # --- lines
 
-    def line(self, form: Form, part: Part, start: int = 0, *, opens: bool = False) -> Any | None:
+    def line(
+        self, form: LineKind, part: LinePart, start: int = 0, *, opens: bool = False
+    ) -> Any | None:
         """The node of a part's tokens from number ``start`` on.
 
         ``opens`` tells that a body follows, so that ``:`` may be what is missing.
@@ -105,7 +107,7 @@ class Reader:
         self.lose(part)
         return None
 
-    def lose(self, part: Part, *, body: bool = False) -> None:
+    def lose(self, part: LinePart, *, body: bool = False) -> None:
         """Remember the names in a part, or in its whole body, that nothing is made of."""
         waiting = [part]
         while waiting:
@@ -115,7 +117,7 @@ class Reader:
                 waiting.extend(one.body)
 
     def complain(
-        self, part: Part, code: str, span: Span, message: str, hint: str | None = None
+        self, part: LinePart, code: str, span: Span, message: str, hint: str | None = None
     ) -> None:
         """Tell of a mistake in a part, unless it is likely to come of one that was told."""
         if part.broken or part.told not in (None, code):
@@ -125,25 +127,25 @@ class Reader:
         part.told = code
         self.report.error(code, span, message, hint)
 
-    def expression(self, part: Part) -> ast.Expr | None:
+    def expression(self, part: LinePart) -> ast.Expr | None:
         """The expression that a part is."""
         self.no_block(part)
-        return cast("ast.Expr | None", self.line(Form.EXPRESSION, part))
+        return cast("ast.Expr | None", self.line(LineKind.EXPRESSION, part))
 
-    def condition(self, part: Part) -> ast.Expr | None:
+    def condition(self, part: LinePart) -> ast.Expr | None:
         """The expression behind the first word of a part that has a body."""
-        return cast("ast.Expr | None", self.line(Form.EXPRESSION, part, 1, opens=True))
+        return cast("ast.Expr | None", self.line(LineKind.EXPRESSION, part, 1, opens=True))
 
     # --- declarations
 
-    def declarations(self, part: Part) -> tuple[ast.VarDecl, ...]:
+    def declarations(self, part: LinePart) -> tuple[ast.VarDecl, ...]:
         """What the body of a part declares."""
         if part.colon is None:
             self.body(part)
         lines = [line for line in part.body if not self.is_displaced(line, or_named=True)]
         return tuple(decl for line in lines for decl in self.declaration(line))
 
-    def declaration(self, part: Part, start: int = 0) -> list[ast.VarDecl]:
+    def declaration(self, part: LinePart, start: int = 0) -> list[ast.VarDecl]:
         """What a line declares: one variable, unless it is wrong."""
         if part.colon:
             self.complain(
@@ -153,20 +155,20 @@ class Reader:
                 "no `:` stands in a declaration",
                 _typed(part) or "leave the `:` out; a value stands behind `=`: `int x = 3`",
             )
-        decl = self.line(Form.DECLARATION, part, start)
+        decl = self.line(LineKind.DECLARATION, part, start)
         if decl:
             return [decl, *_others(decl, part.tokens)] if part.told == "K137" else [decl]
         tokens = part.tokens[start:]
         for position, token in enumerate(tokens):
             if token.type == "ASSIGN":  # without its value the variable may be readable
-                part = Part(tokens[:position], broken=True)
-                decl = self.line(Form.DECLARATION, part) if position else None
+                part = LinePart(tokens[:position], broken=True)
+                decl = self.line(LineKind.DECLARATION, part) if position else None
                 break
         return [decl] if decl else []
 
     # --- heads of blocks
 
-    def ends(self, part: Part, length: int) -> None:
+    def ends(self, part: LinePart, length: int) -> None:
         """Complain if a part goes on behind its first ``length`` words."""
         if len(part.tokens) <= length or self._splits(part, length):
             return
@@ -176,7 +178,7 @@ class Reader:
             part, "K130", token.span, f"`:` is expected here, but found `{shown(token.text)}`", hint
         )
 
-    def name(self, part: Part, at: int, what: str, then: int = 0) -> ast.Ident:
+    def name(self, part: LinePart, at: int, what: str, then: int = 0) -> ast.Ident:
         """The name that stands as word number ``at``; ``then`` words more end the part."""
         token = part.tokens[at] if at < len(part.tokens) else part.end
         if token.type == "NAME":
@@ -195,7 +197,7 @@ class Reader:
             return ast.Ident("?", span=token.span)
         return ast.Ident(token.text, span=token.span)
 
-    def _splits(self, part: Part, at: int) -> bool:
+    def _splits(self, part: LinePart, at: int) -> bool:
         """Take word number ``at`` for the beginning of the body, if ``:`` is missing before it."""
         if at >= len(part.tokens) or not at:
             return False
@@ -205,7 +207,7 @@ class Reader:
         self.complain(
             part, "K114", token.span, f"`:` is missing before `{shown(token.text)}`", "write `:`"
         )
-        rest = Part(part.tokens[at:], part.colon, quantified=part.quantified)
+        rest = LinePart(part.tokens[at:], part.colon, quantified=part.quantified)
         rest.broken = part.broken
         if part.colon:
             rest.body, part.body = part.body, [rest]
@@ -214,7 +216,7 @@ class Reader:
         part.tokens, part.colon = part.tokens[:at], token
         return True
 
-    def head(self, part: Part) -> None:
+    def head(self, part: LinePart) -> None:
         """Take a part that is one word and has no node; remember where it stands."""
         self.ends(part, 1)
         token = part.tokens[0]
@@ -222,7 +224,7 @@ class Reader:
 
     # --- bodies
 
-    def body(self, part: Part) -> list[Part]:
+    def body(self, part: LinePart) -> list[LinePart]:
         """The body of a part that must have one."""
         word = f"`{shown(part.tokens[-1].text)}`" if part.tokens else "this"
         if part.colon is None:
@@ -238,17 +240,17 @@ class Reader:
             )
         return part.body
 
-    def no_block(self, part: Part) -> None:
+    def no_block(self, part: LinePart) -> None:
         """Complain if a part has a body where none can be."""
         if part.colon:
             self.complain(part, "K115", part.colon.span, "no block can begin here", "leave `:` out")
 
-    def expressions(self, part: Part) -> list[ast.Expr]:
+    def expressions(self, part: LinePart) -> list[ast.Expr]:
         """The expressions that the body of a part lists, one a line."""
         found = [self.expression(line) for line in self.joined(self.body(part))]
         return [expression for expression in found if expression]
 
-    def conjunction(self, part: Part) -> ast.Expr | None:
+    def conjunction(self, part: LinePart) -> ast.Expr | None:
         """The expression that the body of a part is; several lines must all hold."""
         found = self.expressions(part)
         if not found:
@@ -263,9 +265,9 @@ class Reader:
             whole = ast.Binary(ast.BinaryOp.AND, whole, more, span=span)
         return whole
 
-    def joined(self, parts: list[Part]) -> list[Part]:
+    def joined(self, parts: list[LinePart]) -> list[LinePart]:
         """Lines of expressions; one that is unfinished goes on with the next."""
-        lines: list[Part] = []
+        lines: list[LinePart] = []
         for part in parts:
             last = lines[-1] if lines else None
             if (
@@ -275,7 +277,7 @@ class Reader:
                 and part.tokens
                 and (last.tokens[-1].type in UNFINISHED or part.first in GOES_ON)
             ):
-                lines[-1] = Part(
+                lines[-1] = LinePart(
                     last.tokens + part.tokens,
                     part.colon,
                     part.body,
@@ -300,7 +302,7 @@ def _others(decl: ast.VarDecl, tokens: list[Token]) -> list[ast.VarDecl]:
     return found
 
 
-def _typed(part: Part) -> str | None:
+def _typed(part: LinePart) -> str | None:
     """The cure of ``x: int``, as other languages declare."""
     inside = [token for line in part.body for token in line.tokens]
     if len(part.tokens) != 1 or not inside or inside[0].type != "NAME":
@@ -311,6 +313,6 @@ def _typed(part: Part) -> str | None:
     return f"write `{type_} {shown(part.tokens[0].text)}{' =' * bool(value)}{value}`"
 
 
-def has_pieces(part: Part) -> bool:
+def has_pieces(part: LinePart) -> bool:
     """Whether a guard or an effect stands in a part."""
     return any(line.first in ("PRE", "EFF") for line in part.body)

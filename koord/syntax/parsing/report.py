@@ -9,7 +9,7 @@ from koord.syntax.source import Span
 MAX_ERRORS = 100
 
 
-class Report:
+class ErrorLog:
     """The errors found so far in one file; of two at the same place only the first is kept."""
 
     __slots__ = ("_places", "damaged", "diagnostics")

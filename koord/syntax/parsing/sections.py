@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from koord.syntax import ast
 from koord.syntax.parsing.blocks import block, reach
-from koord.syntax.parsing.line_forms import Form
-from koord.syntax.parsing.lines import Part
-from koord.syntax.parsing.nodes import LeadsTo, Signature
-from koord.syntax.parsing.reader import Reader, has_pieces
+from koord.syntax.parsing.line_forms import LineKind
+from koord.syntax.parsing.lines import LinePart
+from koord.syntax.parsing.nodes import FunctionHead, LeadsTo
+from koord.syntax.parsing.reader import LineReader, has_pieces
 from koord.syntax.parsing.strays import (
     OPENING,
     PIECES,
@@ -21,7 +21,9 @@ from koord.syntax.parsing.strays import (
 from koord.syntax.parsing.tokens import KEYWORDS, words
 
 
-def sections(reader: Reader, parts: list[Part], *, agent: bool = False) -> tuple[ast.Section, ...]:
+def sections(
+    reader: LineReader, parts: list[LinePart], *, agent: bool = False
+) -> tuple[ast.Section, ...]:
     """The sections of a file or of an ``agent``."""
     found: list[ast.Section] = []
     strays = Strays(reader)
@@ -40,7 +42,7 @@ def sections(reader: Reader, parts: list[Part], *, agent: bool = False) -> tuple
     return tuple(found)
 
 
-def _section(reader: Reader, part: Part) -> tuple[ast.Section, ...] | None:
+def _section(reader: LineReader, part: LinePart) -> tuple[ast.Section, ...] | None:
     """The sections that a part is; None if it is none."""
     if part.first != "AGENT":
         reader.around = part
@@ -87,7 +89,7 @@ def _section(reader: Reader, part: Part) -> tuple[ast.Section, ...] | None:
 # --- events -------------------------------------------------------------------------------------
 
 
-def _is_event(part: Part) -> bool:
+def _is_event(part: LinePart) -> bool:
     if not (part.colon or part.body) or len(part.tokens) != 1:
         return False
     if part.tokens[0].text not in PIECES:
@@ -95,20 +97,20 @@ def _is_event(part: Part) -> bool:
     return has_pieces(part)
 
 
-def _is_misnamed(part: Part) -> bool:
+def _is_misnamed(part: LinePart) -> bool:
     """Whether a part is an event that has a keyword for its name."""
     if len(part.tokens) != 1 or not part.colon:
         return False
     return has_pieces(part) or part.first not in OPENING | words("PRE EFF")
 
 
-def _event(reader: Reader, part: Part, *, urgent: bool) -> ast.Event:
+def _event(reader: LineReader, part: LinePart, *, urgent: bool) -> ast.Event:
     name = reader.name(part, 1 if urgent else 0, "an event")
     pre: ast.Expr | None = None
     eff: ast.Block = ()
     strays = Strays(reader)
     seen: set[str] = set()
-    loose: list[Part] = []
+    loose: list[LinePart] = []
     for line in reader.body(part):
         match line.first:
             case "PRE":
@@ -135,7 +137,7 @@ def _event(reader: Reader, part: Part, *, urgent: bool) -> ast.Event:
     return ast.Event(name, urgent, pre, eff, span=reach(part))
 
 
-def quiet(parts: list[Part]) -> None:
+def quiet(parts: list[LinePart]) -> None:
     """Say nothing more about parts that do not belong where they are."""
     waiting = list(parts)
     while waiting:
@@ -147,7 +149,7 @@ def quiet(parts: list[Part]) -> None:
 # --- modules and functions ----------------------------------------------------------------------
 
 
-def _using(reader: Reader, part: Part) -> ast.Using:
+def _using(reader: LineReader, part: LinePart) -> ast.Using:
     words = part.tokens
     at = 2 if len(words) > 2 and words[1].text == "module" else 1
     name = reader.name(part, at, "a module")
@@ -185,7 +187,7 @@ def _using(reader: Reader, part: Part) -> ast.Using:
 
 
 def _summary(
-    reader: Reader, parts: list[Part]
+    reader: LineReader, parts: list[LinePart]
 ) -> tuple[tuple[ast.Expr, ...], tuple[ast.Expr, ...]]:
     requires: list[ast.Expr] = []
     ensures: list[ast.Expr] = []
@@ -205,7 +207,7 @@ def _summary(
     return tuple(requires), tuple(ensures)
 
 
-def _def(reader: Reader, part: Part) -> tuple[ast.Section, ...]:
+def _def(reader: LineReader, part: LinePart) -> tuple[ast.Section, ...]:
     words = [token.text for token in part.tokens]
     if "(" in words or (words[1:2] == ["fun"] and len(words) > 2):
         return _function(reader, part, 2 if words[1] == "fun" and words[2:3] != ["("] else 1)
@@ -215,8 +217,8 @@ def _def(reader: Reader, part: Part) -> tuple[ast.Section, ...]:
     return (ast.RecordDef(name, reader.declarations(part), span=reach(part)),)
 
 
-def _function(reader: Reader, part: Part, at: int) -> tuple[ast.Section, ...]:
-    head = reader.line(Form.SIGNATURE, part, at, opens=True)
+def _function(reader: LineReader, part: LinePart, at: int) -> tuple[ast.Section, ...]:
+    head = reader.line(LineKind.SIGNATURE, part, at, opens=True)
     body = reader.body(part)
     first = [token.text for token in body[0].tokens] if body else []
     requires: tuple[ast.Expr, ...] = ()
@@ -228,7 +230,7 @@ def _function(reader: Reader, part: Part, at: int) -> tuple[ast.Section, ...]:
         requires, ensures = _summary(reader, body[1:])
     else:
         answer = block(reader, body)
-    if not isinstance(head, Signature):
+    if not isinstance(head, FunctionHead):
         reader.lose(part, body=True)
         return ()
     return (
@@ -244,17 +246,17 @@ def _function(reader: Reader, part: Part, at: int) -> tuple[ast.Section, ...]:
     )
 
 
-def _enum(reader: Reader, part: Part) -> ast.EnumDef:
+def _enum(reader: LineReader, part: LinePart) -> ast.EnumDef:
     name = reader.name(part, 1, "an enumeration")
     members: list[ast.Ident] = []
     for line in reader.joined(reader.body(part)):
         reader.no_block(line)
-        found = reader.line(Form.MEMBERS, line)
+        found = reader.line(LineKind.MEMBERS, line)
         members.extend(found or _names(line))
     return ast.EnumDef(name, tuple(members), span=reach(part))
 
 
-def _names(part: Part) -> list[ast.Ident]:
+def _names(part: LinePart) -> list[ast.Ident]:
     tokens = (token for token in part.tokens if token.type == "NAME")
     return [ast.Ident(token.text, span=token.span) for token in tokens]
 
@@ -262,7 +264,7 @@ def _names(part: Part) -> list[ast.Ident]:
 # --- properties ---------------------------------------------------------------------------------
 
 
-def _property_name(reader: Reader, part: Part, then: int = 0) -> ast.Ident | None:
+def _property_name(reader: LineReader, part: LinePart, then: int = 0) -> ast.Ident | None:
     if len(part.tokens) - then < 2:
         return None
     if part.colon is None and not (len(part.tokens) == 2 and part.body):
@@ -271,7 +273,7 @@ def _property_name(reader: Reader, part: Part, then: int = 0) -> ast.Ident | Non
     return reader.name(part, 1, "a property", then)
 
 
-def _invariant(reader: Reader, part: Part) -> tuple[ast.Section, ...]:
+def _invariant(reader: LineReader, part: LinePart) -> tuple[ast.Section, ...]:
     words = part.tokens
     at_round = [token.text for token in words[-2:]] == ["at", "round"] and len(words) > 2
     name = _property_name(reader, part, 2 if at_round else 0)
@@ -281,9 +283,11 @@ def _invariant(reader: Reader, part: Part) -> tuple[ast.Section, ...]:
     return (ast.Invariant(name, at_round, condition, span=reach(part)),)
 
 
-def _assumed(reader: Reader, name: ast.Ident | None, line: Part) -> ast.Assume | ast.LeadsTo | None:
+def _assumed(
+    reader: LineReader, name: ast.Ident | None, line: LinePart
+) -> ast.Assume | ast.LeadsTo | None:
     reader.no_block(line)
-    match reader.line(Form.GOAL, line):
+    match reader.line(LineKind.GOAL, line):
         case LeadsTo(trigger=trigger, goal=goal):
             span = trigger.span.to(goal.span)
             return ast.LeadsTo(name, trigger, goal, assumed=True, span=span)
@@ -293,7 +297,7 @@ def _assumed(reader: Reader, name: ast.Ident | None, line: Part) -> ast.Assume |
             return ast.Assume(name, condition, span=condition.span)
 
 
-def _eventually(reader: Reader, part: Part) -> tuple[ast.Section, ...]:
+def _eventually(reader: LineReader, part: LinePart) -> tuple[ast.Section, ...]:
     name = _property_name(reader, part)
     lines = reader.joined(reader.body(part))
     for more in lines[1:]:
@@ -306,7 +310,7 @@ def _eventually(reader: Reader, part: Part) -> tuple[ast.Section, ...]:
         )
     for line in lines[:1]:
         reader.no_block(line)
-        match reader.line(Form.GOAL, line):
+        match reader.line(LineKind.GOAL, line):
             case LeadsTo(trigger=trigger, goal=goal):
                 return (ast.LeadsTo(name, trigger, goal, span=reach(part)),)
             case None:

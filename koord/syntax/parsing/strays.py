@@ -6,8 +6,8 @@ from collections.abc import Iterable
 from difflib import get_close_matches
 
 from koord.syntax.parsing.line_forms import type_end
-from koord.syntax.parsing.lines import Part
-from koord.syntax.parsing.reader import Reader
+from koord.syntax.parsing.lines import LinePart
+from koord.syntax.parsing.reader import LineReader
 from koord.syntax.parsing.tokens import ARMS, BLOCKS, shown, words
 
 _OF_MODULES = frozenset(["sensors", "actuators", "environment", "contract"])
@@ -45,7 +45,7 @@ def _closest(word: str, known: Iterable[str]) -> str | None:
     return found[0] if found else None
 
 
-def misspelt_section(part: Part) -> tuple[str, str] | None:
+def misspelt_section(part: LinePart) -> tuple[str, str] | None:
     """What to say about a line that begins like a section, but for a letter or two."""
     word = part.tokens[0].text if part.tokens else ""
     found = _closest(word, _SECTIONS)
@@ -59,12 +59,12 @@ class Strays:
 
     __slots__ = ("_reader", "_repeated", "_told")
 
-    def __init__(self, reader: Reader) -> None:
+    def __init__(self, reader: LineReader) -> None:
         self._reader = reader
         self._told = False
         self._repeated = False
 
-    def add(self, part: Part, message: str, hint: str | None, *, lost: bool = True) -> None:
+    def add(self, part: LinePart, message: str, hint: str | None, *, lost: bool = True) -> None:
         """A line that does not belong here; ``lost`` if nothing is made of it."""
         if not self._told:
             self._reader.complain(part, "K141", part.span, message, hint)
@@ -76,7 +76,7 @@ class Strays:
         """A line that does."""
         self._told = False
 
-    def once(self, part: Part, seen: set[str]) -> None:
+    def once(self, part: LinePart, seen: set[str]) -> None:
         """Complain about a second block of one kind."""
         word = part.tokens[0].text
         if part.first in seen and not self._repeated:
@@ -86,7 +86,7 @@ class Strays:
         seen.add(part.first)
 
 
-def stray_section(part: Part) -> tuple[str, str | None]:
+def stray_section(part: LinePart) -> tuple[str, str | None]:
     """What to say about a line that is no section, with its cure."""
     misspelt = misspelt_section(part)
     if misspelt:
@@ -116,7 +116,7 @@ def stray_section(part: Part) -> tuple[str, str | None]:
     return expected, "such as `local:`, `init:`, `invariant NAME:` or `Event:`"
 
 
-def stray_piece(part: Part) -> tuple[str, str]:
+def stray_piece(part: LinePart) -> tuple[str, str]:
     """What to say about a line of an event that is neither guard nor effect, with its cure."""
     if part.first in ("ELSE", "ELIF"):
         word = part.tokens[0].text
@@ -128,7 +128,7 @@ def stray_piece(part: Part) -> tuple[str, str]:
     return "`pre:` or `eff:` is expected here", "the statements of an event stand below its `eff:`"
 
 
-def stray_port(part: Part) -> tuple[str, str]:
+def stray_port(part: LinePart) -> tuple[str, str]:
     """What to say about a line of a module that is no piece of one, with its cure."""
     word = part.tokens[0].text if part.colon and part.tokens else ""
     found = _closest(word, sorted(_OF_MODULES))
@@ -138,10 +138,10 @@ def stray_port(part: Part) -> tuple[str, str]:
     return "a piece of a module is expected here", pieces
 
 
-def adopted(reader: Reader, parts: list[Part]) -> list[Part]:
+def adopted(reader: LineReader, parts: list[LinePart]) -> list[LinePart]:
     """The parts; what stands at the level of its head is put below it."""
-    kept: list[Part] = []
-    adopting: Part | None = None
+    kept: list[LinePart] = []
+    adopting: LinePart | None = None
     for part in parts:
         head = kept[-1] if kept else None
         if not (head and head.colon and _fits(head, part) and (head is adopting or not head.body)):
@@ -156,7 +156,7 @@ def adopted(reader: Reader, parts: list[Part]) -> list[Part]:
     return kept
 
 
-def _fits(head: Part, part: Part) -> bool:
+def _fits(head: LinePart, part: LinePart) -> bool:
     """Whether a part is likely to be in the body of ``head``."""
     match head.first:
         case "NAME" | "URGENT":
@@ -169,6 +169,6 @@ def _fits(head: Part, part: Part) -> bool:
             return False
 
 
-def _is_declaration(part: Part) -> bool:
+def _is_declaration(part: LinePart) -> bool:
     end = type_end(part.tokens, 0)
     return end is not None and end < len(part.tokens) and part.tokens[end].type == "NAME"

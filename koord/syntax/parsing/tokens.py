@@ -13,7 +13,7 @@ from msgspec import Struct
 
 from koord.syntax.ast import Comment
 from koord.syntax.operators import SPELLINGS
-from koord.syntax.parsing.report import Report
+from koord.syntax.parsing.report import ErrorLog
 from koord.syntax.source import Source, Span
 
 
@@ -129,7 +129,7 @@ class TextLine(Struct):
     tokens: list[Token]
 
 
-class Text(Struct, frozen=True):
+class TokenText(Struct, frozen=True):
     """A file in tokens."""
 
     lines: list[TextLine]  #: those that are not blank
@@ -143,7 +143,7 @@ MAX_DIGITS = 400
 _TAB = 4
 
 
-def tokenise(source: Source, report: Report) -> Text:
+def tokenise(source: Source, report: ErrorLog) -> TokenText:
     """The lines of a text that are not blank, and its comments."""
     file = source.name
     text = source.text
@@ -197,10 +197,10 @@ def tokenise(source: Source, report: Report) -> Text:
                     tokens.append(token)
     if tabs:
         _refuse_tabs(tabs, report)
-    return Text([line for line in lines if line.tokens], tuple(comments), bool(tabs))
+    return TokenText([line for line in lines if line.tokens], tuple(comments), bool(tabs))
 
 
-def _number(token: Token, tail: str, report: Report) -> Token:
+def _number(token: Token, tail: str, report: ErrorLog) -> Token:
     digits = token.text
     token.type = "INT" if digits.isdigit() else "FLOAT"
     if tail:
@@ -240,7 +240,7 @@ def _is_moderate(number: str) -> bool:
 _ESCAPES = {"n": "\n", "t": "\t", '"': '"', "\\": "\\"}
 
 
-def _string(token: Token, quote: str, report: Report) -> Token:
+def _string(token: Token, quote: str, report: ErrorLog) -> Token:
     token.type = "STRING"
     if quote != '"':
         report.damaged.add(token.line)
@@ -275,7 +275,7 @@ def _inside(token: Token, offset: int, length: int) -> Span:
     return Span(token.file, token.line, column, token.line, column + length)
 
 
-def _foreign(token: Token, report: Report) -> Token:
+def _foreign(token: Token, report: ErrorLog) -> Token:
     meant = _FOREIGN[token.text]
     hint = f"write `{meant}`"
     if token.text == "=>":
@@ -296,7 +296,7 @@ def _join(name: Token, rest: str) -> None:
     name.end_column += len(rest)
 
 
-def _bad(token: Token, report: Report) -> bool:
+def _bad(token: Token, report: ErrorLog) -> bool:
     """Tell of characters that the language does not have; whether they look like a name."""
     character = token.text[0]
     code = f"U+{ord(character):04X}"
@@ -322,7 +322,7 @@ def _unprintable(character: str) -> bool:
     return unicodedata.category(character) in ("Cc", "Cs")
 
 
-def _refuse_tabs(tabs: list[Span], report: Report) -> None:
+def _refuse_tabs(tabs: list[Span], report: ErrorLog) -> None:
     more = len(tabs) - 1
     also = f" (and {more} more line{'s' if more > 1 else ''})" if more else ""
     report.error("K105", tabs[0], f"this line{also} is indented with a tab", "indent with spaces")

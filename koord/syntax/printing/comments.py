@@ -17,10 +17,10 @@ from koord.syntax.ast import Comment
 INDENT = "    "
 
 
-class Written(Struct, eq=False):
+class OutputLine(Struct, eq=False):
     """A line that the printer writes."""
 
-    parent: Written | None
+    parent: OutputLine | None
     text: str
     #: First and last line of the construct in the text, and its column; 0 if unknown.
     line: int
@@ -44,7 +44,7 @@ class _Placed(Struct, frozen=True):
     blank: bool
 
 
-def weave(lines: Sequence[Written], comments: Sequence[Comment]) -> str:
+def weave(lines: Sequence[OutputLine], comments: Sequence[Comment]) -> str:
     """The text of the lines with the comments among them."""
     in_order = sorted((line for line in lines if line.line), key=lambda line: line.line)
     footer = _place(in_order, comments)
@@ -56,7 +56,7 @@ def weave(lines: Sequence[Written], comments: Sequence[Comment]) -> str:
     return "".join(f"{text}\n" for text in output)
 
 
-def _place(lines: Sequence[Written], comments: Sequence[Comment]) -> list[_Placed]:
+def _place(lines: Sequence[OutputLine], comments: Sequence[Comment]) -> list[_Placed]:
     """Give each comment to a line; the result are those that belong to none."""
     footer: list[_Placed] = []
     waiting = iter([*comments, None])
@@ -70,7 +70,7 @@ def _place(lines: Sequence[Written], comments: Sequence[Comment]) -> list[_Place
             comment = next(waiting)
         line.blank = line.line > end + 1
         end = max(end, line.end_line)
-        owner: Written | None = line
+        owner: OutputLine | None = line
         while comment and (following is None or comment.line < following.line):
             if not comment.own_line or comment.line <= line.end_line:
                 _beside(line, comment)
@@ -88,7 +88,7 @@ def _place(lines: Sequence[Written], comments: Sequence[Comment]) -> list[_Place
     return footer
 
 
-def _beside(line: Written, comment: Comment) -> None:
+def _beside(line: OutputLine, comment: Comment) -> None:
     if comment.own_line:
         line.before.append(_Placed(comment.text, False))
         return
@@ -97,7 +97,9 @@ def _beside(line: Written, comment: Comment) -> None:
     line.beside = comment.text
 
 
-def _owner(line: Written | None, following: Written | None, comment: Comment) -> Written | None:
+def _owner(
+    line: OutputLine | None, following: OutputLine | None, comment: Comment
+) -> OutputLine | None:
     """The line whose block a comment ends; None if it belongs before the following line.
 
     ``line`` is the line before the comment, or the owner of the comment before it.
@@ -111,9 +113,9 @@ def _owner(line: Written | None, following: Written | None, comment: Comment) ->
     return None
 
 
-def _emit(lines: Sequence[Written], footer: list[_Placed]) -> Iterator[tuple[str, bool]]:
+def _emit(lines: Sequence[OutputLine], footer: list[_Placed]) -> Iterator[tuple[str, bool]]:
     """The lines of the output, each with whether a blank line comes before it."""
-    open_: list[Written] = []
+    open_: list[OutputLine] = []
     first = True  # of its block
     for line in [*lines, None]:
         while open_ and (line is None or open_[-1] is not line.parent):

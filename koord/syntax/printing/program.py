@@ -18,7 +18,7 @@ from koord.syntax.parsing.parser import parse
 from koord.syntax.printing.comments import weave
 from koord.syntax.printing.conditions import conjuncts
 from koord.syntax.printing.expressions import print_expr, print_type
-from koord.syntax.printing.statements import Writer, beginning, declaration, known
+from koord.syntax.printing.statements import LineWriter, beginning, declaration, known
 from koord.syntax.source import Source, Span
 
 __all__ = ["print_expr", "print_program", "print_type"]
@@ -26,12 +26,12 @@ __all__ = ["print_expr", "print_program", "print_type"]
 
 def print_program(program: ast.Program) -> str:
     """The program in the one layout, with its comments."""
-    writer = Writer(program.heads)
+    writer = LineWriter(program.heads)
     _sections(writer, program.sections)
     return weave(writer.lines, program.comments)
 
 
-def _sections(w: Writer, sections: Sequence[ast.Section]) -> None:
+def _sections(w: LineWriter, sections: Sequence[ast.Section]) -> None:
     """All sections; without places in a text, a blank line between those of several lines."""
     long = False
     position = 0
@@ -49,7 +49,9 @@ def _sections(w: Writer, sections: Sequence[ast.Section]) -> None:
             w.lines[start].blank = before or long
 
 
-def _assumed_together(w: Writer, sections: Sequence[ast.Section], position: int) -> list[ast.Expr]:
+def _assumed_together(
+    w: LineWriter, sections: Sequence[ast.Section], position: int
+) -> list[ast.Expr]:
     """The assumptions from a position on that stood below one ``assume:``."""
     together: list[ast.Expr] = []
     head: Span | None = None
@@ -70,7 +72,7 @@ def _head(word: str, name: ast.Ident | None) -> str:
     return f"{word} {name.name}" if name else word
 
 
-def _conditions(w: Writer, head: str, word: str, conditions: Sequence[ast.Expr]) -> None:
+def _conditions(w: LineWriter, head: str, word: str, conditions: Sequence[ast.Expr]) -> None:
     """A head with a condition, or with several below it."""
     first = w.head(word, conditions)
     if len(conditions) > 1 or not _on_line(w, head, first, conditions[0]):
@@ -79,7 +81,7 @@ def _conditions(w: Writer, head: str, word: str, conditions: Sequence[ast.Expr])
                 w.condition(condition)
 
 
-def _conjunction(w: Writer, head: str, first: Span, condition: ast.Expr) -> None:
+def _conjunction(w: LineWriter, head: str, first: Span, condition: ast.Expr) -> None:
     """A head with a condition; if it is long, with those below it that must hold together."""
     if not _on_line(w, head, first, condition):
         with w.block(head, first):
@@ -87,7 +89,7 @@ def _conjunction(w: Writer, head: str, first: Span, condition: ast.Expr) -> None
                 w.condition(part)
 
 
-def _on_line(w: Writer, head: str, first: Span, condition: ast.Expr) -> bool:
+def _on_line(w: LineWriter, head: str, first: Span, condition: ast.Expr) -> bool:
     """Write a condition on the line of its head, if there is room for it."""
     text = f"{head}: {print_expr(condition)}"
     if len(text) > w.room:
@@ -96,7 +98,7 @@ def _on_line(w: Writer, head: str, first: Span, condition: ast.Expr) -> bool:
     return True
 
 
-def _section(w: Writer, section: ast.Section) -> None:
+def _section(w: LineWriter, section: ast.Section) -> None:
     """One section."""
     match section:
         case ast.VarSection(kind=kind, decls=decls):
@@ -125,14 +127,14 @@ def _section(w: Writer, section: ast.Section) -> None:
             assert_never(section)
 
 
-def _declarations(w: Writer, head: str, first: Span, decls: Sequence[ast.VarDecl]) -> None:
+def _declarations(w: LineWriter, head: str, first: Span, decls: Sequence[ast.VarDecl]) -> None:
     """A head with declarations below."""
     with w.block(head, first):
         for decl in decls:
             w.line(declaration(decl), decl.span, decl.span)
 
 
-def _function(w: Writer, f: ast.FunDef) -> None:
+def _function(w: LineWriter, f: ast.FunDef) -> None:
     """A function with its body or its summary."""
     parameters = ", ".join(map(declaration, f.parameters))
     result = f" -> {print_type(f.result)}" if f.result else ""
@@ -146,14 +148,14 @@ def _function(w: Writer, f: ast.FunDef) -> None:
         w.suite(text, f.span, last, f.body)
 
 
-def _summary(w: Writer, requires: Sequence[ast.Expr], ensures: Sequence[ast.Expr]) -> None:
+def _summary(w: LineWriter, requires: Sequence[ast.Expr], ensures: Sequence[ast.Expr]) -> None:
     """A contract, or the summary of an external function."""
     for word, conditions in (("requires", requires), ("ensures", ensures)):
         if conditions:
             _conditions(w, word, word, conditions)
 
 
-def _using(w: Writer, module: ast.Using) -> None:
+def _using(w: LineWriter, module: ast.Using) -> None:
     """A module with its ports, environment and contracts."""
     text = f"using {module.module.name}"
     if not (module.sensors or module.actuators or module.contracts or module.environment):
@@ -171,7 +173,7 @@ def _using(w: Writer, module: ast.Using) -> None:
                 _summary(w, contract.requires, contract.ensures)
 
 
-def _event(w: Writer, event: ast.Event) -> None:
+def _event(w: LineWriter, event: ast.Event) -> None:
     """An event with its guard and effect."""
     urgent = "urgent " if event.urgent else ""
     with w.block(f"{urgent}{event.name.name}", event.span):
@@ -181,7 +183,7 @@ def _event(w: Writer, event: ast.Event) -> None:
         w.suite("eff", head, head, event.eff)
 
 
-def _property(w: Writer, p: ast.Assume | ast.Invariant | ast.Eventually | ast.LeadsTo) -> None:
+def _property(w: LineWriter, p: ast.Assume | ast.Invariant | ast.Eventually | ast.LeadsTo) -> None:
     """A statement about the program."""
     match p:
         case ast.Assume(name=name, condition=condition):
@@ -199,7 +201,7 @@ def _property(w: Writer, p: ast.Assume | ast.Invariant | ast.Eventually | ast.Le
             assert_never(p)
 
 
-def _leads_to(w: Writer, head: str, p: ast.LeadsTo) -> None:
+def _leads_to(w: LineWriter, head: str, p: ast.LeadsTo) -> None:
     """One condition that leads to another."""
     text = f"{head}: {print_expr(p.trigger)} leadsto {print_expr(p.goal)}"
     first = w.head("assume", [p]) if p.assumed else p.span

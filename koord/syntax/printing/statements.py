@@ -8,20 +8,20 @@ from contextlib import contextmanager
 from typing import assert_never
 
 from koord.syntax import ast
-from koord.syntax.printing.comments import INDENT, Written
+from koord.syntax.printing.comments import INDENT, OutputLine
 from koord.syntax.printing.conditions import WIDTH, rows
 from koord.syntax.printing.expressions import print_base, print_expr, print_type
 from koord.syntax.source import NOWHERE, Span
 
 
-class Writer:
+class LineWriter:
     """Collects the lines of a program; knows where words without a node stood."""
 
     __slots__ = ("_heads", "_parent", "lines")
 
     def __init__(self, heads: Sequence[ast.Ident]) -> None:
-        self.lines: list[Written] = []
-        self._parent: Written | None = None
+        self.lines: list[OutputLine] = []
+        self._parent: OutputLine | None = None
         self._heads: dict[str, list[Span]] = {}
         for head in heads:
             self._heads.setdefault(head.name, []).append(head.span)
@@ -30,18 +30,18 @@ class Writer:
 
     # --- lines
 
-    def line(self, text: str, first: Span, last: Span | None = None) -> Written:
+    def line(self, text: str, first: Span, last: Span | None = None) -> OutputLine:
         """Write a line for what begins like ``first`` and ends like ``last``."""
         line = first.line if known(first) else 0
         end_line = max(line, last.end_line) if line and last and known(last) else line
-        written = Written(self._parent, text, line, end_line, first.column)
+        written = OutputLine(self._parent, text, line, end_line, first.column)
         if self._parent:
             self._parent.opens = True
         self.lines.append(written)
         return written
 
     @contextmanager
-    def block(self, text: str, first: Span, last: Span | None = None) -> Iterator[Written]:
+    def block(self, text: str, first: Span, last: Span | None = None) -> Iterator[OutputLine]:
         """Write the head of a block, and then the lines of the block."""
         outer = self._parent
         self._parent = self.line(f"{text}:", first, last)

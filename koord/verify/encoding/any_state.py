@@ -8,7 +8,7 @@ from koord.semantics.configurations import NO_EVENT, Configuration, Robot, Store
 from koord.semantics.domain import conjunction, disjunction
 from koord.semantics.storage import Storage
 from koord.syntax import core
-from koord.syntax.analysis.footprint import Footprint, Written, footprint, statuses
+from koord.syntax.analysis.footprint import Footprint, WriteExtent, footprint, statuses
 from koord.syntax.core import BinaryOp, Home
 from koord.syntax.system import Status, System
 from koord.syntax.types import INT
@@ -60,7 +60,7 @@ class Arbitrary:
         before: Storage[Term],
     ) -> Storage[Term]:
         variable = declaration.variable
-        written = self.footprint.get((home, kind, variable.slot), Written.NEVER)
+        written = self.footprint.get((home, kind, variable.slot), WriteExtent.NEVER)
         return self.unknowns.storage(f"{variable.name}{label}", variable.type, before, written)
 
     def _any_robot(

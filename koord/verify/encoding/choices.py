@@ -12,7 +12,7 @@ from koord.syntax import core
 from koord.syntax.core import BinaryOp, UnaryOp
 from koord.syntax.system import Status, System
 from koord.syntax.types import INT, EnumType
-from koord.verify.encoding.moments import Option
+from koord.verify.encoding.moments import EventOption
 from koord.verify.encoding.races import Before
 from koord.verify.encoding.symbols import SymbolicInputs
 from koord.verify.encoding.terms import Term, Terms
@@ -32,14 +32,14 @@ def free_to_skip(
     return free
 
 
-def who_acts(d: Terms, system: System, options: list[Option]) -> list[Term]:
+def who_acts(d: Terms, system: System, options: list[EventOption]) -> list[Term]:
     """Robot by robot, whether it runs an event."""
     return [
         disjunction(d, [o.chosen for o in options if o.robot == i]) for i in range(system.robots)
     ]
 
 
-def one_event_each(d: Terms, system: System, options: list[Option]) -> list[Term]:
+def one_event_each(d: Terms, system: System, options: list[EventOption]) -> list[Term]:
     """Each robot at most one event a round."""
     constraints: list[Term] = []
     for i in range(system.robots):
@@ -48,7 +48,7 @@ def one_event_each(d: Terms, system: System, options: list[Option]) -> list[Term
     return constraints
 
 
-def one_winner_each(d: Terms, system: System, options: list[Option]) -> list[Term]:
+def one_winner_each(d: Terms, system: System, options: list[EventOption]) -> list[Term]:
     """At most one robot enters each lock class: who loses, skips. [ATOMIC] [T-ONE-WINNER]"""
     constraints: list[Term] = []
     for lock_class in system.program.lock_classes:
@@ -88,7 +88,7 @@ def obligations(
     d: Terms,
     system: System,
     start: Configuration[Term],
-    options: list[Option],
+    options: list[EventOption],
     inputs: SymbolicInputs,
 ) -> list[Term]:
     """Who skips has no urgent event whose lock classes are free. [SKIP] [T-ONE-WINNER]
@@ -109,7 +109,7 @@ def obligations(
     return constraints
 
 
-def _taken_by_others(d: Terms, robot: int, event: core.Event, options: list[Option]) -> Term:
+def _taken_by_others(d: Terms, robot: int, event: core.Event, options: list[EventOption]) -> Term:
     taken = []
     for o in options:
         if o.robot != robot:

@@ -14,7 +14,7 @@ from koord.syntax import core
 from koord.syntax.core import BinaryOp
 from koord.syntax.system import System
 from koord.syntax.types import INT, is_flat
-from koord.verify.encoding.moments import Option
+from koord.verify.encoding.moments import EventOption
 from koord.verify.encoding.races import Before, Write, precedes, set_where_written, winning
 from koord.verify.encoding.terms import Term, Terms
 
@@ -26,7 +26,7 @@ def committed(
     d: Terms,
     system: System,
     store: Store[Term],
-    options: list[Option],
+    options: list[EventOption],
     before: Before,
     racy: set[int],
 ) -> Store[Term]:
@@ -98,7 +98,7 @@ def _place_of(d: Terms, system: System, robot: int, before: Before) -> Term:
 
 
 def lost_updates(
-    d: Terms, system: System, updates: Updates, options: list[Option]
+    d: Terms, system: System, updates: Updates, options: list[EventOption]
 ) -> list[tuple[Term, str]]:
     """Where one robot's update of an allwrite variable meets another's write. [LOST-UPDATE]"""
     found = []

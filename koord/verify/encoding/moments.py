@@ -12,13 +12,13 @@ from koord.semantics.storage import Storage, merge_storage_known
 from koord.semantics.turns import Turned
 from koord.syntax.core import UnaryOp
 from koord.syntax.types import INT
-from koord.verify.claims import Findings, Phase
+from koord.verify.claims import ClaimPhase, StepFindings
 from koord.verify.encoding.races import Before
 from koord.verify.encoding.symbols import SymbolicInputs
 from koord.verify.encoding.terms import Term, Terms
 
 
-class Option(Struct, frozen=True):
+class EventOption(Struct, frozen=True):
     """One event of one robot in a round: the Boolean that says it runs, and its turn."""
 
     robot: int
@@ -27,7 +27,7 @@ class Option(Struct, frozen=True):
     turned: Turned[Term]
 
 
-class Moment(Struct):
+class SymbolicConfiguration(Struct):
     """A configuration at which properties are looked at, with what makes it one.
 
     ``constraints`` of all moments up to here hold together in every run that reaches it. ``fault``
@@ -36,20 +36,20 @@ class Moment(Struct):
     leave open.
     """
 
-    phase: Phase
+    phase: ClaimPhase
     configuration: Configuration[Term]
     constraints: list[Term]
-    findings: Findings[Term]
+    findings: StepFindings[Term]
     checks: SymbolicInputs
     real: Term = True
 
 
-class Opening(Struct):
+class SymbolicInit(Struct):
     """INIT with its unknowns."""
 
     inputs: SymbolicInputs
     before: Before
-    moment: Moment
+    moment: SymbolicConfiguration
 
 
 class SymbolicRound(Struct):
@@ -62,22 +62,22 @@ class SymbolicRound(Struct):
     of them has skipped: ``free[i]`` says that i may do so before anyone else has moved. [T-PREFIX]
     """
 
-    options: list[Option]
+    options: list[EventOption]
     before: Before
     inputs: SymbolicInputs
-    inside: Moment | None
-    middle: Moment
-    end: Moment
+    inside: SymbolicConfiguration | None
+    middle: SymbolicConfiguration
+    end: SymbolicConfiguration
     urgency: list[Term]
     free: list[Term]
 
     @property
-    def moments(self) -> list[Moment]:
+    def moments(self) -> list[SymbolicConfiguration]:
         """The configurations to look at, in order."""
         inside = [self.inside] if self.inside is not None else []
         return [*inside, self.middle, self.end]
 
-    def until(self, d: Terms, moment: Moment) -> list[Term]:
+    def until(self, d: Terms, moment: SymbolicConfiguration) -> list[Term]:
         """What must hold for a moment to come, besides the constraints of the program turns."""
         if moment is self.inside:
             return []

@@ -21,7 +21,7 @@ from koord.syntax.analysis.lost_updates import rewritten
 from koord.syntax.core import BinaryOp, UnaryOp
 from koord.syntax.system import Status, System
 from koord.syntax.types import BOOL, INT
-from koord.verify.claims import Findings, Phase
+from koord.verify.claims import ClaimPhase, StepFindings
 from koord.verify.encoding.any_state import Arbitrary
 from koord.verify.encoding.choices import (
     differs,
@@ -33,7 +33,13 @@ from koord.verify.encoding.choices import (
     who_acts,
 )
 from koord.verify.encoding.commits import committed, lost_updates
-from koord.verify.encoding.moments import Moment, Opening, Option, SymbolicRound, turn_taken
+from koord.verify.encoding.moments import (
+    EventOption,
+    SymbolicConfiguration,
+    SymbolicInit,
+    SymbolicRound,
+    turn_taken,
+)
 from koord.verify.encoding.races import Before, racy_variables
 from koord.verify.encoding.symbols import SymbolicInputs, Unknowns
 from koord.verify.encoding.terms import Term
@@ -60,7 +66,7 @@ class Encoder:
 
     # --- configurations to start from -----------------------------------------------------------
 
-    def initial(self) -> Opening:
+    def initial(self) -> SymbolicInit:
         """The configuration after INIT. [INIT]"""
         d, robots = self.d, range(self.system.robots)
         inputs = SymbolicInputs(self.unknowns, "init")
@@ -73,13 +79,15 @@ class Encoder:
         racy = {slot for slot, who in writers.items() if len(who) > 1}
         before = order_of(d, self.system.robots, "init") if racy else {}
         always = d.const(True, BOOL)
-        options = [Option(i, NO_EVENT, always, turned) for i, turned in enumerate(turns)]
+        options = [EventOption(i, NO_EVENT, always, turned) for i, turned in enumerate(turns)]
         final = committed(d, self.system, store, options, before, racy)
         constraints = [x.condition for turned in turns for x in turned.legality]
         found = [f for f, _ in faults] + [f for turned in turns for f, _ in turned.faults]
         states = tuple(replace(t.robot, copy=final, turn=Turn.PROG) for t in turns)
         configuration = Configuration(states, final, 0)
-        return Opening(inputs, before, self._moment(Phase.INIT, configuration, constraints, found))
+        return SymbolicInit(
+            inputs, before, self._moment(ClaimPhase.INIT, configuration, constraints, found)
+        )
 
     def arbitrary(self, initial: Configuration[Term], label: str) -> Configuration[Term]:
         """Any configuration at the end of a round, reachable or not: where induction starts.
@@ -111,7 +119,9 @@ class Encoder:
         inside.real = self.d.binary(BinaryOp.AND, begun, self.d.unary(UnaryOp.NOT, ended))
         return SymbolicRound(options, before, inputs, inside, middle, end, urgency, free)
 
-    def _end_of_program_turns(self, inside: Moment) -> tuple[Term, Moment]:
+    def _end_of_program_turns(
+        self, inside: SymbolicConfiguration
+    ) -> tuple[Term, SymbolicConfiguration]:
         """Whether all robots stop now, and the configuration after that. [END-PROG] [STOP]"""
         d, robots = self.d, inside.configuration.robots
         asked = conjunction(d, [differs(self.d, r.status, Status.RUNNING) for r in robots])
@@ -119,14 +129,14 @@ class Encoder:
             stopped = d.const(int(Status.STOPPED), INT)
             robots = tuple(replace(r, status=d.ite(asked, stopped, r.status)) for r in robots)
         configuration = replace(inside.configuration, robots=robots)
-        checks = SymbolicInputs(self.unknowns, Phase.MIDDLE.value)
-        return asked, Moment(
-            Phase.MIDDLE, configuration, inside.constraints, inside.findings, checks
+        checks = SymbolicInputs(self.unknowns, ClaimPhase.MIDDLE.value)
+        return asked, SymbolicConfiguration(
+            ClaimPhase.MIDDLE, configuration, inside.constraints, inside.findings, checks
         )
 
     def _options(
         self, start: Configuration[Term], inputs: SymbolicInputs, label: str
-    ) -> list[Option]:
+    ) -> list[EventOption]:
         options = []
         for i in sorted(self.movers):
             state = start.robots[i]
@@ -140,15 +150,15 @@ class Encoder:
                 if self.d.known(allowed) is False:
                     continue
                 self.unknowns.constraints.append(self.d.binary(BinaryOp.IMPLIES, chosen, allowed))
-                options.append(Option(i, position, chosen, turned))
+                options.append(EventOption(i, position, chosen, turned))
         return options
 
     def _program_turns(
         self,
         start: Configuration[Term],
-        options: list[Option],
+        options: list[EventOption],
         before: Before,
-    ) -> Moment:
+    ) -> SymbolicConfiguration:
         """The configuration when robots have run the events they chose. [EVENT-TRANS]"""
         d = self.d
         constraints = one_event_each(d, self.system, options)
@@ -161,25 +171,27 @@ class Encoder:
         faults = [d.binary(BinaryOp.AND, o.chosen, f) for o in options for f, _ in o.turned.faults]
         configuration = Configuration(robots, store, start.round, Turn.ENV)
         lost = lost_updates(d, self.system, self._updates, options)
-        return self._moment(Phase.INSIDE, configuration, constraints, faults, lost=lost)
+        return self._moment(ClaimPhase.INSIDE, configuration, constraints, faults, lost=lost)
 
     def _moment(
         self,
-        phase: Phase,
+        phase: ClaimPhase,
         configuration: Configuration[Term],
         constraints: list[Term],
         faults: list[Term],
         *,
         lost: Sequence[tuple[Term, str]] = (),
         promises: Sequence[tuple[Term, str]] = (),
-    ) -> Moment:
-        findings = Findings(disjunction(self.d, faults), tuple(lost), tuple(promises))
+    ) -> SymbolicConfiguration:
+        findings = StepFindings(disjunction(self.d, faults), tuple(lost), tuple(promises))
         checks = SymbolicInputs(self.unknowns, phase.value)
-        return Moment(phase, configuration, constraints, findings, checks)
+        return SymbolicConfiguration(phase, configuration, constraints, findings, checks)
 
     # --- the environment ------------------------------------------------------------------------
 
-    def _environment(self, middle: Configuration[Term], inputs: SymbolicInputs) -> Moment:
+    def _environment(
+        self, middle: Configuration[Term], inputs: SymbolicInputs
+    ) -> SymbolicConfiguration:
         """The configuration after the environment's turn. [ENV-TRANS] [REFRESH]"""
         d = self.d
         robots: list[Robot[Term]] = []
@@ -193,4 +205,4 @@ class Encoder:
             promises += [(kept, contract.name) for kept, contract in turned.promises]
             robots.append(replace(state, ports=turned.ports, copy=middle.store, turn=Turn.PROG))
         configuration = Configuration(tuple(robots), middle.store, middle.round + 1)
-        return self._moment(Phase.END, configuration, constraints, faults, promises=promises)
+        return self._moment(ClaimPhase.END, configuration, constraints, faults, promises=promises)

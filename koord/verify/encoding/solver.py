@@ -22,7 +22,7 @@ _INTERRUPTED = frozenset({"interrupted from keyboard", "interrupted", "canceled"
 _FOR_EVER = 2**32 - 1
 
 
-class Answer(Enum):
+class SolverAnswer(Enum):
     """What a solver says of a question."""
 
     SAT = "sat"
@@ -77,7 +77,7 @@ class Solver:
         effort: Effort | None = None,
         *,
         at_most: int = 0,
-    ) -> Answer:
+    ) -> SolverAnswer:
         """Whether all of the question can hold together with what is required.
 
         ``effort`` is what this question may use up, and ``at_most`` how much of that at once
@@ -89,7 +89,7 @@ class Solver:
         terms = [self.d.boolean(question[k]) for k in asked]
         limit = 0 if effort is None else effort.limit(at_most)
         if deadline.passed() or (effort is not None and limit <= 0):
-            return Answer.UNKNOWN
+            return SolverAnswer.UNKNOWN
         if effort is not None:
             meant = deadline.sooner(_longest_s(limit))
         elif deadline.left_s() is None:
@@ -126,12 +126,12 @@ class Solver:
         # The question is not asked again, so the solver may forget it.
         self._solver.add(*(z3.Not(literal) for literal in once))
         if result == z3.unsat:
-            return Answer.UNSAT
+            return SolverAnswer.UNSAT
         if result == z3.sat:
-            return Answer.SAT
+            return SolverAnswer.SAT
         if reason in _INTERRUPTED and not exhausted and not given.is_near():
             raise KeyboardInterrupt
-        return Answer.UNKNOWN
+        return SolverAnswer.UNKNOWN
 
     def script(self, question: Iterable[Term]) -> str:
         """The question, with what is required, as a script of SMT-LIB 2."""

@@ -27,7 +27,7 @@ from koord.syntax.types import (
     StringType,
     Type,
 )
-from koord.verify.encoding.z3_builder import Maker, same
+from koord.verify.encoding.z3_builder import TermBuilder, same
 
 Term: TypeAlias = "Constant | z3.ExprRef"
 
@@ -49,7 +49,7 @@ class Terms:
 
     def __init__(self, budget: Budget = ENDLESS) -> None:
         self.context = z3.Context()
-        self._make = Maker(self.context)
+        self._make = TermBuilder(self.context)
         self._budget = budget
         self._bool = z3.BoolSort(self.context)
         self._int = z3.IntSort(self.context)

@@ -16,7 +16,7 @@ from koord.semantics.statements import machine
 from koord.semantics.storage import Cell, Storage, Tree, held
 from koord.semantics.values import Rec, Seq, Table, Value, equal, listed
 from koord.syntax import core
-from koord.syntax.analysis.footprint import Written
+from koord.syntax.analysis.footprint import WriteExtent
 from koord.syntax.core import BinaryOp
 from koord.syntax.system import System
 from koord.syntax.types import (
@@ -113,10 +113,10 @@ class Unknowns:
                 return made(name, type_)
 
     def storage(
-        self, name: str, type_: Type, initial: Storage[Term], written: Written
+        self, name: str, type_: Type, initial: Storage[Term], written: WriteExtent
     ) -> Storage[Term]:
         """Any state of a variable that started as ``initial`` and is written like that."""
-        if written is Written.NEVER:
+        if written is WriteExtent.NEVER:
             return initial
         if isinstance(initial, Tree):
             types = part_types(type_, len(initial.parts))
@@ -133,9 +133,9 @@ class Unknowns:
             is_set = self.d.fresh(f"{name}.set", BOOL)
         return Cell(is_set, self._changed(name, type_, initial.value, written))
 
-    def _changed(self, name: str, type_: Type, initial: Symbolic, written: Written) -> Symbolic:
+    def _changed(self, name: str, type_: Type, initial: Symbolic, written: WriteExtent) -> Symbolic:
         """Any value of an atom, of the length it had if only its elements are written."""
-        if isinstance(initial, Seq) and written is Written.PARTS:
+        if isinstance(initial, Seq) and written is WriteExtent.PARTS:
             assert isinstance(type_, GrowingType)
             items = [self.value(f"{name}[{k}]", type_.element) for k in range(len(initial.items))]
             return Seq(initial.length, tuple(items))

@@ -9,7 +9,7 @@ from koord.semantics.properties import holds_in
 from koord.syntax.core import BinaryOp, UnaryOp
 from koord.syntax.system import System
 from koord.verify.claims import Claim, ClaimKind, broken
-from koord.verify.encoding.moments import Moment, Opening, SymbolicRound
+from koord.verify.encoding.moments import SymbolicConfiguration, SymbolicInit, SymbolicRound
 from koord.verify.encoding.rounds import Encoder
 from koord.verify.encoding.solver import Solver
 from koord.verify.encoding.symbols import Unknowns
@@ -31,11 +31,11 @@ class Unrolling:
         self.unknowns = Unknowns(d, self.system.program, self.system.robots)
         self.encoder = Encoder(self.system, self.unknowns, self.movers)
         self.solver = Solver(d, self.unknowns, self.seed)
-        self.opening: Opening = self.encoder.initial()
+        self.opening: SymbolicInit = self.encoder.initial()
         self.solver.add(self.opening.moment.constraints)
         self.solver.add(assumed(self.system, self.encoder.d, self.opening.moment))
 
-    def moments(self) -> Iterator[Moment]:
+    def moments(self) -> Iterator[SymbolicConfiguration]:
         """The configurations to look at, in order, without end. Unrolls as it goes."""
         yield self.opening.moment
         self._sound(self.opening.moment)
@@ -55,12 +55,12 @@ class Unrolling:
             self._sound(taken.end)
             start = taken.end.configuration
 
-    def _sound(self, moment: Moment) -> None:
+    def _sound(self, moment: SymbolicConfiguration) -> None:
         """A faulted configuration has no successors. [FAULT]"""
         self.solver.add([self.encoder.d.unary(UnaryOp.NOT, moment.findings.fault)])
 
 
-def assumed(system: System, d: Terms, moment: Moment) -> list[Term]:
+def assumed(system: System, d: Terms, moment: SymbolicConfiguration) -> list[Term]:
     """The assumptions about the configuration after INIT. [PROP-ASSUME]"""
     needed: list[Term] = []
     for assumption in system.program.assumptions:
@@ -72,7 +72,7 @@ def assumed(system: System, d: Terms, moment: Moment) -> list[Term]:
 
 
 def violations(
-    system: System, d: Terms, moment: Moment, claims: Sequence[Claim]
+    system: System, d: Terms, moment: SymbolicConfiguration, claims: Sequence[Claim]
 ) -> dict[Claim, tuple[Term, list[Term]]]:
     """For each claim that this configuration can break: when it does, and what that needs."""
     found: dict[Claim, tuple[Term, list[Term]]] = {}

@@ -15,7 +15,7 @@ import z3
 _Two: Final = z3.Ast * 2
 
 
-class Maker:
+class TermBuilder:
     """Makes terms of one context."""
 
     def __init__(self, context: z3.Context) -> None:

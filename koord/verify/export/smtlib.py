@@ -12,7 +12,7 @@ from msgspec import Struct
 
 from koord.semantics.domain import disjunction
 from koord.syntax.system import System
-from koord.verify.claims import Claim, Phase
+from koord.verify.claims import Claim, ClaimPhase
 from koord.verify.encoding.solver import Layer
 from koord.verify.encoding.unrolling import Unrolling, violations
 
@@ -37,7 +37,7 @@ def script(system: System, claims: Sequence[Claim], rounds: int) -> Script:
             unrolling.solver.add(needed)
         asked = disjunction(d, [violated for violated, _ in broken])
         layers.append(Layer(unrolling.solver.required, asked))
-        is_end = moment.phase in (Phase.INIT, Phase.END)
+        is_end = moment.phase in (ClaimPhase.INIT, ClaimPhase.END)
         if is_end and moment.configuration.round >= rounds:
             break
     limits = tuple(unrolling.unknowns.uncovered)

@@ -21,7 +21,7 @@ from koord.syntax.walk import children, nodes, operands, reached, statements, wr
 from koord.verify.claims import Claim, ClaimKind
 
 
-class Bound(Struct, frozen=True):
+class BodyVariable(Struct, frozen=True):
     """A bound variable of one body; bodies are numbered."""
 
     body: int
@@ -49,7 +49,7 @@ class Matter(Enum):
     WHOLE_RUNS = "which runs are fair"
 
 
-Part: TypeAlias = Var | Bound | Happens | Answers | Matter
+Part: TypeAlias = Var | BodyVariable | Happens | Answers | Matter
 
 #: Stands for the body of a statement that is only evaluated: nothing is bound there but by itself.
 _STATED = 0
@@ -161,7 +161,7 @@ class Influence(Struct):
     ) -> Iterator[Part]:
         """The parts that a variable stands for: in a statement, one for each kind that has it."""
         if variable.home is Home.BOUND and body != _STATED:
-            yield Bound(body, variable.slot)
+            yield BodyVariable(body, variable.slot)
         yield from variables_of(self.program, variable, kind)
 
     # --- edges ----------------------------------------------------------------------------------

@@ -15,7 +15,7 @@ from koord.semantics.rounds import IllegalStepError
 from koord.syntax.diagnostics import KoordError
 from koord.syntax.system import System
 from koord.traces.trace import Numbers
-from koord.verify.claims import Claim, ClaimKind, Phase, claims_of, liveness_of
+from koord.verify.claims import Claim, ClaimKind, ClaimPhase, claims_of, liveness_of
 from koord.verify.ledger import VerificationProblem
 from koord.verify.reduction.abstraction import abstracted
 from koord.verify.reduction.concretion import Concretion
@@ -59,7 +59,7 @@ def _problem(
     claims = {identity(c): c for c in (*claims_of(system), *liveness_of(system))}
     completing = _Completing(system)
 
-    def judge(recording: Recording, claim: Claim, phase: Phase) -> Counterexample:
+    def judge(recording: Recording, claim: Claim, phase: ClaimPhase) -> Counterexample:
         real, meant = concrete(recording), claims[identity(claim)]
         if part is system:
             return _judged(system, real, meant, phase)
@@ -74,7 +74,9 @@ def _problem(
     return VerificationProblem(part, judge, part)
 
 
-def _judged(system: System, recording: Recording, claim: Claim, phase: Phase) -> Counterexample:
+def _judged(
+    system: System, recording: Recording, claim: Claim, phase: ClaimPhase
+) -> Counterexample:
     """The counterexample of a recording that breaks a claim, as simple as can be."""
     if claim.kind is ClaimKind.LIVENESS:
         return _lasso(system, recording, claim)
@@ -95,7 +97,7 @@ class _Completing(Struct):
     system: System
     never_starts: bool = False  #: as far as that was tried
 
-    def judged(self, recording: Recording, claim: Claim, phase: Phase) -> Counterexample:
+    def judged(self, recording: Recording, claim: Claim, phase: ClaimPhase) -> Counterexample:
         """The counterexample of a recording of a slice, with what that left out made up.
 
         Where no start was found once, none is looked for again: nearly always assumptions

@@ -28,7 +28,7 @@ from koord.verify.vacuity.vacuous_goals import vacuous_goals
 from koord.verify.verdicts import Bounds, Outcome, Vacuity, Verdict
 
 
-class Settled(Struct, frozen=True):
+class LivenessVerdicts(Struct, frozen=True):
     """Verdicts on all liveness claims, in order, and what makes them say less."""
 
     verdicts: tuple[Verdict, ...]
@@ -49,7 +49,7 @@ def settled(
     pool: Pool | None = None,
     before: Mapping[str, float] | None = None,
     steps: Steps | None = None,
-) -> Settled:
+) -> LivenessVerdicts:
     """Ask the engines of some rows what a system's claims about whole runs are, or the named ones.
 
     ``proved`` are claims that hold in every round: proofs may rely on them. ``before`` is what was
@@ -58,7 +58,7 @@ def settled(
     system = slices.system
     claims = tuple(c for c in liveness_of(system) if not names or c.name in names)
     if not claims:
-        return Settled(())
+        return LivenessVerdicts(())
     pool = pool or Pool()
     ledger = Ledger(plain_problem(system), bounds, deadline, claims, seed, pool.progress)
     steps = steps or Steps()
@@ -84,7 +84,7 @@ def settled(
                 of = [verdict for verdict in verdicts if verdict.claim in part.claims]
                 empty += vacuous_goals(part.system, of, deadline, seed)
     unique = tuple(dict.fromkeys(empty))
-    return Settled(verdicts, unique, ledger.interrupted, tuple(ledger.failures))
+    return LivenessVerdicts(verdicts, unique, ledger.interrupted, tuple(ledger.failures))
 
 
 class _Part(Struct, frozen=True):

@@ -15,7 +15,7 @@ from koord.verify.obstacles import TimeUp
 from koord.verify.verdicts import Outcome, Verdict
 
 
-class Step(Struct, frozen=True):
+class StrategyStep(Struct, frozen=True):
     """What somebody is asked to do; no two steps of a verification are the same."""
 
     stage: str
@@ -23,17 +23,17 @@ class Step(Struct, frozen=True):
     who: str
 
 
-class Past(Struct, frozen=True):
+class PastVerification(Struct, frozen=True):
     """What is known of a verification whose process died: the next one goes on behind it.
 
     ``begun`` are the steps that are not taken again, be they done or not.
     """
 
     verdicts: tuple[Verdict, ...] = ()
-    begun: tuple[Step, ...] = ()
+    begun: tuple[StrategyStep, ...] = ()
     failures: tuple[Failure, ...] = ()
 
-    def told(self, noted: Iterable[object]) -> Past:
+    def told(self, noted: Iterable[object]) -> PastVerification:
         """The same with what a further process told of before it ended."""
         verdicts = {v.claim: v for v in self.verdicts}
         begun, failures = list(self.begun), list(self.failures)
@@ -43,15 +43,17 @@ class Past(Struct, frozen=True):
                     before = verdicts.get(value.claim)
                     if before is None or before.outcome is Outcome.UNKNOWN:
                         verdicts[value.claim] = value
-                case Step():
+                case StrategyStep():
                     begun.append(value)
                 case Failure():
                     failures.append(value)
                 case _:
                     raise AssertionError(value)
-        return Past(tuple(verdicts.values()), tuple(begun), tuple(dict.fromkeys(failures)))
+        return PastVerification(
+            tuple(verdicts.values()), tuple(begun), tuple(dict.fromkeys(failures))
+        )
 
-    def ended(self, what: str) -> Past:
+    def ended(self, what: str) -> PastVerification:
         """The same where the last step was the end of its process."""
         return replace(self, failures=(*self.failures, Failure(self.who, what)))
 
@@ -75,13 +77,13 @@ class Steps(Struct):
     Whoever looks on is told with ``lasting`` when a step is over, be it that it does not end.
     """
 
-    past: Past = field(default_factory=Past)
+    past: PastVerification = field(default_factory=PastVerification)
     noted: Callable[[object], None] = lambda value: None
     lasting: Callable[[float | None], None] = lambda until: None
 
     def begin(self, stage: str, turn: int, who: str) -> bool:
         """Whether a step is to be taken; if so, whoever looks on knows of it."""
-        step = Step(stage, turn, who)
+        step = StrategyStep(stage, turn, who)
         if step in self.past.begun:
             return False
         self.noted(step)

@@ -10,7 +10,7 @@ from msgspec.structs import replace
 
 from koord.semantics.recordings import Recording
 from koord.syntax.analysis.auxiliary import Var
-from koord.verify.claims import Claim, Phase, claims_of, liveness_of
+from koord.verify.claims import Claim, ClaimPhase, claims_of, liveness_of
 from koord.verify.ledger import Ledger, VerificationProblem
 from koord.verify.reduction.influence import Cone, Part
 from koord.verify.reduction.problems import Identity, identity, problem_of
@@ -32,7 +32,7 @@ class Doubts(Struct):
     def watching(self, problem: VerificationProblem) -> VerificationProblem:
         """The problem, whose judge tells of what does not replay."""
 
-        def judge(recording: Recording, claim: Claim, phase: Phase) -> Counterexample:
+        def judge(recording: Recording, claim: Claim, phase: ClaimPhase) -> Counterexample:
             try:
                 return problem.judge(recording, claim, phase)
             except NotReplayedError:

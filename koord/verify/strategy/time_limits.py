@@ -25,7 +25,7 @@ from koord.verify.effort import GRACE, GRACE_S, Deadline
 from koord.verify.engine_names import Engine
 from koord.verify.obstacles import Interrupted, Obstacle, TimeUp, failed_at
 from koord.verify.processes import Pool, Teller
-from koord.verify.strategy.resumption import Past
+from koord.verify.strategy.resumption import PastVerification
 from koord.verify.strategy.verification import verify
 from koord.verify.verdicts import Bounds, Outcome, Report, Verdict
 
@@ -78,11 +78,11 @@ class _Asking(Struct, frozen=True):
         started = time.monotonic()
         deadline = Deadline.after(seconds)
 
-        def work(past: Past, tell: Teller) -> Report:
+        def work(past: PastVerification, tell: Teller) -> Report:
             bounds = replace(self.bounds, timeout_s=deadline.left_s())
             return self._asked(tell, bounds, names=names, jobs=jobs, past=past)
 
-        report, cut, past = None, False, Past()
+        report, cut, past = None, False, PastVerification()
         with Pool(1, self.progress, self.interrupted) as pool:
             while report is None:
                 lasts_s = _with_grace(deadline.left_s())
@@ -119,14 +119,14 @@ class _Asking(Struct, frozen=True):
         Whether Ctrl-C ended it. A claim whose process died goes on for what is left of its time.
         """
 
-        def alone(name: str, past: Past, own_s: float, tell: Teller) -> Report:
+        def alone(name: str, past: PastVerification, own_s: float, tell: Teller) -> Report:
             limited = replace(self.bounds, timeout_s=_least(own_s, deadline.left_s()))
             return self._asked(tell, limited, names=[name], known=known, past=past)
 
         cut = False
         until = None if deadline.at is None else deadline.at + GRACE_S
         shared_s = {name: found[name].seconds for name in names}
-        pasts, left_s = dict.fromkeys(names, Past()), dict.fromkeys(names, seconds)
+        pasts, left_s = dict.fromkeys(names, PastVerification()), dict.fromkeys(names, seconds)
         with Pool(self.jobs, self.progress, self.interrupted) as pool:
             try:
                 while pasts:
@@ -169,7 +169,7 @@ class _Asking(Struct, frozen=True):
         bounds: Bounds,
         *,
         names: Sequence[str],
-        past: Past,
+        past: PastVerification,
         known: Sequence[Verdict] = (),
         jobs: int = 1,
     ) -> Report:
@@ -189,7 +189,7 @@ class _Asking(Struct, frozen=True):
         )
 
     def _known(
-        self, past: Past, why: str, spent: float, names: Sequence[str], *, late: bool
+        self, past: PastVerification, why: str, spent: float, names: Sequence[str], *, late: bool
     ) -> tuple[Verdict, ...]:
         """What processes had told of before they were ended, or died, and why there is no more."""
         reason = "; ".join(filter(None, [why, *map(str, past.failures)]))
@@ -212,7 +212,7 @@ class _Asking(Struct, frozen=True):
         return tuple(found)
 
 
-def _late(past: Past) -> str:
+def _late(past: PastVerification) -> str:
     """Why a process was ended: whose turn it was when its time was up."""
     return f"timeout; {past.who} was being asked" if past.begun else "timeout"
 

@@ -24,7 +24,7 @@ from koord.verify.processes import Job, Pool, Progress, was_interrupted
 from koord.verify.reduction.problems import identity, plain_problem, problem_of
 from koord.verify.reduction.slices import Slices
 from koord.verify.strategy.each_claim_turn import EachClaimTurn
-from koord.verify.strategy.resumption import Past, Steps
+from koord.verify.strategy.resumption import PastVerification, Steps
 from koord.verify.strategy.slices_turn import Doubts, SlicesTurn, on_slice
 from koord.verify.strategy.table import (
     LIVENESS,
@@ -61,7 +61,7 @@ def verify(
     interrupted: Callable[[], bool] = lambda: False,
     noted: Callable[[object], None] = lambda value: None,
     lasting: Callable[[float | None], None] = lambda until: None,
-    past: Past | None = None,
+    past: PastVerification | None = None,
 ) -> Report:
     """Verdicts on all claims about a system, or on the named ones.
 
@@ -82,7 +82,7 @@ def verify(
     started = time.monotonic()
     deadline = Deadline.after(bounds.timeout_s)
     system = replace(system, budget=Budget(is_over))
-    steps = Steps(past or Past(), noted, lasting)
+    steps = Steps(past or PastVerification(), noted, lasting)
     failures: list[Failure] = []
     with Pool(jobs, progress, interrupted) as pool:
         own = frozenset(names) if _are_all_of_states(system, names) else frozenset()

@@ -14,10 +14,10 @@ from koord.syntax.budget import Budget, OutOfBudgetError
 from koord.syntax.core import Home
 from koord.syntax.system import System
 from koord.syntax.walk import reached
-from koord.verify.claims import NO_FAULT, Claim, Findings, Phase
+from koord.verify.claims import NO_FAULT, Claim, ClaimPhase, StepFindings
 from koord.verify.effort import Deadline, Effort
-from koord.verify.encoding.moments import Moment
-from koord.verify.encoding.solver import Answer
+from koord.verify.encoding.moments import SymbolicConfiguration
+from koord.verify.encoding.solver import SolverAnswer
 from koord.verify.encoding.symbols import SymbolicInputs
 from koord.verify.encoding.unrolling import Unrolling, violations
 from koord.verify.engines.induction.representatives import representatives
@@ -221,11 +221,11 @@ def _silent(ledger: Ledger, deadline: Deadline, effort: Effort) -> Iterator[Vacu
 def _start(system: System, seed: int, deadline: Deadline, effort: Effort) -> Vacuity | None:
     """Why no run can even start, if so."""
     whole = Unrolling(system, seed)
-    if whole.solver.check([], deadline, effort) is not Answer.UNSAT or whole.unknowns.limits:
+    if whole.solver.check([], deadline, effort) is not SolverAnswer.UNSAT or whole.unknowns.limits:
         # Where lists may be longer than is looked at, a longer one may do.
         return None
     free = replace(system, program=replace(system.program, assumptions=()))
-    if Unrolling(free, seed).solver.check([], deadline, effort) is not Answer.UNSAT:
+    if Unrolling(free, seed).solver.check([], deadline, effort) is not SolverAnswer.UNSAT:
         detail = "no initial configuration satisfies them all"
         return Vacuity(Emptiness.ASSUMPTIONS, "", detail, certain=True)
     detail = "no external functions satisfy them all"
@@ -309,13 +309,13 @@ def _regardless(ledger: Ledger, told: Collection[str]) -> Iterator[Claim]:
     d, solver, represented = unrolling.encoder.d, unrolling.solver, representatives(ledger.system)
     start = unrolling.encoder.arbitrary(unrolling.opening.moment.configuration, "#")
     checks = SymbolicInputs(unrolling.unknowns, "start")
-    moment = Moment(Phase.INIT, start, [], Findings(False), checks)
+    moment = SymbolicConfiguration(ClaimPhase.INIT, start, [], StepFindings(False), checks)
     effort = Effort.of_seconds(REGARDLESS_S)
     for claim in claims:
         asked = violations(ledger.system, d, moment, [represented(claim)])
         question = [term for violated, needed in asked.values() for term in (*needed, violated)]
-        answer = Answer.UNSAT  # what is seen to hold without a solver is not asked at all
+        answer = SolverAnswer.UNSAT  # what is seen to hold without a solver is not asked at all
         if asked:
             answer = solver.check(question, ledger.deadline, effort, at_most=_AT_MOST)
-        if answer is Answer.UNSAT and not unrolling.unknowns.limits:
+        if answer is SolverAnswer.UNSAT and not unrolling.unknowns.limits:
             yield claim

@@ -21,7 +21,7 @@ from koord.syntax.types import BoolType, EnumType, FloatType, IntType
 from koord.syntax.walk import reached
 from koord.traces.rendering import show_value
 from koord.verify.effort import Deadline, Effort
-from koord.verify.encoding.solver import Answer, Solver
+from koord.verify.encoding.solver import Solver, SolverAnswer
 from koord.verify.encoding.symbols import Symbolic, SymbolicInputs, Unknowns
 from koord.verify.encoding.terms import Term, Terms
 
@@ -92,7 +92,7 @@ class _Asking:
         question += [self._d.unary(UnaryOp.NOT, fault) for fault, _ in m.faults]
         # Where only short lists were looked at, a longer one may do.
         answer = self._solver.check(question, self._deadline, effort)
-        return answer is Answer.UNSAT and not self._unknowns.limits
+        return answer is SolverAnswer.UNSAT and not self._unknowns.limits
 
     def unanswered(self) -> str:
         """Arguments that have no answer, in words; none if there are none, or nobody knows."""
@@ -108,7 +108,7 @@ class _Asking:
 
         lost = self._unknowns.every((external.result.type,), unkept)
         effort = Effort.of_seconds(_ARGUMENTS_S)
-        if self._solver.check([self._met(), lost], self._deadline, effort) is not Answer.SAT:
+        if self._solver.check([self._met(), lost], self._deadline, effort) is not SolverAnswer.SAT:
             return ""
         model = self._solver.model()
         shown = []

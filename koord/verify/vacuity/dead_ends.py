@@ -22,7 +22,7 @@ from koord.syntax.system import Status, System
 from koord.syntax.types import is_flat
 from koord.syntax.walk import reached
 from koord.verify.effort import Deadline, Effort
-from koord.verify.encoding.solver import Answer, Solver
+from koord.verify.encoding.solver import Solver, SolverAnswer
 from koord.verify.encoding.symbols import Symbolic, SymbolicInputs, Unknowns
 from koord.verify.encoding.terms import Term, Terms
 from koord.verify.vacuity.reachability import runs_of
@@ -100,7 +100,7 @@ def _may_end(system: System, robot: int, deadline: Deadline, seed: int) -> bool:
 
     ended = unknowns.every([port.declaration.variable.type for port in sensors], unmet)
     effort = Effort.of_seconds(_PORTS_S)
-    return Solver(d, unknowns, seed).check([ended], deadline, effort) is Answer.SAT
+    return Solver(d, unknowns, seed).check([ended], deadline, effort) is SolverAnswer.SAT
 
 
 def _has_readings(
@@ -113,4 +113,4 @@ def _has_readings(
     solver = Solver(d, unknowns, seed)
     question = [needed.condition for needed in turned.legality]
     answer = solver.check(question, deadline, Effort.of_seconds(_READINGS_S))
-    return answer is not Answer.UNSAT or bool(unknowns.limits)
+    return answer is not SolverAnswer.UNSAT or bool(unknowns.limits)

@@ -9,7 +9,7 @@ from random import Random
 from msgspec import Struct
 from msgspec.structs import replace
 
-from koord.sampling.monitors import Watch
+from koord.sampling.monitors import Monitor
 from koord.sampling.policies import AtRandom, First, Play, Policy
 from koord.sampling.running import Run, new_run
 from koord.semantics.domain import disjunction
@@ -19,10 +19,10 @@ from koord.syntax.core import PropertyKind
 from koord.syntax.diagnostics import KoordError
 from koord.syntax.system import System
 from koord.traces.trace import Numbers
-from koord.verify.claims import Claim, Phase
+from koord.verify.claims import Claim, ClaimPhase
 from koord.verify.effort import Deadline, Effort
-from koord.verify.encoding.moments import Moment
-from koord.verify.encoding.solver import Answer
+from koord.verify.encoding.moments import SymbolicConfiguration
+from koord.verify.encoding.solver import SolverAnswer
 from koord.verify.encoding.terms import Term
 from koord.verify.encoding.unrolling import Unrolling, violations
 from koord.verify.engines.explicit.limits import FEW_STATES, Limits
@@ -36,7 +36,7 @@ from koord.verify.witness import NotReplayedError
 SKIPS_PERCENT = (15, 15, 95)
 
 
-class _Onlooker(Watch):
+class _Onlooker(Monitor):
     """Looks at runs, and lets them go on whatever they break."""
 
     def after(self, step: Step) -> None:
@@ -201,38 +201,38 @@ def _round_by_round(
     """What is broken is taken off the list as it is found."""
     for moment in unrolling.moments():
         after = []
-        if ending and moment.phase is Phase.MIDDLE:
+        if ending and moment.phase is ClaimPhase.MIDDLE:
             after = unrolling.rounds[-1].end.constraints
         answer = _strike(unrolling, moment, pending, deadline, effort, after)
         if (
-            answer is not Answer.UNKNOWN
-            and moment.phase is Phase.END
+            answer is not SolverAnswer.UNKNOWN
+            and moment.phase is ClaimPhase.END
             and (unrolling.movers is None or not pending)
         ):
             # Nothing is broken any more if no run comes here. (Of some runs it is no news.)
             answer = unrolling.solver.check([], deadline, effort)
-            if answer is Answer.UNSAT:
+            if answer is SolverAnswer.UNSAT:
                 if unrolling.movers is not None:
                     break  # others may get further
                 stuck = _stuck(unrolling, moment.configuration.round, deadline)
                 return Unbroken(
                     frozenset(pending), stuck, limits=tuple(unrolling.unknowns.uncovered)
                 )
-        if answer is Answer.UNKNOWN:
+        if answer is SolverAnswer.UNKNOWN:
             return Unbroken(frozenset(pending), known=False)
-        if moment.phase is Phase.END and (not pending or moment.configuration.round >= rounds):
+        if moment.phase is ClaimPhase.END and (not pending or moment.configuration.round >= rounds):
             return Unbroken(frozenset(pending), limits=tuple(unrolling.unknowns.uncovered))
     return Unbroken(frozenset(pending), known=False)
 
 
 def _strike(
     unrolling: Unrolling,
-    moment: Moment,
+    moment: SymbolicConfiguration,
     pending: list[Claim],
     deadline: Deadline,
     effort: Effort,
     after: Sequence[Term] = (),
-) -> Answer:
+) -> SolverAnswer:
     """Take the claims that this configuration can break off the list. SAT: all that were asked.
 
     It counts only if what has to hold ``after`` it can hold.
@@ -244,21 +244,21 @@ def _strike(
     while asked:
         question = disjunction(d, [violated for violated, _ in asked.values()])
         answer = solver.check([*after, question], deadline, effort)
-        if answer is not Answer.SAT:
+        if answer is not SolverAnswer.SAT:
             return answer
         model = solver.model()
         for claim in [c for c, (violated, _) in asked.items() if model.truth(violated)]:
             del asked[claim]
             pending.remove(claim)
-    return Answer.SAT
+    return SolverAnswer.SAT
 
 
 def _stuck(unrolling: Unrolling, round_: int, deadline: Deadline) -> int | None:
     """The first round whose environment's turn no run can take; None if they fault instead."""
     alone = Unrolling(unrolling.system, unrolling.seed)
     for moment in alone.moments():
-        if alone.solver.check([], deadline) is not Answer.SAT:
-            return moment.configuration.round if moment.phase is Phase.END else None
+        if alone.solver.check([], deadline) is not SolverAnswer.SAT:
+            return moment.configuration.round if moment.phase is ClaimPhase.END else None
         if moment.configuration.round >= round_:
             break
     return None
@@ -323,6 +323,6 @@ def never_broken(
     return found
 
 
-def _unshown(recording: Recording, claim: Claim, phase: Phase) -> Counterexample:
+def _unshown(recording: Recording, claim: Claim, phase: ClaimPhase) -> Counterexample:
     """Nobody wants to see the run on which something comes true."""
     raise NotReplayedError("it is not shown")

@@ -10,7 +10,7 @@ from koord.syntax import core
 from koord.syntax.system import System
 from koord.verify.claims import Claim, ClaimKind
 from koord.verify.effort import Deadline, Effort
-from koord.verify.encoding.solver import Answer
+from koord.verify.encoding.solver import SolverAnswer
 from koord.verify.encoding.unrolling import Unrolling, violations
 from koord.verify.vacuity.analysis import never_changes
 from koord.verify.verdicts import Emptiness, Outcome, Vacuity, Verdict
@@ -48,4 +48,4 @@ def _holds_at_once(system: System, stated: core.Property, deadline: Deadline, se
             solver.add(needed)
             missed.append(violated)
     answer = solver.check([disjunction(d, missed)], deadline, Effort.of_seconds(_START_S))
-    return answer is Answer.UNSAT and not unrolling.unknowns.limits
+    return answer is SolverAnswer.UNSAT and not unrolling.unknowns.limits

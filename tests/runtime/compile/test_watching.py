@@ -12,11 +12,11 @@ import pytest
 from koord.refinement.translation import Translation
 from koord.runtime.compile import compiled
 from koord.runtime.compile.loading import loaded
-from koord.runtime.compile.naming import Names
-from koord.runtime.compile.watching import Sort, watched
+from koord.runtime.compile.naming import PythonNames
+from koord.runtime.compile.watching import WatchedKind, watched
 from koord.runtime.engine import AtRandom, RoundEngine
 from koord.runtime.robot import Host, Robot
-from koord.runtime.watch import Watch
+from koord.runtime.watch import ClaimWatch
 from koord.semantics.domain import DOUBLES
 from koord.semantics.properties import holds_in
 from koord.semantics.recordings import RecordedInputs
@@ -105,9 +105,9 @@ def looks(of: core.Program, seed: int, slack: str) -> list[tuple[bool, bool, str
     fleet = RoundEngine(loaded(compiled(of)), system.kinds, 0.1, host)
     claims = watched(of, Fraction(slack))
     (made,) = loaded(claims.text)
-    assert issubclass(made, Watch)
+    assert issubclass(made, ClaimWatch)
     watch = made(system.kinds, 0.1, host)
-    observer = Translation(system, Names(of))
+    observer = Translation(system, PythonNames(of))
     schedule = AtRandom(Random(seed))
     fleet.begin()
     found = []
@@ -117,7 +117,7 @@ def looks(of: core.Program, seed: int, slack: str) -> list[tuple[bool, bool, str
         watch.look(fleet.robots, fleet.store.values)
         configuration = observer.configuration(fleet)
         for claim in claims.claims:
-            assert claim.sort is Sort.INVARIANT
+            assert claim.sort is WatchedKind.INVARIANT
             robots = [range(3)] * len(claim.agents)
             seen = all(watch.holds(claim.method, *several) for several in _tuples(robots))
             stated = next(p for p in of.properties if p.name == claim.name)
@@ -182,7 +182,7 @@ def test_comparisons_are_loosened_by_what_they_count_for(
     assert found is not None
     claims = watched(found, Fraction(1, 4))
     (made,) = loaded(claims.text)
-    assert issubclass(made, Watch)
+    assert issubclass(made, ClaimWatch)
     watch = made((0,), 0.1, Noise(0))
     watch.look((), {"told": (value,)})
     assert watch.holds(claims.claims[0].method) is holds

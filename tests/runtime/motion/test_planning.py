@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from koord.runtime.motion.arrays import Floats
-from koord.runtime.motion.bodies import Body, Car, Drone, Ideal, PlannerName
+from koord.runtime.motion.bodies import Body, Car, Drone, IdealBody, PlannerName
 from koord.runtime.motion.field import field
 from koord.runtime.motion.geometry import wrapped
 from koord.runtime.motion.planners import planner
@@ -115,7 +115,7 @@ def test_nobody_is_sent_where_its_kind_does_not_go() -> None:
     assert planner(PlannerName.RRT_DRONE, EMPTY, DRONE).plan(Pose((0, 0, 1)), (1, 1, 0), 1) is None
     assert planner(PlannerName.STRAIGHT, EMPTY, CAR).plan(Pose((0, 0, 0)), (1, 1, 1), 1) is None
     assert planner(PlannerName.STRAIGHT, EMPTY, DRONE).plan(Pose((0, 0, 0)), (9, 1, 1), 1) is None
-    assert suits(Ideal(), EMPTY, (1, 1, 0))
+    assert suits(IdealBody(), EMPTY, (1, 1, 0))
 
 
 def test_straight_lines_stop_at_nothing_but_obstacles() -> None:

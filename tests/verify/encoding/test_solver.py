@@ -15,7 +15,7 @@ from koord.syntax import core
 from koord.syntax.core import BinaryOp, UnaryOp
 from koord.syntax.types import BOOL, FLOAT, INT, STRING, EnumType, OpaqueType, Type
 from koord.verify.effort import Deadline, Effort
-from koord.verify.encoding.solver import LONGEST_S, LONGEST_UNLIMITED_S, Answer, Solver, cases
+from koord.verify.encoding.solver import LONGEST_S, LONGEST_UNLIMITED_S, Solver, SolverAnswer, cases
 from koord.verify.encoding.symbols import Unknowns
 from koord.verify.encoding.terms import Term, Terms
 
@@ -34,29 +34,29 @@ def solver() -> tuple[Terms, Unknowns, Solver]:
 def test_a_question_is_forgotten_and_a_requirement_is_not() -> None:
     d, _, s = solver()
     x = d.fresh("x", INT)
-    assert s.check([d.binary(BinaryOp.LT, x, 0)], NEVER) is Answer.SAT
-    assert s.check([d.binary(BinaryOp.LT, 0, x)], NEVER) is Answer.SAT
+    assert s.check([d.binary(BinaryOp.LT, x, 0)], NEVER) is SolverAnswer.SAT
+    assert s.check([d.binary(BinaryOp.LT, 0, x)], NEVER) is SolverAnswer.SAT
     s.add([d.binary(BinaryOp.LT, 0, x)])
-    assert s.check([d.binary(BinaryOp.LT, x, 0)], NEVER) is Answer.UNSAT
-    assert s.check([], NEVER) is Answer.SAT
+    assert s.check([d.binary(BinaryOp.LT, x, 0)], NEVER) is SolverAnswer.UNSAT
+    assert s.check([], NEVER) is SolverAnswer.SAT
 
 
 def test_constants_are_questions_too() -> None:
     _, _, s = solver()
-    assert s.check([True, True], NEVER) is Answer.SAT
-    assert s.check([True, False], NEVER) is Answer.UNSAT
+    assert s.check([True, True], NEVER) is SolverAnswer.SAT
+    assert s.check([True, False], NEVER) is SolverAnswer.UNSAT
     s.add([True, False])
-    assert s.check([], NEVER) is Answer.UNSAT
+    assert s.check([], NEVER) is SolverAnswer.UNSAT
 
 
 def test_constraints_of_fresh_terms_count_from_when_they_are_made() -> None:
     d, unknowns, s = solver()
     mode = unknowns.value("mode", EnumType("Mode", ("a", "b")))
     assert isinstance(mode, z3.ExprRef)
-    assert s.check([d.binary(BinaryOp.EQ, mode, 1)], NEVER) is Answer.SAT
-    assert s.check([d.binary(BinaryOp.EQ, mode, 2)], NEVER) is Answer.UNSAT
+    assert s.check([d.binary(BinaryOp.EQ, mode, 1)], NEVER) is SolverAnswer.SAT
+    assert s.check([d.binary(BinaryOp.EQ, mode, 2)], NEVER) is SolverAnswer.UNSAT
     late = unknowns.value("late", EnumType("Mode", ("a",)))
-    assert s.check([d.binary(BinaryOp.NE, late, 0)], NEVER) is Answer.UNSAT
+    assert s.check([d.binary(BinaryOp.NE, late, 0)], NEVER) is SolverAnswer.UNSAT
 
 
 def hard(d: Terms) -> Term:
@@ -67,22 +67,22 @@ def hard(d: Terms) -> Term:
 
 def test_without_time_or_effort_the_answer_is_unknown() -> None:
     d, _, s = solver()
-    assert s.check([d.fresh("x", BOOL)], Deadline.after(0)) is Answer.UNKNOWN
-    assert s.check([d.fresh("x", BOOL)], NEVER, Effort(0)) is Answer.UNKNOWN
+    assert s.check([d.fresh("x", BOOL)], Deadline.after(0)) is SolverAnswer.UNKNOWN
+    assert s.check([d.fresh("x", BOOL)], NEVER, Effort(0)) is SolverAnswer.UNKNOWN
     started = time.monotonic()
-    assert s.check([hard(d)], Deadline.after(0.3)) is Answer.UNKNOWN
+    assert s.check([hard(d)], Deadline.after(0.3)) is SolverAnswer.UNKNOWN
     assert time.monotonic() - started < 20
     # What a question could not be told does not stick.
-    assert s.check([d.fresh("x", BOOL)], NEVER) is Answer.SAT
+    assert s.check([d.fresh("x", BOOL)], NEVER) is SolverAnswer.SAT
 
 
 def test_effort_is_used_up() -> None:
     d, _, s = solver()
     effort = Effort(100_000)
-    assert s.check([hard(d)], NEVER, effort) is Answer.UNKNOWN
+    assert s.check([hard(d)], NEVER, effort) is SolverAnswer.UNKNOWN
     assert effort.left < 100_000
     whole = Effort(10**9)
-    assert s.check([hard(d)], NEVER, whole, at_most=100_000) is Answer.UNKNOWN
+    assert s.check([hard(d)], NEVER, whole, at_most=100_000) is SolverAnswer.UNKNOWN
     assert whole.left > 10**8
 
 
@@ -104,7 +104,7 @@ def test_work_that_is_not_counted_ends_in_proportion_to_the_effort() -> None:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(time, "monotonic", lambda: clock[0])
         s._solver = Idle("canceled", work=40)
-        assert s.check([d.fresh("x", BOOL)], NEVER, effort) is Answer.UNKNOWN
+        assert s.check([d.fresh("x", BOOL)], NEVER, effort) is SolverAnswer.UNKNOWN
     assert told["timeout"] == 1_000 * LONGEST_S
     assert effort.left <= 0
 
@@ -129,8 +129,8 @@ def test_want_of_effort_is_no_interruption(limit: int) -> None:
     """Z3 says "canceled" of a question that used up its effort, as it does on Ctrl-C."""
     d, _, s = solver()
     for _ in range(3):
-        assert s.check([hard(d)], NEVER, Effort(10**9), at_most=limit) is Answer.UNKNOWN
-    assert s.check([d.fresh("x", BOOL)], NEVER, Effort(10**6)) is Answer.SAT
+        assert s.check([hard(d)], NEVER, Effort(10**9), at_most=limit) is SolverAnswer.UNKNOWN
+    assert s.check([d.fresh("x", BOOL)], NEVER, Effort(10**6)) is SolverAnswer.SAT
 
 
 @dataclass
@@ -176,10 +176,10 @@ def test_an_interruption_ends_the_question_and_is_passed_on(reason: str) -> None
 def test_what_else_stops_a_solver_is_unknown() -> None:
     d, _, s = solver()
     s._solver = Stopped("canceled", work=40)
-    assert s.check([d.fresh("x", BOOL)], NEVER, Effort(40)) is Answer.UNKNOWN
-    assert s.check([d.fresh("x", BOOL)], Deadline.after(0.04)) is Answer.UNKNOWN
+    assert s.check([d.fresh("x", BOOL)], NEVER, Effort(40)) is SolverAnswer.UNKNOWN
+    assert s.check([d.fresh("x", BOOL)], Deadline.after(0.04)) is SolverAnswer.UNKNOWN
     s._solver = Stopped("(incomplete (theory arithmetic))", work=40)
-    assert s.check([d.fresh("x", BOOL)], NEVER) is Answer.UNKNOWN
+    assert s.check([d.fresh("x", BOOL)], NEVER) is SolverAnswer.UNKNOWN
 
 
 def test_deadlines() -> None:
@@ -206,7 +206,7 @@ def told(value: Constant) -> Constant:
     type_ = kinds[type(value)]
     x = d.fresh("x", type_)
     s.add([d.binary(BinaryOp.EQ, x, value)])
-    assert s.check([], NEVER) is Answer.SAT
+    assert s.check([], NEVER) is SolverAnswer.SAT
     return s.model().scalar(x, type_)
 
 
@@ -222,7 +222,7 @@ def test_a_string_that_is_none_of_the_texts_is_made_up() -> None:
     x, y = d.fresh("x", STRING), d.fresh("y", STRING)
     s.add([d.binary(BinaryOp.NE, x, "a"), d.binary(BinaryOp.NE, x, y)])
     s.add([d.binary(BinaryOp.NE, y, "a")])
-    assert s.check([], NEVER) is Answer.SAT
+    assert s.check([], NEVER) is SolverAnswer.SAT
     texts = {s.model().scalar(t, STRING) for t in (x, y)}
     assert len(texts) == 2
     assert "a" not in texts
@@ -233,7 +233,7 @@ def test_opaque_values_have_names_and_equal_ones_the_same() -> None:
     kind = OpaqueType("path")
     x, y, z = (d.fresh(name, kind) for name in "xyz")
     s.add([d.binary(BinaryOp.EQ, x, y), d.binary(BinaryOp.NE, x, z)])
-    assert s.check([], NEVER) is Answer.SAT
+    assert s.check([], NEVER) is SolverAnswer.SAT
     names = [s.model().scalar(t, kind) for t in (x, y, z)]
     assert names[0] == names[1] != names[2]
 
@@ -243,7 +243,7 @@ def test_a_root_is_rounded() -> None:
     d, _, s = solver()
     x = d.fresh("x", FLOAT)
     s.add([d.binary(BinaryOp.EQ, d.binary(BinaryOp.MUL, x, x), 2), d.binary(BinaryOp.LT, 0, x)])
-    assert s.check([], NEVER) is Answer.SAT
+    assert s.check([], NEVER) is SolverAnswer.SAT
     root = s.model().scalar(x, FLOAT)
     assert isinstance(root, Fraction)
     assert abs(root * root - 2) < Fraction(1, 10**9)
@@ -251,7 +251,7 @@ def test_a_root_is_rounded() -> None:
 
 def test_what_a_model_leaves_open_has_some_value() -> None:
     d, _, s = solver()
-    assert s.check([], NEVER) is Answer.SAT
+    assert s.check([], NEVER) is SolverAnswer.SAT
     model = s.model()
     assert model.scalar(d.fresh("x", INT), INT) == 0
     assert model.truth(d.fresh("b", BOOL)) in (True, False)

@@ -9,7 +9,7 @@ from koord.semantics.oracle import Phase
 from koord.semantics.storage import Cell, Storage, Tree, held, same_storage, unset
 from koord.semantics.values import Rec, Seq, Table, equal, lookup
 from koord.syntax import core
-from koord.syntax.analysis.footprint import Written
+from koord.syntax.analysis.footprint import WriteExtent
 from koord.syntax.core import BinaryOp, UnaryOp
 from koord.syntax.system import dealt
 from koord.syntax.types import (
@@ -26,7 +26,7 @@ from koord.syntax.types import (
     Type,
 )
 from koord.verify.effort import Deadline
-from koord.verify.encoding.solver import Answer, Solver
+from koord.verify.encoding.solver import Solver, SolverAnswer
 from koord.verify.encoding.symbols import LIST_CAPACITY, Symbolic, SymbolicInputs, Unknowns
 from koord.verify.encoding.terms import Term, Terms
 from tests.semantics.building import TRUE, Build, I, bound, forall, lst
@@ -46,7 +46,7 @@ class Asking:
         self.solver = Solver(self.d, self.unknowns)
 
     def can(self, *conditions: Term) -> bool:
-        return self.solver.check(conditions, Deadline.after(30)) is Answer.SAT
+        return self.solver.check(conditions, Deadline.after(30)) is SolverAnswer.SAT
 
     def is_(self, value: Symbolic, other: Symbolic) -> Term:
         return equal(self.d, value, other)
@@ -117,14 +117,14 @@ def test_lists_end_somewhere_and_it_is_told() -> None:
 def test_storage_that_nobody_writes_stays() -> None:
     a = Asking()
     before = unset(a.d, PAIR, 2)
-    assert a.unknowns.storage("x", PAIR, before, Written.NEVER) is before
+    assert a.unknowns.storage("x", PAIR, before, WriteExtent.NEVER) is before
 
 
 def test_storage_that_somebody_writes_is_anything() -> None:
     """[ATOM]: an atom that was set stays set; one that was not may be."""
     a = Asking()
     before: Storage[Term] = Tree((held(a.d, 5), Cell(False, False)))
-    after = a.unknowns.storage("x", PAIR, before, Written.WHOLE)
+    after = a.unknowns.storage("x", PAIR, before, WriteExtent.WHOLE)
     assert isinstance(after, Tree)
     first, second = after.parts
     assert isinstance(first, Cell)
@@ -138,13 +138,13 @@ def test_storage_that_somebody_writes_is_anything() -> None:
 def test_a_list_of_which_elements_are_written_keeps_its_length() -> None:
     a = Asking()
     before = held(a.d, Seq(4, (1, 2, 3, 4)))
-    after = a.unknowns.storage("x", ListType(INT), before, Written.PARTS)
+    after = a.unknowns.storage("x", ListType(INT), before, WriteExtent.PARTS)
     assert isinstance(after, Cell)
     assert isinstance(after.value, Seq)
     assert after.value.length == 4
     assert a.can(same_storage(a.d, after, held(a.d, Seq(4, (9, 9, 9, 9)))))
     assert a.unknowns.limits == []
-    whole = a.unknowns.storage("y", ListType(INT), before, Written.WHOLE)
+    whole = a.unknowns.storage("y", ListType(INT), before, WriteExtent.WHOLE)
     assert isinstance(whole, Cell)
     assert a.can(same_storage(a.d, whole, held(a.d, Seq(1, (7,)))))
     assert a.unknowns.limits != []

@@ -23,7 +23,7 @@ from koord.syntax.types import (
 )
 from koord.syntax.walk import nodes
 from koord.verify.bounded_check import BoundedCheck
-from koord.verify.claims import Claim, Phase, claims_of
+from koord.verify.claims import Claim, ClaimPhase, claims_of
 from koord.verify.effort import Deadline
 from koord.verify.engine_names import Engine
 from koord.verify.reduction.abstraction import abstracted
@@ -291,7 +291,7 @@ def test_such_an_answer_replays_without_asking_about_the_program_itself() -> Non
     assert abstraction is not None
     abstract, real = dealt(abstraction.program, 1), dealt(program, 1)
 
-    def judge(recording: Recording, claim: Claim, phase: Phase) -> Counterexample:
+    def judge(recording: Recording, claim: Claim, phase: ClaimPhase) -> Counterexample:
         made = Concretion(abstraction, real).recording(recording)
         return replayed(real, made, claims_of(real)[0], phase)
 
@@ -324,7 +324,7 @@ def test_a_concretion_that_is_no_run_is_no_counterexample() -> None:
     abstract, real = dealt(abstraction.program, 2), dealt(program, 2)
     told: list[Recording] = []
 
-    def judge(recording: Recording, claim: Claim, phase: Phase) -> Counterexample:
+    def judge(recording: Recording, claim: Claim, phase: ClaimPhase) -> Counterexample:
         told.append(Concretion(abstraction, real).recording(recording))
         return replayed(real, told[-1], claims_of(real)[0], phase)
 

@@ -14,7 +14,7 @@ from koord.refinement.generating.programs import system
 from koord.semantics.every_number import NotFiniteError
 from koord.syntax.system import System
 from koord.verify.claims import claims_of, liveness_of
-from koord.verify.engines.explicit.findings import Exhausted, Subject
+from koord.verify.engines.explicit.findings import Exhausted, GoalKind
 from koord.verify.engines.explicit.finiteness import NotFinite
 from koord.verify.engines.explicit.limits import Limits
 from koord.verify.engines.explicit.search import survey
@@ -232,7 +232,7 @@ def firsts(of: System) -> tuple[dict[str, int], bool] | None:
     """By claim the first round in which a search sees it broken, and whether that is all."""
     limits = Limits(states=400, rounds=8)
     try:
-        found = survey(of, of.program.properties, limits, subjects=frozenset(Subject))
+        found = survey(of, of.program.properties, limits, subjects=frozenset(GoalKind))
     except NotFiniteError:
         return None
     if isinstance(found.end, NotFinite):

@@ -20,7 +20,7 @@ from koord.verify.claims import claims_of, liveness_of
 from koord.verify.effort import Deadline
 from koord.verify.engine_names import Engine
 from koord.verify.strategy import time_limits
-from koord.verify.strategy.resumption import Step
+from koord.verify.strategy.resumption import StrategyStep
 from koord.verify.strategy.time_limits import verify_apart
 from koord.verify.strategy.verification import verify
 from koord.verify.verdicts import Bounds, Outcome, Report, Verdict
@@ -246,7 +246,7 @@ def test_who_goes_on_after_a_crash_has_what_is_left(
             given.append(lasts_s)
             assert len(given) < 9, "there is no end to it"
             job: processes.Job[Any] = processes.Job(name, work)
-            job.noted.append(Step("plain", len(given), "bmc"))
+            job.noted.append(StrategyStep("plain", len(given), "bmc"))
             job.lasted_s, job.exit_code = 3.0, -11
             return job
 

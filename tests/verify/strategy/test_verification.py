@@ -12,7 +12,7 @@ from koord.semantics.recordings import Recording, execute
 from koord.syntax import core
 from koord.syntax.system import dealt
 from koord.syntax.types import BOOL, FLOAT, INT, ListType
-from koord.verify.claims import Claim, ClaimKind, Phase, claims_of
+from koord.verify.claims import Claim, ClaimKind, ClaimPhase, claims_of
 from koord.verify.effort import Deadline
 from koord.verify.encoding.unknowns import LIST_CAPACITY
 from koord.verify.engine_names import Engine
@@ -447,7 +447,7 @@ def test_what_was_not_looked_at_whole_does_not_hold() -> None:
     assert ledger.verdict(first).outcome is Outcome.HOLDS
 
 
-def _judge(recording: Recording, claim: Claim, phase: Phase) -> Counterexample:
+def _judge(recording: Recording, claim: Claim, phase: ClaimPhase) -> Counterexample:
     raise AssertionError("nothing is replayed")
 
 

@@ -12,7 +12,7 @@ from tempfile import TemporaryDirectory
 from koord.verify.effort import Deadline
 from koord.verify.engines.bits.circuit_files import aiger_of, machine_asking
 from koord.verify.engines.bits.graph import Graph
-from koord.verify.engines.bits.ic3 import Cube, Invariant, Question, Reached, Unfinished
+from koord.verify.engines.bits.ic3 import ClauseInvariant, Cube, Reached, SafetyQuery, Unfinished
 
 #: What Debian calls it, and what it calls itself.
 NAMES = ("berkeley-abc", "abc")
@@ -25,7 +25,9 @@ def installed() -> str | None:
     return next(filter(None, map(shutil.which, NAMES)), None)
 
 
-def searched(g: Graph, question: Question, deadline: Deadline) -> Invariant | Reached | Unfinished:
+def searched(
+    g: Graph, question: SafetyQuery, deadline: Deadline
+) -> ClauseInvariant | Reached | Unfinished:
     """What abc says of a question: an invariant as it says, or in which round it fails."""
     program = installed()
     assert program is not None, "whoever asks has looked"
@@ -53,7 +55,7 @@ def searched(g: Graph, question: Question, deadline: Deadline) -> Invariant | Re
         if "Property proved" not in done.stdout:
             return Unfinished(0)
         text = invariant.read_text(encoding="utf-8") if invariant.exists() else ""
-    return Invariant(tuple(sorted(_cubes(text, len(question.latches)))), 0)
+    return ClauseInvariant(tuple(sorted(_cubes(text, len(question.latches)))), 0)
 
 
 def _cubes(text: str, latches: int) -> Iterator[Cube]:

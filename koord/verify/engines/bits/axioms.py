@@ -24,7 +24,7 @@ from koord.syntax.system import System
 from koord.syntax.types import OpaqueType, Type
 from koord.verify.engines.bits.domain import BitDomain, Bits, literal
 from koord.verify.engines.bits.graph import FALSE, TRUE
-from koord.verify.engines.bits.opaque import EQUALS, Argument, Atom, Choice, Known
+from koord.verify.engines.bits.opaque import EQUALS, Argument, Atom, Known, OpaqueChoice
 from koord.verify.engines.bits.unknowns import BitUnknowns
 
 #: The part of what stands for variables of axioms.
@@ -281,9 +281,9 @@ def _read(
     d.opaques.part = PATTERNS
     before = dict(d.opaques.atoms.setdefault(PATTERNS, {}))
     d.opaques.atoms[PATTERNS] = {}
-    variables: list[Choice] = []
+    variables: list[OpaqueChoice] = []
 
-    def variable(type_: Type) -> Choice | None:
+    def variable(type_: Type) -> OpaqueChoice | None:
         if not isinstance(type_, OpaqueType):
             return None
         variables.append(d.opaques.fresh(type_.name, "any"))

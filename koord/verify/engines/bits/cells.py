@@ -23,7 +23,7 @@ from koord.semantics.values import Rec, Seq, Table, Value
 from koord.verify.engines.bits.domain import Bit, BitDomain, Bits
 from koord.verify.engines.bits.graph import FALSE
 from koord.verify.engines.bits.numbers import Number
-from koord.verify.engines.bits.opaque import Choice
+from koord.verify.engines.bits.opaque import OpaqueChoice
 
 
 class Fixed(Struct, frozen=True):
@@ -51,13 +51,13 @@ class Wild(Struct, frozen=True):
     scale: int
 
 
-class Token(Struct, frozen=True):
+class OpaqueCell(Struct, frozen=True):
     """An opaque value."""
 
     sort: str
 
 
-Leaf: TypeAlias = "Fixed | Truth | Ranged | Wild | Token"
+Leaf: TypeAlias = "Fixed | Truth | Ranged | Wild | OpaqueCell"
 
 #: Of numbers with a larger denominator nothing is kept.
 FINEST = 1 << 12
@@ -79,7 +79,7 @@ class Joining(Struct):
         found = self._leaf(value)
         if leaf is None or leaf == found:
             return found
-        if isinstance(leaf, Token) or isinstance(found, Token):
+        if isinstance(leaf, OpaqueCell) or isinstance(found, OpaqueCell):
             assert leaf == found
             return leaf
         if _is_truth(leaf) or _is_truth(found):
@@ -90,8 +90,8 @@ class Joining(Struct):
         match value:
             case Bit():
                 return Truth()
-            case Choice(sort=sort):
-                return Token(sort)
+            case OpaqueChoice(sort=sort):
+                return OpaqueCell(sort)
             case Number() if self.d.is_wild(value):
                 return Wild(value.scale)
             case Number(low=low, high=high, scale=scale, loose=loose):
@@ -163,7 +163,7 @@ class Pairing(Struct, Generic[A, B, C]):
     pair: Callable[[str, A | None, B | None], C]
     longer: Callable[[B, int], None]
     room: int  #: lists that are longer than in the first are followed so far
-    names: Names = field(default_factory=lambda: Names((), (), (), ()))
+    names: VariableNames = field(default_factory=lambda: VariableNames((), (), (), ()))
 
     def configuration(self, a: Configuration[A], b: Configuration[B]) -> Configuration[C]:
         """Copies are taken to be the store, as they are between rounds."""
@@ -233,7 +233,7 @@ class Pairing(Struct, Generic[A, B, C]):
         return Table(length, entries)
 
 
-class Names(Struct, frozen=True):
+class VariableNames(Struct, frozen=True):
     """What variables are called: shared ones by slot, own ones by kind and slot."""
 
     allread: tuple[str, ...]

@@ -7,11 +7,11 @@ from collections.abc import Sequence
 from koord.verify.effort import Deadline
 from koord.verify.engines.bits.clauses import OTHER, Clauses
 from koord.verify.engines.bits.graph import Graph
-from koord.verify.engines.bits.ic3 import Cube, Question
+from koord.verify.engines.bits.ic3 import Cube, SafetyQuery
 
 
 def holds_always(
-    g: Graph, question: Question, cubes: Sequence[Cube], deadline: Deadline | None = None
+    g: Graph, question: SafetyQuery, cubes: Sequence[Cube], deadline: Deadline | None = None
 ) -> bool:
     """Whether no run ever is in one of the cubes or bad."""
     return keeps(
@@ -19,7 +19,7 @@ def holds_always(
     )
 
 
-def keeps(g: Graph, question: Question, statements: Sequence[int], deadline: Deadline) -> bool:
+def keeps(g: Graph, question: SafetyQuery, statements: Sequence[int], deadline: Deadline) -> bool:
     """Whether statements about latches hold in every run, and nothing bad happens.
 
     That is: they hold of INIT, a round leads from where all of them hold to where all of them do,
@@ -43,7 +43,7 @@ def keeps(g: Graph, question: Question, statements: Sequence[int], deadline: Dea
     return initiated and safe and kept
 
 
-def _left_out(g: Graph, question: Question, cube: Cube) -> int:
+def _left_out(g: Graph, question: SafetyQuery, cube: Cube) -> int:
     """That a state is not in a cube."""
     literals = (question.latches[abs(x) - 1].literal ^ (x < 0) for x in cube)
     return g.all_of(literals) ^ 1

@@ -15,8 +15,8 @@ from koord.syntax.source import NOWHERE
 from koord.syntax.system import System
 from koord.syntax.types import INT
 from koord.syntax.walk import nodes
-from koord.verify.claims import Claim, Findings, Phase
-from koord.verify.encoding.moments import Moment, Opening, SymbolicRound
+from koord.verify.claims import Claim, ClaimPhase, StepFindings
+from koord.verify.encoding.moments import SymbolicConfiguration, SymbolicInit, SymbolicRound
 from koord.verify.encoding.rounds import Encoder
 from koord.verify.encoding.symbols import SymbolicInputs
 from koord.verify.encoding.unrolling import assumed, violations
@@ -27,17 +27,17 @@ from koord.verify.engines.bits.cells import (
     Fixed,
     Joining,
     Leaf,
-    Names,
+    OpaqueCell,
     Pairing,
     Ranged,
-    Token,
     Truth,
+    VariableNames,
     Wild,
 )
 from koord.verify.engines.bits.domain import Bit, BitDomain, Bits, Range, literal
 from koord.verify.engines.bits.graph import FALSE, TRUE
 from koord.verify.engines.bits.numbers import Number
-from koord.verify.engines.bits.opaque import Argument, Choice, Known
+from koord.verify.engines.bits.opaque import Argument, Known, OpaqueChoice
 from koord.verify.engines.bits.unknowns import BitUnknowns
 
 #: Integers are followed through this range at first, and lists to so many elements; then further.
@@ -73,16 +73,18 @@ class Circuit(Struct, frozen=True):
     steps: int
     lost: int
     bad_start: dict[Claim, int]
-    bad: dict[Claim, tuple[tuple[Phase, int], ...]]
-    broken: dict[Claim, tuple[tuple[Phase, int], ...]]
-    needed: dict[Phase, tuple[int, ...]]
+    bad: dict[Claim, tuple[tuple[ClaimPhase, int], ...]]
+    broken: dict[Claim, tuple[tuple[ClaimPhase, int], ...]]
+    needed: dict[ClaimPhase, tuple[int, ...]]
     faults: tuple[int, ...]  #: of the program's turns, and of the environment's
     held: dict[Claim, int]
-    opening: Opening
+    opening: SymbolicInit
     start: Configuration[Bits]
     round: SymbolicRound
     unknowns: tuple[BitUnknowns, BitUnknowns]
-    tokens: dict[int, tuple[Choice, Choice]]  #: what standing tokens become: by INIT, by a round
+    tokens: dict[
+        int, tuple[OpaqueChoice, OpaqueChoice]
+    ]  #: what standing tokens become: by INIT, by a round
     limits: tuple[str, ...]
     strays: tuple[str, ...]  #: variables some values of which are not followed
 
@@ -206,7 +208,9 @@ class _Builder(Struct):
         moments = [m for m in (p.taken.inside, p.taken.middle, p.taken.end) if m is not None]
         found = [self._broken(moment) for moment in moments]
         checks = SymbolicInputs(p.second, "start")
-        here = Moment(Phase.INIT, cast(Any, p.start), [], Findings(cast(Any, False)), checks)
+        here = SymbolicConfiguration(
+            ClaimPhase.INIT, cast(Any, p.start), [], StepFindings(cast(Any, False)), checks
+        )
         kept, needed = self._broken(here)
         needed = [*needed, *(x for _, more in found for x in more)]
         lost: list[int] = []
@@ -232,11 +236,11 @@ class _Builder(Struct):
         sound = literal(cast(Bits, p.taken.middle.findings.fault)) ^ 1
         sound_end = literal(cast(Bits, p.taken.end.findings.fault)) ^ 1
         needs = {
-            Phase.INSIDE: [*base, *program],
-            Phase.MIDDLE: [*base, *whole],
-            Phase.END: [*base, *ended, sound],
+            ClaimPhase.INSIDE: [*base, *program],
+            ClaimPhase.MIDDLE: [*base, *whole],
+            ClaimPhase.END: [*base, *ended, sound],
         }
-        bad: dict[Claim, tuple[tuple[Phase, int], ...]] = {claim: () for claim in self.claims}
+        bad: dict[Claim, tuple[tuple[ClaimPhase, int], ...]] = {claim: () for claim in self.claims}
         broken = dict(bad)
         for moment, (violated, _) in zip(moments, found, strict=True):
             for claim, when in violated.items():
@@ -268,7 +272,7 @@ class _Builder(Struct):
             tuple(path for path, (leaf, _) in self.made.items() if _is_loose(leaf)),
         )
 
-    def _broken(self, moment: Moment) -> tuple[dict[Claim, int], list[Bits]]:
+    def _broken(self, moment: SymbolicConfiguration) -> tuple[dict[Claim, int], list[Bits]]:
         """When a moment breaks claims, and what the answers to their questions must satisfy."""
         asked = violations(self.system, cast(Any, self.d), moment, self.claims)
         when = {claim: literal(cast(Bits, violated)) for claim, (violated, _) in asked.items()}
@@ -278,7 +282,7 @@ class _Builder(Struct):
 class _Parts(Struct, frozen=True):
     """What one try made: INIT and a round, each with its unknowns."""
 
-    opening: Opening
+    opening: SymbolicInit
     opened: list[Any]
     first: BitUnknowns
     required: list[int]
@@ -291,10 +295,10 @@ def _unheeded(length: object, room: int) -> None:
     """A list that grew, where nobody minds."""
 
 
-def names_of(system: System) -> Names:
+def names_of(system: System) -> VariableNames:
     """What the variables of a system are called."""
     program = system.program
-    return Names(
+    return VariableNames(
         tuple(x.variable.name for x in program.allread),
         tuple(x.variable.name for x in program.allwrite),
         tuple(tuple(x.variable.name for x in a.locals) for a in program.agents),
@@ -329,7 +333,7 @@ def _fresh(d: BitDomain, path: str, leaf: Leaf) -> Bits:
             return numbers.settled(number._replace(loose=loose))
         case Wild(scale=scale):
             return d.wild(path, scale)
-        case Token(sort=sort):
+        case OpaqueCell(sort=sort):
             return d.opaques.fresh(sort, path, standing=True)
 
 
@@ -350,12 +354,12 @@ class _Landing(Struct):
     made: dict[str, tuple[Leaf, Bits]]
     lost: list[int]
     names: dict[str, int] = field(default_factory=dict)
-    tokens: dict[str, Choice] = field(default_factory=dict)
+    tokens: dict[str, OpaqueChoice] = field(default_factory=dict)
     found: dict[int, int] = field(default_factory=dict)
 
     def states(
         self, system: System, leaves: Configuration[Leaf], values: Any
-    ) -> tuple[dict[int, int], dict[str, Choice]]:
+    ) -> tuple[dict[int, int], dict[str, OpaqueChoice]]:
         """What each latch becomes, and each opaque variable."""
         self.found, self.tokens = {}, {}
 
@@ -376,8 +380,8 @@ class _Landing(Struct):
         match leaf:
             case Truth():
                 self._set(path, literal(fresh), FALSE if value is None else literal(value))
-            case Token():
-                if isinstance(value, Choice):
+            case OpaqueCell():
+                if isinstance(value, OpaqueChoice):
                     self.tokens[path] = value
             case Ranged():
                 assert isinstance(fresh, Number)
@@ -415,12 +419,14 @@ class _Landing(Struct):
 
 
 def _tokens(
-    made: dict[str, tuple[Leaf, Bits]], first: dict[str, Choice], then: dict[str, Choice]
-) -> dict[int, tuple[Choice, Choice]]:
+    made: dict[str, tuple[Leaf, Bits]],
+    first: dict[str, OpaqueChoice],
+    then: dict[str, OpaqueChoice],
+) -> dict[int, tuple[OpaqueChoice, OpaqueChoice]]:
     """What each standing token becomes: by INIT, and by a round. Not there: as it is."""
     found = {}
     for path, (leaf, value) in made.items():
-        if isinstance(leaf, Token) and isinstance(value, Choice):
+        if isinstance(leaf, OpaqueCell) and isinstance(value, OpaqueChoice):
             ((token, _),) = value.parts
             assert isinstance(token, int)
             found[token] = (first.get(path, value), then.get(path, value))
@@ -428,7 +434,7 @@ def _tokens(
 
 
 def _relations(
-    d: BitDomain, axioms: Axioms, tokens: dict[int, tuple[Choice, Choice]]
+    d: BitDomain, axioms: Axioms, tokens: dict[int, tuple[OpaqueChoice, OpaqueChoice]]
 ) -> list[Latch]:
     """Latches for what is known of the values that variables hold. More come up on the way."""
     found: dict[object, Latch] = {}
@@ -452,10 +458,12 @@ def _relations(
             found[atom] = Latch(d.graph.names[x >> 1], x, becomes[0], becomes[1])
 
 
-def _becomes(argument: Argument, tokens: dict[int, tuple[Choice, Choice]], part: int) -> Choice:
+def _becomes(
+    argument: Argument, tokens: dict[int, tuple[OpaqueChoice, OpaqueChoice]], part: int
+) -> OpaqueChoice:
     """What an argument is after INIT, or after a round; constants stay what they are."""
     if isinstance(argument, Known) or argument not in tokens:
-        return Choice("", ((argument, TRUE),))
+        return OpaqueChoice("", ((argument, TRUE),))
     return tokens[argument][part]
 
 

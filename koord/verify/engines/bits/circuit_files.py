@@ -15,7 +15,7 @@ from msgspec.structs import replace
 
 from koord.verify.engines.bits.circuit import Circuit, Latch
 from koord.verify.engines.bits.graph import FALSE, Graph
-from koord.verify.engines.bits.ic3 import Question
+from koord.verify.engines.bits.ic3 import SafetyQuery
 from koord.verify.engines.bits.unrolling import Copy
 
 
@@ -28,7 +28,7 @@ class Format(Enum):
     SMT2 = "smt2"  #: the question whether a claim breaks within the bound, for any SMT solver
 
 
-class Machine(Struct, frozen=True):
+class TransitionSystem(Struct, frozen=True):
     """A transition system whose latches all start false, with what is never to hold, by name."""
 
     graph: Graph
@@ -37,7 +37,7 @@ class Machine(Struct, frozen=True):
     bad: tuple[tuple[str, int], ...]
 
 
-def machine_of(circuit: Circuit) -> Machine:
+def machine_of(circuit: Circuit) -> TransitionSystem:
     """The circuit with INIT as its first step."""
     g = circuit.d.graph
     begun, valid = g.input("begun"), g.input("valid")
@@ -50,7 +50,7 @@ def machine_of(circuit: Circuit) -> Machine:
     return _begun(g, (begun, valid), circuit.latches, circuit.opens, circuit.steps, bad)
 
 
-def machine_asking(g: Graph, question: Question) -> Machine:
+def machine_asking(g: Graph, question: SafetyQuery) -> TransitionSystem:
     """A question of IC3 with INIT as its first step; latches are called l0, l1, …"""
     begun, valid = g.input("begun"), g.input("valid")
     steps = g.all_of([question.steps, *question.given])
@@ -66,7 +66,7 @@ def _begun(
     opens: int,
     steps: int,
     bad: Sequence[tuple[str, int]],
-) -> Machine:
+) -> TransitionSystem:
     """A machine whose ``first`` latches say that INIT is over, and that all was legal so far."""
     begun, valid = first
     legal = g.choose(begun, g.both(valid, steps), opens)
@@ -77,7 +77,7 @@ def _begun(
     own = {latch.literal >> 1 for latch in latches}
     roots = [*(latch.next for latch in latches), *(x for _, x in bad)]
     inputs = tuple(2 * n for n in g.cone(roots) if g.is_input(n) and n not in own)
-    return Machine(g, inputs, tuple(latches), tuple(bad))
+    return TransitionSystem(g, inputs, tuple(latches), tuple(bad))
 
 
 def exported(circuit: Circuit, format_: Format, rounds: int, comment: str) -> bytes:
@@ -94,7 +94,7 @@ def exported(circuit: Circuit, format_: Format, rounds: int, comment: str) -> by
             return _text(_smt2(of, rounds, comment))
 
 
-def aiger_of(of: Machine) -> bytes:
+def aiger_of(of: TransitionSystem) -> bytes:
     """A machine in the binary form of AIGER."""
     return _aig(of, "")
 
@@ -109,7 +109,7 @@ def _text(lines: Iterable[str]) -> bytes:
 class _Numbered:
     """Inputs, latches and conjunctions, numbered in this order, each after what it is made of."""
 
-    def __init__(self, of: Machine) -> None:
+    def __init__(self, of: TransitionSystem) -> None:
         self._numbers = {0: 0}
         for literal in (*of.inputs, *(latch.literal for latch in of.latches)):
             self._numbers[literal >> 1] = len(self._numbers)
@@ -127,12 +127,12 @@ class _Numbered:
     def of(self, literal: int) -> int:
         return 2 * self._numbers[literal >> 1] + (literal & 1)
 
-    def header(self, kind: str, of: Machine) -> str:
+    def header(self, kind: str, of: TransitionSystem) -> str:
         sizes = len(of.inputs), len(of.latches), 0, len(self.conjunctions), len(of.bad)
         return f"{kind} {len(self._numbers) - 1} {' '.join(map(str, sizes))}"
 
 
-def _aiger(of: Machine, comment: str) -> Iterator[str]:
+def _aiger(of: TransitionSystem, comment: str) -> Iterator[str]:
     numbered = _Numbered(of)
     yield numbered.header("aag", of)
     yield from (str(numbered.of(literal)) for literal in of.inputs)
@@ -142,7 +142,7 @@ def _aiger(of: Machine, comment: str) -> Iterator[str]:
     yield from _symbols(of, comment)
 
 
-def _aig(of: Machine, comment: str) -> bytes:
+def _aig(of: TransitionSystem, comment: str) -> bytes:
     """The numbers of inputs and latches go without saying; conjunctions are differences."""
     numbered = _Numbered(of)
     head = [numbered.header("aig", of)]
@@ -163,7 +163,7 @@ def _seven_bits_each(number: int) -> Iterator[int]:
     yield number
 
 
-def _symbols(of: Machine, comment: str) -> Iterator[str]:
+def _symbols(of: TransitionSystem, comment: str) -> Iterator[str]:
     """The names of things, which some tools want to be of one thing each."""
     seen: Counter[str] = Counter()
     named = [(f"i{k}", of.graph.names[x >> 1]) for k, x in enumerate(of.inputs)]
@@ -176,14 +176,14 @@ def _symbols(of: Machine, comment: str) -> Iterator[str]:
     yield comment
 
 
-def _cone(of: Machine) -> list[int]:
+def _cone(of: TransitionSystem) -> list[int]:
     return of.graph.cone([*(latch.next for latch in of.latches), *(x for _, x in of.bad)])
 
 
 # --- SMT-LIB --------------------------------------------------------------------------------------
 
 
-def _vmt(of: Machine, comment: str) -> Iterator[str]:
+def _vmt(of: TransitionSystem, comment: str) -> Iterator[str]:
     g = of.graph
     yield f"; {comment}"
     names = {0: "false"}
@@ -211,7 +211,7 @@ def _vmt(of: Machine, comment: str) -> Iterator[str]:
         )
 
 
-def _smt2(of: Machine, rounds: int, comment: str) -> Iterator[str]:
+def _smt2(of: TransitionSystem, rounds: int, comment: str) -> Iterator[str]:
     """Satisfiable if a claim breaks in INIT or in one of so many rounds."""
     to = Graph()
     state = {latch.literal >> 1: FALSE for latch in of.latches}
@@ -256,4 +256,4 @@ def _all(terms: Iterable[str]) -> str:
     return f"(and true {' '.join(terms)})"
 
 
-__all__ = ["Format", "Machine", "exported", "machine_asking", "machine_of"]
+__all__ = ["Format", "TransitionSystem", "exported", "machine_asking", "machine_of"]

@@ -12,7 +12,7 @@ from pysat.solvers import Solver
 
 from koord.syntax.budget import OutOfBudgetError
 from koord.verify.effort import Deadline
-from koord.verify.encoding.solver import Answer
+from koord.verify.encoding.solver import SolverAnswer
 from koord.verify.engines.bits.graph import Graph
 
 #: In which directions a node's clauses are needed: where it is true, where it is false.
@@ -89,11 +89,11 @@ class Clauses:
         Raises NoAnswerError where the deadline passes first, or too many questions were hard.
         """
         answer = self.solve_in_time(assumptions, self.deadline)
-        if answer is Answer.UNKNOWN:
+        if answer is SolverAnswer.UNKNOWN:
             raise NoAnswerError
-        return answer is Answer.SAT
+        return answer is SolverAnswer.SAT
 
-    def solve_in_time(self, assumptions: Sequence[int], deadline: Deadline) -> Answer:
+    def solve_in_time(self, assumptions: Sequence[int], deadline: Deadline) -> SolverAnswer:
         """The same, or nothing where the deadline passes first."""
         try:
             if self.engine == QUICK:
@@ -104,8 +104,8 @@ class Clauses:
             # It listens to Ctrl-C by itself, and says so in a way of its own.
             raise KeyboardInterrupt from error
         if found is None:
-            return Answer.UNKNOWN
-        return Answer.SAT if found else Answer.UNSAT
+            return SolverAnswer.UNKNOWN
+        return SolverAnswer.SAT if found else SolverAnswer.UNSAT
 
     def _solved_by_and_by(self, assumptions: Sequence[int], deadline: Deadline) -> bool | None:
         while not deadline.passed():

@@ -9,13 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-from koord.verify.claims import Claim, Phase
+from koord.verify.claims import Claim, ClaimPhase
 from koord.verify.engines.bits.circuit import Circuit, Latch
 from koord.verify.engines.bits.graph import Graph
-from koord.verify.engines.bits.ic3 import Question, reduced
+from koord.verify.engines.bits.ic3 import SafetyQuery, reduced
 
 
-def narrowed(circuit: Circuit, claims: Iterable[Claim], given: Iterable[int]) -> Question:
+def narrowed(circuit: Circuit, claims: Iterable[Claim], given: Iterable[int]) -> SafetyQuery:
     """Whether one of the claims can break, with the constraints that are about the same things."""
     g = circuit.d.graph
     relations = {x >> 1 for atoms in circuit.d.opaques.atoms.values() for x in atoms.values()}
@@ -23,7 +23,7 @@ def narrowed(circuit: Circuit, claims: Iterable[Claim], given: Iterable[int]) ->
     # One by one as they were made: of a conjunction no part stands for itself.
     needed = {phase: set(_single(g, parts)) for phase, parts in circuit.needed.items()}
     sound = _single(g, [literal ^ 1 for literal in circuit.faults])
-    about = {x: _inputs(g, [x]) for x in dict.fromkeys([*needed[Phase.END], *sound])}
+    about = {x: _inputs(g, [x]) for x in dict.fromkeys([*needed[ClaimPhase.END], *sound])}
     by_node = {latch.literal >> 1: latch for latch in circuit.latches}
     pending = sorted(x for x in about if about[x])
     kept: set[int] = set()
@@ -38,7 +38,7 @@ def narrowed(circuit: Circuit, claims: Iterable[Claim], given: Iterable[int]) ->
     latches = tuple(latch for latch in circuit.latches if latch.literal >> 1 in inputs)
     violated = [g.all_of([when, *(kept & needed[phase])]) for phase, when in broken]
     lost = g.both(circuit.lost, steps)
-    return Question(latches, circuit.opens, steps, g.any_of([*violated, lost]), tuple(given))
+    return SafetyQuery(latches, circuit.opens, steps, g.any_of([*violated, lost]), tuple(given))
 
 
 def related(
@@ -51,7 +51,7 @@ def related(
     """
     g = circuit.d.graph
     relations = {x >> 1 for atoms in circuit.d.opaques.atoms.values() for x in atoms.values()}
-    whole = [*circuit.needed[Phase.END], *(literal ^ 1 for literal in circuit.faults)]
+    whole = [*circuit.needed[ClaimPhase.END], *(literal ^ 1 for literal in circuit.faults)]
     about = {x: _inputs(g, [x]) for part in _single(g, whole) for x in _implied(g, part)}
     by_node = {latch.literal >> 1: latch for latch in latches}
     pending = sorted(x for x in about if about[x])
@@ -81,13 +81,13 @@ def _single(g: Graph, literals: Iterable[int]) -> list[int]:
     return [part for literal in literals for part in g.conjuncts(literal)]
 
 
-def everything(circuit: Circuit, claims: Iterable[Claim], given: Iterable[int]) -> Question:
+def everything(circuit: Circuit, claims: Iterable[Claim], given: Iterable[int]) -> SafetyQuery:
     """Whether one of the claims can break, with all constraints."""
     g = circuit.d.graph
     bad = [x for claim in claims for _, x in circuit.bad[claim]]
     violated, known = g.any_of([*bad, g.both(circuit.lost, circuit.steps)]), tuple(given)
     latches = reduced(circuit.latches, g.cone, [violated, circuit.steps, *known])
-    return Question(latches, circuit.opens, circuit.steps, violated, known)
+    return SafetyQuery(latches, circuit.opens, circuit.steps, violated, known)
 
 
 def _closed(g: Graph, latches: dict[int, Latch], roots: list[int], known: set[int]) -> set[int]:

@@ -27,7 +27,7 @@ from koord.syntax.types import (
 from koord.verify.engines.bits import numbers
 from koord.verify.engines.bits.graph import FALSE, TRUE, Graph
 from koord.verify.engines.bits.numbers import Number
-from koord.verify.engines.bits.opaque import EQUALS, Choice, Known, Opaques
+from koord.verify.engines.bits.opaque import EQUALS, Known, OpaqueChoice, Opaques
 
 
 class Bit(NamedTuple):
@@ -36,7 +36,7 @@ class Bit(NamedTuple):
     literal: int
 
 
-Bits: TypeAlias = "Constant | Bit | Number | Choice"
+Bits: TypeAlias = "Constant | Bit | Number | OpaqueChoice"
 
 #: The least and the greatest value of an integer, as far as known.
 Range: TypeAlias = "tuple[int | None, int | None]"
@@ -71,7 +71,7 @@ class BitDomain:
             return Fraction(value)
         if isinstance(type_, OpaqueType):
             token = self.opaques.term(str(value), (), type_.name)
-            return Choice(type_.name, ((token, TRUE),))
+            return OpaqueChoice(type_.name, ((token, TRUE),))
         return value
 
     def known(self, value: Bits) -> Constant | None:
@@ -135,8 +135,8 @@ class BitDomain:
         g, when = self.graph, condition.literal
         if isinstance(then, Bit | bool) or isinstance(other, Bit | bool):
             return boolean(g.choose(when, literal(then), literal(other)))
-        if isinstance(then, Choice):
-            assert isinstance(other, Choice)
+        if isinstance(then, OpaqueChoice):
+            assert isinstance(other, OpaqueChoice)
             return then if then == other else self.opaques.chosen(when, then, other)
         a, b = self.number(then), self.number(other)
         if a == b:
@@ -239,7 +239,7 @@ class BitDomain:
 
     def applied(self, name: str, arguments: Sequence[Bits], result: Type) -> Bits:
         """What an uninterpreted function gives, where :meth:`is_relation` says so."""
-        given = [a if isinstance(a, Choice) else self._listed(a) for a in arguments]
+        given = [a if isinstance(a, OpaqueChoice) else self._listed(a) for a in arguments]
         if isinstance(result, OpaqueType):
             return self.opaques.applied(name, given, result.name)
         assert isinstance(result, BoolType)
@@ -250,21 +250,21 @@ class BitDomain:
         plain = all(not isinstance(a, Number) or _is_one_of_few(a) for a in arguments)
         return plain and isinstance(result, OpaqueType | BoolType)
 
-    def _listed(self, value: Bits) -> Choice:
+    def _listed(self, value: Bits) -> OpaqueChoice:
         """A scalar as a choice of constants."""
         match value:
             case Bit(literal=here):
-                return Choice("", ((Known(True), here), (Known(False), here ^ 1)))
+                return OpaqueChoice("", ((Known(True), here), (Known(False), here ^ 1)))
             case Number(low=low, high=high, scale=scale):
                 parts = []
                 for k in range(low, high + 1):
                     known = Fraction(k, scale) if scale else k
                     here = numbers.equal(self.graph, value, numbers.lifted(known))
                     parts.append((Known(known), here))
-                return Choice("", tuple(parts))
+                return OpaqueChoice("", tuple(parts))
             case _:
-                assert not isinstance(value, Choice)
-                return Choice("", ((Known(value), TRUE),))
+                assert not isinstance(value, OpaqueChoice)
+                return OpaqueChoice("", ((Known(value), TRUE),))
 
     def for_all(self, variables: Sequence[Bits], body: Bits) -> Bits:
         """Whether a Boolean holds whatever its variables are: may be either if it hangs on them."""
@@ -368,8 +368,8 @@ class BitDomain:
         g = self.graph
         if isinstance(left, Bit | bool) or isinstance(right, Bit | bool):
             return g.differ(literal(left), literal(right)) ^ 1
-        if isinstance(left, Choice):
-            assert isinstance(right, Choice)
+        if isinstance(left, OpaqueChoice):
+            assert isinstance(right, OpaqueChoice)
             return self.opaques.related(EQUALS, (left, right))
         a, b = self.number(left), self.number(right)
         if a == b:

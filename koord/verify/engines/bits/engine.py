@@ -13,8 +13,8 @@ from koord.semantics.every_number import NotFiniteError
 from koord.syntax.core import Declaration
 from koord.syntax.types import FloatType
 from koord.syntax.walk import nodes
-from koord.verify.claims import Claim, Phase
-from koord.verify.encoding.solver import Answer
+from koord.verify.claims import Claim, ClaimPhase
+from koord.verify.encoding.solver import SolverAnswer
 from koord.verify.engine_names import Engine
 from koord.verify.engines.bits import abc, ic3
 from koord.verify.engines.bits.checking import holds_always
@@ -173,7 +173,7 @@ class _Run:
         """Look at INIT and so many rounds, one after the other."""
         unrolled, circuit = self.unrolled, self.circuit
         if self.completed is None:
-            at = {claim: ((Phase.INIT, x),) for claim, x in circuit.bad_start.items()}
+            at = {claim: ((ClaimPhase.INIT, x),) for claim, x in circuit.bad_start.items()}
             if not self._looked(unrolled.opening, at):
                 return
             self.completed = 0
@@ -182,27 +182,30 @@ class _Run:
             copy = unrolled.begin()
             if not self._looked(copy, circuit.bad):
                 return
-            if unrolled.asked(copy.of(circuit.lost), self.ledger.deadline) is not Answer.UNSAT:
+            if (
+                unrolled.asked(copy.of(circuit.lost), self.ledger.deadline)
+                is not SolverAnswer.UNSAT
+            ):
                 self.astray |= dict.fromkeys(self.open(), "lists grow beyond what is followed")
                 return
             self.completed += 1
 
-    def _looked(self, copy: Copy, bad: Mapping[Claim, tuple[tuple[Phase, int], ...]]) -> bool:
+    def _looked(self, copy: Copy, bad: Mapping[Claim, tuple[tuple[ClaimPhase, int], ...]]) -> bool:
         """Settle the claims that break in one step. False if time ran out."""
         unrolled, deadline = self.unrolled, self.ledger.deadline
         for claim in self.open():
             for phase, literal in bad.get(claim, ()):
                 here = copy.of(literal)
                 answer = unrolled.asked(here, deadline)
-                if answer is Answer.UNKNOWN:
+                if answer is SolverAnswer.UNKNOWN:
                     return False
-                if answer is Answer.SAT:
+                if answer is SolverAnswer.SAT:
                     self._found(claim, phase)
                     break
                 unrolled.never(here)
         return True
 
-    def _found(self, claim: Claim, phase: Phase) -> None:
+    def _found(self, claim: Claim, phase: ClaimPhase) -> None:
         """Replay the run of the last answer, and settle the claim if it is one."""
         run = self.unrolled.witnessed()
         ledger = self.ledger
@@ -259,7 +262,7 @@ class _Run:
         return g.both(circuit.lost, circuit.steps)
 
     def _holds(
-        self, claims: Sequence[Claim], question: ic3.Question, cubes: Sequence[ic3.Cube]
+        self, claims: Sequence[Claim], question: ic3.SafetyQuery, cubes: Sequence[ic3.Cube]
     ) -> None:
         """Settle claims, with what keeps them in words."""
         ledger = self.ledger
@@ -285,7 +288,7 @@ class _Run:
             question = (narrowed if narrow else everything)(circuit, claims, given)
             found = self._searched(question, claims, exchange=exchange)
             match found:
-                case ic3.Invariant():
+                case ic3.ClauseInvariant():
                     # Asked with all constraints, whatever the question left out.
                     whole = everything(circuit, claims, given)
                     asked = replace(question, steps=whole.steps, bad=whole.bad)
@@ -311,15 +314,15 @@ class _Run:
                     return
 
     def _searched(
-        self, question: ic3.Question, claims: Sequence[Claim], *, exchange: bool
-    ) -> ic3.Invariant | ic3.Reached | ic3.Unfinished:
+        self, question: ic3.SafetyQuery, claims: Sequence[Claim], *, exchange: bool
+    ) -> ic3.ClauseInvariant | ic3.Reached | ic3.Unfinished:
         g, ledger = self.circuit.d.graph, self.ledger
         if self.engine is Engine.ABC:
             ledger.progress("abc, PDR")
             return abc.searched(g, question, ledger.deadline)
         properties = tuple(c.stated for c in claims if c.stated is not None)
         clauses = self._clauses()
-        search = ic3.Search(
+        search = ic3.Ic3Run(
             clauses,
             question,
             ledger.deadline,

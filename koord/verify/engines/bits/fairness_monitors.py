@@ -47,7 +47,7 @@ class Grant(Struct, frozen=True):
     granted: int
 
 
-class Watched(Struct, frozen=True):
+class MonitoredCircuit(Struct, frozen=True):
     """A circuit with what one response is about.
 
     The latches of ``circuit`` include those of the monitors. ``pending`` holds of a round if the
@@ -62,7 +62,7 @@ class Watched(Struct, frozen=True):
     conditions: tuple[Condition, ...]
     grants: tuple[Grant, ...]
 
-    def resting_on(self, kinds: Sequence[str]) -> Watched:
+    def resting_on(self, kinds: Sequence[str]) -> MonitoredCircuit:
         """The same with conditions of some kinds only, which makes more runs fair."""
         return replace(self, conditions=tuple(c for c in self.conditions if c.kind in kinds))
 
@@ -105,7 +105,7 @@ class Watching(Struct):
     def d(self) -> BitDomain:
         return self.circuit.d
 
-    def watched(self, response: Response) -> Watched:
+    def watched(self, response: Response) -> MonitoredCircuit:
         """What one response is about."""
         g = self.d.graph
         name = f"{response.name} pending"
@@ -130,7 +130,7 @@ class Watching(Struct):
             conditions.append(Condition(other.name, name, owed ^ 1))
         latches = (*self.circuit.latches, waiting, *expecting)
         watching = replace(self.circuit, latches=latches)
-        return Watched(
+        return MonitoredCircuit(
             watching, pending, waiting, tuple(expecting), tuple(conditions), tuple(self._grants())
         )
 

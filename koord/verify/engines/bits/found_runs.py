@@ -11,14 +11,14 @@ from koord.semantics.domain import Constant
 from koord.semantics.recordings import Recording
 from koord.syntax.system import System
 from koord.syntax.types import FloatType, OpaqueType, StreamType, StringType, Type
-from koord.verify.claims import Phase
+from koord.verify.claims import ClaimPhase
 from koord.verify.engines.bits.cells import as_constant
 from koord.verify.engines.bits.circuit import Circuit
 from koord.verify.engines.bits.domain import Bit, BitDomain, Bits
 from koord.verify.engines.bits.numbers import Number
-from koord.verify.engines.bits.opaque import EQUALS, Argument, Choice, Known, Opaques
-from koord.verify.engines.bits.unrolling import Witnessed
-from koord.verify.witness import Reader, opening_of, round_of
+from koord.verify.engines.bits.opaque import EQUALS, Argument, Known, OpaqueChoice, Opaques
+from koord.verify.engines.bits.unrolling import CircuitRun
+from koord.verify.witness import ModelReader, opening_of, round_of
 
 
 class Assignment(Struct):
@@ -26,7 +26,7 @@ class Assignment(Struct):
 
     d: BitDomain
     given: Mapping[int, bool]
-    names: Names
+    names: ValueNames
     part: int
     _values: list[bool] = field(default_factory=lambda: [False])
 
@@ -51,7 +51,7 @@ class Assignment(Struct):
         match value:
             case Bit():
                 return self.truth(value)
-            case Choice():
+            case OpaqueChoice():
                 return self.name(value)
             case Number():
                 found: Constant = self.number(value)
@@ -72,7 +72,7 @@ class Assignment(Struct):
         whole = sum(1 << k for k, bit in enumerate(bits) if bit) - (bits[-1] << len(bits))
         return as_constant(whole, value.scale)
 
-    def name(self, value: Choice) -> str:
+    def name(self, value: OpaqueChoice) -> str:
         """What an opaque value is called in the whole run."""
         for token, guard in value.parts:
             if self.literal(guard):
@@ -80,7 +80,7 @@ class Assignment(Struct):
         return f"{value.sort}!0"
 
 
-class Told(Struct, frozen=True):
+class RelationValue(Struct, frozen=True):
     """What a step of a run (0: INIT) says of a relation between values, which go by their names."""
 
     relation: str
@@ -90,7 +90,7 @@ class Told(Struct, frozen=True):
     holds: bool
 
 
-class Names(Struct):
+class ValueNames(Struct):
     """What opaque values are called: those that are equal alike, from one step to the next."""
 
     opaques: Opaques
@@ -143,10 +143,10 @@ class Names(Struct):
 def recording(
     circuit: Circuit,
     system: System,
-    run: Witnessed,
-    phase: Phase,
+    run: CircuitRun,
+    phase: ClaimPhase,
     seen: Callable[[dict[int, str]], None] = lambda standing: None,
-    told: Callable[[Told], None] | None = None,
+    told: Callable[[RelationValue], None] | None = None,
 ) -> Recording:
     """A run of a circuit as one of the system, up to a phase of its last round.
 
@@ -154,7 +154,7 @@ def recording(
     ``told`` of all that is said of opaque values.
     """
     d = circuit.d
-    names = Names(d.opaques)
+    names = ValueNames(d.opaques)
     first = Assignment(d, run.opening, names, 0)
     opening = opening_of(_reader(first, system), circuit.opening)
     if told is not None:
@@ -174,16 +174,16 @@ def recording(
     return Recording(opening, tuple(rounds))
 
 
-def _tell(step: Assignment, number: int, told: Callable[[Told], None]) -> None:
+def _tell(step: Assignment, number: int, told: Callable[[RelationValue], None]) -> None:
     """Say what a step says of opaque values."""
     for (relation, arguments), x in list(step.d.opaques.atoms.get(step.part, {}).items()):
         if relation != EQUALS:
             names = tuple(step.names.of(step, argument) for argument in arguments)
-            told(Told(relation, names, number, x, step.literal(x)))
+            told(RelationValue(relation, names, number, x, step.literal(x)))
 
 
-def _reader(step: Assignment, system: System) -> Reader:
-    return Reader(cast(Any, step), system)
+def _reader(step: Assignment, system: System) -> ModelReader:
+    return ModelReader(cast(Any, step), system)
 
 
-__all__ = ["Assignment", "FloatType", "Names", "recording"]
+__all__ = ["Assignment", "FloatType", "ValueNames", "recording"]

@@ -22,7 +22,7 @@ from koord.verify.engines.bits.graph import FALSE, Graph
 Cube = tuple[int, ...]
 
 
-class Question(Struct, frozen=True):
+class SafetyQuery(Struct, frozen=True):
     """What is asked of a circuit: whether ``bad`` can ever hold. All are literals of the graph.
 
     ``given`` holds of every state that can be reached, as was shown before.
@@ -35,7 +35,7 @@ class Question(Struct, frozen=True):
     given: tuple[int, ...] = ()
 
 
-class Invariant(Struct, frozen=True):
+class ClauseInvariant(Struct, frozen=True):
     """Clauses, as cubes of states that cannot be reached, that hold always and keep ``bad`` out."""
 
     cubes: tuple[Cube, ...]
@@ -54,7 +54,7 @@ class Unfinished(Struct, frozen=True):
     rounds: int
 
 
-class Search(Struct):
+class Ic3Run(Struct):
     """One run of IC3.
 
     ``images`` gives what a cube becomes when robots change places; None if that is not to be said
@@ -63,7 +63,7 @@ class Search(Struct):
     """
 
     clauses: Clauses
-    question: Question
+    question: SafetyQuery
     deadline: Deadline
     images: Callable[[Cube], Iterable[Cube] | None] = lambda cube: None
     progress: Callable[[int, int], None] = lambda frame, cubes: None
@@ -87,14 +87,14 @@ class Search(Struct):
     _depth: int = 0
     _weight: dict[int, float] = field(default_factory=dict)
 
-    def run(self) -> Invariant | Reached | Unfinished:
+    def run(self) -> ClauseInvariant | Reached | Unfinished:
         """Find an invariant, or how many rounds it takes to be bad."""
         try:
             return self._found()
         except NoAnswerError:
             return Unfinished(max(0, len(self.frames) - 1))
 
-    def _found(self) -> Invariant | Reached | Unfinished:
+    def _found(self) -> ClauseInvariant | Reached | Unfinished:
         self._prepare()
         frame = 0
         while True:
@@ -113,7 +113,7 @@ class Search(Struct):
             self.progress(frame, sum(map(len, self.frames)))
             fixed = self._pushed(frame)
             if fixed is not None:
-                return Invariant(tuple(sorted(fixed)), frame)
+                return ClauseInvariant(tuple(sorted(fixed)), frame)
             if self._is_over():
                 return Unfinished(frame)
 
@@ -394,7 +394,7 @@ OBSTACLES = 3
 class _Start:
     """A solver that knows INIT alone."""
 
-    def __init__(self, graph: Graph, question: Question) -> None:
+    def __init__(self, graph: Graph, question: SafetyQuery) -> None:
         self.question = question
         self.clauses = Clauses(graph, QUICK)
         self.clauses.require(question.opens)
@@ -419,7 +419,7 @@ class _Start:
 class _Lifting:
     """A solver that tells which part of a state is enough to lead where it leads."""
 
-    def __init__(self, g: Graph, q: Question) -> None:
+    def __init__(self, g: Graph, q: SafetyQuery) -> None:
         self.question = q
         self.clauses = Clauses(g, QUICK)
         self._latch = [self.clauses.of(latch.literal) for latch in q.latches]
@@ -477,4 +477,4 @@ def reduced(
     return tuple(latch for latch in latches if latch.literal >> 1 in found)
 
 
-__all__ = ["BOTH_SIDES", "FALSE", "Cube", "Invariant", "Question", "Reached", "Search"]
+__all__ = ["BOTH_SIDES", "FALSE", "ClauseInvariant", "Cube", "Ic3Run", "Reached", "SafetyQuery"]

@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 from msgspec import Struct
 from msgspec.structs import replace
 
-from koord.verify.claims import Claim, Phase
+from koord.verify.claims import Claim, ClaimPhase
 from koord.verify.effort import Deadline
 from koord.verify.engines.bits.checking import keeps
 from koord.verify.engines.bits.circuit import Circuit
@@ -19,10 +19,16 @@ from koord.verify.engines.bits.clauses import QUICK, TRUE_SIDE, Clauses
 from koord.verify.engines.bits.constraint_selection import everything
 from koord.verify.engines.bits.graph import FALSE
 from koord.verify.engines.bits.numbers import Number
-from koord.verify.engines.bits.prime_implicants import Orbit, Table, UnsaidError, complexity, facts
+from koord.verify.engines.bits.prime_implicants import (
+    Orbit,
+    PlaceTable,
+    UnsaidError,
+    complexity,
+    facts,
+)
 
 #: What must not come about, in which phase of a round.
-Goal = tuple[Phase, int]
+Goal = tuple[ClaimPhase, int]
 
 #: So many questions are spent on leaving parts out one by one.
 MOST_TRIALS = 300
@@ -37,7 +43,7 @@ class Needed(Struct, frozen=True):
 
 def needed(
     circuit: Circuit,
-    table: Table,
+    table: PlaceTable,
     orbits: Sequence[Orbit],
     claims: Sequence[Claim],
     given: Sequence[Claim],
@@ -66,7 +72,7 @@ class _Core:
     def __init__(
         self,
         circuit: Circuit,
-        table: Table,
+        table: PlaceTable,
         orbits: Sequence[Orbit],
         known: Sequence[Claim],
         deadline: Deadline,
@@ -92,7 +98,7 @@ class _Core:
         """The positions of orbits that the claims need: few, if not as few as can be."""
         circuit = self.circuit
         goals = [(phase, x) for claim in claims for phase, x in circuit.broken[claim]]
-        goals = [(phase, x) for phase, x in (*goals, (Phase.END, circuit.lost)) if x != FALSE]
+        goals = [(phase, x) for phase, x in (*goals, (ClaimPhase.END, circuit.lost)) if x != FALSE]
         found = self._closed(goals)
         left = MOST_TRIALS
         for k in sorted(found, key=lambda k: complexity(self.orbits[k]), reverse=True):
@@ -123,17 +129,17 @@ class _Core:
     def _broken(self, k: int) -> Goal:
         """That a round leads into an orbit. What holds of one cube holds of its images."""
         then = self.table.is_in(self.orbits[k].first)
-        return Phase.END, self.circuit.d.graph.substituted(then, self._then)
+        return ClaimPhase.END, self.circuit.d.graph.substituted(then, self._then)
 
     def _is_kept(self, goal: Goal, on: Sequence[int]) -> bool:
         """Whether nothing bad comes about in a round from where some orbits are left out."""
         phase, bad = goal
         return not self.clauses.solve([self._phase[phase], self._on(bad), *on])
 
-    def _phases(self) -> Iterator[tuple[Phase, list[int]]]:
+    def _phases(self) -> Iterator[tuple[ClaimPhase, list[int]]]:
         circuit = self.circuit
         for phase, constraints in circuit.needed.items():
-            sound = [x ^ 1 for x in circuit.faults] if phase is Phase.END else []
+            sound = [x ^ 1 for x in circuit.faults] if phase is ClaimPhase.END else []
             yield phase, [*constraints, *sound]
 
     def ranged(self, statements: Sequence[int]) -> list[int]:

@@ -16,15 +16,15 @@ from koord.syntax.system import Status, System
 from koord.syntax.types import BoolType, EnumType, IntType, within
 from koord.syntax.walk import nodes
 from koord.verify.engines.bits.invariant_core import Needed
-from koord.verify.engines.bits.prime_implicants import Table, UnsaidError, Values
+from koord.verify.engines.bits.prime_implicants import PlaceTable, UnsaidError, Values
 from koord.verify.engines.bits.state_decoder import (
     EQUALS_SIGN,
     OUTSIDE,
+    ArrayIndex,
     Held,
-    Index,
     Piece,
-    Place,
-    Robot,
+    RobotIndex,
+    StateVariable,
 )
 
 #: What robots and numbers are called in statements, where the program leaves the name free.
@@ -54,7 +54,7 @@ class _Clause(Struct, frozen=True):
     over: tuple[int, int] | None = None
 
 
-def invariant_texts(system: System, table: Table, found: Needed) -> list[InvariantText]:
+def invariant_texts(system: System, table: PlaceTable, found: Needed) -> list[InvariantText]:
     """An invariant in Koord: first ranges, then clauses. Raises UnsaidError."""
     words = _Words(system, table)
     clauses = _joined([_Clause(orbit.first) for orbit in found.orbits], table)
@@ -66,7 +66,7 @@ def invariant_texts(system: System, table: Table, found: Needed) -> list[Invaria
 # --- clauses that are one -------------------------------------------------------------------------
 
 
-def _joined(clauses: Sequence[_Clause], table: Table) -> list[_Clause]:
+def _joined(clauses: Sequence[_Clause], table: PlaceTable) -> list[_Clause]:
     """Clauses that leave out that two places hold k, for several k: that they are alike."""
     groups: dict[tuple[int, int, Values], list[_Clause]] = {}
     left: list[_Clause] = []
@@ -86,7 +86,7 @@ def _joined(clauses: Sequence[_Clause], table: Table) -> list[_Clause]:
     return left
 
 
-def _pair(values: Values, table: Table) -> tuple[int, int] | None:
+def _pair(values: Values, table: PlaceTable) -> tuple[int, int] | None:
     """Two places of one kind that hold the same number."""
     for (a, x), (b, y) in combinations(values, 2):
         one, other = table.places[a], table.places[b]
@@ -97,11 +97,11 @@ def _pair(values: Values, table: Table) -> tuple[int, int] | None:
     return None
 
 
-def _plain(place: Place) -> tuple[Piece, ...]:
-    return tuple(Robot(0) if isinstance(piece, Robot) else piece for piece in place.name)
+def _plain(place: StateVariable) -> tuple[Piece, ...]:
+    return tuple(RobotIndex(0) if isinstance(piece, RobotIndex) else piece for piece in place.name)
 
 
-def _ranges(ranged: Iterable[int], table: Table) -> Iterator[_Clause]:
+def _ranges(ranged: Iterable[int], table: PlaceTable) -> Iterator[_Clause]:
     """That places have one of their values, of those that are always inside."""
     found: dict[Values, None] = {}
     for k in ranged:
@@ -119,7 +119,7 @@ def _ranges(ranged: Iterable[int], table: Table) -> Iterator[_Clause]:
     yield from map(_Clause, found)
 
 
-def _over_numbers(clauses: Sequence[_Clause], table: Table) -> list[_Clause]:
+def _over_numbers(clauses: Sequence[_Clause], table: PlaceTable) -> list[_Clause]:
     """Clauses that differ in one number, which is an index: one for a range of numbers."""
     forms: dict[object, dict[int, _Clause]] = {}
     for clause in clauses:
@@ -127,7 +127,7 @@ def _over_numbers(clauses: Sequence[_Clause], table: Table) -> list[_Clause]:
             piece.number
             for k, _ in clause.values
             for piece in table.places[k].name
-            if isinstance(piece, Index)
+            if isinstance(piece, ArrayIndex)
         }
         for number in sorted(indices):
             forms.setdefault(_form(clause, number, table), {})[number] = clause
@@ -142,20 +142,20 @@ def _over_numbers(clauses: Sequence[_Clause], table: Table) -> list[_Clause]:
     return [*found, *(clause for clause in clauses if clause not in done)]
 
 
-def _form(clause: _Clause, number: int, table: Table) -> object:
+def _form(clause: _Clause, number: int, table: PlaceTable) -> object:
     """A clause with a number left open, wherever it is an index or the one value of a place."""
     parts = []
     for k, held in clause.values:
         place = table.places[k]
         name = tuple(
-            Index(ANY_NUMBER) if isinstance(p, Index) and p.number == number else p
+            ArrayIndex(ANY_NUMBER) if isinstance(p, ArrayIndex) and p.number == number else p
             for p in place.name
         )
         parts.append((str(name), _opened(place, held, number)))
     return tuple(sorted(parts, key=str)), clause.alike
 
 
-def _opened(place: Place, held: frozenset[Held], number: int) -> frozenset[Held] | str:
+def _opened(place: StateVariable, held: frozenset[Held], number: int) -> frozenset[Held] | str:
     is_it = isinstance(place.type, IntType) and not place.of_robots and held == {number}
     return "the number" if is_it else held
 
@@ -164,7 +164,7 @@ def _opened(place: Place, held: frozenset[Held], number: int) -> frozenset[Held]
 
 
 class _Words:
-    def __init__(self, system: System, table: Table) -> None:
+    def __init__(self, system: System, table: PlaceTable) -> None:
         self.system = system
         self.table = table
         program = self.system.program
@@ -182,7 +182,7 @@ class _Words:
         names = self._names(clause)
         speaking = _Speaking(names, clause.over, self._free(NUMBERS)[0])
 
-        def has(place: Place, held: frozenset[Held], excluded: frozenset[Held]) -> str:
+        def has(place: StateVariable, held: frozenset[Held], excluded: frozenset[Held]) -> str:
             return speaking.has(place, held, is_number=speaking.is_number(place, excluded))
 
         premises = [speaking.same(*alike)] if alike else []
@@ -276,15 +276,15 @@ class _Speaking(Struct, frozen=True):
     over: tuple[int, int] | None
     number: str
 
-    def name(self, place: Place) -> str:
+    def name(self, place: StateVariable) -> str:
         """A place in Koord."""
         return "".join(self._piece(piece) for piece in place.name)
 
     def _piece(self, piece: Piece) -> str:
         match piece:
-            case Robot(number=number):
+            case RobotIndex(number=number):
                 return self.names.get(number, str(number))
-            case Index(number=number):
+            case ArrayIndex(number=number):
                 return self._number(number)
             case _:
                 return piece
@@ -292,19 +292,19 @@ class _Speaking(Struct, frozen=True):
     def _number(self, number: int) -> str:
         return self.number if self.over is not None and number == self.over[0] else str(number)
 
-    def same(self, a: Place, b: Place) -> str:
+    def same(self, a: StateVariable, b: StateVariable) -> str:
         return f"{self.name(a)} == {self.name(b)}"
 
-    def different(self, a: Place, b: Place) -> str:
+    def different(self, a: StateVariable, b: StateVariable) -> str:
         return f"{self.name(a)} != {self.name(b)}"
 
-    def is_number(self, place: Place, held: frozenset[Held]) -> bool:
+    def is_number(self, place: StateVariable, held: frozenset[Held]) -> bool:
         """Whether the one value of a place is the number that a quantifier stands for."""
         if self.over is None or place.of_robots or not isinstance(place.type, IntType):
             return False
         return held == {self.over[0]}
 
-    def has(self, place: Place, held: frozenset[Held], *, is_number: bool = False) -> str:
+    def has(self, place: StateVariable, held: frozenset[Held], *, is_number: bool = False) -> str:
         """That a place has one of some values. Raises UnsaidError."""
         name = self.name(place)
         everything = frozenset(place.values)
@@ -325,7 +325,7 @@ class _Speaking(Struct, frozen=True):
             return name
         return name.replace(EQUALS_SIGN, " != ") if EQUALS_SIGN in name else f"not {name}"
 
-    def _of_robot(self, place: Place, name: str, held: frozenset[Held]) -> str:
+    def _of_robot(self, place: StateVariable, name: str, held: frozenset[Held]) -> str:
         """Whether a robot is stopped. Who asked to stop, and what ran, cannot be told apart."""
         if place.name[0] != "stopped":
             raise UnsaidError("it is about which event a robot ran last")
@@ -335,7 +335,7 @@ class _Speaking(Struct, frozen=True):
         return name if stopped else f"not {name}"
 
     def _one_of(
-        self, place: Place, name: str, held: frozenset[Held], *, is_number: bool = False
+        self, place: StateVariable, name: str, held: frozenset[Held], *, is_number: bool = False
     ) -> str:
         """One of some numbers, as ranges; one of a few values else."""
         if not held:
@@ -357,10 +357,10 @@ class _Speaking(Struct, frozen=True):
         text = " or ".join(pieces)
         return text if len(pieces) == 1 else f"({text})"
 
-    def _valued(self, place: Place, value: Held, *, is_number: bool = False) -> str:
+    def _valued(self, place: StateVariable, value: Held, *, is_number: bool = False) -> str:
         return self.number if is_number else self.value(place, value)
 
-    def value(self, place: Place, value: Held) -> str:
+    def value(self, place: StateVariable, value: Held) -> str:
         """A value in Koord."""
         match place.type:
             case EnumType(members=members):
@@ -375,7 +375,7 @@ class _Speaking(Struct, frozen=True):
                 return print_number(Fraction(value))
 
 
-def _runs(place: Place, held: frozenset[Held]) -> Iterator[list[Held]]:
+def _runs(place: StateVariable, held: frozenset[Held]) -> Iterator[list[Held]]:
     """Values in order; integers that follow each other together."""
     run: list[Held] = []
     # Robots have no order, but all values together are a range.

@@ -12,10 +12,10 @@ from koord.verify.claims import Claim
 from koord.verify.effort import Deadline
 from koord.verify.engines.bits.circuit import Circuit
 from koord.verify.engines.bits.clauses import NoAnswerError
-from koord.verify.engines.bits.ic3 import Cube, Question
+from koord.verify.engines.bits.ic3 import Cube, SafetyQuery
 from koord.verify.engines.bits.invariant_core import needed
 from koord.verify.engines.bits.invariant_printer import InvariantText, invariant_texts
-from koord.verify.engines.bits.prime_implicants import Primes, Table, UnsaidError
+from koord.verify.engines.bits.prime_implicants import PlaceTable, Primes, UnsaidError
 from koord.verify.engines.bits.robot_permutations import speaking_last
 from koord.verify.engines.bits.state_decoder import places_of
 from koord.verify.verdicts import AT_ROUND
@@ -35,7 +35,7 @@ def _text(statement: InvariantText) -> str:
 def lemmas(
     system: System,
     circuit: Circuit,
-    question: Question,
+    question: SafetyQuery,
     cubes: Sequence[Cube],
     claims: Sequence[Claim],
     given: Sequence[Claim],
@@ -51,7 +51,7 @@ def lemmas(
     reason = ""
     for each in (alike, None) if alike else (None,):
         places = places_of(system, circuit, each)
-        table = Table(circuit.d, places, each.groups if each else ())
+        table = PlaceTable(circuit.d, places, each.groups if each else ())
         primes = Primes(table, question, cubes, deadline)
         try:
             found = needed(circuit, table, primes.orbits(), claims, given, deadline)

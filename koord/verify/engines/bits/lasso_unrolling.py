@@ -10,14 +10,14 @@ from msgspec.structs import replace
 from koord.semantics.recordings import Recording
 from koord.syntax.budget import OutOfBudgetError
 from koord.syntax.system import System
-from koord.verify.claims import Phase
+from koord.verify.claims import ClaimPhase
 from koord.verify.effort import Deadline
-from koord.verify.encoding.solver import Answer
+from koord.verify.encoding.solver import SolverAnswer
 from koord.verify.engines.bits.circuit import Latch
 from koord.verify.engines.bits.clauses import TRUE_SIDE
 from koord.verify.engines.bits.domain import Bits, literal
-from koord.verify.engines.bits.fairness_monitors import Watched
-from koord.verify.engines.bits.found_runs import Told, recording
+from koord.verify.engines.bits.fairness_monitors import MonitoredCircuit
+from koord.verify.engines.bits.found_runs import RelationValue, recording
 from koord.verify.engines.bits.graph import Graph
 from koord.verify.engines.bits.loop_closing import closing, tied
 from koord.verify.engines.bits.unrolling import Unrolled
@@ -32,7 +32,7 @@ _MOST_MENDED = 64
 class Loops:
     """The rounds of a watched circuit, unrolled so far, and the lassos among them. [LASSO]"""
 
-    def __init__(self, watched: Watched, reads_ran: bool) -> None:
+    def __init__(self, watched: MonitoredCircuit, reads_ran: bool) -> None:
         self.watched = watched
         self.reads_ran = reads_ran  #: whether a statement does; no later round depends on it
         self.unrolled = Unrolled(self.watched.circuit)
@@ -64,9 +64,9 @@ class Loops:
         looked_at = 0
         for _ in range(_MOST_MENDED):
             answer = unrolled.asked(g.all_of(wanted), deadline)
-            if answer is Answer.UNKNOWN:
+            if answer is SolverAnswer.UNKNOWN:
                 raise OutOfBudgetError
-            if answer is not Answer.SAT:
+            if answer is not SolverAnswer.SAT:
                 return
             lasso, told = self._witnessed(system, choices)
             changed = self._contradictions(told)
@@ -79,7 +79,9 @@ class Loops:
                 return
             wanted.append(self._runs_as(lasso) ^ 1)
 
-    def _witnessed(self, system: System, choices: list[int]) -> tuple[Recording, list[Told]]:
+    def _witnessed(
+        self, system: System, choices: list[int]
+    ) -> tuple[Recording, list[RelationValue]]:
         """A lasso, and what it says of opaque values."""
         unrolled = self.unrolled
         run = unrolled.witnessed()
@@ -87,23 +89,23 @@ class Loops:
         numbers = [unrolled.clauses.of(choice, TRUE_SIDE) for choice in choices]
         loop = next(k for k, number in enumerate(numbers) if model[number] > 0)
         standing: list[dict[int, str]] = []
-        told: list[Told] = []
+        told: list[RelationValue] = []
         found = recording(
-            self.watched.circuit, system, run, Phase.END, standing.append, told.append
+            self.watched.circuit, system, run, ClaimPhase.END, standing.append, told.append
         )
         names = closing(loop, standing)
         lasso = tied(replace(found, loop=loop), names)
         called = [replace(t, names=tuple(names.get(n, n) for n in t.names)) for t in told]
         return lasso, called
 
-    def _contradictions(self, told: list[Told]) -> list[int]:
+    def _contradictions(self, told: list[RelationValue]) -> list[int]:
         """What would have to hold for functions to answer the same of the same values. [EXTERNAL]
 
         Circuits do not know of all values whether they are equal, and a lasso may take them for
         different ones that turn out to be one. To require too much costs lassos, and no proof.
         """
         copies = [self.unrolled.opening, *self.unrolled.rounds]
-        first: dict[tuple[str, tuple[str, ...]], Told] = {}
+        first: dict[tuple[str, tuple[str, ...]], RelationValue] = {}
         wanted = []
         for each in told:
             before = first.setdefault((each.relation, each.names), each)

@@ -18,7 +18,7 @@ from koord.syntax.budget import OutOfBudgetError
 from koord.syntax.core import QuantifierKind
 from koord.syntax.system import System
 from koord.syntax.walk import asks
-from koord.verify.claims import Claim, Phase
+from koord.verify.claims import Claim, ClaimPhase
 from koord.verify.each_claim import each_alone
 from koord.verify.engine_names import Engine
 from koord.verify.engines.bits import ic3
@@ -26,7 +26,7 @@ from koord.verify.engines.bits.checking import holds_always
 from koord.verify.engines.bits.circuit import LEVELS
 from koord.verify.engines.bits.clauses import QUICK, Clauses, NoAnswerError
 from koord.verify.engines.bits.engine import loose_variables
-from koord.verify.engines.bits.fairness_monitors import NOTHING, Watched, Watching
+from koord.verify.engines.bits.fairness_monitors import NOTHING, MonitoredCircuit, Watching
 from koord.verify.engines.bits.lasso_unrolling import Loops
 from koord.verify.engines.bits.liveness_to_safety import Counting, counted, counting, settles
 from koord.verify.engines.bits.robot_permutations import images, speaking_last
@@ -247,7 +247,7 @@ class _Run(Struct):
     def _is_violated_by(self, lasso: Recording) -> bool:
         """Settle the claim if the lasso replays; whether its slice needs no more lassos."""
         try:
-            shown = self.ledger.problem.judge(lasso, self.claim, Phase.END)
+            shown = self.ledger.problem.judge(lasso, self.claim, ClaimPhase.END)
         except NotReplayedError as error:
             self.astray = f"a candidate violation did not replay: {error}"
             self.only_of_slice = isinstance(error, OnlyOfSliceError)
@@ -261,7 +261,12 @@ class _Run(Struct):
     # --- proofs ---------------------------------------------------------------------------------
 
     def _proved(
-        self, response: Response, watched: Watched, tries: Sequence[_Try], *, anew: bool = False
+        self,
+        response: Response,
+        watched: MonitoredCircuit,
+        tries: Sequence[_Try],
+        *,
+        anew: bool = False,
     ) -> bool:
         settled = self.claim in self.ledger.verdicts and not anew
         if self.watching.circuit.limits or settled:
@@ -272,7 +277,7 @@ class _Run(Struct):
             return False
 
     def _tried(
-        self, response: Response, watched: Watched, tries: Sequence[_Try], *, anew: bool
+        self, response: Response, watched: MonitoredCircuit, tries: Sequence[_Try], *, anew: bool
     ) -> bool:
         for each in tries:
             given = self._given() if each.lemmas else []
@@ -305,7 +310,7 @@ class _Run(Struct):
             question = counted(of, times)
             clauses = Clauses(of.graph, QUICK, self.ledger.deadline)
             alike = self._symmetric(response) if exchange else None
-            search = ic3.Search(
+            search = ic3.Ic3Run(
                 clauses,
                 question,
                 self.ledger.deadline,
@@ -320,7 +325,7 @@ class _Run(Struct):
                     return False
                 case ic3.Unfinished():
                     return None
-                case ic3.Invariant():
+                case ic3.ClauseInvariant():
                     # Asked with all constraints, whatever was left out.
                     asked = replace(question, steps=of.whole)
                     if self._is_kept(of, asked, found):
@@ -329,7 +334,7 @@ class _Run(Struct):
                     assert exchange, "an invariant that is none"
         return None
 
-    def _is_kept(self, of: Counting, asked: ic3.Question, found: ic3.Invariant) -> bool:
+    def _is_kept(self, of: Counting, asked: ic3.SafetyQuery, found: ic3.ClauseInvariant) -> bool:
         """Whether an invariant is one, by another solver."""
         deadline = self.ledger.deadline
         return holds_always(of.graph, asked, found.cubes, deadline) and settles(of, deadline)
@@ -351,7 +356,9 @@ class _Run(Struct):
                 sides.append(replace(each, condition=whole, trigger=None, each=None))
         return tuple(sides)
 
-    def _rests_on(self, response: Response, watched: Watched, how: _Try, times: int) -> None:
+    def _rests_on(
+        self, response: Response, watched: MonitoredCircuit, how: _Try, times: int
+    ) -> None:
         """Note which fairness the proof needs, as far as that is quickly told."""
         locks = how.locks and bool(watched.grants)
         needed = [name for name in self._names() if name != "locks" or locks]

@@ -13,9 +13,9 @@ from koord.verify.effort import Deadline
 from koord.verify.engines.bits.circuit import Latch
 from koord.verify.engines.bits.clauses import OTHER, QUICK, Clauses
 from koord.verify.engines.bits.constraint_selection import related
-from koord.verify.engines.bits.fairness_monitors import Watched
+from koord.verify.engines.bits.fairness_monitors import MonitoredCircuit
 from koord.verify.engines.bits.graph import FALSE, TRUE, Graph
-from koord.verify.engines.bits.ic3 import Question, reduced
+from koord.verify.engines.bits.ic3 import SafetyQuery, reduced
 
 
 class Counting(Struct, frozen=True):
@@ -37,7 +37,9 @@ class Counting(Struct, frozen=True):
     on: int  #: pending, and nothing that settles changes
 
 
-def counting(watched: Watched, given: Sequence[int], *, locks: bool, narrow: bool) -> Counting:
+def counting(
+    watched: MonitoredCircuit, given: Sequence[int], *, locks: bool, narrow: bool
+) -> Counting:
     """What is to be counted.
 
     Without ``locks`` that of locks is left out, and with ``narrow`` constraints that hardly matter:
@@ -112,7 +114,7 @@ def settles(of: Counting, deadline: Deadline) -> bool:
     return True
 
 
-def counted(of: Counting, times: int) -> Question:
+def counted(of: Counting, times: int) -> SafetyQuery:
     """Whether all conditions of fairness can be met so many times while the count goes on."""
     g, on = of.graph, of.on
     latches = list(of.latches)
@@ -132,4 +134,4 @@ def counted(of: Counting, times: int) -> Question:
         latches.append(Latch(f"met {number} times", before, FALSE, g.both(on, after)))
         reached = before
     bad = g.either(reached, of.lost)
-    return Question(tuple(latches), of.opens, of.steps, bad, of.given)
+    return SafetyQuery(tuple(latches), of.opens, of.steps, bad, of.given)

@@ -21,14 +21,14 @@ from koord.verify.engines.bits.graph import FALSE, TRUE, Graph
 EQUALS = "="
 
 
-class Choice(NamedTuple):
+class OpaqueChoice(NamedTuple):
     """An opaque value: tokens, each with the condition that it is the one."""
 
     sort: str
     parts: tuple[tuple[Argument, int], ...]
 
 
-class Token(NamedTuple):
+class OpaqueToken(NamedTuple):
     """One opaque value that came about.
 
     ``standing`` ones are held by variables from one round to the next, ``part`` says to which
@@ -60,14 +60,14 @@ class Opaques(Struct):
 
     graph: Graph
     part: int = 0  #: to which formula what comes about now belongs
-    tokens: list[Token] = field(default_factory=list)
+    tokens: list[OpaqueToken] = field(default_factory=list)
     atoms: dict[int, dict[Atom, int]] = field(default_factory=dict)  #: by part
     _terms: dict[tuple[str, int, tuple[Argument, ...]], int] = field(default_factory=dict)
 
-    def fresh(self, sort: str, name: str, *, standing: bool = False) -> Choice:
+    def fresh(self, sort: str, name: str, *, standing: bool = False) -> OpaqueChoice:
         """A value of which nothing is known."""
-        self.tokens.append(Token(sort, name, self.part, standing))
-        return Choice(sort, ((len(self.tokens) - 1, TRUE),))
+        self.tokens.append(OpaqueToken(sort, name, self.part, standing))
+        return OpaqueChoice(sort, ((len(self.tokens) - 1, TRUE),))
 
     def term(self, function: str, arguments: tuple[Argument, ...], sort: str) -> int:
         """The token that a function gives for arguments: for equal ones the same.
@@ -78,7 +78,7 @@ class Opaques(Struct):
         if key not in self._terms:
             shown = ",".join(str(a) for a in arguments)
             name, standing = f"{function}({shown})", not arguments
-            token = Token(sort, name, self.part, standing, function, arguments)
+            token = OpaqueToken(sort, name, self.part, standing, function, arguments)
             self.tokens.append(token)
             self._terms[key] = len(self.tokens) - 1
         return self._terms[key]
@@ -111,7 +111,7 @@ class Opaques(Struct):
 
     # --- values ---------------------------------------------------------------------------------
 
-    def chosen(self, condition: int, then: Choice, other: Choice) -> Choice:
+    def chosen(self, condition: int, then: OpaqueChoice, other: OpaqueChoice) -> OpaqueChoice:
         """One of two values."""
         g = self.graph
         guards: dict[Argument, int] = {}
@@ -124,9 +124,9 @@ class Opaques(Struct):
             # Simpler, and the same.
             a, b = dict(then.parts), dict(other.parts)
             guards = {token: g.choose(condition, a[token], b[token]) for token in guards}
-        return Choice(then.sort, tuple((t, x) for t, x in guards.items() if x != FALSE))
+        return OpaqueChoice(then.sort, tuple((t, x) for t, x in guards.items() if x != FALSE))
 
-    def related(self, relation: str, arguments: Sequence[Choice | Constant]) -> int:
+    def related(self, relation: str, arguments: Sequence[OpaqueChoice | Constant]) -> int:
         """Whether a relation holds of values: by cases."""
         g = self.graph
         if relation == EQUALS and arguments[0] == arguments[1]:
@@ -135,21 +135,23 @@ class Opaques(Struct):
             g.both(guard, self.atom(relation, tokens)) for tokens, guard in self.cases(arguments)
         )
 
-    def applied(self, function: str, arguments: Sequence[Choice | Constant], sort: str) -> Choice:
+    def applied(
+        self, function: str, arguments: Sequence[OpaqueChoice | Constant], sort: str
+    ) -> OpaqueChoice:
         """What a function gives for values: by cases."""
         g = self.graph
         guards: dict[Argument, int] = {}
         for tokens, guard in self.cases(arguments):
             token = self.term(function, tokens, sort)
             guards[token] = g.either(guards.get(token, FALSE), guard)
-        return Choice(sort, tuple(guards.items()))
+        return OpaqueChoice(sort, tuple(guards.items()))
 
     def cases(
-        self, arguments: Sequence[Choice | Constant]
+        self, arguments: Sequence[OpaqueChoice | Constant]
     ) -> Iterator[tuple[tuple[Argument, ...], int]]:
         """What the arguments may be, with the conditions."""
         options: list[tuple[tuple[Argument, int], ...]] = [
-            a.parts if isinstance(a, Choice) else ((Known(a), TRUE),) for a in arguments
+            a.parts if isinstance(a, OpaqueChoice) else ((Known(a), TRUE),) for a in arguments
         ]
         for combined in product(*options):
             guard = TRUE

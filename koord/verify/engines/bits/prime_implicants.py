@@ -19,9 +19,16 @@ from koord.verify.engines.bits import numbers
 from koord.verify.engines.bits.clauses import QUICK, TRUE_SIDE, Clauses
 from koord.verify.engines.bits.domain import BitDomain
 from koord.verify.engines.bits.graph import FALSE, TRUE
-from koord.verify.engines.bits.ic3 import Cube, Question
+from koord.verify.engines.bits.ic3 import Cube, SafetyQuery
 from koord.verify.engines.bits.numbers import Number
-from koord.verify.engines.bits.state_decoder import EQUALS_SIGN, OUTSIDE, Held, Piece, Place, Robot
+from koord.verify.engines.bits.state_decoder import (
+    EQUALS_SIGN,
+    OUTSIDE,
+    Held,
+    Piece,
+    RobotIndex,
+    StateVariable,
+)
 
 #: Places by position, with the values that they have in a cube.
 Values = tuple[tuple[int, frozenset[Held]], ...]
@@ -41,11 +48,11 @@ class UnsaidError(Exception):
     """An invariant that cannot be said in Koord, with the reason."""
 
 
-class Table:
+class PlaceTable:
     """The places of a state, to be found by name, and robots that may change places."""
 
     def __init__(
-        self, d: BitDomain, places: tuple[Place, ...], groups: tuple[tuple[int, ...], ...]
+        self, d: BitDomain, places: tuple[StateVariable, ...], groups: tuple[tuple[int, ...], ...]
     ) -> None:
         self.d = d
         self.places = places
@@ -109,7 +116,9 @@ class Table:
 
     def _moved(self, k: int, to: Mapping[int, int]) -> int:
         name = tuple(
-            Robot(to.get(piece.number, piece.number)) if isinstance(piece, Robot) else piece
+            RobotIndex(to.get(piece.number, piece.number))
+            if isinstance(piece, RobotIndex)
+            else piece
             for piece in self.places[k].name
         )
         found = self._numbers.get(name)
@@ -126,7 +135,7 @@ class Table:
         return frozenset(to.get(v, v) if isinstance(v, int) else v for v in held)
 
 
-def _fewer(place: Place, held: frozenset[Held]) -> frozenset[Held]:
+def _fewer(place: StateVariable, held: frozenset[Held]) -> frozenset[Held]:
     """Some values of a place, or those that are missing, whichever are fewer."""
     missing = frozenset(place.values) - held
     return held if len(held) <= len(missing) else missing
@@ -146,8 +155,8 @@ class Primes:
 
     def __init__(
         self,
-        table: Table,
-        question: Question,
+        table: PlaceTable,
+        question: SafetyQuery,
         cubes: Sequence[Cube],
         deadline: Deadline,
     ) -> None:
@@ -255,7 +264,7 @@ class Primes:
         return not self._inside.solve([self._inside.of(x) for x in literals])
 
 
-def facts(table: Table) -> list[int]:
+def facts(table: PlaceTable) -> list[int]:
     """What is so of every state: numbers are in their ranges, and the least of them astray."""
     d, found = table.d, []
     for place in table.places:

@@ -18,7 +18,7 @@ from koord.semantics.domain import Constant
 from koord.semantics.storage import Cell, Storage
 from koord.semantics.values import Rec, Seq, Value
 from koord.syntax import core
-from koord.syntax.analysis.footprint import Written, footprint, statuses
+from koord.syntax.analysis.footprint import WriteExtent, footprint, statuses
 from koord.syntax.analysis.sorts import Fields, Items, Scalar, Shape
 from koord.syntax.analysis.symmetry import Symmetry
 from koord.syntax.core import BinaryOp, Home
@@ -41,7 +41,7 @@ from koord.verify.engines.bits.circuit import Circuit
 from koord.verify.engines.bits.domain import Bit, BitDomain, Bits, literal
 from koord.verify.engines.bits.graph import FALSE, TRUE, Graph
 from koord.verify.engines.bits.numbers import Number
-from koord.verify.engines.bits.opaque import EQUALS, Argument, Choice
+from koord.verify.engines.bits.opaque import EQUALS, Argument, OpaqueChoice
 
 #: Between two opaque values that are the same.
 EQUALS_SIGN = " == "
@@ -53,19 +53,19 @@ MANY_VALUES = 300
 T = TypeVar("T")
 
 
-class Robot(Struct, frozen=True):
+class RobotIndex(Struct, frozen=True):
     """The number of a robot, as a part of a name."""
 
     number: int
 
 
-class Index(Struct, frozen=True):
+class ArrayIndex(Struct, frozen=True):
     """A number in brackets, as a part of a name."""
 
     number: int
 
 
-Piece: TypeAlias = "str | Robot | Index"
+Piece: TypeAlias = "str | RobotIndex | ArrayIndex"
 
 
 class Outside(Struct, frozen=True):
@@ -78,7 +78,7 @@ OUTSIDE = Outside()
 Held: TypeAlias = "Constant | Outside"
 
 
-class Place(Struct, frozen=True):
+class StateVariable(Struct, frozen=True):
     """A scalar of a configuration. Two are the same if their names are.
 
     ``type`` is None for a robot's status and for the event that it ran last. ``may_fault`` says
@@ -99,7 +99,7 @@ class Place(Struct, frozen=True):
 
     @property
     def robots(self) -> tuple[int, ...]:
-        return tuple(piece.number for piece in self.name if isinstance(piece, Robot))
+        return tuple(piece.number for piece in self.name if isinstance(piece, RobotIndex))
 
     @property
     def latches(self) -> tuple[int, ...]:
@@ -139,24 +139,28 @@ class _Where(Struct, frozen=True):
 
     d: BitDomain
     moves: bool
-    written: Written
+    written: WriteExtent
 
 
-def places_of(system: System, circuit: Circuit, symmetry: Symmetry | None) -> tuple[Place, ...]:
+def places_of(
+    system: System, circuit: Circuit, symmetry: Symmetry | None
+) -> tuple[StateVariable, ...]:
     """All places of a state whose values are few enough."""
     found = list(_variables(system, circuit, symmetry))
     found += _atoms(circuit, found)
     return tuple(p for p in found if p.values)
 
 
-def _variables(system: System, circuit: Circuit, symmetry: Symmetry | None) -> Iterator[Place]:
+def _variables(
+    system: System, circuit: Circuit, symmetry: Symmetry | None
+) -> Iterator[StateVariable]:
     program, state, d = system.program, circuit.start, circuit.d
     print_, sensed = footprint(program), _sensed(program)
     few = (None,) * len(program.allread), (None,) * len(program.allwrite)
     entries, shared = (symmetry.entries, symmetry.allwrite) if symmetry else few
 
     def where(home: Home, kind: int, slot: int) -> _Where:
-        how = print_.get((home, kind, slot), Written.NEVER)
+        how = print_.get((home, kind, slot), WriteExtent.NEVER)
         return _Where(d, home is Home.PORT and (kind, slot) in sensed, how)
 
     for slot, entry in enumerate(program.allread):
@@ -164,7 +168,7 @@ def _variables(system: System, circuit: Circuit, symmetry: Symmetry | None) -> I
         assert isinstance(type_, ArrayType)
         stored = state.store.allread[slot]
         for i, part in enumerate(() if isinstance(stored, Cell) else stored.parts):
-            name = (entry.variable.name, "[", Robot(i), "]")
+            name = (entry.variable.name, "[", RobotIndex(i), "]")
             at = where(Home.ALLREAD, 0, slot)
             yield from _stored(at, name, type_.element, part, entries[slot])
     for slot, entry in enumerate(program.allwrite):
@@ -174,7 +178,7 @@ def _variables(system: System, circuit: Circuit, symmetry: Symmetry | None) -> I
     possible = statuses(program)
     for i, robot in enumerate(state.robots):
         agent, kind = program.agents[robot.kind], robot.kind
-        at_robot = ("@", Robot(i))
+        at_robot = ("@", RobotIndex(i))
         for slot, entry in enumerate(agent.locals):
             shape = symmetry.locals[kind][slot] if symmetry else None
             at = where(Home.LOCAL, kind, slot)
@@ -189,9 +193,9 @@ def _variables(system: System, circuit: Circuit, symmetry: Symmetry | None) -> I
         # Robots that all asked are stopped at the end of the program turns only.
         asks, own = Status.ASKED in possible[kind], ("stopped", *at_robot)
         states = tuple(_values(d, INT, robot.status))
-        yield Place(own, None, robot.status, states, moves=asks)
+        yield StateVariable(own, None, robot.status, states, moves=asks)
         ran = tuple(_values(d, INT, robot.ran))
-        yield Place(("ran", *at_robot), None, robot.ran, ran, moves=True)
+        yield StateVariable(("ran", *at_robot), None, robot.ran, ran, moves=True)
 
 
 def _sensed(program: core.Program) -> set[tuple[int, int]]:
@@ -209,7 +213,7 @@ def _sensed(program: core.Program) -> set[tuple[int, int]]:
 
 def _stored(
     at: _Where, name: tuple[Piece, ...], type_: Type, stored: Storage[Bits], shape: Shape | None
-) -> Iterator[Place]:
+) -> Iterator[StateVariable]:
     if isinstance(stored, Cell):
         inside = literal(stored.is_set)
         yield from _valued(at, name, type_, stored.value, shape, inside)
@@ -231,7 +235,7 @@ def _parts(
             over_robots = isinstance(type_, ArrayType) and type_.size is Robots.ALL
             inner = shape.element if isinstance(shape, Items) else None
             for k, part in enumerate(parts):
-                index: Piece = Robot(k) if over_robots else Index(k)
+                index: Piece = RobotIndex(k) if over_robots else ArrayIndex(k)
                 yield (*name, "[", index, "]"), element, part, inner
 
 
@@ -242,7 +246,7 @@ def _valued(
     value: Value[Bits],
     shape: Shape | None,
     inside: int,
-) -> Iterator[Place]:
+) -> Iterator[StateVariable]:
     d = at.d
     match value:
         case Rec(fields=parts):
@@ -250,7 +254,7 @@ def _valued(
                 yield from _valued(at, label, its_type, below, its_shape, inside)
         case Seq(length=length, items=items):
             listed = isinstance(type_, GrowingType)
-            if listed and at.written is not Written.PARTS:
+            if listed and at.written is not WriteExtent.PARTS:
                 yield from _scalar(at, ("length(", *name, ")"), INT, length, None, inside)
             elements = _parts(name, type_, items, shape)
             for k, (label, its_type, item, its_shape) in enumerate(elements):
@@ -259,7 +263,7 @@ def _valued(
                     longer = literal(d.binary(BinaryOp.LT, d.const(k, INT), length))
                     there = d.graph.both(inside, longer)
                 yield from _valued(at, label, its_type, item, its_shape, there)
-        case Bit() | Number() | Choice() | bool() | int() | Fraction() | str():
+        case Bit() | Number() | OpaqueChoice() | bool() | int() | Fraction() | str():
             yield from _scalar(at, name, type_, value, shape, inside)
         case _:
             return  # a map: it has no place for each key
@@ -272,16 +276,16 @@ def _scalar(
     bits: Bits,
     shape: Shape | None,
     inside: int,
-) -> Iterator[Place]:
+) -> Iterator[StateVariable]:
     if isinstance(type_, StreamType):
         return
-    faults, written = inside != TRUE, at.written is not Written.NEVER
+    faults, written = inside != TRUE, at.written is not WriteExtent.NEVER
     if isinstance(bits, Number) and bits.loose != FALSE:
         inside = at.d.graph.both(inside, bits.loose ^ 1)
     values = tuple(_values(at.d, type_, bits))
     outside = (OUTSIDE,) if values and inside != TRUE else ()
     of_robots = isinstance(shape, Scalar) and isinstance(type_, IntType)
-    yield Place(
+    yield StateVariable(
         name, type_, bits, (*values, *outside), inside, faults, at.moves, written, of_robots
     )
 
@@ -298,18 +302,18 @@ def _values(d: BitDomain, type_: Type, bits: Bits) -> Iterator[Held]:
                     yield d.text_of(k)
                 else:
                     yield as_constant(k, scale)
-        case Choice():
+        case OpaqueChoice():
             return
         case _:
             yield bits
 
 
-def _atoms(circuit: Circuit, known: list[Place]) -> Iterator[Place]:
+def _atoms(circuit: Circuit, known: list[StateVariable]) -> Iterator[StateVariable]:
     """Which relations hold of opaque values that variables hold, and which of these are equal."""
     latches = {latch.literal for latch in circuit.latches}
-    holders: dict[Argument, Place] = {}
+    holders: dict[Argument, StateVariable] = {}
     for place in known:
-        if isinstance(place.bits, Choice) and place.inside == TRUE:
+        if isinstance(place.bits, OpaqueChoice) and place.inside == TRUE:
             holders.setdefault(place.bits.parts[0][0], place)
     for (relation, arguments), x in circuit.d.opaques.atoms.get(1, {}).items():
         held = [holders[a] for a in arguments if a in holders]
@@ -320,4 +324,4 @@ def _atoms(circuit: Circuit, known: list[Place]) -> Iterator[Place]:
         for place in held[1:]:
             inner = (*inner, between, *place.name)
         name = inner if relation == EQUALS else (f"{relation}(", *inner, ")")
-        yield Place(name, BOOL, Bit(x), (False, True), moves=any(p.moves for p in held))
+        yield StateVariable(name, BOOL, Bit(x), (False, True), moves=any(p.moves for p in held))

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 from msgspec import Struct, field
 
-from koord.verify.claims import Claim, Phase
+from koord.verify.claims import Claim, ClaimPhase
 from koord.verify.effort import Deadline
-from koord.verify.encoding.solver import Answer
+from koord.verify.encoding.solver import SolverAnswer
 from koord.verify.engines.bits.circuit import Circuit
 from koord.verify.engines.bits.clauses import OTHER, TRUE_SIDE, Clauses
 from koord.verify.engines.bits.graph import FALSE, TRUE, Graph
@@ -58,7 +58,7 @@ class Copy(Struct):
         return None if found is None else found ^ (literal & 1)
 
 
-class Witnessed(Struct, frozen=True):
+class CircuitRun(Struct, frozen=True):
     """A run of a circuit: what its inputs and latches are, in INIT and in each round.
 
     A node that is not mentioned may be anything.
@@ -96,10 +96,10 @@ class Unrolled:
         self.rounds.append(copy)
         return copy
 
-    def asked(self, literal: int, deadline: Deadline) -> Answer:
+    def asked(self, literal: int, deadline: Deadline) -> SolverAnswer:
         """Whether a literal can hold."""
         if literal == FALSE:
-            return Answer.UNSAT
+            return SolverAnswer.UNSAT
         return self.clauses.solve_in_time([self.clauses.of(literal, TRUE_SIDE)], deadline)
 
     def never(self, literal: int) -> None:
@@ -107,7 +107,7 @@ class Unrolled:
         if literal != FALSE:
             self.clauses.require(literal ^ 1)
 
-    def witnessed(self) -> Witnessed:
+    def witnessed(self) -> CircuitRun:
         """The run that the last answer, yes, is about."""
         model = self.clauses.model()
         inputs = {
@@ -121,7 +121,7 @@ class Unrolled:
             values = self.graph.values([copy.meaning[n] for n in nodes], inputs)
             return dict(zip(nodes, values, strict=True))
 
-        return Witnessed(read(self.opening), tuple(read(copy) for copy in self.rounds))
+        return CircuitRun(read(self.opening), tuple(read(copy) for copy in self.rounds))
 
 
 def _signed(value: int, latch: int) -> int:
@@ -129,4 +129,4 @@ def _signed(value: int, latch: int) -> int:
     return value
 
 
-__all__ = ["TRUE", "Claim", "Copy", "Phase", "Sequence", "Unrolled", "Witnessed"]
+__all__ = ["TRUE", "CircuitRun", "Claim", "ClaimPhase", "Copy", "Sequence", "Unrolled"]

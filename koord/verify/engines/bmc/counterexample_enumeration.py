@@ -13,15 +13,15 @@ from koord.semantics.recordings import Recording
 from koord.syntax.budget import OutOfBudgetError
 from koord.syntax.core import BinaryOp, UnaryOp
 from koord.syntax.system import System
-from koord.verify.claims import Claim, Phase
+from koord.verify.claims import Claim, ClaimPhase
 from koord.verify.effort import Effort
-from koord.verify.encoding.moments import Moment, SymbolicRound
-from koord.verify.encoding.solver import Answer
+from koord.verify.encoding.moments import SymbolicConfiguration, SymbolicRound
+from koord.verify.encoding.solver import SolverAnswer
 from koord.verify.encoding.terms import Term
 from koord.verify.encoding.unrolling import Unrolling, violations
 from koord.verify.ledger import Ledger
 from koord.verify.verdicts import Counterexample, Ways
-from koord.verify.witness import NotReplayedError, Reader, recording_of
+from koord.verify.witness import ModelReader, NotReplayedError, recording_of
 
 #: What may be spent on the search for other ways, when one is known: about so many seconds.
 _SECONDS = 60.0
@@ -75,9 +75,9 @@ def _others(ledger: Ledger, claim: Claim, first: Counterexample) -> Iterator[Cou
                 different = [_different(unrolling, run, groups) for run in known]
                 question = [violated, *different]
                 answer = solver.check(question, ledger.deadline, effort)
-                if answer is Answer.UNSAT:
+                if answer is SolverAnswer.UNSAT:
                     break
-                if answer is Answer.UNKNOWN:
+                if answer is SolverAnswer.UNKNOWN:
                     open_.append("the solver gave up")
                     break
                 found = _read(ledger, claim, unrolling, moment)
@@ -97,7 +97,7 @@ def _others(ledger: Ledger, claim: Claim, first: Counterexample) -> Iterator[Cou
                     yield found
             # A run that went on from here would be a longer way to what was found.
             solver.add([unrolling.encoder.d.unary(UnaryOp.NOT, violated)])
-        is_end = moment.phase in (Phase.INIT, Phase.END)
+        is_end = moment.phase in (ClaimPhase.INIT, ClaimPhase.END)
         if is_end and moment.configuration.round >= ledger.bounds.rounds:
             break
         if ledger.deadline.passed() or effort.left <= 0:
@@ -107,9 +107,9 @@ def _others(ledger: Ledger, claim: Claim, first: Counterexample) -> Iterator[Cou
 
 
 def _read(
-    ledger: Ledger, claim: Claim, unrolling: Unrolling, moment: Moment
+    ledger: Ledger, claim: Claim, unrolling: Unrolling, moment: SymbolicConfiguration
 ) -> Counterexample | None:
-    reader = Reader(unrolling.solver.model(), ledger.system)
+    reader = ModelReader(unrolling.solver.model(), ledger.system)
     recording = recording_of(reader, unrolling.opening, unrolling.rounds, moment.phase)
     try:
         return ledger.problem.judge(recording, claim, moment.phase)

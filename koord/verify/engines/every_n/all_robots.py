@@ -18,7 +18,7 @@ from koord.syntax.types import INT, EnumType
 from koord.verify.encoding.terms import Term
 from koord.verify.engines.every_n.functions import Functions, FunctionTerms
 from koord.verify.engines.every_n.instantiation import Book
-from koord.verify.engines.every_n.loops import Facts, Loop
+from koord.verify.engines.every_n.loops import Facts, MachineLoop
 from koord.verify.engines.every_n.sums import Sums
 
 
@@ -90,10 +90,10 @@ class Everyone(Struct):
         body: Callable[[Machine[Term], Term], None],
         span: Span,
     ) -> None:
-        Loop(Facts(self.book, self.sums, self.overlooked), m, low, high, body, span).run()
+        MachineLoop(Facts(self.book, self.sums, self.overlooked), m, low, high, body, span).run()
 
 
-class World(Struct):
+class ParameterisedSystem(Struct):
     """One program with a crowd, and what is said of it."""
 
     system: System
@@ -102,7 +102,7 @@ class World(Struct):
     crowd: Everyone
 
     @staticmethod
-    def of(system: System) -> World:
+    def of(system: System) -> ParameterisedSystem:
         """The system, but with any number of robots."""
         d, program = FunctionTerms(system.budget), system.program
         unknowns = Functions(d, program, 0)
@@ -111,7 +111,7 @@ class World(Struct):
         book.note(d.binary(BinaryOp.LE, 1, count))
         crowd = Everyone(book, unknowns, program, count, Sums(book))
         unknowns.crowd = crowd
-        return World(replace(system, kinds=(), crowd=crowd), book, unknowns, crowd)
+        return ParameterisedSystem(replace(system, kinds=(), crowd=crowd), book, unknowns, crowd)
 
     @property
     def d(self) -> FunctionTerms:

@@ -13,12 +13,12 @@ from koord.semantics.locations import Mask, joined, restricted
 from koord.semantics.storage import Many, Storage, Tree, many_of, merge_storage_known
 from koord.semantics.turns import Turned
 from koord.syntax import core
-from koord.syntax.analysis.footprint import Written
+from koord.syntax.analysis.footprint import WriteExtent
 from koord.syntax.core import BinaryOp
 from koord.syntax.types import INT, is_flat
 from koord.verify.encoding.races import racy_places
 from koord.verify.encoding.terms import Term, Terms
-from koord.verify.engines.every_n.all_robots import World
+from koord.verify.engines.every_n.all_robots import ParameterisedSystem
 
 #: Of variables with more locations than this it is not said who wrote which of them last.
 MOST_RACING = 4
@@ -28,7 +28,7 @@ MOST_RACING = 4
 LastWrite: TypeAlias = "tuple[int, tuple[int, ...], Term]"
 
 
-class Move(Struct, frozen=True):
+class PossibleTurn(Struct, frozen=True):
     """A turn that a robot may take: of which kind it is then, which event, and whether it does."""
 
     kind: int
@@ -76,9 +76,9 @@ class Commits(Struct):
     ``moves`` are the turns that a robot may take; ``everybody`` takes one of them in INIT.
     """
 
-    world: World
+    world: ParameterisedSystem
     store: Store[Term]
-    moves: Callable[[Term], list[Move]]
+    moves: Callable[[Term], list[PossibleTurn]]
     guards: Guards
     label: str
     everybody: bool = False
@@ -204,7 +204,7 @@ class Commits(Struct):
         if not places or len(places) - len(guarded) > MOST_RACING:
             with self.world.d.depending_on(None):
                 name = f"raced {self.world.program.allwrite[slot].variable.name} {self.label}"
-                return self.world.unknowns.storage(name, type_, before, Written.WHOLE)
+                return self.world.unknowns.storage(name, type_, before, WriteExtent.WHOLE)
         after = before
         for place in guarded:
             assert lock_class is not None

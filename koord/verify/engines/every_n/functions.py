@@ -13,7 +13,7 @@ from koord.semantics.oracle import Key, Oracle, Phase
 from koord.semantics.storage import Many, Storage, many_of
 from koord.semantics.values import Family, Value, family_of, scalar
 from koord.syntax import core
-from koord.syntax.analysis.footprint import Written
+from koord.syntax.analysis.footprint import WriteExtent
 from koord.syntax.budget import ENDLESS, Budget
 from koord.syntax.core import Home
 from koord.syntax.source import NOWHERE
@@ -97,9 +97,9 @@ class Functions(Unknowns):
         return family_of(crowd, lambda i: self.of(f"{name}[]", element, (*outer, i)))
 
     def storage(
-        self, name: str, type_: Type, initial: Storage[Term], written: Written
+        self, name: str, type_: Type, initial: Storage[Term], written: WriteExtent
     ) -> Storage[Term]:
-        if written is Written.NEVER or not isinstance(initial, Many):
+        if written is WriteExtent.NEVER or not isinstance(initial, Many):
             return Unknowns.storage(self, name, type_, initial, written)
         assert isinstance(type_, ArrayType)
         outer, element, like = self.terms.arguments or (), type_.element, initial.at
@@ -114,7 +114,7 @@ class Functions(Unknowns):
         name: str,
         type_: Type,
         like: Storage[Term],
-        written: Written,
+        written: WriteExtent,
         arguments: tuple[Term, ...],
     ) -> Storage[Term]:
         """Any state of a variable, as function symbols give it of arguments."""

@@ -12,21 +12,21 @@ from koord.semantics.domain import conjunction, disjunction
 from koord.semantics.storage import Many, Storage, many_of
 from koord.semantics.turns import declared, initial_turn
 from koord.syntax import core
-from koord.syntax.analysis.footprint import Footprint, Written, footprint, statuses
+from koord.syntax.analysis.footprint import Footprint, WriteExtent, footprint, statuses
 from koord.syntax.core import BinaryOp, Home, UnaryOp
 from koord.syntax.types import BOOL, INT, ArrayType, Type
 from koord.verify.encoding.terms import Term
-from koord.verify.engines.every_n.all_robots import World
-from koord.verify.engines.every_n.commits import NO_GUARDS, Commits, Move
+from koord.verify.engines.every_n.all_robots import ParameterisedSystem
+from koord.verify.engines.every_n.commits import NO_GUARDS, Commits, PossibleTurn
 from koord.verify.engines.every_n.functions import RobotInputs
 
 
-class Opening:
+class ParameterisedInit:
     """The configuration after INIT. Where ``calm`` holds, nothing faulted on the way."""
 
-    def __init__(self, world: World) -> None:
+    def __init__(self, world: ParameterisedSystem) -> None:
         self.world = world
-        self._turns: dict[object, tuple[Term, list[Move]]] = {}
+        self._turns: dict[object, tuple[Term, list[PossibleTurn]]] = {}
         world, d = self.world, self.world.d
         self.calm: Term = d.fresh("calm init", BOOL)
         inputs = RobotInputs(world.unknowns, "init", None)
@@ -40,7 +40,7 @@ class Opening:
         )
         self.configuration: Configuration[Term] = Configuration((), store, 0, at=self._at)
 
-    def moves(self, robot: Term) -> list[Move]:
+    def moves(self, robot: Term) -> list[PossibleTurn]:
         """What INIT makes of a robot, kind by kind. [T-SNAPSHOT]"""
         key = self.world.d.key(robot)
         if key not in self._turns:
@@ -49,7 +49,7 @@ class Opening:
                 self._commits.know(robot)
         return self._turns[key][1]
 
-    def _moves(self, robot: Term) -> list[Move]:
+    def _moves(self, robot: Term) -> list[PossibleTurn]:
         d, book, moves = self.world.d, self.world.book, []
         for kind, here in self.world.cases(robot):
             seat = self.world.seat(kind, robot)
@@ -57,12 +57,12 @@ class Opening:
             turned = initial_turn(d, seat, 0, self._store, inputs)
             legal = conjunction(d, [x.condition for x in turned.legality])
             book.note(book.implied(here, legal))
-            moves.append(Move(kind, NO_EVENT, here, turned))
+            moves.append(PossibleTurn(kind, NO_EVENT, here, turned))
         calm = d.unary(UnaryOp.NOT, self.faults(moves))
         book.note(book.implied(self.calm, calm))
         return moves
 
-    def faults(self, moves: Sequence[Move]) -> Term:
+    def faults(self, moves: Sequence[PossibleTurn]) -> Term:
         """Whether one of some turns faults."""
         return faults_of(self.world, moves)
 
@@ -73,7 +73,7 @@ class Opening:
         ]
 
 
-def faults_of(world: World, moves: Sequence[Move]) -> Term:
+def faults_of(world: ParameterisedSystem, moves: Sequence[PossibleTurn]) -> Term:
     """Whether one of some turns is taken and faults. [T-FAULT]"""
     d = world.d
     return disjunction(
@@ -87,7 +87,7 @@ class Anywhere:
     It has in common with the one after INIT what no event ever changes.
     """
 
-    def __init__(self, world: World, opening: Opening) -> None:
+    def __init__(self, world: ParameterisedSystem, opening: ParameterisedInit) -> None:
         self.world = world
         self.opening = opening
         self._robots: dict[object, tuple[Term, list[tuple[Term, Robot[Term]]]]] = {}
@@ -140,8 +140,8 @@ class Anywhere:
     def _own(self, home: Home, kind: int, entry: core.Declaration, robot: Term) -> Storage[Term]:
         """A local or port of one robot."""
         slot = entry.variable.slot
-        written = self._footprint.get((home, kind, slot), Written.NEVER)
-        if written is Written.NEVER:
+        written = self._footprint.get((home, kind, slot), WriteExtent.NEVER)
+        if written is WriteExtent.NEVER:
             return self._initial(home, kind, slot, robot)
         shape = self._shape((home, kind, slot), lambda any_: self._initial(home, kind, slot, any_))
         return self._some(f"{kind}", entry, entry.variable.type, shape, written, (robot,))
@@ -154,7 +154,7 @@ class Anywhere:
     def _shared(self, entry: core.Declaration, before: Store[Term]) -> Storage[Term]:
         """An allwrite variable."""
         slot = entry.variable.slot
-        written = self._footprint.get((Home.ALLWRITE, 0, slot), Written.NEVER)
+        written = self._footprint.get((Home.ALLWRITE, 0, slot), WriteExtent.NEVER)
         like = before.allwrite[slot]
         return self._some("", entry, entry.variable.type, like, written, ())
 
@@ -165,11 +165,11 @@ class Anywhere:
         element, slot = variable.type.element, variable.slot
         initial = before.allread[slot]
         assert isinstance(initial, Many)
-        written = self._footprint.get((Home.ALLREAD, 0, slot), Written.NEVER)
+        written = self._footprint.get((Home.ALLREAD, 0, slot), WriteExtent.NEVER)
 
         def at(robot: Term) -> Storage[Term]:
             self.world.book.name(robot)
-            if written is Written.NEVER:
+            if written is WriteExtent.NEVER:
                 return initial.at(robot)
             shape = self._shape((Home.ALLREAD, 0, slot), initial.at)
             return self._some("", entry, element, shape, written, (robot,))
@@ -197,7 +197,7 @@ class Anywhere:
         entry: core.Declaration,
         type_: Type,
         like: Storage[Term],
-        written: Written,
+        written: WriteExtent,
         arguments: tuple[Term, ...],
     ) -> Storage[Term]:
         """Any state of a variable. Where only elements of a list change, its length does not."""

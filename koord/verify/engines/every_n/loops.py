@@ -49,7 +49,7 @@ class Facts(Struct, frozen=True):
     overlooked: list[Span]
 
 
-class Loop:
+class MachineLoop:
     """A loop in a machine, to be run."""
 
     def __init__(
@@ -268,7 +268,7 @@ class Loop:
         """What a scalar holds after all trips. [T-LOOP]"""
         if path not in self._old:
             return self._anything(path)
-        change = Change(self, path)
+        change = LoopEffect(self, path)
         flag = self._d.is_boolean(self._any[path])
         found = change.as_flag() if flag else change.as_number()
         if found is None:
@@ -281,10 +281,10 @@ class Loop:
         return dict(scalars(self._trip(number).memory))[path]
 
 
-class Change(Struct):
+class LoopEffect(Struct):
     """How a loop changes one scalar."""
 
-    loop: Loop
+    loop: MachineLoop
     path: Path
 
     def as_flag(self) -> Term | None:

@@ -22,13 +22,13 @@ from koord.syntax.core import Home
 from koord.syntax.system import System
 from koord.syntax.types import BOOL, INT, ArrayType, Robots, within
 from koord.syntax.walk import nodes
-from koord.verify.claims import Claim, ClaimKind, Phase
+from koord.verify.claims import Claim, ClaimKind, ClaimPhase
 from koord.verify.effort import Deadline, Effort
-from koord.verify.encoding.solver import Answer, Solver
+from koord.verify.encoding.solver import Solver, SolverAnswer
 from koord.verify.encoding.terms import Term
-from koord.verify.engines.every_n.all_robots import World
-from koord.verify.engines.every_n.initial_states import Anywhere, Opening
-from koord.verify.engines.every_n.rounds import Round
+from koord.verify.engines.every_n.all_robots import ParameterisedSystem
+from koord.verify.engines.every_n.initial_states import Anywhere, ParameterisedInit
+from koord.verify.engines.every_n.rounds import ParameterisedRound
 from koord.verify.engines.every_n.statements import Universal
 
 
@@ -178,7 +178,7 @@ class _Means(Struct, frozen=True):
 class _Asking:
     """A world and a solver that knows what its book says."""
 
-    def __init__(self, world: World, means: _Means) -> None:
+    def __init__(self, world: ParameterisedSystem, means: _Means) -> None:
         self.world = world
         self.means = means
         self._given = 0
@@ -229,10 +229,10 @@ class _Asking:
             answer = self.solver.check(
                 question, means.deadline, means.effort, at_most=4 * self._most
             )
-            if answer is Answer.UNSAT:
+            if answer is SolverAnswer.UNSAT:
                 return met
             hit = set(pending)
-            if answer is Answer.SAT:
+            if answer is SolverAnswer.SAT:
                 model = self.solver.model()
                 hit = {claim for claim, goal in pending.items() if model.truth(goal)}
             met |= hit
@@ -260,9 +260,9 @@ class _Asking:
         self._tell()
         means = self.means
         answer = self.solver.check(goal, means.deadline, means.effort, at_most=self._most)
-        if answer is Answer.UNSAT:
+        if answer is SolverAnswer.UNSAT:
             return ""
-        if answer is Answer.SAT:
+        if answer is SolverAnswer.SAT:
             return _NOT_INDUCTIVE
         return "timeout" if means.deadline.is_near() else "too much for the solver"
 
@@ -293,8 +293,8 @@ class _Start:
 
     def __init__(self, system: System, means: _Means) -> None:
         program = system.program
-        self._world = World.of(system)
-        self._opening = Opening(self._world)
+        self._world = ParameterisedSystem.of(system)
+        self._opening = ParameterisedInit(self._world)
         self._asking = _Asking(self._world, means)
         self._world.book.expect(*self._asking.robots[:2])
         self._world.book.expect(0, self._world.last, generation=1)
@@ -314,7 +314,7 @@ class _Start:
 
     def failing(self, claims: Sequence[Claim]) -> dict[Claim, str]:
         """The claims that may not hold after INIT, for all that is known."""
-        goals = [(claim, self._goal(claim)) for claim in claims if claim.looked_at(Phase.INIT)]
+        goals = [(claim, self._goal(claim)) for claim in claims if claim.looked_at(ClaimPhase.INIT)]
         found = self._asking.failing(goals)
         return {claim: f"{AFTER_INIT}: {why}" for claim, why in found.items()}
 
@@ -335,14 +335,14 @@ class _Step:
 
     def __init__(self, system: System, means: _Means) -> None:
         program = self._program = system.program
-        world = self._world = World.of(system)
-        self._opening = Opening(world)
+        world = self._world = ParameterisedSystem.of(system)
+        self._opening = ParameterisedInit(world)
         self._start = Anywhere(world, self._opening)
         self._asking = _Asking(world, means)
         world.book.expect(*self._asking.robots[:2])
         world.book.expect(0, world.last, generation=1)
         world.book.note(self._opening.calm)
-        self._round = Round(world, self._start)
+        self._round = ParameterisedRound(world, self._start)
         self._supposed: dict[Claim, Term] = {}
         for assumption in _lasting(program):
             given = Universal.of(assumption.condition, assumption.bound)
@@ -415,10 +415,10 @@ class _Step:
                 return False
         return True
 
-    def _moments(self) -> list[Phase]:
+    def _moments(self) -> list[ClaimPhase]:
         if stops_show(self._program):
-            return [Phase.INSIDE, Phase.MIDDLE, Phase.END]
-        return [Phase.INSIDE, Phase.END]
+            return [ClaimPhase.INSIDE, ClaimPhase.MIDDLE, ClaimPhase.END]
+        return [ClaimPhase.INSIDE, ClaimPhase.END]
 
     def _suppose(self, claim: Claim) -> Term:
         """The literal under which a claim is assumed of the start."""
@@ -428,25 +428,25 @@ class _Step:
             _universal(claim).suppose(self._world, self._start.configuration, when)
         return self._supposed[claim]
 
-    def _goal(self, claim: Claim, moment: Phase) -> list[Term]:
+    def _goal(self, claim: Claim, moment: ClaimPhase) -> list[Term]:
         """What it would mean that the claim is broken then; empty if it cannot be."""
-        if not claim.looked_at(Phase.MIDDLE if moment is Phase.INSIDE else moment):
+        if not claim.looked_at(ClaimPhase.MIDDLE if moment is ClaimPhase.INSIDE else moment):
             return []
         round_, robot, other = self._round, *self._asking.robots[:2]
-        before: list[Term] = [] if moment is Phase.INSIDE else [round_.calm, round_.legal]
+        before: list[Term] = [] if moment is ClaimPhase.INSIDE else [round_.calm, round_.legal]
         match claim.kind:
             case ClaimKind.PROPERTY:
                 asked = _universal(claim)
                 names = self._asking.robots[: asked.arity]
                 broken = asked.broken(self._world, self._configuration(moment), names)
-                gentle = [round_.gentle] if moment is Phase.END else []
+                gentle = [round_.gentle] if moment is ClaimPhase.END else []
                 return [round_.calm, *before, *gentle, broken]
-            case ClaimKind.FAULT if moment is Phase.END:
+            case ClaimKind.FAULT if moment is ClaimPhase.END:
                 return [*before, round_.breaks(robot)]
             case ClaimKind.FAULT:
-                return [round_.faults(robot)] if moment is Phase.INSIDE else []
+                return [round_.faults(robot)] if moment is ClaimPhase.INSIDE else []
             case ClaimKind.LOST_UPDATE:
-                if moment is not Phase.INSIDE:
+                if moment is not ClaimPhase.INSIDE:
                     return []
                 return [round_.calm, round_.loses(robot, other, claim.subject)]
             case ClaimKind.CONTRACT:
@@ -454,11 +454,11 @@ class _Step:
             case ClaimKind.LIVENESS:
                 raise AssertionError("of whole runs nothing is asked here")
 
-    def _configuration(self, moment: Phase) -> Configuration[Term]:
+    def _configuration(self, moment: ClaimPhase) -> Configuration[Term]:
         match moment:
-            case Phase.INSIDE:
+            case ClaimPhase.INSIDE:
                 return self._round.inside
-            case Phase.MIDDLE:
+            case ClaimPhase.MIDDLE:
                 return self._round.middle
             case _:
                 return self._round.end

@@ -17,13 +17,13 @@ from koord.syntax.types import BOOL, INT
 from koord.syntax.walk import nodes
 from koord.verify.encoding.moments import turn_taken
 from koord.verify.encoding.terms import Term
-from koord.verify.engines.every_n.all_robots import World
-from koord.verify.engines.every_n.commits import Commits, Guards, Move
+from koord.verify.engines.every_n.all_robots import ParameterisedSystem
+from koord.verify.engines.every_n.commits import Commits, Guards, PossibleTurn
 from koord.verify.engines.every_n.functions import RobotInputs
 from koord.verify.engines.every_n.initial_states import Anywhere, faults_of
 
 
-class Round:
+class ParameterisedRound:
     """A round from any configuration.
 
     ``inside`` is any configuration in which some robots have run an event and the others have not
@@ -32,10 +32,10 @@ class Round:
     has not run may still have to); ``gentle``: the environment's turn did not fault.
     """
 
-    def __init__(self, world: World, start: Anywhere) -> None:
+    def __init__(self, world: ParameterisedSystem, start: Anywhere) -> None:
         self.world = world
         self.start = start
-        self._moved: dict[object, tuple[Term, list[Move]]] = {}
+        self._moved: dict[object, tuple[Term, list[PossibleTurn]]] = {}
         self._states: dict[object, tuple[Term, list[tuple[Term, Robot[Term]]]]] = {}
         self._evolved: dict[object, tuple[Term, list[tuple[Term, Robot[Term], Evolved[Term]]]]] = {}
         self._asked: Term = False
@@ -62,7 +62,7 @@ class Round:
 
     # --- program turns --------------------------------------------------------------------------
 
-    def moves(self, robot: Term) -> list[Move]:
+    def moves(self, robot: Term) -> list[PossibleTurn]:
         """The events that a robot may run in this round. [SELECT] [T-SNAPSHOT]"""
         d, book = self.world.d, self.world.book
         key = d.key(robot)
@@ -74,7 +74,7 @@ class Round:
                     self._urge(kind, robot, here)
         return self._moved[key][1]
 
-    def _any_move(self, robot: Term) -> list[Move]:
+    def _any_move(self, robot: Term) -> list[PossibleTurn]:
         cases = self.world.cases(robot)
         moves = [move for kind, here in cases for move in self._moves(kind, robot, here)]
         sound = self.world.d.unary(UnaryOp.NOT, faults_of(self.world, moves))
@@ -86,7 +86,7 @@ class Round:
         with self.world.d.depending_on((robot,)):
             return self.world.d.fresh("event", INT)
 
-    def _moves(self, kind: int, robot: Term, here: Term) -> list[Move]:
+    def _moves(self, kind: int, robot: Term, here: Term) -> list[PossibleTurn]:
         world, d, book = self.world, self.world.d, self.world.book
         event = self._event(robot)
         state, seat = self.start.robot(kind, robot), world.seat(kind, robot)
@@ -100,7 +100,7 @@ class Round:
             chosen = conjunction(d, [here, d.binary(BinaryOp.EQ, event, position)])
             legal = [x.condition for x in turned.legality]
             book.note(book.implied(chosen, conjunction(d, [selectable, running, *legal])))
-            moves.append(Move(kind, position, chosen, turned))
+            moves.append(PossibleTurn(kind, position, chosen, turned))
         return moves
 
     def _urge(self, kind: int, robot: Term, here: Term) -> None:

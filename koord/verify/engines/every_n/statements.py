@@ -13,7 +13,7 @@ from koord.semantics.storage import held
 from koord.syntax import core
 from koord.syntax.core import QuantifierKind, UnaryOp
 from koord.verify.encoding.terms import Term
-from koord.verify.engines.every_n.all_robots import World
+from koord.verify.engines.every_n.all_robots import ParameterisedSystem
 from koord.verify.engines.every_n.functions import RobotInputs
 
 
@@ -45,7 +45,7 @@ class Universal(Struct, frozen=True):
     def arity(self) -> int:
         return len(self.robots)
 
-    def of_robots(self, world: World, names: tuple[Term, ...]) -> Term:
+    def of_robots(self, world: ParameterisedSystem, names: tuple[Term, ...]) -> Term:
         """Whether the names are those of robots that the statement is about."""
         parts = []
         for name, (_, agent) in zip(names, self.robots, strict=True):
@@ -55,7 +55,10 @@ class Universal(Struct, frozen=True):
         return conjunction(world.d, parts)
 
     def holds(
-        self, world: World, configuration: Configuration[Term], names: tuple[Term, ...]
+        self,
+        world: ParameterisedSystem,
+        configuration: Configuration[Term],
+        names: tuple[Term, ...],
     ) -> Term:
         """Whether the body holds of some robots in a configuration. [PROP-INVARIANT]"""
         oracle = RobotInputs(world.unknowns, "check", None).oracle(Phase.CHECK, 0)
@@ -68,7 +71,9 @@ class Universal(Struct, frozen=True):
             world.book.note(needed.condition)
         return truth
 
-    def suppose(self, world: World, configuration: Configuration[Term], when: Term) -> None:
+    def suppose(
+        self, world: ParameterisedSystem, configuration: Configuration[Term], when: Term
+    ) -> None:
         """From now on the statement holds of a configuration, where ``when`` does."""
 
         def says(names: tuple[Term, ...]) -> Term:
@@ -78,7 +83,10 @@ class Universal(Struct, frozen=True):
         world.book.state(self.arity, says)
 
     def broken(
-        self, world: World, configuration: Configuration[Term], names: tuple[Term, ...]
+        self,
+        world: ParameterisedSystem,
+        configuration: Configuration[Term],
+        names: tuple[Term, ...],
     ) -> Term:
         """Whether some robots break the statement."""
         fails = world.d.unary(UnaryOp.NOT, self.holds(world, configuration, names))

@@ -11,7 +11,7 @@ from koord.semantics.domain import EXACT, Constant
 from koord.semantics.locations import Mask
 from koord.semantics.properties import overlap
 from koord.verify.engines.explicit.cells import CACHE_LIMIT, Interner
-from koord.verify.engines.explicit.recipes import Part
+from koord.verify.engines.explicit.recipes import VariableEffect
 from koord.verify.engines.explicit.states import Vault
 
 #: The number of the write that writes nothing.
@@ -21,17 +21,17 @@ NOTHING = 0
 Shared = tuple[int, ...]
 
 
-class Write(NamedTuple):
+class TurnWrites(NamedTuple):
     """All that one turn writes to allwrite variables.
 
     ``updates`` are the variables that it computes from their own old values outside of ``atomic``.
     """
 
-    parts: tuple[Part, ...] = ()
+    parts: tuple[VariableEffect, ...] = ()
     updates: frozenset[int] = frozenset()
 
 
-class End(NamedTuple):
+class StoreOutcome(NamedTuple):
     """One way in which a round may leave the store, and an order of the writers that leads there.
 
     ``order`` lists positions in the sequence of writes.
@@ -50,15 +50,17 @@ class Commits:
     def __init__(self, vault: Vault, *, every_order: bool = False) -> None:
         self._vault = vault
         self._every_order = every_order
-        self._writes: Interner[Write] = Interner()
-        assert self._writes.number(Write()) == NOTHING
+        self._writes: Interner[TurnWrites] = Interner()
+        assert self._writes.number(TurnWrites()) == NOTHING
         self._overlaps: dict[tuple[int, int], bool] = {}
         self._lost: dict[tuple[int, int], frozenset[int]] = {}
-        self._ends: dict[tuple[Shared, tuple[int, ...]], tuple[End, ...]] = {}
+        self._ends: dict[tuple[Shared, tuple[int, ...]], tuple[StoreOutcome, ...]] = {}
 
-    def number(self, parts: tuple[Part, ...], updates: frozenset[int] = frozenset()) -> int:
+    def number(
+        self, parts: tuple[VariableEffect, ...], updates: frozenset[int] = frozenset()
+    ) -> int:
         """The number of what a turn wrote."""
-        return self._writes.number(Write(parts, updates)) if parts else NOTHING
+        return self._writes.number(TurnWrites(parts, updates)) if parts else NOTHING
 
     def lost(self, mine: int, theirs: int) -> frozenset[int]:
         """The variables whose update by the one write meets the other write. [LOST-UPDATE]"""
@@ -75,10 +77,10 @@ class Commits:
             self._lost[mine, theirs] = known
         return known
 
-    def ends(self, shared: Shared, writes: tuple[int, ...]) -> tuple[End, ...]:
+    def ends(self, shared: Shared, writes: tuple[int, ...]) -> tuple[StoreOutcome, ...]:
         """Every way in which the writes of a round may end, each once."""
         if not writes:
-            return (End(shared, ()),)
+            return (StoreOutcome(shared, ()),)
         known = self._ends.get((shared, writes))
         if known is None:
             if len(self._ends) > CACHE_LIMIT:
@@ -86,16 +88,16 @@ class Commits:
             known = self._ends[shared, writes] = tuple(self._worked_out(shared, writes))
         return known
 
-    def _worked_out(self, shared: Shared, writes: tuple[int, ...]) -> Iterator[End]:
+    def _worked_out(self, shared: Shared, writes: tuple[int, ...]) -> Iterator[StoreOutcome]:
         """Writers that meet are tried in every order; for the others any order will do."""
         if self._every_order:
             for order in permutations(range(len(writes))):
-                yield End(reduce(self._commit, (writes[k] for k in order), shared), order)
+                yield StoreOutcome(reduce(self._commit, (writes[k] for k in order), shared), order)
             return
-        found = [End(shared, ())]
+        found = [StoreOutcome(shared, ())]
         for component in self._components(writes):
             found = [
-                End(end.shared, (*before.order, *end.order))
+                StoreOutcome(end.shared, (*before.order, *end.order))
                 for before in found
                 for end in self._orders(before.shared, writes, component)
             ]
@@ -120,10 +122,10 @@ class Commits:
 
     def _orders(
         self, shared: Shared, writes: tuple[int, ...], component: Sequence[int]
-    ) -> Iterable[End]:
+    ) -> Iterable[StoreOutcome]:
         """The ends of one component. Orders that agree so far go on as one."""
         if len(component) == 1:
-            return [End(self._commit(shared, writes[component[0]]), tuple(component))]
+            return [StoreOutcome(self._commit(shared, writes[component[0]]), tuple(component))]
         reached: dict[tuple[frozenset[int], Shared], tuple[int, ...]] = {(frozenset(), shared): ()}
         for _ in component:
             further: dict[tuple[frozenset[int], Shared], tuple[int, ...]] = {}
@@ -133,7 +135,7 @@ class Commits:
                         after = self._commit(now, writes[position])
                         further.setdefault((done | {position}, after), (*order, position))
             reached = further
-        return [End(after, order) for (_, after), order in reached.items()]
+        return [StoreOutcome(after, order) for (_, after), order in reached.items()]
 
     def _commit(self, shared: Shared, write: int) -> Shared:
         """The store after one write. [SHARED-ASSIGN]"""

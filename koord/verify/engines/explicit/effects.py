@@ -23,8 +23,14 @@ from koord.syntax.walk import asks
 from koord.traces.enumeration import ExploringInputs, explored
 from koord.verify.engines.explicit.cells import Cells, Codes
 from koord.verify.engines.explicit.lazy import Decisions, Lazy, Looking, PlaceOf
-from koord.verify.engines.explicit.recipes import Part, PartRecipe, Recipe, part_recipe, recipe
-from koord.verify.engines.explicit.snapshots import Snapshot, Window
+from koord.verify.engines.explicit.recipes import (
+    PartRecipe,
+    Recipe,
+    VariableEffect,
+    part_recipe,
+    recipe,
+)
+from koord.verify.engines.explicit.snapshots import ReadWindow, Snapshot
 from koord.verify.engines.explicit.states import Own, State, Vault
 
 
@@ -69,8 +75,8 @@ class EventOf(Struct):
     asks: bool
     guard_asks: bool
     reads: Reads
-    guard_window: Window
-    window: Window
+    guard_window: ReadWindow
+    window: ReadWindow
     guards: Decisions[Guard] = field(default_factory=Decisions)
     effects: Decisions[Effect] = field(default_factory=Decisions)
 
@@ -96,8 +102,8 @@ class Effects:
             asks(program, event.guard) or asks(program, event.effect),
             asks(program, event.guard),
             reads,
-            Window(self._vault, kind, guard),
-            Window(self._vault, kind, reads),
+            ReadWindow(self._vault, kind, guard),
+            ReadWindow(self._vault, kind, reads),
         )
 
     # --- guards ---------------------------------------------------------------------------------
@@ -263,7 +269,7 @@ class Effects:
             )
         )
 
-    def parts(self, effect: Effect, codes: list[Codes]) -> tuple[Part, ...]:
+    def parts(self, effect: Effect, codes: list[Codes]) -> tuple[VariableEffect, ...]:
         """What an event writes to allwrite variables."""
         return tuple([write.part(self._vault.scalars, codes) for write in effect.writes])
 

@@ -10,11 +10,11 @@ from msgspec.structs import replace
 
 from koord.semantics.recordings import Recording
 from koord.syntax.system import System
-from koord.verify.claims import Claim, ClaimKind, Phase
+from koord.verify.claims import Claim, ClaimKind, ClaimPhase
 from koord.verify.effort import Deadline
 from koord.verify.engine_names import Engine
-from koord.verify.engines.explicit.findings import Claim as Searched
-from koord.verify.engines.explicit.findings import Exhausted, OutOfBounds, Subject, Violated
+from koord.verify.engines.explicit.findings import Exhausted, GoalKind, OutOfBounds, Violated
+from koord.verify.engines.explicit.findings import SearchGoal as Searched
 from koord.verify.engines.explicit.finiteness import NotFinite
 from koord.verify.engines.explicit.limits import Limits
 from koord.verify.engines.explicit.search import begun
@@ -24,10 +24,10 @@ from koord.verify.verdicts import Counterexample, Outcome, Verdict
 from koord.verify.witness import NotReplayedError
 
 _SUBJECTS = {
-    ClaimKind.PROPERTY: Subject.PROPERTY,
-    ClaimKind.FAULT: Subject.FAULT,
-    ClaimKind.LOST_UPDATE: Subject.LOST_UPDATE,
-    ClaimKind.CONTRACT: Subject.CONTRACT,
+    ClaimKind.PROPERTY: GoalKind.PROPERTY,
+    ClaimKind.FAULT: GoalKind.FAULT,
+    ClaimKind.LOST_UPDATE: GoalKind.LOST_UPDATE,
+    ClaimKind.CONTRACT: GoalKind.CONTRACT,
 }
 
 
@@ -61,7 +61,7 @@ def exhaust(
     said = said if said is not None else Searching()
     started = time.monotonic()
     properties = [claim.stated for claim in claims if claim.stated is not None]
-    subjects = frozenset(_SUBJECTS[claim.kind] for claim in claims) - {Subject.PROPERTY}
+    subjects = frozenset(_SUBJECTS[claim.kind] for claim in claims) - {GoalKind.PROPERTY}
     search = begun(
         system,
         properties,
@@ -120,18 +120,18 @@ def in_the_way(found: NotFinite) -> Obstacle:
 def _searched(claim: Claim) -> Searched:
     """A claim in the words of the search."""
     if claim.kind is ClaimKind.FAULT:
-        return Searched(Subject.FAULT)
+        return Searched(GoalKind.FAULT)
     return Searched(_SUBJECTS[claim.kind], claim.subject or claim.name)
 
 
 def _violation(claim: Claim, shown: Violated, judge: Judge, seconds: float) -> Verdict:
     """The verdict on a claim that a run breaks, once it was replayed; or NotReplayedError."""
     recording = shown.recording
-    phase = Phase.INIT
+    phase = ClaimPhase.INIT
     if recording.rounds:
-        phase = Phase.INSIDE if recording.rounds[-1].cut else Phase.END
+        phase = ClaimPhase.INSIDE if recording.rounds[-1].cut else ClaimPhase.END
     counterexample = None
-    if phase is Phase.END and claim.looked_at(Phase.MIDDLE):
+    if phase is ClaimPhase.END and claim.looked_at(ClaimPhase.MIDDLE):
         counterexample = _without_the_environment(recording, claim, judge)
     if counterexample is None:
         counterexample = judge(recording, claim, phase)
@@ -151,6 +151,6 @@ def _without_the_environment(
     last = replace(recording.rounds[-1], readings=(), cut=True)
     try:
         cut = replace(recording, rounds=(*recording.rounds[:-1], last))
-        return judge(cut, claim, Phase.MIDDLE)
+        return judge(cut, claim, ClaimPhase.MIDDLE)
     except NotReplayedError:
         return None

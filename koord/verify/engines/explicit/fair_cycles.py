@@ -20,7 +20,7 @@ class Edge(NamedTuple):
     grants: int
 
 
-class Wanted(NamedTuple):
+class FairnessConditions(NamedTuple):
     """The conditions that count: to be met by every fair set, and to be granted if asked."""
 
     met: int
@@ -35,7 +35,7 @@ class Graph(NamedTuple):
 
 
 def fair_set(
-    graph: Graph, nodes: Collection[int], wanted: Wanted, spend: Callable[[], None]
+    graph: Graph, nodes: Collection[int], wanted: FairnessConditions, spend: Callable[[], None]
 ) -> frozenset[int] | None:
     """A fair set among some nodes, the one with the first of them; None if there is none."""
     waiting = sorted(components(graph, nodes), key=min, reverse=True)
@@ -171,7 +171,7 @@ class Stems:
         return steps[::-1]
 
 
-def fair_loop(graph: Graph, part: frozenset[int], start: int, wanted: Wanted) -> Way:
+def fair_loop(graph: Graph, part: frozenset[int], start: int, wanted: FairnessConditions) -> Way:
     """A way from a node of a fair set back to it that is fair by itself.
 
     It goes to whatever is nearest of what is still wanting, and home when nothing is.
@@ -198,7 +198,7 @@ def short_loop(
     among: Collection[int],
     start: int,
     ends: Collection[int],
-    wanted: Wanted,
+    wanted: FairnessConditions,
     most: int,
     tries: int,
 ) -> Way | None:

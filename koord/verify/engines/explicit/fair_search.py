@@ -26,9 +26,9 @@ from koord.verify.engines.explicit.cells import MOST_SCALARS, TooLargeError
 from koord.verify.engines.explicit.commits import Commits
 from koord.verify.engines.explicit.fair_cycles import (
     Edge,
+    FairnessConditions,
     Graph,
     Stems,
-    Wanted,
     Way,
     fair_loop,
     fair_set,
@@ -267,12 +267,12 @@ class _Search:
     def _graph(self) -> Graph:
         return Graph(self._nodes.edges, self._nodes.asks)
 
-    def _wanted(self, of: Fairness) -> Wanted:
+    def _wanted(self, of: Fairness) -> FairnessConditions:
         count = self._system.robots
         met = (1 << count) - 1 if of.robots else 0
         for k, (response, _, _) in enumerate(self._expected):
             met |= (1 << count + k) if response.name in of.expectations else 0
-        return Wanted(met, (1 << len(self._locks)) - 1 if of.locks else 0)
+        return FairnessConditions(met, (1 << len(self._locks)) - 1 if of.locks else 0)
 
     def _answered(
         self, properties: Sequence[core.Property], end: Exhausted | OutOfBounds

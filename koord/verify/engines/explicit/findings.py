@@ -10,7 +10,7 @@ from koord.semantics.recordings import Recording
 from koord.verify.engines.explicit.finiteness import NotFinite
 
 
-class Subject(Enum):
+class GoalKind(Enum):
     """What can be violated."""
 
     PROPERTY = "property"
@@ -19,10 +19,10 @@ class Subject(Enum):
     LOST_UPDATE = "lost update"
 
 
-class Claim(Struct, frozen=True):
+class SearchGoal(Struct, frozen=True):
     """One thing that can be violated; ``name`` is that of the property, contract or variable."""
 
-    subject: Subject
+    subject: GoalKind
     name: str = ""
 
 
@@ -54,7 +54,7 @@ class Violated(Struct, frozen=True):
     No run with fewer rounds shows it.
     """
 
-    claim: Claim
+    claim: SearchGoal
     recording: Recording
     states: int
 

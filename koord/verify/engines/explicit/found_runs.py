@@ -14,18 +14,22 @@ from msgspec.structs import replace
 
 from koord.semantics.recordings import Answer, Recording, Round
 from koord.syntax.system import System
-from koord.verify.engines.explicit.commits import Commits, End
-from koord.verify.engines.explicit.findings import Claim, Subject
+from koord.verify.engines.explicit.commits import Commits, StoreOutcome
+from koord.verify.engines.explicit.findings import GoalKind, SearchGoal
 from koord.verify.engines.explicit.initial_states import openings
 from koord.verify.engines.explicit.joint_transitions import Joint, Joints
 from koord.verify.engines.explicit.property_checks import Check
-from koord.verify.engines.explicit.robot_transitions import Entry, Failure, Outcome
+from koord.verify.engines.explicit.robot_transitions import (
+    EnvironmentOutcome,
+    FaultingEvent,
+    RobotTransition,
+)
 from koord.verify.engines.explicit.states import State, Vault
 
 Representative = Callable[[tuple[int, ...], tuple[int, ...]], State]
 
 #: What one robot does in a round, and what the environment then makes of it.
-Doing = tuple[Entry, Outcome | None]
+Doing = tuple[RobotTransition, EnvironmentOutcome | None]
 
 
 class Tracer:
@@ -90,7 +94,7 @@ class Tracer:
                 for end in joint.ends:
                     yield self._whole(joint, end, doings), (*after, *end.shared)
 
-    def _whole(self, joint: Joint, end: End, doings: tuple[Doing, ...]) -> Round:
+    def _whole(self, joint: Joint, end: StoreOutcome, doings: tuple[Doing, ...]) -> Round:
         """A whole round: whoever runs first, then the environment."""
         order = self._order(joint, end, doings)
         skipping = [i for i in range(self._system.robots) if i not in order]
@@ -104,7 +108,7 @@ class Tracer:
         events = tuple(entry.event for entry, _ in doings)
         return Round((*order, *skipping), events, readings, answers)
 
-    def _order(self, joint: Joint, end: End, doings: tuple[Doing, ...]) -> tuple[int, ...]:
+    def _order(self, joint: Joint, end: StoreOutcome, doings: tuple[Doing, ...]) -> tuple[int, ...]:
         """The robots that run, the writers among them in the right order."""
         writers = [joint.writers[position] for position in end.order]
         running = [i for i, (entry, _) in enumerate(doings) if entry.event is not None]
@@ -119,7 +123,9 @@ class Tracer:
             found += [replace(answer, robot=i) for answer in answers]
         return tuple(found)
 
-    def _cut(self, joint: Joint, end: End, doings: tuple[Doing, ...], *, inside: bool) -> Round:
+    def _cut(
+        self, joint: Joint, end: StoreOutcome, doings: tuple[Doing, ...], *, inside: bool
+    ) -> Round:
         """A round that ends before the environment's turn; ``inside``: before all have moved."""
         order = self._order(joint, end, doings)
         robots = range(self._system.robots)
@@ -141,7 +147,7 @@ class Tracer:
             for failure in menu.failures:
                 yield self._failed(robot, failure)
 
-    def _failed(self, robot: int, failure: Failure) -> Round:
+    def _failed(self, robot: int, failure: FaultingEvent) -> Round:
         count = self._system.robots
         events = tuple(failure.event if i == robot else None for i in range(count))
         answers = tuple(replace(answer, robot=robot) for answer in failure.answers)
@@ -161,7 +167,7 @@ class Tracer:
         return found
 
     def _broken(
-        self, check: Check, joint: Joint, end: End, doings: tuple[Doing, ...]
+        self, check: Check, joint: Joint, end: StoreOutcome, doings: tuple[Doing, ...]
     ) -> Iterator[Round]:
         before = tuple(entry.robot for entry, _ in doings)
         if joint.is_inside and not check.holds((*before, *end.shared)):
@@ -171,7 +177,7 @@ class Tracer:
             if not check.holds((*after, *end.shared)):
                 yield self._cut(joint, end, doings, inside=False)
 
-    def evolving(self, claim: Claim) -> Callable[[State], Iterator[Round]]:
+    def evolving(self, claim: SearchGoal) -> Callable[[State], Iterator[Round]]:
         """Rounds whose environment's turn faults, or breaks a promise."""
 
         def found(state: State) -> Iterator[Round]:
@@ -221,9 +227,9 @@ def _doings(joint: Joint, robot: int, *, every: bool = False) -> Iterator[Doing]
                 yield entry, outcome
 
 
-def _shows(claim: Claim, outcomes: list[Outcome]) -> bool:
+def _shows(claim: SearchGoal, outcomes: list[EnvironmentOutcome]) -> bool:
     is_faulted = any(outcome.fault is not None for outcome in outcomes)
-    if claim.subject is Subject.FAULT:
+    if claim.subject is GoalKind.FAULT:
         return is_faulted
     broken = {contract.name for outcome in outcomes for contract in outcome.broken}
     return not is_faulted and claim.name in broken

@@ -14,8 +14,8 @@ from msgspec import Struct
 from koord.syntax import core
 from koord.syntax.system import System
 from koord.syntax.walk import nodes
-from koord.verify.engines.explicit.commits import NOTHING, Commits, End
-from koord.verify.engines.explicit.robot_transitions import Course, Menu, Menus
+from koord.verify.engines.explicit.commits import NOTHING, Commits, StoreOutcome
+from koord.verify.engines.explicit.robot_transitions import Menu, Menus, TransitionGroup
 from koord.verify.engines.explicit.states import State, Vault
 
 
@@ -28,9 +28,9 @@ class Joint(Struct, frozen=True):
     everybody.
     """
 
-    courses: tuple[Course, ...]
+    courses: tuple[TransitionGroup, ...]
     writers: tuple[int, ...]
-    ends: tuple[End, ...]
+    ends: tuple[StoreOutcome, ...]
     is_whole: bool
     is_inside: bool
     all_stop: bool
@@ -105,10 +105,10 @@ class Joints:
         return frozenset().union(*found)
 
     def _combined(
-        self, choices: list[tuple[Course, ...]]
-    ) -> Iterator[tuple[tuple[Course, ...], int]]:
+        self, choices: list[tuple[TransitionGroup, ...]]
+    ) -> Iterator[tuple[tuple[TransitionGroup, ...], int]]:
         """One course of each robot, no lock class twice; and the classes taken. [ATOMIC]"""
-        partial: list[tuple[tuple[Course, ...], int]] = [((), 0)]
+        partial: list[tuple[tuple[TransitionGroup, ...], int]] = [((), 0)]
         for courses in choices:
             partial = [
                 ((*chosen, course), taken | course.entered)
@@ -118,7 +118,7 @@ class Joints:
             ]
         return iter(partial)
 
-    def _is_inside(self, courses: tuple[Course, ...], menus: list[Menu]) -> bool:
+    def _is_inside(self, courses: tuple[TransitionGroup, ...], menus: list[Menu]) -> bool:
         """Whether what is reached is seen before the last robot has moved."""
         if not any(course.skips for course in courses):
             return False
@@ -128,7 +128,7 @@ class Joints:
         return self._robots > 1 and may_skip
 
 
-def _is_whole(courses: tuple[Course, ...], taken: int, menus: list[Menu]) -> bool:
+def _is_whole(courses: tuple[TransitionGroup, ...], taken: int, menus: list[Menu]) -> bool:
     """Whether every robot that skips may do so once the others have run. [SKIP]"""
     return all(
         course.runs or all(classes & taken for classes in menu.obligations)

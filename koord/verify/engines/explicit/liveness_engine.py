@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from msgspec import Struct
 
-from koord.verify.claims import Claim, Phase
+from koord.verify.claims import Claim, ClaimPhase
 from koord.verify.engine_names import Engine
 from koord.verify.engines.engine import Task, Tools, Worker
 from koord.verify.engines.explicit.engine import limits_of
@@ -76,7 +76,7 @@ def _settled(
         lasso = found.violated.get(claim.name)
         if lasso is not None:
             try:
-                shown = ledger.problem.judge(lasso, claim, Phase.END)
+                shown = ledger.problem.judge(lasso, claim, ClaimPhase.END)
             except NotReplayedError as error:
                 unreplayed[claim] = f"search: a candidate violation did not replay: {error}"
                 continue

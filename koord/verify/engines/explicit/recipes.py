@@ -52,7 +52,7 @@ def recipe(cells: Cells, scalars: Scalars, storage: Storage[Any]) -> Recipe:
 
 
 @dataclass(frozen=True, slots=True)
-class Part:
+class VariableEffect:
     """What a turn writes to one allwrite variable.
 
     ``codes`` are those of the written ``positions``, or of the writer's whole view of the variable
@@ -97,15 +97,15 @@ class PartRecipe(Struct, frozen=True):
     positions: tuple[int, ...] | None
     mask: Mask[Any]
 
-    def part(self, scalars: Scalars, codes: Sequence[Codes]) -> Part:
+    def part(self, scalars: Scalars, codes: Sequence[Codes]) -> VariableEffect:
         """The part, from the codes of what was there before."""
         view = self.view.codes(codes)
         mask = _known_mask(self.mask, scalars, codes)
         if self.positions is None or mask.whole is True:
             told = None if mask.whole is True else mask
-            return Part(self.slot, self.view.form, None, view, told, mask)
+            return VariableEffect(self.slot, self.view.form, None, view, told, mask)
         written = tuple([view[position] for position in self.positions])
-        return Part(self.slot, self.view.form, self.positions, written, None, mask)
+        return VariableEffect(self.slot, self.view.form, self.positions, written, None, mask)
 
 
 def part_recipe(
@@ -169,7 +169,7 @@ class _Positions:
 
 def parts_written(
     vault: Vault, before: Store[Constant], turned: Turned[Constant]
-) -> tuple[Part, ...]:
+) -> tuple[VariableEffect, ...]:
     """What a turn on known values wrote."""
     scalars = vault.scalars
     made = []

@@ -27,7 +27,7 @@ from koord.verify.engines.explicit.effects import Effects, EventOf
 from koord.verify.engines.explicit.states import Own, State, Vault
 
 
-class Outcome(NamedTuple):
+class EnvironmentOutcome(NamedTuple):
     """One way in which the environment's turn may go for one robot."""
 
     robot: int  #: the robot's number after it
@@ -37,7 +37,7 @@ class Outcome(NamedTuple):
     answers: tuple[Answer, ...]
 
 
-class Entry(NamedTuple):
+class RobotTransition(NamedTuple):
     """One thing that a robot can do: run an event, or skip (``event`` is None)."""
 
     event: int | None
@@ -45,7 +45,7 @@ class Entry(NamedTuple):
     answers: tuple[Answer, ...]
 
 
-class Failure(NamedTuple):
+class FaultingEvent(NamedTuple):
     """An event that a robot can select, and that faults. [T-FAULT]"""
 
     event: int
@@ -53,7 +53,7 @@ class Failure(NamedTuple):
     answers: tuple[Answer, ...]
 
 
-class Course(Struct, frozen=True, dict=True):
+class TransitionGroup(Struct, frozen=True, dict=True):
     """Entries with the same writes and lock classes; ``runs`` says whether any of them may count
     as a run, ``skips`` whether any may count as a skip.
     """
@@ -64,9 +64,9 @@ class Course(Struct, frozen=True, dict=True):
     skips: bool
     running: bool  #: whether the robot's status is still running
     may_skip_first: bool  #: whether the robot may skip before anyone has moved
-    entries: tuple[Entry, ...]
-    outcomes: tuple[tuple[Outcome, ...], ...]  #: of each entry
-    stopped: tuple[tuple[Outcome, ...], ...]  #: the same, if END-PROG stops everybody
+    entries: tuple[RobotTransition, ...]
+    outcomes: tuple[tuple[EnvironmentOutcome, ...], ...]  #: of each entry
+    stopped: tuple[tuple[EnvironmentOutcome, ...], ...]  #: the same, if END-PROG stops everybody
     stopped_robots: tuple[int, ...]  #: the robots' numbers then
     classes: int  #: of the event's text, a bit each, if menus are labelled; else 0
 
@@ -79,7 +79,7 @@ class Course(Struct, frozen=True, dict=True):
         """The robot's number if END-PROG stops everybody."""
         return self.stopped_robots[self.robots.index(robot)]
 
-    def all_outcomes(self, *, all_stop: bool) -> list[Outcome]:
+    def all_outcomes(self, *, all_stop: bool) -> list[EnvironmentOutcome]:
         """What the environment's turn may bring."""
         outcomes = self.stopped if all_stop else self.outcomes
         return [outcome for each in outcomes for outcome in each]
@@ -118,11 +118,11 @@ class Course(Struct, frozen=True, dict=True):
         return _ends(self.stopped)
 
 
-def _has_dead_end(outcomes: tuple[tuple[Outcome, ...], ...]) -> bool:
+def _has_dead_end(outcomes: tuple[tuple[EnvironmentOutcome, ...], ...]) -> bool:
     return not all(any(o.fault is None for o in each) for each in outcomes)
 
 
-def _ends(outcomes: tuple[tuple[Outcome, ...], ...]) -> tuple[int, ...]:
+def _ends(outcomes: tuple[tuple[EnvironmentOutcome, ...], ...]) -> tuple[int, ...]:
     return tuple(dict.fromkeys(o.robot for each in outcomes for o in each if o.fault is None))
 
 
@@ -134,8 +134,8 @@ class Menu(NamedTuple):
     and ``asks`` which lock classes it then asks for, a bit each. [FAIR-ROBOT] [FAIR-LOCK]
     """
 
-    courses: tuple[Course, ...]
-    failures: tuple[Failure, ...]
+    courses: tuple[TransitionGroup, ...]
+    failures: tuple[FaultingEvent, ...]
     obligations: tuple[int, ...]
     ready: bool
     asks: int
@@ -148,7 +148,7 @@ class _Kind(Struct):
     reads: Reads
     environment_pid: bool
     menus: dict[tuple[int, ...], Menu] = field(default_factory=dict)
-    outcomes: dict[tuple[int, ...], tuple[Outcome, ...]] = field(default_factory=dict)
+    outcomes: dict[tuple[int, ...], tuple[EnvironmentOutcome, ...]] = field(default_factory=dict)
 
 
 class Menus:
@@ -223,7 +223,7 @@ class Menus:
 
     # --- the environment ------------------------------------------------------------------------
 
-    def outcomes(self, robot: int, number: int) -> tuple[Outcome, ...]:
+    def outcomes(self, robot: int, number: int) -> tuple[EnvironmentOutcome, ...]:
         """What the environment's turn may make of a robot. [ENV-TRANS]"""
         own = self._vault.robots.values[number]
         kind = self._kinds[own.kind]
@@ -233,16 +233,16 @@ class Menus:
             known = kind.outcomes[key] = self._evolved(robot, number, own)
         return known
 
-    def _evolved(self, robot: int, number: int, own: Own) -> tuple[Outcome, ...]:
+    def _evolved(self, robot: int, number: int, own: Own) -> tuple[EnvironmentOutcome, ...]:
         agent = self._system.program.agents[own.kind]
         if not agent.modules:
-            return (Outcome(number, None, (), (), ()),)
+            return (EnvironmentOutcome(number, None, (), (), ()),)
         state = self._vault.state_of(number, _NO_STORE)
         turns = explored(
             lambda chooser: ExploringInputs(self._system, chooser, ports=state.ports),
             lambda inputs: environment_turn(EXACT, self._system, robot, state, inputs),
         )
-        found: dict[tuple[int, bool, tuple[str, ...]], Outcome] = {}
+        found: dict[tuple[int, bool, tuple[str, ...]], EnvironmentOutcome] = {}
         for turn in turns:
             evolved = turn.outcome
             if not all(x.condition is True for x in evolved.legality):
@@ -257,7 +257,9 @@ class Menus:
                 )
             )
             after = self._vault.robots.number(own._replace(ports=ports))
-            outcome = Outcome(after, fault, broken, turn.given.readings, turn.given.answers)
+            outcome = EnvironmentOutcome(
+                after, fault, broken, turn.given.readings, turn.given.answers
+            )
             names = tuple(contract.name for contract in broken)
             found.setdefault((after, fault is None, names), outcome)
         return tuple(found.values())
@@ -271,19 +273,19 @@ class _MenuMaker:
 
     def __init__(self, menus: Menus, own: Own, robot: int, state: State) -> None:
         self.menus, self.own, self.robot, self.state = menus, own, robot, state
-        self.failures: list[Failure] = []
+        self.failures: list[FaultingEvent] = []
         self.obligations: list[int] = []
         self.excuses: list[Answer] = []
         self.ready = False
         self.asks = -1
-        self.found: dict[tuple[int, int, int, bool], dict[int, Entry]] = {}
+        self.found: dict[tuple[int, int, int, bool], dict[int, RobotTransition]] = {}
 
     def menu(self, events: list[EventOf]) -> Menu:
         if self.own.status != Status.STOPPED:
             for event in events:
                 self._consider(event)
         skipped = self.menus.skipped(self.state[self.robot])
-        self._add(NOTHING, 0, Entry(None, skipped, tuple(self.excuses)))
+        self._add(NOTHING, 0, RobotTransition(None, skipped, tuple(self.excuses)))
         courses = tuple(self._course(*key, entries) for key, entries in self.found.items())
         asks = self.asks if self.ready else 0
         return Menu(courses, tuple(self.failures), tuple(self.obligations), self.ready, asks)
@@ -304,16 +306,16 @@ class _MenuMaker:
         for effect, codes in effects.effects(of, self.robot, self.state):
             if effect.fault is not None:
                 fault = replace(effect.fault, robot=self.robot)
-                self.failures.append(Failure(of.position, fault, effect.answers))
+                self.failures.append(FaultingEvent(of.position, fault, effect.answers))
                 continue
             write = NOTHING
             if effect.writes:
                 parts = effects.parts(effect, codes)
                 write = self.menus._commits.number(parts, effect.updates)
             after = effects.followed(self.own, of.position, effect, codes)
-            self._add(write, effect.entered, Entry(of.position, after, effect.answers))
+            self._add(write, effect.entered, RobotTransition(of.position, after, effect.answers))
 
-    def _add(self, write: int, entered: int, entry: Entry) -> None:
+    def _add(self, write: int, entered: int, entry: RobotTransition) -> None:
         apart = 0
         if entry.event is None:
             apart = -1 if self.menus._relaxed else 0
@@ -327,11 +329,11 @@ class _MenuMaker:
         return self.menus._system.agent(self.robot).events[position]
 
     def _course(
-        self, write: int, entered: int, apart: int, running: bool, found: dict[int, Entry]
-    ) -> Course:
+        self, write: int, entered: int, apart: int, running: bool, found: dict[int, RobotTransition]
+    ) -> TransitionGroup:
         menus, robot, entries = self.menus, self.robot, tuple(found.values())
         stopped = () if running else tuple(menus.stopped(entry.robot) for entry in entries)
-        return Course(
+        return TransitionGroup(
             write,
             entered,
             any(entry.event is not None for entry in entries),
@@ -351,4 +353,11 @@ def classes_of(event: core.Event) -> int:
     return sum(1 << k for k in event.lock_classes)
 
 
-__all__ = ["Course", "Entry", "Failure", "Menu", "Menus", "Outcome"]
+__all__ = [
+    "EnvironmentOutcome",
+    "FaultingEvent",
+    "Menu",
+    "Menus",
+    "RobotTransition",
+    "TransitionGroup",
+]

@@ -26,10 +26,10 @@ from koord.traces.enumeration import UnboundedError
 from koord.verify.engines.explicit.cells import MOST_SCALARS, TooLargeError
 from koord.verify.engines.explicit.commits import Commits
 from koord.verify.engines.explicit.findings import (
-    Claim,
     Exhausted,
+    GoalKind,
     OutOfBounds,
-    Subject,
+    SearchGoal,
     Survey,
     Violated,
 )
@@ -45,7 +45,7 @@ from koord.verify.engines.explicit.property_checks import (
     check,
     sees_the_environment,
 )
-from koord.verify.engines.explicit.robot_transitions import Course, Menu, Menus
+from koord.verify.engines.explicit.robot_transitions import Menu, Menus, TransitionGroup
 from koord.verify.engines.explicit.states import State, Vault
 
 #: So many ways to start, most of them assumed away, are tried for each state that is allowed.
@@ -55,7 +55,7 @@ _STARTS_PER_STATE = 20
 Progress = Callable[[int, int, int], None]
 
 #: What is looked for without being asked.
-ALWAYS = frozenset({Subject.FAULT, Subject.CONTRACT})
+ALWAYS = frozenset({GoalKind.FAULT, GoalKind.CONTRACT})
 
 
 def survey(
@@ -63,7 +63,7 @@ def survey(
     properties: Sequence[core.Property],
     limits: Limits | None = None,
     *,
-    subjects: frozenset[Subject] = ALWAYS,
+    subjects: frozenset[GoalKind] = ALWAYS,
     symmetry: bool = True,
     order_reduction: bool = True,
     progress: Progress | None = None,
@@ -90,7 +90,7 @@ def begun(
     properties: Sequence[core.Property],
     limits: Limits | None = None,
     *,
-    subjects: frozenset[Subject] = ALWAYS,
+    subjects: frozenset[GoalKind] = ALWAYS,
     symmetry: bool = True,
     order_reduction: bool = True,
     progress: Progress | None = None,
@@ -111,7 +111,7 @@ class _Found(Struct, frozen=True):
     shows the violation itself or the claim says what to look for.
     """
 
-    claim: Claim
+    claim: SearchGoal
     state: State
     is_behind: bool = False
     check: Check | None = None
@@ -133,7 +133,7 @@ class Search:
         system: System,
         properties: tuple[core.Property, ...],
         meter: Meter,
-        subjects: frozenset[Subject],
+        subjects: frozenset[GoalKind],
         symmetry: bool,
         order_reduction: bool,
         progress: Progress | None,
@@ -152,7 +152,7 @@ class Search:
         orbits = Orbits(vault, found) if isinstance(found, Symmetry) else None
         self._representative = orbits.representative if orbits is not None else _as_it_is
         self._checks = {
-            Claim(Subject.PROPERTY, p.name): check(system, vault, p) for p in properties
+            SearchGoal(GoalKind.PROPERTY, p.name): check(system, vault, p) for p in properties
         }
         self._inside = {
             claim: each
@@ -164,7 +164,7 @@ class Search:
         }
         self._assumptions = [check(system, vault, a) for a in system.program.assumptions]
         self._seen: dict[State, State | None] = {}
-        self._settled: set[Claim] = set()
+        self._settled: set[SearchGoal] = set()
         self._depth = 0
         self._through: int | None = None  #: the last round that was looked at whole
         self._end: Exhausted | OutOfBounds | NotFinite | None = None
@@ -198,10 +198,10 @@ class Search:
     def _has_all(self) -> bool:
         """Whether nothing is left to be found: all that was asked about is violated."""
         asked = set(self._checks)
-        if self._subjects & {Subject.LOST_UPDATE, Subject.CONTRACT}:
+        if self._subjects & {GoalKind.LOST_UPDATE, GoalKind.CONTRACT}:
             return False  # nobody knows how many of these there are
-        if Subject.FAULT in self._subjects:
-            asked.add(Claim(Subject.FAULT))
+        if GoalKind.FAULT in self._subjects:
+            asked.add(SearchGoal(GoalKind.FAULT))
         return asked <= self._settled
 
     # --- the search -----------------------------------------------------------------------------
@@ -233,8 +233,8 @@ class Search:
                 continue
             state = self._representative(opened.state[:count], opened.state[count:])
             if opened.is_faulted:
-                if Subject.FAULT in self._subjects:
-                    yield _Found(Claim(Subject.FAULT), state)
+                if GoalKind.FAULT in self._subjects:
+                    yield _Found(SearchGoal(GoalKind.FAULT), state)
             elif state not in self._seen:
                 yield from self._entered(state, None, frontier)
 
@@ -274,8 +274,8 @@ class Search:
     # --- what is looked at ----------------------------------------------------------------------
 
     def _failures(self, state: State, menus: list[Menu]) -> Iterator[_Found]:
-        if Subject.FAULT in self._subjects and any(menu.failures for menu in menus):
-            yield _Found(Claim(Subject.FAULT), state, is_behind=True)
+        if GoalKind.FAULT in self._subjects and any(menu.failures for menu in menus):
+            yield _Found(SearchGoal(GoalKind.FAULT), state, is_behind=True)
 
     def _looked_inside(self, state: State, joint: Joint) -> Iterator[_Found]:
         """Between the program turns, and between them and the environment's. [T-PREFIX]"""
@@ -288,10 +288,10 @@ class Search:
                 numbers = _stopped_robots if joint.all_stop else _robots
                 if not _holds(each, joint, numbers):
                     yield _Found(claim, state, is_behind=True, check=each)
-        if Subject.LOST_UPDATE in self._subjects and len(joint.writers) > 1:
+        if GoalKind.LOST_UPDATE in self._subjects and len(joint.writers) > 1:
             for slot in sorted(self._joints.lost(joint)):
                 name = self._system.program.allwrite[slot].variable.name
-                yield _Found(Claim(Subject.LOST_UPDATE, name), state, is_behind=True)
+                yield _Found(SearchGoal(GoalKind.LOST_UPDATE, name), state, is_behind=True)
 
     def _evolved(self, state: State, joint: Joint) -> Iterator[_Found]:
         """Faults of models, and promises that they break."""
@@ -302,13 +302,13 @@ class Search:
         outcomes = [course.all_outcomes(all_stop=all_stop) for course in courses]
         if not all(outcomes):
             return
-        if Subject.FAULT in self._subjects and any(o.fault for each in outcomes for o in each):
-            yield _Found(Claim(Subject.FAULT), state, is_behind=True)
-        if Subject.CONTRACT in self._subjects:
+        if GoalKind.FAULT in self._subjects and any(o.fault for each in outcomes for o in each):
+            yield _Found(SearchGoal(GoalKind.FAULT), state, is_behind=True)
+        if GoalKind.CONTRACT in self._subjects:
             sound = [[o for o in each if o.fault is None] for each in outcomes]
             if all(sound):
                 for name in dict.fromkeys(c.name for each in sound for o in each for c in o.broken):
-                    yield _Found(Claim(Subject.CONTRACT, name), state, is_behind=True)
+                    yield _Found(SearchGoal(GoalKind.CONTRACT, name), state, is_behind=True)
 
     # --- recordings -----------------------------------------------------------------------------
 
@@ -317,7 +317,7 @@ class Search:
             self._system, self._vault, self._commits, self._joints, self._representative
         )
         claim = found.claim
-        if claim.subject is Subject.FAULT and not found.is_behind:
+        if claim.subject is GoalKind.FAULT and not found.is_behind:
             return tracer.at_init(found.state, is_faulted=True)
         path = self._path(found.state)
         if not found.is_behind:
@@ -329,9 +329,9 @@ class Search:
         if found.check is not None:
             return tracer.breaking(found.check)
         match claim.subject:
-            case Subject.LOST_UPDATE:
+            case GoalKind.LOST_UPDATE:
                 return tracer.losing(claim.name)
-            case Subject.CONTRACT:
+            case GoalKind.CONTRACT:
                 return tracer.evolving(claim)
             case _:
                 return lambda state: _either(tracer.failing(state), tracer.evolving(claim)(state))
@@ -352,11 +352,11 @@ def _either(first: Iterable[Round], second: Iterable[Round]) -> Iterator[Round]:
     yield from second
 
 
-def _robots(course: Course) -> tuple[int, ...]:
+def _robots(course: TransitionGroup) -> tuple[int, ...]:
     return course.robots
 
 
-def _stopped_robots(course: Course) -> tuple[int, ...]:
+def _stopped_robots(course: TransitionGroup) -> tuple[int, ...]:
     return course.stopped_robots
 
 
@@ -365,7 +365,9 @@ def _is_last(joint: Joint) -> bool:
     return any(course.may_be_last(all_stop=joint.all_stop) for course in joint.courses)
 
 
-def _holds(each: Check, joint: Joint, numbers: Callable[[Course], tuple[int, ...]]) -> bool:
+def _holds(
+    each: Check, joint: Joint, numbers: Callable[[TransitionGroup], tuple[int, ...]]
+) -> bool:
     """Whether a statement holds wherever the robots have one of those numbers each."""
     # What looks the same to the statement need be tried once only.
     views = [each.views(numbers(course)) for course in joint.courses]

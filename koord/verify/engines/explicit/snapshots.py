@@ -22,7 +22,7 @@ class Snapshot(NamedTuple):
     codes: list[Codes]
 
 
-class Window:
+class ReadWindow:
     """What is read by an event of one kind of robot, as variables in a fixed order.
 
     First come the robot's own locals, ports and entries, then allwrite variables, then the entries

@@ -19,10 +19,10 @@ from koord.syntax.core import UnaryOp
 from koord.syntax.source import NOWHERE
 from koord.syntax.system import System
 from koord.verify.bounded_check import BoundedCheck
-from koord.verify.claims import Claim, Findings, Phase
+from koord.verify.claims import Claim, ClaimPhase, StepFindings
 from koord.verify.effort import Deadline, Effort
-from koord.verify.encoding.moments import Moment
-from koord.verify.encoding.solver import Answer
+from koord.verify.encoding.moments import SymbolicConfiguration
+from koord.verify.encoding.solver import SolverAnswer
 from koord.verify.encoding.symbols import SymbolicInputs
 from koord.verify.encoding.terms import Term, Terms
 from koord.verify.encoding.unrolling import Unrolling, assumed, violations
@@ -33,7 +33,7 @@ from koord.verify.engines.horn.states import scalars
 from koord.verify.ledger import Ledger, Reach
 from koord.verify.obstacles import Beyond, Obstacle, Unreplayed, gave_up
 from koord.verify.verdicts import Counterexample, Outcome, Verdict, has_fewest
-from koord.verify.witness import NotReplayedError, Reader, recording_of
+from koord.verify.witness import ModelReader, NotReplayedError, recording_of
 
 #: What takes longer, about so many seconds, is not looked for where all that was asked is answered.
 HASTY_S = 3.0
@@ -87,7 +87,7 @@ class HornEngine(Struct):
         while not reason and (claims := self._pending(ledger)):
             ledger.progress("Spacer looks for a proof for all rounds")
             try:
-                question = Question.of(ledger.system, claims, ledger.proved(), ledger.seed)
+                question = HornQuery.of(ledger.system, claims, ledger.proved(), ledger.seed)
                 found = question.clauses.solved(ledger.deadline, effort, ledger.seed)
             except NotFiniteError as error:
                 reason = f"Spacer: {error}"
@@ -120,13 +120,13 @@ class HornEngine(Struct):
         ledger: Ledger,
         claims: Sequence[Claim],
         found: Reached,
-        question: Question,
+        question: HornQuery,
         started: float,
     ) -> None:
         """Settle the claims that a run breaks; what cannot be replayed is not asked again."""
         settled = False
         for claim, moment, unrolling in _followed(ledger, claims, found, question):
-            reader = Reader(unrolling.solver.model(), ledger.system)
+            reader = ModelReader(unrolling.solver.model(), ledger.system)
             recording = recording_of(reader, unrolling.opening, unrolling.rounds, moment.phase)
             try:
                 shown = ledger.problem.judge(recording, claim, moment.phase)
@@ -154,7 +154,7 @@ def make(engine: Engine, tools: Tools) -> Worker:
     return HornEngine()
 
 
-class Question(Struct, frozen=True):
+class HornQuery(Struct, frozen=True):
     """Whether some claims hold in all rounds.
 
     ``opens`` holds of INIT, one of ``false_starts`` of one that breaks a claim; ``goes`` holds of a
@@ -175,7 +175,7 @@ class Question(Struct, frozen=True):
     ]  #: where the unknowns stand among the scalars of a configuration, the first ones
 
     @staticmethod
-    def of(system: System, claims: Sequence[Claim], given: Sequence[Claim], seed: int) -> Question:
+    def of(system: System, claims: Sequence[Claim], given: Sequence[Claim], seed: int) -> HornQuery:
         """The question. Raises NotFiniteError if the system is beyond what Spacer knows."""
         unrolling = Unrolling(system, seed)
         unknowns, d = unrolling.unknowns, unrolling.encoder.d
@@ -220,7 +220,7 @@ class Question(Struct, frozen=True):
             raise NotFiniteError(NOWHERE, "a variable starts in a way of its own")
         fixed = list(rigid.values())
         clauses = Clauses(d, [*(before[k] for k in moving), *fixed])
-        made = Question(
+        made = HornQuery(
             unrolling,
             clauses,
             opens,
@@ -287,7 +287,7 @@ def _held(
     """That claims which were proved hold of the state at which a round starts."""
     d = unrolling.encoder.d
     checks = SymbolicInputs(unrolling.unknowns, "start")
-    moment = Moment(Phase.INIT, start, [], Findings(False), checks)
+    moment = SymbolicConfiguration(ClaimPhase.INIT, start, [], StepFindings(False), checks)
     state = [claim for claim in given if claim.is_state_property]
     found = []
     for violated, needed in violations(system, d, moment, state).values():
@@ -306,8 +306,8 @@ def _is_symbol(constant: Term) -> bool:
 
 
 def _followed(
-    ledger: Ledger, claims: Sequence[Claim], found: Reached, question: Question
-) -> Iterator[tuple[Claim, Moment, Unrolling]]:
+    ledger: Ledger, claims: Sequence[Claim], found: Reached, question: HornQuery
+) -> Iterator[tuple[Claim, SymbolicConfiguration, Unrolling]]:
     """The claims that some run by way of the states breaks, and where.
 
     The solver of the unrolling has just answered with such a run.
@@ -315,7 +315,7 @@ def _followed(
     unrolling, last = question.unrolling, len(found.states)
     for moment in unrolling.moments():
         configuration = moment.configuration
-        if moment.phase in (Phase.INIT, Phase.END) and configuration.round < last:
+        if moment.phase in (ClaimPhase.INIT, ClaimPhase.END) and configuration.round < last:
             values = scalars(configuration)
             moving = [values[k] for k in question.moving]
             state = found.states[configuration.round]
@@ -324,7 +324,7 @@ def _followed(
             asked = violations(ledger.system, unrolling.encoder.d, moment, claims)
             for claim, (violated, needed) in asked.items():
                 unrolling.solver.add(needed)
-                if unrolling.solver.check([violated], ledger.deadline) is Answer.SAT:
+                if unrolling.solver.check([violated], ledger.deadline) is SolverAnswer.SAT:
                     yield claim, moment, unrolling
-        if moment.phase is Phase.END and configuration.round >= last:
+        if moment.phase is ClaimPhase.END and configuration.round >= last:
             return

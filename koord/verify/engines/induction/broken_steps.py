@@ -16,14 +16,17 @@ from koord.semantics.storage import Cell, Storage, Tree
 from koord.syntax import core
 from koord.syntax.system import System
 from koord.syntax.types import INT, ArrayType, RecordType, Type
-from koord.verify.claims import Phase
+from koord.verify.claims import ClaimPhase
 from koord.verify.encoding.terms import Term
 from koord.verify.verdicts import BrokenStep
-from koord.verify.witness import Reader
+from koord.verify.witness import ModelReader
 
 
 def broken_step(
-    reader: Reader, before: Sequence[Configuration[Term]], last: Configuration[Term], phase: Phase
+    reader: ModelReader,
+    before: Sequence[Configuration[Term]],
+    last: Configuration[Term],
+    phase: ClaimPhase,
 ) -> BrokenStep:
     """The step that a model describes: from the ends of rounds ``before`` to ``last``."""
     read = tuple(_configuration(reader, c) for c in (*before, last))
@@ -36,7 +39,7 @@ def _event(ran: Constant) -> int:
     return ran if ran >= 0 else NO_EVENT
 
 
-def _configuration(reader: Reader, c: Configuration[Term]) -> Configuration[Constant]:
+def _configuration(reader: ModelReader, c: Configuration[Term]) -> Configuration[Constant]:
     system = reader.system
     program = system.program
     store = _store(reader, c.store)
@@ -45,7 +48,7 @@ def _configuration(reader: Reader, c: Configuration[Term]) -> Configuration[Cons
     return Configuration(robots, store, c.round, c.turn)
 
 
-def _store(reader: Reader, store: Store[Term]) -> Store[Constant]:
+def _store(reader: ModelReader, store: Store[Term]) -> Store[Constant]:
     program = reader.system.program
     return Store(
         _all(reader, store.allread, program.allread),
@@ -54,7 +57,7 @@ def _store(reader: Reader, store: Store[Term]) -> Store[Constant]:
 
 
 def _robot(
-    reader: Reader, system: System, number: int, robot: Robot[Term], store: Store[Constant]
+    reader: ModelReader, system: System, number: int, robot: Robot[Term], store: Store[Constant]
 ) -> Robot[Constant]:
     agent = system.agent(number)
     ports = tuple(port.declaration for port in agent.ports)
@@ -70,13 +73,13 @@ def _robot(
 
 
 def _all(
-    reader: Reader, storages: Sequence[Storage[Term]], declared: Sequence[core.Declaration]
+    reader: ModelReader, storages: Sequence[Storage[Term]], declared: Sequence[core.Declaration]
 ) -> tuple[Storage[Constant], ...]:
     pairs = zip(storages, declared, strict=True)
     return tuple(_storage(reader, storage, d.variable.type) for storage, d in pairs)
 
 
-def _storage(reader: Reader, storage: Storage[Term], type_: Type) -> Storage[Constant]:
+def _storage(reader: ModelReader, storage: Storage[Term], type_: Type) -> Storage[Constant]:
     if isinstance(storage, Tree):
         if isinstance(type_, RecordType):
             parts = zip(storage.parts, (field for _, field in type_.fields), strict=True)

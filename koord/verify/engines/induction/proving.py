@@ -16,10 +16,10 @@ from msgspec import Struct
 from koord.semantics.domain import disjunction
 from koord.syntax.core import UnaryOp
 from koord.syntax.system import System
-from koord.verify.claims import Claim, Findings, Phase
+from koord.verify.claims import Claim, ClaimPhase, StepFindings
 from koord.verify.effort import Deadline, Effort
-from koord.verify.encoding.moments import Moment
-from koord.verify.encoding.solver import Answer, Model, cases
+from koord.verify.encoding.moments import SymbolicConfiguration
+from koord.verify.encoding.solver import Model, SolverAnswer, cases
 from koord.verify.encoding.symbols import SymbolicInputs
 from koord.verify.encoding.terms import Term
 from koord.verify.encoding.unrolling import Unrolling, violations
@@ -27,7 +27,7 @@ from koord.verify.engine_names import Engine
 from koord.verify.engines.induction.broken_steps import broken_step
 from koord.verify.engines.induction.representatives import representatives
 from koord.verify.verdicts import BrokenStep, Outcome, Verdict
-from koord.verify.witness import Reader
+from koord.verify.witness import ModelReader
 
 #: What a claim may cost as one question (about half a second) before it is asked case by case.
 FIRST_TRY = 5_000_000
@@ -80,7 +80,7 @@ def prove(
 
 def step_scripts(
     system: System, assumed: Sequence[Claim], asked: Sequence[Claim], depth: int
-) -> Iterator[tuple[Phase, str]]:
+) -> Iterator[tuple[ClaimPhase, str]]:
     """What ``prove`` asks of a step, as scripts of SMT-LIB 2, which are to be unsatisfiable."""
     step = _Step(system, depth, 0, None)
     yield from step.scripts(assumed, asked)
@@ -102,8 +102,10 @@ class _Step:
         checks = SymbolicInputs(self._unrolling.unknowns, "start")
         # As after INIT, all claims about configurations are about this one.
         self.broken: dict[Claim, BrokenStep] = {}
-        self._assumed = [Moment(Phase.INIT, start, [], Findings(False), checks)]
-        self._asked: list[Moment] = []
+        self._assumed = [
+            SymbolicConfiguration(ClaimPhase.INIT, start, [], StepFindings(False), checks)
+        ]
+        self._asked: list[SymbolicConfiguration] = []
         for number in range(depth):
             taken = encoder.round(self._assumed[-1].configuration, f"step{number}")
             solver.add(taken.middle.constraints)
@@ -121,13 +123,13 @@ class _Step:
         """What the step and the questions asked of it so far do not cover."""
         return self._unrolling.unknowns.uncovered
 
-    def _go_on(self, moment: Moment) -> None:
+    def _go_on(self, moment: SymbolicConfiguration) -> None:
         self._unrolling.solver.add([self._d.unary(UnaryOp.NOT, moment.findings.fault)])
         self._assumed.append(moment)
 
     def scripts(
         self, assumed: Sequence[Claim], asked: Sequence[Claim]
-    ) -> Iterator[tuple[Phase, str]]:
+    ) -> Iterator[tuple[ClaimPhase, str]]:
         """Moment by moment: that one of the asked claims is broken at it."""
         hypotheses = self._hypotheses(assumed)
         for moment in self._asked:
@@ -160,29 +162,29 @@ class _Step:
         violated: Term,
         pending: dict[Claim, Term],
         extra: list[Term],
-        moment: Moment,
+        moment: SymbolicConfiguration,
         deadline: Deadline,
     ) -> dict[Claim, str]:
         """Why a claim fails, case by case; with the other claims that the same step breaks."""
         solver = self._unrolling.solver
         whole = [*extra, violated]
-        if solver.check(whole, deadline, self._effort, at_most=FIRST_TRY) is Answer.UNSAT:
+        if solver.check(whole, deadline, self._effort, at_most=FIRST_TRY) is SolverAnswer.UNSAT:
             return {}
         for case in cases(self._d, violated):
             answer = solver.check([*extra, case], deadline, self._effort)
-            if answer is Answer.UNKNOWN:
+            if answer is SolverAnswer.UNKNOWN:
                 return {claim: "timeout" if deadline.is_near() else "too much for the solver"}
-            if answer is Answer.SAT:
+            if answer is SolverAnswer.SAT:
                 model = self._unrolling.solver.model()
                 also = [other for other, term in pending.items() if model.truth(term)]
                 self._keep(model, moment, [claim, *also])
                 return dict.fromkeys([claim, *also], "not inductive")
         return {}
 
-    def _keep(self, model: Model, moment: Moment, claims: Sequence[Claim]) -> None:
+    def _keep(self, model: Model, moment: SymbolicConfiguration, claims: Sequence[Claim]) -> None:
         """Note the step that breaks claims. The assumed moments are middles and ends of rounds."""
-        ends = [m.configuration for m in self._assumed if m.phase is not Phase.MIDDLE]
-        reader = Reader(model, self._system)
+        ends = [m.configuration for m in self._assumed if m.phase is not ClaimPhase.MIDDLE]
+        reader = ModelReader(model, self._system)
         step = broken_step(reader, ends, moment.configuration, moment.phase)
         self.broken |= dict.fromkeys(claims, step)
 
@@ -194,12 +196,16 @@ class _Step:
             for violated in self._violations(moment, state).values()
         ]
 
-    def _violations_up_to_names(self, moment: Moment, claims: Sequence[Claim]) -> dict[Claim, Term]:
+    def _violations_up_to_names(
+        self, moment: SymbolicConfiguration, claims: Sequence[Claim]
+    ) -> dict[Claim, Term]:
         originals = {self._represented(claim): claim for claim in claims}
         found = self._violations(moment, list(originals))
         return {originals[claim]: violated for claim, violated in found.items()}
 
-    def _violations(self, moment: Moment, claims: Sequence[Claim]) -> dict[Claim, Term]:
+    def _violations(
+        self, moment: SymbolicConfiguration, claims: Sequence[Claim]
+    ) -> dict[Claim, Term]:
         found = {}
         for claim, (violated, needed) in violations(self._system, self._d, moment, claims).items():
             self._unrolling.solver.add(needed)

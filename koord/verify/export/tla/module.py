@@ -28,7 +28,7 @@ from koord.verify.export.tla.expressions import (
     unset,
     values,
 )
-from koord.verify.export.tla.statements import Writer, constant
+from koord.verify.export.tla.statements import TlaWriter, constant
 
 _ALL = "<<loc, store, snap, status, ran, moved, taken>>"
 
@@ -105,7 +105,7 @@ def module(system: System, name: str, names: tuple[str, ...], comment: str) -> I
     program = _settled(system.program)
     system = replace(system, program=program)
     _check(program)
-    writer = Writer(_longest(system))
+    writer = TlaWriter(_longest(system))
     stated = [
         p
         for p in program.properties
@@ -213,7 +213,7 @@ def _bounds(program: core.Program) -> int:
     return max([*agents, *(f.bound for f in program.functions), 0])
 
 
-def _functions(program: core.Program, of: Scope, writer: Writer) -> Iterator[str]:
+def _functions(program: core.Program, of: Scope, writer: TlaWriter) -> Iterator[str]:
     """The functions that something here calls, those first that others call."""
     agents = tuple((a.init, a.events) for a in program.agents)
     stated = tuple(p.condition for p in program.properties)
@@ -232,7 +232,7 @@ def _functions(program: core.Program, of: Scope, writer: Writer) -> Iterator[str
         yield f"    LET {start} IN {writer.block(function.body, of)}.v"
 
 
-def _events(system: System, of: Scope, writer: Writer) -> Iterator[str]:
+def _events(system: System, of: Scope, writer: TlaWriter) -> Iterator[str]:
     program = system.program
     choices, duties = [], []
     for kind, agent in enumerate(program.agents):
@@ -300,7 +300,7 @@ def _any(entry: core.Declaration, of: Scope) -> str:
     return found
 
 
-def _init(system: System, of: Scope, writer: Writer) -> Iterator[str]:
+def _init(system: System, of: Scope, writer: TlaWriter) -> Iterator[str]:
     """[INIT]"""
     program = system.program
     common, each = _picks(program, of)
@@ -351,7 +351,7 @@ def _init(system: System, of: Scope, writer: Writer) -> Iterator[str]:
         yield f"    /\\ {holds}"
 
 
-def _begun(assigns: list[tuple[core.Declaration, core.Place]], of: Scope, writer: Writer) -> str:
+def _begun(assigns: list[tuple[core.Declaration, core.Place]], of: Scope, writer: TlaWriter) -> str:
     """The memory after variables got their first values, in order."""
     memory, steps = "m", []
     names = count()

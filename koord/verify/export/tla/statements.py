@@ -25,7 +25,7 @@ from koord.verify.export.tla.expressions import (
 )
 
 
-class Writer(Struct):
+class TlaWriter(Struct):
     """Writes bodies, with a fresh name for each memory. No list has more than ``longest`` items."""
 
     longest: int

@@ -10,7 +10,7 @@ from koord.cli import main as frame
 from koord.cli.exits import Exit
 from koord.verify.engine_names import Engine
 from koord.verify.engines.bits import abc
-from koord.verify.engines.bits.ic3 import Invariant
+from koord.verify.engines.bits.ic3 import ClauseInvariant
 from koord.verify.strategy.verification import verify
 from koord.verify.verdicts import Bounds, Outcome, Verdict
 from tests.verify.asking import of_text
@@ -57,7 +57,7 @@ def test_rounds_behind_the_bound_are_found() -> None:
 
 
 def test_no_invariant_is_taken_on_trust(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(abc, "searched", lambda *_: Invariant((), 0))
+    monkeypatch.setattr(abc, "searched", lambda *_: ClauseInvariant((), 0))
     assert asked()["Low"].outcome is not Outcome.HOLDS or asked()["Low"].rounds is not None
 
 

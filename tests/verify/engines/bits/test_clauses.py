@@ -7,7 +7,7 @@ from itertools import combinations
 import pytest
 
 from koord.verify.effort import Deadline
-from koord.verify.encoding.solver import Answer
+from koord.verify.encoding.solver import SolverAnswer
 from koord.verify.engines.bits.clauses import OTHER, QUICK, Clauses, NoAnswerError
 from koord.verify.engines.bits.graph import Graph
 
@@ -28,7 +28,7 @@ def crowded(engine: str, deadline: Deadline | None = None, left: int | None = No
 
 @pytest.mark.parametrize("engine", [QUICK, OTHER])
 def test_a_hard_question_ends_with_the_time(engine: str) -> None:
-    assert crowded(engine).solve_in_time([], Deadline.after(0.3)) is Answer.UNKNOWN
+    assert crowded(engine).solve_in_time([], Deadline.after(0.3)) is SolverAnswer.UNKNOWN
     with pytest.raises(NoAnswerError):
         crowded(engine, Deadline.after(0.3)).solve([])
 

@@ -15,7 +15,7 @@ from koord.verify.engine_names import Engine
 from koord.verify.engines.bits import engine
 from koord.verify.engines.bits.checking import holds_always
 from koord.verify.engines.bits.graph import Graph
-from koord.verify.engines.bits.ic3 import Cube, Invariant, Question
+from koord.verify.engines.bits.ic3 import ClauseInvariant, Cube, SafetyQuery
 from koord.verify.strategy.verification import verify
 from koord.verify.verdicts import Bounds, Outcome, Report, Verdict
 from tests.verify.engines.bits.asking import on_bits
@@ -329,10 +329,12 @@ def test_an_invariant_is_found_where_robots_change_places(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Exclusive is not inductive by itself, and nothing else is claimed here."""
-    found: list[Invariant] = []
+    found: list[ClauseInvariant] = []
 
-    def noting(g: Graph, question: Question, cubes: tuple[Cube, ...], deadline: Deadline) -> bool:
-        found.append(Invariant(cubes, 0))
+    def noting(
+        g: Graph, question: SafetyQuery, cubes: tuple[Cube, ...], deadline: Deadline
+    ) -> bool:
+        found.append(ClauseInvariant(cubes, 0))
         return holds_always(g, question, cubes, deadline)
 
     monkeypatch.setattr(engine, "holds_always", noting)

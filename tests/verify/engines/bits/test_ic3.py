@@ -16,7 +16,7 @@ from koord.verify.engines.bits.checking import holds_always
 from koord.verify.engines.bits.circuit import Latch
 from koord.verify.engines.bits.clauses import FALSE_SIDE, OTHER, QUICK, TRUE_SIDE, Clauses
 from koord.verify.engines.bits.graph import Graph
-from koord.verify.engines.bits.ic3 import Invariant, Question, Reached, Search
+from koord.verify.engines.bits.ic3 import ClauseInvariant, Ic3Run, Reached, SafetyQuery
 
 State = tuple[bool, ...]
 
@@ -27,7 +27,7 @@ class Small:
 
     graph: Graph
     inputs: list[int]
-    question: Question
+    question: SafetyQuery
 
     def moves(self, state: State) -> Iterator[tuple[State, bool, bool]]:
         """For all inputs: the next state, whether that is a step, and whether this is bad."""
@@ -77,7 +77,7 @@ def small(seed: int) -> Small:
 
     every = latches + inputs
     rare = g.all_of(x ^ random.choice((0, 1)) for x in random.sample(latches, len(latches) - 1))
-    question = Question(
+    question = SafetyQuery(
         tuple(
             Latch(f"l{k}", x, random.choice((0, 1, made(inputs, 1))), made(every, 3))
             for k, x in enumerate(latches)
@@ -89,9 +89,9 @@ def small(seed: int) -> Small:
     return Small(g, inputs, question)
 
 
-def searched(of: Small) -> Invariant | Reached:
-    found = Search(Clauses(of.graph, QUICK), of.question, Deadline()).run()
-    assert isinstance(found, Invariant | Reached)
+def searched(of: Small) -> ClauseInvariant | Reached:
+    found = Ic3Run(Clauses(of.graph, QUICK), of.question, Deadline()).run()
+    assert isinstance(found, ClauseInvariant | Reached)
     return found
 
 
@@ -141,7 +141,7 @@ def test_an_invariant_that_is_none_is_told() -> None:
         if of.bad_after() is not None:
             continue
         found = searched(of)
-        assert isinstance(found, Invariant)
+        assert isinstance(found, ClauseInvariant)
         if not found.cubes:
             continue
         states = set(of.starts())
@@ -167,20 +167,20 @@ def test_what_cannot_be_kept_is_no_invariant() -> None:
     g = Graph()
     a, b = g.input("a"), g.input("b")
     latches = (Latch("a", a, 0, 1), Latch("b", b, 0, a))
-    question = Question(latches, 1, 1, g.both(a ^ 1, b))
+    question = SafetyQuery(latches, 1, 1, g.both(a ^ 1, b))
     assert not holds_always(g, question, [(2,)])
     assert holds_always(g, question, [(-1, 2)])
 
 
 def test_few_questions_are_not_enough() -> None:
     of = next(s for s in map(small, range(400)) if s.bad_after() is None and _hard(s))
-    search = Search(Clauses(of.graph, QUICK), of.question, Deadline(), limit=1)
-    assert not isinstance(search.run(), Invariant | Reached)
+    search = Ic3Run(Clauses(of.graph, QUICK), of.question, Deadline(), limit=1)
+    assert not isinstance(search.run(), ClauseInvariant | Reached)
 
 
 def _hard(of: Small) -> bool:
     found = searched(of)
-    return isinstance(found, Invariant) and found.rounds > 1
+    return isinstance(found, ClauseInvariant) and found.rounds > 1
 
 
 @pytest.mark.parametrize("engine", [QUICK, OTHER])

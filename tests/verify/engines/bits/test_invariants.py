@@ -17,7 +17,7 @@ from koord.syntax.source import Source
 from koord.syntax.system import System
 from koord.verify.claims import claims_of
 from koord.verify.effort import Deadline, Effort
-from koord.verify.engines.explicit.findings import Exhausted, Subject
+from koord.verify.engines.explicit.findings import Exhausted, GoalKind
 from koord.verify.engines.explicit.limits import Limits
 from koord.verify.engines.explicit.search import survey
 from koord.verify.engines.induction.proving import prove
@@ -65,7 +65,7 @@ def searched(text: str, kinds: tuple[int, ...], found: tuple[str, ...]) -> None:
     """All that was found holds in all configurations that an explicit search reaches."""
     system = system_of(text, kinds, *found)
     stated = [c.stated for c in claims_of(system) if c.stated is not None]
-    seen = survey(system, stated, Limits(states=20_000), subjects=frozenset(Subject))
+    seen = survey(system, stated, Limits(states=20_000), subjects=frozenset(GoalKind))
     assert isinstance(seen.end, Exhausted)
     assert not seen.violated
 

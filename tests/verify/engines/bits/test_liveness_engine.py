@@ -12,7 +12,7 @@ from koord.verify.engines.bits.circuit import Latch
 from koord.verify.engines.bits.graph import Graph
 from koord.verify.engines.bits.liveness_to_safety import settling
 from koord.verify.reduction.slices import Slices
-from koord.verify.strategy.liveness import Settled, settled
+from koord.verify.strategy.liveness import LivenessVerdicts, settled
 from koord.verify.strategy.table import LIVENESS
 from koord.verify.verdicts import Bounds, Outcome, Verdict
 from tests.semantics.endless import GATE, PASSING, QUITTING, SERVED, TWO, system
@@ -27,7 +27,7 @@ ENDS_IN_A_FAULT = """
 """
 
 
-def asked(text: str, robots: int = 2, rounds: int = 8) -> Settled:
+def asked(text: str, robots: int = 2, rounds: int = 8) -> LivenessVerdicts:
     rows = LIVENESS[Engine.BITS]
     return settled(Slices(system(text, robots)), Bounds(rounds), rows, Deadline.after(None))
 

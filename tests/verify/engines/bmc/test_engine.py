@@ -17,9 +17,9 @@ from koord.syntax.system import Status, dealt
 from koord.syntax.types import BOOL, FLOAT, INT, ListType, MapType, Type
 from koord.verify import bounded_check
 from koord.verify.bounded_check import BoundedCheck
-from koord.verify.claims import Phase, claims_of
+from koord.verify.claims import ClaimPhase, claims_of
 from koord.verify.effort import Deadline, Effort
-from koord.verify.encoding.moments import Moment
+from koord.verify.encoding.moments import SymbolicConfiguration
 from koord.verify.encoding.unrolling import Unrolling
 from tests.semantics import programs
 from tests.semantics.building import (
@@ -73,7 +73,7 @@ def test_what_breaks_after_init_breaks_in_round_0() -> None:
     b.invariant("Zero", forall(I, x.at(I).eq(0)))
     checked = bounded(b.program())
     assert checked.rounds == {"Zero": 0}
-    assert checked.violated["Zero"].phase is Phase.INIT
+    assert checked.violated["Zero"].phase is ClaimPhase.INIT
     assert checked.violated["Zero"].recording.rounds == ()
 
 
@@ -87,7 +87,7 @@ def test_a_moment_inside_a_round_counts() -> None:
     b.invariant("AtRound", together, at_round=True)
     checked = bounded(b.program(), robots=3, rounds=3)
     assert checked.rounds == {"Together": 1}
-    assert checked.violated["Together"].phase is Phase.INSIDE
+    assert checked.violated["Together"].phase is ClaimPhase.INSIDE
     # Those that have not moved are not in the run.
     assert len(checked.violated["Together"].recording.rounds[-1].order) < 3
 
@@ -103,8 +103,8 @@ def test_at_round_means_after_init_and_after_the_environments_turn() -> None:
     b.invariant("Cold", forall(I, heat.at(I) < 3), at_round=True)
     checked = bounded(b.program(), robots=1)
     assert checked.rounds == {"Calm": 1, "Cold": 1}
-    assert checked.violated["Calm"].phase is Phase.MIDDLE
-    assert checked.violated["Cold"].phase is Phase.END
+    assert checked.violated["Calm"].phase is ClaimPhase.MIDDLE
+    assert checked.violated["Cold"].phase is ClaimPhase.END
     assert lasts(checked, "Cold") == "ENV-TRANS"
 
 
@@ -385,10 +385,10 @@ def test_an_update_in_a_round_that_faults_is_not_lost() -> None:
 
 
 def test_a_check_goes_on_from_where_it_stopped(monkeypatch: pytest.MonkeyPatch) -> None:
-    looks: list[Moment] = []
+    looks: list[SymbolicConfiguration] = []
     look = bounded_check._look
 
-    def counted(unrolling: Unrolling, moment: Moment, *rest: Any) -> Any:
+    def counted(unrolling: Unrolling, moment: SymbolicConfiguration, *rest: Any) -> Any:
         looks.append(moment)
         return look(unrolling, moment, *rest)
 

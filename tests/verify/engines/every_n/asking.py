@@ -12,7 +12,7 @@ from koord.verify.claims import claims_of
 from koord.verify.effort import Deadline, Effort
 from koord.verify.engines.every_n.candidates import candidates
 from koord.verify.engines.every_n.proving import SPARING, Inferred, Proof, Thrift, infer, prove
-from koord.verify.engines.explicit.findings import Subject
+from koord.verify.engines.explicit.findings import GoalKind
 from koord.verify.engines.explicit.limits import Limits
 from koord.verify.engines.explicit.search import survey
 from koord.verify.reduction.abstraction import abstracted
@@ -65,5 +65,5 @@ def broken(text: str, robots: int, rounds: int = 4) -> set[str]:
     system = system_of(text, robots)
     properties = [claim.stated for claim in claims_of(system) if claim.stated is not None]
     limits = Limits(states=5_000, rounds=rounds)
-    found = survey(system, properties, limits, subjects=frozenset(Subject))
+    found = survey(system, properties, limits, subjects=frozenset(GoalKind))
     return {v.claim.name or "no fault" for v in found.violated}

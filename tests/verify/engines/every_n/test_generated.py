@@ -17,8 +17,8 @@ from koord.syntax.system import System, dealt
 from koord.verify.claims import claims_of
 from koord.verify.effort import Deadline, Effort
 from koord.verify.engines.every_n.proving import SPARING, prove
-from koord.verify.engines.explicit.findings import Claim as Searched
-from koord.verify.engines.explicit.findings import Exhausted, Subject
+from koord.verify.engines.explicit.findings import Exhausted, GoalKind
+from koord.verify.engines.explicit.findings import SearchGoal as Searched
 from koord.verify.engines.explicit.finiteness import NotFinite
 from koord.verify.engines.explicit.limits import Limits
 from koord.verify.engines.explicit.search import survey
@@ -40,7 +40,7 @@ def broken(made: System, robots: int) -> tuple[set[str], bool] | None:
     properties = [claim.stated for claim in claims_of(some) if claim.stated is not None]
     limits = Limits(states=1_000 if robots < 3 else 200, rounds=4)
     try:
-        found = survey(some, properties, limits, subjects=frozenset(Subject))
+        found = survey(some, properties, limits, subjects=frozenset(GoalKind))
     except NotFiniteError:
         return None
     if isinstance(found.end, NotFinite):
@@ -50,13 +50,13 @@ def broken(made: System, robots: int) -> tuple[set[str], bool] | None:
 
 def _name(claim: Searched) -> str:
     match claim.subject:
-        case Subject.FAULT:
+        case GoalKind.FAULT:
             return "no fault"
-        case Subject.CONTRACT:
+        case GoalKind.CONTRACT:
             return f"contract {claim.name}"
-        case Subject.LOST_UPDATE:
+        case GoalKind.LOST_UPDATE:
             return f"no lost update of {claim.name}"
-        case Subject.PROPERTY:
+        case GoalKind.PROPERTY:
             return claim.name
 
 

@@ -8,7 +8,7 @@ from koord.semantics.recordings import Recording
 from koord.syntax.load import load
 from koord.syntax.source import Source
 from koord.syntax.system import System, dealt
-from koord.verify.claims import Claim, Phase, claims_of
+from koord.verify.claims import Claim, ClaimPhase, claims_of
 from koord.verify.effort import Deadline
 from koord.verify.engine_names import Engine
 from koord.verify.engines.explicit.exhaustive import Searching, exhaust
@@ -53,18 +53,18 @@ def counterexample(text: str) -> Counterexample:
 @pytest.mark.parametrize(
     ("text", "round_", "phase"),
     [
-        (COUNTS + "invariant Low: x < 2", 2, Phase.MIDDLE),
-        (COUNTS + "invariant Low at round: x < 2", 2, Phase.END),
-        (HEATS + "invariant Low: temp < 3", 3, Phase.END),
-        (COUNTS + "invariant Low: x > 0", 0, Phase.INIT),
+        (COUNTS + "invariant Low: x < 2", 2, ClaimPhase.MIDDLE),
+        (COUNTS + "invariant Low at round: x < 2", 2, ClaimPhase.END),
+        (HEATS + "invariant Low: temp < 3", 3, ClaimPhase.END),
+        (COUNTS + "invariant Low: x > 0", 0, ClaimPhase.INIT),
     ],
     ids=["a robot's turn", "asked at round ends", "the environment's turn", "the start"],
 )
-def test_a_violation_is_told_where_it_happens(text: str, round_: int, phase: Phase) -> None:
+def test_a_violation_is_told_where_it_happens(text: str, round_: int, phase: ClaimPhase) -> None:
     found = counterexample(text)
     assert (found.round, found.phase) == (round_, phase)
     cut = [taken.cut for taken in found.recording.rounds]
-    assert cut == [False] * (round_ - 1) + [phase is Phase.MIDDLE] * min(round_, 1)
+    assert cut == [False] * (round_ - 1) + [phase is ClaimPhase.MIDDLE] * min(round_, 1)
 
 
 def test_a_search_that_found_everything_it_was_asked_about_ends() -> None:
@@ -87,7 +87,7 @@ def test_what_was_found_counts_when_a_search_without_end_is_stopped() -> None:
     )
     claims = claims_of(system)
 
-    def judge(recording: Recording, claim: Claim, phase: Phase) -> Counterexample:
+    def judge(recording: Recording, claim: Claim, phase: ClaimPhase) -> Counterexample:
         if claim.name == "B":
             raise KeyboardInterrupt
         return replayed(system, recording, claim, phase)

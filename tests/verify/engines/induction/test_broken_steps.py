@@ -13,7 +13,7 @@ from koord.semantics.rounds import IllegalStepError, evolved, run_event, run_ski
 from koord.syntax import core
 from koord.syntax.system import System, dealt
 from koord.syntax.types import INT
-from koord.verify.claims import Claim, Findings, Phase, broken, claims_of
+from koord.verify.claims import Claim, ClaimPhase, StepFindings, broken, claims_of
 from koord.verify.effort import Deadline
 from koord.verify.engine_names import Engine
 from koord.verify.engines.induction.proving import prove
@@ -64,7 +64,7 @@ def step_of(system: System, name: str, depth: int) -> BrokenStep:
 
 
 def breaks(system: System, claim: Claim, configuration: Configuration[Constant]) -> bool:
-    findings: Findings[Constant] = Findings(False)
+    findings: StepFindings[Constant] = StepFindings(False)
     violated, _ = broken(EXACT, system, claim, configuration, findings, NO_INPUTS)
     return violated is True
 
@@ -97,7 +97,7 @@ def test_each_round_is_one_of_the_semantics(program: core.Program) -> None:
         step.configurations, step.events, step.configurations[1:], strict=False
     ):
         last = after is step.configurations[-1]
-        phase = step.phase if last else Phase.END
+        phase = step.phase if last else ClaimPhase.END
         assert any(reaches(system, before, order, events, phase, after) for order in ORDERS)
 
 
@@ -109,7 +109,7 @@ def reaches(
     before: Configuration[Constant],
     order: tuple[int, ...],
     events: tuple[int, ...],
-    phase: Phase,
+    phase: ClaimPhase,
     after: Configuration[Constant],
 ) -> bool:
     current = before
@@ -122,7 +122,7 @@ def reaches(
                 position = events[robot]
                 taken = run_event(EXACT, system, current, robot, position, NO_INPUTS)
                 current = taken.configuration
-        if phase is Phase.END:
+        if phase is ClaimPhase.END:
             current = evolved(EXACT, system, current, NO_INPUTS).configuration
     except IllegalStepError:
         return False

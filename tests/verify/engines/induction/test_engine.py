@@ -12,7 +12,7 @@ from koord.syntax import core
 from koord.syntax.system import System, dealt
 from koord.syntax.types import BOOL, FLOAT, INT, ArrayType, ListType, RecordType
 from koord.verify.bounded_check import BoundedCheck, Unroller
-from koord.verify.claims import Claim, Phase, claims_of
+from koord.verify.claims import Claim, ClaimPhase, claims_of
 from koord.verify.effort import PER_SECOND, Deadline, Effort
 from koord.verify.engines.engine import Task
 from koord.verify.engines.induction import engine as induction
@@ -133,7 +133,7 @@ def test_a_step_of_three_rounds_rests_on_two_that_were_looked_at(
     assert [claim.name for claim in ledger.open()] == ["NotTwo"]
 
 
-def _unasked(recording: Recording, claim: Claim, phase: Phase) -> Counterexample:
+def _unasked(recording: Recording, claim: Claim, phase: ClaimPhase) -> Counterexample:
     raise AssertionError("nothing is to be replayed")
 
 
