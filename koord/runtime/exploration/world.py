@@ -226,7 +226,7 @@ class Explorer:
     def _causes(self, world: ProtocolState, robot: int, local: int) -> Iterator[Cause]:
         one = self.locals[local]
         yield from _bits(world.sent & self._to[robot])
-        yield from one.timers
+        yield from (timer for timer in Timer if timer in one.timers)
         if one.work is not None:
             yield Act.WORK
 
