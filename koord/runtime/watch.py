@@ -15,7 +15,7 @@ from koord.syntax.faults import FaultKind
 _SAMPLES = 3
 
 
-class ClaimWatch(Robot):
+class Watch(Robot):
     """Claims about robots. What is shared are its attributes; ``robots`` are those looked at.
 
     In a contract its attributes are a robot's own as well, and ``after`` has what its ports hold

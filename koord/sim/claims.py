@@ -21,7 +21,7 @@ from koord.runtime.motion.world import Point
 from koord.runtime.operations import FaultError
 from koord.runtime.robot import Host, Key, Robot, Turn
 from koord.runtime.shapes import Shape, from_plain
-from koord.runtime.watch import ClaimWatch
+from koord.runtime.watch import Watch
 from koord.sim.hosting import placed
 from koord.sim.running import BrokenClaim, Simulation, WatchPoint
 
@@ -223,7 +223,7 @@ class Checked:
         self.host = host
         self.looked: dict[str, int] = {}
         self._summaries: dict[str, WatchedClaim] = {}
-        self._watch: ClaimWatch | None = None
+        self._watch: Watch | None = None
         self._broken: list[BrokenClaim] = []
         self._now_s: Callable[[], float] = lambda: 0.0
 
@@ -270,10 +270,10 @@ class Checked:
         yield from ()
 
 
-def watch_of(watched: Watched, run: Simulation) -> ClaimWatch:
+def watch_of(watched: Watched, run: Simulation) -> Watch:
     """What looks at a run for its claims; the host knows what it may ask."""
     (made,) = loaded(watched.text)
-    assert issubclass(made, ClaimWatch)
+    assert issubclass(made, Watch)
     run.host.watches = (*run.host.watches, made)
     return made(run.cast.kinds, run.scene.delta_s, run.claims_host)
 

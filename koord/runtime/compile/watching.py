@@ -1,7 +1,7 @@
 """What a program claims, compiled: invariants, assumptions, contracts and summaries as methods.
 
 They become functions of a program of their own, which is compiled like any other; the class that
-has them looks at robots from outside (:class:`koord.runtime.watch.ClaimWatch`).
+has them looks at robots from outside (:class:`koord.runtime.watch.Watch`).
 """
 
 from __future__ import annotations

@@ -16,7 +16,7 @@ from koord.runtime.compile.naming import PythonNames
 from koord.runtime.compile.watching import WatchedKind, watched
 from koord.runtime.engine import AtRandom, RoundEngine
 from koord.runtime.robot import Host, Robot
-from koord.runtime.watch import ClaimWatch
+from koord.runtime.watch import Watch
 from koord.semantics.domain import DOUBLES
 from koord.semantics.properties import holds_in
 from koord.semantics.recordings import RecordedInputs
@@ -105,7 +105,7 @@ def looks(of: core.Program, seed: int, slack: str) -> list[tuple[bool, bool, str
     fleet = RoundEngine(loaded(compiled(of)), system.kinds, 0.1, host)
     claims = watched(of, Fraction(slack))
     (made,) = loaded(claims.text)
-    assert issubclass(made, ClaimWatch)
+    assert issubclass(made, Watch)
     watch = made(system.kinds, 0.1, host)
     observer = Translation(system, PythonNames(of))
     schedule = AtRandom(Random(seed))
@@ -182,7 +182,7 @@ def test_comparisons_are_loosened_by_what_they_count_for(
     assert found is not None
     claims = watched(found, Fraction(1, 4))
     (made,) = loaded(claims.text)
-    assert issubclass(made, ClaimWatch)
+    assert issubclass(made, Watch)
     watch = made((0,), 0.1, Noise(0))
     watch.look((), {"told": (value,)})
     assert watch.holds(claims.claims[0].method) is holds
