@@ -12,11 +12,11 @@ from typing import Any, TypeVar, get_type_hints
 import msgspec
 
 from koord.runtime.configuration.forms import (
-    AgentEntry,
+    Agent,
     Carrier,
-    ConfigurationFile,
     Coordinates,
     Device,
+    Form,
     Motion,
     NetworkForm,
     ObstacleForm,
@@ -84,23 +84,23 @@ class _Checker:
 
     # --- types ----------------------------------------------------------------------------------
 
-    def form(self) -> ConfigurationFile:
+    def form(self) -> Form:
         """The fields with the types that they should have; each is looked at by itself."""
-        hints = get_type_hints(ConfigurationFile, include_extras=True)
+        hints = get_type_hints(Form, include_extras=True)
         good: dict[str, Any] = {}
         for name, value in self._document.value.items():
             path: Path = (name,)
             if name not in hints:
                 self._unknown(path, str(name), list(hints))
             elif name == "agents" and isinstance(value, list):
-                good[name] = [self._typed(a, AgentEntry, (*path, k)) for k, a in enumerate(value)]
+                good[name] = [self._typed(a, Agent, (*path, k)) for k, a in enumerate(value)]
             elif name == "devices" and isinstance(value, dict):
                 good[name] = {d: self._typed_device(v, (*path, d)) for d, v in value.items()}
             elif name == "device":
                 good[name] = self._typed_device(value, path)
             else:
                 good[name] = self._typed(value, hints[name], path)
-        return ConfigurationFile() if self.problems else ConfigurationFile(**good)
+        return Form() if self.problems else Form(**good)
 
     def _typed(self, value: Any, type_: Any, path: Path) -> Any:
         try:
@@ -152,7 +152,7 @@ class _Checker:
 
     # --- sense ----------------------------------------------------------------------------------
 
-    def configuration(self, form: ConfigurationFile) -> RunConfiguration | None:
+    def configuration(self, form: Form) -> RunConfiguration | None:
         agents = self._agents(form)
         world = None if form.world is None else self._world(form.world)
         talk = self._talk(form)
@@ -180,7 +180,7 @@ class _Checker:
             self._document,
         )
 
-    def _agents(self, form: ConfigurationFile) -> list[tuple[AgentEntry, Path]]:
+    def _agents(self, form: Form) -> list[tuple[Agent, Path]]:
         """The robots by pid, and where each stands in the file."""
         if form.agents and (form.robot is not None or form.num_robots is not None):
             hint = "`robot`, `device` and `num_robots` are one form, `agents` and `devices` another"
@@ -194,15 +194,15 @@ class _Checker:
             return []
         return [(self._copied(form.robot, pid), ("robot",)) for pid in range(form.num_robots)]
 
-    def _copied(self, robot: AgentEntry | None, pid: int) -> AgentEntry:
+    def _copied(self, robot: Agent | None, pid: int) -> Agent:
         """All robots are as the one described, but for where they begin."""
         if robot is None:
-            return AgentEntry(pid=pid)
+            return Agent(pid=pid)
         position = robot.position if robot.pid == pid else None
         return msgspec.structs.replace(robot, pid=pid, position=position)
 
-    def _numbered(self, agents: list[AgentEntry]) -> list[tuple[AgentEntry, Path]]:
-        by_pid: dict[int, tuple[AgentEntry, Path]] = {}
+    def _numbered(self, agents: list[Agent]) -> list[tuple[Agent, Path]]:
+        by_pid: dict[int, tuple[Agent, Path]] = {}
         for k, agent in enumerate(agents):
             path: Path = ("agents", k)
             if agent.pid in by_pid:
@@ -215,9 +215,7 @@ class _Checker:
                 by_pid[agent.pid] = (agent, path)
         return [by_pid[pid] for pid in sorted(by_pid)]
 
-    def _robot(
-        self, form: ConfigurationFile, agent: AgentEntry, path: Path, talk: Talk
-    ) -> RobotPlace:
+    def _robot(self, form: Form, agent: Agent, path: Path, talk: Talk) -> RobotPlace:
         name, device, where = self._device(form, agent, path)
         vehicle = self._vehicle(name, device, where)
         automaton = agent.motion_automaton
@@ -240,9 +238,7 @@ class _Checker:
             agent.pid, vehicle, automaton, agent.kind, place, address, agent.heading, path
         )
 
-    def _device(
-        self, form: ConfigurationFile, agent: AgentEntry, path: Path
-    ) -> tuple[str, Device, Path]:
+    def _device(self, form: Form, agent: Agent, path: Path) -> tuple[str, Device, Path]:
         """The device that a robot runs on, its name, and where it stands."""
         if form.device is not None:
             name = form.device.bot_name or agent.on_device or "device"
@@ -306,7 +302,7 @@ class _Checker:
         if found not in self.problems:
             self.problems.append(found)
 
-    def _check_addresses(self, form: ConfigurationFile, robots: tuple[RobotPlace, ...]) -> None:
+    def _check_addresses(self, form: Form, robots: tuple[RobotPlace, ...]) -> None:
         taken: dict[tuple[str, int], int] = {}
         for robot in robots:
             other = taken.setdefault(robot.address, robot.pid)
@@ -322,7 +318,7 @@ class _Checker:
 
     # --- network --------------------------------------------------------------------------------
 
-    def _talk(self, form: ConfigurationFile) -> Talk:
+    def _talk(self, form: Form) -> Talk:
         network = form.network if form.network is not None else NetworkForm()
         carrier = network.transport or (
             Carrier.BROADCAST if form.udp_bcast_ip is not None else Carrier.MULTICAST

@@ -128,7 +128,7 @@ class Device(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tr
     queue_size: Natural | None = None
 
 
-class AgentEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+class Agent(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """A robot. ``kind`` is its ``agent`` block in a program for several kinds of robot."""
 
     pid: Natural
@@ -141,7 +141,7 @@ class AgentEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
     nbr_pids: list[Natural] = []
 
 
-class WorldBounds(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+class Bounds(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Two opposite corners of the world."""
 
     low: Coordinates
@@ -183,11 +183,11 @@ class ObstacleForm(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_o
 class WorldForm(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Where robots move, and what is to be done there."""
 
-    bounds: WorldBounds | None = None
+    bounds: Bounds | None = None
     obstacles: list[ObstacleForm] = []
     tasks: list[Coordinates] = []
     scattered: Annotated[int, Meta(ge=0, le=10_000)] = 0  #: so many tasks more, where the seed says
-    start: WorldBounds | None = None  #: where simulated robots begin that have no position
+    start: Bounds | None = None  #: where simulated robots begin that have no position
     cell: Positive | None = None  #: m, of the cells of maps
 
 
@@ -211,13 +211,13 @@ class NetworkForm(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
     listen: list[Name] = []
 
 
-class ConfigurationFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+class Form(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """A configuration file of a Koord run."""
 
-    robot: AgentEntry | None = None
+    robot: Agent | None = None
     device: Device | None = None
     num_robots: Annotated[int, Meta(ge=1, le=10_000)] | None = None
-    agents: list[AgentEntry] = []
+    agents: list[Agent] = []
     devices: dict[Name, Device] = {}
     leader_pid: Natural = 0
     mutex_handler: str | None = None  #: of the published middleware; lock classes need none
@@ -234,7 +234,7 @@ class ConfigurationFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True,
 
 def json_schema() -> dict[str, Any]:
     """The JSON Schema of configuration files, for editors."""
-    schema = msgspec.json.schema(ConfigurationFile)
+    schema = msgspec.json.schema(Form)
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "title": "Configuration of a Koord run",
