@@ -10,7 +10,6 @@ from fractions import Fraction
 from typing import TypeGuard, TypeVar
 
 from msgspec import Struct
-from msgspec.structs import replace
 
 from koord.semantics.domain import Constant
 from koord.semantics.expressions import evaluate, statement
@@ -91,7 +90,7 @@ def _of_element(e: core.Quantified, label: int) -> core.Expr:
             type_, SequenceType
         ):
             step = core.IndexStep(core.Const(label, INT), type_.element)
-            element = core.Read(replace(place, steps=(*place.steps, step)))
+            element = core.Read(place.part(step))
             return _substituted(e.body, {e.variable.slot: element})
         case _:
             return e.body
@@ -259,7 +258,7 @@ def _substituted(node: T, arguments: dict[int, core.Expr]) -> T:
 
 def _reached(base: core.Expr, steps: tuple[core.Step, ...]) -> core.Expr:
     if isinstance(base, core.Read):
-        return core.Read(replace(base.place, steps=(*base.place.steps, *steps)))
+        return core.Read(base.place.part(*steps))
     for step in steps:
         base = core.Select(base, step)
     return base

@@ -90,6 +90,10 @@ class Place(Node, frozen=True):
     def type(self) -> Type:
         return self.steps[-1].type if self.steps else self.variable.type
 
+    def part(self, *steps: Step) -> Place:
+        """What the steps lead to from here; in the text it stands where the place does."""
+        return Place(self.variable, (*self.steps, *steps), self.robot, self.primed, span=self.span)
+
     @property
     def is_below_key(self) -> bool:
         """Whether it is a part of a map's entry, so that a write rewrites the entry. [LOCATION]"""

@@ -107,8 +107,7 @@ def _add(body: BodyScope, call: ast.Call) -> core.Block:
     if value is None:
         return ()
     step = core.KeyStep(value, PRESENT, span=call.span)
-    entry = core.Place(place.variable, (*place.steps, step), span=place.span)
-    return (core.Assign(entry, core.Const(0, PRESENT, span=call.span), span=call.span),)
+    return (core.Assign(place.part(step), core.Const(0, PRESENT, span=call.span), span=call.span),)
 
 
 def _remove(body: BodyScope, call: ast.Call) -> core.Block:
@@ -191,7 +190,7 @@ def _task_field(place: Meaning, name: str, wanted: Type) -> core.Place | None:
         return None
     field, type_ = place.type.fields[position]
     step = core.FieldStep(position, field, type_, span=place.span)
-    return core.Place(place.variable, (*place.steps, step), span=place.span)
+    return place.part(step)
 
 
 _CHANGES: dict[str, Callable[[BodyScope, ast.Call], core.Block]] = {

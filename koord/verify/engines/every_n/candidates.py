@@ -249,7 +249,7 @@ def _scalars(place: core.Place) -> Iterator[core.Expr]:
         case RecordType(fields=parts):
             for k, (name, type_) in enumerate(parts):
                 step = core.FieldStep(k, name, type_)
-                yield from _scalars(replace(place, steps=(*place.steps, step)))
+                yield from _scalars(place.part(step))
         case BoolType() | IntType() | FloatType() | EnumType():
             yield core.Read(place)
         case _:
