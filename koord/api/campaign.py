@@ -23,7 +23,6 @@ from koord.api.results import ArgumentError, Result, html_table
 from koord.api.robots import MOST_ROBOTS, Seconds
 from koord.api.sim_setup import check_can_begin
 from koord.runtime.motion.libraries import require
-from koord.sim.running import still_words as still_words
 from koord.syntax.literals import ParamValue, literal
 from koord.version import __version__
 

@@ -18,7 +18,8 @@ from koord.traces.codec import decode_document, encode, load_embedded
 from koord.traces.itf import embedded_trace, encode_itf, is_itf
 from koord.traces.json_reader import parse
 from koord.traces.replay import replay
-from koord.traces.trace import Sources, Trace
+from koord.traces.trace import Sources
+from koord.traces.trace import Trace as Recorded
 from koord.traces.unfinished import completed, mended
 
 #: By convention, and by what other tools look for.
@@ -31,12 +32,12 @@ def sources_of(loaded: Program) -> Sources:
     return Sources(loaded.source, loaded.properties, tuple(chosen.params.items()), chosen.tasks)
 
 
-def write_trace(path: str, trace: Trace) -> None:
+def write_trace(path: str, trace: Recorded) -> None:
     """Write a trace, in the form that the file's name asks for. Raises KoordError."""
     write_atomically(path, _encoded(path, trace))
 
 
-def complete_trace(path: str, trace: Trace) -> None:
+def complete_trace(path: str, trace: Recorded) -> None:
     """As :func:`write_trace`, of a run whose trace has grown beside it. Raises KoordError."""
     part = Path(part_of(path))
     if path.endswith(ITF_SUFFIX) or not part.is_file():
@@ -49,7 +50,7 @@ class UnreadableTraceError(Exception):
     """A trace would not be legal when it is read again: a mistake of koord's own."""
 
 
-def write_counterexample(path: str, trace: Trace) -> None:
+def write_counterexample(path: str, trace: Recorded) -> None:
     """Write a trace as ``write_trace`` does, once it was read back and replayed.
 
     Raises KoordError; and UnreadableTraceError, without a file, where a replay would refuse it.
@@ -69,11 +70,11 @@ def write_counterexample(path: str, trace: Trace) -> None:
     write_atomically(path, data)
 
 
-def _encoded(path: str, trace: Trace) -> bytes:
+def _encoded(path: str, trace: Recorded) -> bytes:
     return encode_itf(trace) if path.endswith(ITF_SUFFIX) else encode(trace)
 
 
-def read_trace(raw: bytes, name: str, program: Source | None) -> Trace:
+def read_trace(raw: bytes, name: str, program: Source | None) -> Recorded:
     """The trace in a file of either form. Raises KoordError.
 
     ``program``, if given, replaces the text that the trace holds. Of a file that ends in the

@@ -15,10 +15,10 @@ from koord.api.campaign import (
     CampaignRequest,
     make_campaign,
     mean_words,
-    still_words,
 )
 from koord.api.fitting import FitRequest
 from koord.api.progress import Progress
+from koord.api.sim_report import still_words
 from koord.cli.exits import Exit
 from koord.cli.progress import Interruption, LiveLine
 from koord.cli.terminal import Paint, style_of, visible

@@ -151,17 +151,17 @@ def _protocol(arguments: argparse.Namespace) -> int:
         raise argparse.ArgumentTypeError(
             "--target protocol is of no program: it takes no file, no case"
         )
-    from koord.cli.protocol_check import main as check
+    from koord.cli.protocol_check import check_protocol_alone
 
-    return check(arguments)
+    return check_protocol_alone(arguments)
 
 
 def _simulator(arguments: argparse.Namespace) -> int:
     if not arguments.files or arguments.case is not None:
         raise argparse.ArgumentTypeError("--target simulator takes programs: name a file")
-    from koord.cli.check_simulated import main as check
+    from koord.cli.check_simulated import check_worlds
 
-    return check(arguments)
+    return check_worlds(arguments)
 
 
 # --- what is told -------------------------------------------------------------------------------

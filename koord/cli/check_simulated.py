@@ -15,7 +15,7 @@ from koord.cli.terminal import Paint, style_of, visible
 from koord.syntax.diagnostics import KoordError
 
 
-def main(arguments: argparse.Namespace) -> int:
+def check_worlds(arguments: argparse.Namespace) -> int:
     """Simulate programs, judge their runs, tell of them, and return the exit code.
 
     Raises KoordError.
@@ -41,13 +41,13 @@ def main(arguments: argparse.Namespace) -> int:
         sys.stdout.write(json.dumps([total.to_dict() for total in totals], indent=2) + "\n")
     else:
         for total in totals:
-            print(_told(total))
+            print(_runs_line(total))
     if interruption.requested:
         return Exit.INTERRUPTED
     return Exit.VIOLATED if any(total.refused for total in totals) else Exit.OK
 
 
-def _told(total: SimulatedRuns) -> str:
+def _runs_line(total: SimulatedRuns) -> str:
     style = style_of(sys.stdout)
     counted = f"{total.runs} runs, {total.rounds} rounds, {total.steps} steps"
     about = ", ".join(filter(None, (visible(total.values), counted)))

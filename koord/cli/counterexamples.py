@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from koord.api.verdicts import Verdict
-from koord.cli import departures, fairness
+from koord.cli.departures import rerun_lines
 from koord.cli.excerpt import place
+from koord.cli.fairness import fairness_lines
 from koord.cli.tables import RunTable, ShownStep, repeats
 from koord.cli.terminal import Paint, Style
 from koord.semantics.configurations import Configuration
@@ -25,7 +26,7 @@ def lines(verdict: Verdict, style: Style) -> Iterator[str]:
             yield ""
         yield from _lines(verdict, found, count, style)
         if (fair := verdict.fairness(found)) is not None:
-            yield from fairness.lines(fair)
+            yield from fairness_lines(fair)
 
 
 def _lines(verdict: Verdict, found: Counterexample, count: str, style: Style) -> Iterator[str]:
@@ -36,7 +37,7 @@ def _lines(verdict: Verdict, found: Counterexample, count: str, style: Style) ->
     yield f"  {found.detail} [{verdict.rule}]"
     if found.span is not None:
         yield from place(verdict.program.sources, found.span, style)
-    yield from departures.lines(verdict.rerun(found))
+    yield from rerun_lines(verdict.rerun(found))
 
 
 def _headline(verdict: Verdict, found: Counterexample) -> str:

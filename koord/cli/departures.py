@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 _WIDEST = 40
 
 
-def lines(departure: Rerun) -> Iterator[str]:
+def rerun_lines(departure: Rerun) -> Iterator[str]:
     """Whether the compiled program does the same, and where it does not."""
     from koord.refinement.rounding import Unjudged  # what it loads only violations need
 

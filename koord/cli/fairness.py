@@ -8,7 +8,7 @@ from koord.api.fairness import Fair
 from koord.traces.fairness import told
 
 
-def lines(fair: Fair) -> Iterator[str]:
+def fairness_lines(fair: Fair) -> Iterator[str]:
     """Why the run is fair, and what to write to exclude it."""
     yield "  the run is fair, so that nothing forbids it [LASSO]:"
     yield from (f"    {line}" for line in told(fair.why))

@@ -11,7 +11,7 @@ from koord.syntax.analysis.premises import Premise, PremiseKind
 from koord.verify.proof_core import ProofCore
 
 
-def lines(loaded: Program, found: ProofCore, style: Style) -> Iterator[str]:
+def core_lines(loaded: Program, found: ProofCore, style: Style) -> Iterator[str]:
     """A table: what is needed, what is not, and what there was no time to leave out."""
     if not found.claims:
         yield "  nothing holds in every round, so nothing rests on anything"

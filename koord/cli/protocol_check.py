@@ -9,17 +9,17 @@ from koord.api.protocol_check import ProtocolCheck, check_protocol
 from koord.cli.exits import Exit
 
 
-def main(arguments: argparse.Namespace) -> int:
+def check_protocol_alone(arguments: argparse.Namespace) -> int:
     """Check, tell, and return the exit code."""
     checked = check_protocol(runs=arguments.runs, seed=arguments.seed, faults=arguments.faults)
     if arguments.json:
         sys.stdout.write(checked.to_json() + "\n")
     else:
-        _show(checked, arguments.faults)
+        _show_protocol(checked, arguments.faults)
     return Exit.VIOLATED if checked.broken else Exit.OK
 
 
-def _show(checked: ProtocolCheck, network: str) -> None:
+def _show_protocol(checked: ProtocolCheck, network: str) -> None:
     for what, one in checked.explored.items():
         end = "all of them" if one.complete else f"to depth {one.depth}"
         print(f"{what}: {one.states:,} states, {one.transitions:,} transitions, {end}")

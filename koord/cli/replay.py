@@ -13,8 +13,8 @@ from msgspec import Struct
 from koord.api.files import InputFile
 from koord.api.replay import ReplayReport, replayed
 from koord.api.traces import read_trace
-from koord.cli import departures
 from koord.cli.arguments import add_json, check_files, number
+from koord.cli.departures import rerun_lines, told_apart
 from koord.cli.diagnostics import report_error
 from koord.cli.exits import Exit
 from koord.cli.files import name_of, read_program, read_written
@@ -114,7 +114,7 @@ def _replay(request: Request) -> Exit:
         for line in verdict(request.name, report, style_of(sys.stdout)):
             print(line)
         if report.compared:
-            for line in departures.lines(report.departure):
+            for line in rerun_lines(report.departure):
                 print(line)
     return Exit.OK if report.legal and report.agrees else Exit.VIOLATED
 
@@ -155,7 +155,7 @@ def verdict(name: str, report: ReplayReport, style: Style) -> Iterator[str]:
         yield f"{visible(name)}: {_where(refused)}: {bad}"
         yield f"  a run of {visible(str(trace.problem))}"
         yield f"  {visible(refused.reason)}"
-        yield from departures.told_apart(refused.differences, "by the rules", "recorded")
+        yield from told_apart(refused.differences, "by the rules", "recorded")
     if trace.slack:
         how = f"{float(trace.slack):g}"
         yield f"  with a slack of {how} in assumptions and contracts, as vehicles keep them"

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from koord.api.cones import Cones
 
 
-def lines(cones: Cones) -> Iterator[str]:
+def cone_lines(cones: Cones) -> Iterator[str]:
     """A line for each claim that cannot depend on all of the program."""
     for claim, parts in cones.left_out.items():
         yield f"{claim} does not depend on {', '.join(parts)}."

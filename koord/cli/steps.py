@@ -13,7 +13,7 @@ from koord.traces.names import Names
 from koord.verify.verdicts import BrokenStep
 
 
-def lines(verdict: Verdict, style: Style) -> Iterator[str]:
+def step_lines(verdict: Verdict, style: Style) -> Iterator[str]:
     """The step that breaks a claim which may be true all the same."""
     system, step = verdict.system, verdict.found.step
     assert step is not None

@@ -67,25 +67,25 @@ def _show(report: VerifyReport, request: Request, parts: Parts) -> None:
                 for text in counterexamples.lines(verdict, style):
                     print(text)
         elif request.explain and verdict.found.step is not None:
-            from koord.cli import steps
+            from koord.cli.steps import step_lines
 
             print()
             with parts.enduring(f"the step of {verdict.name}"):
-                for text in steps.lines(verdict, style):
+                for text in step_lines(verdict, style):
                     print(text)
     if request.explain:
-        from koord.cli import slices
+        from koord.cli.slices import cone_lines
 
         with parts.enduring("what claims do not depend on"):
-            independent = list(slices.lines(report.cones))
+            independent = list(cone_lines(report.cones))
             if independent:
                 print("\n" + "\n".join(independent))
     if report.rests_on is not None:
-        from koord.cli import premises
+        from koord.cli.premises import core_lines
 
         print()
         with parts.enduring("what the proofs rest on"):
-            for text in premises.lines(report.program, report.rests_on, style):
+            for text in core_lines(report.program, report.rests_on, style):
                 print(text)
     print()
     print(verdicts.summary(report, style))

@@ -14,7 +14,7 @@ from koord.recheck.terms import Term
 from koord.recheck.values import Values
 from koord.recheck.world import Instance
 from koord.syntax import core
-from koord.syntax.types import INT
+from koord.syntax.types import INT as INTEGER
 
 
 def body(world: Instance, values: Values, robot: Term | None, memory: Memory) -> RunningBody:
@@ -108,7 +108,7 @@ def go_through(
         if body.path.value is False:
             break
         if key is not None and number is not None:
-            body.bound[key.slot] = body.s.stored(number, INT)
+            body.bound[key.slot] = body.s.stored(number, INTEGER)
         body.bound[variable.slot] = body.s.stored(value, variable.type)
         run(body, block)
     body.broke.pop()

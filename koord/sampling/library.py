@@ -18,14 +18,13 @@ from fractions import Fraction
 from itertools import pairwise
 from typing import TypeAlias
 
-from koord.semantics.domain import Constant
-from koord.semantics.values import Rec, Seq, Table, Value
+from koord.semantics.recordings import Concrete
+from koord.semantics.values import Rec, Seq, Table
 from koord.syntax import core
 from koord.syntax.types import BOOL, FLOAT, INT, POS, ListType, MapType, RecordType, Type
 
-Concrete: TypeAlias = "Value[Constant]"
 Point: TypeAlias = tuple[Fraction, Fraction, Fraction]
-Host: TypeAlias = "Callable[..., Concrete]"
+Host: TypeAlias = Callable[..., Concrete]
 
 #: Robots on two paths that come no closer than this are clear of each other.
 CLEARANCE_M = Fraction(1, 2)
