@@ -13,8 +13,7 @@ from koord.api.progress import Cancellation, Listener
 from koord.api.results import ArgumentError
 from koord.api.robots import Seconds
 from koord.api.sim_report import Simulated
-from koord.api.sim_run import SimulationRequest as SimulationRequest
-from koord.api.sim_run import play
+from koord.api.sim_run import SimulationRequest, play
 from koord.api.sim_setup import check_can_begin, simulation
 from koord.sim.running import Simulation
 

@@ -30,7 +30,7 @@ from koord.cli.terminal import visible
 
 if TYPE_CHECKING:
     from koord.api.sim_report import Simulated
-    from koord.api.simulation import SimulationRequest
+    from koord.api.sim_run import SimulationRequest
 
 #: Where the page goes if nobody says.
 _PAGE = "run.html"
@@ -228,7 +228,7 @@ def main(arguments: argparse.Namespace) -> int:
 
 
 def _request(arguments: argparse.Namespace) -> SimulationRequest:
-    from koord.api.simulation import SimulationRequest
+    from koord.api.sim_run import SimulationRequest
 
     outputs = Outputs(
         html=arguments.html,

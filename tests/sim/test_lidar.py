@@ -11,7 +11,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from koord.runtime.motion.field import field
-from koord.runtime.motion.mapping import frontier, obstacles, occupied, scan_to_map
+from koord.runtime.motion.mapping import frontier, obstacle_points, occupied, scan_to_map
 from koord.runtime.motion.world import Box, Grid, World
 from koord.sim.lidar import Lidar, Scanner
 from tests.runtime.motion.worlds import CLUTTERED
@@ -110,4 +110,7 @@ def test_a_frontier_is_a_free_cell_beside_an_unknown_one() -> None:
 
 
 def test_obstacles_are_in_the_middles_of_cells() -> None:
-    assert obstacles(GRID, {0: True, 1: False, 7: True}, 0.0) == ((0.5, 0.5, 0.0), (3.5, 1.5, 0.0))
+    assert obstacle_points(GRID, {0: True, 1: False, 7: True}, 0.0) == (
+        (0.5, 0.5, 0.0),
+        (3.5, 1.5, 0.0),
+    )

@@ -118,7 +118,7 @@ class Library:
 
     def find_obstacles(self, known: Mapping[int, bool]) -> tuple[Point, ...]:
         """``findObs(known)``: a point in each occupied cell."""
-        return mapping.obstacles(self.chart.grid, known, self.clearance.ground_m)
+        return mapping.obstacle_points(self.chart.grid, known, self.clearance.ground_m)
 
     # --- inside ---------------------------------------------------------------------------------
 

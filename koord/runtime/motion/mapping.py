@@ -67,7 +67,7 @@ def frontier(
     return x, y, near[2]
 
 
-def obstacles(grid: Grid, known: Mapping[int, bool], height_m: float) -> tuple[Point, ...]:
+def obstacle_points(grid: Grid, known: Mapping[int, bool], height_m: float) -> tuple[Point, ...]:
     """A point in each occupied cell: its middle."""
     middles = (grid.centre(cell) for cell, occupied in known.items() if occupied)
     return tuple((x, y, height_m) for x, y in middles)

@@ -52,7 +52,7 @@ def event(session: Elaboration, scope: AgentScope, section: ast.Event) -> core.E
     )
 
 
-def init(
+def initialisation(
     session: Elaboration, scope: AgentScope, sections: list[ast.Init]
 ) -> tuple[core.Block, int]:
     """What robots do at the start, and how many bound slots it needs."""

@@ -210,7 +210,7 @@ def _shared(
 
 def _agent(session: Elaboration, robots: _Robots) -> core.Agent:
     scope = robots.scope
-    init, init_bound = events.init(session, scope, robots.kind.init)
+    init, init_bound = events.initialisation(session, scope, robots.kind.init)
     return core.Agent(
         scope.name,
         _locals(session, robots),
