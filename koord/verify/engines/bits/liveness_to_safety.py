@@ -81,8 +81,8 @@ def settling(g: Graph, latches: Sequence[Latch], required: Sequence[int]) -> lis
     Each of them never rises, or never falls, in a round in which the ones before do not change.
     """
     clauses = Clauses(g, QUICK)
-    for literal in required:
-        clauses.require(literal)
+    for must in required:
+        clauses.require(must)
     pending = {latch: (clauses.of(latch.literal), clauses.of(latch.next)) for latch in latches}
     found: list[Latch] = []
     while True:
@@ -102,8 +102,8 @@ def settling(g: Graph, latches: Sequence[Latch], required: Sequence[int]) -> lis
 def settles(of: Counting, deadline: Deadline) -> bool:
     """Whether all that counts as settling does: asked of another solver, with all constraints."""
     clauses = Clauses(of.graph, OTHER, deadline)
-    for literal in (of.whole, of.pending, *of.given):
-        clauses.require(literal)
+    for must in (of.whole, of.pending, *of.given):
+        clauses.require(must)
     for latch in of.settled:
         now, then = clauses.of(latch.literal), clauses.of(latch.next)
         if clauses.solve([now, -then]) and clauses.solve([-now, then]):
