@@ -54,12 +54,11 @@ def work(how: str, path: str, robots: str, tasks: str, rounds: str, *names: str)
     from koord.verify.effort import Deadline
     from koord.verify.encoding.solver import SolverAnswer
     from koord.verify.engines.bits import ic3
-    from koord.verify.engines.bits.checking import holds_always
     from koord.verify.engines.bits.circuit import circuit_of
     from koord.verify.engines.bits.clauses import QUICK, Clauses
     from koord.verify.engines.bits.constraint_selection import narrowed
     from koord.verify.engines.bits.robot_permutations import images
-    from koord.verify.engines.bits.unrolling import Unrolled
+    from koord.verify.engines.bits.unrolling import Unrolled, holds_always
     from koord.verify.reduction.abstraction import abstracted
 
     settings = Settings({"tasks": int(tasks)} if int(tasks) else {})

@@ -13,11 +13,17 @@ from collections.abc import Iterator
 from random import Random
 
 from harness import LIMITS, Column, Report, main, note
-from koord.runtime.chaos.ledger import Journal, StormRobot, proposal_of
-from koord.runtime.peer import Peer
+from koord.runtime.chaos.storm import Journal, StormRobot, proposal_of
+from koord.runtime.node import Peer
 from koord.runtime.proposals import Decision
-from koord.runtime.protocol.entries import LogEntry
-from koord.runtime.protocol.messages import Acknowledge, Committed, Decide, Message, Propose
+from koord.runtime.protocol.messages import (
+    Acknowledge,
+    Committed,
+    Decide,
+    LogEntry,
+    Message,
+    Propose,
+)
 from koord.runtime.protocol.setup import Setup, Timing, decided
 from koord.runtime.protocol.state import fresh
 from koord.runtime.transports.transport import Hub

@@ -15,12 +15,11 @@ from collections.abc import Mapping, Sequence
 from msgspec.structs import replace
 
 from harness import RESULTS, Cell, Column, Report, main, note
-from koord.runtime.chaos.faults import CALM, CHAOS, LOSS, Faults
-from koord.runtime.chaos.ledger import Journal, StormRobot
-from koord.runtime.chaos.storm import StormPlan, weather
+from koord.runtime.chaos.network import CALM, CHAOS, LOSS, Faults
+from koord.runtime.chaos.storm import Journal, StormPlan, StormRobot, weather
 from koord.runtime.exploration.exploring import explore
 from koord.runtime.exploration.world import ExplorationBounds
-from koord.runtime.peer import Peer
+from koord.runtime.node import Peer
 from koord.runtime.protocol.setup import Setup, Timing
 from koord.runtime.protocol.state import fresh
 from koord.runtime.transports.transport import Hub, InProcess

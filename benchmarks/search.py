@@ -79,8 +79,8 @@ def searched(
     from koord.syntax.load import load
     from koord.syntax.source import Source
     from koord.syntax.system import dealt
-    from koord.verify.engines.explicit.findings import Exhausted, OutOfBounds
     from koord.verify.engines.explicit.limits import Limits, resident_mb
+    from koord.verify.engines.explicit.property_checks import Exhausted, OutOfBounds
     from koord.verify.engines.explicit.search import survey
 
     text = TASK if tasks else Path(EXAMPLES / f"{name}.krd").read_text("utf-8")

@@ -18,7 +18,7 @@ from koord.refinement.deployed import Expedition
 from koord.refinement.running import ready
 from koord.refinement.storms import Stormy, storm
 from koord.runtime.chaos.ether import why_not
-from koord.runtime.chaos.faults import Faults
+from koord.runtime.chaos.network import Faults
 from koord.runtime.protocol.setup import Timing
 from koord.syntax.load import load
 from koord.syntax.source import Source

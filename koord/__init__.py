@@ -28,13 +28,13 @@ if TYPE_CHECKING:
     from koord.api.configurations import check_configuration as check_configuration
     from koord.api.deployed import Deployed as Deployed
     from koord.api.deployment import deploy as deploy
+    from koord.api.documents import codes as codes
+    from koord.api.documents import explain as explain
+    from koord.api.documents import format as format
     from koord.api.documents import schema as schema
-    from koord.api.explain import codes as codes
-    from koord.api.explain import explain as explain
     from koord.api.export import Exported as Exported
     from koord.api.export import export as export
     from koord.api.fitting import read_configuration as read_configuration
-    from koord.api.layout import format as format
     from koord.api.programs import CheckReport as CheckReport
     from koord.api.programs import Program as Program
     from koord.api.programs import check as check
@@ -61,7 +61,7 @@ if TYPE_CHECKING:
     from koord.api.simulation import simulate as simulate
     from koord.api.stepping import Stepper as Stepper
     from koord.api.stepping import step as step
-    from koord.api.trace import Trace as Trace
+    from koord.api.traces import Trace as Trace
     from koord.api.verdicts import Verdict as Verdict
     from koord.api.verify import Engine as Engine
     from koord.api.verify import verify as verify
@@ -80,11 +80,9 @@ _HOMES = {
     "koord.api.configurations": ("ConfigurationReport", "check_configuration"),
     "koord.api.deployed": ("Deployed",),
     "koord.api.deployment": ("deploy",),
-    "koord.api.documents": ("schema",),
-    "koord.api.explain": ("codes", "explain"),
+    "koord.api.documents": ("codes", "explain", "format", "schema"),
     "koord.api.export": ("Exported", "export"),
     "koord.api.fitting": ("read_configuration",),
-    "koord.api.layout": ("format",),
     "koord.api.programs": ("CheckReport", "Program", "check", "load"),
     "koord.api.progress": ("Cancellation", "CancelledError", "Progress"),
     "koord.api.protocol_check": ("ProtocolCheck", "check_protocol"),
@@ -97,7 +95,7 @@ _HOMES = {
     "koord.api.sim_report": ("Simulated",),
     "koord.api.simulation": ("simulate",),
     "koord.api.stepping": ("Stepper", "step"),
-    "koord.api.trace": ("Trace",),
+    "koord.api.traces": ("Trace",),
     "koord.api.verdicts": ("Verdict",),
     "koord.api.verify_report": ("VerifyReport",),
     "koord.api.verify": ("Engine", "verify"),

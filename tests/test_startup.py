@@ -78,7 +78,15 @@ def test_a_simulated_run_loads_only_what_it_uses() -> None:
     arguments = ["sim", str(program), "--rounds", "1", "--no-html"]
     loaded = modules_after(f"from koord.cli.main import main; assert main({arguments}) == 0")
     assert {"koord.sim.running", "ompl"} <= loaded
-    unused = ("osqp", "scipy", "z3", "http", "koord.verify", "koord.refinement", "koord.sim.live")
+    unused = (
+        "osqp",
+        "scipy",
+        "z3",
+        "http",
+        "koord.verify",
+        "koord.refinement",
+        "koord.sim.viewing",
+    )
     assert loaded & {*unused, "koord.runtime.deploy", "koord.cli.campaigns"} == set()
 
 

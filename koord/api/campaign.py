@@ -12,8 +12,7 @@ from statistics import fmean, stdev
 from msgspec import Struct, to_builtins
 from msgspec.structs import replace
 
-from koord.api.campaign_file import Row, RunFile
-from koord.api.campaign_runs import Order, rows_of
+from koord.api.campaign_runs import Order, Row, RunFile, rows_of
 from koord.api.files import check_writable
 from koord.api.fitting import Configurable, FitRequest, fit, fit_request
 from koord.api.pictures import check_drawable, keep_figure

@@ -10,8 +10,7 @@ from koord.api.fitting import FitRequest, Fitted, beside, can_be_placed, fit
 from koord.api.programs import Loadable, Program, Text, source_of
 from koord.api.results import Result, diagnostics_dict
 from koord.runtime.configuration.checking import load as load_configuration
-from koord.runtime.configuration.model import RunConfiguration
-from koord.runtime.configuration.params import params
+from koord.runtime.configuration.model import RunConfiguration, params
 from koord.syntax.diagnostics import Diagnostic, KoordError, Severity
 from koord.syntax.source import Source
 

@@ -23,8 +23,7 @@ from koord.runtime.compile import compiled
 from koord.runtime.compile.loading import loaded
 from koord.runtime.configuration.model import RunConfiguration
 from koord.runtime.deploy.ideal import unanswered
-from koord.runtime.deploy.local import Launch, launched
-from koord.runtime.deploy.networks import local_plan, transport_of
+from koord.runtime.deploy.local import Launch, launched, local_plan, transport_of
 from koord.runtime.deploy.recording import DeploymentRecord
 from koord.runtime.deploy.running import Job as Job
 from koord.runtime.deploy.running import RoundReport, Runner

@@ -1,13 +1,52 @@
-"""The JSON Schemas of what koord reads and writes."""
+"""Programs laid out anew, the stories of diagnostics, and the JSON Schemas of koord's files."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from difflib import get_close_matches
 from importlib.resources import files
 from typing import Any
 
+from koord.api.programs import Text, source_of
 from koord.api.results import ArgumentError
+from koord.syntax.catalogue import Story, entries
+from koord.syntax.diagnostics import KoordError
+from koord.syntax.printing.program import format_source
+
+
+def format(text: Text) -> str:
+    r"""The text of a program, laid out as ``koord fmt`` does; comments stay.
+
+    Raises :class:`koord.KoordError` for errors of syntax.
+
+    >>> koord.format(koord.Source("a.krd", "local:\n int x=0\n"))
+    'local:\n    int x = 0\n'
+    """
+    formatted = format_source(source_of(text))
+    if formatted.diagnostics:
+        raise KoordError(formatted.diagnostics)
+    return formatted.text
+
+
+def explain(code: str) -> Story:
+    """What there is to be said of a code: title, story, a program that yields it and one that does
+    not. Raises :class:`koord.ArgumentError` if there is no such code.
+
+    >>> koord.explain("K201").title
+    """
+    wanted = code.strip().upper()
+    if wanted in entries():
+        return entries()[wanted]
+    near = get_close_matches(wanted, entries(), n=3)
+    cure = f"; there are {', '.join(near)}" if near else "; `koord explain` lists all codes"
+    raise ArgumentError("code", f"there is no code {code!r}{cure}")
+
+
+def codes() -> Mapping[str, Story]:
+    """Every code that there is, in order, with its story."""
+    return entries()
+
 
 #: What has a schema, and of what it is one. That of configurations is made of the fields read.
 DOCUMENTS: Mapping[str, str] = {

@@ -165,7 +165,7 @@ def _written(wanted: Wanted) -> Exported:
         return Exported(wanted.form, _module(wanted, system), ())
     from koord.semantics.every_number import NotFiniteError
     from koord.verify.engines.bits.circuit_files import Format
-    from koord.verify.export.problems import problem
+    from koord.verify.export.smtlib import problem
 
     form = Format.AIG if wanted.form == "aiger" and wanted.binary else Format(wanted.form)
     try:

@@ -29,8 +29,7 @@ from koord.api.programs import (
 from koord.api.results import ArgumentError
 from koord.api.robots import Seconds, delta_of, fleet_of, system_of
 from koord.runtime.configuration.checking import load as load_configuration
-from koord.runtime.configuration.model import RunConfiguration, Scatter
-from koord.runtime.configuration.params import params
+from koord.runtime.configuration.model import RunConfiguration, Scatter, params
 from koord.runtime.motion.libraries import SIM
 from koord.runtime.motion.world import World
 from koord.syntax import core

@@ -228,13 +228,13 @@ def _served(
     """Keeps the pace, and serves the page if that is asked for. Raises KoordError."""
     pace: Callable[[float], None] = _unhurried
     if outputs.speed is not None and paced:
-        from koord.sim.live import Throttle
+        from koord.sim.viewing import Throttle
 
         pace = Throttle(outputs.speed).keep
     if not outputs.live:
         yield pace
         return
-    from koord.sim.live import Live
+    from koord.sim.viewing import Live
 
     try:
         server = Live(recording)

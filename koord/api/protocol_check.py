@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping
 from koord.api.progress import Cancellation, Listener, Progress, asker, heard_by
 from koord.api.refinement import NETWORKS, Network
 from koord.api.results import ArgumentError, Result, html_table
-from koord.runtime.chaos.faults import Faults
+from koord.runtime.chaos.network import Faults
 from koord.runtime.chaos.storm import Weathered, weather
 from koord.runtime.exploration.exploring import Explored, explore
 from koord.runtime.exploration.world import ExplorationBounds

@@ -21,11 +21,19 @@ from koord.api.refused_run import RefusedRun
 from koord.api.results import ArgumentError, Result, html_table
 from koord.api.robots import AS_STATED, FleetSize, Seconds, delta_of, system_of
 from koord.api.traces import sources_of
-from koord.refinement.cases import Case, Tried, all_generated, generated, of_program, tried
+from koord.refinement.cases import (
+    TRIES,
+    Case,
+    Tried,
+    all_generated,
+    ever_smaller,
+    generated,
+    of_program,
+    tried,
+)
 from koord.refinement.cases import Target as Target
 from koord.refinement.running import Compiled, ready
-from koord.refinement.shrinking import TRIES, ever_smaller
-from koord.runtime.chaos.faults import CALM, CHAOS, LOSS, Faults
+from koord.runtime.chaos.network import CALM, CHAOS, LOSS, Faults
 from koord.syntax import core
 from koord.syntax.literals import literal, number
 from koord.syntax.source import Source

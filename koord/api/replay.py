@@ -1,4 +1,4 @@
-"""Replaying: a trace is checked rule by rule, and the first step that is not legal is named."""
+"""Check a trace rule by rule and name its first illegal step; rerun it on compiled programs."""
 
 from __future__ import annotations
 
@@ -14,11 +14,9 @@ from koord.api import forms
 from koord.api.files import read_written
 from koord.api.programs import Text, source_of
 from koord.api.progress import Listener, Progress
-from koord.api.rerun import compiled_form
 from koord.api.results import Result, html_table
 from koord.api.robots import exact_number
-from koord.api.trace import Trace
-from koord.api.traces import read_trace
+from koord.api.traces import Trace, read_trace
 from koord.syntax.source import visible
 from koord.traces.replay import Refused, Replayed
 from koord.traces.replay import replay as judge
@@ -27,6 +25,23 @@ from koord.traces.trace import Trace as Recorded
 if TYPE_CHECKING:
     from koord.refinement.compiled_replay import Rerun
     from koord.semantics.recordings import Step
+
+
+def compiled_form(departure: Rerun, first: int) -> forms.Compiled:
+    """It as JSON has it; rounds count from ``first``, and the one before is the start."""
+    from koord.refinement.rounding import Unjudged
+
+    if departure is None:
+        return forms.Compiled(True, None, None)
+    if isinstance(departure, Unjudged):
+        return forms.Compiled(True, None, departure.reason)
+    differences = [
+        forms.CompiledDifference(change.robot, change.name, change.old, change.new)
+        for change in departure.changes
+    ]
+    departs = forms.Departure(departure.round + first, departure.reason, differences)
+    return forms.Compiled(False, departs, None)
+
 
 #: Raised when the JSON changes in a way that its readers must know of.
 REPLAY_VERSION: Final = 1

@@ -14,8 +14,7 @@ from koord.api.programs import Loadable, Program, program_of
 from koord.api.progress import Cancellation, CancelledError, Listener, Progress, asker
 from koord.api.results import ArgumentError, Result
 from koord.api.robots import Robots, Seconds, delta_of, fleet_of, system_of
-from koord.api.trace import Trace
-from koord.api.traces import sources_of
+from koord.api.traces import Trace, sources_of
 from koord.sampling.monitors import Monitor
 from koord.sampling.policies import AtRandom, First, Play, TakenStep
 from koord.sampling.running import Run, RunState, new_run

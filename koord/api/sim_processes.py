@@ -18,13 +18,11 @@ from koord.api.sim_report import Processes, Simulated, SimulationBegun, report_o
 from koord.api.sim_run import SimulationRequest, conclude
 from koord.api.sim_setup import cast, fallback, limit_s, simulation
 from koord.api.sim_trace import Tracing
-from koord.runtime.deploy.local import Launch, LocalProcesses, launched
-from koord.runtime.deploy.networks import local_plan
+from koord.runtime.deploy.local import Launch, LocalProcesses, launched, local_plan
 from koord.runtime.deploy.running import Job as Deployment
 from koord.runtime.proposals import INIT_ROUND, Decision
 from koord.runtime.transports.transport import TransportError
-from koord.sim.following import Followed
-from koord.sim.processes import RobotMaker
+from koord.sim.processes import Followed, RobotMaker
 from koord.sim.running import Ending
 from koord.syntax.diagnostics import refusal
 

@@ -9,8 +9,7 @@ from msgspec import Struct, field
 from koord.api.programs import Loadable, Program, program_of
 from koord.api.robots import Robots, Seconds, delta_of, fleet_of, system_of
 from koord.api.run import Ending, HowToRun, RunSession, session_of
-from koord.api.trace import Trace
-from koord.api.traces import sources_of
+from koord.api.traces import Trace, sources_of
 from koord.sampling.policies import First, TakenStep, take
 from koord.sampling.running import ProgramTurn, Run, RunState
 from koord.semantics.recordings import Step

@@ -12,7 +12,7 @@ from msgspec import Struct, field, to_builtins
 
 from koord.api.programs import Program
 from koord.api.results import Result, html_table
-from koord.api.trace import Trace
+from koord.api.traces import Trace
 from koord.syntax.diagnostics import KoordError
 from koord.syntax.system import System
 from koord.traces.trace import Numbers, Sources, Violation, ViolationKind, traced
@@ -231,7 +231,7 @@ class Verdict(Result, frozen=True):
         }
 
     def _violation(self, run: Counterexample, parts: Parts) -> dict[str, object]:
-        from koord.api.rerun import compiled_form
+        from koord.api.replay import compiled_form
         from koord.refinement.compiled_replay import Departure
 
         # Where it fails, nothing says that the compiled program does the same.

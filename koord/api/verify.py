@@ -47,7 +47,7 @@ _NEEDED = (
     "koord.verify.engines.horn.engine",
     "koord.verify.lasso_witness",
     "koord.verify.certificates",
-    "koord.verify.export.problems",
+    "koord.verify.export.smtlib",
     "koord.verify.export.tla.module",
     "koord.verify.instants",
     "koord.verify.proof_core",

@@ -1,29 +1,90 @@
-"""What a verification answers: the verdicts on a program, and what was found on the way."""
+"""The answer to a verification: the verdicts, and what was found on the way.
+
+Of a claim about whole runs there is as well what a lasso has to come back to all the same: where it
+does not, more than the slice is asked.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
+from msgspec import Struct
 from msgspec.structs import replace
 
 from koord.api.programs import Program
 from koord.api.results import Result, html_table
-from koord.api.trace import Trace
+from koord.api.traces import Trace
 from koord.api.verdicts import Parts, Verdict
+from koord.syntax.analysis.auxiliary import Var
+from koord.syntax.core import Direction, Home
 from koord.syntax.problem import Problem
 from koord.syntax.source import visible
 from koord.syntax.system import System
+from koord.verify.claims import ClaimKind
 from koord.verify.engine_names import Engine
 from koord.verify.failures import Failure
+from koord.verify.reduction.influence import Happens, Part
+from koord.verify.reduction.problems import identity
+from koord.verify.reduction.slicing import Slices
 from koord.verify.verdicts import Bounds, Outcome, Report, Vacuity, as_invariant
 from koord.verify.verdicts import Verdict as Found
 
 if TYPE_CHECKING:
-    from koord.api.cones import Cones
     from koord.syntax.analysis.premises import Premise
     from koord.verify.instants import Shadowed
     from koord.verify.proof_core import ProofCore
+
+
+class Cones(Struct, frozen=True):
+    """By claim the variables, ports and events outside of its cone, and, for one about whole runs,
+    those of them that a lasso has to come back to.
+    """
+
+    left_out: dict[str, list[str]]
+    returned_to: dict[str, list[str]]
+
+
+def cones_of(system: System, report: Report) -> Cones:
+    """What the claims of a report cannot depend on."""
+    slices = Slices(system)
+    return Cones(_left_out(slices, report), _returned_to(slices, report))
+
+
+def _returned_to(slices: Slices, report: Report) -> dict[str, list[str]]:
+    found = {}
+    for claim in (verdict.claim for verdict in report.verdicts):
+        if claim.kind is ClaimKind.LIVENESS:
+            more = slices.extent(slices.returning([claim])) - slices.extent(slices.cone([claim]))
+            if more:
+                found[claim.name] = sorted({_shown(slices, part) for part in more})
+    return found
+
+
+def _left_out(slices: Slices, report: Report) -> dict[str, list[str]]:
+    found = {}
+    for verdict in report.verdicts:
+        claim = slices.claims.get(identity(verdict.claim))
+        if claim is None:
+            continue
+        outside = slices.everything - slices.extent(slices.cone([claim]))
+        if outside:
+            found[claim.name] = sorted({_shown(slices, part) for part in outside})
+    return found
+
+
+def _shown(slices: Slices, part: Part) -> str:
+    name = slices.name(part)
+    match part:
+        case Happens():
+            return f"event {name}"
+        case Var(home=Home.PORT, kind=int(kind), slot=slot):
+            port = slices.system.program.agents[kind].ports[slot]
+            what = "sensor" if port.direction is Direction.SENSOR else "actuator"
+            return f"{what} {port.module}.{name}"
+        case _:
+            return f"variable {name}"
+
 
 #: Changes when readers of the JSON have to change.
 VERDICTS_VERSION = 1
@@ -140,8 +201,6 @@ class VerifyReport(Result, frozen=True):
     @property
     def cones(self) -> Cones:
         """What each claim cannot depend on."""
-        from koord.api.cones import cones_of
-
         return cones_of(self.system, self.report)
 
     @property

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import argparse
+import json
 import sys
 
 from koord.api.programs import Program
 from koord.api.progress import Progress
+from koord.api.protocol_check import ProtocolCheck, check_protocol
+from koord.api.refine_simulated import SimulatedRuns, judge_simulated
 from koord.api.refinement import (
     NETWORKS,
     Refinement,
@@ -28,9 +31,85 @@ from koord.cli.arguments import (
 )
 from koord.cli.diagnostics import DiagnosticReport
 from koord.cli.exits import Exit
-from koord.cli.inputs import ReadOptions, load_programs
+from koord.cli.inputs import ReadOptions, fit_request, load_programs
 from koord.cli.progress import Interruption, LiveLine
 from koord.cli.terminal import Paint, style_of, visible
+from koord.syntax.diagnostics import KoordError
+
+
+def check_protocol_alone(arguments: argparse.Namespace) -> int:
+    """Check, tell, and return the exit code."""
+    checked = check_protocol(runs=arguments.runs, seed=arguments.seed, faults=arguments.faults)
+    if arguments.json:
+        sys.stdout.write(checked.to_json() + "\n")
+    else:
+        _show_protocol(checked, arguments.faults)
+    return Exit.VIOLATED if checked.broken else Exit.OK
+
+
+def _show_protocol(checked: ProtocolCheck, network: str) -> None:
+    for what, one in checked.explored.items():
+        end = "all of them" if one.complete else f"to depth {one.depth}"
+        print(f"{what}: {one.states:,} states, {one.transitions:,} transitions, {end}")
+    rounds = sum(run.rounds for run in checked.runs)
+    crashes = sum(run.crashes for run in checked.runs)
+    late = sum(run.skips_late for run in checked.runs)
+    print(
+        f"{len(checked.runs)} runs on simulated networks ({network}): {rounds:,} rounds, "
+        f"{late:,} late proposals, {crashes:,} crashes"
+    )
+    for one in checked.explored.values():
+        if one.violation is not None:
+            print("\n".join(f"  {line}" for line in one.violation.story))
+    for story in checked.broken:
+        print(f"broken: {story}")
+    if not checked.broken:
+        print("every invariant of specs/protocol held")
+
+
+def check_worlds(arguments: argparse.Namespace) -> int:
+    """Simulate programs, judge their runs, tell of them, and return the exit code.
+
+    Raises KoordError.
+    """
+    totals: list[SimulatedRuns] = []
+    with Interruption() as interruption, LiveLine(sys.stderr) as line:
+        for file in arguments.files:
+            own = {**vars(arguments), "file": file, "config": None, "delta": None}
+            report = DiagnosticReport()
+            wanted = fit_request(argparse.Namespace(**own), report, seed=arguments.seed)
+            if wanted is None:
+                raise KoordError(tuple(report.diagnostics))
+            made = judge_simulated(
+                wanted,
+                arguments.runs,
+                arguments.rounds,
+                arguments.save,
+                lambda told: line.show(told.message),
+                interruption,
+            )
+            totals.append(made)
+    if arguments.json:
+        sys.stdout.write(json.dumps([total.to_dict() for total in totals], indent=2) + "\n")
+    else:
+        for total in totals:
+            print(_runs_line(total))
+    if interruption.requested:
+        return Exit.INTERRUPTED
+    return Exit.VIOLATED if any(total.refused for total in totals) else Exit.OK
+
+
+def _runs_line(total: SimulatedRuns) -> str:
+    style = style_of(sys.stdout)
+    counted = f"{total.runs} runs, {total.rounds} rounds, {total.steps} steps"
+    about = ", ".join(filter(None, (visible(total.values), counted)))
+    if total.refused is None:
+        return f"{visible(total.program)}: {about}: no violation"
+    said = style.paint("refused", Paint.ERROR)
+    saved = "" if total.saved is None else f", saved as {visible(total.saved)}"
+    about = visible(f"{total.program}, {total.values}: {total.refused}")
+    return f"{said}: {about}{saved}"
+
 
 #: What may be checked besides all of it.
 _PROTOCOL = "protocol"
@@ -151,7 +230,6 @@ def _protocol(arguments: argparse.Namespace) -> int:
         raise argparse.ArgumentTypeError(
             "--target protocol is of no program: it takes no file, no case"
         )
-    from koord.cli.protocol_check import check_protocol_alone
 
     return check_protocol_alone(arguments)
 
@@ -159,7 +237,6 @@ def _protocol(arguments: argparse.Namespace) -> int:
 def _simulator(arguments: argparse.Namespace) -> int:
     if not arguments.files or arguments.case is not None:
         raise argparse.ArgumentTypeError("--target simulator takes programs: name a file")
-    from koord.cli.check_simulated import check_worlds
 
     return check_worlds(arguments)
 

@@ -1,19 +1,104 @@
-"""Counterexamples as tables of rounds."""
+"""Counterexamples as tables: runs, fair runs, reruns of compiled programs, broken steps."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from typing import TYPE_CHECKING
 
+from koord.api.fairness import Fair
 from koord.api.verdicts import Verdict
-from koord.cli.departures import rerun_lines
-from koord.cli.excerpt import place
-from koord.cli.fairness import fairness_lines
+from koord.cli.diagnostics import place
 from koord.cli.tables import RunTable, ShownStep, repeats
-from koord.cli.terminal import Paint, Style
-from koord.semantics.configurations import Configuration
+from koord.cli.terminal import Paint, Style, visible
+from koord.semantics.configurations import NO_EVENT, Configuration
 from koord.semantics.domain import Constant
+from koord.syntax.system import System
+from koord.traces.changes import Change
+from koord.traces.fairness import told
+from koord.traces.json_reader import shortened
 from koord.traces.names import Names
-from koord.verify.verdicts import Counterexample
+from koord.traces.trace import BEFORE_ROUNDS
+from koord.verify.verdicts import BrokenStep, Counterexample
+
+if TYPE_CHECKING:
+    from koord.refinement.compiled_replay import Rerun
+
+
+def fairness_lines(fair: Fair) -> Iterator[str]:
+    """Why the run is fair, and what to write to exclude it."""
+    yield "  the run is fair, so that nothing forbids it [LASSO]:"
+    yield from (f"    {line}" for line in told(fair.why))
+    if fair.excluding:
+        either = (
+            "one of these lines excludes it" if len(fair.excluding) > 1 else "it is excluded by"
+        )
+        yield f"  if what is so may be expected, {either} [FAIR-ASSUME]:"
+    else:
+        yield "  no expectation of a single event that any run meets was found to exclude it"
+    for text in fair.excluding:
+        yield from (f"    {line}" for line in text.splitlines())
+
+
+_WIDEST = 40
+
+
+def rerun_lines(departure: Rerun) -> Iterator[str]:
+    """Whether the compiled program does the same, and where it does not."""
+    from koord.refinement.rounding import Unjudged  # what it loads only violations need
+
+    if departure is None:
+        yield "  the compiled program does the same, state for state"
+        return
+    if isinstance(departure, Unjudged):
+        yield "  the compiled program comes to the same states, up to rounding; whether it breaks"
+        yield f"  the claim there is not known: {visible(departure.reason)}"
+        return
+    where = f"round {departure.round + 1}" if departure.round != BEFORE_ROUNDS else "the start"
+    yield f"  the compiled program departs at {where}: {visible(departure.reason)}"
+    yield from told_apart(departure.changes, "recorded", "compiled")
+
+
+def told_apart(changes: Iterable[Change], old: str, new: str) -> Iterator[str]:
+    """The locations that differ, as a table with these headings; nothing if there are none."""
+    rows = [(_location(change), change.old, change.new) for change in changes]
+    if not rows:
+        return
+    cut = [
+        tuple(shortened(visible(cell), _WIDEST) for cell in row) for row in [("", old, new), *rows]
+    ]
+    widths = [max(len(row[k]) for row in cut) for k in range(3)]
+    for row in cut:
+        yield "  " + "  ".join(c.ljust(w) for c, w in zip(row, widths, strict=True)).rstrip()
+
+
+def _location(change: Change) -> str:
+    return change.name if change.robot is None else f"{change.name} of robot {change.robot}"
+
+
+def step_lines(verdict: Verdict, style: Style) -> Iterator[str]:
+    """The step that breaks a claim which may be true all the same."""
+    system, step = verdict.system, verdict.found.step
+    assert step is not None
+    name = verdict.name
+    yield style.paint(f"{name}: not inductive", Paint.WARNING)
+    yield "  Here all claims hold (nobody knows whether a run comes here):"
+    table = RunTable(Names(system), style)
+    yield from table.configuration(step.configurations[0])
+    rounds = len(step.events)
+    for number in range(rounds):
+        last = number + 1 == rounds
+        until = f", {step.phase.value}" if last else ""
+        yield f"  One round later{until}:" if number else f"  One round on{until}:"
+        before, after = step.configurations[number : number + 2]
+        yield from table.step(_names(system, step, number), before, after)
+    yield f"  There {name} does not hold. An invariant that rules out the first would prove it."
+
+
+def _names(system: System, step: BrokenStep, number: int) -> list[str]:
+    return [
+        "" if position == NO_EVENT else system.agent(robot).events[position].name
+        for robot, position in enumerate(step.events[number])
+    ]
 
 
 def lines(verdict: Verdict, style: Style) -> Iterator[str]:

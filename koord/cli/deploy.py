@@ -23,7 +23,7 @@ from koord.cli.deployed import Board, summary
 from koord.cli.diagnostics import DiagnosticReport
 from koord.cli.exits import Exit
 from koord.cli.files import check_writable
-from koord.cli.fitting import fit_request, fitted
+from koord.cli.inputs import fit_request, fitted
 from koord.cli.progress import Interrupts
 from koord.cli.terminal import visible
 from koord.syntax.diagnostics import KoordError

@@ -8,7 +8,7 @@ from argparse import ArgumentTypeError
 from collections.abc import Iterator
 from textwrap import wrap
 
-from koord.api.explain import codes, explain
+from koord.api.documents import codes, explain
 from koord.api.results import ArgumentError
 from koord.cli.exits import Exit
 from koord.cli.terminal import PLAIN, Paint, Style, style_of

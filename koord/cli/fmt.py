@@ -10,8 +10,8 @@ from enum import Enum
 
 from msgspec import Struct
 
+from koord.api.documents import format
 from koord.api.files import InputFile, write_atomically
-from koord.api.layout import format
 from koord.cli.arguments import add_files, check_files
 from koord.cli.diagnostics import DiagnosticReport
 from koord.cli.exits import Exit, gravest

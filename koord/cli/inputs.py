@@ -1,4 +1,4 @@
-"""From the files and flags of a command to programs, with every diagnostic on the way."""
+"""From the files and flags of a command to programs and configurations, with every diagnostic."""
 
 from __future__ import annotations
 
@@ -7,10 +7,12 @@ from collections.abc import Iterable, Mapping
 
 from msgspec import Struct
 
+from koord.api.fitting import FitRequest, Fitted, beside, fit, read_configuration
 from koord.api.programs import CheckReport, Program, check, no_program
+from koord.api.results import ArgumentError
 from koord.cli.arguments import settings
 from koord.cli.diagnostics import DiagnosticReport
-from koord.cli.files import name_of, read_program
+from koord.cli.files import DASH, name_of, read_program
 from koord.syntax.diagnostics import KoordError
 from koord.syntax.literals import ParamValue
 from koord.syntax.source import Source
@@ -56,4 +58,42 @@ def check_file(path: str, reading: ReadOptions, report: DiagnosticReport) -> Che
         return None
     found = check(source, params=reading.params, properties=reading.properties)
     report.add(found.diagnostics, source, *reading.properties)
+    return found
+
+
+def fit_request(
+    arguments: argparse.Namespace,
+    report: DiagnosticReport,
+    robots: int | None = None,
+    seed: int | None = None,
+) -> FitRequest | None:
+    """What the flags ask for; what is wrong with the files goes to the report."""
+    path = arguments.config
+    if path is None and arguments.file != DASH:
+        path = beside(arguments.file, ".yaml")
+    try:
+        source = read_program(arguments.file).source
+        properties = tuple(read_program(name).source for name in arguments.properties)
+        configuration = None
+        if path is not None:
+            text = read_program(path).source
+            report.add((), text)
+            configuration = read_configuration(text)
+    except KoordError as error:
+        report.add(error.diagnostics)
+        return None
+    params = settings(arguments.settings)
+    return FitRequest(source, configuration, properties, params, arguments.delta, robots, seed)
+
+
+def fitted(request: FitRequest, report: DiagnosticReport) -> Fitted | None:
+    """Program and configuration together; what does not suit goes to the report."""
+    try:
+        found = fit(request)
+    except ArgumentError:
+        raise
+    except KoordError as error:
+        report.add(error.diagnostics, request.source, *request.properties)
+        return None
+    report.add(found.warnings)
     return found

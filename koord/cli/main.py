@@ -1,4 +1,4 @@
-"""``koord COMMAND …``: finds the command, runs it, and turns what escapes into an exit code.
+"""``koord COMMAND …``: finds the command, runs it, and turns what ends it into an exit code.
 
 ``koord --help`` has to be quick, so this file imports argparse and nothing else of weight: the
 list of commands is data, and a command's own file is imported when the command is named.
@@ -10,17 +10,68 @@ import argparse
 import errno
 import os
 import re
+import signal
 import sys
+import threading
 from collections.abc import Sequence
 from importlib import import_module
-from typing import TYPE_CHECKING, NamedTuple, NoReturn, Protocol, TextIO, cast
+from types import FrameType
+from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn, Protocol, TextIO, cast
 
-from koord.cli.endings import Endings
 from koord.cli.exits import Exit
 from koord.version import __version__
 
 if TYPE_CHECKING:
     from _typeshed import SupportsWrite
+
+
+#: What asks a process to end, and the exit code then. Windows has no SIGHUP.
+_CODES = {
+    getattr(signal, name): code
+    for name, code in (("SIGTERM", Exit.TERMINATED), ("SIGHUP", Exit.HUNG_UP))
+    if hasattr(signal, name)
+}
+
+
+class Endings:
+    """Inside the ``with``, who asks this process to end is heard as Ctrl-C is."""
+
+    def __init__(self) -> None:
+        self.by: int | None = None  #: the signal that ended it
+        self._pid = 0
+        self._before: dict[int, Any] = {}
+
+    def __enter__(self) -> Endings:
+        self._pid = os.getpid()
+        if threading.current_thread() is threading.main_thread():
+            for number in _CODES:
+                # Under nohup a hang-up is to be ignored.
+                if signal.getsignal(number) is signal.SIG_DFL:
+                    self._before[number] = signal.signal(number, self._on_signal)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for number, before in self._before.items():
+            signal.signal(number, before)
+
+    def code(self, code: int) -> int:
+        """The exit code of the command, which would have been this one."""
+        if self.by is None or code != Exit.INTERRUPTED:
+            return code
+        return _CODES[self.by]
+
+    def _on_signal(self, number: int, frame: FrameType | None) -> None:
+        if os.getpid() != self._pid:
+            # A process that was forked from this one has nothing to bring to an end.
+            signal.signal(number, signal.SIG_DFL)
+            os.kill(os.getpid(), number)
+            return
+        self.by = number
+        interrupted = signal.getsignal(signal.SIGINT)
+        if not callable(interrupted):
+            raise KeyboardInterrupt
+        interrupted(signal.SIGINT, frame)
+
 
 USAGE = "koord COMMAND [ARGUMENT ...]"
 

@@ -14,7 +14,7 @@ from koord.api.files import InputFile
 from koord.api.replay import ReplayReport, replayed
 from koord.api.traces import read_trace
 from koord.cli.arguments import add_json, check_files, number
-from koord.cli.departures import rerun_lines, told_apart
+from koord.cli.counterexamples import rerun_lines, told_apart
 from koord.cli.diagnostics import report_error
 from koord.cli.exits import Exit
 from koord.cli.files import name_of, read_program, read_written

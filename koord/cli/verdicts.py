@@ -1,17 +1,22 @@
-"""Verdicts as text."""
+"""Verdicts as tables: of a program, of each number of robots, and what proofs need."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from itertools import groupby
 from typing import TYPE_CHECKING, assert_never
 
 from msgspec.structs import replace
 
+from koord.api.programs import Program
+from koord.api.verify_report import Cones
 from koord.cli.terminal import Paint, Style, visible
+from koord.syntax.analysis.premises import Premise, PremiseKind
 from koord.syntax.problem import Problem
 from koord.verify.claims import ClaimKind
 from koord.verify.engine_names import Engine, engine_named
 from koord.verify.failures import Failure
+from koord.verify.proof_core import ProofCore
 from koord.verify.verdicts import (
     Emptiness,
     Outcome,
@@ -24,7 +29,57 @@ from koord.verify.verdicts import (
 if TYPE_CHECKING:
     from koord.api.verify_report import VerifyReport
 
-    pass
+
+def core_lines(loaded: Program, found: ProofCore, style: Style) -> Iterator[str]:
+    """A table: what is needed, what is not, and what there was no time to leave out."""
+    if not found.claims:
+        yield "  nothing holds in every round, so nothing rests on anything"
+        return
+    if not found.needed:
+        yield "  what holds in every round rests on no assumption, contract or summary"
+    parts = (
+        ("what holds in every round rests on", found.needed),
+        ("and not on", found.spare),
+        ("not tried in time", found.untried),
+    )
+    for heading, premises in parts:
+        if premises:
+            yield f"  {heading}:"
+            yield from _rows(loaded, premises, style)
+
+
+def _rows(loaded: Program, premises: Sequence[Premise], style: Style) -> Iterator[str]:
+    grouped = groupby(premises, key=lambda p: (p.kind, p.name, p.span, p.promises))
+    rows = []
+    for (kind, name, span, promises), group in grouped:
+        numbers = [premise.promise for premise in group]
+        place = f"{span.file}:{span.line}"
+        rows.append((kind.value, place, _what(loaded, kind, name, numbers, promises, span.line)))
+    widths = [max(len(row[k]) for row in rows) for k in range(2)]
+    for kind_, place, what in rows:
+        edge = style.paint(place.ljust(widths[1]), Paint.GUTTER)
+        yield f"    {kind_.ljust(widths[0])}  {edge}  {what}"
+
+
+def _what(
+    loaded: Program, kind: PremiseKind, name: str, numbers: list[int], of: int, line: int
+) -> str:
+    if kind is PremiseKind.ASSUMPTION:
+        return loaded.source.line_text(line).strip()
+    if len(numbers) == of:
+        return name
+    listed = ", ".join(map(str, numbers))
+    return f"{name}: promise{'s' if len(numbers) > 1 else ''} {listed} of {of}"
+
+
+def cone_lines(cones: Cones) -> Iterator[str]:
+    """A line for each claim that cannot depend on all of the program."""
+    for claim, parts in cones.left_out.items():
+        yield f"{claim} does not depend on {', '.join(parts)}."
+    for claim, parts in cones.returned_to.items():
+        what = f"a loop that breaks {claim} has to come back to {', '.join(parts)} all the same"
+        yield f"{what}: where one of the slice does not, engines are asked about more than that."
+
 
 #: So many invariants that were found are shown; files have all of them.
 MOST_SHOWN = 12
@@ -225,3 +280,21 @@ def _robots(problem: Problem, report: Report) -> str:
     if all(v.engine is Engine.EVERY_N for v in report.verdicts):
         return replace(problem, kinds=None).fleet
     return problem.fleet
+
+
+def heading(problem: Problem, style: Style) -> list[str]:
+    """What stands above the table: what is the same for all numbers of robots."""
+    return [
+        style.paint(visible(f"{problem.name}: {', '.join(problem.values)}"), Paint.BOLD),
+        "",
+        f"  {'robots':>6}  {'outcome':<26}  {'engines':<20}  {'time':>9}",
+    ]
+
+
+def row(found: VerifyReport, style: Style) -> str:
+    """One line of the table, to be printed as soon as it is known."""
+    report = found.report
+    shown = style.paint(outcome_of(report).ljust(26), PAINT[report.outcome])
+    engines = ", ".join(engine.value for engine in found.engines)
+    time = f"{report.seconds:.2f} s"
+    return f"  {found.system.robots:>6}  {shown}  {engines:<20}  {time:>9}"

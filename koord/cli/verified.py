@@ -67,21 +67,21 @@ def _show(report: VerifyReport, request: Request, parts: Parts) -> None:
                 for text in counterexamples.lines(verdict, style):
                     print(text)
         elif request.explain and verdict.found.step is not None:
-            from koord.cli.steps import step_lines
+            from koord.cli.counterexamples import step_lines
 
             print()
             with parts.enduring(f"the step of {verdict.name}"):
                 for text in step_lines(verdict, style):
                     print(text)
     if request.explain:
-        from koord.cli.slices import cone_lines
+        from koord.cli.verdicts import cone_lines
 
         with parts.enduring("what claims do not depend on"):
             independent = list(cone_lines(report.cones))
             if independent:
                 print("\n" + "\n".join(independent))
     if report.rests_on is not None:
-        from koord.cli.premises import core_lines
+        from koord.cli.verdicts import core_lines
 
         print()
         with parts.enduring("what the proofs rest on"):
@@ -101,20 +101,20 @@ def tell_sweep(
     from koord.api import pictures
     from koord.api.verdicts import Parts
     from koord.api.verify_report import failure_dict
-    from koord.cli import sweeps
+    from koord.cli import verdicts
 
     style = style_of(sys.stdout)
     of_all = program.problem(None, request.delta_s)
     points: list[VerifyReport] = []
     if not request.as_json:
-        print("\n".join(sweeps.heading(of_all, style)))
+        print("\n".join(verdicts.heading(of_all, style)))
     for report in reports:
         points.append(report)
         parts = Parts(_complain)
         told.append(report.document(parts))
         told[-1]["failures"] = [failure_dict(f) for f in (*report.failures, *parts.failures)]
         if not request.as_json:
-            print(sweeps.row(report, style), flush=True)
+            print(verdicts.row(report, style), flush=True)
         if report.interrupted:
             break
     if request.plot is not None and points:

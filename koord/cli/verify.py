@@ -1,17 +1,20 @@
-"""``koord verify FILE…``: a verdict on every property of a program."""
+"""``koord verify FILE…``: a verdict on every property; ``--export`` and ``--watch`` besides."""
 
 from __future__ import annotations
 
 import argparse
 import json
+import os
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from itertools import islice
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from msgspec.structs import replace
 
+from koord.api.export import FORMATS, NAME, Wanted, exported
 from koord.api.programs import Program
 from koord.api.progress import cores
 from koord.api.results import ArgumentError
@@ -30,16 +33,128 @@ from koord.cli.arguments import (
 )
 from koord.cli.diagnostics import DiagnosticReport, report_error
 from koord.cli.exits import Exit, gravest
-from koord.cli.exporting import add_export, export
-from koord.cli.files import DASH
+from koord.cli.files import DASH, check_writable
 from koord.cli.inputs import ReadOptions, load_programs
 from koord.cli.progress import Interruption, LiveLine, TimeUpError, time_limit
 from koord.cli.requests import Request, request_of
-from koord.cli.watching import watched
 from koord.syntax.diagnostics import KoordError
 
 if TYPE_CHECKING:
     from koord.api.verify_report import VerifyReport
+
+
+def add_export(parser: argparse.ArgumentParser) -> None:
+    """Add the flags."""
+    parser.add_argument(
+        "--export",
+        choices=FORMATS,
+        help="verify nothing: write the claims as a problem for other tools",
+    )
+    parser.add_argument(
+        "-o",
+        "--output",
+        metavar="FILE",
+        default=DASH,
+        help="where --export writes to; a name in .aig makes AIGER binary (-)",
+    )
+
+
+def export(arguments: argparse.Namespace) -> int:
+    """Write the claims about one program as a problem."""
+    if len(arguments.files) > 1 or len(arguments.robots) > 1 or arguments.robots[0].any_number:
+        raise argparse.ArgumentTypeError("--export takes one program and one number of robots")
+    output = arguments.output
+    if output != DASH:
+        check_writable(output, (*arguments.files, *arguments.properties))
+    report = DiagnosticReport()
+    programs = load_programs(arguments.files, ReadOptions.of(arguments), report)
+    report.print(sys.stderr, as_json=False)
+    if report.errors:
+        return Exit.BAD_INPUT
+    (program,) = programs
+    wanted = Wanted(
+        program,
+        system_of(program.core, arguments.robots[0], arguments.delta),
+        arguments.export,
+        tuple(arguments.names),
+        arguments.rounds,
+        arguments.timeout,
+        _module(output) if arguments.export == "tla" else None,
+        output.endswith(".aig"),
+    )
+    try:
+        with LiveLine(sys.stderr) as line:
+            made = exported(wanted, line.show, lambda: False)
+    except ArgumentError:
+        raise
+    except KoordError as error:  # of what the other language cannot say
+        report_error(error, as_json=False, sources=report.sources.values())
+        return Exit.BAD_INPUT
+    except TimeoutError as error:
+        print(f"koord verify: {error}", file=sys.stderr)
+        return Exit.UNKNOWN
+    for note in made.notes:
+        print(f"koord verify: {note}", file=sys.stderr)
+    if output == DASH:
+        sys.stdout.write(made.content.decode())
+    else:
+        made.save(output)
+    return Exit.OK
+
+
+def _module(output: str) -> str | None:
+    """The name of a module in that file; None: no file says."""
+    if output == DASH:
+        return None
+    path = Path(output)
+    if not NAME.fullmatch(path.stem) or path.suffix != ".tla":
+        raise argparse.ArgumentTypeError(
+            f"--export tla: a module has the name of its file, and {path.name!r} is none; "
+            "write letters, digits and _, and .tla"
+        )
+    return path.stem
+
+
+#: Often enough to answer at once, seldom enough to cost nothing.
+POLL_S = 0.25
+
+#: A file's time of change and size; None while it is not there, as between the steps of a save.
+Stamp = tuple[int, int] | None
+
+
+def watched(
+    paths: Sequence[str],
+    work: Callable[[], int],
+    *,
+    pause: Callable[[float], None] = time.sleep,
+) -> int:
+    """Do the work now and after each change, until Ctrl-C; the exit code of the last time."""
+    code = 0
+    try:
+        while True:
+            # Before the work: a change that comes during it counts.
+            before = _stamps(paths)
+            code = work()
+            print("\nwatching; Ctrl-C ends it", file=sys.stderr, flush=True)
+            while _stamps(paths) in (before, None):
+                pause(POLL_S)
+            print(file=sys.stderr)
+    except KeyboardInterrupt:
+        return code
+
+
+def _stamps(paths: Sequence[str]) -> list[Stamp] | None:
+    """The stamps of all files; None while one is not there."""
+    found = [_stamp(path) for path in paths]
+    return None if None in found else found
+
+
+def _stamp(path: str) -> Stamp:
+    try:
+        status = os.stat(path)
+    except OSError:
+        return None
+    return status.st_mtime_ns, status.st_size
 
 
 def configure(parser: argparse.ArgumentParser) -> None:

@@ -1,18 +1,135 @@
-"""Expressions of a body, as terms: chapter 2 of the semantics, thought of once more."""
+"""Expressions of a body as terms, calls of external functions included. [EXTERNAL]"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from fractions import Fraction
 from typing import assert_never
 
-from koord.recheck import all_robots, externals, maps, places, quantifiers
+from koord.recheck import all_robots, maps, places, sums
 from koord.recheck.body import RunningBody
 from koord.recheck.sorts import Family, NotRecheckedError, Value
 from koord.recheck.storage import Frame, Storage
 from koord.recheck.terms import Term
+from koord.recheck.values import Values
+from koord.recheck.world import opened
 from koord.syntax import core
 from koord.syntax.core import BinaryOp, ListOp, UnaryOp
-from koord.syntax.types import ArrayType, BoolType, FloatType, MapType, Type
+from koord.syntax.types import (
+    ArrayType,
+    BoolType,
+    FloatType,
+    GrowingType,
+    MapType,
+    Type,
+    atoms,
+    contains,
+)
+from koord.syntax.walk import nodes
+
+
+def answer(body: RunningBody, e: core.ExternalCall) -> Value:
+    """Any answer that the summary allows; the same to the same question. [EXTERNAL]"""
+    function = body.world.program.external(e.function)
+    if any(contains(v.type, MapType) for v in (function.result, *function.parameters)):
+        # What is supposed of all maps would be supposed of those that are none.
+        raise NotRecheckedError("external functions of maps are not rechecked", e.span)
+    arguments = [body.value(argument) for argument in e.arguments]
+    pairs = list(zip(arguments, function.parameters, strict=True))
+    result = function.result.type
+    if function.kind is core.ExternalKind.FRESH:
+        if body.closed:
+            raise NotRecheckedError("a fresh answer in a property is not rechecked", e.span)
+        found: Value = body.v.fresh(f"{function.name} by {who(body.robot)}", result)
+    else:
+        flat = [term for a, p in pairs for term, _ in body.v.leaves(a, p.type)]
+        found = body.v.applied(function.name, flat, result)
+    if body.in_summary:
+        return found
+    for term, type_ in body.v.leaves(found, result):
+        for bound in body.v.bounds(term, type_):
+            body.require(bound)
+    met, promised = _summary(body, function, arguments, found)
+    body.fault_unless(met, f"what {function.name} requires is not met", e.span)
+    if not (function.kind is core.ExternalKind.FUNCTION and _promise_always(body, function)):
+        body.require(body.t.implies(met, promised))
+    return found
+
+
+def _summary(
+    body: RunningBody, function: core.External, arguments: Sequence[Value], answer: Value
+) -> tuple[Term, Term]:
+    """What a function requires, and what it promises of an answer."""
+    outer, body.bound = (
+        body.bound,
+        [
+            *(
+                body.s.stored(a, p.type)
+                for a, p in zip(arguments, function.parameters, strict=True)
+            ),
+            body.s.stored(answer, function.result.type),
+            *[None] * (function.bound - len(arguments) - 1),
+        ],
+    )
+    inside, body.in_summary = body.in_summary, True
+    met = body.t.conjunction([body.statement(r) for r in function.requires])
+    # A promise that looks into a sealed list is left out: that only makes proofs harder.
+    kept = [q for q in function.ensures if not _looks_inside(body, q)]
+    promised = body.t.conjunction([body.statement(q) for q in kept])
+    body.in_summary, body.bound = inside, outer
+    return met, promised
+
+
+def _promise_always(asking: RunningBody, function: core.External) -> bool:
+    """Suppose the summary of all questions at once, where any number of robots may ask.
+
+    A mathematical function keeps it for all arguments, asked for or not. [EXTERNAL] Not where
+    one is a list that is looked into: there it is supposed of each question.
+    """
+    v = asking.v
+    if v.robots is not None or any(_is_long(p.type, v) for p in function.parameters):
+        return False
+    if function.name not in v.promised:
+        v.promised.add(function.name)
+        binders: list[Term] = []
+        with v.scoped(()):
+            body = asking.apart()
+            names = [f"{function.name} {p.name}" for p in function.parameters]
+            asked: list[Value] = [
+                sums.binder(body, name, p.type, binders)
+                for name, p in zip(names, function.parameters, strict=True)
+            ]
+            flat = [
+                term
+                for a, p in zip(asked, function.parameters, strict=True)
+                for term, _ in v.leaves(a, p.type)
+            ]
+            answer = v.applied(function.name, flat, function.result.type)
+            met, promised = _summary(body, function, asked, answer)
+            inside = [
+                bound
+                for a, p in zip(asked, function.parameters, strict=True)
+                for term, type_ in v.leaves(a, p.type)
+                for bound in v.bounds(term, type_)
+            ]
+            known = v.t.conjunction([met, *inside])
+            v.ranges.append(v.t.for_all(binders, v.t.implies(known, promised)))
+    return True
+
+
+def _looks_inside(body: RunningBody, promise: core.Expr) -> bool:
+    sealed = body.world.sealed
+    return any(type_ in sealed for node in nodes(promise) for type_ in opened(node))
+
+
+def _is_long(type_: Type, v: Values) -> bool:
+    """Whether there are lists in a value that are sequences to the solver."""
+    return any(isinstance(atom, GrowingType) and atom not in v.sealed for atom in atoms(type_))
+
+
+def who(robot: Term | None) -> str:
+    """Who runs, as a part of the name of an unknown."""
+    return "a robot" if robot is None or robot.value is None else robot.head
 
 
 def value(body: RunningBody, e: core.Expr) -> Value:
@@ -43,19 +160,17 @@ def value(body: RunningBody, e: core.Expr) -> Value:
         case core.Call():
             return _call(body, e)
         case core.ExternalCall():
-            return externals.answer(body, e)
+            return answer(body, e)
         case core.Choose():
             return _choose(body, e)
         case core.Quantified():
-            return quantifiers.quantified(body, e)
+            return sums.quantified(body, e)
         case core.Ran() | core.Stopped() if body.crowd is not None:
             return all_robots.of_robot(body, e)
         case core.Ran():
-            return quantifiers.of_robots(
-                body, e.robot, [quantifiers.ran(body, e, i) for i in body.everyone()]
-            )
+            return sums.of_robots(body, e.robot, [sums.ran(body, e, i) for i in body.everyone()])
         case core.Stopped():
-            return quantifiers.of_robots(
+            return sums.of_robots(
                 body, e.robot, [body.state().robots[i].stopped for i in body.everyone()]
             )
         case core.MakeMap():
@@ -194,7 +309,7 @@ def _choose(body: RunningBody, e: core.Choose) -> Value:
         raise NotRecheckedError("choose in a property is not rechecked", e.span)
     low, high = body.condition(e.low), body.condition(e.high)
     body.fault_unless(body.t.at_most(low, high), "empty range to choose from", e.span)
-    chosen = body.v.fresh(f"choice by {externals.who(body.robot)}", e.type)
+    chosen = body.v.fresh(f"choice by {who(body.robot)}", e.type)
     assert isinstance(chosen, Term)
     body.require(body.t.both(body.t.at_most(low, chosen), body.t.at_most(chosen, high)))
     return chosen

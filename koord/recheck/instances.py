@@ -17,7 +17,7 @@ from itertools import product
 from msgspec import Struct, field
 
 from koord.recheck.claims import Entailment, Goal, Obligation
-from koord.recheck.discharge import Discharged, Settling, conjuncts
+from koord.recheck.obligations import Discharged, Settling, conjuncts
 from koord.recheck.solving import SolverAnswer
 from koord.recheck.terms import BOOL, INT, Term
 from koord.recheck.values import Values

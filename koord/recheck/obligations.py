@@ -1,32 +1,42 @@
-"""What has to be shown for claims to hold in every round: one obligation per step of a robot.
+"""What has to be shown, one obligation per step of a robot; and the solver that is asked.
 
 The argument that these are enough is T-PER-EVENT of ``specs/certificates/README.md``.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import math
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from functools import partial
+
+from msgspec import Struct, field
+from msgspec.structs import replace
 
 from koord.recheck.claims import (
     NO_START,
     Claim,
     ClaimKind,
     Entailment,
+    Goal,
     History,
     Obligation,
+    ShownTerm,
     sound,
     taken,
 )
 from koord.recheck.rounds import Rounds
+from koord.recheck.script import Script
+from koord.recheck.solving import SolverAnswer, SolverEndedError, SolverSession
 from koord.recheck.steps import RoundObligations
 from koord.recheck.storage import Cell, State, Storage, Storages
-from koord.recheck.terms import Term
+from koord.recheck.terms import Term, Terms
 from koord.recheck.turns import Initialisation, Turns
 from koord.recheck.values import Values
 from koord.recheck.world import Instance, Key
 from koord.syntax import core
 from koord.syntax.core import Home
+from koord.syntax.types import EnumType
 
 
 class Obligations:
@@ -181,3 +191,203 @@ def _has_unknown(storage: Storage) -> bool:
         elif not isinstance(value, Term) or value.value is None:
             return bool(storage.is_set.value)
     return False
+
+
+#: What an attempt that knows less may take.
+QUICK_S = 1.0
+
+#: After so many in vain, and no more successes, quick attempts are not worth it.
+_MOST_QUICK_FAILS = 2
+
+
+class Discharged(Struct, frozen=True):
+    """What became of an obligation: ``claim`` is the goal that does not follow, or is not known to.
+
+    ``state`` is the solver's counterexample, in the words of the program.
+    """
+
+    name: str
+    answer: SolverAnswer
+    claim: str = ""
+    state: tuple[str, ...] = ()
+    #: What it means that nothing satisfies the hypotheses; empty if something may.
+    hollow: str = ""
+
+
+class Settling(Struct):
+    """Puts obligations to one session."""
+
+    values: Values
+    session: SolverSession
+    deadline: Callable[[], float]  #: how many seconds the next question may take
+    progress: Callable[[str], None] = lambda text: None
+    _script: Script = field(default_factory=Script)
+    _declared: int = 0
+    _quick_fails: int = 0
+
+    def weighed(self, one: Discharged, obligation: Obligation) -> Discharged:
+        """The same, with what it means that it is met by nothing, if that is soon found out."""
+        if not obligation.hollow or one.answer is not SolverAnswer.UNSAT:
+            return one
+        with self.pushed([*self.values.ranges, *obligation.attempts[0]().hypotheses]):
+            is_hollow = self._check(quick=True) is SolverAnswer.UNSAT
+        return replace(one, hollow=obligation.hollow) if is_hollow else one
+
+    def settled(self, obligation: Obligation) -> Discharged:
+        *quick, exact = obligation.attempts
+        for attempt in quick:
+            if self._quick_fails > _MOST_QUICK_FAILS:
+                break  # this program needs to know more
+            if self._tried(obligation.name, attempt(), (), quick=True).answer is SolverAnswer.UNSAT:
+                self._quick_fails = max(0, self._quick_fails - 1)
+                return Discharged(obligation.name, SolverAnswer.UNSAT)
+            self._quick_fails += 1
+        return self.exactly(obligation.name, exact())
+
+    def exactly(self, name: str, attempt: Entailment, without: Sequence[str] = ()) -> Discharged:
+        """One attempt; the claims in ``without`` are shown elsewhere."""
+        return self._tried(name, attempt, without)
+
+    def _tried(
+        self, name: str, attempt: Entailment, without: Sequence[str], *, quick: bool = False
+    ) -> Discharged:
+        t = self.values.t
+        known = {id(part) for fact in attempt.hypotheses for part in _parts(fact)}
+        goals = []
+        for goal in attempt.goals:
+            if goal.claim in without:
+                continue
+            left = [part for part in _parts(goal.holds) if id(part) not in known]
+            if any(part.value is not True for part in left):
+                goals.append(replace(goal, holds=t.conjunction(left)))
+        if not goals:
+            return Discharged(name, SolverAnswer.UNSAT)
+        # What answers satisfy that any claim asks for, they satisfy.
+        legal = [goal.legal for goal in attempt.goals]
+        proved: list[Goal] = []
+        with self.pushed([*self.values.ranges, *attempt.hypotheses, *legal]):
+            with self.pushed([t.negation(t.conjunction(goal.holds for goal in goals))]):
+                answer = self._check(quick=quick)
+            if quick or answer is SolverAnswer.UNSAT:
+                return Discharged(name, answer)
+            settled = self._one_by_one(name, attempt, goals, proved)
+        if settled.answer is not SolverAnswer.UNKNOWN or not proved:
+            return settled
+        # Perhaps what is open follows from the goals that are proved, with nothing else given.
+        left_over = [goal for goal in goals if goal not in proved]
+        with self.pushed([*self.values.ranges, *legal, *(goal.holds for goal in proved)]):
+            found = [self._alone(name, attempt, goal).answer for goal in left_over]
+        if all(answer is SolverAnswer.UNSAT for answer in found):
+            return Discharged(name, SolverAnswer.UNSAT)
+        return settled
+
+    def _one_by_one(
+        self, name: str, attempt: Entailment, goals: Sequence[Goal], proved: list[Goal]
+    ) -> Discharged:
+        """Each goal by itself; what follows is known for the rest."""
+        left = list(goals)
+        while True:
+            waiting = []
+            for goal in left:
+                settled = self._alone(name, attempt, goal)
+                if settled.answer is SolverAnswer.SAT:
+                    return settled
+                if settled.answer is SolverAnswer.UNKNOWN:
+                    waiting.append(goal)
+                else:
+                    proved.append(goal)
+                    self.tell([goal.holds])
+            if not waiting:
+                return Discharged(name, SolverAnswer.UNSAT)
+            if len(waiting) == len(left):
+                return Discharged(name, SolverAnswer.UNKNOWN, waiting[0].claim)
+            left = waiting
+
+    def _alone(self, name: str, attempt: Entailment, goal: Goal) -> Discharged:
+        """One goal, case by case."""
+        for case in conjuncts(self.values.t, goal.holds):
+            with self.pushed([self.values.t.negation(case)]):
+                answer = self._check()
+                if answer is SolverAnswer.SAT:
+                    state = tuple(self._told(attempt.shown))
+                    return Discharged(name, answer, goal.claim, state)
+            if answer is SolverAnswer.UNKNOWN:
+                return Discharged(name, answer, goal.claim)
+        return Discharged(name, SolverAnswer.UNSAT, goal.claim)
+
+    def _check(self, *, quick: bool = False) -> SolverAnswer:
+        return self.check(QUICK_S if quick else math.inf)
+
+    @contextmanager
+    def pushed(self, facts: Sequence[Term]) -> Iterator[None]:
+        """Assert something for a while."""
+        self.session.tell(["(push 1)", *self._asserted(facts)])
+        try:
+            yield
+        finally:
+            self.session.tell(["(pop 1)"])
+
+    def tell(self, facts: Sequence[Term]) -> None:
+        """Assert something until what was pushed last is taken back."""
+        self.session.tell(self._asserted(facts))
+
+    def check(self, seconds: float) -> SolverAnswer:
+        """Whether what is asserted can hold."""
+        left = min(seconds, self.deadline())
+        if left <= 0:
+            return SolverAnswer.UNKNOWN
+        self.session.allow(left)
+        return self.session.check()
+
+    def _asserted(self, terms: Sequence[Term]) -> list[str]:
+        commands: list[str] = []
+        for term in terms:
+            if term.value is True:
+                continue
+            definitions, text = self._script.text(term)
+            commands += [*definitions, f"(assert {text})"]
+        news = self.values.declarations[self._declared :]
+        self._declared = len(self.values.declarations)
+        return [*news, *commands]
+
+    def _told(self, shown: Sequence[ShownTerm]) -> Iterator[str]:
+        """The counterexample, in the words of the program."""
+        for one in shown:
+            definitions, text = self._script.text(one.term)
+            news = self.values.declarations[self._declared :]
+            self._declared = len(self.values.declarations)
+            try:
+                if news or definitions:
+                    self.session.tell([*news, *definitions])
+                value = self.session.values([text])[0]
+            except SolverEndedError as error:  # what it found stands
+                yield f"{one.what} is not known, nor what comes after it: {error} when it was asked"
+                return
+            if isinstance(one.type, EnumType) and value.isdigit():
+                number = int(value)
+                if number < len(one.type.members):
+                    value = one.type.members[number]
+            if one.what.startswith("robot "):
+                if value == "true":
+                    yield one.what
+            else:
+                yield f"{one.what} = {value}"
+
+
+def _parts(term: Term) -> tuple[Term, ...]:
+    """The parts of a conjunction as it is written."""
+    return term.args if term.head == "and" else (term,)
+
+
+def conjuncts(t: Terms, term: Term) -> list[Term]:
+    """Terms that hold together if and only if this one does: ``a or (b and c)`` is two of them."""
+    if term.head == "and":
+        return [part for arg in term.args for part in conjuncts(t, arg)]
+    if term.head == "or":
+        for k, arg in enumerate(term.args):
+            if arg.head == "and":
+                rest = [*term.args[:k], *term.args[k + 1 :]]
+                return [p for x in arg.args for p in conjuncts(t, t.disjunction([*rest, x]))]
+    if term.head == "forall":
+        return [t.for_all(term.binders, part) for part in conjuncts(t, term.args[0])]
+    return [term]

@@ -29,14 +29,12 @@ from koord.refinement.instrumented_robot import (
 from koord.refinement.running import Compiled, CompiledRun
 from koord.refinement.sampling_hosts import SeededHost, settled_starts
 from koord.refinement.trace_merge import gathered
-from koord.runtime.chaos.faults import CALM, Faults
-from koord.runtime.chaos.network import Network, Newborn
-from koord.runtime.chaos.unreliable import Unreliable
+from koord.runtime.chaos.ether import Unreliable
+from koord.runtime.chaos.network import CALM, Faults, Network, Newborn
 from koord.runtime.configuration.checking import load as load_configuration
 from koord.runtime.deploy.ideal import IdealHost, is_place, point_of, unanswered
-from koord.runtime.deploy.local import Launch, LocalProcesses, launched
+from koord.runtime.deploy.local import Launch, LocalProcesses, launched, local_plan
 from koord.runtime.deploy.member import Platform
-from koord.runtime.deploy.networks import local_plan
 from koord.runtime.deploy.running import Job
 from koord.runtime.protocol.messages import Message
 from koord.runtime.protocol.setup import Setup, Timing

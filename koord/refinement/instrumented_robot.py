@@ -19,7 +19,7 @@ from koord.runtime.deploy.journal import Journal
 from koord.runtime.deploy.member import Member, Platform
 from koord.runtime.motion.world import Point
 from koord.runtime.proposals import INIT_ROUND, Admitted, Decision, EventFault, Faulted, Proposal
-from koord.runtime.protocol.entries import LogEntry
+from koord.runtime.protocol.messages import LogEntry
 from koord.runtime.robot import Robot, Turn
 from koord.semantics.configurations import Robot as RobotState
 from koord.semantics.configurations import Written

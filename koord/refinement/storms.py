@@ -15,7 +15,7 @@ from koord.refinement.deployed import Expedition, read_from, spare, written_to
 from koord.refinement.instrumented_robot import Acted, Coordinated, InstrumentedRobot, Told
 from koord.refinement.judging import Judged, judge
 from koord.runtime.chaos.ether import BadHub, plan, plugged_in
-from koord.runtime.chaos.faults import Faults
+from koord.runtime.chaos.network import Faults
 from koord.runtime.deploy.local import Launch, LocalProcesses, launched
 from koord.runtime.deploy.running import Job
 

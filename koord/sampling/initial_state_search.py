@@ -9,8 +9,8 @@ from msgspec import Struct
 
 from koord.sampling.conjuncts import false_beforehand
 from koord.sampling.constraint_guesses import placed, repairs
+from koord.sampling.library import driven
 from koord.sampling.sampled_inputs import SampledInputs
-from koord.sampling.stand_ins import driven
 from koord.semantics.configurations import Configuration, Robot
 from koord.semantics.domain import Constant, Domain
 from koord.semantics.environment import environment_turn

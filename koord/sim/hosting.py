@@ -15,8 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from koord.runtime.motion.library import Library
-from koord.runtime.motion.mapping import occupied
+from koord.runtime.motion.library import Library, occupied
 from koord.runtime.motion.world import Point
 from koord.runtime.robot import Key, Robot, Turn
 from koord.runtime.shapes import (

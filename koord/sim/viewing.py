@@ -1,13 +1,20 @@
-"""The page that shows a run: one file that loads nothing, or the same served while it goes on."""
+"""The page that shows a run: one file that loads nothing, or the same served while it goes on.
+
+The page is the one that a finished run is kept in; what it shows comes as packs
+(:mod:`koord.sim.packing`) in a stream of server-sent events, to each browser from the beginning.
+"""
 
 from __future__ import annotations
 
 import base64
 import html
 import re
+import threading
+import time
 import zlib
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from importlib.resources import files
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 from koord.sim.packing import pack
 from koord.sim.run_log import LogSizes, RunLog
@@ -71,3 +78,130 @@ def _page(program: str, data: str) -> bytes:
 
 def _text(name: str) -> str:
     return (files("koord.sim") / "page" / name).read_text("utf-8")
+
+
+#: Nobody else is to see the run: only this machine.
+_HOST = "127.0.0.1"
+#: By these names browsers on this machine may ask. Another name is that of a foreign page.
+_NAMES = ("127.0.0.1", "localhost")
+
+#: How often what is new is sent.
+_PERIOD_S = 0.2
+
+
+class _Server(ThreadingHTTPServer):
+    """Browsers come and go, and break connections off: that is nobody's mistake."""
+
+    daemon_threads = True
+
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """Nothing: the run goes on, and another request is answered anew."""
+
+
+class Live:
+    """A server for one run. ``with Live(recording) as live: …`` serves it at ``live.address``.
+
+    Raises OSError if the port is taken.
+    """
+
+    def __init__(self, recording: RunLog, port: int = 0) -> None:
+        """``port`` 0 is any that is free."""
+        self._recording = recording
+        self._over = threading.Event()
+        self._watching = 0
+        self._change = threading.Condition()
+        page = live_page(recording.header.program)
+        live = self
+
+        class Handler(BaseHTTPRequestHandler):
+            protocol_version = "HTTP/1.1"
+
+            def do_GET(self) -> None:
+                live._answer(self, page)
+
+            def log_message(self, format: str, *arguments: Any) -> None:
+                """Nothing: what is said to users is said by the command line."""
+
+        self._server = _Server((_HOST, port), Handler)
+        self._thread = threading.Thread(target=self._serve, name="live page", daemon=True)
+
+    @property
+    def address(self) -> str:
+        return f"http://{_HOST}:{self._server.server_address[1]}/"
+
+    def __enter__(self) -> Live:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._over.set()
+        self._server.shutdown()
+        self._server.server_close()
+        self._thread.join()
+
+    def wait_for_watchers(self, patience_s: float) -> None:
+        """Wait until every browser that watches has the end of the run."""
+        with self._change:
+            self._change.wait_for(lambda: self._watching == 0, patience_s)
+
+    # --- inside ---------------------------------------------------------------------------------
+
+    def _serve(self) -> None:
+        self._server.serve_forever(poll_interval=0.1)
+
+    def _answer(self, request: BaseHTTPRequestHandler, page: bytes) -> None:
+        name = request.headers.get("Host", "").rpartition(":")[0]
+        if name not in _NAMES:
+            request.send_error(403)
+        elif request.path == "/":
+            request.send_response(200)
+            request.send_header("Content-Type", "text/html; charset=utf-8")
+            request.send_header("Content-Length", str(len(page)))
+            request.send_header("Cache-Control", "no-store")
+            request.end_headers()
+            request.wfile.write(page)
+        elif request.path == "/packs":
+            self._stream(request)
+        else:
+            request.send_error(404)
+
+    def _stream(self, request: BaseHTTPRequestHandler) -> None:
+        request.close_connection = True
+        request.send_response(200)
+        request.send_header("Content-Type", "text/event-stream")
+        request.send_header("Cache-Control", "no-store")
+        request.end_headers()
+        with self._change:
+            self._watching += 1
+        try:
+            self._send_all(request)
+        except OSError:
+            pass  # the browser went away
+        finally:
+            with self._change:
+                self._watching -= 1
+                self._change.notify_all()
+
+    def _send_all(self, request: BaseHTTPRequestHandler) -> None:
+        sent = LogSizes()
+        while not sent.ended and not self._over.is_set():
+            now = self._recording.sizes
+            if now != sent:
+                packed = base64.b64encode(pack(self._recording, sent, now))
+                request.wfile.write(b"event: pack\ndata: " + packed + b"\n\n")
+                request.wfile.flush()
+                sent = now
+            self._over.wait(_PERIOD_S)
+
+
+class Throttle:
+    """Keeps simulated time from passing quicker than so many times that of the wall."""
+
+    def __init__(self, factor: float) -> None:
+        self._factor, self._began = factor, time.monotonic()
+
+    def keep(self, time_s: float) -> None:
+        """Wait until a simulated time is due."""
+        early = self._began + time_s / self._factor - time.monotonic()
+        if early > 0:
+            time.sleep(early)

@@ -20,10 +20,9 @@ from koord.syntax.diagnostics import KoordError, Severity, refusal
 from koord.syntax.source import Source, visible
 from koord.syntax.system import System
 from koord.traces import form
-from koord.traces.decode_runs import decode_run
-from koord.traces.encode_runs import encode_run
 from koord.traces.form import FORMAT, LOOP, PLAIN, VERSION
 from koord.traces.json_reader import FormError, JsonNode, parse
+from koord.traces.run_codec import decode_run, encode_run
 from koord.traces.trace import Sources, Trace, digest
 from koord.traces.value_codec import (
     Json,

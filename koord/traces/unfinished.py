@@ -10,7 +10,7 @@ import json
 from typing import BinaryIO
 
 from koord.traces.codec import encode, rendered_rounds
-from koord.traces.encode_runs import encode_rounds
+from koord.traces.run_codec import encode_rounds
 from koord.traces.trace import Trace
 
 #: Where rounds begin. Strings in JSON have no line breaks: this is nowhere else.

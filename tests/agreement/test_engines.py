@@ -17,7 +17,7 @@ import pytest
 
 from koord.api.verdicts import trace_of
 from koord.refinement.compiled_replay import rerun
-from koord.refinement.generating.profiles import FINITE, SYMMETRIC
+from koord.refinement.generating.palette import FINITE, SYMMETRIC
 from koord.refinement.generating.programs import system
 from koord.refinement.running import ready
 from koord.semantics.every_number import NotFiniteError
@@ -29,9 +29,9 @@ from koord.verify.claims import Claim, ClaimKind, claims_of
 from koord.verify.effort import Deadline, Effort
 from koord.verify.engine_names import Engine
 from koord.verify.engines.every_n.proving import SPARING, prove
-from koord.verify.engines.explicit.findings import Exhausted, GoalKind, Violated
 from koord.verify.engines.explicit.finiteness import NotFinite
 from koord.verify.engines.explicit.limits import Limits
+from koord.verify.engines.explicit.property_checks import Exhausted, GoalKind, Violated
 from koord.verify.engines.explicit.search import survey
 from koord.verify.verdicts import Counterexample, Outcome, Verdict
 from tests.generators.large import large

@@ -20,7 +20,7 @@ from koord.syntax.walk import nodes
 from koord.traces.trace import Numbers, traced
 from koord.verify.effort import Deadline
 from koord.verify.engine_names import Engine
-from koord.verify.reduction.slices import Slices
+from koord.verify.reduction.slicing import Slices
 from koord.verify.strategy.liveness import settled
 from koord.verify.strategy.table import LIVENESS
 from koord.verify.verdicts import Bounds, Emptiness, Outcome

@@ -17,8 +17,8 @@ from koord.refinement.generating.programs import system
 from koord.traces.trace import Numbers, traced
 from koord.verify.effort import Deadline
 from koord.verify.engine_names import Engine
-from koord.verify.engines.explicit.findings import Exhausted
-from koord.verify.reduction.slices import Slices
+from koord.verify.engines.explicit.property_checks import Exhausted
+from koord.verify.reduction.slicing import Slices
 from koord.verify.strategy.liveness import settled
 from koord.verify.strategy.table import LIVENESS
 from koord.verify.verdicts import Bounds, Outcome

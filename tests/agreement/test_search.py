@@ -11,22 +11,22 @@ from random import Random
 
 import pytest
 
-from koord.refinement.generating.profiles import FINITE, SYMMETRIC, Profile
+from koord.refinement.generating.palette import FINITE, SYMMETRIC, Profile
 from koord.refinement.generating.programs import system
 from koord.semantics.domain import EXACT
 from koord.semantics.properties import holds_in
 from koord.semantics.recordings import RecordedInputs, execute
 from koord.syntax.analysis.symmetry import Symmetry, symmetry_of
 from koord.syntax.system import System
-from koord.verify.engines.explicit.findings import (
+from koord.verify.engines.explicit.finiteness import NotFinite
+from koord.verify.engines.explicit.limits import Limits
+from koord.verify.engines.explicit.property_checks import (
     Exhausted,
     GoalKind,
     OutOfBounds,
     Survey,
     Violated,
 )
-from koord.verify.engines.explicit.finiteness import NotFinite
-from koord.verify.engines.explicit.limits import Limits
 from koord.verify.engines.explicit.search import survey
 from tests.generators.staged import staged
 from tests.sampling import blocks

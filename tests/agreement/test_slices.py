@@ -13,15 +13,15 @@ from random import Random
 
 import pytest
 
-from koord.refinement.generating.profiles import FINITE, SYMMETRIC
+from koord.refinement.generating.palette import FINITE, SYMMETRIC
 from koord.refinement.generating.programs import system
 from koord.syntax.system import System
 from koord.verify.engine_names import Engine
-from koord.verify.engines.explicit.findings import Exhausted
 from koord.verify.engines.explicit.limits import Limits
+from koord.verify.engines.explicit.property_checks import Exhausted
 from koord.verify.engines.explicit.search import survey
 from koord.verify.reduction.influence import Cone, Part
-from koord.verify.reduction.slices import Slices
+from koord.verify.reduction.slicing import Slices
 from koord.verify.strategy import verification
 from koord.verify.strategy.table import SAFETY
 from koord.verify.verdicts import Outcome

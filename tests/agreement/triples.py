@@ -7,7 +7,7 @@ from random import Random
 
 from msgspec import Struct
 
-from koord.refinement.generating.profiles import GENERAL, WILD
+from koord.refinement.generating.palette import GENERAL, WILD
 from koord.refinement.generating.programs import system
 from koord.semantics.configurations import Configuration
 from koord.semantics.domain import EXACT, Constant, Domain

@@ -133,7 +133,7 @@ def test_a_cluster_does_what_one_process_does(capsys: pytest.CaptureFixture[str]
 #: Runs the command line, and ends itself by a signal once so many runs are in the file.
 ENDED = """
 import os, sys
-from koord.api.campaign_file import RunFile
+from koord.api.campaign_runs import RunFile
 from koord.cli.main import main
 
 def adding(self, row, add=RunFile.add):

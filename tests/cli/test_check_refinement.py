@@ -18,8 +18,7 @@ from koord.api import refinement
 from koord.cli import main as frame
 from koord.cli.exits import Exit
 from koord.refinement import running
-from koord.refinement.cases import Tried
-from koord.refinement.shrinking import ever_smaller
+from koord.refinement.cases import Tried, ever_smaller
 from koord.runtime.compile import compiled
 from koord.syntax import core
 

@@ -15,7 +15,7 @@ import yaml
 
 from koord.api.configurations import check_start
 from koord.api.deployment import DeployRequest
-from koord.cli import config, deploy, fitting
+from koord.cli import config, deploy, inputs
 from koord.cli.diagnostics import DiagnosticReport
 from koord.cli.exits import Exit
 from koord.cli.main import main
@@ -158,8 +158,8 @@ def _by_config(arguments: Namespace, report: DiagnosticReport) -> None:
 
 
 def _by_sim(arguments: Namespace, report: DiagnosticReport) -> None:
-    wanted = fitting.fit_request(arguments, report)
-    found = None if wanted is None else fitting.fitted(wanted, report)
+    wanted = inputs.fit_request(arguments, report)
+    found = None if wanted is None else inputs.fitted(wanted, report)
     if found is not None:
         check_start(found)
 

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from koord.cli.excerpt import excerpt
+from koord.cli.diagnostics import excerpt
 from koord.cli.terminal import Paint, Style, cells
 from koord.syntax.source import Source, Span
 

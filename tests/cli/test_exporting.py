@@ -13,7 +13,7 @@ from koord.cli.exits import Exit
 from koord.cli.main import main
 from koord.semantics.every_number import NotFiniteError
 from koord.syntax.source import NOWHERE
-from koord.verify.export import problems as verify_exporting
+from koord.verify.export import smtlib as verify_exporting
 
 EXAMPLES = Path(__file__).parents[2] / "specs" / "examples"
 

@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
-from koord.api import certify, cones, pictures
-from koord.cli import counterexamples, premises, slices, verified
+from koord.api import certify, pictures, verify_report
+from koord.cli import counterexamples, verdicts, verified
 from koord.cli.exits import Exit
 from koord.cli.main import main
 from koord.refinement import compiled_replay
@@ -32,10 +32,10 @@ def fail(*words: object, **named: object) -> Any:
 
 PARTS = {
     "rests on": (proof_core, "proof_core", ["--rests-on"], "what the proofs rest on"),
-    "premises": (premises, "lines", ["--rests-on"], "what the proofs rest on"),
+    "premises": (verdicts, "lines", ["--rests-on"], "what the proofs rest on"),
     "story": (counterexamples, "lines", [], "the story of Small"),
     "rerun": (compiled_replay, "rerun", [], "the story of Small"),
-    "slices": (slices, "lines", ["--explain"], "what claims do not depend on"),
+    "slices": (verdicts, "lines", ["--explain"], "what claims do not depend on"),
     "certificate": (certify, "certify", ["--certificate", "c"], "the certificate"),
     "trace": (verified, "_keep", ["--trace", "t.json"], "the trace"),
     "invariants": (verified, "_save", ["--save-invariants", "i"], "the file of invariants"),
@@ -44,7 +44,7 @@ PARTS = {
 IN_JSON = {
     "rests on": PARTS["rests on"],
     "rerun": (compiled_replay, "rerun", [], "the compiled program's run of Small"),
-    "slices": (cones, "cones_of", [], "what claims do not depend on"),
+    "slices": (verify_report, "cones_of", [], "what claims do not depend on"),
     "certificate": PARTS["certificate"],
 }
 

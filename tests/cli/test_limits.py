@@ -38,10 +38,9 @@ from koord.syntax.elaboration.body import MAX_DEPTH
 from koord.syntax.elaboration.resolve_types import MAX_SIZE
 from koord.syntax.literals import MOST_DIGITS, MOST_PLACES
 from koord.syntax.load import load
-from koord.syntax.parsing.layout import MAX_BLOCKS
 from koord.syntax.parsing.line_forms import MAX_DEPTH as MAX_OPERATORS
 from koord.syntax.parsing.lines import MAX_BRACKETS
-from koord.syntax.parsing.parser import MAX_CHARACTERS, parse
+from koord.syntax.parsing.parser import MAX_BLOCKS, MAX_CHARACTERS, parse
 from koord.syntax.source import Source
 from koord.syntax.types import INT, ListType
 from koord.traces import enumeration

@@ -13,7 +13,7 @@ from koord.cli import arguments
 from koord.cli.exits import Exit
 from koord.cli.main import main
 from koord.runtime.configuration.checking import load
-from koord.runtime.configuration.params import params
+from koord.runtime.configuration.model import params
 from koord.syntax.diagnostics import KoordError
 from koord.syntax.literals import MOST_DIGITS, MOST_PLACES
 from koord.syntax.source import Source

@@ -15,7 +15,7 @@ from koord.cli.exits import Exit
 from koord.cli.main import main
 from koord.semantics.configurations import Configuration
 from koord.semantics.domain import Constant
-from koord.traces import encode_runs
+from koord.traces import run_codec
 from koord.traces.codec import encode
 from koord.traces.names import Names
 from koord.verify import witness
@@ -333,14 +333,14 @@ def test_each_round_of_a_run_is_encoded_once(
     """[TRACE]: what has grown is completed, and is the text that a whole run has."""
     monkeypatch.setattr("koord.api.growing.PERIOD_S", 0.0)
     monkeypatch.setattr("koord.cli.run._PERIOD_S", 0.0)
-    encoded = encode_runs.encode_configuration
+    encoded = run_codec.encode_configuration
     seen: list[int] = []
 
     def counted(names: Names, configuration: Configuration[Constant]) -> Any:
         seen.append(configuration.round)
         return encoded(names, configuration)
 
-    monkeypatch.setattr(encode_runs, "encode_configuration", counted)
+    monkeypatch.setattr(run_codec, "encode_configuration", counted)
     path = tmp_path / "t.json"
     limit = ["--rounds", "9"] if command == "run" else ["--rounds", "9", "--no-html"]
     program = EXAMPLES / ("hvac.krd" if command == "run" else "follow_path.krd")

@@ -20,7 +20,7 @@ from koord.api.robots import AS_STATED, FleetSize
 from koord.api.run import Policy
 from koord.api.verify import Engine
 from koord.cli import main as frame
-from koord.cli import requests, run, verified, verify, watching
+from koord.cli import requests, run, verified, verify
 from koord.cli.exits import Exit
 from tests.sampling import first
 
@@ -384,7 +384,7 @@ def test_a_program_is_verified_again_when_it_is_saved(
             path.write_text(text, encoding="utf-8")
 
     def watched(paths: Sequence[str], work: Callable[[], int]) -> int:
-        return watching.watched(paths, work, pause=edit)
+        return verify.watched(paths, work, pause=edit)
 
     monkeypatch.setattr(verify, "watched", watched)
     assert frame.main(["verify", race, "--rounds", "3", "--watch"]) == Exit.VACUOUS

@@ -8,7 +8,7 @@ from typing import Any
 
 from msgspec.structs import replace
 
-from koord.refinement.generating.profiles import FINITE, Profile
+from koord.refinement.generating.palette import FINITE, Profile
 from koord.refinement.generating.programs import system
 from koord.syntax import core
 from koord.syntax.analysis.limits import excesses

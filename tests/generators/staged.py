@@ -10,7 +10,7 @@ from random import Random
 
 from msgspec.structs import replace
 
-from koord.refinement.generating.profiles import FINITE, Profile
+from koord.refinement.generating.palette import FINITE, Profile
 from koord.refinement.generating.programs import system
 from koord.syntax import core
 from koord.syntax.core import BinaryOp, Home

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from hypothesis import strategies as st
 
-from koord.refinement.generating.profiles import GENERAL, Profile
+from koord.refinement.generating.palette import GENERAL, Profile
 from koord.refinement.generating.programs import system
 from koord.syntax.system import System
 

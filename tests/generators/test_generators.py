@@ -13,7 +13,7 @@ from hypothesis import given
 from msgspec import Struct
 from msgspec.structs import replace
 
-from koord.refinement.generating.profiles import FINITE, GENERAL, Profile
+from koord.refinement.generating.palette import FINITE, GENERAL, Profile
 from koord.refinement.generating.programs import system
 from koord.semantics.configurations import Turn
 from koord.semantics.domain import EXACT

@@ -321,7 +321,7 @@ VERIFY = (
     ),
     Mutant(
         "another event undoes what the chosen one wrote to a list",
-        "verify.encoding.commits._in_order",
+        "verify.encoding.choices._in_order",
         "joined(d, changed, source, mask)",
         "joined(d, current, source, mask)",
         (ROUNDS,),

@@ -42,7 +42,7 @@ EXPORTED = (
     ),
     Mutant(
         "a crash takes a refutation with it",
-        "recheck.discharge.Settling._told",
+        "recheck.obligations.Settling._told",
         (
             "try:\n"
             "    if news or definitions:\n"

@@ -119,7 +119,7 @@ CONE = (
     ),
     Mutant(
         "cone: what happens is asked without contracts that may end runs",
-        "verify.reduction.slices.Slices._goes_on_without",
+        "verify.reduction.slicing.Slices._goes_on_without",
         "primed(promise) <= always_met(self.system, kind)",
         "True",
         (HAPPENING,),

@@ -89,7 +89,7 @@ DEPLOYED = (
     ),
     Mutant(
         "who holds a round is taught from the next one on",
-        "runtime.protocol.entries.Position.open",
+        "runtime.protocol.messages.Position.open",
         "self.epoch == COMMITTED",
         "1",
         (JUDGED, ELECTIONS),

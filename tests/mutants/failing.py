@@ -117,7 +117,7 @@ FAILING = (
     ),
     Mutant(
         "a configuration rounds numbers",
-        "runtime.configuration.params._value",
+        "runtime.configuration.model._value",
         (
             "if isinstance(value, bool) or (isinstance(value, str) and not is_number(word "
             'or "")):\n'

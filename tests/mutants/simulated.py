@@ -41,7 +41,7 @@ SIMULATED = (
     ),
     Mutant(
         "runs of any campaign go on in a file",
-        "api.campaign_file.RunFile._there",
+        "api.campaign_runs.RunFile._there",
         "campaign != self._campaign",
         "campaign is None",
         (CAMPAIGNS,),

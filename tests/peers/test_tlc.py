@@ -21,8 +21,8 @@ from koord.syntax.source import Source
 from koord.syntax.system import System, dealt
 from koord.syntax.types import INT, BoolType, EnumType
 from koord.verify.claims import claims_of
-from koord.verify.engines.explicit.findings import Exhausted, GoalKind
 from koord.verify.engines.explicit.limits import Limits
+from koord.verify.engines.explicit.property_checks import Exhausted, GoalKind
 from koord.verify.engines.explicit.search import survey
 from koord.verify.export.tla.module import invariant_name, module
 from tests.generators.mutating import mutants

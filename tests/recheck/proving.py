@@ -7,9 +7,8 @@ from typing import TypeAlias
 
 from koord.recheck import instances
 from koord.recheck.claims import Claim, ClaimKind
-from koord.recheck.discharge import Discharged, Settling
 from koord.recheck.every_number import EveryNumber
-from koord.recheck.obligations import Obligations
+from koord.recheck.obligations import Discharged, Obligations, Settling
 from koord.recheck.solving import SolverAnswer, SolverSession
 from koord.recheck.sorts import NotRecheckedError
 from koord.recheck.terms import Terms

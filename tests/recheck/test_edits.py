@@ -23,8 +23,8 @@ from koord.syntax.load import load
 from koord.syntax.source import Source
 from koord.syntax.system import System
 from koord.verify.certificates import digest
-from koord.verify.engines.explicit.findings import Exhausted, GoalKind
 from koord.verify.engines.explicit.limits import Limits
+from koord.verify.engines.explicit.property_checks import Exhausted, GoalKind
 from koord.verify.engines.explicit.search import survey
 from tests.recheck.certificates import Document
 from tests.recheck.edits import (

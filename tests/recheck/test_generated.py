@@ -7,13 +7,13 @@ from random import Random
 
 import pytest
 
-from koord.refinement.generating.profiles import FINITE
+from koord.refinement.generating.palette import FINITE
 from koord.refinement.generating.programs import system
 from koord.semantics.every_number import NotFiniteError
 from koord.verify.claims import claims_of
-from koord.verify.engines.explicit.findings import Exhausted, GoalKind, SearchGoal
 from koord.verify.engines.explicit.finiteness import NotFinite
 from koord.verify.engines.explicit.limits import Limits
+from koord.verify.engines.explicit.property_checks import Exhausted, GoalKind, SearchGoal
 from koord.verify.engines.explicit.search import survey
 from tests.recheck.proving import Settler, confirmed, settled
 from tests.sampling import sampled

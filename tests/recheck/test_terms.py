@@ -7,7 +7,7 @@ from fractions import Fraction
 
 import pytest
 
-from koord.recheck.discharge import conjuncts
+from koord.recheck.obligations import conjuncts
 from koord.recheck.script import Script
 from koord.recheck.solving import SolverAnswer, SolverSession, plain
 from koord.recheck.sorts import Value

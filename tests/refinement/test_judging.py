@@ -5,10 +5,9 @@ from __future__ import annotations
 import pytest
 from msgspec.structs import replace
 
-from koord.refinement.cases import SchedulePolicy, Tried, generated, tried
+from koord.refinement.cases import SchedulePolicy, Tried, ever_smaller, generated, tried
 from koord.refinement.judging import judge
 from koord.refinement.running import CompiledRun
-from koord.refinement.shrinking import ever_smaller
 from koord.traces.trace import Trace
 from tests.refinement.running import ran, seeds
 

@@ -12,7 +12,7 @@ from koord.refinement.deployed import Expedition
 from koord.refinement.running import ready
 from koord.refinement.storms import storm
 from koord.runtime.chaos import ether
-from koord.runtime.chaos.faults import Faults
+from koord.runtime.chaos.network import Faults
 from koord.syntax.system import dealt
 from tests.refinement.running import program, sources
 

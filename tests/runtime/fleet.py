@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 
 from koord.runtime.exploration.world import proposal_of
 from koord.runtime.proposals import Proposal
-from koord.runtime.protocol.entries import LogEntry
 from koord.runtime.protocol.events import (
     Arm,
     Begin,
@@ -31,7 +30,7 @@ from koord.runtime.protocol.events import (
     Timer,
 )
 from koord.runtime.protocol.machine import step
-from koord.runtime.protocol.messages import Message
+from koord.runtime.protocol.messages import LogEntry, Message
 from koord.runtime.protocol.setup import Setup, Timing
 from koord.runtime.protocol.state import State, fresh, returning
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from msgspec.structs import replace
 
-from koord.runtime.chaos.faults import CALM, CHAOS, LOSS, Faults
+from koord.runtime.chaos.network import CALM, CHAOS, LOSS, Faults
 from koord.runtime.chaos.storm import StormPlan, Weathered, weather
 from koord.runtime.protocol.setup import Setup, Timing
 

@@ -18,15 +18,15 @@ from koord.runtime.compile.loading import loaded
 from koord.runtime.configuration.checking import load as load_configuration
 from koord.runtime.deploy.ideal import IdealHost, unanswered
 from koord.runtime.deploy.journal import Journal, Page
+from koord.runtime.deploy.local import hears_itself, local_plan
 from koord.runtime.deploy.member import DivergedError, Member
-from koord.runtime.deploy.networks import hears_itself, local_plan
 from koord.runtime.deploy.running import Job, Runner
 from koord.runtime.deploy.status import Tally, status_of
 from koord.runtime.engine import Deployed, RoundEngine
-from koord.runtime.peer import Peer
+from koord.runtime.node import Peer
 from koord.runtime.proposals import Attempt, Decision, Proposal, Write
-from koord.runtime.protocol.entries import LogEntry
 from koord.runtime.protocol.events import Reason
+from koord.runtime.protocol.messages import LogEntry
 from koord.runtime.protocol.setup import Setup, Timing
 from koord.runtime.protocol.state import State, fresh, returning
 from koord.runtime.robot import Robot, Turn

@@ -5,9 +5,9 @@ from __future__ import annotations
 from msgspec.structs import replace as changed
 
 from koord.runtime.proposals import Decision
-from koord.runtime.protocol.entries import COMMITTED, LogEntry, Position, digest
 from koord.runtime.protocol.events import Install, Reason, Received, Timer
 from koord.runtime.protocol.messages import (
+    COMMITTED,
     Acknowledge,
     Candidacy,
     Canvass,
@@ -15,12 +15,15 @@ from koord.runtime.protocol.messages import (
     Decide,
     Hello,
     History,
+    LogEntry,
     Open,
     Overruled,
+    Position,
     Propose,
     Snapshot,
     Support,
     Vote,
+    digest,
 )
 from koord.runtime.protocol.setup import Setup, Timing
 from koord.runtime.protocol.state import (

@@ -6,16 +6,18 @@ import pytest
 
 from koord.runtime.exploration.world import proposal_of
 from koord.runtime.proposals import Attempt, EventFault, Proposal, Write
-from koord.runtime.protocol.entries import GENESIS, LogEntry, digest
 from koord.runtime.protocol.events import Begin, Commit, Hold, Reason, Resume, RunEnded, Timer
 from koord.runtime.protocol.messages import (
+    GENESIS,
     Acknowledge,
     Ask,
     Committed,
     Decide,
     History,
+    LogEntry,
     Open,
     Propose,
+    digest,
 )
 from koord.runtime.protocol.setup import Timing
 from koord.runtime.protocol.setup import decided as decide

@@ -14,8 +14,8 @@ from itertools import count
 
 import pytest
 
-from koord.runtime.chaos.ledger import Journal, StormRobot
-from koord.runtime.peer import Peer
+from koord.runtime.chaos.storm import Journal, StormRobot
+from koord.runtime.node import Peer
 from koord.runtime.protocol.setup import Setup, Timing
 from koord.runtime.protocol.state import fresh
 from koord.runtime.transports.transport import Hub, Transport, TransportError

@@ -22,9 +22,9 @@ from koord.runtime.proposals import (
     StopRequests,
     Write,
 )
-from koord.runtime.protocol.entries import Admission, LastRun, LogEntry, Position
 from koord.runtime.protocol.messages import (
     Acknowledge,
+    Admission,
     Ask,
     Candidacy,
     Canvass,
@@ -32,18 +32,30 @@ from koord.runtime.protocol.messages import (
     Decide,
     Hello,
     History,
+    LastRun,
+    LogEntry,
     Message,
     Open,
     Overruled,
+    Position,
     Propose,
     Snapshot,
     Support,
     Vote,
 )
 from koord.runtime.wire.bodies import MessageKind, message_of
-from koord.runtime.wire.codec import LONG_PAST, DatagramReader, DatagramWriter, RunKey
+from koord.runtime.wire.codec import (
+    LONG_PAST,
+    MOST_PIECES,
+    WIDTH,
+    Assembly,
+    DatagramReader,
+    DatagramWriter,
+    RunKey,
+    Window,
+    cut,
+)
 from koord.runtime.wire.frames import HEADER_BYTES, LONGEST, ROOM, Drop, Frame, Seal, session_key
-from koord.runtime.wire.pieces import MOST_PIECES, WIDTH, Assembly, Window, cut
 from koord.syntax.faults import FaultKind
 from tests.sampling import examples
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from koord.runtime.chaos.ledger import Journal, StormRobot
-from koord.runtime.peer import Peer
+from koord.runtime.chaos.storm import Journal, StormRobot
+from koord.runtime.node import Peer
 from koord.runtime.protocol.setup import Setup
 from koord.runtime.protocol.state import State, fresh
 from koord.runtime.transports.transport import Hub, Transport

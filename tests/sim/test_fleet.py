@@ -26,7 +26,7 @@ from koord.runtime.motion.geometry import point_path
 from koord.runtime.motion.world import Point, World
 from koord.sim.disturbances import Disturbances, Positioning, Wind
 from koord.sim.fleet import TICK_S, Fleet, Placed
-from koord.sim.separation import nearest
+from koord.sim.measuring import nearest
 from koord.sim.squads import DeviceModel
 from tests.runtime.motion.worlds import CLUTTERED
 from tests.sampling import first

@@ -17,8 +17,7 @@ from koord.runtime.engine import AtRandom, Deployed, Schedule
 from koord.runtime.engine import RoundEngine as Engine
 from koord.runtime.motion.bodies import Car, Drone, IdealBody, PlannerName
 from koord.runtime.motion.clearance import clearance_of
-from koord.runtime.motion.library import Chart, Library
-from koord.runtime.motion.mapping import occupied
+from koord.runtime.motion.library import Chart, Library, occupied
 from koord.runtime.motion.planners import planner
 from koord.runtime.motion.planning import Pose
 from koord.runtime.motion.world import Box, World
@@ -26,7 +25,7 @@ from koord.runtime.robot import Robot
 from koord.sim.fleet import Fleet, Placed
 from koord.sim.hosting import Hosted
 from koord.sim.lidar import Lidar, Scanner
-from koord.sim.separation import nearest
+from koord.sim.measuring import nearest
 from koord.sim.squads import DeviceModel
 from koord.syntax.elaboration.settings import ParamValue, Settings
 from koord.syntax.load import load

@@ -11,7 +11,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from koord.runtime.motion.field import field
-from koord.runtime.motion.mapping import frontier, obstacle_points, occupied, scan_to_map
+from koord.runtime.motion.library import frontier, obstacle_points, occupied, scan_to_map
 from koord.runtime.motion.world import Box, Grid, World
 from koord.sim.lidar import Lidar, Scanner
 from tests.runtime.motion.worlds import CLUTTERED

@@ -14,8 +14,8 @@ from typing import Protocol
 import numpy as np
 import pytest
 
-from koord.sim.live import Live
 from koord.sim.run_log import RunLogger
+from koord.sim.viewing import Live
 from tests.sim import browser
 from tests.sim.test_page import header, in_a_browser
 from tests.sim.unpacking import Unpacked, unpacked

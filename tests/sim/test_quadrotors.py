@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 
 from koord.runtime.motion.arrays import Floats
 from koord.runtime.motion.bodies import Drone
-from koord.runtime.motion.cascade import GRAVITY, axis_and_thrust
-from koord.runtime.motion.flying import Reference
+from koord.runtime.motion.flying import GRAVITY, Reference, axis_and_thrust
 from koord.sim.vehicles.compiled import CompiledQuadrotors
 from koord.sim.vehicles.quadrotors import PointDrones, Quadrotors
 

@@ -17,7 +17,7 @@ from koord.syntax.load import load
 from koord.syntax.source import Source
 from koord.syntax.system import System, dealt
 from koord.verify.engine_names import Engine
-from koord.verify.engines.explicit.findings import OutOfBounds
+from koord.verify.engines.explicit.property_checks import OutOfBounds
 from koord.verify.engines.explicit.search import survey
 from koord.verify.strategy.verification import verify
 from koord.verify.verdicts import Bounds, Outcome

@@ -12,8 +12,7 @@ from koord.semantics.domain import EXACT
 from koord.semantics.turns import program_turn
 from koord.syntax import core
 from koord.syntax.analysis.limits import count, excesses
-from koord.syntax.analysis.trips import starting_lengths
-from koord.syntax.analysis.work import MOST_DEEP, TypeSizes, WorkEstimate
+from koord.syntax.analysis.work import MOST_DEEP, TypeSizes, WorkEstimate, starting_lengths
 from koord.syntax.budget import ENDLESS, Budget
 from koord.syntax.diagnostics import Severity
 from koord.syntax.elaboration import ParamValue, Settings

@@ -6,7 +6,7 @@ from random import Random
 
 import pytest
 
-from koord.refinement.generating.profiles import FINITE, GENERAL
+from koord.refinement.generating.palette import FINITE, GENERAL
 from koord.refinement.generating.programs import system
 from koord.semantics.configurations import Robot
 from koord.semantics.domain import EXACT, Constant

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from msgspec.structs import replace
 
-from koord.refinement.generating.profiles import GENERAL
+from koord.refinement.generating.palette import GENERAL
 from koord.refinement.generating.programs import system
 from koord.syntax import core
 from koord.syntax.catalogue import of_programs

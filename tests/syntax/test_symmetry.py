@@ -10,7 +10,7 @@ from koord.syntax.core import PropertyKind
 from koord.syntax.load import load
 from koord.syntax.source import Source
 from koord.syntax.system import System, dealt
-from koord.verify.engines.explicit.findings import Exhausted, Survey
+from koord.verify.engines.explicit.property_checks import Exhausted, Survey
 from koord.verify.engines.explicit.search import survey
 
 INVARIANTS = (PropertyKind.INVARIANT, PropertyKind.AT_ROUND)

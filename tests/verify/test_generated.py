@@ -13,15 +13,15 @@ from random import Random
 
 import pytest
 
-from koord.refinement.generating.profiles import FINITE
+from koord.refinement.generating.palette import FINITE
 from koord.refinement.generating.programs import system
 from koord.semantics.every_number import NotFiniteError
 from koord.syntax.system import System
 from koord.verify.claims import ClaimKind, claims_of
-from koord.verify.engines.explicit.findings import Exhausted, GoalKind
-from koord.verify.engines.explicit.findings import SearchGoal as Searched
 from koord.verify.engines.explicit.finiteness import NotFinite
 from koord.verify.engines.explicit.limits import Limits
+from koord.verify.engines.explicit.property_checks import Exhausted, GoalKind
+from koord.verify.engines.explicit.property_checks import SearchGoal as Searched
 from koord.verify.engines.explicit.search import survey
 from tests.sampling import sampled
 from tests.verify.asking import Checked, bounded, inductive

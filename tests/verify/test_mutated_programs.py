@@ -27,9 +27,9 @@ from koord.syntax.source import Source
 from koord.syntax.system import System, dealt
 from koord.traces.trace import Numbers, ViolationKind
 from koord.verify.claims import claims_of
-from koord.verify.engines.explicit.findings import GoalKind
 from koord.verify.engines.explicit.finiteness import NotFinite
 from koord.verify.engines.explicit.limits import Limits
+from koord.verify.engines.explicit.property_checks import GoalKind
 from koord.verify.engines.explicit.search import survey
 from koord.verify.strategy.verification import verify
 from koord.verify.verdicts import Bounds, Outcome, Report

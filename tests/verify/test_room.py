@@ -11,8 +11,8 @@ from koord.semantics.values import MOST_ROOM, Table
 from koord.verify.encoding.terms import Term
 from koord.verify.encoding.unrolling import Unrolling
 from koord.verify.engine_names import Engine
-from koord.verify.engines.explicit.findings import Exhausted
 from koord.verify.engines.explicit.limits import Limits
+from koord.verify.engines.explicit.property_checks import Exhausted
 from koord.verify.engines.explicit.search import survey
 from koord.verify.verdicts import Outcome
 from tests.sampling import but_slow

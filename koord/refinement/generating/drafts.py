@@ -9,8 +9,7 @@ from typing import TypeVar
 
 from msgspec import Struct, field
 
-from koord.refinement.generating.palette import Palette
-from koord.refinement.generating.profiles import Profile
+from koord.refinement.generating.palette import Palette, Profile
 from koord.syntax import core
 from koord.syntax.core import Home
 from koord.syntax.source import Span

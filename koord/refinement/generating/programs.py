@@ -6,8 +6,7 @@ from random import Random
 
 from koord.refinement.generating.drafts import Context, Draft, ReadScope, Slots
 from koord.refinement.generating.expressions import expression
-from koord.refinement.generating.palette import palette
-from koord.refinement.generating.profiles import GENERAL, Profile
+from koord.refinement.generating.palette import GENERAL, Profile, palette
 from koord.refinement.generating.properties import assumption, contract, property_
 from koord.refinement.generating.statements import FunctionType, block, function
 from koord.syntax import core

@@ -1,6 +1,6 @@
 """From core programs to Python: `koord compile`."""
 
+from koord.runtime.compile.naming import NotCompilableError, NumberTooLargeError
 from koord.runtime.compile.program import compiled
-from koord.runtime.compile.spelling import NotCompilableError, NumberTooLargeError
 
 __all__ = ["NotCompilableError", "NumberTooLargeError", "compiled"]

@@ -13,14 +13,7 @@ from msgspec import Struct, field
 from msgspec.structs import replace
 
 from koord.runtime.compile.knowledge import Knowledge
-from koord.runtime.compile.naming import PythonNames
-from koord.runtime.compile.spelling import (
-    constant,
-    is_tree,
-    shape,
-    string,
-    tuple_of,
-)
+from koord.runtime.compile.naming import PythonNames, constant, is_tree, shape, string, tuple_of
 from koord.syntax import core
 from koord.syntax.core import BinaryOp, Home, ListOp, UnaryOp
 from koord.syntax.source import Span

@@ -10,8 +10,14 @@ from koord.runtime import robot
 from koord.runtime.compile.expressions import Code, Scope, expression
 from koord.runtime.compile.formatting import formatted
 from koord.runtime.compile.knowledge import Knowledge
-from koord.runtime.compile.naming import PythonNames
-from koord.runtime.compile.spelling import annotation, constant_name, shape, string, tuple_of
+from koord.runtime.compile.naming import (
+    PythonNames,
+    annotation,
+    constant_name,
+    shape,
+    string,
+    tuple_of,
+)
 from koord.runtime.compile.statements import Lines, block, indented
 from koord.syntax import core
 from koord.syntax.core import Direction, Home, Start

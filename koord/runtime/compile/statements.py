@@ -18,7 +18,7 @@ from koord.runtime.compile.expressions import (
     root,
 )
 from koord.runtime.compile.knowledge import assigned_slots
-from koord.runtime.compile.spelling import is_tree, shape, string, tuple_of
+from koord.runtime.compile.naming import is_tree, shape, string, tuple_of
 from koord.syntax import core
 from koord.syntax.core import Home
 from koord.syntax.types import ArrayType, MapType, QueueType, RecordType

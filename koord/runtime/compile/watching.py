@@ -14,10 +14,9 @@ from msgspec import Struct, field
 from msgspec.structs import replace
 
 from koord.runtime.compile.expressions import Scope
-from koord.runtime.compile.naming import PythonNames
+from koord.runtime.compile.naming import PythonNames, string, tuple_of
 from koord.runtime.compile.program import Module
 from koord.runtime.compile.slack import Loosening
-from koord.runtime.compile.spelling import string, tuple_of
 from koord.runtime.compile.statements import Lines, indented
 from koord.syntax import core
 from koord.syntax.core import Home, PropertyKind, QuantifierKind

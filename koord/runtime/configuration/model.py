@@ -1,4 +1,4 @@
-"""A configuration as the runtime wants it: robots by pid, with nothing left to look up."""
+"""A configuration as the runtime wants it: robots by pid, params with their values."""
 
 from __future__ import annotations
 
@@ -8,10 +8,13 @@ from typing import Any, ClassVar
 from msgspec import Struct, field
 
 from koord.runtime.configuration.forms import Carrier, MonitorForm, SimulationForm, Topic
-from koord.runtime.configuration.reading import Document, Path
+from koord.runtime.configuration.reading import Document, Path, problem
 from koord.runtime.motion.bodies import VEHICLES, PlannerName, VehicleType
 from koord.runtime.motion.world import Point, World
 from koord.syntax.content import ByContent
+from koord.syntax.diagnostics import KoordError
+from koord.syntax.elaboration.settings import ParamValue
+from koord.syntax.literals import NumberOutOfRangeError, is_number, read_number
 from koord.syntax.source import Source, Span
 
 
@@ -94,3 +97,29 @@ class RunConfiguration(ByContent, frozen=True):
     def word(self, *path: str | int) -> str | None:
         """What is written there; None if it is in quotes."""
         return self.document.words.get(path)
+
+
+def params(configuration: RunConfiguration) -> dict[str, ParamValue]:
+    """The values that a configuration gives params. Raises KoordError for what is no value."""
+    return {
+        name: _value(configuration, value, ("params", name))
+        for name, value in configuration.params.items()
+    }
+
+
+def _value(configuration: RunConfiguration, value: Any, path: tuple[str | int, ...]) -> ParamValue:
+    word = configuration.word(*path)
+    if isinstance(value, list):
+        return tuple(_value(configuration, v, (*path, k)) for k, v in enumerate(value))
+    if isinstance(value, bool) or (isinstance(value, str) and not is_number(word or "")):
+        return value
+    # YAML would round it to a double, to 0 for one, and does not see that 1e300 is a number.
+    number, story = None, "this is no value of a param"
+    try:
+        number = None if word is None else read_number(word)
+    except NumberOutOfRangeError as error:
+        story = str(error)
+    if number is None:
+        hint = "a param is a number, a truth value, a text or a list of them"
+        raise KoordError((problem(configuration.place(*path), story, hint),))
+    return number

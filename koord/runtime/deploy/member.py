@@ -23,8 +23,8 @@ from koord.runtime.proposals import (
     decide,
     rotating,
 )
-from koord.runtime.protocol.entries import LastRun, LogEntry
 from koord.runtime.protocol.events import Reason
+from koord.runtime.protocol.messages import LastRun, LogEntry
 from koord.runtime.robot import Buffer, Host, Robot, Status, Written
 from koord.runtime.shapes import ShapeError, from_plain, to_plain
 from koord.runtime.store import AgreedStore

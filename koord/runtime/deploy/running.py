@@ -17,9 +17,9 @@ from koord.runtime.deploy.ideal import IdealHost
 from koord.runtime.deploy.journal import Journal
 from koord.runtime.deploy.member import DivergedError, Member
 from koord.runtime.deploy.status import RobotReport, Tally, status_of
-from koord.runtime.peer import Clock, Peer
+from koord.runtime.node import Clock, Peer
 from koord.runtime.proposals import INIT_ROUND, Admitted
-from koord.runtime.protocol.entries import LogEntry
+from koord.runtime.protocol.messages import LogEntry
 from koord.runtime.protocol.setup import Setup, Timing
 from koord.runtime.protocol.state import fresh, returning
 from koord.runtime.robot import Robot, Written

@@ -5,7 +5,7 @@ from __future__ import annotations
 from msgspec import Struct
 
 from koord.runtime.deploy.member import Member
-from koord.runtime.peer import Peer
+from koord.runtime.node import Peer
 from koord.runtime.protocol.coordinating import waiting_for
 from koord.runtime.protocol.events import Reason
 

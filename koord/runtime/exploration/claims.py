@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Sequence
 from msgspec import Struct
 
 from koord.runtime.proposals import INIT_ROUND, Attempt, Proposal
-from koord.runtime.protocol.entries import Held, LogEntry
+from koord.runtime.protocol.messages import Held, LogEntry
 from koord.runtime.protocol.setup import Setup
 from koord.runtime.protocol.state import Coordinator, State
 

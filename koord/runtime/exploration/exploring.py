@@ -27,9 +27,8 @@ from koord.runtime.exploration.world import (
     ProtocolState,
     Transition,
 )
-from koord.runtime.protocol.entries import Held
 from koord.runtime.protocol.events import Timer
-from koord.runtime.protocol.messages import Acknowledge
+from koord.runtime.protocol.messages import Acknowledge, Held
 from koord.runtime.protocol.setup import Setup, Timing
 
 #: How often a random walk takes a crash, and a timer, if it can.

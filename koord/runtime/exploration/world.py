@@ -20,7 +20,6 @@ from msgspec.structs import replace
 
 from koord.runtime.exploration.claims import ProposalOf
 from koord.runtime.proposals import Attempt, Proposal, Write
-from koord.runtime.protocol.entries import Held
 from koord.runtime.protocol.events import (
     Arm,
     Begin,
@@ -40,7 +39,7 @@ from koord.runtime.protocol.events import (
     Timer,
 )
 from koord.runtime.protocol.machine import step
-from koord.runtime.protocol.messages import Decide, Message
+from koord.runtime.protocol.messages import Decide, Held, Message
 from koord.runtime.protocol.setup import Setup
 from koord.runtime.protocol.state import Canvassing, Coordinator, State, fresh, returning
 

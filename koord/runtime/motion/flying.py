@@ -1,17 +1,98 @@
-"""How drones and ideal robots follow their routes: a reference that moves along them.
+"""How drones and ideal robots follow their routes, with cascaded control of quadrotors.
 
-A drone's position controller is sent the reference (its autopilot's, or :mod:`.cascade`); an ideal
+The position controller asks for an acceleration; the thrust has its size along the body's axis and
+the attitude turns that axis towards it (Mellinger, Kumar 2011). The attitude controller asks for
+rates in proportion to the vector part of the error quaternion (Brescianini et al. 2013), and the
+rate controller for torques. Shapes are ``(3, n)`` and ``(4, n)``, quaternions have w first.
+
+A drone's position controller is sent the reference (or its autopilot's); an ideal
 robot is at it.
 """
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from msgspec import Struct
 
 from koord.runtime.motion import automaton
-from koord.runtime.motion.arrays import Floats, bounded, lengths
+from koord.runtime.motion.arrays import Floats, bounded, lengths, products
+from koord.runtime.motion.bodies import Drone
 from koord.runtime.motion.group import Group
+
+GRAVITY = 9.81
+
+#: conj(q) ∘ q_wanted, the error as the body sees it, of w, y and −x of what is wanted; z is 0.
+_ERROR = products(
+    ((1, 0, 0), (-1, 1, 2), (1, 2, 1)),
+    ((-1, 0, 2), (-1, 1, 0), (1, 3, 1)),
+    ((1, 0, 1), (-1, 2, 0), (1, 3, 2)),
+    ((-1, 2, 2), (-1, 1, 1), (-1, 3, 0)),
+)
+
+#: Of the gain, around each axis: the nose may turn more slowly.
+_SHARES: Floats = np.array([[1.0], [1.0], [0.4]])
+
+
+class Gains(Struct, frozen=True):
+    """Gains of the loops, from outside to inside; each is several times quicker than the last."""
+
+    position: float = 6.25  #: per s²
+    velocity: float = 4.5  #: per s
+    attitude: float = 10.0  #: rate per angle, per s
+    rate: float = 25.0  #: angular acceleration per rate, per s
+    integral: float = 1.5  #: per s³, against steady wind
+    windup_mps2: float = 2.0  #: the most that the integral may ask for
+
+
+def acceleration(
+    gains: Gains, gap: Floats, speed_gap: Floats, ahead: Floats, drone: Drone
+) -> Floats:
+    """The acceleration that the position controller asks for, limited; without gravity.
+
+    ``gap`` and ``speed_gap`` are reference minus measured, ``ahead`` what is asked for apart from
+    them: the acceleration of the reference, and the integral part.
+    """
+    wanted = gains.position * gap + gains.velocity * speed_gap + ahead
+    size = _sizes(wanted)
+    wanted *= np.minimum(1.0, drone.accel_mps2 / np.maximum(size, 1e-9))
+    return wanted
+
+
+def axis_and_thrust(wanted: Floats, drone: Drone) -> tuple[Floats, Floats]:
+    """The direction that the body's axis should have, and the specific thrust along it, m/s²."""
+    up = np.maximum(wanted[2] + GRAVITY, 1.0)
+    flat = np.sqrt(wanted[0] * wanted[0] + wanted[1] * wanted[1])
+    # The tilt is limited: what is asked for sideways gives way.
+    share = np.minimum(1.0, up * math.tan(drone.tilt_rad) / np.maximum(flat, 1e-9))
+    force = np.empty_like(wanted)
+    np.multiply(wanted[:2], share, out=force[:2])
+    force[2] = up
+    size = _sizes(force)
+    return force / size, np.minimum(size, drone.thrust_ratio * GRAVITY)
+
+
+def body_rates(gains: Gains, axis: Floats, quaternion: Floats) -> Floats:
+    """The rates, in the body's frame, that turn its axis towards ``axis`` and its nose to +x.
+
+    The tilt is the shortest turn from the vertical to the axis; it has no yaw.
+    """
+    wanted = np.empty((3, axis.shape[1]))
+    c = np.sqrt(0.5 * (1.0 + axis[2]))  # half-angle; the axis is never far from the vertical
+    wanted[0] = c
+    np.divide(axis[:2], 2 * c, out=wanted[1:])
+    error = _ERROR.of(quaternion, wanted)
+    rates: Floats = np.copysign(2.0 * gains.attitude, error[0]) * _SHARES * error[1:]
+    return rates
+
+
+def _sizes(vectors: Floats) -> Floats:
+    """Of vectors ``(3, n)``, added up in this order for one drone as for many."""
+    square = vectors * vectors
+    sizes: Floats = np.sqrt(square[0] + square[1] + square[2])
+    return sizes
+
 
 #: The end of a route is approached in proportion to what is left of it, over this time: robots that
 #: aim at each other's positions would swing about them if they came as fast as brakes allow.

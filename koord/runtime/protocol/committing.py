@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from koord.runtime.proposals import Admitted
-from koord.runtime.protocol.entries import Held, LastRun, LogEntry
 from koord.runtime.protocol.events import Begin, Commit, Reason, RunEnded, Timer
-from koord.runtime.protocol.messages import Hello
-from koord.runtime.protocol.state import Coordinator, Retired
-from koord.runtime.protocol.turn import StepContext
+from koord.runtime.protocol.messages import Held, Hello, LastRun, LogEntry
+from koord.runtime.protocol.state import Coordinator, Retired, StepContext
 
 
 def commit(turn: StepContext, held: Held) -> None:

@@ -6,19 +6,21 @@ from msgspec.structs import replace
 
 from koord.runtime.proposals import INIT_ROUND, Proposal
 from koord.runtime.protocol.committing import commit, go_on
-from koord.runtime.protocol.entries import Admission, Held, LogEntry, digest
 from koord.runtime.protocol.events import ShowStore, Timer
 from koord.runtime.protocol.following import teach
 from koord.runtime.protocol.messages import (
     Acknowledge,
+    Admission,
     Committed,
     Decide,
+    Held,
     Hello,
+    LogEntry,
     Open,
     Propose,
+    digest,
 )
-from koord.runtime.protocol.state import Coordinator, State
-from koord.runtime.protocol.turn import StepContext
+from koord.runtime.protocol.state import Coordinator, State, StepContext
 
 
 def take_office(turn: StepContext) -> None:

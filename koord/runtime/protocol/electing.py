@@ -21,8 +21,8 @@ from koord.runtime.protocol.state import (
     Coordinator,
     Follower,
     Rejoining,
+    StepContext,
 )
-from koord.runtime.protocol.turn import StepContext
 
 
 def silence(turn: StepContext) -> None:

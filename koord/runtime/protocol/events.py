@@ -7,8 +7,7 @@ from enum import Enum
 import msgspec
 
 from koord.runtime.proposals import Admitted, Proposal
-from koord.runtime.protocol.entries import LastRun, LogEntry
-from koord.runtime.protocol.messages import Message
+from koord.runtime.protocol.messages import LastRun, LogEntry, Message
 
 
 class Timer(Enum):

@@ -4,22 +4,22 @@ from __future__ import annotations
 
 from koord.runtime.proposals import INIT_ROUND, Proposal
 from koord.runtime.protocol.committing import commit, end, go_on, retire
-from koord.runtime.protocol.entries import Held, digest
 from koord.runtime.protocol.events import Install, Reason, ShowStore, Timer
 from koord.runtime.protocol.messages import (
     Acknowledge,
     Ask,
     Committed,
     Decide,
+    Held,
     Hello,
     History,
     Open,
     Overruled,
     Propose,
     Snapshot,
+    digest,
 )
-from koord.runtime.protocol.state import Follower, Rejoining, State
-from koord.runtime.protocol.turn import StepContext
+from koord.runtime.protocol.state import Follower, Rejoining, State, StepContext
 
 #: So many entries are sent to one who asks; for more it asks again.
 BATCH = 8

@@ -44,8 +44,8 @@ from koord.runtime.protocol.state import (
     Rejoining,
     Retired,
     State,
+    StepContext,
 )
-from koord.runtime.protocol.turn import StepContext
 
 
 def step(setup: Setup, state: State, event: Event) -> tuple[State, tuple[Effect, ...]]:

@@ -19,9 +19,9 @@ from koord.runtime.encoding import (
     flat_proposal,
     proposal_of,
 )
-from koord.runtime.protocol.entries import Admission, LastRun, LogEntry, Position
 from koord.runtime.protocol.messages import (
     Acknowledge,
+    Admission,
     Ask,
     Candidacy,
     Canvass,
@@ -29,9 +29,12 @@ from koord.runtime.protocol.messages import (
     Decide,
     Hello,
     History,
+    LastRun,
+    LogEntry,
     Message,
     Open,
     Overruled,
+    Position,
     Propose,
     Snapshot,
     Support,

@@ -1,13 +1,115 @@
-"""Messages to datagrams, and datagrams to messages or reasons why not."""
+"""Messages to datagrams, in pieces where they are large, and datagrams to messages."""
 
 from __future__ import annotations
 
-from msgspec import Struct
+from collections import OrderedDict
+
+from msgspec import Struct, field
 
 from koord.runtime.protocol.messages import Message
 from koord.runtime.wire.bodies import kind_and_body, message_of
-from koord.runtime.wire.frames import Drop, Drops, Frame, Seal, session_key
-from koord.runtime.wire.pieces import Assembly, Window, cut
+from koord.runtime.wire.frames import ROOM, Drop, Drops, Frame, Seal, session_key
+
+#: The longest message has so many pieces; a snapshot of a megabyte fits.
+MOST_PIECES = 4096
+
+#: What all unfinished messages together may take up.
+MOST_BYTES = 16 << 20
+
+
+def cut(body: bytes) -> list[bytes]:
+    """A message's body in pieces that fit. Raises ValueError if it is too long for any number."""
+    pieces = [body[at : at + ROOM] for at in range(0, len(body), ROOM)] or [b""]
+    if len(pieces) > MOST_PIECES:
+        raise ValueError(f"a message of {len(body)} bytes is too long to be sent")
+    return pieces
+
+
+#: Sender, incarnation, number of the first piece, kind, pieces: equal for the pieces of a message.
+Key = tuple[int, int, int, int, int]
+
+
+class Unfinished(Struct):
+    """A message of which some pieces are missing."""
+
+    pieces: dict[int, bytes] = field(default_factory=dict)
+    size: int = 0
+
+
+class Assembly:
+    """All unfinished messages of all senders; the oldest give way."""
+
+    __slots__ = ("_size", "_unfinished", "dropped", "most_bytes")
+
+    def __init__(self, most_bytes: int = MOST_BYTES) -> None:
+        self.most_bytes = most_bytes
+        self.dropped = 0  #: pieces of messages that gave way
+        self._unfinished: OrderedDict[Key, Unfinished] = OrderedDict()
+        self._size = 0
+
+    @property
+    def size(self) -> int:
+        """The bytes held."""
+        return self._size
+
+    def add(self, frame: Frame) -> bytes | Drop | None:
+        """The whole body if this was the last piece that was missing; None if some still are."""
+        pieces, piece = frame.pieces, frame.piece
+        if not piece < pieces <= MOST_PIECES or frame.number < piece:
+            return Drop.FRAGMENT
+        if pieces == 1:
+            return frame.body
+        if len(frame.body) != ROOM and piece + 1 < pieces:
+            return Drop.FRAGMENT
+        key = (frame.sender, frame.incarnation, frame.number - piece, frame.kind, pieces)
+        message = self._unfinished.setdefault(key, Unfinished())
+        if piece not in message.pieces:
+            message.pieces[piece] = frame.body
+            message.size += len(frame.body)
+            self._size += len(frame.body)
+        if len(message.pieces) == pieces:
+            self._forget(key)
+            return b"".join(message.pieces[k] for k in range(pieces))
+        while self._size > self.most_bytes:
+            self.dropped += len(self._forget(next(iter(self._unfinished))).pieces)
+        return None
+
+    def _forget(self, key: Key) -> Unfinished:
+        message = self._unfinished.pop(key)
+        self._size -= message.size
+        return message
+
+
+#: How far a datagram may be behind the newest of its sender.
+WIDTH = 4096
+_MASK = (1 << WIDTH) - 1
+
+
+class Window(Struct):
+    """The datagrams of one sender: the newest number, and a bit for each of those before it."""
+
+    incarnation: int = 0
+    newest: int = -1
+    seen: int = 0
+
+    def is_new(self, incarnation: int, number: int) -> bool:
+        """Whether this was not seen before; from now on it was."""
+        if incarnation != self.incarnation:
+            if incarnation < self.incarnation:
+                return False
+            self.incarnation, self.newest, self.seen = incarnation, number, 1
+            return True
+        ahead = number - self.newest
+        if ahead > 0:
+            self.seen = ((self.seen << ahead) | 1) & _MASK if ahead < WIDTH else 1
+            self.newest = number
+            return True
+        bit = 1 << -ahead
+        if ahead <= -WIDTH or self.seen & bit:
+            return False
+        self.seen |= bit
+        return True
+
 
 #: Datagrams of rounds further back than this are not looked at.
 LONG_PAST = 10_000

@@ -13,8 +13,7 @@ import numpy as np
 
 from koord.runtime.motion.arrays import Floats
 from koord.runtime.motion.bodies import Drone
-from koord.runtime.motion.cascade import GRAVITY, Gains
-from koord.runtime.motion.flying import Reference
+from koord.runtime.motion.flying import GRAVITY, Gains, Reference
 from koord.runtime.motion.libraries import missing
 from koord.sim.vehicles.quadrotors import Quadrotors
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from koord.runtime.motion.arrays import Floats, bounded
 from koord.runtime.motion.bodies import DifferentialDrive
-from koord.runtime.motion.differential import Turning
+from koord.runtime.motion.driving import Turning
 from koord.runtime.motion.world import Point
 from koord.sim.squads import SquadSetup, WheeledSquad, wheeled
 from koord.sim.vehicles import mjcf

@@ -13,8 +13,7 @@ import numpy as np
 
 from koord.runtime.motion.arrays import Floats
 from koord.runtime.motion.bodies import Drone, Level
-from koord.runtime.motion.cascade import GRAVITY
-from koord.runtime.motion.flying import Flying, Reference
+from koord.runtime.motion.flying import GRAVITY, Flying, Reference
 from koord.runtime.motion.planning import Touched
 from koord.runtime.motion.world import Point
 from koord.sim.disturbances import Fixes, Gusts

@@ -15,7 +15,7 @@ from typing import Any, Protocol, assert_never
 import numpy as np
 
 from koord.runtime.motion.arrays import Floats
-from koord.runtime.motion.cascade import GRAVITY
+from koord.runtime.motion.flying import GRAVITY
 from koord.runtime.motion.libraries import missing
 from koord.runtime.motion.planning import Hindrance, Touched
 from koord.runtime.motion.world import Box, Disc, Flat, Obstacle, Polygon, World

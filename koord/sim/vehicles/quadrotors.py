@@ -17,11 +17,10 @@ import math
 import numpy as np
 from msgspec import Struct
 
-from koord.runtime.motion import cascade
+from koord.runtime.motion import flying
 from koord.runtime.motion.arrays import Floats, products
 from koord.runtime.motion.bodies import Drone
-from koord.runtime.motion.cascade import GRAVITY, Gains
-from koord.runtime.motion.flying import Reference
+from koord.runtime.motion.flying import GRAVITY, Gains, Reference
 from koord.runtime.motion.planning import Touched
 
 #: a × b.
@@ -120,8 +119,8 @@ class Quadrotors:
         """
         s, drone, gains = self.state, self.drone, self.gains
         wanted = position_control(gains, s, goal, pace, gain, drone, dt_s)
-        axis, thrust = cascade.axis_and_thrust(wanted, drone)
-        asked = cascade.body_rates(gains, axis, s.attitude)
+        axis, thrust = flying.axis_and_thrust(wanted, drone)
+        asked = flying.body_rates(gains, axis, s.attitude)
         inertia, torque = self._inertia, self._torque
         couple = _CROSS.of(s.rates, inertia * s.rates)
         tau = inertia * (gains.rate * (asked - s.rates)) + couple
@@ -150,7 +149,7 @@ def position_control(
     gap = goal - s.position
     steady = s.steady + (gains.integral * dt_s) * gap
     s.steady = np.minimum(np.maximum(steady, -gains.windup_mps2), gains.windup_mps2)
-    return cascade.acceleration(gains, gap, pace - s.velocity, s.steady + gain, drone)
+    return flying.acceleration(gains, gap, pace - s.velocity, s.steady + gain, drone)
 
 
 def turned(attitude: Floats, rates: Floats, dt_s: float) -> Floats:

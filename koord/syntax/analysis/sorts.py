@@ -4,12 +4,18 @@ Every integer that a program stores or computes gets a *sort*. A sort is one of 
 flows into it, if it indexes an array over robots, or if it is compared with one that is; sorts flow
 together through assignments, comparisons, arguments and indices (by unification, as types are
 inferred). A sort is one of numbers if it is calculated with, ordered, or chosen.
+
+The sorts of a system's variables, and of every integer that its text makes. [SYMMETRY]
 """
 
 from __future__ import annotations
 
 from msgspec import Struct, field
 
+from koord.syntax import core
+from koord.syntax.analysis.definedness import Sure
+from koord.syntax.core import Home, slot_in
+from koord.syntax.system import System
 from koord.syntax.types import ArrayType, GrowingType, IntType, MapType, RecordType, Robots, Type
 
 
@@ -130,3 +136,188 @@ def has_robots(of: Shape) -> bool:
             return index.root().is_robot or has_robots(element)
         case Entries(key=key, value=value):
             return has_robots(key) or has_robots(value)
+
+
+class BodyShapes(Struct):
+    """Where expressions stand: whose body it is, and its bound variables' shapes.
+
+    ``strict`` holds where a statement is false if the expression is: there it does not matter
+    whether it is false or faults.
+    """
+
+    sure: Sure
+    bound: dict[core.Variable, Shape] = field(default_factory=dict)
+    result: Shape | None = None
+    strict: bool = False
+
+    @property
+    def kind(self) -> int | None:
+        return self.sure.kind
+
+
+class Range(Struct, frozen=True):
+    """A range over all robots, if its variable turns out to be one; ``is_free`` of any order."""
+
+    variable: Sort
+    over: Sort | None  #: the index of the list over whose indices it goes
+    is_free: bool
+
+
+class SortBook:
+    """What is known so far of the integers of one system, place by place."""
+
+    def __init__(self, system: System) -> None:
+        program = system.program
+        self.system = system
+        self.ranges: list[Range] = []
+        self._sorts: list[Sort] = []
+        self.locals = [[self.held(x.variable.type) for x in a.locals] for a in program.agents]
+        self.ports = [
+            [self.held(p.declaration.variable.type) for p in a.ports] for a in program.agents
+        ]
+        self.allread = [self._over_robots(x.variable.type) for x in program.allread]
+        self.allwrite = [self.held(x.variable.type) for x in program.allwrite]
+        self.externals: dict[str, tuple[list[Shape], Shape]] = {}
+
+    # --- verdicts -------------------------------------------------------------------------------
+
+    def reason(self) -> str:
+        """Why robots may not change places; empty if they may."""
+        for sort in self._sorts:
+            root = sort.root()
+            if root.is_robot and root.number:
+                return f"a robot's number is {root.number}"
+        for each in self.ranges:
+            if each.variable.root().is_robot:
+                if each.over is not None and not each.over.root().is_robot:
+                    return "a loop over a list's indices runs over robots"
+                if not each.is_free:
+                    return "a loop over robots may depend on their order"
+        return ""
+
+    def fixed(self) -> frozenset[int]:
+        """The robots that the text names by number."""
+        roots = [sort.root() for sort in self._sorts]
+        named = {c for root in roots if root.is_robot for c in root.constants}
+        return frozenset(named & set(range(self.system.robots)))
+
+    # --- new shapes -----------------------------------------------------------------------------
+
+    def fresh(self, type_: Type) -> Shape:
+        """The shape of values of a type, with sorts of its own."""
+        return self._noted(shape(type_))
+
+    def _noted(self, of: Shape) -> Shape:
+        match of:
+            case Scalar(sort=sort):
+                if sort is not None:
+                    self._sorts.append(sort)
+            case Fields(parts=parts):
+                for part in parts:
+                    self._noted(part)
+            case Items(index=index, element=element):
+                self._sorts.append(index)
+                self._noted(element)
+            case Entries(key=key, value=value):
+                self._noted(key)
+                self._noted(value)
+        return of
+
+    def held(self, type_: Type) -> Shape:
+        """The shape of what a variable holds: its lists have any length."""
+        of = self.fresh(type_)
+        _number_lists(of)
+        return of
+
+    def _over_robots(self, type_: Type) -> Shape:
+        of = self.held(type_)
+        assert isinstance(of, Items)
+        of.index.be_robot()
+        return of
+
+    def integer(self, *, number: str = "", constant: int | None = None) -> Scalar:
+        """An integer: a number, for the reason given, or a constant of the text."""
+        sort = Sort(number=number)
+        if constant is not None:
+            sort.constants.add(constant)
+        self._sorts.append(sort)
+        return Scalar(sort)
+
+    def robot(self) -> Scalar:
+        """An integer that is a robot."""
+        made = self.integer()
+        assert made.sort is not None
+        made.sort.be_robot()
+        return made
+
+    # --- shapes of variables --------------------------------------------------------------------
+
+    def variable(self, variable: core.Variable, body: BodyShapes) -> Shape:
+        """What a variable holds that a body names."""
+        match variable.home:
+            case Home.BOUND:
+                return self.bound(variable, body)
+            case Home.ALLREAD:
+                return self.allread[variable.slot]
+            case Home.ALLWRITE:
+                return self.allwrite[variable.slot]
+            case Home.LOCAL | Home.PORT:
+                shapes = self.locals if variable.home is Home.LOCAL else self.ports
+                if body.kind is not None:
+                    return shapes[body.kind][variable.slot]
+                return self._of_any_kind(variable, shapes)
+
+    def _of_any_kind(self, variable: core.Variable, shapes: list[list[Shape]]) -> Shape:
+        """The variable of that name in every kind of robot that has one."""
+        found = []
+        for agent, of_kind in zip(self.system.program.agents, shapes, strict=True):
+            slot = slot_in(agent, variable)
+            if slot is not None:
+                found.append(of_kind[slot])
+        for other in found[1:]:
+            unify(found[0], other)
+        return found[0] if found else self.fresh(variable.type)
+
+    def bound(self, variable: core.Variable, body: BodyShapes) -> Shape:
+        """What a bound variable of a body holds."""
+        if variable not in body.bound:
+            body.bound[variable] = self.fresh(variable.type)
+        return body.bound[variable]
+
+
+def be_number(of: Shape, reason: str) -> None:
+    """An integer of that shape is a number, for a reason; others are left alone."""
+    if isinstance(of, Scalar) and of.sort is not None:
+        of.sort.be_number(reason)
+
+
+def number_robots(of: Shape) -> None:
+    """No integer in a value of that shape is a robot."""
+    match of:
+        case Scalar():
+            be_number(of, "any integer")
+        case Fields(parts=parts):
+            for part in parts:
+                number_robots(part)
+        case Items(element=element):
+            number_robots(element)
+        case Entries(key=key, value=value):
+            number_robots(key)
+            number_robots(value)
+
+
+def _number_lists(of: Shape) -> None:
+    """Lists of any length are not indexed by robots."""
+    match of:
+        case Scalar():
+            pass
+        case Fields(parts=parts):
+            for part in parts:
+                _number_lists(part)
+        case Items(index=index, element=element, is_over_robots=over):
+            if not over:
+                index.be_number("an index into a list of any length")
+            _number_lists(element)
+        case Entries(key=key, value=value):
+            _number_lists(key)
+            _number_lists(value)

@@ -9,14 +9,20 @@ from msgspec.structs import replace
 
 from koord.syntax import core
 from koord.syntax.analysis.definedness import Sure, indices
-from koord.syntax.analysis.sort_constraints import (
+from koord.syntax.analysis.sorts import (
     BodyShapes,
+    Entries,
+    Fields,
+    Items,
     Range,
+    Scalar,
+    Shape,
+    Sort,
     SortBook,
     be_number,
     number_robots,
+    unify,
 )
-from koord.syntax.analysis.sorts import Entries, Fields, Items, Scalar, Shape, Sort, unify
 from koord.syntax.core import BinaryOp, ListOp, QuantifierKind, UnaryOp
 from koord.syntax.types import INT, Type
 

@@ -20,7 +20,7 @@ gives on μ, faults included:
   is an array over robots, or in a bound variable and made from one: it is never written out,
   appended to, or shortened, so it always has one element per robot.
 - A loop over all robots runs in another order on σ(μ). So its body may only do what does not depend
-  on the order: :mod:`~koord.syntax.analysis.loop_order`. The same holds of quantifiers, for a
+  on the order: :mod:`~koord.syntax.analysis.sort_inference`. The same holds of quantifiers, for a
   fault ends their evaluation early.
 - Answers that are left open are tried all, and what is assumed of them is among the text that has
   been looked at.

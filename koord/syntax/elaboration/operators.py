@@ -1,13 +1,19 @@
-"""Operators: what they apply to, and what they become."""
+"""Expressions: one case per form; operators: what they apply to, and what they become."""
 
 from __future__ import annotations
+
+from typing import assert_never
 
 from koord.syntax import ast, core
 from koord.syntax.analysis.folding import folded
 from koord.syntax.elaboration.body import CLOSED, BodyScope
+from koord.syntax.elaboration.calls import function_call, method_call
 from koord.syntax.elaboration.coercion import accepts, fit, widened
 from koord.syntax.elaboration.function_calls import library_call
+from koord.syntax.elaboration.literals import collection
 from koord.syntax.elaboration.phrases import a
+from koord.syntax.elaboration.places import meaning, read
+from koord.syntax.elaboration.quantifiers import quantified
 from koord.syntax.elaboration.resolve_types import is_numeric
 from koord.syntax.source import Span
 from koord.syntax.types import BOOL, FLOAT, INT, POS, STREAM, STRING, Type
@@ -263,3 +269,36 @@ def _vector(body: BodyScope, e: ast.Binary, left: core.Expr, right: core.Expr) -
         "positions can be added and subtracted, and multiplied or divided by a number",
     )
     return None
+
+
+def expression(body: BodyScope, e: ast.Expr, expected: Type | None) -> core.Expr | None:
+    """The expression, typed; ``expected`` is the type that its place wants, if that is known.
+
+    Where the type of the result differs from ``expected``, the caller finds out. None means that
+    something is wrong, and told.
+    """
+    if isinstance(e, ast.Collection):
+        return collection(body, e, expected)
+    match e:
+        case ast.Name() | ast.Attribute() | ast.Index() | ast.AtRobot() | ast.Prime():
+            return read(meaning(body, e, expected), e)
+        case ast.IntLit(value=number):
+            return core.Const(number, INT, span=e.span)
+        case ast.Binary():
+            return binary(body, e, expected)
+        case ast.BoolLit(value=truth):
+            return core.Const(truth, BOOL, span=e.span)
+        case ast.Call():
+            return function_call(body, e, expected)
+        case ast.Unary():
+            return unary(body, e)
+        case ast.FloatLit(value=fraction):
+            return core.Const(fraction, FLOAT, span=e.span)
+        case ast.StringLit(value=text):
+            return core.Const(text, STRING, span=e.span)
+        case ast.MethodCall():
+            return method_call(body, e, expected)
+        case ast.Quantified():
+            return quantified(body, e)
+        case _:
+            assert_never(e)

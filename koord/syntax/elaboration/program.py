@@ -9,11 +9,10 @@ from msgspec import Struct
 
 from koord.syntax import ast, core
 from koord.syntax.analysis.limits import excesses
+from koord.syntax.diagnostics import Note
 from koord.syntax.elaboration import (
     cautions,
     declared_types,
-    events,
-    function_order,
     functions,
     instance,
     locks,
@@ -24,16 +23,71 @@ from koord.syntax.elaboration import (
     variables,
 )
 from koord.syntax.elaboration.body import BodyScope, Elaboration, Where
-from koord.syntax.elaboration.expressions import expression
+from koord.syntax.elaboration.cautions import lost_updates, never_enabled
+from koord.syntax.elaboration.coercion import fit
 from koord.syntax.elaboration.findings import Findings
 from koord.syntax.elaboration.library import library_ports, mentioned
+from koord.syntax.elaboration.operators import expression
 from koord.syntax.elaboration.sections import AgentSections, Sections, sort
 from koord.syntax.elaboration.settings import Elaborated, Settings
 from koord.syntax.elaboration.starts import assumed
 from koord.syntax.elaboration.statements import block
 from koord.syntax.elaboration.symbols import AgentScope, FunctionTable, Named, VariableSymbol
 from koord.syntax.source import NOWHERE
-from koord.syntax.types import ArrayType
+from koord.syntax.types import BOOL, ArrayType
+
+
+def name_events(session: Elaboration, scope: AgentScope, events: list[ast.Event]) -> None:
+    """Give the events their positions."""
+    for position, event in enumerate(events):
+        name = event.name.name
+        if name in scope.events and name != "?":
+            first = events[scope.events[name]].name
+            session.findings.error(
+                "K208",
+                event.name.span,
+                f"there are two events named `{name}`",
+                "choose another name",
+                (Note(first.span, "first declared here"),),
+            )
+        scope.events.setdefault(name, position)
+
+
+def event(session: Elaboration, scope: AgentScope, section: ast.Event) -> core.Event:
+    """An event. Its lock classes are still numbers of atomic blocks."""
+    body = BodyScope(session, Where.GUARD, scope, session.findings)
+    guard: core.Expr = core.Const(True, BOOL, span=section.name.span)
+    if section.pre is not None:
+        found = fit(body, body.expr(section.pre, BOOL), BOOL, section.pre.span, "a guard")
+        if found is not None:
+            guard = found
+            never_enabled(session, section, guard)
+    body.where = Where.EFFECT
+    guarded = frozenset(body.shared_reads)
+    body.shared_reads.clear()
+    effect = body.block(section.eff)
+    lost_updates(body, guarded, effect)
+    return core.Event(
+        section.name.name,
+        section.urgent,
+        guard,
+        effect,
+        body.bound,
+        frozenset(),
+        span=section.span,
+    )
+
+
+def initialisation(
+    session: Elaboration, scope: AgentScope, sections: list[ast.Init]
+) -> tuple[core.Block, int]:
+    """What robots do at the start, and how many bound slots it needs."""
+    body = BodyScope(session, Where.INIT, scope, session.findings)
+    statements: list[core.Stmt] = []
+    for section in sections:
+        statements.extend(body.block(section.body))
+    return tuple(statements), body.bound
+
 
 _DEFAULTS = Settings()
 
@@ -117,7 +171,7 @@ def _declare(
     functions.declare_functions(session, sections.functions)
     declared_types.check_defaults(session, sections.records)
     for each in robots:
-        events.name_events(session, each.scope, each.kind.events)
+        name_events(session, each.scope, each.kind.events)
 
 
 def _variables(session: Elaboration, robots: list[_Robots]) -> frozenset[str]:
@@ -153,8 +207,8 @@ def _define(
     expectations = _expectations(session, sections)
     stated = _properties(session, sections)
     functions.define_functions(session)
-    ordered = function_order.in_order(session)
-    function_order.check_logical_calls(session)
+    ordered = functions.in_order(session)
+    functions.check_logical_calls(session)
     externals = tuple(made for made in ordered if isinstance(made, core.External))
     cautions.contradictions(session, agents, assumptions, externals)
     cautions.confused(session)
@@ -210,7 +264,7 @@ def _shared(
 
 def _agent(session: Elaboration, robots: _Robots) -> core.Agent:
     scope = robots.scope
-    init, init_bound = events.initialisation(session, scope, robots.kind.init)
+    init, init_bound = initialisation(session, scope, robots.kind.init)
     return core.Agent(
         scope.name,
         _locals(session, robots),
@@ -218,7 +272,7 @@ def _agent(session: Elaboration, robots: _Robots) -> core.Agent:
         tuple(modules.module(session, scope, used) for used in robots.modules),
         init,
         init_bound,
-        tuple(events.event(session, scope, section) for section in robots.kind.events),
+        tuple(event(session, scope, section) for section in robots.kind.events),
         span=robots.kind.declared.span if robots.kind.declared else NOWHERE,
     )
 

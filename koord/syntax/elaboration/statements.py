@@ -8,13 +8,12 @@ from typing import assert_never
 from koord.syntax import ast, core
 from koord.syntax.elaboration import loops
 from koord.syntax.elaboration.body import MAX_DEPTH, AtomicBlock, BodyScope, Where
-from koord.syntax.elaboration.changes import call_statement, pop_into
+from koord.syntax.elaboration.changes import call_statement, place_shown, pop_into, target
 from koord.syntax.elaboration.coercion import POISON, fit, stores_list
 from koord.syntax.elaboration.phrases import a
 from koord.syntax.elaboration.places import find_module, meaning
 from koord.syntax.elaboration.resolve_types import is_numeric, resolve
 from koord.syntax.elaboration.symbols import Role, StreamSymbol
-from koord.syntax.elaboration.targets import place_shown, target
 from koord.syntax.types import BOOL, FLOAT, INT, STREAM
 
 _PROGRAM = frozenset({Where.EFFECT, Where.INIT})

@@ -15,10 +15,9 @@ from msgspec import Struct
 from koord.syntax import ast
 from koord.syntax.diagnostics import Diagnostic
 from koord.syntax.parsing.parser import parse
-from koord.syntax.printing.comments import weave
 from koord.syntax.printing.conditions import conjuncts
 from koord.syntax.printing.expressions import print_expr, print_type
-from koord.syntax.printing.statements import LineWriter, beginning, declaration, known
+from koord.syntax.printing.statements import LineWriter, beginning, declaration, known, weave
 from koord.syntax.source import Source, Span
 
 __all__ = ["print_expr", "print_program", "print_type"]

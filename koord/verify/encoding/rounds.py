@@ -12,27 +12,29 @@ from collections.abc import Sequence
 
 from msgspec.structs import replace
 
-from koord.semantics.configurations import NO_EVENT, Configuration, Robot, Turn
+from koord.semantics.configurations import NO_EVENT, Configuration, Robot, Store, Turn
 from koord.semantics.domain import conjunction, disjunction
 from koord.semantics.environment import environment_turn
+from koord.semantics.storage import Storage
 from koord.semantics.turns import declared, initial_turn, program_turn
-from koord.syntax.analysis.footprint import stops_show
+from koord.syntax import core
+from koord.syntax.analysis.footprint import Footprint, WriteExtent, footprint, statuses, stops_show
 from koord.syntax.analysis.lost_updates import rewritten
-from koord.syntax.core import BinaryOp, UnaryOp
+from koord.syntax.core import BinaryOp, Home, UnaryOp
 from koord.syntax.system import Status, System
 from koord.syntax.types import BOOL, INT
 from koord.verify.claims import ClaimPhase, StepFindings
-from koord.verify.encoding.any_state import Arbitrary
 from koord.verify.encoding.choices import (
+    committed,
     differs,
     free_to_skip,
+    lost_updates,
     obligations,
     one_event_each,
     one_winner_each,
     order_of,
     who_acts,
 )
-from koord.verify.encoding.commits import committed, lost_updates
 from koord.verify.encoding.moments import (
     EventOption,
     SymbolicConfiguration,
@@ -42,7 +44,89 @@ from koord.verify.encoding.moments import (
 )
 from koord.verify.encoding.races import Before, racy_variables
 from koord.verify.encoding.symbols import SymbolicInputs, Unknowns
-from koord.verify.encoding.terms import Term
+from koord.verify.encoding.terms import Term, Terms
+
+
+class Arbitrary:
+    """Makes such configurations of one system."""
+
+    def __init__(self, system: System, unknowns: Unknowns) -> None:
+        self.system = system
+        self.unknowns = unknowns
+        self.footprint: Footprint = footprint(self.system.program)
+        self.statuses: tuple[frozenset[Status], ...] = statuses(self.system.program)
+
+    @property
+    def d(self) -> Terms:
+        return self.unknowns.d
+
+    def configuration(self, initial: Configuration[Term], label: str) -> Configuration[Term]:
+        """Any configuration at the end of a round, reachable or not: where induction starts.
+
+        It has in common with ``initial`` what no event ever changes.
+        """
+        program = self.system.program
+        shared = {Home.ALLREAD: program.allread, Home.ALLWRITE: program.allwrite}
+        stores = {Home.ALLREAD: initial.store.allread, Home.ALLWRITE: initial.store.allwrite}
+        store = Store(
+            *(
+                tuple(
+                    self._any(label, home, 0, declaration, before)
+                    for declaration, before in zip(shared[home], stores[home], strict=True)
+                )
+                for home in (Home.ALLREAD, Home.ALLWRITE)
+            )
+        )
+        robots = tuple(
+            self._any_robot(i, state, store, label) for i, state in enumerate(initial.robots)
+        )
+        return Configuration(robots, store, 0)
+
+    def _any(
+        self,
+        label: str,
+        home: Home,
+        kind: int,
+        declaration: core.Declaration,
+        before: Storage[Term],
+    ) -> Storage[Term]:
+        variable = declaration.variable
+        written = self.footprint.get((home, kind, variable.slot), WriteExtent.NEVER)
+        return self.unknowns.storage(f"{variable.name}{label}", variable.type, before, written)
+
+    def _any_robot(
+        self, robot: int, state: Robot[Term], store: Store[Term], label: str
+    ) -> Robot[Term]:
+        d, agent = self.d, self.system.agent(robot)
+        status = d.fresh(f"status@{robot}", INT)
+        ran = d.fresh(f"ran@{robot}", INT)
+        possible = disjunction(
+            d,
+            [
+                d.binary(BinaryOp.EQ, status, d.const(int(s), INT))
+                for s in sorted(self.statuses[state.kind])
+            ],
+        )
+        inside = [
+            d.binary(BinaryOp.LE, d.const(NO_EVENT, INT), ran),
+            d.binary(BinaryOp.LT, ran, d.const(len(agent.events), INT)),
+        ]
+        self.unknowns.constraints.append(conjunction(d, [possible, *inside]))
+        where = f"@{robot}{label}"
+        return replace(
+            state,
+            locals=tuple(
+                self._any(where, Home.LOCAL, state.kind, declaration, before)
+                for declaration, before in zip(agent.locals, state.locals, strict=True)
+            ),
+            ports=tuple(
+                self._any(where, Home.PORT, state.kind, port.declaration, before)
+                for port, before in zip(agent.ports, state.ports, strict=True)
+            ),
+            copy=store,
+            status=status,
+            ran=ran,
+        )
 
 
 class Encoder:

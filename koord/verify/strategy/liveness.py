@@ -19,11 +19,10 @@ from koord.verify.obstacles import Unreplayed, WholeRuns, what
 from koord.verify.processes import Pool, Progress
 from koord.verify.reduction.influence import Cone, Part
 from koord.verify.reduction.problems import abstract_problem, identity, plain_problem
-from koord.verify.reduction.slices import Slices
+from koord.verify.reduction.slicing import Slices
+from koord.verify.strategy.each_claim_turn import Doubts
 from koord.verify.strategy.resumption import Steps
-from koord.verify.strategy.slices_turn import Doubts
-from koord.verify.strategy.table import FIRST_LASSOS, AskEngine
-from koord.verify.strategy.turns import EngineTurn
+from koord.verify.strategy.table import FIRST_LASSOS, AskEngine, EngineTurn
 from koord.verify.vacuity.vacuous_goals import vacuous_goals
 from koord.verify.verdicts import Bounds, Outcome, Vacuity, Verdict
 

@@ -2,19 +2,22 @@
 
 The order is data: to add an engine, write its folder, its name in :class:`Engine`, and its rows
 here.
+
+One turn of a strategy: somebody works on a ledger.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TypeAlias
+from typing import Protocol, TypeAlias
 
 from msgspec import Struct
 
 from koord.verify.engine_names import Engine
-from koord.verify.engines.engine import Purpose, Task
+from koord.verify.engines.engine import Purpose, Task, Workers
 from koord.verify.engines.every_n.candidates import FEW
 from koord.verify.engines.explicit.limits import FEW_EDGES, FEW_STATES, HANDFUL
+from koord.verify.ledger import Ledger
 
 
 class AskEngine(Struct, frozen=True):
@@ -162,3 +165,31 @@ PROVING_AGAIN: Mapping[Engine, AskEngine] = {
 
 #: The same where invariants were found for every number of robots.
 INFERRING_AGAIN = AskEngine(Engine.EVERY_N, Task(Purpose.INFER, seconds=SPARING_S))
+
+
+class AnyTurn(Protocol):
+    """Somebody who settles the open claims of a ledger, or says how far it came with them."""
+
+    @property
+    def name(self) -> str:
+        """What it is called where it fails."""
+
+    def work(self, ledger: Ledger) -> None: ...
+
+
+class EngineTurn(Struct, frozen=True):
+    """An engine is asked for a task; it is loaded when its turn comes."""
+
+    engine: Engine
+    task: Task
+    workers: Workers
+    quick: bool = False
+
+    @property
+    def name(self) -> str:
+        return self.engine.value
+
+    def work(self, ledger: Ledger) -> None:
+        worker = self.workers.of(self.engine)
+        if worker.suits(ledger, self.task):
+            worker.work(ledger, self.task)

@@ -22,19 +22,19 @@ from koord.verify.failures import VACUITY, Failure, failure_of
 from koord.verify.ledger import Ledger, VerificationProblem, reach_of
 from koord.verify.processes import Job, Pool, Progress, was_interrupted
 from koord.verify.reduction.problems import identity, plain_problem, problem_of
-from koord.verify.reduction.slices import Slices
-from koord.verify.strategy.each_claim_turn import EachClaimTurn
+from koord.verify.reduction.slicing import Slices
+from koord.verify.strategy.each_claim_turn import Doubts, EachClaimTurn, SlicesTurn, on_slice
 from koord.verify.strategy.resumption import PastVerification, Steps
-from koord.verify.strategy.slices_turn import Doubts, SlicesTurn, on_slice
 from koord.verify.strategy.table import (
     LIVENESS,
     SAFETY,
+    AnyTurn,
     AskEachClaim,
     AskEngine,
     AskOnSlices,
+    EngineTurn,
     Rows,
 )
-from koord.verify.strategy.turns import AnyTurn, EngineTurn
 from koord.verify.vacuity.analysis import Hollow, Looked, look, of_any_number, unlooked, vacuities
 from koord.verify.verdicts import (
     Bounds,

@@ -100,7 +100,7 @@ def test_seeds_repeat_answers() -> None:
 
 def test_what_robots_know_of_a_world_grows_until_they_know_it() -> None:
     """The U of the Mapping example: a drone scans, picks a frontier, and goes there."""
-    from koord.runtime.motion.mapping import occupied
+    from koord.runtime.motion.library import occupied
     from koord.sim.lidar import Lidar, Scanner
 
     world = World(

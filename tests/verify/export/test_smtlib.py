@@ -8,7 +8,7 @@ from random import Random
 import pytest
 import z3
 
-from koord.refinement.generating.profiles import GENERAL
+from koord.refinement.generating.palette import GENERAL
 from koord.refinement.generating.programs import system
 from koord.syntax.system import System
 from koord.verify.claims import claims_of

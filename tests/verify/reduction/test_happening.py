@@ -7,7 +7,7 @@ from msgspec.structs import replace
 
 from koord.syntax.system import System
 from koord.verify.claims import claims_of
-from koord.verify.reduction.slices import Slices
+from koord.verify.reduction.slicing import Slices
 from koord.verify.strategy.verification import verify
 from koord.verify.verdicts import Bounds
 from tests.verify.asking import of_text

@@ -9,17 +9,17 @@ from random import Random
 
 import pytest
 
-from koord.refinement.generating.profiles import FINITE, SYMMETRIC
+from koord.refinement.generating.palette import FINITE, SYMMETRIC
 from koord.refinement.generating.programs import system
 from koord.semantics.every_number import NotFiniteError
 from koord.syntax.system import System
 from koord.verify.claims import claims_of, liveness_of
-from koord.verify.engines.explicit.findings import Exhausted, GoalKind
 from koord.verify.engines.explicit.finiteness import NotFinite
 from koord.verify.engines.explicit.limits import Limits
+from koord.verify.engines.explicit.property_checks import Exhausted, GoalKind
 from koord.verify.engines.explicit.search import survey
 from koord.verify.reduction.problems import identity
-from koord.verify.reduction.slices import Slices
+from koord.verify.reduction.slicing import Slices
 from tests.agreement.test_engines import NAMES
 from tests.generators.staged import staged
 from tests.verify.asking import of_text

@@ -25,7 +25,7 @@ from koord.verify.ledger import Ledger, Reach, VerificationProblem
 from koord.verify.processes import Pool, can_fork
 from koord.verify.strategy import each_claim_turn
 from koord.verify.strategy.each_claim_turn import EachClaimTurn
-from koord.verify.strategy.turns import AnyTurn
+from koord.verify.strategy.table import AnyTurn
 from koord.verify.strategy.verification import verify
 from koord.verify.verdicts import Bounds, Outcome, Report, Verdict
 from tests.sampling import first

@@ -19,8 +19,8 @@ from koord.verify.engines.engine import Purpose
 from koord.verify.ledger import Ledger, VerificationProblem
 from koord.verify.strategy import resumption
 from koord.verify.strategy.each_claim_turn import EachClaimTurn
+from koord.verify.strategy.table import AnyTurn, EngineTurn
 from koord.verify.strategy.time_limits import verify_apart
-from koord.verify.strategy.turns import AnyTurn, EngineTurn
 from koord.verify.strategy.verification import verify
 from koord.verify.verdicts import Bounds, Outcome, Report
 from tests.verify.asking import judged, of_text

@@ -22,10 +22,10 @@ from koord.syntax import core
 from koord.syntax.core import BinaryOp
 from koord.syntax.system import System
 from koord.syntax.types import OpaqueType, Type
+from koord.verify.engines.bits.cells import BitUnknowns
 from koord.verify.engines.bits.domain import BitDomain, Bits, literal
 from koord.verify.engines.bits.graph import FALSE, TRUE
 from koord.verify.engines.bits.opaque import EQUALS, Argument, Atom, Known, OpaqueChoice
-from koord.verify.engines.bits.unknowns import BitUnknowns
 
 #: The part of what stands for variables of axioms.
 PATTERNS = -1

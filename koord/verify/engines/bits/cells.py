@@ -1,4 +1,4 @@
-"""What a state is made of: what each scalar of a configuration may be, from one round to the next.
+"""What a state is made of: what each scalar of a configuration may be, as bits.
 
 A *leaf* stands for one scalar, a constant of the text or what is known of its values. Leaves have
 the place of scalars in configurations, so a configuration of leaves says which states are looked
@@ -7,11 +7,12 @@ at.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from fractions import Fraction
 from itertools import zip_longest
 from math import lcm
-from typing import Generic, TypeAlias, TypeVar
+from typing import Any, Generic, TypeAlias, TypeVar, cast
 
 from msgspec import Struct, field
 from msgspec.structs import replace
@@ -20,6 +21,10 @@ from koord.semantics.configurations import Configuration, Robot, Store
 from koord.semantics.domain import Constant
 from koord.semantics.storage import Cell, Storage, Tree
 from koord.semantics.values import Rec, Seq, Table, Value
+from koord.syntax import core
+from koord.syntax.types import ScalarType, Type, is_flat
+from koord.verify.encoding.externals import scalars
+from koord.verify.encoding.unknowns import Symbolic, Unknowns
 from koord.verify.engines.bits.domain import Bit, BitDomain, Bits
 from koord.verify.engines.bits.graph import FALSE
 from koord.verify.engines.bits.numbers import Number
@@ -261,3 +266,39 @@ def _items(value: Value[A] | None) -> tuple[Value[A], ...]:
 def as_constant(value: int, scale: int) -> Constant:
     """What a vector with that value stands for."""
     return Fraction(value, scale) if scale else value
+
+
+@dataclass(slots=True)
+class BitUnknowns(Unknowns):
+    """Fresh bits of one formula."""
+
+    @property
+    def bits(self) -> BitDomain:
+        return cast(BitDomain, self.d)
+
+    def function(
+        self, external: core.External, arguments: tuple[Symbolic, ...], name: str
+    ) -> Symbolic:
+        """The answer of a mathematical function; across rounds alike for few arguments only."""
+        result = external.result.type
+        variables = (external.result, *external.parameters)
+        if all(is_flat(v.type) for v in variables) and isinstance(result, ScalarType):
+            flat = [scalar for argument in arguments for scalar in scalars(argument)]
+            if self.bits.is_relation(cast(Any, flat), result):
+                return cast(Any, self.bits.applied(external.name, cast(Any, flat), result))
+        return self.alike(external, arguments, name)
+
+    def every(self, types: Sequence[Type], body: Callable[[tuple[Symbolic, ...]], Any]) -> Any:
+        """Whether a statement holds of all values of some types: may be either."""
+        return Bit(self.bits.graph.input("of all"))
+
+    def chosen(self, low: Any, high: Any, type_: Type) -> Any:
+        """Any number between the bounds, as far as these are known."""
+        first, last = self.bits.number(low), self.bits.number(high)
+        loose = first.loose or last.loose
+        if loose or first.scale or last.scale:
+            return low if low == high else self.bits.fresh("choose", type_)
+        return self.bits.between("choose", first.low, last.high)
+
+
+__all__ = ["BitUnknowns", "Bits", "Number"]

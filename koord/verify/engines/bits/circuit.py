@@ -24,6 +24,7 @@ from koord.verify.engines.bits import numbers
 from koord.verify.engines.bits.axioms import Axioms
 from koord.verify.engines.bits.cells import (
     FINEST,
+    BitUnknowns,
     Fixed,
     Joining,
     Leaf,
@@ -38,7 +39,6 @@ from koord.verify.engines.bits.domain import Bit, BitDomain, Bits, Range, litera
 from koord.verify.engines.bits.graph import FALSE, TRUE
 from koord.verify.engines.bits.numbers import Number
 from koord.verify.engines.bits.opaque import Argument, Known, OpaqueChoice
-from koord.verify.engines.bits.unknowns import BitUnknowns
 
 #: Integers are followed through this range at first, and lists to so many elements; then further.
 LEVELS = ((63, 8), (1023, 12), (16383, 16))

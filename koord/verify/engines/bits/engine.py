@@ -17,7 +17,6 @@ from koord.verify.claims import Claim, ClaimPhase
 from koord.verify.encoding.solver import SolverAnswer
 from koord.verify.engine_names import Engine
 from koord.verify.engines.bits import abc, ic3
-from koord.verify.engines.bits.checking import holds_always
 from koord.verify.engines.bits.circuit import LEVELS, Circuit, circuit_of
 from koord.verify.engines.bits.clauses import QUICK, TRUE_SIDE, Clauses, NoAnswerError
 from koord.verify.engines.bits.constraint_selection import everything, narrowed
@@ -25,7 +24,7 @@ from koord.verify.engines.bits.found_runs import recording
 from koord.verify.engines.bits.graph import FALSE
 from koord.verify.engines.bits.invariants import lemmas
 from koord.verify.engines.bits.robot_permutations import images
-from koord.verify.engines.bits.unrolling import Copy, Unrolled
+from koord.verify.engines.bits.unrolling import Copy, Unrolled, holds_always
 from koord.verify.engines.engine import Task, Tools, Worker
 from koord.verify.ledger import Ledger, Reach
 from koord.verify.obstacles import Lengths, NoInvariant, Obstacle, Unreplayed, Values, gave_up

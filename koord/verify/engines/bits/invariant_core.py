@@ -13,7 +13,6 @@ from msgspec.structs import replace
 
 from koord.verify.claims import Claim, ClaimPhase
 from koord.verify.effort import Deadline
-from koord.verify.engines.bits.checking import keeps
 from koord.verify.engines.bits.circuit import Circuit
 from koord.verify.engines.bits.clauses import QUICK, TRUE_SIDE, Clauses
 from koord.verify.engines.bits.constraint_selection import everything
@@ -26,6 +25,7 @@ from koord.verify.engines.bits.prime_implicants import (
     complexity,
     facts,
 )
+from koord.verify.engines.bits.unrolling import keeps
 
 #: What must not come about, in which phase of a round.
 Goal = tuple[ClaimPhase, int]

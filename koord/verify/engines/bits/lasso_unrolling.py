@@ -7,7 +7,8 @@ from typing import cast
 
 from msgspec.structs import replace
 
-from koord.semantics.recordings import Recording
+from koord.semantics.recordings import Answer, Concrete, Recording
+from koord.semantics.values import Rec, Seq, Table
 from koord.syntax.budget import OutOfBudgetError
 from koord.syntax.system import System
 from koord.verify.claims import ClaimPhase
@@ -16,11 +17,53 @@ from koord.verify.encoding.solver import SolverAnswer
 from koord.verify.engines.bits.circuit import Latch
 from koord.verify.engines.bits.clauses import TRUE_SIDE
 from koord.verify.engines.bits.domain import Bits, literal
-from koord.verify.engines.bits.fairness_monitors import MonitoredCircuit
 from koord.verify.engines.bits.found_runs import RelationValue, recording
 from koord.verify.engines.bits.graph import Graph
-from koord.verify.engines.bits.loop_closing import closing, tied
+from koord.verify.engines.bits.liveness_to_safety import MonitoredCircuit
 from koord.verify.engines.bits.unrolling import Unrolled
+
+
+def closing(loop: int, standing: list[dict[int, str]]) -> dict[str, str]:
+    """What values are called that are new in a loop, by the names that they came up with."""
+    first, last = standing[loop], standing[-1]
+    old = {name for names in standing[: loop + 1] for name in names.values()}
+    return {last[token]: first[token] for token in last if last[token] not in old}
+
+
+def tied(lasso: Recording, names: dict[str, str]) -> Recording:
+    """The lasso with opaque values that are new in the loop called what they were at its start.
+
+    Of these nothing is known but what bits say, and they say the same at both ends. Whether any
+    values are like that, replay finds out.
+    """
+
+    def called(value: Concrete) -> Concrete:
+        match value:
+            case Rec(fields=parts):
+                return Rec(tuple(map(called, parts)))
+            case Seq(length=length, items=items):
+                return Seq(length, tuple(map(called, items)))
+            case Table(length=length, entries=entries):
+                return Table(length, tuple((called(k), called(v)) for k, v in entries))
+            case str():
+                return names.get(value, value)
+            case _:
+                return value
+
+    def answered(answer: Answer) -> Answer:
+        arguments = tuple(map(called, answer.arguments))
+        return replace(answer, arguments=arguments, value=called(answer.value))
+
+    rounds = tuple(
+        replace(
+            round_,
+            readings=tuple(replace(r, value=called(r.value)) for r in round_.readings),
+            answers=tuple(map(answered, round_.answers)),
+        )
+        for round_ in lasso.rounds
+    )
+    return replace(lasso, rounds=rounds)
+
 
 #: So many lassos of one length are looked at before longer ones are.
 _MOST = 8

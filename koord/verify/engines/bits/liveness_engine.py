@@ -22,14 +22,21 @@ from koord.verify.claims import Claim, ClaimPhase
 from koord.verify.each_claim import each_alone
 from koord.verify.engine_names import Engine
 from koord.verify.engines.bits import ic3
-from koord.verify.engines.bits.checking import holds_always
 from koord.verify.engines.bits.circuit import LEVELS
 from koord.verify.engines.bits.clauses import QUICK, Clauses, NoAnswerError
 from koord.verify.engines.bits.engine import loose_variables
-from koord.verify.engines.bits.fairness_monitors import NOTHING, MonitoredCircuit, Watching
 from koord.verify.engines.bits.lasso_unrolling import Loops
-from koord.verify.engines.bits.liveness_to_safety import Counting, counted, counting, settles
+from koord.verify.engines.bits.liveness_to_safety import (
+    NOTHING,
+    Counting,
+    MonitoredCircuit,
+    Watching,
+    counted,
+    counting,
+    settles,
+)
 from koord.verify.engines.bits.robot_permutations import images, speaking_last
+from koord.verify.engines.bits.unrolling import holds_always
 from koord.verify.engines.engine import Task, Tools, Worker
 from koord.verify.ledger import Ledger, Reach
 from koord.verify.obstacles import Beyond, Lengths, Obstacle, Unreplayed, Values, gave_up

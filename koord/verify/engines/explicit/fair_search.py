@@ -34,13 +34,12 @@ from koord.verify.engines.explicit.fair_cycles import (
     fair_set,
     short_loop,
 )
-from koord.verify.engines.explicit.findings import Exhausted, OutOfBounds
 from koord.verify.engines.explicit.finiteness import NotFinite, not_finite
 from koord.verify.engines.explicit.found_runs import Tracer
 from koord.verify.engines.explicit.initial_states import openings
 from koord.verify.engines.explicit.joint_transitions import Joint, Joints
 from koord.verify.engines.explicit.limits import OUT_OF_TIME, Limits, Meter
-from koord.verify.engines.explicit.property_checks import Check, check
+from koord.verify.engines.explicit.property_checks import Check, Exhausted, OutOfBounds, check
 from koord.verify.engines.explicit.robot_transitions import Menu, Menus
 from koord.verify.engines.explicit.states import State, Vault
 

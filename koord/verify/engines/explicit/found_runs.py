@@ -15,10 +15,9 @@ from msgspec.structs import replace
 from koord.semantics.recordings import Answer, Recording, Round
 from koord.syntax.system import System
 from koord.verify.engines.explicit.commits import Commits, StoreOutcome
-from koord.verify.engines.explicit.findings import GoalKind, SearchGoal
 from koord.verify.engines.explicit.initial_states import openings
 from koord.verify.engines.explicit.joint_transitions import Joint, Joints
-from koord.verify.engines.explicit.property_checks import Check
+from koord.verify.engines.explicit.property_checks import Check, GoalKind, SearchGoal
 from koord.verify.engines.explicit.robot_transitions import (
     EnvironmentOutcome,
     FaultingEvent,

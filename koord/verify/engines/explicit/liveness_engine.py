@@ -13,9 +13,9 @@ from koord.verify.engines.engine import Task, Tools, Worker
 from koord.verify.engines.explicit.engine import limits_of
 from koord.verify.engines.explicit.exhaustive import in_the_way
 from koord.verify.engines.explicit.fair_search import Fairness, Lively, lively
-from koord.verify.engines.explicit.findings import Exhausted, OutOfBounds
 from koord.verify.engines.explicit.finiteness import NotFinite
 from koord.verify.engines.explicit.limits import Limits
+from koord.verify.engines.explicit.property_checks import Exhausted, OutOfBounds
 from koord.verify.ledger import Ledger, Reach
 from koord.verify.obstacles import Obstacle, Unreplayed, gave_up
 from koord.verify.verdicts import Outcome, Vacuity, Verdict, no_fair_run

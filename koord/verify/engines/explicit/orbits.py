@@ -9,14 +9,208 @@ that differ by names alone stay apart, which costs time and nothing else.
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterator, Sequence
+from collections.abc import Callable, Hashable, Iterator, Sequence
 from itertools import groupby, islice, permutations, product
+from typing import Any
 
-from koord.syntax.analysis.sorts import Shape
+from koord.semantics.storage import Cell, Storage, Tree
+from koord.semantics.values import Rec, Seq, Table, Value
+from koord.syntax.analysis.sorts import Entries, Fields, Items, Scalar, Shape
 from koord.syntax.analysis.symmetry import Symmetry
 from koord.verify.engines.explicit.cells import CACHE_LIMIT, Cells, Interner
-from koord.verify.engines.explicit.robot_names import Naming, Renaming
 from koord.verify.engines.explicit.states import Own, State, Vault
+
+#: The new number of each robot.
+Renaming = tuple[int, ...]
+
+Held = Any  #: a storage or a value
+
+
+class Naming:
+    """The robots in the contents of one variable.
+
+    Mostly they stand at fixed positions of a form. An array over robots is moved about as well, and
+    then contents are renamed as a whole.
+    """
+
+    def __init__(self, cells: Cells, shape: Shape, robots: int) -> None:
+        self._cells = cells
+        self._shape = shape
+        self._robots = robots
+        self._moves = _is_over_robots(shape)
+        self._positions: dict[int, tuple[int, ...]] = {}
+        self._renamed: dict[tuple[int, Renaming], int] = {}
+        self._looks: dict[tuple[int, int], Hashable] = {}
+        self._places: dict[int, tuple[tuple[int, ...], ...]] = {}
+
+    def renamed(self, number: int, renaming: Renaming) -> int:
+        """The number of a content with robots renamed."""
+        known = self._renamed.get((number, renaming))
+        if known is None:
+            known = self._renamed[number, renaming] = self._found(number, renaming)
+        return known
+
+    def _found(self, number: int, renaming: Renaming) -> int:
+        cells = self._cells
+        if self._moves:
+            return cells.number(_renamed(cells.storage(number), self._shape, renaming))
+        codes = list(cells.codes[number])
+        for position in self._named(cells.forms[number]):
+            if 0 <= codes[position] < self._robots:
+                codes[position] = renaming[codes[position]]
+        return cells.numbered(cells.forms[number], tuple(codes))
+
+    def names_any(self, number: int) -> bool:
+        """Whether a content names a robot, or is about each of them."""
+        return self._moves or any(self._named_at(number))
+
+    def look(self, number: int, robot: int) -> Hashable:
+        """How a content looks to a robot: where it is named, and nothing that tells a number."""
+        if not self._moves:
+            return self._named_at(number)[robot]
+        known = self._looks.get((number, robot))
+        if known is None:
+            known = _told(self._cells.storage(number), self._shape, robot, self._robots)
+            self._looks[number, robot] = known
+        return known
+
+    def told(self, number: int, robot: int) -> Hashable:
+        """A content with that robot as itself and all others as others."""
+        cells = self._cells
+        if self._moves:
+            return self.look(number, robot)
+        codes: list[object] = list(cells.codes[number])
+        for position in self._named(cells.forms[number]):
+            code = codes[position]
+            assert isinstance(code, int)
+            if 0 <= code < self._robots:
+                codes[position] = "me" if code == robot else "other"
+        return cells.forms[number], tuple(codes)
+
+    def _named_at(self, number: int) -> tuple[tuple[int, ...], ...]:
+        """For each robot, the positions at which it is named."""
+        known = self._places.get(number)
+        if known is None:
+            found: list[list[int]] = [[] for _ in range(self._robots)]
+            codes = self._cells.codes[number]
+            for position in self._named(self._cells.forms[number]):
+                if 0 <= codes[position] < self._robots:
+                    found[codes[position]].append(position)
+            known = self._places[number] = tuple(map(tuple, found))
+        return known
+
+    def _named(self, form: int) -> tuple[int, ...]:
+        """The positions of robots in contents of a form."""
+        known = self._positions.get(form)
+        if known is None:
+            positions = range(len(self._cells.types(form)))
+            found: list[int] = []
+
+            def name(position: int) -> Hashable:
+                found.append(position)
+                return position
+
+            _described(self._cells.built(form, positions), self._shape, name, 0)
+            known = self._positions[form] = tuple(found)
+        return known
+
+
+# --- values ---------------------------------------------------------------------------------------
+
+
+def _renamed(held: Storage[Any], of: Shape, renaming: Renaming) -> Storage[Any]:
+    """What a variable holds, with robots renamed."""
+    if isinstance(held, Cell):
+        return Cell(True, _renamed_value(held.value, of, renaming)) if held.is_set else held
+    if isinstance(of, Fields):
+        pairs = zip(held.parts, of.parts, strict=True)
+        return Tree(tuple(_renamed(part, shape, renaming) for part, shape in pairs))
+    assert isinstance(of, Items)
+    parts = [_renamed(part, of.element, renaming) for part in held.parts]
+    return Tree(tuple(_moved(parts, of, renaming)))
+
+
+def _renamed_value(value: Value[Any], of: Shape, renaming: Renaming) -> Value[Any]:
+    match value, of:
+        case Rec(fields=fields), Fields(parts=shapes):
+            pairs = zip(fields, shapes, strict=True)
+            return Rec(tuple(_renamed_value(part, shape, renaming) for part, shape in pairs))
+        case Seq(length=length, items=items), Items(element=element):
+            renamed = [_renamed_value(item, element, renaming) for item in items]
+            return Seq(length, tuple(_moved(renamed, of, renaming)))
+        case Table(length=length, entries=entries), Entries(key=key, value=held):
+            return Table(
+                length,
+                tuple(
+                    (_renamed_value(k, key, renaming), _renamed_value(v, held, renaming))
+                    for k, v in entries
+                ),
+            )
+        case int(), Scalar() if _is_robot(of) and 0 <= value < len(renaming):
+            return renaming[value]
+        case _:
+            return value
+
+
+def _moved(items: list[Any], of: Items, renaming: Renaming) -> Sequence[Any]:
+    """The elements of an array over robots, each at its robot's new place."""
+    if not of.index.root().is_robot:
+        return items
+    moved = items.copy()
+    for robot, place in enumerate(renaming):
+        moved[place] = items[robot]
+    return moved
+
+
+def _told(held: Held, of: Shape, me: int, robots: int) -> Hashable:
+    """What something holds, told with one robot as *me* and all others as *other*."""
+
+    def name(robot: int) -> Hashable:
+        if 0 <= robot < robots:
+            return "me" if robot == me else "other"
+        return robot
+
+    return _described(held, of, name, me)
+
+
+def _described(held: Held, of: Shape, name: Callable[[int], Hashable], me: int) -> Hashable:
+    match held, of:
+        case Cell(is_set=is_set, value=value), _:
+            return _described(value, of, name, me) if is_set else "unset"
+        case ((Tree(parts=parts) | Rec(fields=parts)), Fields(parts=shapes)):
+            pairs = zip(parts, shapes, strict=True)
+            return tuple(_described(part, shape, name, me) for part, shape in pairs)
+        case ((Tree(parts=parts) | Seq(items=parts)), Items(element=element)):
+            told = [_described(part, element, name, me) for part in parts]
+            if of.index.root().is_robot:
+                # Mine first; the others' in an order that does not depend on their numbers.
+                return (told.pop(me), *sorted(told, key=repr))
+            return tuple(told)
+        case Table(entries=entries), Entries(key=key, value=value):
+            return tuple(
+                (_described(k, key, name, me), _described(v, value, name, me)) for k, v in entries
+            )
+        case int(), Scalar() if _is_robot(of):
+            return name(held)
+        case _:
+            return held  # type: ignore[no-any-return]
+
+
+def _is_robot(of: Scalar) -> bool:
+    return of.sort is not None and of.sort.root().is_robot
+
+
+def _is_over_robots(of: Shape) -> bool:
+    match of:
+        case Items(index=index, element=element):
+            return index.root().is_robot or _is_over_robots(element)
+        case Fields(parts=parts):
+            return any(_is_over_robots(part) for part in parts)
+        case Entries(key=key, value=value):
+            return _is_over_robots(key) or _is_over_robots(value)
+        case _:
+            return False
+
 
 #: How many orders of robots that look alike are tried.
 ORDERS_TRIED = 24

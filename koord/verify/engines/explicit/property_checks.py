@@ -1,8 +1,9 @@
-"""Properties of states: each is evaluated once for all that it looks at."""
+"""Properties of states, each evaluated once for all that it reads; and what a search finds."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from enum import Enum
 from typing import Any, NamedTuple
 
 from msgspec import Struct, field
@@ -11,16 +12,78 @@ from koord.semantics.configurations import Configuration, Robot, Store
 from koord.semantics.domain import Constant
 from koord.semantics.oracle import Inputs, NoInputs
 from koord.semantics.properties import holds_in
+from koord.semantics.recordings import Recording
 from koord.semantics.storage import Storage, Tree
 from koord.syntax import core
-from koord.syntax.analysis.reads import Reads, reads_of
+from koord.syntax.analysis.footprint import Reads, reads_of
 from koord.syntax.core import Direction, Home
 from koord.syntax.system import System
 from koord.syntax.walk import nodes
 from koord.verify.engines.explicit.cells import CACHE_LIMIT, Cells, Codes, Interner
+from koord.verify.engines.explicit.finiteness import NotFinite
 from koord.verify.engines.explicit.lazy import Decisions, Lazy, Looking, PlaceOf
-from koord.verify.engines.explicit.snapshots import nothing, template
-from koord.verify.engines.explicit.states import State, Vault
+from koord.verify.engines.explicit.states import State, Vault, nothing, template
+
+
+class GoalKind(Enum):
+    """What can be violated."""
+
+    PROPERTY = "property"
+    FAULT = "fault"
+    CONTRACT = "contract promise"  #: of a module with a model
+    LOST_UPDATE = "lost update"
+
+
+class SearchGoal(Struct, frozen=True):
+    """One thing that can be violated; ``name`` is that of the property, contract or variable."""
+
+    subject: GoalKind
+    name: str = ""
+
+
+class Exhausted(Struct, frozen=True):
+    """Every reachable configuration has been looked at.
+
+    ``states`` counts them at the starts of rounds, up to symmetry; none is more than ``depth``
+    rounds away.
+    """
+
+    states: int
+    depth: int
+
+
+class OutOfBounds(Struct, frozen=True):
+    """A limit was reached; everything up to ``depth`` rounds has been looked at.
+
+    None: not even all ways to start have been.
+    """
+
+    reason: str
+    states: int
+    depth: int | None
+
+
+class Violated(Struct, frozen=True):
+    """A claim that does not hold: the run ends in a configuration that shows it.
+
+    No run with fewer rounds shows it.
+    """
+
+    claim: SearchGoal
+    recording: Recording
+    states: int
+
+    @property
+    def rounds(self) -> int:
+        return len(self.recording.rounds)
+
+
+class Survey(Struct, frozen=True):
+    """All claims that do not hold, each once, and how the search ended."""
+
+    violated: tuple[Violated, ...]
+    end: Exhausted | OutOfBounds | NotFinite
+
 
 Closed = core.Property | core.Assumption
 

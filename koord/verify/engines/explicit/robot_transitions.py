@@ -18,7 +18,7 @@ from koord.semantics.domain import EXACT, Constant
 from koord.semantics.environment import environment_turn
 from koord.semantics.recordings import Answer, Reading
 from koord.syntax import core
-from koord.syntax.analysis.reads import Reads, reads_of, together
+from koord.syntax.analysis.footprint import Reads, reads_of, together
 from koord.syntax.system import Status, System
 from koord.traces.enumeration import ExploringInputs, explored
 from koord.verify.engines.explicit.cells import CACHE_LIMIT

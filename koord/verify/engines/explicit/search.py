@@ -25,14 +25,6 @@ from koord.syntax.system import System
 from koord.traces.enumeration import UnboundedError
 from koord.verify.engines.explicit.cells import MOST_SCALARS, TooLargeError
 from koord.verify.engines.explicit.commits import Commits
-from koord.verify.engines.explicit.findings import (
-    Exhausted,
-    GoalKind,
-    OutOfBounds,
-    SearchGoal,
-    Survey,
-    Violated,
-)
 from koord.verify.engines.explicit.finiteness import NotFinite, not_finite
 from koord.verify.engines.explicit.found_runs import Tracer
 from koord.verify.engines.explicit.initial_states import openings
@@ -41,6 +33,12 @@ from koord.verify.engines.explicit.limits import OUT_OF_TIME, Limits, Meter
 from koord.verify.engines.explicit.orbits import Orbits
 from koord.verify.engines.explicit.property_checks import (
     Check,
+    Exhausted,
+    GoalKind,
+    OutOfBounds,
+    SearchGoal,
+    Survey,
+    Violated,
     asks_who_ran,
     check,
     sees_the_environment,

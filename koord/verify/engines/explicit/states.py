@@ -1,4 +1,4 @@
-"""Configurations at the start of a round as short tuples of numbers.
+"""Configurations as short tuples of numbers, and the part of one that an event or property reads.
 
 What each variable holds has a number (:mod:`cells`); a robot is a tuple of such numbers, and has a
 number too. Copies equal the store at the start of a round, and the round's number is of no
@@ -7,15 +7,17 @@ consequence, so neither is part of a state.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 from koord.semantics.configurations import NO_EVENT, Configuration, Robot, Store
 from koord.semantics.domain import Constant
 from koord.semantics.storage import Storage, Tree
-from koord.syntax.system import System
+from koord.syntax.analysis.footprint import Reads
+from koord.syntax.system import Status, System
 from koord.syntax.types import ArrayType, Type
-from koord.verify.engines.explicit.cells import Cells, Interner, Scalars
+from koord.verify.engines.explicit.cells import Cells, Codes, Interner, Scalars
+from koord.verify.engines.explicit.lazy import Lazy, PlaceOf
 
 #: The robots' numbers, then those of what the allwrite variables hold.
 State = tuple[int, ...]
@@ -122,3 +124,117 @@ def _element(type_: Type) -> Type:
 def _part(storage: Storage[Constant], robot: int) -> Storage[Constant]:
     assert isinstance(storage, Tree)
     return storage.parts[robot]
+
+
+class Snapshot(NamedTuple):
+    """The codes of some variables, and a root that tells apart what is not in them."""
+
+    root: tuple[int, ...]
+    codes: list[Codes]
+
+
+class ReadWindow:
+    """What is read by an event of one kind of robot, as variables in a fixed order.
+
+    First come the robot's own locals, ports and entries, then allwrite variables, then the entries
+    of all robots of those allread variables that are read elsewhere than at the robot's own.
+    """
+
+    def __init__(self, vault: Vault, kind: int, reads: Reads) -> None:
+        self._vault = vault
+        self._reads = reads
+        self._kind = kind
+        self._robots = vault.system.robots
+        self._own_cells = [
+            *(vault.locals[kind][slot] for slot in reads.locals),
+            *(vault.ports[kind][slot] for slot in reads.ports),
+            *(vault.entries[slot] for slot in reads.entries),
+        ]
+        self._shared = [(self._robots + slot, vault.allwrite[slot]) for slot in reads.allwrite]
+        self._arrays = [(slot, vault.entries[slot]) for slot in reads.arrays]
+        self._own: dict[int, tuple[tuple[int, ...], tuple[Codes, ...]]] = {}
+        self._templates: dict[tuple[int, ...], Robot[Lazy]] = {}
+
+    def snapshot(self, robot: int, state: State) -> Snapshot:
+        """What a robot looks at in a state."""
+        number = state[robot]
+        own = self._own.get(number)
+        if own is None:
+            own = self._own[number] = self._looked_at(self._vault.robots.values[number])
+        root, codes = list(own[0]), list(own[1])
+        for place, cells in self._shared:
+            held = state[place]
+            root.append(cells.forms[held])
+            codes.append(cells.codes[held])
+        if self._arrays:
+            owns = self._vault.robots.values
+            for slot, cells in self._arrays:
+                for each in state[: self._robots]:
+                    held = owns[each].entries[slot]
+                    root.append(cells.forms[held])
+                    codes.append(cells.codes[held])
+        if self._reads.is_placed:
+            root.append(robot)
+        return Snapshot(tuple(root), codes)
+
+    def _looked_at(self, own: Own) -> tuple[tuple[int, ...], tuple[Codes, ...]]:
+        numbers = [
+            *(own.locals[slot] for slot in self._reads.locals),
+            *(own.ports[slot] for slot in self._reads.ports),
+            *(own.entries[slot] for slot in self._reads.entries),
+        ]
+        pairs = list(zip(self._own_cells, numbers, strict=True))
+        return tuple(c.forms[n] for c, n in pairs), tuple(c.codes[n] for c, n in pairs)
+
+    # --- robots to evaluate on ------------------------------------------------------------------
+
+    def robot(self, robot: int, root: tuple[int, ...]) -> Robot[Lazy]:
+        """The robot with places in its variables; what is not read holds nothing."""
+        key = (*root, robot)
+        known = self._templates.get(key)
+        if known is None:
+            known = self._templates[key] = self._built(robot, root)
+        return known
+
+    def _built(self, robot: int, root: tuple[int, ...]) -> Robot[Lazy]:
+        vault, reads, kind, count = self._vault, self._reads, self._kind, self._robots
+        cells = [*self._own_cells, *(c for _, c in self._shared)]
+        cells += [c for _, c in self._arrays for _ in range(count)]
+        made = iter(
+            [template(c, form, k) for k, (c, form) in enumerate(zip(cells, root, strict=False))]
+        )
+        locals_ = _filled(vault.locals[kind], reads.locals, made)
+        ports = _filled(vault.ports[kind], reads.ports, made)
+        own = dict(zip(reads.entries, made, strict=False))
+        allwrite = _filled(vault.allwrite, reads.allwrite, made)
+        arrays = {slot: [next(made) for _ in range(count)] for slot in reads.arrays}
+        allread = []
+        for slot, entry in enumerate(vault.entries):
+            parts = arrays.get(slot, [nothing(entry)] * count).copy()
+            if slot in own and slot not in arrays:
+                parts[robot] = own[slot]
+            allread.append(Tree(tuple(parts)))
+        store: Store[Lazy] = Store(tuple(allread), tuple(allwrite))
+        status = int(Status.RUNNING)
+        return Robot(kind, tuple(locals_), tuple(ports), store, status, NO_EVENT)
+
+
+def template(cells: Cells, form: int, variable: int) -> Storage[Lazy]:
+    """A storage of a form with a place for each scalar."""
+    places = [PlaceOf(variable, k, type_) for k, type_ in enumerate(cells.types(form))]
+    return cells.built(form, places)
+
+
+def nothing(cells: Cells) -> Storage[Lazy]:
+    """A storage that holds nothing, for what is not read."""
+    empty: Storage[Constant] = cells.nothing()
+    return empty  # type: ignore[return-value]  # constants are among the scalars of either domain
+
+
+def _filled(
+    cells: Sequence[Cells], slots: Sequence[int], made: Iterator[Storage[Lazy]]
+) -> list[Storage[Lazy]]:
+    storages = [nothing(c) for c in cells]
+    for slot in slots:
+        storages[slot] = next(made)
+    return storages

@@ -28,8 +28,7 @@ from koord.verify.encoding.terms import Term, Terms
 from koord.verify.encoding.unrolling import Unrolling, assumed, violations
 from koord.verify.engine_names import Engine
 from koord.verify.engines.engine import Purpose, Task, Tools, Worker
-from koord.verify.engines.horn.clauses import Clauses, Reached, Safe, constants
-from koord.verify.engines.horn.states import scalars
+from koord.verify.engines.horn.clauses import Clauses, Reached, Safe, constants, scalars
 from koord.verify.ledger import Ledger, Reach
 from koord.verify.obstacles import Beyond, Obstacle, Unreplayed, gave_up
 from koord.verify.verdicts import Counterexample, Outcome, Verdict, has_fewest

@@ -13,7 +13,7 @@ import z3
 
 from koord.cli import main as frame
 from koord.cli.exits import Exit
-from koord.refinement.generating.profiles import FINITE
+from koord.refinement.generating.palette import FINITE
 from koord.refinement.generating.programs import system
 from koord.semantics.every_number import NotFiniteError
 from koord.verify.claims import claims_of

@@ -13,9 +13,9 @@ from koord.syntax.system import System, dealt
 from koord.verify.effort import Deadline
 from koord.verify.engine_names import Engine
 from koord.verify.engines.bits import engine
-from koord.verify.engines.bits.checking import holds_always
 from koord.verify.engines.bits.graph import Graph
 from koord.verify.engines.bits.ic3 import ClauseInvariant, Cube, SafetyQuery
+from koord.verify.engines.bits.unrolling import holds_always
 from koord.verify.strategy.verification import verify
 from koord.verify.verdicts import Bounds, Outcome, Report, Verdict
 from tests.verify.engines.bits.asking import on_bits

@@ -12,11 +12,11 @@ import pysolvers
 import pytest
 
 from koord.verify.effort import Deadline
-from koord.verify.engines.bits.checking import holds_always
 from koord.verify.engines.bits.circuit import Latch
 from koord.verify.engines.bits.clauses import FALSE_SIDE, OTHER, QUICK, TRUE_SIDE, Clauses
 from koord.verify.engines.bits.graph import Graph
 from koord.verify.engines.bits.ic3 import ClauseInvariant, Ic3Run, Reached, SafetyQuery
+from koord.verify.engines.bits.unrolling import holds_always
 
 State = tuple[bool, ...]
 

@@ -17,8 +17,8 @@ from koord.syntax.source import Source
 from koord.syntax.system import System
 from koord.verify.claims import claims_of
 from koord.verify.effort import Deadline, Effort
-from koord.verify.engines.explicit.findings import Exhausted, GoalKind
 from koord.verify.engines.explicit.limits import Limits
+from koord.verify.engines.explicit.property_checks import Exhausted, GoalKind
 from koord.verify.engines.explicit.search import survey
 from koord.verify.engines.induction.proving import prove
 from koord.verify.reduction.abstraction import abstracted

@@ -11,7 +11,7 @@ from koord.verify.engine_names import Engine
 from koord.verify.engines.bits.circuit import Latch
 from koord.verify.engines.bits.graph import Graph
 from koord.verify.engines.bits.liveness_to_safety import settling
-from koord.verify.reduction.slices import Slices
+from koord.verify.reduction.slicing import Slices
 from koord.verify.strategy.liveness import LivenessVerdicts, settled
 from koord.verify.strategy.table import LIVENESS
 from koord.verify.verdicts import Bounds, Outcome, Verdict

@@ -12,7 +12,7 @@ from random import Random
 import pytest
 from msgspec.structs import replace
 
-from koord.refinement.generating.profiles import FINITE, SYMMETRIC, Profile
+from koord.refinement.generating.palette import FINITE, SYMMETRIC, Profile
 from koord.refinement.generating.programs import system
 from koord.semantics.recordings import Recording
 from koord.syntax.load import load
@@ -25,8 +25,8 @@ from koord.verify.engines.bmc import counterexample_enumeration
 from koord.verify.engines.bmc.counterexample_enumeration import is_variant, others
 from koord.verify.ledger import Ledger
 from koord.verify.reduction.problems import plain_problem
-from koord.verify.reduction.slices import Slices
-from koord.verify.strategy.slices_turn import on_slice
+from koord.verify.reduction.slicing import Slices
+from koord.verify.strategy.each_claim_turn import on_slice
 from koord.verify.strategy.verification import verify
 from koord.verify.verdicts import Bounds, Verdict
 from tests.verify.asking import of_text

@@ -12,8 +12,8 @@ from koord.verify.claims import claims_of
 from koord.verify.effort import Deadline, Effort
 from koord.verify.engines.every_n.candidates import candidates
 from koord.verify.engines.every_n.proving import SPARING, Inferred, Proof, Thrift, infer, prove
-from koord.verify.engines.explicit.findings import GoalKind
 from koord.verify.engines.explicit.limits import Limits
+from koord.verify.engines.explicit.property_checks import GoalKind
 from koord.verify.engines.explicit.search import survey
 from koord.verify.reduction.abstraction import abstracted
 

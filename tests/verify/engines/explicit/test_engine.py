@@ -12,8 +12,8 @@ from koord.verify.claims import Claim, ClaimPhase, claims_of
 from koord.verify.effort import Deadline
 from koord.verify.engine_names import Engine
 from koord.verify.engines.explicit.exhaustive import Searching, exhaust
-from koord.verify.engines.explicit.findings import Exhausted, OutOfBounds
 from koord.verify.engines.explicit.limits import Limits
+from koord.verify.engines.explicit.property_checks import Exhausted, OutOfBounds
 from koord.verify.engines.explicit.search import survey
 from koord.verify.strategy.verification import verify
 from koord.verify.verdicts import Bounds, Counterexample, Outcome

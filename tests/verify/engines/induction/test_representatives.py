@@ -10,7 +10,7 @@ from textwrap import dedent
 
 import pytest
 
-from koord.refinement.generating.profiles import FINITE
+from koord.refinement.generating.palette import FINITE
 from koord.refinement.generating.programs import system
 from koord.semantics.every_number import NotFiniteError
 from koord.syntax import core
