@@ -24,6 +24,8 @@ KINDS: tuple[tuple[str, str, str, str, float | None], ...] = (
     ("car, MPC, no contact", "CAR", "simple", "MPC", None),
     ("car, pursuit", "CAR", "full", "PURSUIT", 5.0),
     ("car, pursuit, no contact", "CAR", "simple", "PURSUIT", None),
+    ("differential drive", "DIFF", "full", "", 5.0),
+    ("differential drive, no contact", "DIFF", "simple", "", None),
     ("drone", "DRONE", "full", "", 5.0),
     ("drone, compiled", "DRONE", "fast", "", None),
     ("drone without attitude", "DRONE", "simple", "", None),
@@ -33,7 +35,15 @@ KINDS: tuple[tuple[str, str, str, str, float | None], ...] = (
 #: The whole of 120 s of 16 drones may take 3 s, rounds and recording included.
 DRONES_S = 2.0
 
-PLANNERS = ("STRAIGHT", "RRT_DRONE", "RRT_STAR_DRONE", "RRT_CAR", "RRT_STAR_CAR")
+PLANNERS = (
+    "STRAIGHT",
+    "RRT_DRONE",
+    "RRT_STAR_DRONE",
+    "RRT_CAR",
+    "RRT_STAR_CAR",
+    "RRT_DIFF",
+    "RRT_STAR_DIFF",
+)
 
 
 def advanced(body: str, level: str, steering: str, count: int, seconds: float) -> dict[str, Any]:
@@ -42,6 +52,7 @@ def advanced(body: str, level: str, steering: str, count: int, seconds: float) -
     from koord.runtime.motion.bodies import (
         Body,
         Car,
+        DifferentialDrive,
         Drone,
         IdealBody,
         Level,
@@ -52,11 +63,17 @@ def advanced(body: str, level: str, steering: str, count: int, seconds: float) -
     from koord.sim.fleet import Fleet, Placed
     from koord.sim.squads import DeviceModel
 
-    bodies: dict[str, Body] = {"CAR": Car(), "DRONE": Drone(), "POINT": IdealBody()}
+    bodies: dict[str, Body] = {
+        "CAR": Car(),
+        "DIFF": DifferentialDrive(),
+        "DRONE": Drone(),
+        "POINT": IdealBody(),
+    }
+    on_ground = body in ("CAR", "DIFF")
     controller = Steering(steering or "MPC")
     model = DeviceModel(bodies[body], PlannerName.STRAIGHT, Level(level), controller)
     side = math.ceil(math.sqrt(count))
-    height = 0.0 if body == "CAR" else 1.0
+    height = 0.0 if on_ground else 1.0
     places = [(3.0 * (k % side), 3.0 * (k // side), height) for k in range(count)]
     world = World((-3, -3, 0), (3.0 * side, 3.0 * side, 5))
     begun = time.process_time()
@@ -65,7 +82,7 @@ def advanced(body: str, level: str, steering: str, count: int, seconds: float) -
     circle = [(1.1 * math.sin(k / 6), 1.1 - 1.1 * math.cos(k / 6), 0.0) for k in range(37)]
     square = [(0.0, 0.0, 0.0), (1.0, 0.0, 0.5), (1.0, 1.0, 0.0), (0.0, 1.0, 0.5)]
     for robot, (x, y, z) in enumerate(places):
-        shape = circle if body == "CAR" else square
+        shape = circle if on_ground else square
         fleet.follow(robot, [(x + a, y + b, z + c) for a, b, c in shape] * laps)
     fleet.advance_to(0.5)
     ready = time.process_time()
@@ -81,7 +98,7 @@ def planned(name: str, count: int) -> dict[str, Any]:
     """Milliseconds that plans take in the arena with three obstacles, and how many fail."""
     import numpy as np
 
-    from koord.runtime.motion.bodies import Car, Drone, PlannerName
+    from koord.runtime.motion.bodies import Car, DifferentialDrive, Drone, PlannerName
     from koord.runtime.motion.field import field
     from koord.runtime.motion.planners import planner
     from koord.runtime.motion.planning import Pose
@@ -92,10 +109,12 @@ def planned(name: str, count: int) -> dict[str, Any]:
         Box((1.0, 1.0, 0.0), (1.6, 3.0, 2.0)),
         Polygon(((-2.0, 1.0), (-1.0, 1.0), (-1.0, 2.5))),
     )
-    world, car = World(obstacles=obstacles), name.endswith("CAR")
-    body = Car() if car else Drone()
-    height = 0.0 if car else 1.0
-    made, free = planner(PlannerName(name), world, body), field(world, flat=car)
+    world = World(obstacles=obstacles)
+    bodies = {"CAR": Car(), "DIFF": DifferentialDrive()}
+    body = bodies.get(name.rpartition("_")[2], Drone())
+    on_ground = not isinstance(body, Drone)
+    height = 0.0 if on_ground else 1.0
+    made, free = planner(PlannerName(name), world, body), field(world, flat=on_ground)
     draw = np.random.default_rng(0)
     places: list[tuple[float, float, float]] = []
     while len(places) < 2 * count:
