@@ -98,7 +98,7 @@ def planned(name: str, count: int) -> dict[str, Any]:
     """Milliseconds that plans take in the arena with three obstacles, and how many fail."""
     import numpy as np
 
-    from koord.runtime.motion.bodies import Car, DifferentialDrive, Drone, PlannerName
+    from koord.runtime.motion.bodies import Body, Car, DifferentialDrive, Drone, PlannerName
     from koord.runtime.motion.field import field
     from koord.runtime.motion.planners import planner
     from koord.runtime.motion.planning import Pose
@@ -110,7 +110,7 @@ def planned(name: str, count: int) -> dict[str, Any]:
         Polygon(((-2.0, 1.0), (-1.0, 1.0), (-1.0, 2.5))),
     )
     world = World(obstacles=obstacles)
-    bodies = {"CAR": Car(), "DIFF": DifferentialDrive()}
+    bodies: dict[str, Body] = {"CAR": Car(), "DIFF": DifferentialDrive()}
     body = bodies.get(name.rpartition("_")[2], Drone())
     on_ground = not isinstance(body, Drone)
     height = 0.0 if on_ground else 1.0
