@@ -1,1 +1,1 @@
-"""Making runs: who goes next, what sensors read, what external functions answer, what starts."""
+"""Sampling: runs at random, with policies for the schedule and samplers for the inputs."""

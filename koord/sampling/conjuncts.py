@@ -1,4 +1,4 @@
-"""The parts of a property, and the places that each of them reads. [PROP-READ]
+"""Conjuncts of a property, and the places that each of them reads. [PROP-READ]
 
 A part is a conjunct, or an instance of a quantifier over robots: the property holds if and only if
 all of its parts do, and a part can change only if a place changes that it reads.
@@ -33,7 +33,7 @@ Place: TypeAlias = tuple[Home | None, int, int]
 
 
 class Conjunct(Struct, frozen=True):
-    """A part of a property: what it says, for which robots, and the places where it looks.
+    """A conjunct of a property, for given robots, and the places that it reads.
 
     ``robots`` are by bound slot. Of places that are not known beforehand, such as ``x[y@i]``, it
     has every one that they may be.
@@ -46,7 +46,7 @@ class Conjunct(Struct, frozen=True):
 
 
 def conjuncts_of(system: System, condition: core.Expr) -> list[Conjunct]:
-    """The parts of a property; itself alone where they are more than one can keep."""
+    """Split a property into conjuncts; itself alone where they are too many."""
     splitting = _Splitting(system)
     if _count(system, condition) > _MOST_PARTS:
         return [splitting.part(condition, {}, ())]
@@ -67,7 +67,7 @@ def _count(system: System, e: core.Expr) -> int:
 
 
 def changed(before: Configuration[Constant], after: Configuration[Constant]) -> Iterator[Place]:
-    """The places that hold something else than before."""
+    """The places whose values differ between two configurations."""
     for slot, (old, new) in enumerate(_pairs(before.store.allread, after.store.allread)):
         if old is new:
             continue
@@ -110,7 +110,7 @@ def _differ(old: Storage[Constant], new: Storage[Constant]) -> bool:
 
 
 class _Read(Struct, frozen=True):
-    """A place that a statement reads, as the text has it; ``index`` tells the robot or entry."""
+    """A place that a statement reads, as in the text; ``index`` gives the robot or entry."""
 
     home: Home | None
     variable: core.Variable | None
@@ -119,7 +119,7 @@ class _Read(Struct, frozen=True):
 
 
 class _Splitting(Struct):
-    """Splits properties; what a statement reads is found out once for all of its instances."""
+    """A splitter of properties; a statement's reads are computed once for all of its instances."""
 
     system: System
     _reads: dict[int, tuple[core.Expr, list[_Read], frozenset[int]]] = field(default_factory=dict)
@@ -127,7 +127,9 @@ class _Splitting(Struct):
     def split(
         self, e: core.Expr, robots: dict[int, int], trail: tuple[int, ...]
     ) -> Iterator[Conjunct]:
-        """The parts of a statement: it holds if and only if all of them do. [E-SHORT] [E-QUANT]"""
+        """Split a statement into parts: it holds if and only if all of them do.
+        [E-SHORT] [E-QUANT]
+        """
         match e:
             case core.Binary(op=BinaryOp.AND, left=left, right=right):
                 yield from self.split(left, robots, trail)
@@ -170,7 +172,7 @@ class _Splitting(Struct):
                     pass
 
     def _places(self, read: _Read, fixed: dict[int, int]) -> Iterator[Place]:
-        """The places that a read may be of, for the robots that are known."""
+        """The places that a read may be of, for robots that are known."""
         which = self._named(read.index, {} if read.called else fixed)
         every = range(self.system.robots) if which is None else (which,)
         match read.home:
@@ -191,7 +193,7 @@ class _Splitting(Struct):
                     yield None, 0, robot
 
     def _named(self, index: core.Expr | None, fixed: dict[int, int]) -> int | None:
-        """The robot that an index is, as far as one can tell beforehand."""
+        """The robot that an index names, where that is known statically."""
         match index:
             case core.Const(value=int(value)) if value in range(self.system.robots):
                 return value
@@ -224,7 +226,7 @@ def called(system: System, part: object) -> Iterator[object]:
 def false_beforehand(
     d: Domain[Constant], system: System, configuration: Configuration[Constant]
 ) -> core.Expr | None:
-    """A part of an assumption that is false whatever starts: of ``numAgents``, say, or a param."""
+    """A conjunct of an assumption that is false for every start, as of ``numAgents`` or a param."""
     for assumption in system.program.assumptions:
         for part in conjuncts_of(system, assumption.condition):
             if part.places or _asks(system, part):

@@ -1,4 +1,4 @@
-"""Guesses that would make a statement true: what a variable has to be for ``psn.x == 2 * i``.
+"""Guesses of values that would make a statement true, as for ``psn.x == 2 * i``.
 
 Only a guide for a search by trying: every guess is checked by evaluating the statement.
 """
@@ -33,7 +33,7 @@ T = TypeVar("T")
 
 
 class Repair(Struct, frozen=True):
-    """A part of a variable, and a value for it. ``path`` are positions of fields and elements.
+    """A part of a variable, and a new value for it. ``path`` are positions of fields and elements.
 
     The answer of an external function is a bound variable in its summary, of no robot.
     """
@@ -46,7 +46,7 @@ class Repair(Struct, frozen=True):
 
 
 def repairs(m: Machine[Constant], e: core.Expr) -> Iterator[Repair]:
-    """Guesses for a statement that does not hold."""
+    """Yield guesses that may make a statement hold that does not."""
     if statement(m, e):
         return
     match e:
@@ -84,7 +84,7 @@ def repairs(m: Machine[Constant], e: core.Expr) -> Iterator[Repair]:
 
 
 def _of_element(e: core.Quantified, label: int) -> core.Expr:
-    """The body; over a variable's elements it speaks of the element itself, which can be mended."""
+    """The body of a quantifier over a variable's elements, in terms of the element itself."""
     match e.domain:
         case core.Elements(sequence=core.Read(place=core.Place(type=type_) as place)) if isinstance(
             type_, SequenceType
@@ -97,7 +97,7 @@ def _of_element(e: core.Quantified, label: int) -> core.Expr:
 
 
 def _moved(value: Concrete, by: Fraction) -> Concrete:
-    """A number some way off; an int by a whole way."""
+    """Move a number by some distance; an int by a whole one."""
     match value:
         case bool() | str() | Rec() | Seq():
             return value
@@ -112,7 +112,7 @@ def _moved(value: Concrete, by: Fraction) -> Concrete:
 
 
 def _solved(m: Machine[Constant], e: core.Expr, value: Concrete) -> Iterator[Repair]:
-    """What variables would have to be for an expression to have a value."""
+    """Yield changes of variables under which an expression has a given value."""
     match e:
         case core.Read(place=place):
             yield from _targets(m, place, value)
@@ -167,7 +167,7 @@ def _is_scalar(value: Concrete) -> TypeGuard[Constant]:
 
 
 def _targets(m: Machine[Constant], place: core.Place, value: Concrete) -> Iterator[Repair]:
-    """The variable that a place lies in, if it may be one that can be chosen."""
+    """Yield the change of the variable that a place lies in, if that may be chosen."""
     variable, steps = place.variable, list(place.steps)
     slot: int | None = variable.slot
     robot: int | None = None
@@ -217,7 +217,7 @@ def _index(m: Machine[Constant], e: core.Expr, below: int | None) -> int | None:
 
 
 def placed(value: Concrete, path: tuple[int, ...], part: Concrete) -> Concrete:
-    """A value with a part replaced; itself where it has no such part."""
+    """The value with a part replaced; unchanged where it has no such part."""
     if not path:
         return part
     first, rest = path[0], path[1:]
@@ -235,7 +235,7 @@ def placed(value: Concrete, path: tuple[int, ...], part: Concrete) -> Concrete:
 
 
 def _inlined(m: Machine[Constant], e: core.Call) -> core.Expr | None:
-    """The body of a function that is one expression, on the arguments of a call."""
+    """Inline a call of a function whose body is one expression."""
     function = m.system.program.function(e.function)
     match function.body:
         case (core.Return(value=body),) if body is not None:
@@ -246,7 +246,7 @@ def _inlined(m: Machine[Constant], e: core.Call) -> core.Expr | None:
 
 
 def _substituted(node: T, arguments: dict[int, core.Expr]) -> T:
-    """A part of a function's body with its parameters replaced."""
+    """Substitute the parameters in a part of a function's body."""
     if isinstance(node, core.Read) and node.place.variable.home is Home.BOUND:
         found = arguments.get(node.place.variable.slot)
         return node if found is None else _reached(found, node.place.steps)  # type: ignore[return-value]

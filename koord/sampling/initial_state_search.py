@@ -1,4 +1,4 @@
-"""Finding what assumptions and contracts ask for, by trying: bounded, and with a clear end."""
+"""Search for starts that meet assumptions and readings that meet contracts, by bounded trial."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ def _vary(
     *,
     everything: bool,
 ) -> None:
-    """Let some variables start otherwise: as an assumption asks for, or at random."""
+    """Change some variables' starts: as an assumption suggests, or at random."""
     keys = [key for key in inputs.starts if not inputs.is_given(key)]
     rng = inputs.sampler.rng
     if not everything and inputs.sampler.chance(70):
@@ -115,7 +115,7 @@ def unmet(
     configuration: Configuration[Constant],
     inputs: SampledInputs,
 ) -> core.Assumption | None:
-    """The first assumption that does not hold."""
+    """The first assumption that does not hold, or None."""
     for assumption in system.program.assumptions:
         m = _looking(d, system, configuration, assumption.bound, inputs)
         if not statement(m, assumption.condition):
@@ -129,7 +129,7 @@ def _broken(
     configuration: Configuration[Constant],
     inputs: SampledInputs,
 ) -> int:
-    """How many parts of the assumptions do not hold."""
+    """Count the conjuncts of the assumptions that do not hold."""
     total = 0
     for assumption in system.program.assumptions:
         m = _looking(d, system, configuration, assumption.bound, inputs)
@@ -148,7 +148,7 @@ def _looking(
 
 
 def misses(m: Machine[Constant], e: core.Expr) -> int:
-    """How many conjuncts and instances of a statement do not hold: 0 if and only if it holds."""
+    """Count the conjuncts and instances of a statement that fail: 0 if and only if it holds."""
     match e:
         case core.Binary(op=BinaryOp.AND, left=left, right=right):
             return misses(m, left) + misses(m, right)
@@ -202,7 +202,7 @@ def settle_readings(
     configuration: Configuration[Constant],
     inputs: SampledInputs,
 ) -> None:
-    """Make up readings that every contract allows. Raises KoordError if none are found. [ENV-FREE]
+    """Find readings that every contract allows. Raises KoordError if none are found. [ENV-FREE]
 
     First what a vehicle would read, then the readings before the turn, then others, one by one.
     """
@@ -218,7 +218,7 @@ def settle_robot(
     robot: int,
     inputs: SampledInputs,
 ) -> None:
-    """Make up the readings of one robot. Raises KoordError if none are found."""
+    """Find the readings of one robot. Raises KoordError if none are found."""
     state, agent = configuration.robots[robot], system.agent(robot)
     free = [module for module in agent.modules if module.environment is None]
     for module in free:
@@ -270,7 +270,7 @@ class _Search(Struct):
             raise self.no_reading(max(broken, key=lambda needed: often[needed.what]))
 
     def redraw(self, port: core.Port, *, keep: bool) -> None:
-        """Let a sensor read something else, or what it read before."""
+        """Draw a new reading of a sensor, or keep its last one."""
         variable, sampler = port.declaration.variable, self.inputs.sampler
         last, is_set = contents(self.d, self.state.ports[variable.slot], variable.type)
         key = self.robot, variable.slot
@@ -283,7 +283,7 @@ class _Search(Struct):
         )
 
     def mend(self) -> bool:
-        """Let a sensor read what a contract asks for, now and then, if that can be told."""
+        """Now and then change a sensor's reading to a value that a contract suggests."""
         if not self.inputs.sampler.chance(60):
             return False
         agent = self.system.agent(self.robot)
@@ -324,7 +324,7 @@ class _Search(Struct):
         return True
 
     def unkept(self) -> list[Legality[Constant]]:
-        """The contracts that the readings do not keep."""
+        """The contracts that the readings do not satisfy."""
         turned = environment_turn(self.d, self.system, self.robot, self.state, self.inputs)
         return [needed for needed in turned.legality if self.d.known(needed.condition) is not True]
 

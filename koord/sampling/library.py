@@ -1,4 +1,4 @@
-"""Answers of the library's functions and sensors for runs on numbers. [EXTERNAL] [ENV-FREE]
+"""Host functions and sensors of the standard library, for runs on numbers. [EXTERNAL] [ENV-FREE]
 
 A few more are known by name and type that programs commonly declare themselves: ``onPath``,
 ``apart``.
@@ -53,7 +53,7 @@ _DECORATION = re.compile(r"(?:library_)*(\w+?)(?:_[0-9]+)?\Z")
 
 
 def host(function: core.External) -> Host | None:
-    """The implementation of a library function; None for a function of the user's."""
+    """The implementation of a library function; None for a user's function."""
     found = _DECORATION.match(function.name)
     if found is None:
         return None
@@ -62,7 +62,7 @@ def host(function: core.External) -> Host | None:
 
 
 def _erased(type_: Type) -> Type | str:
-    """The type, tasks by their name alone: a program may define its own, if they begin alike."""
+    """The type with tasks reduced to their name: a program may define its own task type."""
     if isinstance(type_, RecordType) and type_.fields and type_.fields[0] == ("loc", POS):
         return type_.name
     return type_
@@ -72,7 +72,7 @@ def _erased(type_: Type) -> Type | str:
 
 
 def square_root(x: Fraction) -> Fraction:
-    """The root of a number that is not negative: exact if it is rational, else to 56 bits."""
+    """The square root of a nonnegative number: exact if it is rational, else to 56 bits."""
     top, bottom = math.isqrt(x.numerator), math.isqrt(x.denominator)
     if top * top == x.numerator and bottom * bottom == x.denominator:
         return Fraction(top, bottom)
@@ -106,7 +106,7 @@ def listed(items: Sequence[Concrete]) -> Concrete:
 
 
 def segments_apart(a: Point, b: Point, c: Point, d: Point) -> Fraction:
-    """The square of the least distance between the segments a–b and c–d, exactly.
+    """The square of the least distance between the segments a–b and c–d, exact, in square metres.
 
     The least distance of two lines' points p(s), q(t) is where its gradient vanishes, clamped to
     the segments; the clamping follows Ericson, *Real-Time Collision Detection*, 5.1.9.
@@ -144,7 +144,7 @@ def _dot(a: Point, b: Point) -> Fraction:
 
 
 def paths_clear(first: Sequence[Point], second: Sequence[Point]) -> bool:
-    """Whether two paths keep the clearance everywhere; one without points is clear of any."""
+    """Return whether two paths keep the clearance everywhere; an empty path is clear of any."""
     if not first or not second:
         return True
     ones = list(pairwise(first)) or [(first[0], first[0])]
@@ -154,13 +154,13 @@ def paths_clear(first: Sequence[Point], second: Sequence[Point]) -> bool:
 
 
 def on_path(p: Point, path: Sequence[Point], tolerance: Fraction = Fraction(0)) -> bool:
-    """Whether a point lies on a path, or no further from it than the tolerance."""
+    """Return whether a point lies within the tolerance of a path, in metres."""
     pieces = list(pairwise(path)) or [(q, q) for q in path]
     return any(segments_apart(a, b, p, p) <= tolerance * tolerance for a, b in pieces)
 
 
 def along(path: Sequence[Point], here: Point, step: Fraction) -> Point:
-    """The point of a path that lies ``step`` behind the one nearest to ``here``.
+    """The point of a path ``step`` metres beyond the one nearest to ``here``.
 
     Points inside a piece are at a whole number of its 1024ths, so that numbers stay short.
     """
@@ -183,7 +183,7 @@ def along(path: Sequence[Point], here: Point, step: Fraction) -> Point:
 
 
 def toward(here: Point, there: Point, step: Fraction) -> Point:
-    """The point ``step`` nearer to ``there``, about on the straight way and between the two.
+    """The point ``step`` metres nearer to ``there``, about on the straight line.
 
     Coordinates are rounded to 1024ths, so that numbers do not grow from round to round.
     """
@@ -258,7 +258,9 @@ def _scan_to_map(scan: Concrete) -> Concrete:
 
 
 def _frontier(known: Concrete, near: Concrete) -> Concrete:
-    """The middle of a cell beside a known one, nearest to a point; that point if none is known."""
+    """The middle of the unknown cell beside a known one that is nearest to a point, or the
+    point.
+    """
     assert isinstance(known, Table)
     cells = {cell for cell, _ in known.entries if isinstance(cell, int)}
     beside = sorted({c + way for c in cells for way in (-_CELLS, -1, 1, _CELLS)} - cells)
@@ -304,7 +306,7 @@ _GOALS = ("path", "route", "target")
 def driven(
     sampler: Sampler, agent: core.Agent, module: core.Module, state: Robot[Constant]
 ) -> dict[int, Concrete]:
-    """Readings of a module's sensors by slot; none for modules that nothing is known about."""
+    """The readings of a module's sensors by slot; none for unknown modules."""
     if module.name not in _MOTION:
         return {}
     slots = {
@@ -347,7 +349,7 @@ def driven(
 def _told(
     sampler: Sampler, state: Robot[Constant], slots: dict[str, core.Variable]
 ) -> list[Point] | Point | None:
-    """Where the robot was told to go: along a path, or to a target."""
+    """The path or target that the robot's program has set as its goal, or None."""
     for name in _GOALS:
         variable = slots.get(name)
         if variable is None or not _is_way(variable.type):

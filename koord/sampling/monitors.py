@@ -1,4 +1,4 @@
-"""Watching a run: which property is the first to break, and after which step. [PROP-INVARIANT]
+"""Monitors: find the first property that a run breaks, and the step. [PROP-INVARIANT]
 
 A property is looked at part by part: conjuncts, and instances of quantifiers over robots. A step
 leaves most of a configuration alone, and a part that reads what it read when it last held holds
@@ -25,7 +25,7 @@ from koord.traces.trace import Violation, ViolationKind
 
 
 class _Watched(Struct):
-    """A property in parts. ``stale`` are those not known to hold: all others hold still."""
+    """A property as conjuncts. ``stale`` are those not known to hold; all others still hold."""
 
     parts: list[Conjunct]
     stale: set[int]
@@ -42,7 +42,7 @@ class _Watched(Struct):
 
 
 class Monitor(Struct):
-    """Looks at the observed configurations of a run."""
+    """A monitor of the properties in a run's observed configurations."""
 
     d: Domain[Constant]
     system: System
@@ -51,7 +51,7 @@ class Monitor(Struct):
     _seen: Configuration[Constant] | None = None
 
     def after(self, step: Step) -> Violation | None:
-        """What the step broke: the first contract or property that does not hold.
+        """The first contract or property that does not hold after the step, or None.
 
         [PROP-INVARIANT] [PROP-ROUND] [PROP-CONTRACT]
         """
@@ -69,7 +69,7 @@ class Monitor(Struct):
         return None
 
     def holds(self, stated: core.Property, configuration: Configuration[Constant]) -> bool:
-        """Whether a property holds in a configuration."""
+        """Return whether a property holds in a configuration."""
         self._look_at(configuration)
         watched = self._watched.get(stated.name)
         if watched is None:
@@ -87,7 +87,7 @@ class Monitor(Struct):
         return holds is True
 
     def _look_at(self, configuration: Configuration[Constant]) -> None:
-        """Nothing is known any more of the parts that read what has changed."""
+        """Mark the conjuncts as stale that read a place that has changed."""
         before, self._seen = self._seen, configuration
         if before is None or before is configuration:
             return

@@ -1,4 +1,4 @@
-"""Who moves next: policies, and runs that follow one to their end. [SELECT] [SKIP]"""
+"""Policies: schedulers that choose the next move, and runs that follow one. [SELECT] [SKIP]"""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from koord.traces.trace import Violation
 
 
 class Policy(Protocol):
-    """Who moves next, and how."""
+    """A scheduler: it chooses which robot moves next, and how."""
 
     def move(self, run: Run, waiting: tuple[int, ...]) -> ProgramTurn:
-        """A move of one of the robots that wait for their turn. It is made if the rules allow."""
+        """Choose a move of one of the waiting robots. It is made if the rules allow."""
         ...
 
 
 class First:
-    """What the runtime does: robots in order, and of each the first event that is enabled."""
+    """The schedule of the runtime: robots in order, each with its first enabled event."""
 
     def move(self, run: Run, waiting: tuple[int, ...]) -> ProgramTurn:
         robot = waiting[0]
@@ -33,7 +33,7 @@ class First:
 
 
 class AtRandom(Struct, frozen=True):
-    """Any allowed move: any robot, any of its enabled events, now and then a skip."""
+    """A random schedule: any robot, any of its enabled events, now and then a skip."""
 
     rng: Random
     skips_percent: int = 15
@@ -53,7 +53,7 @@ class TakenStep(Struct, frozen=True):
 
 
 def take(run: Run, move: ProgramTurn) -> TakenStep:
-    """Make a move, or, where it loses a lock, a skip; where that is not allowed, another event.
+    """Make a move; one that loses a lock becomes a skip or, if that is illegal, another event.
 
     Raises IllegalStepError if the move is not allowed for another reason.
     """
@@ -76,7 +76,7 @@ def take(run: Run, move: ProgramTurn) -> TakenStep:
 
 
 class Play(Struct):
-    """A run by a policy, watched: ``steps`` makes it, and then ``violation`` is known."""
+    """A run by a policy with monitors: ``steps`` makes it; then ``violation`` is known."""
 
     run: Run
     policy: Policy
@@ -85,7 +85,7 @@ class Play(Struct):
     violation: Violation | None = None
 
     def steps(self) -> Iterator[TakenStep]:
-        """The steps, up to a fault, a violation, the last round, or until everyone has stopped.
+        """Yield the steps, up to a fault, a violation, the last round, or until all robots stopped.
 
         Raises KoordError where an assumption, a contract or a summary cannot be met.
         """
@@ -109,5 +109,5 @@ class Play(Struct):
         return not begun and (self.run.round >= self.rounds or self.run.all_stopped)
 
     def recording(self) -> Recording:
-        """The run as it was made."""
+        """The recording of the run."""
         return self.run.recording(checks=self.violation is not None)

@@ -1,4 +1,4 @@
-"""A run of a part of a program made one of the whole: what is missing is made up. [T-CONE]"""
+"""Extension of a run of a reduced program to the whole program, by sampled inputs. [T-CONE]"""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ from koord.traces.trace import Numbers
 
 
 def extended(recording: Recording, sampler: Sampler) -> Recording:
-    """A recording of the sampler's whole system that has all of a recording of a part of it.
+    """A recording of the sampler's whole system that extends a recording of a part of it.
 
     Raises KoordError or IllegalStepError where none was found.
     """
@@ -63,20 +63,20 @@ def extended(recording: Recording, sampler: Sampler) -> Recording:
 
 
 def _joined(made: tuple[Answer, ...], given: tuple[Answer, ...]) -> tuple[Answer, ...]:
-    """The answers that were made up, and those that were given and nobody asked for yet."""
+    """The sampled answers, and the recorded ones that nobody has asked for yet."""
     asked = {(a.phase, a.robot, a.key) for a in made}
     return (*made, *(a for a in given if (a.phase, a.robot, a.key) not in asked))
 
 
 class _Given(SampledInputs):
-    """Inputs of which some are given, step by step, and the others made up."""
+    """Inputs that are recorded for each step where possible, and sampled otherwise."""
 
     _starts: dict[tuple[Home, int, int | None], Concrete] = field(default_factory=dict)
     _readings: dict[tuple[int, int], Concrete] = field(default_factory=dict)
     _answers: dict[tuple[Phase, int, Key], Answer] = field(default_factory=dict)
 
     def learn(self, recording: Recording) -> None:
-        """External functions answer as they are recorded to, from the start."""
+        """Fix the answers of external functions to the recorded ones, from the start."""
         lasting = {
             function.name
             for function in self.sampler.system.program.externals
@@ -90,7 +90,7 @@ class _Given(SampledInputs):
     def give(
         self, starts: Iterable[Start], readings: Iterable[Reading], answers: Iterable[Answer]
     ) -> None:
-        """What is known of the step that comes."""
+        """Provide the recorded inputs of the next step."""
         self._starts = {(s.home, s.slot, s.robot): s.value for s in starts}
         self._readings = {(r.robot, r.slot): r.value for r in readings}
         self._answers = {(a.phase, a.robot, a.key): a for a in answers}
@@ -124,7 +124,7 @@ class _Given(SampledInputs):
 
 @dataclass
 class Plain(Sampler):
-    """Of each type the plainest value: 0, false, nothing."""
+    """A sampler of each type's plainest value: 0, false, empty."""
 
     start_tries = 50  # it hardly draws anything else, however often it is asked
 

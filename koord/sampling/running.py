@@ -1,4 +1,4 @@
-"""Runs in the making: step by step by the rules, with a policy to choose and a sampler to answer.
+"""Runs in progress, step by step by the rules, with a policy's schedule and sampled inputs.
 
 The rules themselves stand in :mod:`rounds`; what is chosen and answered here becomes a recording,
 and :func:`koord.semantics.recordings.execute` makes the same run of it again.
@@ -42,7 +42,7 @@ class ProgramTurn(Struct, frozen=True):
 
 
 class RunState(Struct, frozen=True):
-    """A run so far: where it is, how many rounds are behind it, and what the open one recorded."""
+    """The state of a run: its configuration, finished rounds, and the open round's recording."""
 
     configuration: Configuration[Constant]
     rounds: int = 0
@@ -51,7 +51,7 @@ class RunState(Struct, frozen=True):
 
 
 class Run:
-    """A run in the making. ``begin`` comes first; a ``moment`` can be kept and gone back to."""
+    """A run in progress. ``begin`` comes first; a ``moment`` can be saved and restored."""
 
     def __init__(self, system: System, numbers: Numbers, inputs: SampledInputs) -> None:
         self.system = system
@@ -75,7 +75,7 @@ class Run:
         return self._moment
 
     def go_back(self, moment: RunState) -> None:
-        """Undo everything since that moment."""
+        """Undo everything since a moment."""
         self._moment = moment
         del self._rounds[moment.rounds :]
         self.inputs.forget_round()
@@ -88,7 +88,7 @@ class Run:
 
     @property
     def round(self) -> int:
-        """The round that is open or comes next."""
+        """The number of the open or next round."""
         return self._now.rounds
 
     @property
@@ -101,7 +101,7 @@ class Run:
 
     @property
     def begun(self) -> bool:
-        """Whether somebody has had a turn since INIT."""
+        """Return whether any robot has had a turn since INIT."""
         return bool(self._rounds or self._now.moves)
 
     @property
@@ -111,7 +111,7 @@ class Run:
     # --- steps ----------------------------------------------------------------------------------
 
     def begin(self, order: tuple[int, ...] | None = None) -> Step:
-        """INIT, with the robots in an order. Raises KoordError if no start can be found."""
+        """Run INIT with the robots in an order. Raises KoordError if no start can be found."""
         order = order if order is not None else tuple(range(self.system.robots))
         stepped = faulted_start(
             self.d, self.system, settled_start(self.d, self.system, self.inputs, order)
@@ -123,14 +123,14 @@ class Run:
         return Step("INIT", -1, None, None, stepped)
 
     def enabled(self, robot: int) -> list[int]:
-        """The events that a robot may select; it may lose a lock all the same."""
+        """The events that a robot may select; a lock may still be taken."""
         return enabled(self.d, self.system, self.configuration, robot, self.inputs)
 
     def may_skip(self, robot: int) -> bool:
         return may_skip(self.d, self.system, self.configuration, robot, self.inputs)
 
     def loses(self, move: ProgramTurn) -> bool:
-        """Whether an event that may be selected enters a lock class that is taken."""
+        """Return whether an enabled event enters a lock class that is taken."""
         if move.event is None:
             return False
         try:
@@ -140,7 +140,7 @@ class Run:
         return False
 
     def make(self, move: ProgramTurn) -> Step:
-        """A program turn. Raises IllegalStepError if the rules do not allow it."""
+        """Take a program turn. Raises IllegalStepError if the rules do not allow it."""
         before, name = self._now, None
         if move.event is None:
             stepped = run_skip(self.d, self.system, before.configuration, move.robot, self.inputs)
@@ -156,7 +156,7 @@ class Run:
         return Step(rule, before.rounds, move.robot, name, stepped)
 
     def evolve(self) -> Step:
-        """The environment's turn. Raises KoordError if no readings can be found."""
+        """Take the environment's turn. Raises KoordError if no readings can be found."""
         number, before = self.round, self.configuration
         settle_readings(self.d, self.system, before, self.inputs)
         stepped = evolved(self.d, self.system, before, self.inputs)
@@ -201,7 +201,7 @@ class Run:
 
 
 def new_run(system: System, numbers: Numbers, rng: Random) -> Run:
-    """A run whose every answer hangs on the generator."""
+    """Start a run whose every input depends on the generator only."""
     return Run(system, numbers, SampledInputs(Sampler(system, numbers, rng)))
 
 
@@ -234,7 +234,7 @@ def _check_all(before: tuple[Storage[Constant], ...], after: tuple[Storage[Const
 
 
 class _Scale(Struct):
-    """Counts the parts of lists, those of lists within lists too.
+    """A counter of the elements of lists, including nested ones.
 
     A list may hold one and the same list many times over, and that one another: each is counted
     once, and the counts are added up.
@@ -243,7 +243,7 @@ class _Scale(Struct):
     _known: dict[int, int] = field(default_factory=dict)
 
     def listed(self, part: Storage[Constant] | Concrete) -> int:
-        """How many parts the lists in storage or a value have; other parts count nothing."""
+        """Count the elements of the lists in storage or a value; other parts count zero."""
         match part:
             case Cell(value=value):
                 return self.listed(value)

@@ -1,4 +1,4 @@
-"""Inputs that make up what a program leaves open, and remember it for the recording. [RECORDING]"""
+"""Sampled inputs, remembered for the recording. [RECORDING]"""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ _SAMPLES = 6
 
 
 class SampledInputs(Struct):
-    """Answers from a sampler. What was answered once is answered alike until it is forgotten."""
+    """Inputs from a sampler. A repeated query gets the same answer until it is forgotten."""
 
     sampler: Sampler
     starts: dict[tuple[Home, int, int | None], Concrete] = field(default_factory=dict)
@@ -53,21 +53,21 @@ class SampledInputs(Struct):
     _around: dict[int | None, dict[Type, list[Concrete]]] = field(default_factory=dict)
 
     def look_at(self, configuration: Configuration[Constant]) -> None:
-        """Values of this configuration are good guesses from now on."""
+        """Use the values of a configuration as good guesses from now on."""
         self._seen = configuration
         self._around = {}
 
     def forget_round(self) -> None:
-        """A new round begins: readings and answers are made up anew."""
+        """Begin a new round: forget readings and answers."""
         self.readings = {}
         self.forget_answers()
 
     def forget_answers(self) -> None:
-        """What was answered since the round began is asked again."""
+        """Forget the answers given since the round began."""
         self.answers = {}
 
     def is_given(self, key: tuple[Home, int, int | None] | tuple[int, int]) -> bool:
-        """Whether a start, or a reading, is none that could be another one."""
+        """Return whether a start, or a reading, is fixed and cannot be drawn again."""
         return False
 
     # --- what the rules ask ---------------------------------------------------------------------
@@ -85,7 +85,7 @@ class SampledInputs(Struct):
         return self.starts[key]
 
     def redraw(self, key: tuple[Home, int, int | None]) -> None:
-        """Start that variable with another value."""
+        """Draw another start of a variable."""
         type_ = self.types[key]
         others = [value for k, value in self.starts.items() if k != key and self.types[k] == type_]
         known = others if self.sampler.chance(30) else []
@@ -112,7 +112,7 @@ class SampledInputs(Struct):
         return tuple(Reading(*key, value) for key, value in self.readings.items())
 
     def recorded_answers(self, *, checks: bool = False) -> tuple[Answer, ...]:
-        """The answers since the round began, those to properties only if they are asked for."""
+        """The answers since the round began; those to properties only on request."""
         return tuple(
             answer for answer in self.answers.values() if checks or answer.phase is not Phase.CHECK
         )
@@ -120,7 +120,7 @@ class SampledInputs(Struct):
     # --- guesses --------------------------------------------------------------------------------
 
     def around(self, robot: int | None, type_: Type) -> list[Concrete]:
-        """Values of a type that the robot (or anybody) holds at the moment."""
+        """Values of a type that the robot (or any robot) holds at present."""
         if self._seen is None:
             return []
         found = self._around.get(robot)
@@ -156,7 +156,7 @@ class SampledInputs(Struct):
         robot: int | None,
         pending: dict[Question, Concrete],
     ) -> Concrete:
-        """An answer of an external function that meets its summary. [EXTERNAL]
+        """Answer a call of an external function so that its summary holds. [EXTERNAL]
 
         ``pending`` holds answers on trial: a summary may mention its own function. Raises
         KoordError if no answer is found.
@@ -212,7 +212,7 @@ class SampledInputs(Struct):
         robot: int | None,
         pending: dict[Question, Concrete],
     ) -> bool:
-        """Whether the answer on trial meets the summary; behind an unmet ``requires`` any does."""
+        """Return whether the candidate answer meets the summary; any does if ``requires`` fails."""
         if not function.ensures:
             return True
         d = self.sampler.numbers.domain
@@ -229,7 +229,7 @@ class SampledInputs(Struct):
         robot: int | None,
         pending: dict[Question, Concrete],
     ) -> Concrete | None:
-        """The answer on trial with a part as the summary asks for, if that can be told."""
+        """The candidate answer with a part changed as the summary suggests, where that is known."""
         d = self.sampler.numbers.domain
         answer = pending[function.name, arguments]
         m = machine(d, self.sampler.system, _TrialOracle(self, robot, pending), robot=robot)
@@ -247,7 +247,7 @@ class SampledInputs(Struct):
         return self.sampler.rng.choice(mended) if mended else None
 
     def coerced(self, value: Concrete, type_: Type) -> Concrete:
-        """A value with its rationals as floats of the run's domain."""
+        """Convert the rationals of a value to floats of the run's domain."""
         d = self.sampler.numbers.domain
 
         def of(number: Constant, its: Type) -> Concrete:
@@ -257,7 +257,7 @@ class SampledInputs(Struct):
 
 
 class _Draws(Struct, frozen=True):
-    """Candidates for an answer: the library's own, then random ones, so many in all."""
+    """Candidates for an answer: the library's own, then a limited number of random ones."""
 
     sampler: Sampler
     type: Type
@@ -293,7 +293,7 @@ def _no_answer(function: core.External, arguments: tuple[Concrete, ...]) -> Koor
 
 
 class _SampledOracle(Struct):
-    """The answers for one turn of one robot, made up when first asked for."""
+    """The oracle of one robot's turn, which draws each answer when it is first asked for."""
 
     inputs: SampledInputs
     phase: Phase
@@ -331,7 +331,7 @@ class _SampledOracle(Struct):
 
 
 class _TrialOracle(Struct):
-    """Answers while a summary is looked at: nothing is recorded."""
+    """The oracle while a summary is checked: nothing is recorded."""
 
     inputs: SampledInputs
     robot: int | None
@@ -349,7 +349,7 @@ class _TrialOracle(Struct):
         return False
 
     def every(self, type_: Type, body: Callable[[Concrete], Constant]) -> Constant:
-        """Whether a statement holds of some values of a type; of all of them nobody can say."""
+        """Check a statement on sampled values of a type; all of them cannot be tried."""
         if len(self.pending) > 1:
             return True
         known = self.inputs.around(self.robot, type_)

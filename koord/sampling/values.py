@@ -1,4 +1,4 @@
-"""Values at random, by type: what a run reads and is told where the program leaves it open.
+"""Random values by type, for inputs that the program leaves open.
 
 Everything hangs on the generator that is passed in. Values come from what the program's text and
 the present configuration mention, more often than from nowhere: contracts, assumptions and guards
@@ -50,7 +50,7 @@ _LONGEST_LIST = 4
 
 @dataclass
 class Sampler:
-    """Draws values of a system's types."""
+    """A sampler of values of a system's types."""
 
     #: How many starts are drawn at most, where one has to meet assumptions; None: the usual number.
     start_tries: ClassVar[int | None] = None
@@ -69,7 +69,7 @@ class Sampler:
     def value(
         self, type_: Type, known: Sequence[Concrete] = (), length: int | None = None
     ) -> Concrete:
-        """A value of a type; often one of ``known``. ``length`` fixes that of a list."""
+        """Draw a value of a type, often one of ``known``. ``length`` fixes that of a list."""
         if known and length is None and self.chance(50):
             return self.rng.choice(known)
         match type_:
@@ -99,7 +99,7 @@ class Sampler:
         assert_never(type_)
 
     def between(self, low: Constant, high: Constant, type_: Type) -> Constant:
-        """A number between two bounds, both included; the lower one if there is none."""
+        """Draw a number between two bounds, inclusive; the lower one if there is none."""
         assert not isinstance(low, str)
         assert not isinstance(high, str)
         if not low < high:
@@ -114,11 +114,11 @@ class Sampler:
         return low + (high - low) * Fraction(share, _STEPS)
 
     def real(self, value: Fraction) -> Constant:
-        """A rational as a float of the run's domain."""
+        """Convert a rational to a float of the run's domain."""
         return self.numbers.domain.const(value, FLOAT)
 
     def mentioned(self, type_: Type) -> tuple[Constant, ...]:
-        """The constants of a type that the program's text mentions, and some that any may."""
+        """The constants of a type in the program's text, and some common ones."""
         return self._pools.get(type_, ())
 
     def _record(self, fields: tuple[tuple[str, Type], ...], known: Sequence[Concrete]) -> Concrete:
@@ -158,7 +158,7 @@ def _finite(value: float) -> bool:
 
 
 def _pools(system: System) -> dict[Type, tuple[Constant, ...]]:
-    """What there is to choose from, by type."""
+    """The pools of constants to draw from, by type."""
     found = constants(system.program)
     robots = system.robots
     ints = [v for v in found.get(INT, ()) if isinstance(v, int)]

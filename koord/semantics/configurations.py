@@ -22,7 +22,7 @@ V = TypeVar("V")
 
 
 class Turn(Enum):
-    """Whose turn it is: the program's or the environment's."""
+    """Whose turn it is in a configuration: the program's or the environment's."""
 
     PROG = "prog"
     ENV = "env"
@@ -38,7 +38,8 @@ class Fault(Struct, frozen=True):
 
 
 class Written(Struct, Generic[V], frozen=True):
-    """What one statement wrote to a stream: a label of the step, part of no configuration. [OUTPUT]
+    """The values that one statement wrote to a stream: a label of a step. [OUTPUT]
+    It is part of no configuration.
 
     ``types`` are those of the values, without which nobody could print them.
     """
@@ -76,7 +77,7 @@ class Robot(Struct, Generic[V], frozen=True):
 
 
 class Configuration(Struct, Generic[V], frozen=True):
-    """A system configuration ``c = ({L_i}, S, τ, turn)``; ``τ`` is ``round · δ``.
+    """A system configuration ``c = ({L_i}, S, τ, turn)``; ``τ`` is ``round · δ``, in seconds.
 
     ``taken`` are the lock classes that a robot entered in this round. A configuration with a
     ``fault`` has no successors. Of a crowd no robot is listed: ``at`` says which robots a number

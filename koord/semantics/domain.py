@@ -1,4 +1,4 @@
-"""Number domains: what the semantics is written over.
+"""Number domains: the operations on scalars that the semantics is generic in.
 
 The rules of :mod:`koord.semantics` never look into a scalar; they combine scalars with the five
 methods here. Exact rationals and doubles are in this file, Z3 terms in ``koord.verify``.
@@ -25,7 +25,7 @@ LONGEST_NUMBER_BITS = 100_000
 
 
 class NumberTooLongError(KoordError):
-    """Exact numbers may grow without end: work on them stops before the machine does.
+    """Raised where an exact number has grown too long to compute with.
 
     ``names`` are the variables in question, as far as they are known.
     """
@@ -39,19 +39,19 @@ class NumberTooLongError(KoordError):
         super().__init__((Diagnostic("K923", Severity.ERROR, place, message, hint),))
 
     def about(self, names: tuple[str, ...], place: Span) -> NumberTooLongError:
-        """The same with the variables and the place, unless these are known."""
+        """The same error with the variables and the place added, unless it has them already."""
         return self if self.names else NumberTooLongError(names, place)
 
 
 class Domain(Protocol[V]):
-    """Scalars of all types: integers, floats, Booleans, strings, enumeration members, opaques."""
+    """The operations on scalars of all types, from integers to enumeration members and opaques."""
 
     def const(self, value: Constant, type_: Type) -> V:
-        """The scalar that a constant of the text means."""
+        """The scalar that stands for a constant of the program."""
         ...
 
     def known(self, value: V) -> Constant | None:
-        """The constant that this scalar is, or None where it stands for several."""
+        """The constant that a scalar is equal to, or None where it is symbolic."""
         ...
 
     def unary(self, op: UnaryOp, operand: V) -> V:
@@ -63,12 +63,12 @@ class Domain(Protocol[V]):
         ...
 
     def ite(self, condition: V, then: V, other: V) -> V:
-        """``then`` where the condition holds, ``other`` elsewhere."""
+        """If-then-else: ``then`` where the condition holds, ``other`` elsewhere."""
         ...
 
 
 def conjunction(d: Domain[V], parts: Sequence[V]) -> V:
-    """All of them hold."""
+    """The conjunction of conditions; true for none."""
     result = d.const(True, BOOL)
     for part in parts:
         result = d.binary(BinaryOp.AND, result, part)
@@ -76,7 +76,7 @@ def conjunction(d: Domain[V], parts: Sequence[V]) -> V:
 
 
 def disjunction(d: Domain[V], parts: Sequence[V]) -> V:
-    """One of them holds."""
+    """The disjunction of conditions; false for none."""
     result = d.const(False, BOOL)
     for part in parts:
         result = d.binary(BinaryOp.OR, result, part)
@@ -84,7 +84,7 @@ def disjunction(d: Domain[V], parts: Sequence[V]) -> V:
 
 
 class Exact:
-    """``int`` is ℤ, ``float`` is ℚ: the reference. Scalars are Python's own."""
+    """The reference domain: ``int`` is ℤ, ``float`` is ℚ. Scalars are Python's own numbers."""
 
     def const(self, value: Constant, type_: Type) -> Constant:
         return Fraction(value) if isinstance(type_, FloatType) else value
@@ -103,7 +103,7 @@ class Exact:
 
 
 class Doubles:
-    """``float`` is an IEEE double, as in the runtime: for refinement checks by equality."""
+    """The domain in which ``float`` is an IEEE double, as at run time: for equality with a run."""
 
     def const(self, value: Constant, type_: Type) -> Constant:
         return float(value) if isinstance(type_, FloatType) else value
@@ -126,7 +126,7 @@ DOUBLES = Doubles()
 
 
 def unary_of_numbers(op: UnaryOp, operand: Constant, *, exact: bool) -> Constant:
-    """An operator on Python's numbers; ``float`` is ℚ if ``exact``, a double otherwise."""
+    """Apply a unary operator to Python numbers; ``float`` is ℚ if ``exact``, a double otherwise."""
     if op is UnaryOp.NOT:
         return not operand
     assert not isinstance(operand, str)
@@ -141,7 +141,7 @@ def unary_of_numbers(op: UnaryOp, operand: Constant, *, exact: bool) -> Constant
 
 
 def _double(number: int | Fraction | float) -> float:
-    """The nearest double; what is too large for one is infinite, as in IEEE arithmetic."""
+    """Round to the nearest double; what is too large for one is infinite, as in IEEE arithmetic."""
     try:
         return float(number)
     except OverflowError:
@@ -149,7 +149,7 @@ def _double(number: int | Fraction | float) -> float:
 
 
 def binary_of_numbers(op: BinaryOp, left: Constant, right: Constant) -> Constant:
-    """An operator on Python's numbers, total: division by zero gives zero. [E-ARITH]"""
+    """Apply a binary operator to Python numbers, totally: division by zero gives zero. [E-ARITH]"""
     match op:
         case BinaryOp.EQ:
             return left == right
@@ -186,7 +186,7 @@ def binary_of_numbers(op: BinaryOp, left: Constant, right: Constant) -> Constant
 
 
 def _handy(number: int | Fraction | float) -> Constant:
-    """The number, unless it is too long to go on with. Raises NumberTooLongError."""
+    """Return the number. Raises NumberTooLongError if it is too long to compute with."""
     if isinstance(number, int):
         bits = number.bit_length()
     elif isinstance(number, Fraction):
@@ -201,7 +201,7 @@ def _handy(number: int | Fraction | float) -> Constant:
 def _quotient(
     left: int | Fraction | float, right: int | Fraction | float
 ) -> int | Fraction | float:
-    """Of ints rounded down; of floats as it is; zero for a zero divisor. [E-ARITH]"""
+    """Divide: ints rounded down, others as they are; zero for a zero divisor. [E-ARITH]"""
     if not right:
         return left - left
     if isinstance(left, int) and isinstance(right, int):

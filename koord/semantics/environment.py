@@ -67,7 +67,7 @@ def environment_turn(
 def _sense(
     m: Machine[V], agent: core.Agent, module: core.Module, inputs: Inputs[V], robot: int
 ) -> None:
-    """Sensors without a model read anything. [ENV-FREE]"""
+    """Let a sensor without a model read any value. [ENV-FREE]"""
     for position in module.ports:
         port = agent.ports[position]
         if port.direction is Direction.SENSOR:
@@ -77,7 +77,7 @@ def _sense(
 
 
 def _kept(m: Machine[V], contract: core.Contract) -> V:
-    """Whether ``requires`` before the turn implies ``ensures`` after it. [ENV-CONTRACT]
+    """Return the condition that ``requires`` before implies ``ensures`` after it. [ENV-CONTRACT]
 
     A statement that faults counts as false (decision record 0006).
     """

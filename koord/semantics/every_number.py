@@ -1,4 +1,4 @@
-"""Robots of which nobody knows how many there are. [T-EVERY-N]
+"""Robots without a bound on their number, for domains of systems of every size. [T-EVERY-N]
 
 A domain that stands for systems of every size cannot list the robots. What the rules ask of all
 robots at once (a quantifier, a loop, the least element of an array) they then ask of a ``Crowd``;
@@ -17,7 +17,9 @@ V = TypeVar("V")
 
 
 class NotFiniteError(Exception):
-    """A loop or quantifier has no bound that the domain knows: the caller must say *unknown*."""
+    """Raised where a loop or quantifier has no bound that the domain knows.
+    The caller must answer *unknown*.
+    """
 
     def __init__(self, span: Span, what: str) -> None:
         super().__init__(what if span == NOWHERE else f"{span}: {what}")
@@ -26,7 +28,7 @@ class NotFiniteError(Exception):
 
 
 class Crowd(Protocol[V]):
-    """All robots, seen from one of them."""
+    """All robots of a system of unknown size, seen from one of them."""
 
     @property
     def first(self) -> V:
@@ -39,27 +41,27 @@ class Crowd(Protocol[V]):
         ...
 
     def pid(self, robot: int) -> V:
-        """The number of the robot that sits in a seat of :attr:`System.kinds`."""
+        """The ``pid`` of the robot at a position of :attr:`System.kinds`."""
         ...
 
     def is_of(self, index: V, kind: int) -> V:
-        """Whether a number from 0 to ``count - 1`` is that of a robot of a kind."""
+        """Return the condition that a ``pid``, below ``count``, is that of a robot of a kind."""
         ...
 
     def assume(self, fact: V) -> None:
-        """Note something that holds of the functions of a run, whoever asks."""
+        """Assume a fact about the uninterpreted functions of a run, for every later query."""
         ...
 
     def every(self, low: V, high: V, body: Callable[[V], V]) -> V:
-        """Whether a Boolean holds of every integer from ``low`` up to and excluding ``high``."""
+        """Return the condition that a Boolean holds of every integer in ``[low, high)``."""
         ...
 
     def extreme(self, op: BinaryOp, low: V, high: V, body: Callable[[V], V]) -> V:
-        """The least or greatest value (``MIN``, ``MAX``) that a number takes on such a range."""
+        """The least or greatest value (``MIN``, ``MAX``) of a number on ``[low, high)``."""
         ...
 
     def loop(self, m: Any, low: V, high: V, body: Callable[[Any, V], None], span: Span) -> None:
-        """What a loop over such a range does to a ``Machine[V]``. [S-FOR]"""
+        """Run a loop over integers ``[low, high)`` on a ``Machine[V]``, in place. [S-FOR]"""
         ...
 
 

@@ -73,7 +73,7 @@ def evaluate(m: Machine[V], e: core.Expr) -> Value[V]:
 
 
 def condition(m: Machine[V], e: core.Expr) -> V:
-    """The value of a Boolean expression."""
+    """Evaluate a Boolean expression."""
     try:
         return scalar(evaluate(m, e))
     except NumberTooLongError as error:
@@ -87,7 +87,7 @@ def variables_in(part: object) -> tuple[str, ...]:
 
 
 def statement(m: Machine[V], e: core.Expr) -> V:
-    """Whether a statement of a property holds: true, and evaluated without a fault. [PROP-FAULT]"""
+    """Return the condition that a statement is true and evaluates without a fault. [PROP-FAULT]"""
     faults, faulted = m.faults, m.faulted
     m.faults = []
     holds = condition(m, e)
@@ -101,7 +101,7 @@ def statement(m: Machine[V], e: core.Expr) -> V:
 
 
 def binary(m: Machine[V], e: core.Binary) -> Value[V]:
-    """[E-EQUAL] [E-ARITH] [E-SHORT]"""
+    """Evaluate a binary operator. [E-EQUAL] [E-ARITH] [E-SHORT]"""
     match e.op:
         case BinaryOp.AND | BinaryOp.IMPLIES:
             left = condition(m, e.left)
@@ -129,7 +129,7 @@ def binary(m: Machine[V], e: core.Binary) -> Value[V]:
 
 
 def make_map(m: Machine[V], e: core.MakeMap) -> Value[V]:
-    """[E-MAP]: of two entries with one key the later counts."""
+    """Make a map from entries: of two with one key the later counts. [E-MAP]"""
     made: Table[V] = Table(m.d.const(0, INT), ())
     for key, value in e.entries:
         made = insert(m.d, made, evaluate(m, key), evaluate(m, value))
@@ -137,7 +137,7 @@ def make_map(m: Machine[V], e: core.MakeMap) -> Value[V]:
 
 
 def call(m: Machine[V], e: core.Call) -> Value[V]:
-    """A call of a function defined in Koord: its body on bound slots of its own. [E-CALL]"""
+    """Call a function defined in Koord: run its body on bound slots of its own. [E-CALL]"""
     function = m.system.program.function(e.function)
     arguments = [held(m.d, evaluate(m, argument)) for argument in e.arguments]
     caller = m.memory
@@ -161,7 +161,7 @@ def call(m: Machine[V], e: core.Call) -> Value[V]:
 
 
 def choose(m: Machine[V], e: core.Choose) -> Value[V]:
-    """[CHOOSE]"""
+    """Evaluate ``choose``: ask the oracle; the answer has to lie in the range. [CHOOSE]"""
     low, high = scalar(evaluate(m, e.low)), scalar(evaluate(m, e.high))
     m.fault_unless(m.d.binary(BinaryOp.LE, low, high), FaultKind.CHOICE, e.span)
     value = m.oracle.choose((e.site, *m.trail), low, high, e.type)
@@ -173,7 +173,7 @@ def choose(m: Machine[V], e: core.Choose) -> Value[V]:
 
 
 def external_call(m: Machine[V], e: core.ExternalCall) -> Value[V]:
-    """[EXTERNAL]: the answer is the oracle's; the summary is required of it."""
+    """Call an external function: ask the oracle, and require the function's summary. [EXTERNAL]"""
     function = m.system.program.external(e.function)
     arguments = tuple(evaluate(m, argument) for argument in e.arguments)
     answer = m.oracle.external(function, (e.site, *m.trail), arguments)
@@ -202,7 +202,9 @@ def external_call(m: Machine[V], e: core.ExternalCall) -> Value[V]:
 
 
 def quantified(m: Machine[V], e: core.Quantified) -> Value[V]:
-    """[E-QUANT]; of all values of a type, which only summaries speak of, the oracle knows."""
+    """Evaluate a quantifier; one over all values of a type (summaries only) by the oracle.
+    [E-QUANT]
+    """
     if not isinstance(e.domain, core.AllValues):
         return quantifiers.quantified(m, e)
 

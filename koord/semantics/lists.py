@@ -29,7 +29,7 @@ V = TypeVar("V")
 
 
 def builtin(m: Machine[V], e: core.Builtin) -> Value[V]:
-    """[E-LIST]"""
+    """Apply a function of lists and maps. [E-LIST]"""
     first = e.arguments[0]
     if e.op is ListOp.LENGTH and isinstance(first.type, ArrayType):
         # A fixed array's length is known without reading what may still be unset.
@@ -53,7 +53,7 @@ def builtin(m: Machine[V], e: core.Builtin) -> Value[V]:
 
 
 def contains(m: Machine[V], value: Value[V], wanted: Value[V]) -> V:
-    """Whether a list has an element, or a map a key."""
+    """Return the condition that a list has an element, or a map a key."""
     if isinstance(value, Table):
         entries: Table[V] = value
         found_key, _ = lookup(m.d, entries, wanted)
@@ -70,7 +70,7 @@ def contains(m: Machine[V], value: Value[V], wanted: Value[V]) -> V:
 
 
 def any_or_all(m: Machine[V], op: ListOp, items: Seq[V]) -> V:
-    """Whether some or every element of a list of Booleans is true."""
+    """Return the condition that some (or every) element of a list of Booleans is true."""
     if isinstance(items, Family):
         family: Family[V] = items
         if op is ListOp.ALL:
@@ -105,7 +105,7 @@ def extreme(m: Machine[V], e: core.Builtin, items: Seq[V]) -> V:
 
 
 def extreme_of_all(op: BinaryOp, items: Family[V]) -> V:
-    """The least or greatest element of an array over a crowd."""
+    """The least or greatest element of an array over the robots of a crowd."""
     crowd: Crowd[V] = items.crowd
     best: V = crowd.extreme(op, crowd.first, crowd.count, lambda i: scalar(items.at(i)))
     return best

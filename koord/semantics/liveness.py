@@ -1,4 +1,4 @@
-"""What is said of whole runs: the statements in them, and what fairness is about.
+"""Liveness statements: responses, and the lock requests and ``ran`` reads that fairness is about.
 
 :mod:`koord.traces.lassos` says of one run whether it is fair, and whether it breaks a statement.
 """
@@ -17,7 +17,8 @@ LIVENESS = frozenset({PropertyKind.EVENTUALLY, PropertyKind.LEADS_TO})
 
 
 class Response(Struct, frozen=True):
-    """One thing leads to another. Both are closed, and asked after INIT and after each round.
+    """A response property: a state with the trigger is followed by one with the goal.
+    Trigger and goal are closed expressions, evaluated after INIT and after each round.
 
     A trigger that is None is the start of the run. ``robot`` is the one that is meant, if the
     statement is about each by itself. [PROP-EVENTUALLY] [PROP-LEADS-TO]
@@ -34,7 +35,7 @@ class Response(Struct, frozen=True):
 
 
 def responses(system: System, stated: core.Property) -> tuple[Response, ...]:
-    """What a liveness property, or an expectation, says: of each robot that is meant."""
+    """The responses that a liveness property or an expectation states, one per robot."""
     who: list[int | None] = [None]
     if stated.each is not None:
         kind = stated.each.agent
@@ -51,12 +52,12 @@ def responses(system: System, stated: core.Property) -> tuple[Response, ...]:
 
 
 def expected(system: System) -> tuple[Response, ...]:
-    """What fair runs are supposed to satisfy. [FAIR-ASSUME]"""
+    """The responses that fair runs are assumed to satisfy. [FAIR-ASSUME]"""
     return tuple(r for e in system.program.expectations for r in responses(system, e))
 
 
 def locks_of(system: System) -> tuple[tuple[int, int], ...]:
-    """Robots and the lock classes that they may ask for. [FAIR-LOCK]"""
+    """Pairs of a robot and a lock class that one of its events may ask for. [FAIR-LOCK]"""
     return tuple(
         (robot, k)
         for robot in range(system.robots)
@@ -65,7 +66,7 @@ def locks_of(system: System) -> tuple[tuple[int, int], ...]:
 
 
 def reads_ran(system: System, stated: core.Property) -> bool:
-    """Whether the property, or what it is asked under, reads who ran."""
+    """Return whether the property, or an expectation it assumes, reads which events ran."""
     statements = (stated, *system.program.expectations)
     return any(isinstance(node, core.Ran) for node in nodes(statements))
 

@@ -1,4 +1,4 @@
-"""Locations: what a write changes, and what a robot wrote. [LOCATION]
+"""Locations and masks: which parts of the storage a write changes. [LOCATION]
 
 A *mask* has the shape of the storage it is about, so that the writes of several robots can be
 joined location by location. [SHARED-ASSIGN]
@@ -47,19 +47,19 @@ T = TypeVar("T")
 
 
 class AtIndex(Struct, Generic[V], frozen=True):
-    """An element, its index evaluated."""
+    """A step into an array or list, its index evaluated."""
 
     index: V
 
 
 class AtKey(Struct, Generic[V], frozen=True):
-    """The entry of a map, its key evaluated."""
+    """A step into a map, its key evaluated."""
 
     key: Value[V]
 
 
 class AtField(Struct, frozen=True):
-    """A field of a record, by its position."""
+    """A step into a record, by the field's position."""
 
     position: int
 
@@ -73,7 +73,7 @@ Location: TypeAlias = "AtIndex[V] | AtKey[V] | AtField"
 def descend(
     d: Domain[V], storage: Storage[V], location: Location[V]
 ) -> tuple[Storage[V] | None, V]:
-    """The storage one step below a tree, and whether the step is legal. None: nothing is there."""
+    """Return the storage one step below a tree, or None, and whether the step is legal."""
     assert isinstance(storage, Tree)
     if isinstance(location, AtField):
         return storage.parts[location.position], d.const(True, BOOL)
@@ -85,7 +85,7 @@ def descend(
 
 
 def part_of(d: Domain[V], value: Value[V], location: Location[V]) -> tuple[Value[V] | None, V]:
-    """The part of a value one step below it, and whether the step is legal."""
+    """Return the part of a value one step below it, and whether the step is legal."""
     if isinstance(location, AtField):
         return record(value).fields[location.position], d.const(True, BOOL)
     if isinstance(location, AtIndex):
@@ -107,7 +107,7 @@ def write(
     locations: Sequence[Location[V]],
     fresh: Storage[V],
 ) -> tuple[Storage[V], V]:
-    """The storage with ``fresh`` at a place below it, and whether the place exists. [LOCATION]
+    """Return the storage with ``fresh`` at a place below it, and whether it exists. [LOCATION]
 
     ``fresh`` is the storage of the written part where that part is a tree or an atom, and a set
     cell with the part's new value where the part lies inside an atom.
@@ -152,7 +152,7 @@ def _write_element(
 def _write_robots(
     d: Domain[V], many: Many[V], index: V, rest: Sequence[Location[V]], fresh: Storage[V]
 ) -> tuple[Storage[V], V]:
-    """The same where the elements are those of a crowd."""
+    """Write to an element of an array over a crowd; see :func:`write`."""
     part, below = write(d, many.at(index), rest, fresh)
 
     def at(i: V) -> Storage[V]:
@@ -166,7 +166,7 @@ def _write_robots(
 def _write_inside(
     d: Domain[V], value: Value[V], locations: Sequence[Location[V]], fresh: Value[V]
 ) -> tuple[Value[V], V]:
-    """The same inside the value of an atom."""
+    """Write to a part of the value in an atom; see :func:`write`."""
     if not locations:
         return fresh, d.const(True, BOOL)
     first, rest = locations[0], locations[1:]
@@ -227,7 +227,7 @@ def _replaced(parts: tuple[T, ...], position: int, part: T) -> tuple[T, ...]:
 
 
 class Mask(Struct, Generic[V], frozen=True):
-    """Which locations at or below a place were written.
+    """The set of locations at or below a place that were written, each with its condition.
 
     ``whole``: the place as such. ``parts``: fields or elements by position. ``keys``: keys of a
     map, each with the condition under which it was written. None where nothing was written below.
@@ -280,7 +280,7 @@ def _own_entry_marked(
 
 
 def _addressed(d: Domain[V], location: AtIndex[V] | AtField, count: int) -> Iterator[tuple[int, V]]:
-    """Which of so many parts a step may mean, each with the condition that it does."""
+    """Yield the parts, of ``count``, that a step may address, each with its condition."""
     where = location.position if isinstance(location, AtField) else d.known(location.index)
     if isinstance(where, int):
         if 0 <= where < count:
@@ -292,7 +292,7 @@ def _addressed(d: Domain[V], location: AtIndex[V] | AtField, count: int) -> Iter
 
 
 def _parts(storage: Storage[V] | Value[V]) -> Sequence[Storage[V] | Value[V]]:
-    """What lies one step below, through the wall of an atom."""
+    """The parts one step below storage or a value; those of a cell are its value's."""
     if isinstance(storage, Cell):
         return _parts(storage.value)
     if isinstance(storage, Tree):
@@ -307,7 +307,7 @@ def _parts(storage: Storage[V] | Value[V]) -> Sequence[Storage[V] | Value[V]]:
 def joined(
     d: Domain[V], target: Storage[V], source: Storage[V], mask: Mask[V] | None
 ) -> Storage[V]:
-    """``target`` with the masked locations taken from ``source``. [SHARED-ASSIGN]
+    """Return ``target`` with the masked locations taken from ``source``. [SHARED-ASSIGN]
 
     A masked location that ``target`` no longer has (an element of a list that became shorter) is
     lost (decision record 0007).
@@ -333,7 +333,7 @@ def joined(
 def _joined_value(
     d: Domain[V], target: Value[V], source: Value[V], mask: Mask[V] | None
 ) -> Value[V]:
-    """The same for values inside an atom; ``mask.whole`` of the atom itself is handled above."""
+    """Join values inside an atom; :func:`joined` handles ``mask.whole`` of the atom itself."""
     if mask is None:
         return target
     if isinstance(target, Seq):
@@ -367,7 +367,7 @@ def _part_joined(
 
 
 def written(d: Domain[V], mask: Mask[V] | None) -> V:
-    """Whether anything at or below the place was written."""
+    """Return the condition that anything at or below the place was written."""
     if mask is None:
         return d.const(False, BOOL)
     below = [written(d, part) for part in mask.parts]

@@ -1,4 +1,4 @@
-"""The state of one running body: memory, flow of control, and the path taken so far.
+"""The state of one running body: memory, control flow, and the path condition so far.
 
 A machine runs one robot's turn (or evaluates one property). Its memory changes in place; what it
 found out (faults, conditions of legality) is logged together with the condition of the path, the
@@ -35,7 +35,7 @@ V = TypeVar("V")
 
 
 class Memory(Struct, Generic[V]):
-    """All that statements change. ``after`` receives ports in the environment's turn."""
+    """The storage that statements change. ``after`` receives ports in the environment's turn."""
 
     locals: list[Storage[V]]
     ports: list[Storage[V]]
@@ -50,7 +50,7 @@ class Memory(Struct, Generic[V]):
     result: Storage[V] | None = None
 
     def copied(self) -> Memory[V]:
-        """A memory that changes on its own from here."""
+        """Copy the memory, so that the copy changes independently."""
         return Memory(
             self.locals.copy(),
             self.ports.copy(),
@@ -66,7 +66,7 @@ class Memory(Struct, Generic[V]):
         )
 
     def merged(self, d: Domain[V], condition: V, other: Memory[V]) -> Memory[V]:
-        """One memory: ``self`` where the condition holds, ``other`` elsewhere."""
+        """Merge two memories: ``self`` where the condition holds, ``other`` elsewhere."""
 
         def storages(left: list[Storage[V]], right: list[Storage[V]]) -> list[Storage[V]]:
             pairs = zip(left, right, strict=True)
@@ -94,7 +94,7 @@ class Memory(Struct, Generic[V]):
 
 
 class Legality(Struct, Generic[V], frozen=True):
-    """A condition on recorded answers without which a run breaks a rule."""
+    """A condition on recorded answers; a run that does not satisfy it breaks ``rule``."""
 
     rule: str
     condition: V
@@ -103,7 +103,7 @@ class Legality(Struct, Generic[V], frozen=True):
 
 
 class Machine(Struct, Generic[V]):
-    """A domain, a system, a robot, an oracle; a memory; and the log of what was found out.
+    """An evaluator at work: domain, system, robot, oracle, memory, and logs of faults.
 
     ``view`` is the configuration that a property is about (None in a robot's turn). ``evaluator``
     and ``runner`` are the rules of expressions and of statements (:func:`statements.machine`).
@@ -133,7 +133,7 @@ class Machine(Struct, Generic[V]):
     # --- rules ----------------------------------------------------------------------------------
 
     def value(self, e: core.Expr) -> Value[V]:
-        """The value of an expression, by the rules of chapter 2."""
+        """Evaluate an expression, by the rules of chapter 2."""
         return self.evaluator(self, e)
 
     def run(self, block: core.Block) -> None:
@@ -189,7 +189,7 @@ class Machine(Struct, Generic[V]):
             self.legality.append(Legality(rule, needed, what, span))
 
     def apart(self) -> Machine[V]:
-        """A machine in the same state with an empty log, which changes on its own from here."""
+        """A machine in the same state with an empty log, which changes independently."""
         return replace(
             self,
             memory=self.memory.copied(),

@@ -1,4 +1,4 @@
-"""Where the answers come from that a program leaves open. [CHOOSE] [EXTERNAL]
+"""Oracles: answers to ``choose`` and to external calls. [CHOOSE] [EXTERNAL]
 
 Each use of ``choose`` and each external call has a key that all domains compute alike: the number
 of its place in the program, then the trip counts of the loops and the sites of the calls around it.
@@ -23,26 +23,26 @@ class Oracle(Protocol[V]):
     """Answers for one turn of one robot."""
 
     def choose(self, key: Key, low: V, high: V, type_: Type) -> V:
-        """A value; whoever asks checks that it lies between the bounds."""
+        """Choose a value; the caller checks that it lies between the bounds."""
         ...
 
     def external(
         self, function: core.External, key: Key, arguments: tuple[Value[V], ...]
     ) -> Value[V]:
-        """The answer of an external function; whoever asks checks it against the summary."""
+        """Answer an external call; the caller checks the answer against the function's summary."""
         ...
 
     def every(self, type_: Type, body: Callable[[Value[V]], V]) -> V:
-        """Whether ``body`` holds of every value of a type (summaries only)."""
+        """Return the condition that ``body`` holds of every value of a type (summaries only)."""
         ...
 
     def vouches_for(self, function: core.External) -> bool:
-        """Whether all answers of a function meet its summary, so that nobody need check them."""
+        """Return whether all answers of a function meet its summary, so that no check is needed."""
         ...
 
 
 class NoOracle:
-    """For expressions that leave nothing open: asking is an error of ours."""
+    """The oracle for expressions that ask nothing: a query is an internal error."""
 
     def choose(self, key: Key, low: V, high: V, type_: Type) -> V:
         raise AssertionError("choose where nothing may be open")
@@ -60,7 +60,7 @@ class NoOracle:
 
 
 class Phase(Enum):
-    """When something may be left open: in a turn, or while a property is looked at."""
+    """The part of a run in which an input is asked for: a turn, or the evaluation of a property."""
 
     INIT = "init"
     PROG = "prog"
@@ -69,17 +69,17 @@ class Phase(Enum):
 
 
 class Inputs(Protocol[V]):
-    """All that one step of a system leaves open, besides the schedule."""
+    """The inputs of one step of a system: all that is left open besides the schedule."""
 
     def start(self, declaration: core.Declaration, robot: int | None) -> Value[V]:
-        """What an arbitrary variable starts with; ``robot`` is None for allwrite variables.
+        """The start value of an arbitrary variable; ``robot`` is None for allwrite variables.
 
         The type is that of the declaration; for an allread variable, of the robot's own entry.
         """
         ...
 
     def sensor(self, robot: int, port: core.Port) -> Value[V]:
-        """What a sensor without a model reads after the environment's turn."""
+        """The value that a sensor without a model reads after the environment's turn."""
         ...
 
     def oracle(self, phase: Phase, robot: int) -> Oracle[V]:
@@ -88,7 +88,7 @@ class Inputs(Protocol[V]):
 
 
 class NoInputs:
-    """Inputs for what leaves nothing open."""
+    """Inputs for steps that leave nothing open."""
 
     def start(self, declaration: core.Declaration, robot: int | None) -> Any:
         raise AssertionError(declaration.variable.name)

@@ -1,4 +1,4 @@
-"""Places: what a robot, or a property, reads where. [LOOKUP] [E-SELECT] [PROP-READ]"""
+"""Places: reads of variables and of their parts. [LOOKUP] [E-SELECT] [PROP-READ]"""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ V = TypeVar("V")
 
 
 def read(m: Machine[V], place: core.Place) -> Value[V]:
-    """The value at a place. [LOOKUP]"""
+    """Read the value at a place; an unset one is a fault. [LOOKUP]"""
     storage = root(m, place)
     type_ = place.variable.type
     steps = list(place.steps)
@@ -43,7 +43,7 @@ def read(m: Machine[V], place: core.Place) -> Value[V]:
 
 
 def parts(m: Machine[V], value: Value[V], steps: tuple[core.Step, ...]) -> Value[V]:
-    """A part of a value, some steps below it. [E-SELECT]"""
+    """Select a part of a value, some steps below it. [E-SELECT]"""
     for step in steps:
         location = located(m, step)
         below, legal = part_of(m.d, value, location)
@@ -54,7 +54,7 @@ def parts(m: Machine[V], value: Value[V], steps: tuple[core.Step, ...]) -> Value
 
 
 def located(m: Machine[V], step: core.Step) -> Location[V]:
-    """A step with its index or key evaluated."""
+    """Evaluate the index or key of a step."""
     match step:
         case core.FieldStep():
             return AtField(step.position)
@@ -66,7 +66,7 @@ def located(m: Machine[V], step: core.Step) -> Location[V]:
 
 
 def select(m: Machine[V], e: core.Select) -> Value[V]:
-    """A part of a computed value. [E-SELECT]"""
+    """Select a part of a computed value. [E-SELECT]"""
     return parts(m, m.value(e.base), (e.step,))
 
 
@@ -74,7 +74,7 @@ def select(m: Machine[V], e: core.Select) -> Value[V]:
 
 
 def root(m: Machine[V], place: core.Place) -> Storage[V]:
-    """What a place's variable holds: from ``M`` in a turn, from the view in a property."""
+    """The storage of a place's variable: from ``M`` in a turn, from the view in a property."""
     variable = place.variable
     if variable.home is Home.BOUND:
         cell = m.memory.bound[variable.slot]
@@ -113,7 +113,7 @@ def viewed(m: Machine[V], place: core.Place) -> Storage[V]:
 
 
 def at_robot(m: Machine[V], place: core.Place, index: V) -> Storage[V]:
-    """The storage of the robot that ``v@i`` names; no such robot is a fault."""
+    """The storage of ``v`` at the robot that ``v@i`` names; a fault if there is no such robot."""
     assert m.view is not None
     assert place.robot is not None
     found = [
@@ -133,7 +133,7 @@ def at_robot(m: Machine[V], place: core.Place, index: V) -> Storage[V]:
 
 
 def those_at(m: Machine[V], index: V) -> Sequence[tuple[V, Robot[V]]]:
-    """The robots that a number may be that of, each with the condition that it is. [PROP-READ]"""
+    """Yield the robots that ``pid`` may name, each with the condition that it does. [PROP-READ]"""
     assert m.view is not None
     if m.view.at is not None:
         return m.view.at(index)
@@ -142,7 +142,7 @@ def those_at(m: Machine[V], index: V) -> Sequence[tuple[V, Robot[V]]]:
 
 
 def _of_robot(m: Machine[V], variable: core.Variable, robot: Robot[V]) -> Storage[V] | None:
-    """What a robot holds in a local or port; None for kinds without that variable."""
+    """The storage of a local or port of a robot; None for kinds without that variable."""
     slot = slot_in(m.system.program.agents[robot.kind], variable)
     storages = robot.locals if variable.home is Home.LOCAL else robot.ports
     return storages[slot] if slot is not None else None
@@ -152,7 +152,7 @@ def _of_robot(m: Machine[V], variable: core.Variable, robot: Robot[V]) -> Storag
 
 
 def ran(m: Machine[V], e: core.Ran) -> Value[V]:
-    """[PROP-RAN]: the robot's last program turn ran one of these events."""
+    """Return the condition that a robot's last program turn ran one of these events. [PROP-RAN]"""
     assert m.view is not None
     index = scalar(m.value(e.robot))
     holds = []
@@ -165,7 +165,7 @@ def ran(m: Machine[V], e: core.Ran) -> Value[V]:
 
 
 def stopped(m: Machine[V], e: core.Stopped) -> Value[V]:
-    """[PROP-STOPPED]"""
+    """Return the condition that the robot has stopped. [PROP-STOPPED]"""
     assert m.view is not None
     index = scalar(m.value(e.robot))
     holds = []

@@ -1,4 +1,4 @@
-"""What properties say of configurations and rounds. [PROP-INVARIANT] [LOST-UPDATE]
+"""Properties of configurations and rounds; lost updates. [PROP-INVARIANT] [LOST-UPDATE]
 
 What statements read there is in :mod:`koord.semantics.places`; when they hold, in
 :func:`koord.semantics.expressions.statement`.
@@ -31,7 +31,7 @@ def holds_in(
     bound: int,
     inputs: Inputs[V],
 ) -> tuple[V, tuple[Legality[V], ...]]:
-    """Whether a closed statement holds in a configuration. [PROP-INVARIANT]
+    """Return the condition that a closed statement holds in a configuration. [PROP-INVARIANT]
 
     The second component is what recorded answers of external functions in it must satisfy.
     """
@@ -40,7 +40,7 @@ def holds_in(
 
 
 def overlap(d: Domain[V], mine: Mask[V] | None, theirs: Mask[V] | None) -> V:
-    """Whether two robots wrote a common location of one variable. [LOST-UPDATE]"""
+    """Return the condition that two robots wrote a common location of a variable. [LOST-UPDATE]"""
     if mine is None or theirs is None:
         return d.const(False, BOOL)
     met = [

@@ -32,7 +32,7 @@ Range: TypeAlias = "tuple[V, V, Callable[[V], Value[V]], Callable[[V], V]]"
 
 
 def quantified(m: Machine[V], e: core.Quantified) -> Value[V]:
-    """[E-QUANT]: over finitely many values, one after the other."""
+    """Evaluate a quantifier over finitely many values, one after the other. [E-QUANT]"""
     slot = e.variable.slot
     if m.system.crowd is not None and (over := span_of(m, e.domain)) is not None:
         return quantified_over(m, e, *over)
@@ -57,7 +57,7 @@ def quantified(m: Machine[V], e: core.Quantified) -> Value[V]:
 
 
 def span_of(m: Machine[V], over: core.QuantifierDomain) -> Range[V] | None:
-    """The integers that a quantifier in a crowd is about, where the domain cannot list them.
+    """The integers ``[low, high)`` of a quantifier over a crowd, which the domain cannot list.
 
     With them the value that each stands for, and the condition under which it counts.
     """
@@ -93,7 +93,7 @@ def quantified_over(
     value: Callable[[V], Value[V]],
     counts: Callable[[V], V],
 ) -> V:
-    """[E-QUANT] over integers that cannot be listed: what it gives, and where it faults.
+    """Evaluate a quantifier over integers that cannot be listed: value and faults. [E-QUANT]
 
     As with lists, a fault counts only if what comes before leaves the outcome undecided.
     """
@@ -102,7 +102,7 @@ def quantified_over(
     universal = e.quantifier is core.QuantifierKind.FORALL
 
     def undecided(i: V) -> V:
-        """Whether the trip for ``i`` leaves the outcome open."""
+        """Return the condition that the instance for ``i`` does not decide the quantifier."""
         holds, _ = looked_at(m, e, value(i))
         wanted = holds if universal else m.negated(holds)
         return m.d.binary(BinaryOp.IMPLIES, counts(i), wanted)
@@ -121,7 +121,7 @@ def quantified_over(
 
 
 def looked_at(m: Machine[V], e: core.Quantified, value: Value[V]) -> tuple[V, list[V]]:
-    """The body of a quantifier for one value: what it gives, and the conditions of its faults."""
+    """Evaluate the body of a quantifier for one value: the result, and conditions of its faults."""
     inner = m.apart()
     inner.memory.bound[e.variable.slot] = held(m.d, value)
     holds = scalar(inner.value(e.body))
@@ -134,7 +134,7 @@ def looked_at(m: Machine[V], e: core.Quantified, value: Value[V]) -> tuple[V, li
 
 
 def instances(m: Machine[V], e: core.Quantified) -> Iterator[tuple[int, V, Value[V]]]:
-    """The values of a bound variable, each with a number and the condition that it is one."""
+    """Yield the values of a bound variable, each with a number and the condition that it counts."""
     match e.domain:
         case core.RobotRange(agent=agent):
             for robot, kind in enumerate(m.system.kinds):
@@ -153,7 +153,7 @@ def instances(m: Machine[V], e: core.Quantified) -> Iterator[tuple[int, V, Value
 
 
 def integers(m: Machine[V], low: core.Expr, high: core.Expr) -> Iterator[tuple[int, V, V]]:
-    """The integers from ``low`` up to and excluding ``high``, each with its condition.
+    """Yield the integers in ``[low, high)``, each with its condition.
 
     First as Python's own, which the keys of answers are made of. [RECORDING]
     """
@@ -169,7 +169,7 @@ def integers(m: Machine[V], low: core.Expr, high: core.Expr) -> Iterator[tuple[i
 
 
 def listable(m: Machine[V], low: core.Expr, high: core.Expr, start: V, end: V) -> bool:
-    """Whether the domain knows bounds of a range, so that its integers can be listed."""
+    """Return whether the domain knows bounds of a range, so that its integers can be listed."""
     if m.system.crowd is None:
         return True
     try:
@@ -181,7 +181,7 @@ def listable(m: Machine[V], low: core.Expr, high: core.Expr, start: V, end: V) -
 
 
 def limit(m: Machine[V], e: core.Expr, value: V, *, least: bool) -> int:
-    """A bound of an integer that the domain knows in part: itself, or from how it is built."""
+    """A bound on an integer that the domain knows in part: itself, or from its structure."""
     known = m.d.known(value)
     if known is not None:
         assert isinstance(known, int)

@@ -1,4 +1,4 @@
-"""Runs as data, and the runs that data tells. [RECORDING]
+"""Recordings: runs as data, and their execution by the rules. [RECORDING]
 
 A recording holds the schedule and every value that the rules leave open. A recording and a system
 determine a run: :func:`execute` takes it, rule by rule, and says at which step it is not one that
@@ -35,7 +35,7 @@ Concrete: TypeAlias = "Value[Constant]"
 
 
 class Answer(Struct, frozen=True):
-    """What one ``choose`` (``function`` is None) or one external call gave, and to whom."""
+    """A recorded answer to one ``choose`` (``function`` is None) or external call of a robot."""
 
     phase: Phase
     robot: int
@@ -46,7 +46,7 @@ class Answer(Struct, frozen=True):
 
 
 class Start(Struct, frozen=True):
-    """What an arbitrary variable started with; ``robot`` is None for allwrite variables."""
+    """A recorded start value of an arbitrary variable; ``robot`` is None for allwrite variables."""
 
     home: Home
     slot: int
@@ -55,7 +55,7 @@ class Start(Struct, frozen=True):
 
 
 class Reading(Struct, frozen=True):
-    """What a sensor without a model read after a round."""
+    """A recorded reading of a sensor without a model, after a round."""
 
     robot: int
     slot: int
@@ -63,7 +63,7 @@ class Reading(Struct, frozen=True):
 
 
 class Opening(Struct, frozen=True):
-    """All that INIT leaves open."""
+    """The recorded schedule and inputs of INIT."""
 
     order: tuple[int, ...]
     starts: tuple[Start, ...] = ()
@@ -176,7 +176,7 @@ class RecordedInputs:
         return RecordedOracle(phase, robot, self.answers(phase, robot), self.heard)
 
     def answers(self, phase: Phase, robot: int) -> dict[Key, Answer]:
-        """What was recorded for one turn of one robot, by what asked."""
+        """The answers recorded for one turn of one robot, by key."""
         return self._answers.get((phase, robot), {})
 
 
@@ -207,7 +207,7 @@ def execute(
     recording: Recording,
     heard: list[Answer] | None = None,
 ) -> Iterator[Step]:
-    """The steps of a recorded run, one by one, from INIT on.
+    """Execute a recorded run: yield its steps from INIT on. Raises IllegalStepError.
 
     The answers that it asks for are added to ``heard``. Raises :class:`IllegalStepError` at the
     first step that the rules do not allow. Stops early after a fault.
@@ -250,7 +250,7 @@ def execute(
 
 
 def until(recording: Recording, last: Step) -> Recording:
-    """The part of a recording that leads to a step, as the recording of a run that ends there."""
+    """The prefix of a recording that ends with a step, as a recording of its own."""
     if last.rule == "INIT":
         return Recording(recording.opening)
     rounds = recording.rounds[: last.round + 1]
@@ -267,7 +267,7 @@ def until(recording: Recording, last: Step) -> Recording:
 def _assumed(
     d: Domain[Constant], system: System, first: Configuration[Constant], inputs: RecordedInputs
 ) -> None:
-    """The configuration after INIT satisfies the assumptions. [PROP-ASSUME]"""
+    """Check that the configuration after INIT satisfies the assumptions. [PROP-ASSUME]"""
     for assumption in system.program.assumptions:
         holds, legality = holds_in(d, system, first, assumption.condition, assumption.bound, inputs)
         if holds is not True:
@@ -278,13 +278,13 @@ def _assumed(
 
 
 def _last(number: int, recording: Recording) -> None:
-    """A run that ends inside a round has no further rounds."""
+    """Check that a run that ends inside a round has no further rounds."""
     if number + 1 < len(recording.rounds):
         raise IllegalStepError("RECORDING", f"round {number + 1} ends the run, but others follow")
 
 
 def _permutation(order: tuple[int, ...], robots: int, *, whole: bool) -> None:
-    """An order names robots, each at most once; all of them unless the round is cut."""
+    """Check that an order names robots at most once, and all of them unless the round is cut."""
     legal = len(set(order)) == len(order) and all(0 <= i < robots for i in order)
     if not legal or (whole and len(order) != robots):
         raise IllegalStepError("EVENT-TRANS", f"{order} is no order of {robots} robots")
@@ -295,7 +295,7 @@ def _consistent(
     answers: Iterable[Answer],
     known: dict[tuple[str, tuple[Concrete, ...]], Concrete],
 ) -> None:
-    """External functions give equal answers to equal questions, for the whole run. [EXTERNAL]"""
+    """Check that external functions answer equal arguments equally, in the whole run. [EXTERNAL]"""
     kinds = {function.name: function.kind for function in system.program.externals}
     for answer in answers:
         if answer.function is None or kinds.get(answer.function) is not core.ExternalKind.FUNCTION:

@@ -44,7 +44,7 @@ V = TypeVar("V")
 
 
 class IllegalStepError(Exception):
-    """A step that the rules do not allow; names the rule."""
+    """Raised for a step that the rules do not allow; names the rule."""
 
     def __init__(self, rule: str, reason: str) -> None:
         super().__init__(f"[{rule}] {reason}")
@@ -53,7 +53,7 @@ class IllegalStepError(Exception):
 
 
 class Stepped(Struct, Generic[V], frozen=True):
-    """A configuration reached by one step, with what was written to streams on the way."""
+    """A configuration reached by one step, with the values written to streams on the way."""
 
     configuration: Configuration[V]
     output: tuple[Written[V], ...] = ()
@@ -63,7 +63,7 @@ class Stepped(Struct, Generic[V], frozen=True):
 def initialised(
     d: Domain[V], system: System, inputs: Inputs[V], order: Iterable[int] | None = None
 ) -> Stepped[V]:
-    """The configuration after INIT, with the robots' turns in an order. [INIT]
+    """The configuration after INIT, the robots' turns taken in the given order. [INIT]
 
     After a fault it is the one that evaluation comes to when it goes on, which assumptions are
     asked about; a run that shows it ends in :func:`faulted_start`. [FAULT]
@@ -84,7 +84,7 @@ def initialised(
 
 
 def faulted_start(d: Domain[V], system: System, stepped: Stepped[V]) -> Stepped[V]:
-    """INIT as a run has it: where it faults, nothing is set, as no robot has started. [FAULT]"""
+    """INIT of a run: if it faults, the variables stay unset, as no robot has started. [FAULT]"""
     fault = stepped.configuration.fault
     if fault is None:
         return stepped
@@ -130,7 +130,7 @@ def enabled(
 def may_skip(
     d: Domain[V], system: System, configuration: Configuration[V], robot: int, inputs: Inputs[V]
 ) -> bool:
-    """Whether doing nothing is allowed: no urgent event is enabled with its classes free. [SKIP]"""
+    """Return whether a robot may skip: no urgent event is enabled with its classes free. [SKIP]"""
     state = configuration.robots[robot]
     if d.known(state.status) == Status.STOPPED:
         return True
@@ -150,7 +150,7 @@ def run_event(
     position: int,
     inputs: Inputs[V],
 ) -> Stepped[V]:
-    """One robot runs one event. [EVENT-TRANS] [ATOMIC]
+    """Run one event of one robot. [EVENT-TRANS] [ATOMIC]
 
     Raises :class:`IllegalStepError` if it may not be selected, or enters a lock class
     that is taken.
@@ -181,7 +181,7 @@ def run_event(
 def run_skip(
     d: Domain[V], system: System, configuration: Configuration[V], robot: int, inputs: Inputs[V]
 ) -> Stepped[V]:
-    """One robot does nothing, as one does whose message comes too late. [SKIP] [T-SKIP]"""
+    """Skip a robot's program turn, as when its message comes too late. [SKIP] [T-SKIP]"""
     state = _to_move(configuration, robot)
     if not may_skip(d, system, configuration, robot, inputs):
         raise IllegalStepError("SKIP", f"robot {robot} has an urgent event to run")
@@ -193,7 +193,7 @@ def run_skip(
 def evolved(
     d: Domain[V], system: System, configuration: Configuration[V], inputs: Inputs[V]
 ) -> Stepped[V]:
-    """The environment's turn: time, ports, copies. [ENV-TRANS] [REFRESH]"""
+    """Take the environment's turn: advance time, ports and copies. [ENV-TRANS] [REFRESH]"""
     if configuration.turn is not Turn.ENV or configuration.fault is not None:
         raise IllegalStepError("ENV-TRANS", "it is not the environment's turn")
     robots, found = [], None
@@ -220,7 +220,9 @@ def _to_move(configuration: Configuration[V], robot: int) -> Robot[V]:
 
 
 def _opened(d: Domain[V], configuration: Configuration[V]) -> tuple[Robot[V], ...]:
-    """The robots as a turn finds them: the first of a round clears every ``ran``. [EVENT-TRANS]"""
+    """The robots at the start of a turn: a round's first turn clears every ``ran``.
+    [EVENT-TRANS]
+    """
     if any(state.turn is Turn.ENV for state in configuration.robots):
         return configuration.robots
     none = d.const(NO_EVENT, INT)
@@ -228,7 +230,7 @@ def _opened(d: Domain[V], configuration: Configuration[V]) -> tuple[Robot[V], ..
 
 
 def _ended(d: Domain[V], configuration: Configuration[V]) -> Configuration[V]:
-    """The environment's turn begins when every robot has had its own. [END-PROG] [STOP]"""
+    """Begin the environment's turn once every robot has had its own. [END-PROG] [STOP]"""
     if any(state.turn is Turn.PROG for state in configuration.robots):
         return configuration
     robots = configuration.robots
@@ -243,12 +245,12 @@ def _with(robots: tuple[Robot[V], ...], robot: int, state: Robot[V]) -> tuple[Ro
 
 
 def _first(d: Domain[V], faults: Iterable[tuple[V, Fault]]) -> Fault | None:
-    """The first fault that happened, in order of evaluation. [FAULT]"""
+    """The first fault that happened, in order of evaluation, or None. [FAULT]"""
     return next((fault for condition, fault in faults if d.known(condition) is True), None)
 
 
 def _check(d: Domain[V], legality: Iterable[Legality[V]]) -> None:
-    """Recorded answers must be possible ones. [CHOOSE] [EXTERNAL] [ENV-CONTRACT]"""
+    """Check that recorded answers are possible ones. [CHOOSE] [EXTERNAL] [ENV-CONTRACT]"""
     for needed in legality:
         if d.known(needed.condition) is not True:
             raise IllegalStepError(needed.rule, f"{needed.what} ({needed.span})")

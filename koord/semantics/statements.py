@@ -42,7 +42,7 @@ V = TypeVar("V")
 
 
 def run(m: Machine[V], block: core.Block) -> None:
-    """The statements in order, until one leaves the block. [S-SEQ]"""
+    """Run statements in order, until one leaves the block. [S-SEQ]"""
     position = 0
     while position < len(block):
         left = m.either(m.memory.broke, m.memory.returned)
@@ -60,7 +60,7 @@ def run(m: Machine[V], block: core.Block) -> None:
 
 
 def _go_on(m: Machine[V], block: core.Block, position: list[int]) -> None:
-    """Run the statements from a position on, and note where the next path left."""
+    """Run the statements from a position on, and note where the path left the block."""
     broke, returned = m.memory.broke, m.memory.returned
     while position[0] < len(block) and m.memory.broke is broke and m.memory.returned is returned:
         execute(m, block[position[0]])
@@ -68,11 +68,11 @@ def _go_on(m: Machine[V], block: core.Block, position: list[int]) -> None:
 
 
 def _nothing() -> None:
-    """The other side of a branch without an else."""
+    """The empty else branch."""
 
 
 def execute(m: Machine[V], s: core.Stmt) -> None:
-    """One statement."""
+    """Execute one statement."""
     m.system.budget.spend()
     try:
         match s:
@@ -184,7 +184,7 @@ def _check_write(
     locations: Sequence[Location[V]],
     legal: V,
 ) -> None:
-    """Log why a place cannot be written: of its steps the first that fails. [S-ASSIGN]"""
+    """Log a fault for the first step of a place that cannot be written. [S-ASSIGN]"""
     if m.d.known(legal) is True:
         return
     part: Storage[V] | Value[V] | None = storage
@@ -230,7 +230,7 @@ def _assign_bound(
 def _in_room(
     changed: Storage[V], variable: core.Variable, locations: Sequence[Location[V]]
 ) -> Storage[V]:
-    """A variable after a write: one at a key may have made room that its map does not need."""
+    """Bound a variable's maps after a write: one at a key may add room that is not needed."""
     if any(isinstance(location, AtKey) for location in locations):
         return in_room(changed, variable.type)
     return changed
@@ -253,7 +253,7 @@ def _mark(
 
 
 def for_range(m: Machine[V], s: core.ForRange) -> None:
-    """[S-FOR]: bounds are taken once; each trip is under the condition that it happens."""
+    """Run a loop over a range: bounds are evaluated once; each trip has its condition. [S-FOR]"""
 
     def once(m: Machine[V], number: V) -> None:
         m.memory.bound[s.variable.slot] = held(m.d, number)
@@ -273,7 +273,7 @@ def for_range(m: Machine[V], s: core.ForRange) -> None:
 
 
 def for_each(m: Machine[V], s: core.ForEach) -> None:
-    """[S-FOREACH]: over a value taken before the loop."""
+    """Run a loop over the elements of a value that is evaluated before the loop. [S-FOREACH]"""
     over = evaluate(m, s.sequence)
     if isinstance(over, Table):
         pairs = list(over.entries)
@@ -299,7 +299,7 @@ def for_each(m: Machine[V], s: core.ForEach) -> None:
 
 
 def for_each_robot(m: Machine[V], s: core.ForEach, over: Family[V]) -> None:
-    """[S-FOREACH] over an array of a crowd."""
+    """Run a loop over an array over a crowd. [S-FOREACH]"""
 
     def once(m: Machine[V], number: V) -> None:
         if s.key is not None:
@@ -311,7 +311,7 @@ def for_each_robot(m: Machine[V], s: core.ForEach, over: Family[V]) -> None:
 
 
 def _loop(m: Machine[V], trips: Iterable[tuple[int, V, Callable[[], None]]]) -> None:
-    """Run trips, each with its number and condition, until one breaks out. [S-BREAK]"""
+    """Run trips of a loop, each with its number and condition, until one breaks. [S-BREAK]"""
     outer = m.memory.broke
     m.memory.broke = m.truth(False)
     for number, here, body in trips:
@@ -326,7 +326,7 @@ def _loop(m: Machine[V], trips: Iterable[tuple[int, V, Callable[[], None]]]) -> 
 
 
 def atomic(m: Machine[V], s: core.Atomic) -> None:
-    """[ATOMIC]: entering is noted; who may enter is decided by the round."""
+    """Run an atomic block: note that it is entered; the round decides who may enter. [ATOMIC]"""
     entered = m.entered.get(s.lock_class, m.truth(False))
     m.entered[s.lock_class] = m.either(entered, m.guard)
     run(m, s.body)
@@ -341,7 +341,7 @@ def _whole(m: Machine[V], place: core.Place) -> Value[V]:
 
 
 def append(m: Machine[V], s: core.Append) -> None:
-    """[S-APPEND]"""
+    """Append to a list. [S-APPEND]"""
     value = evaluate(m, s.value)
     items = sequence(_whole(m, s.place))
     longer = m.d.binary(BinaryOp.ADD, items.length, m.d.const(1, INT))
@@ -349,7 +349,7 @@ def append(m: Machine[V], s: core.Append) -> None:
 
 
 def remove(m: Machine[V], s: core.Remove) -> None:
-    """[S-REMOVE]: the first equal element, or the key, if there is one."""
+    """Remove the first equal element, or the key, if there is one. [S-REMOVE]"""
     value = evaluate(m, s.value)
     whole = _whole(m, s.place)
     if isinstance(s.place.type, MapType):
@@ -381,7 +381,7 @@ def remove(m: Machine[V], s: core.Remove) -> None:
 
 
 def pop(m: Machine[V], s: core.Pop) -> None:
-    """[S-POP]: the first of a queue, the last of a list; of an empty one a fault."""
+    """Pop the first of a queue or the last of a list; a fault if it is empty. [S-POP]"""
     items = sequence(_whole(m, s.place))
     zero, one = m.d.const(0, INT), m.d.const(1, INT)
     some = m.d.binary(BinaryOp.LT, zero, items.length)

@@ -1,4 +1,4 @@
-"""What a variable holds: atoms that are set or unset. [ATOM]
+"""Storage of variables: trees of atoms that are set or unset. [ATOM]
 
 A scalar, a list, a map or an opaque value is one *atom*, a ``Cell``; records and fixed arrays are
 trees of atoms.
@@ -47,27 +47,27 @@ V = TypeVar("V")
 
 
 class Cell(Struct, Generic[V], frozen=True):
-    """One atom. Where it is not set, ``value`` is some value of its type."""
+    """A leaf of storage: one atom. Where it is not set, ``value`` is any value of its type."""
 
     is_set: V
     value: Value[V]
 
 
 class Tree(Struct, Generic[V], frozen=True):
-    """The fields of a record or the elements of a fixed array."""
+    """A node of storage: the fields of a record or the elements of a fixed array."""
 
     parts: tuple[Storage[V], ...]
 
 
 class Many(Tree[V], Generic[V], frozen=True):
-    """The elements of an array over the robots of a crowd, none of them listed."""
+    """A node of storage for an array over the robots of a crowd, its elements not listed."""
 
     crowd: Crowd[V]
     at: Callable[[V], Storage[V]]
 
 
 def many_of(crowd: Crowd[V], at: Callable[[V], Storage[V]]) -> Many[V]:
-    """The storage of an array over the robots of a crowd with such elements."""
+    """Storage of an array over the robots of a crowd, from its element at an index."""
     return Many(UNLISTED, crowd, at)
 
 
@@ -78,7 +78,7 @@ Storage: TypeAlias = "Cell[V] | Tree[V]"
 
 
 def unset(d: Domain[V], type_: Type, robots: Size[V]) -> Storage[V]:
-    """Storage of a type that holds nothing yet."""
+    """Storage of a type with all atoms unset."""
     match type_:
         case RecordType(fields=fields):
             return Tree(tuple(unset(d, field, robots) for _, field in fields))
@@ -93,7 +93,7 @@ def unset(d: Domain[V], type_: Type, robots: Size[V]) -> Storage[V]:
 
 
 def stored(d: Domain[V], type_: Type, value: Value[V], robots: Size[V]) -> Storage[V]:
-    """Storage of a type that holds a value. A fixed array takes what fits; the rest is unset."""
+    """Storage of a type set to a value. A fixed array takes what fits; the rest is unset."""
     match type_:
         case RecordType(fields=fields):
             pairs = zip(fields, record(value).fields, strict=True)
@@ -117,7 +117,7 @@ def _stored_family(d: Domain[V], element: Type, value: Value[V], robots: Size[V]
 
 
 def held(d: Domain[V], value: Value[V]) -> Cell[V]:
-    """A value in a cell of its own, as bound variables are held."""
+    """A value in a cell of its own, as for bound variables."""
     return Cell(d.const(True, BOOL), value)
 
 
@@ -125,7 +125,7 @@ def held(d: Domain[V], value: Value[V]) -> Cell[V]:
 
 
 def contents(d: Domain[V], storage: Storage[V], type_: Type) -> tuple[Value[V], V]:
-    """The value held, and whether every atom of it is set. [LOOKUP]"""
+    """Return the value held, and the condition that every atom of it is set. [LOOKUP]"""
     if isinstance(storage, Cell):
         return storage.value, storage.is_set
     if isinstance(storage, Many):
@@ -150,7 +150,7 @@ def _family_contents(d: Domain[V], many: Many[V], type_: Type) -> tuple[Value[V]
 
 
 def remembering(at: Callable[[V], Storage[V]]) -> Callable[[V], Storage[V]]:
-    """The same, but what was asked last is not worked out again.
+    """A function that remembers its last argument and result.
 
     Two sides of a branch have most in common, and each asks for it: without this a chain of
     branches would cost twice as much with each of them.
@@ -166,7 +166,7 @@ def remembering(at: Callable[[V], Storage[V]]) -> Callable[[V], Storage[V]]:
 
 
 def set_only_if(d: Domain[V], storage: Storage[V], condition: V) -> Storage[V]:
-    """The storage, with nothing set where the condition does not hold."""
+    """Return the storage, its atoms set only where the condition holds."""
     if isinstance(storage, Cell):
         return Cell(d.binary(BinaryOp.AND, storage.is_set, condition), storage.value)
     if isinstance(storage, Many):
@@ -179,7 +179,7 @@ def set_only_if(d: Domain[V], storage: Storage[V], condition: V) -> Storage[V]:
 
 
 def merge_storage(d: Domain[V], condition: V, then: Storage[V], other: Storage[V]) -> Storage[V]:
-    """``then`` where the condition holds, ``other`` elsewhere; both of one shape."""
+    """Merge storage of one shape: ``then`` where the condition holds, ``other`` elsewhere."""
     if then is other:
         return then
     if isinstance(then, Cell):
@@ -199,7 +199,7 @@ def merge_storage(d: Domain[V], condition: V, then: Storage[V], other: Storage[V
 def merge_storage_known(
     d: Domain[V], condition: V, then: Storage[V], other: Storage[V]
 ) -> Storage[V]:
-    """:func:`merge_storage`, or one side alone where the domain knows which."""
+    """Merge storage; one side alone where the domain knows the condition."""
     known = d.known(condition)
     if known is None:
         return merge_storage(d, condition, then, other)
@@ -207,7 +207,7 @@ def merge_storage_known(
 
 
 def same_storage(d: Domain[V], left: Storage[V], right: Storage[V]) -> V:
-    """Whether two storages of one shape hold the same: same atoms set, with equal values."""
+    """Return the condition that two storages of one shape have equal atoms set to equal values."""
     if isinstance(left, Cell):
         assert isinstance(right, Cell)
         same_flag = d.binary(BinaryOp.EQ, left.is_set, right.is_set)
@@ -222,7 +222,7 @@ def same_storage(d: Domain[V], left: Storage[V], right: Storage[V]) -> V:
 
 
 def in_room(storage: Storage[V], type_: Type) -> Storage[V]:
-    """The same storage, its maps with room for no more entries than there are keys. [E-MAP]
+    """Return the storage with room in its maps for no more entries than there are keys. [E-MAP]
 
     Where nobody knows whether a map has a key, a write at it makes room for one entry more, and a
     loop over the map takes a turn for each. Keys are distinct, so of a type with few values only
@@ -255,5 +255,5 @@ def _value_in_room(value: Value[V], type_: Type) -> Value[V]:
 
 @cache
 def _has_few_keys(type_: Type) -> bool:
-    """Whether there is a map in a type of whose keys are few values."""
+    """Return whether a type contains a map whose key type has few values."""
     return any(isinstance(t, MapType) and how_many(t.key) is not None for t in within(type_))

@@ -1,4 +1,4 @@
-"""One robot's turns, the initial one and those of the program, over any domain."""
+"""A robot's turns, initial and of the program, over any domain."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ Output: TypeAlias = "tuple[V, Written[V]]"
 
 
 class Turned(Struct, Generic[V], frozen=True):
-    """What a turn makes of a robot, and what it found out on the way.
+    """The result of a turn: the robot after it, its writes, locks, output, faults and legality.
 
     ``robot.copy`` holds the robot's own view after its writes; the masks say which locations of it
     it wrote. ``entered`` says for each lock class whether the turn entered it. Each fault comes
@@ -76,7 +76,7 @@ def _starting(
     inputs: Inputs[V],
     robot: int | None,
 ) -> Storage[V] | None:
-    """What a variable starts with, or None where it stays unset."""
+    """The storage that a variable starts with, or None where it stays unset."""
     if entry.initial is Start.UNSET:
         return None
     if entry.initial is Start.ARBITRARY:
@@ -87,7 +87,7 @@ def _starting(
 def initial_turn(
     d: Domain[V], system: System, robot: int, store: Store[V], inputs: Inputs[V]
 ) -> Turned[V]:
-    """Declarations' initial values, then the ``init:`` block, like one event. [INIT]"""
+    """Run a robot's initial turn: initial values, then the ``init:`` block. [INIT]"""
     agent = system.agent(robot)
     m = machine(
         d,
@@ -114,7 +114,7 @@ def initial_turn(
 
 
 def _start_own_entry(m: Machine[V], entry: core.Declaration, inputs: Inputs[V], robot: int) -> None:
-    """The robot's own entry of an allread variable. [INIT] [ALLREAD]"""
+    """Set the robot's own entry of an allread variable to its start. [INIT] [ALLREAD]"""
     variable = entry.variable
     assert isinstance(variable.type, ArrayType)
     assert variable.type.size is Robots.ALL
@@ -134,7 +134,7 @@ def _start_own_entry(m: Machine[V], entry: core.Declaration, inputs: Inputs[V], 
 def guard_of(
     d: Domain[V], system: System, robot: int, state: Robot[V], event: core.Event, inputs: Inputs[V]
 ) -> tuple[V, V]:
-    """Whether an event's ``pre`` holds, and whether it can be evaluated at all. [SELECT]
+    """Return the conditions that an event's ``pre`` holds, and that it has no fault. [SELECT]
 
     With answers that no external function can give it counts as holding: nobody may skip on the
     strength of them. [SKIP]
@@ -149,7 +149,7 @@ def guard_of(
 def program_turn(
     d: Domain[V], system: System, robot: int, state: Robot[V], position: int, inputs: Inputs[V]
 ) -> tuple[V, Turned[V]]:
-    """Run one event: whether its ``pre`` holds, and what its ``eff`` makes. [EVENT-TRANS]
+    """Run one event: the condition that its ``pre`` holds, and the result. [EVENT-TRANS]
 
     A ``pre`` that cannot be evaluated is a fault of whoever selects the event, so the first
     component is whether the event may be *selected*: ``pre`` holds or faults. [SELECT] [FAULT]
@@ -165,7 +165,7 @@ def program_turn(
 
 
 def skip_turn(d: Domain[V], state: Robot[V]) -> Turned[V]:
-    """Do nothing. [SKIP] [END-EVENT]"""
+    """Skip the turn: the state stays as it is. [SKIP] [END-EVENT]"""
     after = replace(state, ran=d.const(NO_EVENT, INT), turn=Turn.ENV)
     return Turned(after, {}, {}, {}, (), (), ())
 
@@ -188,7 +188,7 @@ def _machine_for(
 def _turned(
     m: Machine[V], robot: int, status: Status | None, ran: int, before: Robot[V] | None
 ) -> Turned[V]:
-    """The machine's findings as a value. [END-EVENT] [STOP]"""
+    """The result of a turn, from the machine's memory and logs. [END-EVENT] [STOP]"""
     d, memory = m.d, m.memory
     if before is None:
         old = d.const(int(status if status is not None else Status.RUNNING), INT)
@@ -219,7 +219,7 @@ def _turned(
 
 
 def committed(d: Domain[V], store: Store[V], turned: Turned[V]) -> Store[V]:
-    """The store with one robot's writes put into it, location by location. [SHARED-ASSIGN]"""
+    """The store after one robot's writes, joined location by location. [SHARED-ASSIGN]"""
     copy = turned.robot.copy
     return Store(
         _joined_all(d, store.allread, copy.allread, turned.allread),

@@ -56,7 +56,7 @@ class Seq(Struct, Generic[V], frozen=True):
 
 
 class Unlisted(tuple[Any, ...]):
-    """The parts of an array over the robots of a crowd: nobody can list them."""
+    """The parts of an array over the robots of a crowd, which cannot be listed."""
 
     __slots__ = ()
 
@@ -74,18 +74,18 @@ UNLISTED = Unlisted()
 
 
 class Family(Seq[V], Generic[V], frozen=True):
-    """An array over the robots of a crowd: an element for each number, none of them listed."""
+    """An array over the robots of a crowd, as a function of the index."""
 
     crowd: Crowd[V]
     at: Callable[[V], Value[V]]
 
     def every(self, body: Callable[[Value[V]], V]) -> V:
-        """Whether a Boolean holds of every element."""
+        """Return the condition that a Boolean holds of every element."""
         return self.crowd.every(self.crowd.first, self.length, lambda index: body(self.at(index)))
 
 
 def family_of(crowd: Crowd[V], at: Callable[[V], Value[V]]) -> Family[V]:
-    """The array over the robots of a crowd with such elements."""
+    """An array over the robots of a crowd, from an element as a function of the index."""
     return Family(crowd.count, UNLISTED, crowd, at)
 
 
@@ -100,25 +100,25 @@ Value: TypeAlias = "V | Rec[V] | Seq[V] | Table[V]"
 
 
 def scalar(value: Value[V]) -> V:
-    """The value, which its type says is a scalar."""
+    """Narrow a value to the scalar that its type says it is."""
     assert not isinstance(value, Rec | Seq | Table), value
     return value
 
 
 def record(value: Value[V]) -> Rec[V]:
-    """The value, which its type says is a record."""
+    """Narrow a value to the record that its type says it is."""
     assert isinstance(value, Rec), value
     return value
 
 
 def sequence(value: Value[V]) -> Seq[V]:
-    """The value, which its type says is an array, list or queue."""
+    """Narrow a value to the array, list or queue that its type says it is."""
     assert isinstance(value, Seq), value
     return value
 
 
 def table(value: Value[V]) -> Table[V]:
-    """The value, which its type says is a map."""
+    """Narrow a value to the map that its type says it is."""
     assert isinstance(value, Table), value
     return value
 
@@ -129,7 +129,7 @@ def listed(d: Domain[V], items: Sequence[Value[V]]) -> Seq[V]:
 
 
 def default(d: Domain[V], type_: Type, robots: Size[V]) -> Value[V]:
-    """Some value of a type: what total operations give where they fault."""
+    """Some value of a type: the result of total operations where they fault."""
     match type_:
         case IntType() | FloatType() | EnumType():
             return d.const(0, type_)
@@ -154,7 +154,7 @@ def default(d: Domain[V], type_: Type, robots: Size[V]) -> Value[V]:
 
 
 def map_scalars(value: Value[V], type_: Type, of: Callable[[V, Type], Value[V]]) -> Value[V]:
-    """The value with something else for each scalar, by its type; lengths stay as they are."""
+    """Map the scalars of a value, each with its type; lengths stay as they are."""
     match value:
         case Rec(fields=fields):
             parts = zip(fields, type_.parts, strict=True)
@@ -171,7 +171,7 @@ def map_scalars(value: Value[V], type_: Type, of: Callable[[V, Type], Value[V]])
 
 
 def merge(d: Domain[V], condition: V, then: Value[V], other: Value[V]) -> Value[V]:
-    """``then`` where the condition holds, ``other`` elsewhere; both of one type."""
+    """Merge two values of one type: ``then`` where the condition holds, ``other`` elsewhere."""
     if then is other:
         return then
     if isinstance(then, Rec):
@@ -204,14 +204,14 @@ def _merged_family(d: Domain[V], condition: V, then: Family[V], other: Value[V])
 def _zipped(
     d: Domain[V], condition: V, then: Sequence[Value[V]], other: Sequence[Value[V]]
 ) -> tuple[Value[V], ...]:
-    """Merge item by item; where one side has no item, nobody looks, and the other's will do."""
+    """Merge item by item; an item that only one side has is taken as it is."""
     shared = min(len(then), len(other))
     merged = [merge(d, condition, a, b) for a, b in zip(then[:shared], other[:shared], strict=True)]
     return (*merged, *then[shared:], *other[shared:])
 
 
 def equal(d: Domain[V], left: Value[V], right: Value[V]) -> V:
-    """Whether two values of one type are equal. [E-EQUAL]"""
+    """Return the condition that two values of one type are equal. [E-EQUAL]"""
     parts: list[V]
     if isinstance(left, Rec):
         pairs = zip(left.fields, record(right).fields, strict=True)
@@ -242,7 +242,7 @@ def equal(d: Domain[V], left: Value[V], right: Value[V]) -> V:
 
 
 def identical(old: Value[Constant], new: Value[Constant]) -> bool:
-    """Whether two values are one: NaN is itself, maps have their keys in order. [CONFIG]"""
+    """Return whether two values are identical: NaN is itself, keys are in order. [CONFIG]"""
     if old == new:
         return True
     match old, new:
@@ -261,12 +261,12 @@ def identical(old: Value[Constant], new: Value[Constant]) -> bool:
 
 
 def inside(d: Domain[V], position: int, length: V) -> V:
-    """Whether a list of that length has an item at the position."""
+    """Return the condition that a list of a length has an item at the position."""
     return d.binary(BinaryOp.LT, d.const(position, INT), length)
 
 
 def in_range(d: Domain[V], index: V, length: V) -> V:
-    """Whether an index is one of a list of that length."""
+    """Return the condition that an index lies in ``[0, length)``."""
     low = d.binary(BinaryOp.LE, d.const(0, INT), index)
     return conjunction(d, [low, d.binary(BinaryOp.LT, index, length)])
 
@@ -289,7 +289,7 @@ def pick(
 
 
 def lookup(d: Domain[V], entries: Table[V], key: Value[V]) -> tuple[V, Value[V] | None]:
-    """Whether a map has a key, and its value there (None if the map cannot have any entry)."""
+    """Return the condition that a map has a key, and its value there, None for an empty map."""
     found = d.const(False, BoolType())
     chosen: Value[V] | None = None
     for position in range(len(entries.entries) - 1, -1, -1):
@@ -303,7 +303,7 @@ def lookup(d: Domain[V], entries: Table[V], key: Value[V]) -> tuple[V, Value[V] 
 
 
 def merge_known(d: Domain[V], condition: V, then: Value[V], other: Value[V]) -> Value[V]:
-    """:func:`merge`, or one side alone where the domain knows which."""
+    """Merge values; one side alone where the domain knows the condition."""
     known = d.known(condition)
     if known is None:
         return merge(d, condition, then, other)
@@ -311,7 +311,7 @@ def merge_known(d: Domain[V], condition: V, then: Value[V], other: Value[V]) -> 
 
 
 def insert(d: Domain[V], entries: Table[V], key: Value[V], value: Value[V]) -> Table[V]:
-    """The map with ``key`` bound to ``value``; a new key comes last."""
+    """Return the map with ``key`` bound to ``value``; a new key comes last."""
     found, _ = lookup(d, entries, key)
     replaced = []
     for position, (its_key, its_value) in enumerate(entries.entries):
@@ -330,7 +330,7 @@ def insert(d: Domain[V], entries: Table[V], key: Value[V], value: Value[V]) -> T
 def put_at(
     d: Domain[V], position: V, items: Sequence[Value[V]], value: Value[V]
 ) -> tuple[Value[V], ...]:
-    """The items with ``value`` at a position from 0 to ``len(items)``, growing by one at most.
+    """Return the items with ``value`` at a position in ``[0, len(items)]``, growing by at most one.
 
     Raises NotFiniteError where nobody knows the position, and it may be one of too many: a loop
     that appends for each element of the same list doubles what there is room for on every trip.
@@ -349,7 +349,7 @@ def put_at(
 
 
 def without(d: Domain[V], position: V, items: Sequence[Value[V]]) -> tuple[Value[V], ...]:
-    """The items without the one at a position: those behind it move up."""
+    """Return the items without the one at a position; later ones move up."""
     known = d.known(position)
     if known is not None:
         assert isinstance(known, int)

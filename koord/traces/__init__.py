@@ -1,1 +1,1 @@
-"""Runs as data: recordings, traces, their JSON and ITF forms, and how their values are shown."""
+"""Runs as data: recordings, traces, their JSON and ITF forms, and the rendering of their values."""

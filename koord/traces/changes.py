@@ -1,4 +1,4 @@
-"""What differs between two configurations, location by location."""
+"""Differences between two configurations, location by location."""
 
 from __future__ import annotations
 
@@ -18,7 +18,9 @@ from koord.traces.value_codec import encode_value
 
 
 class Change(Struct, frozen=True):
-    """One location and what it held before and after. ``robot`` is None for what all share."""
+    """A location that changed, with its values before and after; ``robot`` is None for shared
+    ones.
+    """
 
     robot: int | None
     name: str
@@ -29,7 +31,7 @@ class Change(Struct, frozen=True):
 def changes(
     names: Names, before: Configuration[Constant], after: Configuration[Constant]
 ) -> Iterator[Change]:
-    """What a step changed: the store, and each robot's locals, ports and status.
+    """Yield the changes that a step made to the store and to robots' locals, ports and status.
 
     Robots' copies are left out: they are the store at the round's start with the robot's own
     writes, which the store shows.
@@ -48,7 +50,7 @@ def changes(
 def differences(
     names: Names, expected: Configuration[Constant], recorded: Configuration[Constant]
 ) -> Iterator[Change]:
-    """Where a recorded configuration (``new``) is not the expected one (``old``). [REPLAY]
+    """Yield the differences of a recorded configuration (``new``) from the expected one. [REPLAY]
 
     Two are identical if nothing is yielded: [CONFIG]. Of a faulted one the fault alone counts, and
     of the fault its kind and robot: the text may have been laid out anew.
@@ -178,7 +180,7 @@ def _of_value(
 
 
 def _told_apart(old: Value[Constant], new: Value[Constant], type_: Type) -> tuple[str, str]:
-    """Two values that differ, shown so that one can see it: exactly, if need be."""
+    """Show two values that differ so that the difference is visible: exactly, if need be."""
     shown = show_value(old, type_), show_value(new, type_)
     if shown[0].replace(ROUNDED, "") != shown[1].replace(ROUNDED, ""):
         return shown
@@ -192,7 +194,7 @@ def _anything_set(storage: Storage[Constant]) -> bool:
 
 
 def _is_whole(type_: Type) -> bool:
-    """Whether a place with coordinates is shown as one thing."""
+    """Return whether a place with coordinates is shown as one value, not field by field."""
     return type_ == POS
 
 

@@ -39,7 +39,7 @@ Load: TypeAlias = Callable[[Sources], core.Program]
 
 
 def encode(trace: Trace, *, with_rounds: bool = True) -> bytes:
-    """A trace as a JSON document in UTF-8, one round a line; without rounds, where these follow."""
+    """Encode a trace as JSON in UTF-8, one round per line; optionally without its rounds."""
     lines = []
     for name, value in to_json(trace, with_rounds=with_rounds).items():
         text = _rendered_run(value) if name == "run" else json.dumps(value)
@@ -58,7 +58,7 @@ def _rendered_run(run: Any) -> str:
 
 
 def rendered_rounds(rounds: Iterable[object]) -> str:
-    """Rounds as the lines of text that they are."""
+    """Encode rounds as lines of text."""
     return ",\n".join(f"  {json.dumps(to_builtins(one))}" for one in rounds)
 
 
@@ -100,7 +100,7 @@ def _encode_task(x: Fraction, y: Fraction, z: Fraction) -> tuple[str, str, str]:
 
 
 def decode(raw: bytes, name: str, load: Load | None = None) -> Trace:
-    """The trace in a document. ``name`` is the file's, for messages.
+    """Decode a trace. ``name`` is the file's, for messages. Raises KoordError.
 
     ``load`` gives the program for the texts that the trace holds, in place of parsing these.
     Raises KoordError.
@@ -109,7 +109,7 @@ def decode(raw: bytes, name: str, load: Load | None = None) -> Trace:
 
 
 def decode_document(document: object, name: str, load: Load | None = None, at: str = "$") -> Trace:
-    """The trace in a JSON document that was parsed already, and stands ``at`` a path of a file.
+    """Decode a trace from a parsed JSON document, which stands at the path ``at`` of a file.
 
     Raises KoordError.
     """
@@ -131,7 +131,9 @@ def decode_document(document: object, name: str, load: Load | None = None, at: s
 
 
 class _Header(Struct, frozen=True):
-    """What a trace says before its run: enough to get the program that the run is typed by."""
+    """The head of a trace file: enough to elaborate the program, by whose types a run is
+    decoded.
+    """
 
     sources: Sources
     delta_s: Fraction
@@ -139,7 +141,7 @@ class _Header(Struct, frozen=True):
 
 
 def _header(file: form.File) -> _Header:
-    """What the head of a trace says. Raises FormError."""
+    """Decode the head of a trace. Raises FormError."""
     sources = Sources(
         _decode_text(file.program),
         tuple(map(_decode_text, file.properties)),
@@ -195,7 +197,7 @@ def _decode_text(part: form.Text) -> Source:
 
 
 def load_embedded(sources: Sources) -> core.Program:
-    """The program of the texts that a trace holds. Raises KoordError."""
+    """Load the program whose texts a trace holds. Raises KoordError."""
     from koord.syntax.elaboration.settings import Settings
     from koord.syntax.load import load
 

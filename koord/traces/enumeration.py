@@ -1,4 +1,4 @@
-"""Turns with every answer that they may get, one after the other.
+"""Exhaustive enumeration of a robot's turns, over all inputs that they may receive.
 
 A turn is run again and again; each time it asks for something that is left open, the next untried
 value is given. The answers are noted, so that each outcome comes with what a recording needs.
@@ -33,21 +33,21 @@ _MOST_OPTIONS = 100_000
 
 
 class UnboundedError(Exception):
-    """Something that is left open has too many values to try them all."""
+    """Raised where an input has too many values to enumerate."""
 
 
 class _DeadEndError(Exception):
-    """Something that is left open has no value at all."""
+    """Raised where an input has no possible value."""
 
 
 class Chooser(Struct):
-    """Walks through a tree of choices, depth first."""
+    """A depth-first walk through a tree of choices."""
 
     _path: list[tuple[int, int]] = field(default_factory=list)
     _depth: int = 0
 
     def pick(self, options: Iterable[T]) -> T:
-        """The option for this time around."""
+        """Return the option of the present path at the next choice."""
         choices = list(islice(options, _MOST_OPTIONS + 1))
         if len(choices) > _MOST_OPTIONS:
             raise UnboundedError(
@@ -62,7 +62,7 @@ class Chooser(Struct):
         return choices[position]
 
     def restart(self) -> bool:
-        """Go on to the next path; whether there is one."""
+        """Advance to the next path; return whether there is one."""
         del self._path[self._depth :]
         while self._path and self._path[-1][0] + 1 == self._path[-1][1]:
             self._path.pop()
@@ -75,7 +75,7 @@ class Chooser(Struct):
 
 
 class Given(Struct, frozen=True):
-    """What one outcome was told."""
+    """The inputs that led to one outcome of a turn: starts, readings and answers."""
 
     starts: tuple[Start, ...] = ()
     readings: tuple[Reading, ...] = ()
@@ -83,7 +83,7 @@ class Given(Struct, frozen=True):
 
 
 class Explored(Struct, Generic[T], frozen=True):
-    """One outcome of a turn."""
+    """One outcome of a turn, with the inputs that led to it."""
 
     outcome: T
     given: Given
@@ -92,7 +92,7 @@ class Explored(Struct, Generic[T], frozen=True):
 def explored(
     inputs: Callable[[Chooser], ExploringInputs], turn: Callable[[ExploringInputs], T]
 ) -> Iterator[Explored[T]]:
-    """Every outcome of a turn."""
+    """Yield every outcome of a turn."""
     chooser, more = Chooser(), True
     while more:
         asked = inputs(chooser)
@@ -106,7 +106,7 @@ def explored(
 
 
 class ExploringInputs(Struct):
-    """Inputs of one step that try everything. ``ports`` are the robot's before the step.
+    """Inputs of one step that enumerate all values. ``ports`` are the robot's before the step.
 
     ``starting`` says what the assumptions say about arbitrary starts.
     """
@@ -153,7 +153,7 @@ class ExploringInputs(Struct):
         arguments: tuple[Concrete, ...],
         values: Callable[[], Iterator[Concrete] | None],
     ) -> Concrete:
-        """The answer to a question: the same one whenever it is asked in this turn."""
+        """The answer to a query: the same one whenever it is asked in this turn."""
         noted = self._answers.get(where)
         if noted is None:
             name = function.name if function is not None else "choose"
@@ -169,7 +169,7 @@ class ExploringInputs(Struct):
         return self.chooser.pick(values)
 
     def _promised(self, robot: int, port: core.Port) -> Found:
-        """What the contracts of the port's module say about sensors after the turn."""
+        """The restrictions that contracts of a port's module put on sensors after the turn."""
         agent = self.system.agent(robot)
         module = next(m for m in agent.modules if m.name == port.module)
         m: Machine[Constant] = machine(
@@ -184,7 +184,7 @@ class ExploringInputs(Struct):
 
 
 class _ExploringOracle(Struct):
-    """The answers of one turn."""
+    """The oracle of one turn that enumerates all answers."""
 
     inputs: ExploringInputs
     phase: Phase
@@ -227,7 +227,7 @@ class _ExploringOracle(Struct):
 
 
 def started_type(variable: core.Variable) -> Type:
-    """The type of what starts: of an allread variable, the own entry."""
+    """The type of an arbitrary start: for an allread variable, of a robot's own entry."""
     if variable.home is Home.ALLREAD:
         assert isinstance(variable.type, ArrayType)
         return variable.type.element
@@ -242,7 +242,7 @@ def reader(
     is_open: Callable[[core.Place], bool],
     address: Callable[[core.Variable, int | None], Location],
 ) -> StatementReader:
-    """A reader of statements in which everything that is not open is known to ``m``."""
+    """A reader of statements in which ``m`` knows everything that is not open."""
 
     def value_of(e: core.Expr, bound: Mapping[int, int]) -> Constant | None:
         before, faults = m.memory.bound, m.faults
@@ -259,7 +259,7 @@ def reader(
 
 
 def starts_reader(system: System) -> StatementReader:
-    """Reads assumptions: open is every variable of the configuration after INIT."""
+    """A reader of assumptions: open are all variables of the configuration after INIT."""
 
     def address(variable: core.Variable, robot: int | None) -> Location:
         # The first index of an allread variable says whose entry it is.
@@ -271,12 +271,12 @@ def starts_reader(system: System) -> StatementReader:
 
 
 def sensors_reader(m: Machine[Constant]) -> StatementReader:
-    """Reads the ``ensures`` of contracts: open are ports after the turn."""
+    """A reader of contracts' ``ensures``: open are the ports after the turn."""
     return reader(m, lambda place: place.primed, lambda variable, _: (variable.slot,))
 
 
 def result_reader(m: Machine[Constant], result: core.Variable) -> StatementReader:
-    """Reads the ``ensures`` of an external function: open is the answer."""
+    """A reader of an external function's ``ensures``: open is the answer."""
 
     def is_open(place: core.Place) -> bool:
         return place.variable.home is Home.BOUND and place.variable.slot == result.slot

@@ -1,4 +1,4 @@
-"""Why a run that repeats itself is fair, though something never happens in it. [LASSO]
+"""Explanations of a fair lasso: per robot, event, lock and expectation, why it is fair. [LASSO]
 
 Said of its loop, by the same judgements that :mod:`koord.traces.lassos` makes: who runs what and
 when, what is enabled now and then only, who may be passed over, and who asks for which lock. Rounds
@@ -22,7 +22,7 @@ from koord.traces.lassos import Lasso, able_in, holds_at, ran
 
 
 class EventStatus(Enum):
-    """How an event stands in the rounds that repeat."""
+    """The status of an event in the loop of a lasso: whether it runs and when it is enabled."""
 
     RUNS = "runs"  #: in one of them at least
     NEVER = "never enabled"
@@ -31,7 +31,7 @@ class EventStatus(Enum):
 
 
 class OfEvent(Struct, frozen=True):
-    """An event of a robot: before which rounds it may be enabled, and in which it runs."""
+    """An event of a robot: the rounds before which it may be enabled, and those that run it."""
 
     event: str
     enabled: tuple[int, ...]
@@ -40,7 +40,7 @@ class OfEvent(Struct, frozen=True):
 
 
 class OfLock(Struct, frozen=True):
-    """Before which rounds a robot can do nothing without a lock, and in which it is granted."""
+    """A lock that a robot needs: the rounds before which it waits, and those that grant it."""
 
     variables: tuple[str, ...]
     asks: tuple[int, ...]
@@ -48,7 +48,7 @@ class OfLock(Struct, frozen=True):
 
 
 class OfRobot(Struct, frozen=True):
-    """Why the loop is fair to a robot: a round before which it is not ready, or one it runs in.
+    """The reason that the loop is fair to a robot: rounds in which it runs, or is not ready before.
 
     ``skips`` are the rounds in which it skips though it is ready. [FAIR-ROBOT] [FAIR-LOCK]
     """
@@ -62,7 +62,7 @@ class OfRobot(Struct, frozen=True):
 
 
 class OfExpectation(Struct, frozen=True):
-    """How an expectation is met: after a round of the loop, or by never being raised in it.
+    """The reason that an expectation is met: rounds that meet it, or none that raises it.
 
     ``robot`` is whose it is, if it is about each by itself. [FAIR-ASSUME]
     """
@@ -73,7 +73,7 @@ class OfExpectation(Struct, frozen=True):
 
 
 class Excuses(Struct, frozen=True):
-    """Why a lasso is fair, to whom. ``rounds`` are those that repeat."""
+    """The reasons that a lasso is fair. ``rounds`` are those of its loop."""
 
     rounds: tuple[int, ...]
     robots: tuple[OfRobot, ...]
@@ -83,7 +83,7 @@ class Excuses(Struct, frozen=True):
 def excuses(
     system: System, recording: Recording, configurations: Sequence[Configuration[Constant]]
 ) -> Excuses:
-    """Why a lasso is fair, which it has to be."""
+    """Explain why a lasso is fair. The lasso has to be fair."""
     lasso = Lasso(system, recording, tuple(configurations))
     rounds = tuple(range(lasso.begins + 1, len(recording.rounds) + 1))
     robots = tuple(_of_robot(lasso, rounds, robot) for robot in range(system.robots))
@@ -139,7 +139,7 @@ def _standing(
 
 
 def told(found: Excuses) -> list[str]:
-    """Why the loop is fair, in words, a line for each thing; who is alike is told of together."""
+    """Describe why the loop is fair, a line per reason; robots with equal reasons share one."""
     lines: dict[str, list[int]] = {}
     for of in found.robots:
         for line in _told(found.rounds, of):
@@ -200,7 +200,7 @@ def _robots(who: Sequence[int]) -> str:
 
 
 def _rounds(rounds: Sequence[int]) -> str:
-    """Rounds in words; a few of them if they are many."""
+    """Name rounds in words; some of them if they are many."""
     if len(rounds) == 1:
         return f"round {rounds[0]}"
     if list(rounds) == list(range(rounds[0], rounds[-1] + 1)):

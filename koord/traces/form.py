@@ -1,4 +1,4 @@
-"""The form of trace files: what ``koord schema trace`` describes. [TRACE]
+"""The form of trace files: structs from which ``koord schema trace`` is generated. [TRACE]
 
 Values of the program are JSON by their types, see :mod:`koord.traces.value_codec`.
 """
@@ -95,7 +95,7 @@ VALUES: dict[str, Any] = {
 
 
 class Form(Struct, forbid_unknown_fields=True, omit_defaults=True):
-    """A part of a trace file: an object without further fields."""
+    """A part of a trace file: a JSON object that allows no further fields."""
 
 
 class Text(Form):

@@ -69,7 +69,7 @@ def encode_itf(trace: Trace) -> bytes:
 
 
 class _Exporting:
-    """The names of the variables in ITF, and the states."""
+    """The export of a trace to ITF: the variables' ITF names, and the states."""
 
     def __init__(self, trace: Trace) -> None:
         self.trace = trace
@@ -84,18 +84,18 @@ class _Exporting:
 
     @property
     def older(self) -> dict[str, str]:
-        """The names of variables by those that older documents have for them."""
+        """Map the names that older documents use to the variables' names."""
         ports = (named for kind in self.names.kinds for named in kind.ports)
         return {_identifier(n.older): self.own[n.name] for n in ports if n.older != n.name}
 
     def _of_robots(self) -> Iterator[str]:
-        """The names of locals and ports, of all kinds of robot."""
+        """Name the locals and ports of all kinds of robot."""
         for kind in self.names.kinds:
             yield from (n.name for n in kind.locals)
             yield from (n.name for n in kind.ports)
 
     def states(self) -> Iterator[dict[str, Json]]:
-        """One state per step."""
+        """Yield one ITF state per step."""
         trace = self.trace
         orders = [list[Json](round_.order) for round_ in trace.recording.rounds]
         steps = execute(trace.numbers.domain, trace.system, trace.recording)
@@ -104,7 +104,9 @@ class _Exporting:
             yield {"#meta": {"index": index, "order": list[Json](order)}, **self._state(step)}
 
     def looped(self, loop: int) -> int:
-        """The number of the state that the last one is again, but for round and step. [LASSO]"""
+        """The number of the state to which a lasso's last state returns, up to round and step.
+        [LASSO]
+        """
         rounds = self.trace.recording.rounds[:loop]
         return sum(len(round_.order) + (not round_.cut) for round_ in rounds)
 
@@ -159,7 +161,7 @@ class _Exporting:
 
 
 def _of_entries(named: Named, storage: Storage[Constant]) -> Json:
-    """An allread variable as a function of the robot whose entry it is."""
+    """Encode an allread variable as a function from robots to their entries."""
     assert not isinstance(storage, Cell)
     assert isinstance(named.type, ArrayType)
     element = named.type.element
@@ -168,7 +170,7 @@ def _of_entries(named: Named, storage: Storage[Constant]) -> Json:
 
 
 def _identifier(name: str) -> str:
-    """``Motion_psn`` for ``Motion.psn``: names in TLA+ have no dots."""
+    """Turn ``Motion.psn`` into ``Motion_psn``: names in TLA+ have no dots."""
     return name.replace(".", "_")
 
 
@@ -199,7 +201,7 @@ itf_storage = _FORM.storage
 
 
 def _decimal(value: int) -> str:
-    """An integer in decimal, however long: Python's own conversion has a limit."""
+    """Write an integer in decimal, however long: Python's own conversion has a limit."""
     if value.bit_length() < 10_000:
         return str(value)
     half = 10 ** (value.bit_length() // 7)
@@ -212,12 +214,12 @@ def _decimal(value: int) -> str:
 
 
 def is_itf(document: object) -> bool:
-    """Whether a JSON document is ITF, ours or another's."""
+    """Return whether a JSON document is in ITF, whichever tool wrote it."""
     return isinstance(document, dict) and "vars" in document and "states" in document
 
 
 def embedded_trace(document: dict[str, Any], name: str, load: Load | None = None) -> Trace:
-    """The trace that an ITF document of ours carries. Raises KoordError.
+    """Decode the trace embedded in an ITF document that koord wrote. Raises KoordError.
 
     The states must be those of the run that is carried along: whoever reads them in another tool
     has to see what was replayed.
@@ -241,7 +243,7 @@ def embedded_trace(document: dict[str, Any], name: str, load: Load | None = None
 
 
 def _compare(trace: Trace, document: JsonNode) -> None:
-    """Raises FormError where states are not those of the run, IllegalStepError if it has none."""
+    """Check states against the run. Raises FormError, or IllegalStepError if the run is illegal."""
     parts = dict(document.entries())
     loop = trace.recording.loop
     given_loop = parts["loop"].value if "loop" in parts else None
@@ -259,7 +261,7 @@ def _compare(trace: Trace, document: JsonNode) -> None:
 
 
 def _renamed(state: object, older: dict[str, str]) -> object:
-    """A state whose variables have the names that older documents have."""
+    """Rename a state's variables from the names that older documents use."""
     if not isinstance(state, dict):
         return state
     return {older.get(name, name): value for name, value in state.items()}

@@ -1,4 +1,4 @@
-"""Reading JSON that anybody may have written: every surprise is a diagnostic with its path."""
+"""A reader of untrusted JSON: every error is a diagnostic with the path in the document."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ F = TypeVar("F", bound=Struct)
 
 
 class FormError(Exception):
-    """A part of a document is not as it should be.
+    """Raised where a part of a document does not have the required form.
 
     ``path`` leads to it (``.rounds[3].order``): from ``part``, a struct that was made of an object
     of the document, or else from the document itself.
@@ -33,14 +33,14 @@ class FormError(Exception):
         self.message, self.path, self.code, self.part = message, path, code, part
 
     def refusal(self, file: str, path: str, form: Struct | None = None) -> KoordError:
-        """For users: in a file at whose ``path`` the document stands that ``form`` was made of."""
+        """Make the KoordError for users: ``path`` is where the document stands in the file."""
         path += "" if self.part is None else next(_paths(form, self.part))
         hint = _HINTS.get(self.code, WRITE_ANEW)
         return refusal(self.code, file, f"{path}{self.path}: {self.message}", hint)
 
 
 def _paths(whole: object, part: Struct) -> Iterator[str]:
-    """The paths that lead to a struct inside of a struct."""
+    """Yield the paths that lead to a struct inside another."""
     match whole:
         case Struct():
             if whole is part:
@@ -61,11 +61,11 @@ class JsonNode(Struct, frozen=True):
     path: str = ""
 
     def refuse(self, message: str, code: str = "K913") -> FormError:
-        """What is wrong here."""
+        """Make a FormError about this part of the document."""
         return FormError(message, self.path, code)
 
     def form(self, form: type[F]) -> F:
-        """The struct that an object of its form stands for. Raises FormError."""
+        """Convert this object to a struct. Raises FormError."""
         try:
             return convert(self.value, form)
         except ValidationError as error:
@@ -74,7 +74,7 @@ class JsonNode(Struct, frozen=True):
             raise self.refuse("a word in it holds half a character") from None
 
     def _wrong(self, text: str) -> FormError:
-        """What msgspec found wrong, in words that need no knowledge of Python."""
+        """Make a FormError from a message of msgspec, in terms of JSON."""
         said = _SAID.fullmatch(text)
         assert said is not None
         message, path = said[1], said[2] or ""
@@ -103,7 +103,7 @@ class JsonNode(Struct, frozen=True):
     # --- structure ------------------------------------------------------------------------------
 
     def fields(self, names: Collection[str]) -> dict[str, JsonNode]:
-        """The fields of an object that has these, and no others."""
+        """The fields of an object, which has to have exactly these. Raises FormError."""
         found = dict(self.entries())
         for name in names:
             if name not in found:
@@ -114,14 +114,14 @@ class JsonNode(Struct, frozen=True):
         return found
 
     def entries(self) -> Iterator[tuple[str, JsonNode]]:
-        """The fields of an object, whatever they are called."""
+        """The fields of an object, with any names. Raises FormError."""
         if not isinstance(self.value, dict):
             raise self.refuse(f"there should be an object here, not {described(self.value)}")
         for name, value in self.value.items():
             yield name, JsonNode(value, f"{self.path}.{shortened(name)}")
 
     def items(self, count: int | None = None) -> list[JsonNode]:
-        """The elements of an array, of ``count`` elements if that is given."""
+        """The elements of an array, exactly ``count`` if given. Raises FormError."""
         if not isinstance(self.value, list):
             raise self.refuse(f"there should be an array here, not {described(self.value)}")
         if count is not None and len(self.value) != count:
@@ -161,7 +161,7 @@ _KINDS = {
 
 
 def described(value: object) -> str:
-    """A JSON value in a message: what it is, or itself where it is short."""
+    """Describe a JSON value in a message: by its type, or as it is where it is short."""
     match value:
         case None:
             return "null"
@@ -180,11 +180,11 @@ def shortened(text: str, most: int = 40) -> str:
 
 
 class _FormError(ValueError):
-    """JSON that Python accepts, and nobody should."""
+    """Raised for JSON that Python accepts but the standard does not."""
 
 
 def parse(raw: bytes, file: str) -> Any:
-    """A JSON document. Raises KoordError."""
+    """Parse a JSON document. Raises KoordError."""
     try:
         text = raw.decode("utf-8-sig")
         return json.loads(text, object_pairs_hook=_distinct, parse_constant=_no_constant)

@@ -1,7 +1,7 @@
-"""Whether a run that repeats itself is what it claims: it closes, it is fair, it breaks something.
+"""The judge of lassos: a lasso has to close, to be fair, and to break the stated property.
 
-Asked of the configurations that the reference semantics gave, rule by rule. Nothing here knows how
-the run was found. [LASSO]
+It judges by the configurations that the reference semantics gave, rule by rule. Nothing here knows
+how the run was found. [LASSO]
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from koord.traces.names import Names
 
 
 class Flaw(Struct, frozen=True):
-    """What a lasso fails at, and the rule that says so."""
+    """A reason why a lasso is rejected, and the rule that it breaks."""
 
     rule: str
     reason: str
@@ -44,7 +44,7 @@ def flaw_of(
     stated: core.Property | None,
     d: Domain[Constant] = EXACT,
 ) -> Flaw | None:
-    """The first thing that is not as the rules want it; None if there is nothing.
+    """The first flaw of a lasso, or None if the rules accept it.
 
     ``configurations`` are those of the recorded run, on the numbers of ``d``: the one after INIT
     and one after each round. ``stated`` is the property that it is to break, if any.
@@ -54,7 +54,7 @@ def flaw_of(
 
 
 class Lasso(Struct, frozen=True):
-    """A lasso with its configurations: one more than there are rounds."""
+    """A lasso with its configurations, one more than there are rounds."""
 
     system: System
     recording: Recording
@@ -68,13 +68,13 @@ class Lasso(Struct, frozen=True):
 
     @property
     def rounds(self) -> list[tuple[Configuration[Constant], Round]]:
-        """The rounds that repeat, each with the configuration that it starts from."""
+        """The rounds of the loop, each with the configuration that it starts from."""
         pairs = zip(self.configurations, self.recording.rounds, strict=False)
         return list(pairs)[self.begins :]
 
     @property
     def repeated(self) -> range:
-        """The configurations that repeat."""
+        """The configurations of the loop."""
         return range(self.begins + 1, len(self.configurations))
 
 
@@ -86,7 +86,7 @@ def _flaws(lasso: Lasso, stated: core.Property | None) -> Iterator[Flaw]:
 
 
 def _shape(lasso: Lasso, stated: core.Property | None) -> Iterator[Flaw]:
-    """It consists of whole rounds, and ends where its loop begins. [LIVE-RUN] [AUXILIARY]"""
+    """Check that a lasso has whole rounds and ends where its loop begins. [LIVE-RUN] [AUXILIARY]"""
     recording, configurations = lasso.recording, lasso.configurations
     if not 0 <= lasso.begins < len(recording.rounds):
         yield Flaw("LASSO", f"the loop begins in round {lasso.begins + 1}, which there is not")
@@ -114,13 +114,15 @@ def _shape(lasso: Lasso, stated: core.Property | None) -> Iterator[Flaw]:
 def left_behind(
     system: System, first: Configuration[Constant], last: Configuration[Constant]
 ) -> tuple[str, ...]:
-    """The places of auxiliary variables to which a loop does not come back. [AUXILIARY]"""
+    """The places of auxiliary variables that differ between the loop's start and its end.
+    [AUXILIARY]
+    """
     found = differences(Names(system), _timeless(first), _timeless(last))
     return tuple(dict.fromkeys(change.name for change in found))
 
 
 def _timeless(configuration: Configuration[Constant]) -> Configuration[Constant]:
-    """The configuration without what no later round depends on."""
+    """The configuration without the parts that no later round depends on."""
     robots = tuple(replace(robot, ran=NO_EVENT) for robot in configuration.robots)
     return replace(configuration, robots=robots, round=0)
 
@@ -129,7 +131,9 @@ def _timeless(configuration: Configuration[Constant]) -> Configuration[Constant]
 
 
 def _unbroken(lasso: Lasso, stated: core.Property) -> Iterator[Flaw]:
-    """It breaks the property: of some robot, if that is about each. [PROP-LEADS-TO]"""
+    """Check that the lasso breaks the property, of some robot if it is about each.
+    [PROP-LEADS-TO]
+    """
     rule = "PROP-EVENTUALLY" if stated.trigger is None else "PROP-LEADS-TO"
     if stated.kind not in LIVENESS:
         yield Flaw(rule, f"{stated.name} is not about runs without end")
@@ -155,12 +159,12 @@ def broken_by(
 
 
 def breaks(lasso: Lasso, response: Response) -> bool:
-    """Whether the goal never follows the trigger."""
+    """Return whether a trigger occurs that the goal never follows."""
     return _since(lasso, response) is not None
 
 
 def _since(lasso: Lasso, response: Response) -> int | None:
-    """The first configuration with the trigger that the goal never follows."""
+    """The first configuration with the trigger that the goal never follows, or None."""
     met = [holds_at(lasso, response.goal, n) for n in range(len(lasso.configurations))]
     if any(met[n] for n in lasso.repeated):
         return None
@@ -212,7 +216,7 @@ def _unfair(lasso: Lasso) -> Iterator[Flaw]:
 
 
 class Able(Struct, frozen=True):
-    """What a robot could do in a configuration: lock classes of the events that it may run.
+    """The moves open to a robot in a configuration, and the lock classes of its enabled events.
 
     Where the answers that a guard may get are too many to try them, a robot counts as ready, and as
     asking for what its other events ask for: so nothing counts as fair that may not be.
@@ -232,7 +236,7 @@ def able_in(
     robot: int,
     d: Domain[Constant] = EXACT,
 ) -> Able:
-    """What a robot may do. [FAIR-ROBOT] [FAIR-LOCK]"""
+    """Find the events that a robot may run in a configuration. [FAIR-ROBOT] [FAIR-LOCK]"""
     state = configuration.robots[robot]
     if state.status == Status.STOPPED:
         return Able(False, (), (False,) * len(system.agent(robot).events))
@@ -260,7 +264,7 @@ def _guard(
     robot: int,
     event: core.Event,
 ) -> list[tuple[bool, bool]]:
-    """With each answer, whether a guard holds, and whether it can be evaluated."""
+    """Yield, for each answer, whether a guard holds, and whether it evaluates without a fault."""
     state = configuration.robots[robot]
     turns = explored(
         lambda chooser: ExploringInputs(system, chooser),
@@ -285,7 +289,7 @@ def with_those_of(
     other: Configuration[Constant],
     variables: frozenset[Var],
 ) -> Configuration[Constant]:
-    """A configuration in which some variables hold what they hold in another one."""
+    """The configuration with some variables set to their values in another one."""
 
     def of(
         home: Home,

@@ -1,4 +1,4 @@
-"""What the parts of a system are called in traces and tables."""
+"""Names of the parts of a system in traces and tables."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from koord.syntax.walk import nodes
 
 
 class Named(Struct, frozen=True):
-    """A variable under its name, with the type of what one robot holds of it."""
+    """A variable under its name, with the type of one robot's part of it."""
 
     name: str
     slot: int
@@ -35,7 +35,7 @@ class KindNames(Struct, frozen=True):
 
 @dataclass(frozen=True)
 class Names:
-    """The names of a system."""
+    """The names of all variables, choices and outputs of a system."""
 
     system: System
     kinds: tuple[KindNames, ...] = field(init=False)
@@ -93,7 +93,7 @@ def _named(
 
 
 def distinct(names: Iterable[str]) -> list[str]:
-    """The names, told apart where two are the same: elaboration may bring in a second ``i``."""
+    """Make names distinct: elaboration may bring in a second ``i``."""
     found: dict[str, None] = {}
     for name in names:
         candidate, count = name, 1

@@ -1,4 +1,4 @@
-"""Values as a person reads them, in one line."""
+"""Rendering of values for people, in one line."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ _LONGEST_INTEGER = 30
 
 
 def show_value(value: Value[Constant], type_: Type) -> str:
-    """A value of a type, as a program would write it."""
+    """Render a value of a type, as a program would write it."""
     match value:
         case Rec(fields=parts):
             assert isinstance(type_, RecordType)
@@ -62,7 +62,7 @@ def show_value(value: Value[Constant], type_: Type) -> str:
 
 
 def show_storage(storage: Storage[Constant], type_: Type) -> str:
-    """What a variable holds; parts that hold nothing are shown as ``unset``."""
+    """Render the storage of a variable; parts that are not set are shown as ``unset``."""
     if isinstance(storage, Cell):
         return show_value(storage.value, type_) if storage.is_set else UNSET
     types = part_types(type_, len(storage.parts))
@@ -78,7 +78,7 @@ def show_storage(storage: Storage[Constant], type_: Type) -> str:
 
 
 def show_output(values: tuple[Value[Constant], ...], types: tuple[Type, ...]) -> str:
-    """What ``<<`` prints: strings as they are, everything behind one another."""
+    """Render an output as ``<<`` prints it: strings without quotes, values concatenated."""
     pairs = zip(values, types, strict=True)
     return "".join(
         value if isinstance(value, str) else show_value(value, type_) for value, type_ in pairs
@@ -131,7 +131,7 @@ def show_fraction(value: Fraction) -> str:
 
 
 def _decimal(scaled: int, places: int) -> str:
-    """A number of ``10**-places`` as a decimal."""
+    """Write an integer times ``10**-places`` as a decimal."""
     sign, whole = ("-" if scaled < 0 else ""), abs(scaled)
     digits = f"{whole % 10**places:0{places}d}".rstrip("0")
     return f"{sign}{whole // 10**places}{'.' if digits else ''}{digits}"

@@ -1,4 +1,4 @@
-"""Replaying a trace: is every step one that the rules allow, every configuration right? [REPLAY]"""
+"""Replay of traces: check every step and configuration of a trace against the rules. [REPLAY]"""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ Question: TypeAlias = "tuple[str, tuple[Concrete, ...]]"
 
 
 class ExpectedStep(Struct, frozen=True):
-    """A step that a recording speaks of, before anyone knows whether it is legal."""
+    """A step that a recording prescribes, not yet known to be legal."""
 
     rule: str
     round: int
@@ -58,7 +58,7 @@ class ExpectedStep(Struct, frozen=True):
 
 
 class Refused(Struct, frozen=True):
-    """The first step of a trace that is not right, the rule that it breaks, and how.
+    """The first step of a trace that is wrong, the rule that it breaks, and how.
 
     ``differences`` are locations with what the rules give (``old``) and what was recorded
     (``new``).
@@ -71,7 +71,7 @@ class Refused(Struct, frozen=True):
 
 
 class Replayed(Struct, frozen=True):
-    """What a replay found: how many steps and rounds were right, and what was not, if anything."""
+    """The result of a replay: the numbers of steps and rounds that are right; the first error."""
 
     steps: int
     rounds: int
@@ -81,7 +81,7 @@ class Replayed(Struct, frozen=True):
 
 
 def planned(trace: Trace) -> Iterator[ExpectedStep]:
-    """The steps that a trace's recording speaks of."""
+    """The steps that a trace's recording prescribes."""
     yield ExpectedStep("INIT", BEFORE_ROUNDS)
     for number, round_ in enumerate(trace.recording.rounds):
         for robot in round_.order:
@@ -97,7 +97,7 @@ def planned(trace: Trace) -> Iterator[ExpectedStep]:
 
 
 def replay(trace: Trace, seen: Callable[[Step], None] = lambda step: None) -> Replayed:
-    """Check a trace. ``seen`` is told of every step that is right."""
+    """Replay a trace. ``seen`` is called with every step that is right."""
     replaying = _Replay(trace)
     refused = None
     try:
@@ -108,7 +108,7 @@ def replay(trace: Trace, seen: Callable[[Step], None] = lambda step: None) -> Re
 
 
 def trusted(program: core.Program) -> tuple[str, ...]:
-    """The external functions whose summaries cannot be tried on an answer. [REPLAY]"""
+    """The external functions whose summaries cannot be evaluated on an answer. [REPLAY]"""
     return tuple(
         function.name
         for function in program.externals
@@ -120,7 +120,7 @@ def trusted(program: core.Program) -> tuple[str, ...]:
 
 
 class _RefusedError(Exception):
-    """Carries the step that is not right out of the replay."""
+    """Raised with the step that is wrong, to end the replay."""
 
     def __init__(self, refused: Refused) -> None:
         super().__init__(refused.reason)
@@ -128,7 +128,7 @@ class _RefusedError(Exception):
 
 
 class _Replay:
-    """A replay under way: how far it is, and what was recorded for what comes."""
+    """A replay in progress: its position, and the inputs recorded for later steps."""
 
     def __init__(self, trace: Trace) -> None:
         self.trace = trace
@@ -174,7 +174,7 @@ class _Replay:
     # --- before anything runs -------------------------------------------------------------------
 
     def check_shape(self) -> None:
-        """What a codec sees to; a trace that was made in memory may lack it."""
+        """Check what a codec guarantees, and a trace that was made in memory may lack."""
         trace, robots = self.trace, self.trace.system.robots
         rounds = trace.recording.rounds
         first = self.plan[0]
@@ -198,7 +198,9 @@ class _Replay:
                 self.functions[answer.function, answer.arguments] = answer.value
 
     def answers(self) -> Iterator[Answer]:
-        """The answers of mathematical functions in the whole run: properties may ask again."""
+        """The answers of mathematical functions in the whole run; properties may ask for them
+        again.
+        """
         kinds = {f.name: f.kind for f in self.trace.system.program.externals}
         recording = self.trace.recording
         for answers in (recording.opening.answers, *(r.answers for r in recording.rounds)):
@@ -209,7 +211,7 @@ class _Replay:
     # --- step by step ---------------------------------------------------------------------------
 
     def closes(self, number: int, step: Step) -> bool:
-        """Whether the trace has a configuration for the one after this step."""
+        """Return whether the trace has a configuration for the state after this step."""
         if step.configuration.fault is not None or number + 1 == len(self.plan):
             return True
         return self.plan[number + 1].round != step.round
@@ -254,7 +256,7 @@ class _Replay:
             self.check_violation(violation, plan, last)
 
     def check_lasso(self, violation: Violation | None, plan: ExpectedStep) -> None:
-        """A run that repeats itself closes, is fair, and breaks what it says. [LASSO]"""
+        """Check that a lasso closes, is fair, and breaks its property. [LASSO]"""
         trace = self.trace
         flaw: Flaw | None = Flaw("LASSO", "a run without end is told in exact numbers")
         if trace.numbers is Numbers.EXACT:
@@ -270,7 +272,7 @@ class _Replay:
         return next((p for p in self.trace.system.program.properties if p.name == name), None)
 
     def check_violation(self, violation: Violation, plan: ExpectedStep, last: Step) -> None:
-        """A trace that claims a violation has to show it."""
+        """Check that a trace that claims a violation shows it."""
         rule, shown = "PROP-INVARIANT", False
         match violation.kind:
             case ViolationKind.PROPERTY:
@@ -319,7 +321,7 @@ class _Replay:
 
 
 class _PropertyInputs(RecordedInputs):
-    """What was answered while properties were looked at, and by functions in the whole run."""
+    """The inputs that properties were evaluated with, and functions' answers in the whole run."""
 
     def __init__(self, answers: Iterable[Answer], functions: Mapping[Question, Concrete]) -> None:
         super().__init__(answers=answers)
@@ -346,7 +348,9 @@ def update_lost(
     round_: Round,
     name: str,
 ) -> bool:
-    """Whether two robots write a location in a round that one of them updates. [LOST-UPDATE]"""
+    """Return whether two robots write one location in a round in which one updates it.
+    [LOST-UPDATE]
+    """
     slots = [n.slot for n in Names(system).allwrite if n.name == name]
     inputs = RecordedInputs(readings=round_.readings, answers=round_.answers)
     updated = rewritten(system.program)
@@ -368,7 +372,7 @@ def update_lost(
 
 
 def same_output(made: Emitted, recorded: Emitted) -> bool:
-    """Whether two outputs are equal, and of the same step."""
+    """Return whether two outputs are equal and belong to the same step."""
     a, b = made.written, recorded.written
     return (
         (made.round, made.robot, a.stream) == (recorded.round, recorded.robot, b.stream)
@@ -378,7 +382,7 @@ def same_output(made: Emitted, recorded: Emitted) -> bool:
 
 
 def quoted(emitted_: Emitted) -> str:
-    """An output as messages have it."""
+    """Quote an output for a message."""
     written: Written[Constant] = emitted_.written
     text = show_output(written.values, written.types)
     whose = "" if emitted_.robot is None else f" of robot {emitted_.robot}"

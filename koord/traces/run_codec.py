@@ -1,4 +1,4 @@
-"""The run of a trace, to and from the form of trace files, checked against the program. [TRACE]"""
+"""Codec of a trace's run, to and from the form of trace files, checked by the program. [TRACE]"""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from koord.traces.value_codec import decode_storage, decode_value, encode_storag
 
 
 def encode_run(trace: Trace, *, with_rounds: bool = True) -> form.Run:
-    """The run of a trace, or all of it but its rounds."""
+    """Encode the run of a trace, with or without its rounds."""
     names = Names(trace.system)
     opening, loop, violation = trace.recording.opening, trace.recording.loop, trace.violation
     return form.Run(
@@ -45,7 +45,7 @@ def encode_run(trace: Trace, *, with_rounds: bool = True) -> form.Run:
 
 
 def encode_rounds(trace: Trace, first: int = 0) -> list[form.Round]:
-    """The rounds of a trace, from number ``first`` on."""
+    """Encode the rounds of a trace from number ``first`` on."""
     names, written = Names(trace.system), _outputs(trace, first)
     rounds = trace.recording.rounds[first:]
     after = trace.configurations[first + 1 :]
@@ -64,7 +64,7 @@ def encode_rounds(trace: Trace, first: int = 0) -> list[form.Round]:
 
 
 def _outputs(trace: Trace, first: int) -> dict[int, list[form.Output]]:
-    """What was written in the rounds from number ``first`` on."""
+    """Return the outputs of the rounds from number ``first`` on, by round."""
     written: dict[int, list[form.Output]] = {}
     for emitted in trace.outputs:
         if emitted.round >= first:
@@ -94,7 +94,7 @@ def _start(names: Names, start: recordings.Start) -> form.Start:
 
 
 def startable(names: Names, home: Home, robot: int | None) -> Sequence[Named]:
-    """What can start arbitrarily in a home, with the type of what starts there."""
+    """The variables of a home that can start arbitrarily, with the types of their starts."""
     match home:
         case Home.ALLWRITE:
             return names.allwrite
@@ -121,7 +121,7 @@ def _answer(names: Names, answer: recordings.Answer) -> form.Answer:
 
 
 def answer_types(names: Names, function: str | None, site: int) -> tuple[Type, tuple[Type, ...]]:
-    """The type of an answer and those of its arguments. Raises KeyError if there is no such."""
+    """The type of an answer and those of its arguments. Raises KeyError for an unknown function."""
     if function is None:
         return names.choices[site], ()
     external = names.externals[function]
@@ -131,7 +131,7 @@ def answer_types(names: Names, function: str | None, site: int) -> tuple[Type, t
 def encode_configuration(
     names: Names, configuration: configurations.Configuration[Constant]
 ) -> form.Configuration:
-    """A configuration; a robot's copy of the store is left out where it is the store."""
+    """Encode a configuration; a robot's copy is left out where it equals the store."""
     fault = configuration.fault
     return form.Configuration(
         round=configuration.round,
@@ -183,12 +183,12 @@ def _fault(fault: configurations.Fault) -> form.Fault:
 
 
 def decode_run(run: form.Run, sources: Sources, system: System, numbers: Numbers) -> Trace:
-    """The trace of that system whose run a file holds. Raises FormError."""
+    """Decode a system's trace from the run in a file. Raises FormError."""
     return _Decoding(Names(system), numbers).trace(run, sources)
 
 
 class _Decoding(Struct, frozen=True):
-    """What the values of a run are decoded by."""
+    """The names and the number domain by which the values of a run are decoded."""
 
     names: Names
     numbers: Numbers

@@ -1,4 +1,4 @@
-"""Traces: a run as whoever ran it saw it, together with the program it is a run of. [TRACE]
+"""Traces: recorded runs, each together with its program's texts and its configurations. [TRACE]
 
 A trace holds the texts, the settings and the recording, so that it can be replayed on its own, and
 the configurations that the run went through, so that the replay has something to compare with.
@@ -30,7 +30,7 @@ BEFORE_ROUNDS = -1
 
 
 class Numbers(Enum):
-    """The domain that a run was made in. [DOMAIN]"""
+    """The number domain that a run was made in. [DOMAIN]"""
 
     EXACT = "exact"
     DOUBLE = "double"
@@ -41,7 +41,7 @@ class Numbers(Enum):
 
 
 class Sources(Struct, frozen=True):
-    """The texts that a program was read from, and the values that were set for it."""
+    """The texts that a program was read from, and the values of its params."""
 
     program: Source
     properties: tuple[Source, ...] = ()
@@ -54,12 +54,12 @@ class Sources(Struct, frozen=True):
 
 
 def digest(source: Source) -> str:
-    """The SHA-256 of a text, in hexadecimal."""
+    """The SHA-256 digest of a text, in hexadecimal."""
     return sha256(source.text.encode("utf-8", errors="surrogatepass")).hexdigest()
 
 
 class ViolationKind(Enum):
-    """What a run broke. (A fault is no violation but a configuration.)"""
+    """The kinds of violation. (A fault is no violation but a configuration.)"""
 
     PROPERTY = "property"
     CONTRACT = "contract"  #: of a module with a model
@@ -67,7 +67,7 @@ class ViolationKind(Enum):
 
 
 class Violation(Struct, frozen=True):
-    """What does not hold at the end of a trace.
+    """A violation at the end of a trace: a property, contract or variable, and the robot.
 
     ``name`` is that of the property, the contract or the variable. ``robot`` is the one whose turn
     broke it, None if that was INIT or the environment's turn (for a contract: whose model it is).
@@ -80,7 +80,7 @@ class Violation(Struct, frozen=True):
 
 
 class Emitted(Struct, frozen=True):
-    """What a step wrote to streams; ``robot`` is None for INIT."""
+    """Values written to a stream in a step; ``robot`` is None for INIT."""
 
     round: int
     robot: int | None
@@ -111,20 +111,20 @@ class Trace(Struct, frozen=True):
 
     @property
     def problem(self) -> Problem:
-        """What it is a run of."""
+        """The program, kinds of robot and period that this is a run of."""
         names = tuple(source.name for source in self.sources.texts)
         return Problem(names, self.system.program, self.system.kinds, self.system.delta_s)
 
 
 class Tracer(Struct):
-    """Gathers what a trace holds from the steps of a run."""
+    """A collector of a run's steps, from which the trace is made."""
 
     configurations: list[Configuration[Constant]] = field(default_factory=list)
     outputs: list[Emitted] = field(default_factory=list)
     _open: bool = False  #: whether the last configuration lies inside a round
 
     def add(self, step: Step) -> None:
-        """The next step of the run."""
+        """Add the next step of the run."""
         if self._open:
             self.configurations.pop()
         self.configurations.append(step.configuration)
@@ -139,7 +139,7 @@ class Tracer(Struct):
         recording: Recording,
         violation: Violation | None = None,
     ) -> Trace:
-        """The trace of the run, whose recording and texts are known now."""
+        """Make the trace of the run, whose recording and texts are known by now."""
         gathered = list(self.configurations)
         if len(gathered) == len(recording.rounds):
             # The last round is one that was cut before anybody moved.
@@ -149,7 +149,7 @@ class Tracer(Struct):
 
 
 def emitted(step: Step) -> Iterator[Emitted]:
-    """What a step wrote, as a trace has it."""
+    """Yield the outputs of a step, in the form of traces."""
     for written in step.stepped.output:
         yield Emitted(step.round, step.robot, written)
 
@@ -161,7 +161,7 @@ def traced(
     recording: Recording,
     violation: Violation | None = None,
 ) -> Trace:
-    """The trace of a recorded run. Raises IllegalStepError where it is none of the system's."""
+    """Execute a recorded run into a trace. Raises IllegalStepError if the rules do not allow it."""
     return assembled(
         sources, system, numbers, recording, execute(numbers.domain, system, recording), violation
     )
@@ -175,7 +175,7 @@ def assembled(
     steps: Iterable[Step],
     violation: Violation | None = None,
 ) -> Trace:
-    """The trace of a run whose steps are at hand."""
+    """Make the trace of a run from its steps."""
     tracer = Tracer()
     for step in steps:
         tracer.add(step)

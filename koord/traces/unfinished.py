@@ -1,4 +1,4 @@
-"""Traces that grow while their runs go on, and those that end in the middle. [TRACE]
+"""Partial traces: files that grow with their runs, and files that end in the middle. [TRACE]
 
 What has grown is the text that :func:`koord.traces.codec.encode` gives of the whole run,
 up to the end of a round: there is one form of traces, and a part of a trace is a piece of it.
@@ -21,13 +21,13 @@ _END = '\n ],\n "violation": null\n}\n}\n'
 
 
 class GrowingTrace:
-    """A file that a trace grows in."""
+    """A file to which a trace is written while its run goes on."""
 
     def __init__(self, file: BinaryIO) -> None:
         self._file, self._begun, self._rounds = file, False, 0
 
     def grow(self, trace: Trace) -> None:
-        """Write what is new of a run, all of whose rounds are over."""
+        """Append the new rounds of a run, all of which are over."""
         new = encode_rounds(trace, self._rounds)
         text = "" if self._begun else _begun(trace)
         if new:
@@ -38,12 +38,12 @@ class GrowingTrace:
 
 
 def _begun(trace: Trace) -> str:
-    """A trace up to its first round."""
+    """Encode a trace up to its first round."""
     return encode(trace, with_rounds=False).decode().rpartition(_ROUNDS)[0] + _ROUNDS
 
 
 def completed(part: bytes, trace: Trace) -> bytes:
-    """The text of a trace of which a part has grown: its rounds are not encoded again. [TRACE]"""
+    """Complete a partly written trace, without encoding its rounds again. [TRACE]"""
     _, found, grown = part.partition(_ROUNDS.encode())
     lines = [line.rstrip(b",") for line in grown.split(b"\n")[1:]]
     if not found or len(lines) > len(trace.recording.rounds):
@@ -56,7 +56,7 @@ def completed(part: bytes, trace: Trace) -> bytes:
 
 
 def mended(raw: bytes) -> bytes | None:
-    """A trace that ends in the middle as one that ends behind its last whole round.
+    """Cut a trace that ends in the middle behind its last whole round.
 
     None if it does not end there: it is whole, it ends before its first round, or it is no trace.
     """
@@ -74,7 +74,7 @@ def mended(raw: bytes) -> bytes | None:
 
 
 def _is_whole(line: bytes) -> bool:
-    """Whether a round was written to its end: a piece of an object is no JSON."""
+    """Return whether a round was written to its end: a part of an object is no JSON."""
     try:
         json.loads(line)
     except ValueError:

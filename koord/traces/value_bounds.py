@@ -1,4 +1,4 @@
-"""What a statement says about the values of something that is left open.
+"""Value bounds: the possible values of an open place, derived from statements about it.
 
 From a statement that must hold, such as ``0 <= x and x < 4`` or ``forall i: mode@i == idle``, the
 values that come into question are read off. They are tried one by one, and the rules say which of
@@ -45,7 +45,7 @@ _UNKNOWN = (core.ExternalCall, core.Choose, core.Call, core.Ran, core.Stopped)
 
 
 class StatementReader(Struct, frozen=True):
-    """Reads statements. ``bound`` are the values of quantified variables, by slot.
+    """A reader of statements. ``bound`` are the values of quantified variables, by slot.
 
     ``is_open`` says whether a place is left open, and ``address`` where a variable stands (the
     second argument is the robot of ``v@i``). ``evaluate`` gives the value of an expression in which
@@ -59,11 +59,11 @@ class StatementReader(Struct, frozen=True):
     bound: Mapping[int, int] = field(default_factory=dict)
 
     def restrictions(self, statements: Iterable[core.Expr]) -> Found:
-        """What several statements say together."""
+        """The restrictions that several statements together put on open places."""
         return _meet_all(self._of(e, positive=True) or {} for e in statements)
 
     def constant(self, e: core.Expr) -> Constant | None:
-        """The value of an expression, if nothing in it is left open."""
+        """The value of an expression without open places; None if it has one."""
         for node in nodes(e):
             if isinstance(node, _UNKNOWN):
                 return None
@@ -72,7 +72,7 @@ class StatementReader(Struct, frozen=True):
         return self.evaluate(e, self.bound)
 
     def locate(self, place: core.Place) -> Location | None:
-        """The location of a place that is left open, where it can be told."""
+        """The location of an open place, where it can be determined."""
         if not self.is_open(place):
             return None
         robot = self.constant(place.robot) if place.robot is not None else None
@@ -88,7 +88,7 @@ class StatementReader(Struct, frozen=True):
         return tuple(path)
 
     def _of(self, e: core.Expr, *, positive: bool) -> Found | None:
-        """What it means for the statement to be true, or to be false."""
+        """The restrictions under which a statement is true (``positive``), or false."""
         match e:
             case core.Unary(op=UnaryOp.NOT, operand=operand):
                 return self._of(operand, positive=not positive)
@@ -176,7 +176,7 @@ class StatementReader(Struct, frozen=True):
         return found
 
     def _equal_parts(self, left: core.Expr, right: core.Expr) -> Found | None:
-        """``place == R(a, b)``: part by part."""
+        """Read ``place == R(a, b)`` field by field."""
         made, place = (left, right) if _parts(left) is not None else (right, left)
         items = _parts(made)
         if items is None or not isinstance(place, core.Read):
@@ -253,7 +253,7 @@ def candidates(
     robots: int,
     length: int | None = None,
 ) -> Iterator[Concrete] | None:
-    """The values of a type that come into question at a location; None if they are not few."""
+    """The possible values of a type at a location; None if they are not few."""
     bounds = found.get(location, Bounds())
     match type_:
         case BoolType():

@@ -124,7 +124,7 @@ def _decode_double(node: JsonNode) -> float:
 
 
 class Form(Struct, frozen=True):
-    """A form of values as JSON. In each, records are objects, and sequences arrays.
+    """A JSON form of values. In each form records are objects, and sequences arrays.
 
     ``scalar`` and ``table`` say what else there is: that of a scalar, and that of a map's entries.
     ``unset`` stands for atoms that are not set.
@@ -135,7 +135,7 @@ class Form(Struct, frozen=True):
     unset: Json
 
     def value(self, value: Value[Constant], type_: Type) -> Json:
-        """A value of a type in this form."""
+        """Encode a value of a type."""
         match value:
             case Rec(fields=parts):
                 assert isinstance(type_, RecordType)
@@ -153,7 +153,7 @@ class Form(Struct, frozen=True):
                 return self.scalar(value, type_)
 
     def storage(self, storage: Storage[Constant], type_: Type) -> Json:
-        """Storage of a type in this form: as its value, with marks where nothing is set."""
+        """Encode storage of a type like a value, with marks for atoms that are not set."""
         if isinstance(storage, Cell):
             return self.value(storage.value, type_) if storage.is_set else self.unset
         types = part_types(type_, len(storage.parts))
@@ -188,7 +188,7 @@ encode_storage = _OF_TRACES.storage
 
 
 def decode_value(node: JsonNode, type_: Type, robots: int, numbers: Numbers) -> Value[Constant]:
-    """The value of a type that a part of a document holds. Raises FormError if it is none."""
+    """Decode a value of a type from a part of a document. Raises FormError."""
     match type_:
         case IntType():
             return decode_int(node)
@@ -241,7 +241,7 @@ def _decode_map(node: JsonNode, type_: MapType, robots: int, numbers: Numbers) -
 
 
 def encode_param(value: ParamValue) -> Json:
-    """The value of a param, which is told without its type."""
+    """Encode the value of a param, whose type is not known here."""
     match value:
         case bool() | str():
             return value
@@ -255,7 +255,7 @@ def encode_param(value: ParamValue) -> Json:
 
 
 def decode_param(node: JsonNode, depth: int = 0) -> ParamValue:
-    """The value of a param. Raises FormError."""
+    """Decode the value of a param. Raises FormError."""
     value = node.value
     if isinstance(value, bool | str):
         return value
@@ -279,7 +279,7 @@ def decode_param(node: JsonNode, depth: int = 0) -> ParamValue:
 
 
 def decode_storage(node: JsonNode, type_: Type, robots: int, numbers: Numbers) -> Storage[Constant]:
-    """The storage of a type that a part of a document holds. Raises FormError if it is none."""
+    """Decode storage of a type from a part of a document. Raises FormError."""
     match type_:
         case RecordType(fields=fields):
             parts = node.fields([name for name, _ in fields])
