@@ -720,7 +720,7 @@ VERIFY = (
     ),
     Mutant(
         "what two robots cannot do no number can",
-        "verify.strategy.verification._Beside.end",
+        "verify.strategy.verification._ReachabilitySearch.end",
         "self.of_any_number",
         "False",
         (VACUITY,),

@@ -63,9 +63,9 @@ CONE = (
     ),
     Mutant(
         "cone: what only the shared slice breaks is not asked of the whole program",
-        "verify.strategy.verification.verify",
-        "part is system and not problem.is_abstract",
-        "not subject.is_abstract",
+        "verify.strategy.verification._Verification._of_states",
+        "problem.system is self.system and not problem.is_abstract",
+        "not problem.is_abstract",
         (ASKING,),
     ),
     Mutant(

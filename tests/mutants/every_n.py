@@ -94,7 +94,7 @@ EVERY_N = (
         "every N: what nobody wrote last, nobody wrote",
         "verify.engines.every_n.commits.Commits._nobody_else.law",
         "self.world.book.implied(theirs, self.writes(slot, place, writer))",
-        "self.world.d.unary(UnaryOp.NOT, theirs)",
+        "self.world.d.unary(core.UnaryOp.NOT, theirs)",
         (PROVING,),
     ),
     Mutant(

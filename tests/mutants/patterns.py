@@ -6,6 +6,7 @@ Pieces are compared as trees, so layout, comments and places in a file do not ma
 from __future__ import annotations
 
 import ast
+import builtins
 import copy
 import re
 from collections.abc import Iterator
@@ -133,3 +134,25 @@ def _placed(node: _Node, where: ast.AST) -> _Node:
     for each in ast.walk(placed):
         ast.copy_location(each, where)
     return placed
+
+
+def unbound_names(module: ast.Module) -> set[str]:
+    """The names that are read somewhere in a module, and bound nowhere in it."""
+    read, bound = set[str](), {*dir(builtins), "__file__", "__name__", "__path__", "__doc__"}
+    for node in ast.walk(module):
+        match node:
+            case ast.Name(id=name, ctx=ast.Load()):
+                read.add(name)
+            case ast.Name(id=name) | ast.arg(arg=name):
+                bound.add(name)
+            case ast.FunctionDef(name=name) | ast.ClassDef(name=name):
+                bound.add(name)
+            case ast.MatchAs(name=str(name)) | ast.MatchStar(name=str(name)):
+                bound.add(name)
+            case ast.ExceptHandler(name=str(name)) | ast.MatchMapping(rest=str(name)):
+                bound.add(name)
+            case ast.Import(names=imported) | ast.ImportFrom(names=imported):
+                bound |= {(of.asname or of.name).partition(".")[0] for of in imported}
+            case _:
+                pass
+    return read - bound

@@ -13,6 +13,7 @@ from msgspec.structs import replace
 from tests.mutants.catalogue import MUTANTS
 from tests.mutants.harness import tried, untouched
 from tests.mutants.mutant import Mutant
+from tests.mutants.patterns import unbound_names
 from tests.mutants.quick import QUICK
 from tests.sampling import but_slow
 
@@ -30,8 +31,11 @@ def test_names_are_unique_and_mistakes_are_many() -> None:
 @pytest.mark.parametrize("mutant", MUTANTS, ids=lambda m: m.name)
 def test_every_mistake_can_be_made(mutant: Mutant) -> None:
     """What it replaces stands in its function once, and what it makes is Python."""
-    compile(mutant.tree(), mutant.place, "exec")
+    tree = mutant.tree()
+    compile(tree, mutant.place, "exec")
     assert mutant.tests
+    # A name that nobody knows would be noticed by anything that runs.
+    assert unbound_names(tree) == set()
 
 
 @pytest.mark.parametrize("name", but_slow(sorted(QUICK)[::2], sorted(QUICK)))

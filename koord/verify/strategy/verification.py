@@ -7,7 +7,7 @@ from collections.abc import Callable, Collection, Iterator, Sequence
 from functools import partial
 from typing import assert_never
 
-from msgspec import Struct
+from msgspec import Struct, field
 from msgspec.structs import replace
 
 from koord.syntax.budget import Budget
@@ -24,6 +24,7 @@ from koord.verify.processes import Job, Pool, Progress, was_interrupted
 from koord.verify.reduction.problems import identity, plain_problem, problem_of
 from koord.verify.reduction.slicing import Slices
 from koord.verify.strategy.each_claim_turn import Doubts, EachClaimTurn, SlicesTurn, on_slice
+from koord.verify.strategy.liveness import LivenessVerdicts, settled
 from koord.verify.strategy.resumption import PastVerification, Steps
 from koord.verify.strategy.table import (
     LIVENESS,
@@ -81,83 +82,183 @@ def verify(
 
     started = time.monotonic()
     deadline = Deadline.after(bounds.timeout_s)
-    system = replace(system, budget=Budget(is_over))
     steps = Steps(past or PastVerification(), noted, lasting)
-    failures: list[Failure] = []
+    watched = replace(system, budget=Budget(is_over))
     with Pool(jobs, progress, interrupted) as pool:
-        own = frozenset(names) if _are_all_of_states(system, names) else frozenset()
-        ask = partial(
-            _ask,
-            deadline=deadline,
-            bounds=bounds,
-            choice=choice,
-            seed=seed,
-            pool=pool,
-            names=own,
-            steps=steps,
+        work = _Verification(watched, bounds, choice, tuple(names), seed, deadline, pool, steps)
+        report = work.report(known)
+    return replace(report, seconds=time.monotonic() - started)
+
+
+class _Verification(Struct, frozen=True):
+    """What is asked about a system, and the means there are to answer it."""
+
+    system: System
+    bounds: Bounds
+    choice: Engine | None
+    names: tuple[str, ...]  #: of the claims that are asked about; none are all
+    seed: int
+    deadline: Deadline
+    pool: Pool
+    steps: Steps
+
+    def report(self, known: Sequence[Verdict]) -> Report:
+        """Verdicts on claims about states, then about runs, and what makes them vacuous."""
+        slices = Slices(self.system)
+        common = slices.common()
+        problem = problem_of(self.system, common)
+        seen = self.system if known else slices.happening()
+        happens = problem if seen is common else problem_of(self.system, seen)
+        every_n = self.choice is Engine.EVERY_N
+        search = _ReachabilitySearch(
+            self.pool, self.steps, self.system, happens, wanted=not known, of_any_number=every_n
         )
-        slices, doubts = Slices(system), Doubts()
-        part = slices.common()
-        problem = problem_of(system, part)
-        every_n = choice is Engine.EVERY_N
-        seen = slices.happening() if not known else system
-        happens = problem if seen is part else problem_of(system, seen)
-        beside = _Beside(
-            pool, steps, failures, system, happens, wanted=not known, of_any_number=every_n
+        verdicts, ledger, last = self._of_states(problem, slices, known, search)
+        cut = last.interrupted
+        search.wanted &= not cut and not ledger.stopped
+        if self._claims_of_runs():
+            search.begin(ledger)
+        unreachable = _Vacuities()
+        if search.job is None:
+            unreachable = search.end(ledger, self.names)
+        proved = [v.claim for v in verdicts if v.outcome is Outcome.HOLDS and v.rounds is None]
+        cut |= unreachable.interrupted
+        runs = self._of_runs(slices, proved, known, cut=cut)
+        if search.job is not None and not (cut or runs.interrupted):
+            unreachable = search.end(ledger, self.names)
+        failures = [*ledger.failures, *last.failures, *search.failures, *runs.failures]
+        return Report(
+            (*(v for v in verdicts if self._is_asked(v.claim)), *runs.verdicts),
+            unreachable.vacuities + runs.vacuities,
+            0.0,
+            cut or runs.interrupted or unreachable.interrupted,
+            tuple(dict.fromkeys(failures)),
+            every_n,
+            unreachable.unlooked,
         )
-        before = _before(system, known, names) if known else None
-        found, ledger = ask(doubts.watching(problem), before, beside, slices=slices)
+
+    def _is_asked(self, claim: Claim) -> bool:
+        return not self.names or claim.name in self.names
+
+    def _claims_of_runs(self) -> list[Claim]:
+        return [claim for claim in liveness_of(self.system) if self._is_asked(claim)]
+
+    def _of_states(
+        self,
+        problem: VerificationProblem,
+        slices: Slices,
+        known: Sequence[Verdict],
+        search: _ReachabilitySearch,
+    ) -> tuple[list[Verdict], Ledger, Ledger]:
+        """Verdicts on all claims about states, and the ledgers of the first and the last asking."""
+        doubts, before = Doubts(), None
+        if known:
+            before = _before(self.system, known, self.names)
+        found, ledger = self._ask(doubts.watching(problem), before, search, slices)
         found, last = found.doubting(doubts), ledger
-        is_whole = part is system and not problem.is_abstract
+        is_whole = problem.system is self.system and not problem.is_abstract
         if not is_whole and found.suspected is not None and not ledger.interrupted:
             # Opaque values let something happen that real ones do not, or what was left out
             # stands in the way of it: look at everything.
-            found, last = ask(plain_problem(system), found, beside)
-        every = [
-            replace(verdict, claim=claim)
-            for claim, verdict in zip(claims_of(system), found.verdicts, strict=True)
-        ]
-        held = [v.claim for v in every if v.outcome is Outcome.HOLDS and v.rounds is None]
-        verdicts = tuple(v for v in every if not names or v.claim.name in names)
-        empty: tuple[Vacuity, ...] = ()
-        cut = last.interrupted
-        beside.wanted &= not cut and not ledger.stopped
-        vacuous_goals = _Vacuities()
-        if of_runs := [c for c in liveness_of(system) if not names or c.name in names]:
-            beside.begin(ledger)
-        if beside.job is None:
-            vacuous_goals = beside.end(ledger, names)
-            cut = cut or vacuous_goals.interrupted
-        if of_runs:
-            from koord.verify.strategy.liveness import settled
+            found, last = self._ask(plain_problem(self.system), found, search)
+        claims = claims_of(self.system)
+        verdicts = [replace(v, claim=c) for c, v in zip(claims, found.verdicts, strict=True)]
+        return verdicts, ledger, last
 
-            live = settled(
-                slices,
-                bounds,
-                () if cut else LIVENESS.get(choice, ()),
-                deadline,
-                names=names,
-                proved=held,
-                seed=seed,
-                pool=pool,
-                before={v.claim.name: v.seconds for v in known},
-                steps=steps,
-            )
-            failures += live.failures
-            one = Ways(complete=False, reason="of runs without end one is looked for")
-            several = bounds.violations > 1
-            verdicts += tuple(
-                replace(v, ways=one) if several and v.counterexample is not None else v
-                for v in live.verdicts
-            )
-            empty, cut = live.vacuities, cut or live.interrupted
-        if beside.job is not None and not cut:
-            vacuous_goals = beside.end(ledger, names)
-    seconds = time.monotonic() - started
-    cut = cut or vacuous_goals.interrupted
-    failed = tuple(dict.fromkeys([*ledger.failures, *last.failures, *failures]))
-    vacuities_ = vacuous_goals.vacuities + empty
-    return Report(verdicts, vacuities_, seconds, cut, failed, every_n, vacuous_goals.unlooked)
+    def _of_runs(
+        self, slices: Slices, proved: Sequence[Claim], known: Sequence[Verdict], *, cut: bool
+    ) -> LivenessVerdicts:
+        """Verdicts on the claims about runs that are asked about, if there are any."""
+        if not self._claims_of_runs():
+            return LivenessVerdicts(())
+        live = settled(
+            slices,
+            self.bounds,
+            () if cut else LIVENESS.get(self.choice, ()),
+            self.deadline,
+            names=self.names,
+            proved=proved,
+            seed=self.seed,
+            pool=self.pool,
+            before={v.claim.name: v.seconds for v in known},
+            steps=self.steps,
+        )
+        if self.bounds.violations == 1:
+            return live
+        one = Ways(complete=False, reason="of runs without end one is looked for")
+        verdicts = (v if v.counterexample is None else replace(v, ways=one) for v in live.verdicts)
+        return replace(live, verdicts=tuple(verdicts))
+
+    def _ask(
+        self,
+        problem: VerificationProblem,
+        known: _Known | None,
+        search: _ReachabilitySearch,
+        slices: Slices | None = None,
+    ) -> tuple[_Known, Ledger]:
+        """Verdicts on all claims about a problem; until those that are asked about are settled.
+
+        Of ``known`` ones only the unknown are asked, suspected rounds first; how far those were
+        seen to hold counts even if the time is up. With ``slices`` claims are asked of theirs, too.
+        """
+        claims = claims_of(problem.system)
+        stated = {identity(claim): claim for claim in claims_of(self.system)}
+        ledger = Ledger(problem, self.bounds, self.deadline, claims, self.seed, self.pool.progress)
+        left: frozenset[int] = frozenset()
+        if known is not None:
+            left = known.left
+            ledger.before = {c: v.seconds for c, v in zip(claims, known.verdicts, strict=True)}
+            _put_down(ledger, known)
+        self.steps.follow(ledger, lambda v: replace(v, claim=stated[identity(v.claim)]))
+        asked = ledger.open()
+        names = self._names_of_states()
+        asking = _Asking(self.pool, names, self.steps, Workers(self.pool), slices)
+        unroller = asking.workers.tools.unroller
+        stage = "plain" if slices is None else "slice"
+        with ledger.stopping():
+            suspected = known.suspected if known is not None else None
+            if suspected is not None and self.steps.begin(stage, -1, Engine.BMC.value):
+                # What is proved narrows down what functions may answer, to answers that often do
+                # not replay: without it others are found.
+                last = min(suspected, self.bounds.rounds)
+                with ledger.enduring(Engine.BMC.value):
+                    Unroller(relying=False).through(ledger, last)
+                    unroller.through(ledger, last)
+            self._take_turns(ledger, stage, asking, search)
+        if ledger.shortened and not ledger.interrupted and not self.deadline.passed():
+            ledger.deadline, ledger.stopped = self.deadline, ""
+        with ledger.stopping():
+            _find_others(ledger, asked, self.pool, slices)
+        verdicts = tuple(ledger.verdict(claim) for claim in claims)
+        return _Known(verdicts, unroller.suspected, left), ledger
+
+    def _take_turns(
+        self, ledger: Ledger, stage: str, asking: _Asking, search: _ReachabilitySearch
+    ) -> None:
+        """One engine after the other, as the table has them, while claims are open."""
+        turns = enumerate(asking.turns(SAFETY[self.choice]))
+        while _wanted(ledger, asking.names) and (following := next(turns, None)) is not None:
+            number, turn = following
+            if not (isinstance(turn, EngineTurn) and turn.quick):
+                search.begin(ledger)
+            if isinstance(turn, SlicesTurn):  # it asks others
+                with ledger.enduring(turn.name):
+                    turn.work(ledger)
+            else:
+                ends = isinstance(turn, EachClaimTurn) and not liveness_of(self.system)
+                is_last = self.choice is not None or ends
+                self.steps.take(stage, number, turn.name, turn.work, ledger, is_last=is_last)
+            if ledger.is_overtime():
+                break
+
+    def _names_of_states(self) -> frozenset[str]:
+        """The names that are asked about, if all are of claims about states.
+
+        A claim about runs rests on all the others: then those are asked as well.
+        """
+        names = frozenset(self.names)
+        of_states = {claim.name for claim in claims_of(self.system)}
+        return names if names <= of_states else frozenset()
 
 
 class _Known(Struct, frozen=True):
@@ -191,16 +292,16 @@ class _Vacuities(Struct, frozen=True):
     unlooked: tuple[Unlooked, ...] = ()
 
 
-class _Beside(Struct):
+class _ReachabilitySearch(Struct):
     """The search for what never happens, beside other work if there are processes for that."""
 
     pool: Pool
     steps: Steps
-    failures: list[Failure]
     system: System
     happens: VerificationProblem  #: what is looked at, whatever engines left out
     wanted: bool
     of_any_number: bool = False
+    failures: list[Failure] = field(default_factory=list)
     job: Job[tuple[Looked | str, tuple[Failure, ...]]] | None = None
 
     def begin(self, ledger: Ledger) -> None:
@@ -268,78 +369,6 @@ def _before(system: System, known: Sequence[Verdict], names: Sequence[str]) -> _
     return _Known(tuple(verdicts[claim] for claim in claims), None, left)
 
 
-def _ask(
-    problem: VerificationProblem,
-    known: _Known | None,
-    beside: _Beside,
-    *,
-    deadline: Deadline,
-    bounds: Bounds,
-    choice: Engine | None,
-    seed: int,
-    pool: Pool,
-    names: frozenset[str],
-    steps: Steps,
-    slices: Slices | None = None,
-) -> tuple[_Known, Ledger]:
-    """Verdicts on the claims about a problem; if there are ``names``, until those are settled.
-
-    Of ``known`` ones only the unknown are asked, suspected rounds first; how far those were seen to
-    hold counts even if the time is up. With ``slices`` claims are asked of theirs, too.
-    """
-    claims = claims_of(problem.system)
-    stated = {identity(claim): claim for claim in claims_of(beside.system)}
-    before = known.verdicts if known is not None else ()
-    ledger = Ledger(
-        problem,
-        bounds,
-        deadline,
-        claims,
-        seed,
-        pool.progress,
-        before={claim: verdict.seconds for claim, verdict in zip(claims, before, strict=False)},
-    )
-    left = known.left if known is not None else frozenset()
-    if known is not None:
-        _put_down(ledger, known)
-    steps.follow(ledger, lambda v: replace(v, claim=stated[identity(v.claim)]))
-    stage = "plain" if slices is None else "slice"
-    asked = ledger.open()
-    asking = _Asking(pool, names, steps, Workers(pool), slices)
-    unroller = asking.workers.tools.unroller
-    with ledger.stopping():
-        suspects = known is not None and known.suspected is not None
-        if suspects and steps.begin(stage, -1, Engine.BMC.value):
-            assert known is not None
-            assert known.suspected is not None
-            # What is proved narrows down what functions may answer, to answers that often do not
-            # replay: without it others are found.
-            suspected = min(known.suspected, bounds.rounds)
-            with ledger.enduring(Engine.BMC.value):
-                Unroller(relying=False).through(ledger, suspected)
-                unroller.through(ledger, suspected)
-        in_turn = enumerate(asking.turns(SAFETY[choice]))
-        while _wanted(ledger, names) and (following := next(in_turn, None)) is not None:
-            number, turn = following
-            if not (isinstance(turn, EngineTurn) and turn.quick):
-                beside.begin(ledger)
-            if isinstance(turn, SlicesTurn):  # it asks others
-                with ledger.enduring(turn.name):
-                    turn.work(ledger)
-            else:
-                ends = isinstance(turn, EachClaimTurn) and not liveness_of(beside.system)
-                is_last = choice is not None or ends
-                steps.take(stage, number, turn.name, turn.work, ledger, is_last=is_last)
-            if ledger.is_overtime():
-                break
-    if ledger.shortened and not ledger.interrupted and not deadline.passed():
-        ledger.deadline, ledger.stopped = deadline, ""
-    with ledger.stopping():
-        _find_others(ledger, asked, pool, slices)
-    verdicts = tuple(ledger.verdict(claim) for claim in claims)
-    return _Known(verdicts, unroller.suspected, left), ledger
-
-
 def _put_down(ledger: Ledger, known: _Known) -> None:
     """Write down on a new ledger what is known already."""
     for n, (claim, verdict) in enumerate(zip(ledger.claims, known.verdicts, strict=True)):
@@ -351,11 +380,6 @@ def _put_down(ledger: Ledger, known: _Known) -> None:
 
 def _wanted(ledger: Ledger, names: Collection[str]) -> bool:
     return any(not names or claim.name in names for claim in ledger.open())
-
-
-def _are_all_of_states(system: System, names: Sequence[str]) -> bool:
-    """Whether none of the names is of a claim about runs: those rest on all the other claims."""
-    return {claim.name for claim in claims_of(system)}.issuperset(names)
 
 
 def _find_others(ledger: Ledger, asked: Sequence[Claim], pool: Pool, slices: Slices | None) -> None:
