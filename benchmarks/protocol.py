@@ -68,7 +68,7 @@ def calm(robots: int) -> dict[str, float]:
         while any(peer.node.state.round < round_ for peer in peers):
             for peer in peers:
                 peer.turn(0.0)
-            if hub.is_quiet:
+            if not any(hub.inboxes):
                 due = [peer.node.due for peer in peers if peer.node.due is not None]
                 now[0] = max(now[0], min(due))
 

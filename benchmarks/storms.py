@@ -16,14 +16,14 @@ from dataclasses import dataclass
 from harness import EXAMPLES, Column, Report, main, note
 from koord.refinement.deployed import Expedition
 from koord.refinement.running import ready
-from koord.refinement.storms import Stormy, storm
-from koord.runtime.chaos.ether import why_not
 from koord.runtime.chaos.network import Faults
 from koord.runtime.protocol.setup import Timing
 from koord.syntax.load import load
 from koord.syntax.source import Source
 from koord.syntax.system import dealt
 from koord.traces.trace import Sources
+from tests.refinement.ethernet import why_not
+from tests.refinement.storms import Stormy, storm
 
 ROBOTS = 8
 DELTA_S = 0.1

@@ -29,8 +29,8 @@ from koord.refinement.instrumented_robot import (
 from koord.refinement.running import Compiled, CompiledRun
 from koord.refinement.sampling_hosts import SeededHost, settled_starts
 from koord.refinement.trace_merge import gathered
-from koord.runtime.chaos.ether import Unreliable
 from koord.runtime.chaos.network import CALM, Faults, Network, Newborn
+from koord.runtime.chaos.unreliable import Unreliable
 from koord.runtime.configuration.checking import load as load_configuration
 from koord.runtime.deploy.ideal import IdealHost, is_place, point_of, unanswered
 from koord.runtime.deploy.local import Launch, LocalProcesses, launched, local_plan

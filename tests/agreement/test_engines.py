@@ -17,7 +17,6 @@ import pytest
 
 from koord.api.verdicts import trace_of
 from koord.refinement.compiled_replay import rerun
-from koord.refinement.generating.palette import FINITE, SYMMETRIC
 from koord.refinement.generating.programs import system
 from koord.refinement.running import ready
 from koord.semantics.every_number import NotFiniteError
@@ -35,6 +34,7 @@ from koord.verify.engines.explicit.property_checks import Exhausted, GoalKind, V
 from koord.verify.engines.explicit.search import survey
 from koord.verify.verdicts import Counterexample, Outcome, Verdict
 from tests.generators.large import large
+from tests.generators.profiles import FINITE, SYMMETRIC
 from tests.generators.staged import staged
 from tests.sampling import sampled
 from tests.semantics.driving import NO_TEXT

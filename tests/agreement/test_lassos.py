@@ -12,7 +12,7 @@ import pytest
 from msgspec.structs import replace
 
 from koord.refinement.generating.drafts import Draft
-from koord.refinement.generating.palette import FINITE, palette
+from koord.refinement.generating.palette import palette
 from koord.refinement.generating.programs import system
 from koord.refinement.generating.properties import property_
 from koord.semantics.domain import EXACT
@@ -25,6 +25,7 @@ from koord.traces.lassos import flaw_of
 from koord.verify.engines.explicit.fair_search import Lively, lively
 from koord.verify.engines.explicit.limits import Limits
 from koord.verify.engines.explicit.property_checks import Exhausted
+from tests.generators.profiles import FINITE
 from tests.sampling import blocks
 from tests.semantics.plain_lassos import PlainLassos
 from tests.semantics.plain_search import TooMuchError

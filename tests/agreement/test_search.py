@@ -11,7 +11,7 @@ from random import Random
 
 import pytest
 
-from koord.refinement.generating.palette import FINITE, SYMMETRIC, Profile
+from koord.refinement.generating.palette import Profile
 from koord.refinement.generating.programs import system
 from koord.semantics.domain import EXACT
 from koord.semantics.properties import holds_in
@@ -28,6 +28,7 @@ from koord.verify.engines.explicit.property_checks import (
     Violated,
 )
 from koord.verify.engines.explicit.search import survey
+from tests.generators.profiles import FINITE, SYMMETRIC
 from tests.generators.staged import staged
 from tests.sampling import blocks
 from tests.semantics.plain_search import PlainSearch, TooMuchError

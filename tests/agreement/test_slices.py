@@ -13,7 +13,6 @@ from random import Random
 
 import pytest
 
-from koord.refinement.generating.palette import FINITE, SYMMETRIC
 from koord.refinement.generating.programs import system
 from koord.syntax.system import System
 from koord.verify.engine_names import Engine
@@ -26,6 +25,7 @@ from koord.verify.strategy import verification
 from koord.verify.strategy.table import SAFETY
 from koord.verify.verdicts import Outcome
 from tests.generators.junk import with_junk
+from tests.generators.profiles import FINITE, SYMMETRIC
 from tests.generators.staged import staged
 from tests.generators.wellformed import complaints
 from tests.verify.asking import ask

@@ -8,13 +8,14 @@ from typing import Any
 
 from msgspec.structs import replace
 
-from koord.refinement.generating.palette import FINITE, Profile
+from koord.refinement.generating.palette import Profile
 from koord.refinement.generating.programs import system
 from koord.syntax import core
 from koord.syntax.analysis.limits import excesses
 from koord.syntax.core import BinaryOp
 from koord.syntax.system import System
 from koord.syntax.types import FLOAT, INT
+from tests.generators.profiles import FINITE
 from tests.generators.wellformed import complaints
 
 #: Where representations of numbers end: of bytes, doubles, machine words, vectors of literals.

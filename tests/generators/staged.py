@@ -10,13 +10,14 @@ from random import Random
 
 from msgspec.structs import replace
 
-from koord.refinement.generating.palette import FINITE, Profile
+from koord.refinement.generating.palette import Profile
 from koord.refinement.generating.programs import system
 from koord.syntax import core
 from koord.syntax.core import BinaryOp, Home
 from koord.syntax.source import Span
 from koord.syntax.system import System
 from koord.syntax.types import BOOL, INT
+from tests.generators.profiles import FINITE
 
 #: The last stage.
 STAGES = 4

@@ -13,7 +13,7 @@ from hypothesis import given
 from msgspec import Struct
 from msgspec.structs import replace
 
-from koord.refinement.generating.palette import FINITE, GENERAL, Profile
+from koord.refinement.generating.palette import GENERAL, Profile
 from koord.refinement.generating.programs import system
 from koord.semantics.configurations import Turn
 from koord.semantics.domain import EXACT
@@ -22,6 +22,7 @@ from koord.syntax import core, types
 from koord.syntax.system import System
 from koord.syntax.types import BOOL, INT
 from tests.generators.configurations import configuration
+from tests.generators.profiles import FINITE
 from tests.generators.runs import recording
 from tests.generators.strategies import systems
 from tests.generators.wellformed import complaints

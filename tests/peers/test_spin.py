@@ -15,7 +15,6 @@ from textwrap import dedent
 import pytest
 from msgspec.structs import replace
 
-from koord.refinement.generating.palette import FINITE
 from koord.refinement.generating.programs import system
 from koord.syntax.load import load
 from koord.syntax.source import Source
@@ -24,6 +23,7 @@ from koord.verify.engines.explicit.finiteness import NotFinite
 from koord.verify.engines.explicit.limits import Limits
 from koord.verify.engines.explicit.property_checks import GoalKind, OutOfBounds, SearchGoal
 from koord.verify.engines.explicit.search import survey
+from tests.generators.profiles import FINITE
 from tests.generators.staged import STAGES, staged
 from tests.peers import model, spin
 from tests.peers.shapes import NotCoveredError

@@ -7,7 +7,6 @@ from random import Random
 
 import pytest
 
-from koord.refinement.generating.palette import FINITE
 from koord.refinement.generating.programs import system
 from koord.semantics.every_number import NotFiniteError
 from koord.verify.claims import claims_of
@@ -15,6 +14,7 @@ from koord.verify.engines.explicit.finiteness import NotFinite
 from koord.verify.engines.explicit.limits import Limits
 from koord.verify.engines.explicit.property_checks import Exhausted, GoalKind, SearchGoal
 from koord.verify.engines.explicit.search import survey
+from tests.generators.profiles import FINITE
 from tests.recheck.proving import Settler, confirmed, settled
 from tests.sampling import sampled
 

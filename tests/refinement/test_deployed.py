@@ -15,8 +15,8 @@ from koord.refinement.cases import Case, SchedulePolicy, Target, Tried, generate
 from koord.refinement.instrumented_robot import Acted, InstrumentedRobot
 from koord.refinement.running import ready
 from koord.refinement.trace_merge import DisagreementError, gathered
-from koord.runtime.chaos.ether import Unreliable
 from koord.runtime.chaos.network import CALM, CHAOS, LOSS, Faults
+from koord.runtime.chaos.unreliable import Unreliable
 from koord.runtime.compile import compiled
 from koord.runtime.deploy.member import Member
 from koord.runtime.engine import Deployed, Unheard

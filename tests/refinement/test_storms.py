@@ -10,11 +10,11 @@ import pytest
 
 from koord.refinement.deployed import Expedition
 from koord.refinement.running import ready
-from koord.refinement.storms import storm
-from koord.runtime.chaos import ether
 from koord.runtime.chaos.network import Faults
 from koord.syntax.system import dealt
+from tests.refinement import ethernet
 from tests.refinement.running import program, sources
+from tests.refinement.storms import storm
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "specs/examples"
 STORM = Faults(loss=0.3, duplication=0.05, least_delay_s=0.0, most_delay_s=0.05)
@@ -22,7 +22,7 @@ STORM = Faults(loss=0.3, duplication=0.05, least_delay_s=0.0, most_delay_s=0.05)
 
 @cache
 def reason() -> str | None:
-    return ether.why_not()
+    return ethernet.why_not()
 
 
 @pytest.mark.slow
@@ -52,7 +52,7 @@ def test_eight_robots_in_a_storm_do_what_the_rules_allow(
 
 def test_the_hub_loses_doubles_and_delays(tmp_path: Path) -> None:
     faults = Faults(loss=0.3, duplication=0.2, least_delay_s=0.0, most_delay_s=0.01)
-    hub = ether.BadHub(tmp_path / "hub", faults, seed=1)
+    hub = ethernet.BadHub(tmp_path / "hub", faults, seed=1)
     hub.cards = {pid: os.open(os.devnull, os.O_RDWR) for pid in range(3)}
     group = bytes.fromhex("01005e4b0101") + bytes((2, 0, 0, 0, 75, 1)) + b"\x08\x00"
     for _ in range(500):
@@ -84,6 +84,6 @@ def test_what_keeps_it_from_working_is_told(
 ) -> None:
     monkeypatch.setattr(os, "geteuid", lambda: user)
     monkeypatch.setattr(Path, "exists", lambda self: tun)
-    why = ether.why_not()
+    why = ethernet.why_not()
     assert why is not None
     assert said in why

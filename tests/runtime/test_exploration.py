@@ -18,12 +18,13 @@ from koord.runtime.exploration.claims import (
     one_winner,
     valid,
 )
-from koord.runtime.exploration.exploring import explore, wander
+from koord.runtime.exploration.exploring import explore
 from koord.runtime.exploration.world import ExplorationBounds, proposal_of
 from koord.runtime.proposals import Admitted, Decision
 from koord.runtime.protocol.messages import Held, LogEntry, digest
 from koord.runtime.protocol.setup import Setup, Timing
 from koord.runtime.protocol.state import Coordinator, fresh
+from tests.runtime.walks import wander
 
 SETUP = Setup(3, Timing.zero())
 

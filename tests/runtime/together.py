@@ -40,7 +40,7 @@ class Together:
                 peer.turn(0.0)
             if all(peer.node.state.round >= until_round for peer in self.peers):
                 return
-            if self.hub.is_quiet:
+            if not any(self.hub.inboxes):
                 due = [peer.node.due for peer in self.peers if peer.node.due is not None]
                 self.now = max(self.now, min(due))
         raise AssertionError(f"at {[peer.node.state.round for peer in self.peers]}")

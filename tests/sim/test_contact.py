@@ -11,6 +11,7 @@ import shapely
 
 from koord.runtime.motion.arrays import Floats
 from koord.runtime.motion.bodies import Car
+from koord.runtime.motion.planning import Hindrance, Touched
 from koord.runtime.motion.world import Box, Disc, Obstacle, Polygon, World
 from koord.sim.vehicles.cars import Bicycles
 from koord.sim.vehicles.contact import Colliding, Floor
@@ -58,7 +59,7 @@ def test_cars_do_not_pass_through_one_another(aside: float) -> None:
         cars.advance(np.repeat(TOWARDS, 2, axis=0), 0.01, 5)
         shapes = [outline(cars.position[k], cars.heading[k]) for k in (0, 1)]
         assert shapely.intersection(*shapes).area < 0.004
-        touched = touched or floor.contacts() == [(0, 1)]
+        touched = touched or [one.what for one in cars.touched(0)] == [Hindrance.ROBOT]
     assert touched
 
 
@@ -77,7 +78,7 @@ def test_cars_do_not_pass_through_obstacles(obstacle: Obstacle) -> None:
     cars = colliding(np.zeros((1, 3)), np.zeros(1), floor)
     cars.advance(TOWARDS, 0.01, 600)
     assert cars.position[0, 0] + CAR.middle_m + CAR.length_m / 2 < 1.55
-    assert floor.contacts() == [(-1, 0)]
+    assert cars.touched(0) == (Touched(Hindrance.OBSTACLE, 0),)
     assert abs(cars.speed[0]) < 0.1
 
 
@@ -108,7 +109,7 @@ def test_contacts_come_out_the_same_every_time() -> None:
             command = np.column_stack([draw.uniform(-1, 1, 12), draw.uniform(-0.4, 0.4, 12)])
             cars.advance(command, 0.01, 5)
             digest.update(cars.position.tobytes() + cars.heading.tobytes())
-            met += len(floor.contacts())
+            met += sum(len(cars.touched(k)) for k in range(12))
         assert met > 0
         return digest.hexdigest()
 

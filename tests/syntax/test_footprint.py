@@ -6,7 +6,7 @@ from random import Random
 
 import pytest
 
-from koord.refinement.generating.palette import FINITE, GENERAL
+from koord.refinement.generating.palette import GENERAL
 from koord.refinement.generating.programs import system
 from koord.semantics.configurations import Robot
 from koord.semantics.domain import EXACT, Constant
@@ -18,6 +18,7 @@ from koord.syntax.analysis.footprint import Footprint, WriteExtent, footprint, s
 from koord.syntax.core import Home
 from koord.syntax.system import Status
 from koord.syntax.types import BOOL, INT, ArrayType, ListType, MapType, QueueType, RecordType
+from tests.generators.profiles import FINITE
 from tests.generators.runs import recording
 from tests.semantics.building import (
     PID,

@@ -13,7 +13,6 @@ from random import Random
 
 import pytest
 
-from koord.refinement.generating.palette import FINITE
 from koord.refinement.generating.programs import system
 from koord.semantics.every_number import NotFiniteError
 from koord.syntax.system import System
@@ -23,6 +22,7 @@ from koord.verify.engines.explicit.limits import Limits
 from koord.verify.engines.explicit.property_checks import Exhausted, GoalKind
 from koord.verify.engines.explicit.property_checks import SearchGoal as Searched
 from koord.verify.engines.explicit.search import survey
+from tests.generators.profiles import FINITE
 from tests.sampling import sampled
 from tests.verify.asking import Checked, bounded, inductive
 from tests.verify.reference import Explored, Explorer, TooManyError

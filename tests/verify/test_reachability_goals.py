@@ -8,7 +8,6 @@ from random import Random
 import pytest
 from msgspec.structs import replace
 
-from koord.refinement.generating.palette import FINITE
 from koord.refinement.generating.programs import system
 from koord.semantics.every_number import NotFiniteError
 from koord.semantics.recordings import Recording
@@ -21,6 +20,7 @@ from koord.verify.reachability_goals import ReachabilityGoals, reachability_goal
 from koord.verify.vacuity.analysis import look
 from koord.verify.vacuity.unreachable import unmet
 from koord.verify.verdicts import Bounds, Counterexample
+from tests.generators.profiles import FINITE
 from tests.sampling import sampled
 from tests.verify.reference import Explorer, TooManyError
 

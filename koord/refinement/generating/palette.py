@@ -80,28 +80,6 @@ CALM = replace(GENERAL, faulty=0.01, unset=0.01)
 #: As ``GENERAL``, with longer bodies in which more goes wrong, or nearly.
 WILD = replace(GENERAL, statements=(2, 5), faulty=0.3, unset=0.1, urgent=0.4)
 
-FINITE = Profile(
-    finite=True,
-    robots=(2, 3),
-    agents=(1, 2),
-    shared=(1, 2),
-    locals=(1, 2),
-    modules=(0, 1),
-    functions=(0, 1),
-    externals=(0, 1),
-    events=(1, 2),
-    statements=(1, 3),
-    depth=2,
-    nesting=2,
-    faulty=0.02,
-    unset=0.02,
-    urgent=0.15,
-    arbitrary=0.1,
-)
-
-#: As ``FINITE``, of programs in which most robots may change places.
-SYMMETRIC = replace(FINITE, robots=(3, 3), agents=(1, 1), shared=(2, 3), calculates=False)
-
 
 class Palette(Struct, frozen=True):
     """Types to choose from: ``scalars`` for keys and leaves, ``all`` for variables."""

@@ -47,11 +47,6 @@ class Hub:
         self.sent = 0  #: datagrams, one to all counted once
         self.inboxes: list[deque[bytes]] = [deque() for _ in range(self.robots)]
 
-    @property
-    def is_quiet(self) -> bool:
-        """Whether nothing is under way."""
-        return not any(self.inboxes)
-
     def transport(self, pid: int) -> InProcess:
         """A robot's end."""
         return InProcess(self, pid)

@@ -34,7 +34,6 @@ _READ = (
     | batch.BodyFields.ANGULAR_VELOCITY
 )
 _WRITE = batch.BodyFields.FORCE | batch.BodyFields.TORQUE
-_PAIRS = batch.ArbiterFields.BODY_A_ID | batch.ArbiterFields.BODY_B_ID
 
 #: What tyres hold sideways, as an acceleration: dry rubber on a hall's floor, μ ≈ 0.9.
 _GRIP_MPS2 = 8.8
@@ -55,7 +54,7 @@ class Floor:
         self._told = 0
         self._numbers: dict[int, int] = {}
         self._known: dict[pymunk.Shape, Touched] = {}
-        self._state, self._forces, self._arbiters = (batch.Buffer() for _ in range(3))
+        self._state, self._forces = batch.Buffer(), batch.Buffer()
         self._force: Floats = np.zeros((1, 3))
         self._add_world(world)
 
@@ -83,15 +82,6 @@ class Floor:
         state = self._read()
         for vehicles, rows in self._parts:
             vehicles.show(state[rows])
-
-    def contacts(self) -> list[tuple[int, int]]:
-        """The pairs of vehicles that touch, as they have joined; -1 is the world. Sorted."""
-        self._arbiters.clear()
-        batch.get_space_arbiters(self.space, _PAIRS, self._arbiters)
-        ids = np.frombuffer(self._arbiters.int_buf(), dtype=np.uintp).reshape(-1, 2)
-        number = self._numbers
-        pairs = ((number.get(int(a), -1), number.get(int(b), -1)) for a, b in ids)
-        return sorted({(min(pair), max(pair)) for pair in pairs})
 
     def touched(self, body: pymunk.Body) -> tuple[Touched, ...]:
         """What a vehicle touches."""

@@ -9,7 +9,6 @@ from random import Random
 
 import pytest
 
-from koord.refinement.generating.palette import FINITE, SYMMETRIC
 from koord.refinement.generating.programs import system
 from koord.semantics.every_number import NotFiniteError
 from koord.syntax.system import System
@@ -21,6 +20,7 @@ from koord.verify.engines.explicit.search import survey
 from koord.verify.reduction.problems import identity
 from koord.verify.reduction.slicing import Slices
 from tests.agreement.test_engines import NAMES
+from tests.generators.profiles import FINITE, SYMMETRIC
 from tests.generators.staged import staged
 from tests.verify.asking import of_text
 

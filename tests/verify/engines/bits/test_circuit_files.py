@@ -13,13 +13,13 @@ import z3
 
 from koord.cli import main as frame
 from koord.cli.exits import Exit
-from koord.refinement.generating.palette import FINITE
 from koord.refinement.generating.programs import system
 from koord.semantics.every_number import NotFiniteError
 from koord.verify.claims import claims_of
 from koord.verify.engines.bits.circuit import Circuit, circuit_of
 from koord.verify.engines.bits.circuit_files import Format, exported, machine_of
 from koord.verify.engines.bits.graph import FALSE
+from tests.generators.profiles import FINITE
 from tests.verify.asking import bounded
 from tests.verify.engines.bits.aiger import read, read_binary
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from random import Random
 
-from koord.refinement.generating.palette import FINITE
 from koord.refinement.generating.programs import system
 from koord.semantics.every_number import NotFiniteError
 from koord.verify.claims import claims_of
 from koord.verify.engines.bits.circuit import circuit_of
 from koord.verify.engines.bits.clauses import QUICK, Clauses
 from koord.verify.engines.bits.constraint_selection import everything, narrowed
+from tests.generators.profiles import FINITE
 
 
 def test_every_step_and_every_mistake_is_one_of_the_narrow_question() -> None:

@@ -12,7 +12,7 @@ from random import Random
 import pytest
 from msgspec.structs import replace
 
-from koord.refinement.generating.palette import FINITE, SYMMETRIC, Profile
+from koord.refinement.generating.palette import Profile
 from koord.refinement.generating.programs import system
 from koord.semantics.recordings import Recording
 from koord.syntax.load import load
@@ -29,6 +29,7 @@ from koord.verify.reduction.slicing import Slices
 from koord.verify.strategy.each_claim_turn import on_slice
 from koord.verify.strategy.verification import verify
 from koord.verify.verdicts import Bounds, Verdict
+from tests.generators.profiles import FINITE, SYMMETRIC
 from tests.verify.asking import of_text
 
 #: Of these the same way was shown again, with robots that wait for each other.

@@ -10,7 +10,6 @@ from random import Random
 
 import pytest
 
-from koord.refinement.generating.palette import FINITE
 from koord.refinement.generating.programs import system
 from koord.semantics.every_number import NotFiniteError
 from koord.syntax.system import System, dealt
@@ -22,6 +21,7 @@ from koord.verify.engines.explicit.limits import Limits
 from koord.verify.engines.explicit.property_checks import Exhausted, GoalKind
 from koord.verify.engines.explicit.property_checks import SearchGoal as Searched
 from koord.verify.engines.explicit.search import survey
+from tests.generators.profiles import FINITE
 from tests.sampling import sampled
 
 ROBOTS = (1, 2, 3, 4)

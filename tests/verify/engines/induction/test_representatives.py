@@ -10,7 +10,6 @@ from textwrap import dedent
 
 import pytest
 
-from koord.refinement.generating.palette import FINITE
 from koord.refinement.generating.programs import system
 from koord.semantics.every_number import NotFiniteError
 from koord.syntax import core
@@ -24,6 +23,7 @@ from koord.verify.engines.induction.proving import Inductive, prove
 from koord.verify.engines.induction.representatives import representatives
 from koord.verify.reduction.abstraction import abstracted
 from koord.verify.verdicts import Outcome
+from tests.generators.profiles import FINITE
 from tests.verify.asking import ask
 
 EXAMPLES = Path(__file__).parents[4] / "specs" / "examples"

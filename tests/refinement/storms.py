@@ -14,10 +14,10 @@ from msgspec import Struct
 from koord.refinement.deployed import Expedition, read_from, spare, written_to
 from koord.refinement.instrumented_robot import Acted, Coordinated, InstrumentedRobot, Told
 from koord.refinement.judging import Judged, judge
-from koord.runtime.chaos.ether import BadHub, plan, plugged_in
 from koord.runtime.chaos.network import Faults
 from koord.runtime.deploy.local import Launch, LocalProcesses, launched
 from koord.runtime.deploy.running import Job
+from tests.refinement.ethernet import BadHub, plan, plugged_in
 
 #: The first coordinator is killed after so long.
 _SETTLE_S = 4.0

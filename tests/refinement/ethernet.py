@@ -1,4 +1,4 @@
-"""Bad networks for real processes: losses by a seed, and an Ethernet in network namespaces.
+"""A bad Ethernet for real processes, in network namespaces.
 
 The hub carries what is sent from card to card, and loses, doubles, delays and reorders it on the
 way. Nothing leaves it: no namespace has another card, and all end with their processes. It needs
@@ -24,62 +24,7 @@ from random import Random
 from msgspec.structs import replace
 
 from koord.runtime.chaos.network import Faults
-from koord.runtime.node import Clock
-from koord.runtime.transports.transport import Transport
 from koord.runtime.transports.udp import Delivery, Plan, Udp
-
-
-class Unreliable:
-    """One robot's end of a network with faults; crashes are not its business."""
-
-    def __init__(
-        self, inner: Transport, faults: Faults, seed: int, clock: Clock = time.monotonic
-    ) -> None:
-        self._inner = inner
-        self._faults = faults
-        self._random = Random(seed)
-        self._clock = clock
-        self._under_way: list[tuple[float, int, bytes]] = []
-        self._number = 0
-        self._deaf_until = 0.0
-        self._looked_at = clock()
-
-    def send(self, to: int, datagram: bytes) -> None:
-        self._inner.send(to, datagram)
-
-    def tell(self, datagram: bytes) -> None:
-        self._inner.tell(datagram)
-
-    def receive(self, timeout_s: float) -> list[bytes]:
-        """What is due; waits no longer than for the next that will be."""
-        now = self._clock()
-        if self._under_way:
-            timeout_s = min(timeout_s, max(0.0, self._under_way[0][0] - now))
-        for datagram in self._inner.receive(timeout_s):
-            self._take(datagram)
-        now = self._clock()
-        came: list[bytes] = []
-        while self._under_way and self._under_way[0][0] <= now:
-            came.append(heappop(self._under_way)[2])
-        return came
-
-    def _take(self, datagram: bytes) -> None:
-        """Draw what becomes of a datagram."""
-        faults, draw, now = self._faults, self._random, self._clock()
-        cut = draw.random() < faults.cuts_per_s * (now - self._looked_at)
-        self._looked_at = now
-        if cut:
-            self._deaf_until = now + faults.cut_s
-        for _ in range(1 + (draw.random() < faults.duplication)):
-            if now < self._deaf_until or draw.random() < faults.loss:
-                continue
-            self._number += 1
-            delay = draw.uniform(faults.least_delay_s, faults.most_delay_s)
-            heappush(self._under_way, (now + delay, self._number, datagram))
-
-    def close(self) -> None:
-        self._inner.close()
-
 
 #: The robots of this network are few.
 MOST_ROBOTS = 200
@@ -112,6 +57,7 @@ def why_not() -> str | None:
         [sys.executable, "-c", f"import {__name__} as e; e.unshare(); e.card()"],
         capture_output=True,
         check=False,
+        cwd=Path(__file__).parents[2],
         timeout=30,
     )
     return None if tried.returncode == 0 else "network namespaces are not permitted here"
