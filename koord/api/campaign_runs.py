@@ -102,11 +102,11 @@ class RunFile:
         there = self._there()
         self.rows = tuple(row for row in there or () if row.key in wanted)
         if self._resumes and there is None:
-            hint = "leave out --resume, or name another file"
+            hint = "leave out `resume=`, or name another file"
             raise refusal("K937", self._path, "its runs are not of this campaign", hint)
         if not self._resumes and 0 < len(self.rows) < len(wanted):
             story = f"it has {len(self.rows)} of the {len(wanted)} runs of this campaign"
-            hint = "go on with --resume, or remove the file"
+            hint = "go on with `resume=`, or remove the file"
             raise refusal("K937", self._path, story, hint)
         if not self._resumes:
             self.rows = ()
@@ -263,7 +263,7 @@ def _on_cluster(
         client = engine.Client(address, timeout=_CONNECT_S)
     except (OSError, ValueError) as error:
         story = f"there is no Dask scheduler at {address}: {error}"
-        raise refusal("K935", "--cluster", story, "start one with: dask scheduler") from None
+        raise refusal("K935", "<cluster>", story, "start one with: dask scheduler") from None
     with client:
         futures = client.map(_on_worker, orders, pure=False, retries=0)
         for future in engine.as_completed(futures):

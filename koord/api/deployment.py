@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import secrets
 import time
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from os import PathLike, fspath
 from pathlib import Path
@@ -153,68 +153,69 @@ def deploy_fitted(
     cancellation: Cancellation | None = None,
 ) -> Deployed:
     """As :func:`deploy`, of a run that is prepared. Raises KoordError."""
-    tell = heard_by(progress)
+    deployment = _Deployment(job, fitted.problem, request, heard_by(progress), asker(cancellation))
     try:
-        if request.pid is None:
-            deployed = _all(job, fitted.problem, request, tell, cancellation)
-        else:
-            deployed = _one(job, fitted.problem, request, tell, cancellation)
+        deployed = _all(deployment) if request.pid is None else _one(deployment, request.pid)
     except TransportError as error:
         raise refusal("K933", job.configuration.name, error.message, error.hint or None) from None
     return replace(deployed, warnings=fitted.warnings)
 
 
-def _one(
-    job: Job,
-    problem: Problem,
-    request: DeployRequest,
-    tell: Listener,
-    cancellation: Cancellation | None,
-) -> Deployed:
+class _Deployment(Struct, frozen=True):
+    """A run that is prepared, who hears of it, and who ends it."""
+
+    job: Job
+    problem: Problem
+    request: DeployRequest
+    tell: Listener
+    is_cancelled: Callable[[], bool]
+
+    def recorder(self, stack: ExitStack) -> _Recorder | None:
+        path = self.request.record
+        return None if path is None else _Recorder(path, self.problem, stack)
+
+    def ended(self, statuses: Mapping[int, RobotReport]) -> Deployed:
+        """What robots have said last."""
+        return Deployed.of(self.job, self.problem, statuses, interrupted=self.is_cancelled())
+
+
+def _one(of: _Deployment, pid: int) -> Deployed:
     """One robot, in this process."""
-    pid = request.pid
-    assert pid is not None
+    job, request = of.job, of.request
     if not 0 <= pid < job.robots:
         story = f"there is no robot {pid}"
         hint = f"the pids are 0 to {job.robots - 1}"
         raise refusal("K932", job.configuration.name, story, hint)
     # Nothing is written before it is sure that this robot can talk to the others.
     transport = transport_of(job.configuration, job.run, pid)
-    is_cancelled = asker(cancellation)
     with ExitStack() as stack:
         stack.callback(transport.close)
         job = stack.enter_context(_noting(job, request.state or _STATE))
         journal = job.journal(pid)
         if request.fresh and journal is not None:
             journal.forget()
-        recorder = _recorder(request, problem, stack)
+        recorder = of.recorder(stack)
         runner = Runner(job, pid, transport)
         runner.keeps_moments = recorder is not None
 
         def report(status: RobotReport) -> None:
-            tell(FleetHeard.of({pid: status}, job.rounds))
+            of.tell(FleetHeard.of({pid: status}, job.rounds))
             if recorder is not None:
                 recorder.hear([(status, tuple(runner.moments))], is_sure=True)
                 runner.moments.clear()
 
-        last = runner.run(is_cancelled, report)
+        last = runner.run(of.is_cancelled, report)
         report(last)
-    return Deployed.of(job, problem, {pid: last}, interrupted=is_cancelled())
+    return of.ended({pid: last})
 
 
-def _all(
-    job: Job,
-    problem: Problem,
-    request: DeployRequest,
-    tell: Listener,
-    cancellation: Cancellation | None,
-) -> Deployed:
+def _all(of: _Deployment) -> Deployed:
     """All robots, each in a process."""
-    is_cancelled, is_stopping = asker(cancellation), False
+    job, request, tell, is_stopping = of.job, of.request, of.tell, False
     with ExitStack() as stack:
         if request.state is not None:
             job = stack.enter_context(_noting(job, request.state, of=range(job.robots)))
-        recorder = _recorder(request, problem, stack)
+        recorder = of.recorder(stack)
         plan = local_plan(job.configuration, job.robots)
         fleet = launched(Launch(job, plan, keeps_moments=recorder is not None))
         stack.callback(fleet.join)
@@ -228,15 +229,11 @@ def _all(
                 heard = fleet.statuses.keys() | set(fleet.died)
                 recorder.hear(news, is_sure=len(heard) == job.robots or fleet.is_over)
             tell(FleetHeard.of(fleet.statuses, job.rounds))
-            if is_cancelled() and not is_stopping:
+            if of.is_cancelled() and not is_stopping:
                 is_stopping = True
                 fleet.stop()
         tell(FleetHeard.of(fleet.statuses, job.rounds))
-    return Deployed.of(job, problem, fleet.statuses, interrupted=is_cancelled())
-
-
-def _recorder(request: DeployRequest, problem: Problem, stack: ExitStack) -> _Recorder | None:
-    return None if request.record is None else _Recorder(request.record, problem, stack)
+    return of.ended(fleet.statuses)
 
 
 @contextmanager

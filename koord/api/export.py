@@ -151,7 +151,7 @@ def _check_names(wanted: Wanted) -> None:
     of_runs = [claim.name for claim in liveness_of(wanted.system)]
     check_names(names, [*stated, *of_runs])
     if names and not set(names) & set(stated):
-        about = f"{names[0]!r} is about whole runs, which --export leaves out"
+        about = f"{names[0]!r} is about whole runs, which exports leave out"
         raise ArgumentError("properties", about)
 
 
@@ -214,7 +214,7 @@ def _with_others(error: KoordError, wanted: Wanted) -> KoordError:
             unclear = unclear or takes is None
     if not taken and unclear:
         return error
-    *several, last = [f"`--export {form}`" for form in taken] or [""]
+    *several, last = [f"`form='{form}'`" for form in taken] or [""]
     others = f"{', '.join(several)} and {last} take" if several else f"{last} takes"
     cure = f"{others} this program as it is" if last else "no other export takes this program"
     return KoordError(

@@ -29,7 +29,7 @@ def fairness_of(
     found: Counterexample,
     left_s: float | None,
 ) -> Fair | None:
-    """What is to be said of a counterexample; None if it ends. ``left_s``: as in ``--timeout``."""
+    """What is to be said of a counterexample; None if it ends. ``left_s``: the seconds left."""
     stated = verdict.claim.stated
     if found.recording.loop is None or stated is None:
         return None

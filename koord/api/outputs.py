@@ -240,7 +240,9 @@ def _served(
         server = Live(recording)
     except OSError as error:
         story = f"the page cannot be served on this machine: {error.strerror}"
-        raise refusal("K933", "--live", story, "leave out --live: run.html shows the run") from None
+        raise refusal(
+            "K933", "<live>", story, "leave out `live=`: run.html shows the run"
+        ) from None
     with server as live:
         tell(PageServed(f"live: {live.address}", address=live.address))
         yield pace

@@ -185,5 +185,5 @@ def no_program(name: str) -> Diagnostic:
         Severity.ERROR,
         whole_file(name),
         "there is no program in this file, only properties",
-        "name a program, and this file behind --with",
+        "name a program, and this file behind `properties=`",
     )

@@ -194,7 +194,7 @@ def _of_another(diagnostic: Diagnostic, program: Source) -> Diagnostic:
     """What looks damaged may be right for the program that the trace was made with."""
     if diagnostic.code != "K913":
         return diagnostic
-    hint = f"the trace may be of another program than {program.name}: leave out --program"
+    hint = f"the trace may be of another program than {program.name}: leave out `program=`"
     return replace(diagnostic, code="K914", hint=hint)
 
 

@@ -176,14 +176,15 @@ def engine_of(engine: Engine | str, *, every_n: bool) -> Engine:
         known = ", ".join(each.value for each in Engine)
         raise ArgumentError("engine", f"there is no {engine!r}; there are {known}") from None
     if every_n and found is not Engine.AUTO:
-        raise ArgumentError("robots", "any number has an engine of its own: leave the engine out")
+        raise ArgumentError("robots", "any number has an engine of its own: leave out `engine=`")
     if found is Engine.ABC:
         from koord.verify.engines.bits.abc import installed
 
         if installed() is None:
             raise ArgumentError(
                 "engine",
-                "abc: there is no abc here (Debian: apt-get install berkeley-abc); bits needs none",
+                "abc: there is no abc here (Debian: apt-get install berkeley-abc); "
+                "`engine='bits'` needs none",
             )
     return found
 

@@ -5,11 +5,10 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+from typing import TYPE_CHECKING
 
 from koord.api.programs import Program
 from koord.api.progress import Progress
-from koord.api.protocol_check import ProtocolCheck, check_protocol
-from koord.api.refine_simulated import SimulatedRuns, judge_simulated
 from koord.api.refinement import (
     NETWORKS,
     Refinement,
@@ -36,9 +35,15 @@ from koord.cli.progress import Interruption, LiveLine
 from koord.cli.terminal import Paint, style_of, visible
 from koord.syntax.diagnostics import KoordError
 
+if TYPE_CHECKING:
+    from koord.api.protocol_check import ProtocolCheck
+    from koord.api.refine_simulated import SimulatedRuns
+
 
 def check_protocol_alone(arguments: argparse.Namespace) -> int:
     """Check, tell, and return the exit code."""
+    from koord.api.protocol_check import check_protocol
+
     checked = check_protocol(runs=arguments.runs, seed=arguments.seed, faults=arguments.faults)
     if arguments.json:
         sys.stdout.write(checked.to_json() + "\n")
@@ -70,8 +75,10 @@ def _show_protocol(checked: ProtocolCheck, network: str) -> None:
 def check_worlds(arguments: argparse.Namespace) -> int:
     """Simulate programs, judge their runs, tell of them, and return the exit code.
 
-    Raises KoordError.
+    Raises KoordError, also where no world can be simulated for want of libraries.
     """
+    from koord.api.refine_simulated import judge_simulated
+
     totals: list[SimulatedRuns] = []
     with Interruption() as interruption, LiveLine(sys.stderr) as line:
         for file in arguments.files:

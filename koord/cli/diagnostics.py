@@ -10,6 +10,7 @@ The JSON is described by ``koord/api/schemas/diagnostics.schema.json``.
 
 from __future__ import annotations
 
+import re
 import sys
 from collections.abc import Iterable, Iterator, Mapping
 from typing import TextIO
@@ -21,6 +22,20 @@ from koord.api.results import diagnostics_dict
 from koord.cli.terminal import PLAIN, Paint, Style, cells, style_of, visible
 from koord.syntax.diagnostics import Diagnostic, KoordError, Note, Severity
 from koord.syntax.source import NOWHERE, Source, Span, is_whole_file
+
+#: The flags for the arguments of the public API that messages name.
+_FLAGS = {
+    "cluster": "--cluster",
+    "engine": "--engine",
+    "form": "--export",
+    "live": "--live",
+    "numbers": "--numbers",
+    "params": "--set",
+    "program": "--program",
+    "properties": "--with",
+    "resume": "--resume",
+}
+_ARGUMENT = re.compile(rf"`({'|'.join(_FLAGS)})=(?:'(\w+)')?`")
 
 #: What stands for the part of a line that was cut away.
 CUT = "..."
@@ -125,6 +140,25 @@ def _walk_on(line: str, left: int, room: int) -> int:
     return position
 
 
+def in_flags(message: str) -> str:
+    """A message, with flags for the arguments of the public API that it names: `live=`."""
+    return _ARGUMENT.sub(
+        lambda found: f"`{_FLAGS[found[1]]} {found[2]}`" if found[2] else _FLAGS[found[1]], message
+    )
+
+
+def _for_terminal(diagnostic: Diagnostic) -> Diagnostic:
+    """A diagnostic of the public API, in the words of the command line."""
+    span, hint = diagnostic.span, diagnostic.hint
+    file = _FLAGS.get(span.file[1:-1], span.file) if span.file.startswith("<") else span.file
+    return replace(
+        diagnostic,
+        span=replace(span, file=file),
+        message=in_flags(diagnostic.message),
+        hint=None if hint is None else in_flags(hint),
+    )
+
+
 class DiagnosticReport(Struct):
     """The diagnostics of a run, gathered file by file, and the texts they point into."""
 
@@ -136,7 +170,7 @@ class DiagnosticReport(Struct):
         """Add what was found in some sources, in the order of their text; repeats are dropped."""
         self.sources.update((source.name, source) for source in sources)
         known = set(self.diagnostics)
-        for diagnostic in _in_order(diagnostics):
+        for diagnostic in map(_for_terminal, _in_order(diagnostics)):
             if self.strict:
                 diagnostic = replace(diagnostic, severity=Severity.ERROR)
             if diagnostic not in known:

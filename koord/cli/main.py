@@ -236,13 +236,13 @@ def _run_command(argv: Sequence[str]) -> int:
     module.configure(own)
     arguments = own.parse_args(argv[at + 1 :])
     from koord.api.results import ArgumentError
-    from koord.cli.diagnostics import report_error
+    from koord.cli.diagnostics import in_flags, report_error
     from koord.syntax.diagnostics import KoordError
 
     try:
         return module.main(arguments)
     except ArgumentError as error:
-        own.error(f"--{_FLAGS.get(error.argument, error.argument)}: {error.message}")
+        own.error(f"--{_FLAGS.get(error.argument, error.argument)}: {in_flags(error.message)}")
     except KoordError as error:
         report_error(error, as_json=getattr(arguments, "json", False))
         return Exit.BAD_INPUT

@@ -10,7 +10,6 @@ from typing import ClassVar
 
 from msgspec import field
 
-from koord.api.results import ArgumentError
 from koord.api.robots import FleetSize
 from koord.api.verify import Engine, Options, engine_of
 from koord.cli.files import DASH, check_writable
@@ -90,10 +89,7 @@ def request_of(arguments: argparse.Namespace) -> Request:
         check_writable(request.found, read)
     if request.rests_on and len(request.fleets) > 1:
         raise argparse.ArgumentTypeError("--rests-on takes one number of robots at a time")
-    try:
-        engine_of(request.engine, every_n=request.fleets[0].any_number)
-    except ArgumentError as error:
-        raise argparse.ArgumentTypeError(_in_flags(error)) from None
+    engine_of(request.engine, every_n=request.fleets[0].any_number)
     return request
 
 
@@ -118,14 +114,6 @@ def _request(arguments: argparse.Namespace) -> Request:
         explain=arguments.explain,
         as_json=arguments.json,
     )
-
-
-def _in_flags(error: ArgumentError) -> str:
-    """What is wrong with the engine, in the words of the command line."""
-    if error.argument == "robots":
-        return "--robots any has an engine of its own: leave --engine out"
-    cure = error.message.replace("bits needs none", "--engine bits needs none")
-    return f"--{error.argument} {cure}"
 
 
 def _check_plot(files: Sequence[str], request: Request, read: Sequence[str]) -> None:

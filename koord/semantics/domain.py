@@ -34,7 +34,7 @@ class NumberTooLongError(KoordError):
         self.names = names
         whose = f"an exact number in {', '.join(names)}" if names else "an exact number"
         message = f"{whose} has grown to more than {LONGEST_NUMBER_BITS} bits"
-        hint = "take fewer rounds; a run can use --numbers double"
+        hint = "take fewer rounds; a run can use `numbers='double'`"
         place = place or Span("koord", 0, 0, 0, 0)
         super().__init__((Diagnostic("K923", Severity.ERROR, place, message, hint),))
 

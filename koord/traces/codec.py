@@ -212,7 +212,7 @@ def load_embedded(sources: Sources) -> core.Program:
                 "K916",
                 sources.program.name,
                 "the program in the trace has errors",
-                "the language may have changed since; name a working program behind --program",
+                "the language may have changed since; name a working program behind `program=`",
             ).diagnostics,
             *errors,
         )

@@ -14,7 +14,7 @@ from koord.syntax.source import Span
 
 #: What every refusal of a damaged file advises, unless something better is known.
 WRITE_ANEW = "the file was changed or damaged; write the trace anew"
-_HINTS = {"K915": "undo the change, or name the program behind --program"}
+_HINTS = {"K915": "undo the change, or name the program behind `program=`"}
 
 F = TypeVar("F", bound=Struct)
 

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import ast
 import json
+import re
 from fractions import Fraction
 from pathlib import Path
 
@@ -9,6 +10,9 @@ import pytest
 from jsonschema import Draft202012Validator
 
 import koord
+from koord.cli.diagnostics import in_flags
+from koord.cli.exits import Exit
+from koord.cli.main import main
 from koord.syntax.literals import ParamValue
 
 SMALL = """\
@@ -101,3 +105,34 @@ def test_every_public_name_can_be_had_and_is_known_to_type_checkers() -> None:
     assert shown == {(module, name) for module, names in koord._HOMES.items() for name in names}
     with pytest.raises(AttributeError, match="no attribute 'nothing'"):
         koord.nothing  # noqa: B018
+
+
+def test_messages_name_arguments_and_on_a_terminal_flags(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    only = tmp_path / "more.krd"
+    only.write_text("invariant More: true\n")
+    with pytest.raises(koord.KoordError, match="K904") as raised:
+        koord.load(only)
+    assert "this file behind `properties=`" in str(raised.value.diagnostics[0].hint)
+    assert main(["verify", str(only)]) == Exit.BAD_INPUT
+    assert "this file behind --with" in capsys.readouterr().err
+    with pytest.raises(koord.KoordError, match=r"<params>:.*K236"):
+        koord.load(koord.Source("counter.krd", SMALL), params={"mots": 3})
+    with pytest.raises(koord.ArgumentError, match="leave out `engine=`"):
+        koord.verify(koord.Source("counter.krd", SMALL), robots="any", engine="bits")
+
+
+def test_nothing_that_is_raised_speaks_of_flags() -> None:
+    """But for documents, and for a command that makes a run again."""
+    assert in_flags("`form='smt2'` or `engine=`, not `x='y'`") == (
+        "`--export smt2` or --engine, not `x='y'`"
+    )
+    for path in sorted(Path(koord.__path__[0], "api").glob("*.py")):
+        if path.stem in ("forms", "documents", "refinement"):
+            continue
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        statements = [node.value for node in ast.walk(tree) if isinstance(node, ast.Expr)]
+        constants = [node for node in ast.walk(tree) if isinstance(node, ast.Constant)]
+        said = [str(node.value) for node in constants if node not in statements]
+        assert [text for text in said if re.search(r"--[a-z]", text)] == [], path

@@ -117,7 +117,7 @@ def test_properties_are_there_or_refused(capsys: pytest.CaptureFixture[str]) -> 
     assert "there is no 'Nobody'; there are Best, " in said
     code, said = told(capsys, path, "smt2", "--property", "Decided")
     assert code == Exit.BAD_INPUT
-    assert "'Decided' is about whole runs, which --export leaves out" in said
+    assert "'Decided' is about whole runs, which exports leave out" in said
     code, said = told(capsys, path, "smt2")
     assert (code, said) == (
         Exit.OK,

@@ -6,8 +6,9 @@ import json
 import os
 import subprocess
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from fractions import Fraction
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -383,10 +384,7 @@ def test_a_program_is_verified_again_when_it_is_saved(
         else:
             path.write_text(text, encoding="utf-8")
 
-    def watched(paths: Sequence[str], work: Callable[[], int]) -> int:
-        return verify.watched(paths, work, pause=edit)
-
-    monkeypatch.setattr(verify, "watched", watched)
+    monkeypatch.setattr(verify, "watched", partial(verify.watched, pause=edit))
     assert frame.main(["verify", race, "--rounds", "3", "--watch"]) == Exit.VACUOUS
     streams = capsys.readouterr()
     outcomes = [line.split(":")[0] for line in streams.out.splitlines() if " claims, " in line]

@@ -112,7 +112,7 @@ def declare_params(session: Elaboration, decls: list[ast.VarDecl]) -> tuple[core
             own = None if written is None else plain(written)
             used.append(core.Parameter(decl.name.name, plain(value), own))
     for name in session.settings.params:
-        place = session.settings.places.get(name) or whole_file("--set")
+        place = session.settings.places.get(name) or whole_file("<params>")
         if name in FLAGS:
             session.findings.error(
                 "K236",
