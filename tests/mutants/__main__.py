@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 
 from tests.mutants.catalogue import MUTANTS
+from tests.mutants.caught import keep
 from tests.mutants.harness import tried
 
 
@@ -16,6 +17,8 @@ def main(names: list[str]) -> int:
             continue
         outcome = tried(mutant)
         survivors += not outcome.caught_by
+        if "::" in outcome.caught_by:
+            keep(mutant.name, outcome.caught_by)
         test = outcome.caught_by.rpartition("::")[2] or outcome.caught_by or "SURVIVED"
         print(f"{mutant.name:52} {outcome.seconds:5.1f} s  {test}", flush=True)
     return survivors

@@ -10,6 +10,9 @@ import time
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+from msgspec.structs import replace
+
+from tests.mutants.caught import caught
 from tests.mutants.mutant import ROOT, VARIABLE, Mutant
 
 #: Which tests are run, one after the other until one fails, and for how long: a mutant may send
@@ -17,7 +20,7 @@ from tests.mutants.mutant import ROOT, VARIABLE, Mutant
 RUNS = (("not slow", 300), ("slow or generated", 3600))
 
 #: pytest's exit codes: all passed, some failed, none is so marked. Others are mistakes of ours.
-PASSED, FAILED, NONE = 0, 1, 5
+PASSED, FAILED, UNKNOWN_TEST, NONE = 0, 1, 4, 5
 
 _FAILURE = re.compile(r"^(?:FAILED|ERROR) (\S+)", re.MULTILINE)
 
@@ -32,10 +35,21 @@ class Outcome:
 
 
 def tried(mutant: Mutant) -> Outcome:
-    """Run a mutant's tests with the mistake in place, the slow ones if no other notices it."""
+    """Run a mutant's tests with the mistake in place: the one that noticed it last, then all.
+
+    The slow ones are run if no other notices it.
+    """
     started = time.monotonic()
-    caught = next(filter(None, (_caught_by(mutant, *run) for run in RUNS)), "")
-    return Outcome(mutant, caught, time.monotonic() - started)
+    known = caught().get(mutant.name)
+    if known is not None and (again := known_to(replace(mutant, tests=(known,)))):
+        return Outcome(mutant, again, time.monotonic() - started)
+    found = next(filter(None, (_caught_by(mutant, *run) for run in RUNS)), "")
+    return Outcome(mutant, found, time.monotonic() - started)
+
+
+def known_to(mutant: Mutant) -> str:
+    """The test of a mutant that notices it, be it slow; empty if none does."""
+    return _caught_by(mutant, "slow or not slow", RUNS[0][1])
 
 
 def _caught_by(mutant: Mutant, marks: str, timeout_s: int) -> str:
@@ -43,6 +57,8 @@ def _caught_by(mutant: Mutant, marks: str, timeout_s: int) -> str:
         done = _pytest(mutant.tests, mutant.name, marks, timeout_s)
     except subprocess.TimeoutExpired:
         return "no end" if "not slow" in marks else ""
+    if done.returncode == UNKNOWN_TEST and "not found" in done.stderr:
+        return ""
     if done.returncode not in (PASSED, FAILED, NONE):
         raise RuntimeError(f"{mutant.name}: {done.stdout}{done.stderr}")
     found = _FAILURE.search(done.stdout)

@@ -11,8 +11,9 @@ import pytest
 from msgspec.structs import replace
 
 from tests.mutants.catalogue import MUTANTS
-from tests.mutants.harness import tried, untouched
-from tests.mutants.mutant import Mutant
+from tests.mutants.caught import caught
+from tests.mutants.harness import known_to, tried, untouched
+from tests.mutants.mutant import ROOT, Mutant
 from tests.mutants.patterns import unbound_names
 from tests.mutants.quick import QUICK
 from tests.sampling import but_slow
@@ -40,7 +41,14 @@ def test_every_mistake_can_be_made(mutant: Mutant) -> None:
 
 @pytest.mark.parametrize("name", but_slow(sorted(QUICK)[::2], sorted(QUICK)))
 def test_some_mistakes_are_caught_by_the_test_for_them(name: str) -> None:
-    assert tried(replace(BY_NAME[name], tests=(QUICK[name],))).caught_by, f"not noticed: {name}"
+    assert known_to(replace(BY_NAME[name], tests=(caught()[name],))), f"not noticed: {name}"
+
+
+def test_what_noticed_a_mistake_is_a_test_that_there_is() -> None:
+    for name, test in caught().items():
+        assert name in BY_NAME
+        file, _, function = test.partition("[")[0].partition("::")
+        assert f"def {function}(" in (ROOT / file).read_text("utf-8"), test
 
 
 def test_those_are_of_all_kinds() -> None:
