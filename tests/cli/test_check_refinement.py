@@ -45,6 +45,14 @@ def _wrong(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(running, "compiled", wrongly)
 
 
+@pytest.fixture
+def _hang_ups_count() -> Iterator[None]:
+    """The tests may run under nohup, where hang-ups are ignored."""
+    before = signal.signal(signal.SIGHUP, signal.SIG_DFL)
+    yield
+    signal.signal(signal.SIGHUP, before)
+
+
 def koord(*arguments: str) -> int:
     return frame.main(["check-refinement", *arguments])
 
@@ -142,7 +150,7 @@ def test_what_is_found_is_kept_before_it_is_made_smaller(tmp_path: Path) -> None
     assert frame.main(["replay", str(kept)]) == Exit.VIOLATED
 
 
-@pytest.mark.usefixtures("_wrong")
+@pytest.mark.usefixtures("_wrong", "_hang_ups_count")
 @pytest.mark.parametrize(
     ("number", "code"),
     [

@@ -25,7 +25,7 @@ EXAMPLES = Path(__file__).parents[2] / "specs" / "examples"
 
 #: Runs the command line, and ends itself by a signal when something was called so many times.
 ENDED = """
-import os, sys
+import os, signal, sys
 import koord.api.growing as growing
 import koord.cli.run as run
 from koord.cli.progress import LiveLine
@@ -46,6 +46,7 @@ def counted(holder, name, most, number):
     setattr(holder, name, done)
 
 if __name__ == "__main__":
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)  # the tests may run under nohup
     growing.PERIOD_S = run._PERIOD_S = 0.0
     what, most, number = sys.argv[1], int(sys.argv[2]), int(sys.argv[3])
     holders = {"page": (PartPage, "grow"), "record": (RecordFile, "flush")}
