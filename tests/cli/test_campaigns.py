@@ -132,7 +132,7 @@ def test_a_cluster_does_what_one_process_does(capsys: pytest.CaptureFixture[str]
 
 #: Runs the command line, and ends itself by a signal once so many runs are in the file.
 ENDED = """
-import os, sys
+import os, signal, sys
 from koord.api.campaign_runs import RunFile
 from koord.cli.main import main
 
@@ -143,6 +143,7 @@ def adding(self, row, add=RunFile.add):
         os.kill(os.getpid(), int(sys.argv[2]))
 
 if __name__ == "__main__":
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)  # the tests may run under nohup
     adding.left = int(sys.argv[1])
     RunFile.add = adding
     sys.exit(main(sys.argv[3:]))
