@@ -32,7 +32,7 @@ AFTERWARDS_S = 10.0
 
 
 class BoundedCheck:
-    """The bounded check of one system, which goes on from where it stopped.
+    """The bounded check of one system, resumable from where it stopped.
 
     ``completed`` is the last round through which all claims that are still open hold (None: not
     even INIT is known to satisfy them), and ``covered`` the last one through which they do for
@@ -63,7 +63,7 @@ class BoundedCheck:
         deadline: Deadline,
         effort: Effort | None = None,
     ) -> dict[Claim, Verdict]:
-        """The claims that are violated within ``rounds`` rounds, each in the first possible one.
+        """Find the claims that are violated within ``rounds`` rounds, each in its first one.
 
         ``proved`` are taken for granted. Claims that are not in the answer hold through round
         ``completed``; that is less than ``rounds`` if the deadline passed or the solver gave up,
@@ -108,12 +108,12 @@ class BoundedCheck:
 
     @property
     def seconds(self) -> float:
-        """Since the check began."""
+        """The seconds since the check began."""
         return time.monotonic() - self._started
 
     @property
     def limits(self) -> list[str]:
-        """What the unrolling does not cover."""
+        """Descriptions of the values that the unrolling does not cover."""
         return self._unrolling.unknowns.uncovered
 
     def _take_for_granted(self, moment: SymbolicConfiguration, proved: Sequence[Claim]) -> None:
@@ -170,7 +170,7 @@ def _look(
 
 
 class Unroller(Struct):
-    """Bounded model checking, which goes on from where it stopped."""
+    """The bounded model checking engine, resumable from where it stopped."""
 
     bounded: BoundedCheck | None = None
     relying: bool = True  #: takes for granted what is proved
@@ -194,12 +194,12 @@ class Unroller(Struct):
 
     @property
     def suspected(self) -> int | None:
-        """The last round with a candidate violation that was none; None without one."""
+        """The last round with a candidate violation that did not replay; None without one."""
         completed = self.bounded.unreplayed.values() if self.bounded is not None else ()
         return max((0 if last is None else last + 1 for _, last in completed), default=None)
 
     def through(self, ledger: Ledger, rounds: int, effort: Effort | None = None) -> None:
-        """Settle what is violated within so many rounds, as far as the effort goes."""
+        """Settle the claims that are violated within so many rounds, as far as the effort goes."""
         bounded = self.of(ledger)
         try:
             self._through(bounded, ledger, rounds, effort)

@@ -1,4 +1,4 @@
-"""Certificates: what a proof for all rounds consists of, for others to check.
+"""Certificates: proofs for all rounds, in a form that others can check.
 
 The claims and the invariant are Koord; the obligations are SMT-LIB 2, as the encoding here has
 them. ``koord recheck`` makes obligations of its own: it does not rely on these
@@ -46,7 +46,7 @@ _MOMENTS = {
 
 
 class Texts(Struct, frozen=True):
-    """What a program was read from."""
+    """The texts that a program was read from, and its settings."""
 
     program: Source
     properties: tuple[Source, ...]
@@ -54,14 +54,14 @@ class Texts(Struct, frozen=True):
 
 
 class Lemma(Struct, frozen=True):
-    """A statement in Koord that was found; ``everyone``: for every number of robots."""
+    """A lemma in Koord, found by an engine; ``everyone``: it holds for every number of robots."""
 
     text: str
     everyone: bool
 
 
 class ProvedClaims(Struct, frozen=True):
-    """Names of claims that hold in all rounds, whoever found that out, with what helps to show it.
+    """Names of the claims that hold in all rounds, by whichever engine, with lemmas that show it.
 
     ``everyone`` are those of them that hold for every number of robots. ``beyond`` are claims that
     hold and that no certificate is about, each with the reason.
@@ -79,7 +79,7 @@ _OF_RUNS = "it is about whole runs, and a certificate is about configurations"
 
 
 def shown_by(report: Report) -> ProvedClaims:
-    """What a verification has shown of all rounds."""
+    """The claims that a verification has shown for all rounds, with lemmas."""
     settled = [v for v in report.verdicts if v.outcome is Outcome.HOLDS and v.rounds is None]
     holding = [v for v in settled if v.claim.kind is not ClaimKind.LIVENESS]
     lemmas = (Lemma(text, v.engine is Engine.EVERY_N) for v in holding for text in v.lemmas)
@@ -97,7 +97,7 @@ def shown_by(report: Report) -> ProvedClaims:
 
 
 class Certificate(Struct, frozen=True):
-    """A document to be written as JSON, and why some claims are not in it although they hold."""
+    """A certificate as JSON, and the reasons why claims that hold are missing from it."""
 
     document: dict[str, object]
     not_covered: Mapping[str, str]
@@ -106,7 +106,7 @@ class Certificate(Struct, frozen=True):
 def certificate(
     system: System, texts: Texts, shown: ProvedClaims, deadline: Deadline, version: str
 ) -> Certificate | None:
-    """The certificate of those claims that are inductive together; None if there are none."""
+    """Make the certificate of those claims that are inductive together; None if there are none."""
     system, subject, found, depths = _argument(system, texts, shown, deadline)
     if set(shown.holding) - {claim.name for claim in depths}:
         helped = _with_lemmas(system, shown, depths, deadline)
@@ -164,7 +164,7 @@ def certificate(
 def _argument(
     system: System, texts: Texts, shown: ProvedClaims, deadline: Deadline
 ) -> tuple[System, System, list[tuple[str, Source]], dict[Claim, int]]:
-    """The system with what was found, what the proof is about, and over how many rounds it goes."""
+    """The system with its lemmas, the claims of the proof, and the depth of the induction."""
     found = _found(shown.lemmas)
     if found:
         system = replace(system, program=_with_found(texts, found))
@@ -176,7 +176,7 @@ def _argument(
 def _with_lemmas(
     system: System, shown: ProvedClaims, inductive: Mapping[Claim, int], deadline: Deadline
 ) -> ProvedClaims | None:
-    """The same with invariants that make more claims inductive, if some are found.
+    """Add invariants that make more claims inductive, if some are found.
 
     A search needs none to settle a claim, and a certificate does.
     """
@@ -200,7 +200,7 @@ def _with_lemmas(
 
 
 def _found(lemmas: Sequence[Lemma]) -> list[tuple[str, Source]]:
-    """Statements that were found, each with a name, as an invariant in Koord."""
+    """Turn lemmas, each with a name, into invariants in Koord."""
     return [
         (f"Found{k}", Source(f"found invariant {k}", f"{as_invariant(f'Found{k}', lemma.text)}\n"))
         for k, lemma in enumerate(lemmas, start=1)
@@ -231,7 +231,7 @@ def digest(text: str) -> str:
 def _inductive(
     system: System, names: Set[str], deadline: Deadline
 ) -> tuple[System, dict[Claim, int]]:
-    """The claims that induction alone shows, each with the number of rounds that takes."""
+    """The claims that induction alone shows, each with the number of rounds it takes."""
     best: tuple[System, dict[Claim, int]] = (system, {})
     for subject in _subjects(system):
         claims = [claim for claim in claims_of(subject) if claim.name in names]
@@ -268,7 +268,7 @@ def _invariant(
     depth_of: Mapping[str, int],
     everyone: Set[str],
 ) -> Iterator[dict[str, object]]:
-    """The conjuncts as they are written in the program and its files of properties, or found."""
+    """The conjuncts of the invariant as texts: from the program, its property files, or lemmas."""
     kinds = (PropertyKind.INVARIANT, PropertyKind.AT_ROUND)
     names = [p.name for p in program.properties if p.kind in kinds]
     sections = [
@@ -305,7 +305,7 @@ def rests_on(program: core.Program) -> dict[str, list[str]]:
 
 
 def _obligations(system: System, depths: Mapping[Claim, int]) -> Iterator[tuple[str, str]]:
-    """Names and scripts: each is to be unsatisfiable."""
+    """The proof obligations: names and SMT-LIB scripts, each to be unsatisfiable."""
     for depth in sorted(set(depths.values())):
         assumed = [claim for claim, d in depths.items() if d <= depth]
         asked = [claim for claim, d in depths.items() if d == depth]
@@ -318,7 +318,7 @@ def _obligations(system: System, depths: Mapping[Claim, int]) -> Iterator[tuple[
 def _base(
     system: System, asked: Sequence[Claim], depth: int, over: str
 ) -> Iterator[tuple[str, str]]:
-    """INIT, and the rounds before the first one that the step is about."""
+    """The base case: INIT, and the rounds before the first one that the step is about."""
     unrolling = Unrolling(system)
     d, solver, number = unrolling.encoder.d, unrolling.solver, 0
     for moment in unrolling.moments():

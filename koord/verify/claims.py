@@ -1,4 +1,4 @@
-"""What is to be shown of a system: the program's properties, and what is asked of every program."""
+"""Claims: the proof goals of a system, from its properties and from the rules for every program."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ V = TypeVar("V")
 
 
 class ClaimKind(Enum):
-    """Why something is claimed."""
+    """The kinds of claims, by their origin."""
 
     PROPERTY = "property"  #: the program says so
     FAULT = "fault"  #: no program may fault
@@ -50,7 +50,7 @@ def rule_of(claim: Claim) -> str:
 
 
 class ClaimPhase(Enum):
-    """The configurations of a run that are looked at. [T-PREFIX]"""
+    """The points of a run at which configurations are checked. [T-PREFIX]"""
 
     INIT = "after INIT"
     INSIDE = "inside a round"  #: robots that run no event have not moved yet
@@ -59,7 +59,7 @@ class ClaimPhase(Enum):
 
 
 class Claim(Struct, frozen=True):
-    """One claim. ``subject`` names the variable of a lost update, or the contract.
+    """A claim. ``subject`` names the variable of a lost update, or the contract.
 
     ``reads_ports`` says whether the environment's turn can change what is claimed.
     """
@@ -72,11 +72,13 @@ class Claim(Struct, frozen=True):
 
     @property
     def is_state_property(self) -> bool:
-        """Whether the claim speaks of configurations, so that it may be assumed of one."""
+        """Return whether the claim is about single configurations, so that one may assume it."""
         return self.kind is ClaimKind.PROPERTY
 
     def looked_at(self, phase: ClaimPhase) -> bool:
-        """Whether the claim is about configurations of this phase. [PROP-INVARIANT] [PROP-ROUND]"""
+        """Return whether the claim is about configurations of a phase.
+        [PROP-INVARIANT] [PROP-ROUND]
+        """
         match self.kind:
             case ClaimKind.PROPERTY:
                 assert self.stated is not None
@@ -99,7 +101,7 @@ NO_FAULT = Claim("no fault", ClaimKind.FAULT)
 
 
 def claims_of(system: System) -> tuple[Claim, ...]:
-    """Every claim about the configurations of a system, in the order in which they are reported.
+    """Every safety claim of a system, in the order in which they are reported.
 
     What is claimed of whole runs is not among them: see ``liveness_of``.
     """
@@ -126,7 +128,7 @@ def claims_of(system: System) -> tuple[Claim, ...]:
 
 
 def reads_ports(program: core.Program, condition: core.Expr) -> bool:
-    """Whether a statement may read a port, by itself or in a function."""
+    """Return whether a statement may read a port, itself or in a function that it calls."""
     bodies = tuple(function.body for function in program.functions)
     return any(
         isinstance(node, core.Variable) and node.home is Home.PORT
@@ -135,13 +137,13 @@ def reads_ports(program: core.Program, condition: core.Expr) -> bool:
 
 
 def liveness_of(system: System) -> tuple[Claim, ...]:
-    """The claims that are about whole runs."""
+    """The liveness claims of a system."""
     live = (p for p in system.program.properties if p.kind in LIVENESS)
     return tuple(Claim(p.name, ClaimKind.LIVENESS, p) for p in live)
 
 
 class StepFindings(Struct, Generic[V], frozen=True):
-    """What a step found out besides the configuration it leads to."""
+    """The findings of a symbolic step: fault, lost updates, and contracts to be proved."""
 
     fault: V
     lost_updates: tuple[tuple[V, str], ...] = ()
@@ -156,7 +158,7 @@ def broken(
     findings: StepFindings[V],
     inputs: Inputs[V],
 ) -> tuple[V, tuple[Legality[V], ...]]:
-    """Whether a configuration, or the step to it, breaks a claim."""
+    """Return the condition that a configuration, or the step to it, breaks a claim."""
     match claim.kind:
         case ClaimKind.PROPERTY:
             assert claim.stated is not None

@@ -1,4 +1,4 @@
-"""Work on single claims, each on a ledger of its own, in several processes at a time."""
+"""Parallel work on single claims, each on a ledger of its own, in several processes."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from koord.verify.processes import Pool, Progress, can_fork
 
 
 def note_end(ledger: Ledger, claim: Claim, who: str, end: str) -> None:
-    """The process that was to work on a claim is gone."""
+    """Note that the process that worked on a claim has ended."""
     died = ledger.of([claim], ledger.report)
     died.fail(Failure(who, end))
     ledger.take(died.extract([claim]))
@@ -25,7 +25,7 @@ def each_alone(
     work: Callable[[Ledger, Claim], None],
     who: str,
 ) -> None:
-    """Have an engine work on each of some claims, each on a ledger on which it alone is open."""
+    """Run an engine on some claims, each alone on a ledger of its own."""
     if not can_fork() or len(claims) < 2:
         for claim in claims:
             own = ledger.of([claim], ledger.report)

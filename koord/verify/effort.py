@@ -1,4 +1,4 @@
-"""How long work may take: until when, and how much of it, the same on every machine."""
+"""Budgets: deadlines in time, and effort in solver units, which is equal on every machine."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ OVERTIME = 0.2
 
 
 class Deadline(Struct):
-    """A moment after which no question is asked any more; None: never.
+    """A deadline for solver queries; None: never.
 
     ``cpu_at`` is one in the time of this process' own work, which passes no faster where others
     work as well.
@@ -39,7 +39,7 @@ class Deadline(Struct):
         return max(0.0, min(left)) if left else None
 
     def is_near(self) -> bool:
-        """Whether a solver that stops now may have done so because of it."""
+        """Return whether a solver that stops now may have stopped because of the deadline."""
         left = self.left_s()
         return left is not None and left < 0.05
 
@@ -49,7 +49,7 @@ class Deadline(Struct):
 
     @contextmanager
     def sharing(self, part: float) -> Iterator[float | None]:
-        """While this lasts, for all who know of it, a part of what is left is all that is left.
+        """Share the remaining time: within the context, only a part of it is left.
 
         It yields the moment when somebody is to be ended who does not look at the clock.
         """
@@ -65,19 +65,21 @@ class Deadline(Struct):
             self.at = whole
 
     def at_last(self) -> float | None:
-        """When somebody is ended who does not look at the clock, so that others can still tell."""
+        """The time at which to end a process that ignores the deadline, so that others still
+        report.
+        """
         left = self.left_s()
         if self.at is None or left is None:
             return None
         return self.at + max(GRACE_S, GRACE * left) / 2
 
     def sooner(self, seconds: float) -> Deadline:
-        """The one of two moments that comes first: this one, or so many seconds from now."""
+        """The earlier deadline: this one, or a number of seconds from now."""
         soon = time.monotonic() + seconds
         return Deadline(soon if self.at is None else min(self.at, soon), self.cpu_at)
 
     def of_work(self, seconds: float) -> Deadline:
-        """The same moment, or when this process has worked for so many seconds."""
+        """The same deadline, or a number of seconds of this process' own CPU time."""
         soon = time.process_time() + seconds
         return Deadline(self.at, soon if self.cpu_at is None else min(self.cpu_at, soon))
 
@@ -87,7 +89,7 @@ PER_SECOND = 10_000_000
 
 
 class Effort(Struct):
-    """Work that a solver may still do, in its own units: the same on every machine, loaded or not.
+    """The work a solver may still do, in its own units: equal on every machine, loaded or not.
 
     So whether a proof is found does not depend on how fast it is looked for.
     """
@@ -96,9 +98,9 @@ class Effort(Struct):
 
     @staticmethod
     def of_seconds(seconds: float) -> Effort:
-        """About what a solver does in that time."""
+        """The effort that a solver spends in about that time."""
         return Effort(int(seconds * PER_SECOND))
 
     def limit(self, at_most: int) -> int:
-        """What one question may use up: all that is left, or ``at_most`` of it (0: all)."""
+        """The limit of one query: all effort that is left, or ``at_most`` of it (0: all)."""
         return min(self.left, at_most or self.left)

@@ -1,4 +1,4 @@
-"""The engines by name: what may be asked, and what gave a verdict."""
+"""Names of the engines, for requests and verdicts."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from enum import Enum
 
 
 class Engine(Enum):
-    """An engine."""
+    """An engine, by its name."""
 
     EVERY_N = "every N"  #: for every number of robots at once
     INDUCTION = "induction"
@@ -19,7 +19,7 @@ class Engine(Enum):
 
     @property
     def folder(self) -> str:
-        """Where it stands in ``koord/verify/engines``."""
+        """The engine's folder in ``koord/verify/engines``."""
         return _FOLDERS.get(self.value, self.value)
 
 
@@ -28,5 +28,5 @@ _FOLDERS = {"every N": "every_n", "search": "explicit", "spacer": "horn", "abc":
 
 
 def engine_named(name: str) -> Engine:
-    """The engine of that name; NONE for what is none."""
+    """The engine of a name; NONE for an unknown name."""
     return next((engine for engine in Engine if engine.value == name), Engine.NONE)

@@ -1,4 +1,4 @@
-"""What engines run into: it costs their own answers, and nobody else's."""
+"""Failures: exceptions in an engine, which cost its own answers and no others."""
 
 from __future__ import annotations
 
@@ -22,8 +22,7 @@ _STORY = 160
 
 
 class Failure(ByContent, frozen=True):
-    """What an engine ran into: it gave no answer, and the others were asked instead of it; or what
-    something beside the engines ran into.
+    """A failure of an engine, or of other work, which gave no answer.
 
     ``where`` is the place in koord that is to blame; there is none where memory is. ``trace`` is
     how it came there.
@@ -43,7 +42,7 @@ class Failure(ByContent, frozen=True):
 
 
 def failure_of(who: str, error: Exception) -> Failure:
-    """What became of an engine that raised something."""
+    """Make the failure of an engine from its exception."""
     trace = "".join(traceback.format_exception(error))
     story = " ".join(str(error).split())[:_STORY]
     if isinstance(error, MemoryError) or "out of memory" in story:

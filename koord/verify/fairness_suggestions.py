@@ -1,4 +1,4 @@
-"""What a program could expect of its environment so that a lasso is no run of it. [FAIR-ASSUME]
+"""Suggestions of fairness expectations that exclude a lasso. [FAIR-ASSUME]
 
 Each suggestion is a line of Koord that is read together with the program; then the judge of lassos
 is asked whether the run still is fair, and the search whether any run is.
@@ -39,7 +39,7 @@ CHECKING_S = 1.0
 
 
 class SourceTexts(Struct, frozen=True):
-    """What a program is read from."""
+    """The texts that a program is read from."""
 
     source: Source
     settings: Settings
@@ -57,7 +57,7 @@ class Lassoed(Struct, frozen=True):
 
 
 def excluding(text: SourceTexts, lasso: Lassoed, until: float | None = None) -> tuple[str, ...]:
-    """Expectations under which the lasso is not fair, and that some run meets, as Koord.
+    """Suggest expectations, in Koord, that exclude the lasso, and that some fair run meets.
 
     Looked for up to a moment of :func:`time.monotonic`, if one is given.
     """
@@ -72,7 +72,7 @@ def excluding(text: SourceTexts, lasso: Lassoed, until: float | None = None) -> 
 
 
 def _under(text: SourceTexts, lasso: Lassoed, line: str) -> System | None:
-    """The system with the expectation, if that is one, and excludes the lasso by saying more."""
+    """The system with an expectation, or None if that does not exclude the lasso."""
     more = Source("expected.krd", line + "\n")
     program = load(text.source, text.settings, (*text.properties, more)).program
     if program is None:
@@ -91,7 +91,7 @@ def _under(text: SourceTexts, lasso: Lassoed, line: str) -> System | None:
 
 
 def _is_of_others(program: core.Program, stated: core.Property) -> bool:
-    """Whether it is about what happens, and not about what the program makes of it."""
+    """Return whether a statement is about events or ports, not the program's own variables."""
     return any(
         isinstance(node, core.Ran)
         or (isinstance(node, core.Variable) and node.home is core.Home.PORT)
@@ -100,14 +100,14 @@ def _is_of_others(program: core.Program, stated: core.Property) -> bool:
 
 
 def _is_met(system: System, stated: core.Property, until: float | None) -> bool:
-    """Whether some fair run meets all that is expected, as far as a short search can tell."""
+    """Return whether some fair run meets all expectations, as far as a short search can tell."""
     ends = time.monotonic() + CHECKING_S
     limits = Limits(states=HANDFUL, deadline_s=ends if until is None else min(ends, until))
     return not lively(system, (stated,), limits, most_edges=FEW_EDGES).is_empty
 
 
 def _candidates(text: SourceTexts, lasso: Lassoed) -> Iterator[str]:
-    """Lines to try, the likeliest first: what is enabled is run, then what is waited for comes."""
+    """Yield lines to try, the likeliest first: enabled events run, then awaited ones."""
     events = _events(text)
     program = lasso.system.program
     taken = {p.name for p in (*program.properties, *program.expectations)}
@@ -125,7 +125,7 @@ def _candidates(text: SourceTexts, lasso: Lassoed) -> Iterator[str]:
 
 
 def _idle(lasso: Lassoed) -> Iterator[OfEvent]:
-    """What some robot never runs in the loop, each event once: what is enabled at times first."""
+    """Yield the events that some robot never runs in the loop, each once; those enabled first."""
     found: dict[str, OfEvent] = {}
     for of in lasso.why.robots:
         for event in of.events:
@@ -138,7 +138,7 @@ def _idle(lasso: Lassoed) -> Iterator[OfEvent]:
 
 
 def _events(text: SourceTexts) -> dict[str, list[list[ast.Expr]]]:
-    """What the guards of events of each name are made of."""
+    """The conjuncts of the guards of events, by the event's name."""
     found: dict[str, list[list[ast.Expr]]] = {}
     sections = list(parse(text.source).program.sections)
     for section in sections:
@@ -151,7 +151,7 @@ def _events(text: SourceTexts) -> dict[str, list[list[ast.Expr]]]:
 
 
 def _line(name: str, given: Sequence[ast.Expr], goal: str) -> str:
-    """What is given leads to a goal: as it is laid out in programs."""
+    """Print ``given leadsto goal`` as a line of Koord."""
     (made,) = parse(Source(name, f"assume {name}: true leadsto {goal}\n")).program.sections
     assert isinstance(made, ast.LeadsTo)
     if given:

@@ -50,7 +50,7 @@ from koord.verify.verdicts import Bounds, Outcome, Report, Verdict
 
 
 class Unsaid(Struct, frozen=True):
-    """A module whose model does not say what its sensors are between the ends of rounds."""
+    """A module whose model does not define its sensors between the ends of rounds."""
 
     module: str
     reason: str
@@ -58,7 +58,7 @@ class Unsaid(Struct, frozen=True):
 
 
 class Shadowed(Struct, frozen=True):
-    """A system with shadows, and what is to be shown of it.
+    """A system with shadow modules, and the claims about it.
 
     ``unsaid`` says of claims why nobody knows: they are not among those of the system.
     ``failures``: what making the shadows ran into.
@@ -71,7 +71,7 @@ class Shadowed(Struct, frozen=True):
     failures: tuple[Failure, ...] = ()
 
     def unshadowed(self, recording: Recording) -> Recording:
-        """The run of the original that a run of the system with shadows goes along with."""
+        """The run of the original system that a run of the shadowed system projects to."""
         program, kinds = self.original.program, self.original.kinds
         known = {None, *(external.name for external in program.externals)}
         last = last_site(program)
@@ -100,7 +100,7 @@ class Shadowed(Struct, frozen=True):
 
 
 def instant_of(recording: Recording) -> Fraction | None:
-    """The instant that a run with shadows shows, in seconds from the start of each turn."""
+    """The instant in a run with shadows, in seconds from the start of each turn."""
     for round_ in reversed(recording.rounds):
         for answer in round_.answers:
             if answer.function == INSTANT:
@@ -120,7 +120,7 @@ def verified(
     progress: Callable[[str], None] = lambda text: None,
     interrupted: Callable[[], bool] = lambda: False,
 ) -> Report:
-    """Verdicts on what is claimed of instants, as far as its names are ``wanted``.
+    """Decide claims about instants, restricted to the ``wanted`` names.
 
     What the claims rest on in turn, the invariants at the ends of rounds, is shown on the way.
     """
@@ -206,7 +206,7 @@ def _shadowed(system: System, deadline: Deadline, seed: int) -> Shadowed:
 
 
 def _unsaid(system: System, shadows: Shadows, deadline: Deadline, seed: int) -> list[Unsaid]:
-    """The modules with models that say nothing of instants."""
+    """The modules with models that do not define instants."""
     found = []
     for kind, agent in enumerate(system.program.agents):
         originals = {m.name: m for m in shadows.original.agents[kind].modules}
@@ -220,7 +220,7 @@ def _unsaid(system: System, shadows: Shadows, deadline: Deadline, seed: int) -> 
 
 
 def _hides(agent: core.Agent, module: core.Module) -> str:
-    """Why a model cannot be run for a part of its turn, if so."""
+    """The reason why a model cannot be run for a part of its turn; empty if it can."""
     for statement in statements(module.environment or ()):
         for place in written(statement):
             if place.variable.home is not Home.PORT:
@@ -240,7 +240,7 @@ def _jumps(
     deadline: Deadline,
     seed: int,
 ) -> str:
-    """Which number a model may change at once, in no time, if it does.
+    """The number that a model may change in no time (a discontinuity); empty if there is none.
 
     Where it chooses, it may choose nothing (0, or what is nearest to it).
     """
@@ -272,7 +272,7 @@ def _jumps(
 
 
 class _StillOracle(SymbolicOracle):
-    """Answers in a turn that takes no time, and in which nothing happens that need not."""
+    """The oracle of a turn of length zero, which changes nothing unless it has to."""
 
     def choose(self, key: Key, low: Term, high: Term, type_: Type) -> Term:
         d = self.inputs.unknowns.d
@@ -289,7 +289,7 @@ class _StillOracle(SymbolicOracle):
 
 
 class _Still(SymbolicInputs):
-    """Inputs of such a turn."""
+    """The inputs of a turn of length zero."""
 
     def oracle(self, phase: Phase, robot: int) -> Oracle[Term]:
         return _StillOracle(self, phase, robot)

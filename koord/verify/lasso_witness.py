@@ -1,4 +1,4 @@
-"""Lassos as counterexamples: replayed, closed, fair, and against the property. [LASSO]"""
+"""Replay of lassos as counterexamples: closed, fair, and against the property. [LASSO]"""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from koord.verify.witness import NotReplayedError
 
 
 def replayed_lasso(system: System, recording: Recording, claim: Claim) -> Counterexample:
-    """The lasso as a counterexample, after it ran on the exact domain and was found in order.
+    """Replay a lasso on the exact domain, as a counterexample. Raises NotReplayedError.
 
     Raises :class:`NotReplayedError` where it was not.
     """

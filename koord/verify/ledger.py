@@ -1,4 +1,4 @@
-"""What one verification knows so far: the claims that are settled, and how far others were seen.
+"""The ledger of a verification: settled claims, and how far open ones were checked.
 
 Engines work on a ledger and write down each answer as it comes, so that stopping one loses nothing.
 """
@@ -43,7 +43,7 @@ Judge = Callable[[Recording, Claim, ClaimPhase], Counterexample]
 
 
 class VerificationProblem(Struct, frozen=True):
-    """What engines work on, and who replays what they find.
+    """A verification problem: the system, and the judge that replays counterexamples.
 
     ``original`` is the system without opaque values: the same as ``system`` if it has none.
     """
@@ -58,7 +58,7 @@ class VerificationProblem(Struct, frozen=True):
 
 
 class Reach(Struct, frozen=True):
-    """How far an engine saw a claim hold that it did not settle, and why it went no further.
+    """How far an engine checked an open claim: rounds, the reason to stop, and obstacles.
 
     ``rounds`` is the last round through which the claim holds; None: not even INIT is known.
     ``reason`` is empty if it was not asked to go further.
@@ -77,7 +77,7 @@ Interval: TypeAlias = "tuple[float, float]"
 
 
 class Extract(Struct, frozen=True):
-    """What was found out about some claims on a ledger of its own, to be put into another one."""
+    """The results on some claims of one ledger, to be merged into another."""
 
     verdicts: Mapping[Claim, Verdict]
     reaches: Mapping[Claim, Sequence[Reach]]
@@ -88,7 +88,7 @@ class Extract(Struct, frozen=True):
 
 
 class Ledger(Struct):
-    """The state of one verification."""
+    """The state of one verification: verdicts, reaches, budgets and failures."""
 
     problem: VerificationProblem
     bounds: Bounds
@@ -122,7 +122,7 @@ class Ledger(Struct):
         return self.problem.system
 
     def progress(self, text: str) -> None:
-        """Say who is asked what of which claims, and what is known to be violated by now.
+        """Report which engine works on which claims, and the claims violated so far.
 
         Once all that was asked is answered, it says what the rest is for.
         """
@@ -133,13 +133,13 @@ class Ledger(Struct):
         self.say(text)
 
     def say(self, text: str) -> None:
-        """Say what is being done that is about no claim, and what is violated by now."""
+        """Report work that is about no claim, and the claims violated so far."""
         violated = [c.name for c, v in self.verdicts.items() if v.outcome is Outcome.VIOLATED]
         self.report(f"{text}; violated: {', '.join(violated)}" if violated else text)
 
     @contextmanager
     def stopping(self) -> Iterator[None]:
-        """While this lasts, what stops all engines ends it, and the ledger says what it was."""
+        """Within the context, what stops all engines ends it, and the ledger records the reason."""
         try:
             yield
         except NotFiniteError as error:
@@ -159,7 +159,7 @@ class Ledger(Struct):
 
     @contextmanager
     def enduring(self, who: str) -> Iterator[None]:
-        """While this lasts, what an engine runs into ends that engine, and nothing else."""
+        """Within the context, an exception ends that engine only, and the ledger records it."""
         try:
             yield
         except NumberTooLongError as error:
@@ -172,7 +172,7 @@ class Ledger(Struct):
             self.fail(failure_of(who, error))
 
     def fail(self, failure: Failure) -> None:
-        """An engine gives no answer to what is open."""
+        """Record that an engine gives no answer to the open claims."""
         before = self.failures.get(failure, frozenset())
         self.failures[failure] = before.union(self.open())
         self.failed(failure)
@@ -183,11 +183,11 @@ class Ledger(Struct):
 
     @property
     def is_violated(self) -> bool:
-        """Whether some claim is violated: then the outcome of all together is known."""
+        """Return whether some claim is violated, which decides the overall outcome."""
         return any(verdict.outcome is Outcome.VIOLATED for verdict in self.verdicts.values())
 
     def is_of_all_rounds(self, names: Collection[str]) -> bool:
-        """Whether what is named is settled, and holds in every round (no name: all is asked)."""
+        """Return whether all named claims (or all) are settled for every round."""
         asked = [self.verdict(c) for c in self.claims if not names or c.name in names]
         return all(
             v.outcome is Outcome.VIOLATED or (v.outcome is Outcome.HOLDS and v.rounds is None)
@@ -195,29 +195,29 @@ class Ledger(Struct):
         )
 
     def wanting(self) -> list[Claim]:
-        """The open claims that no engine saw hold through as many rounds as asked for."""
+        """The open claims that no engine checked through as many rounds as asked for."""
         return [claim for claim in self.open() if self.verdict(claim).outcome is Outcome.UNKNOWN]
 
     def is_overtime(self) -> bool:
-        """Whether the time is up: nobody waits long once all that was asked is answered."""
+        """Return whether time is up; it is shortened once every claim has an answer."""
         if not self.shortened and self.open() and not self.wanting():
             self.shortened, self.deadline = True, self.deadline.of_work(ANSWERED_ALL_S)
         return self.shortened and self.deadline.passed()
 
     def proved(self) -> list[Claim]:
-        """The claims that hold in all rounds: what else is asked may rely on them."""
+        """The claims that hold in all rounds, which may be used as lemmas."""
         settled = [(claim, self.verdicts[claim]) for claim in self.claims if claim in self.verdicts]
         return [c for c, v in settled if v.outcome is Outcome.HOLDS and v.rounds is None]
 
     def settle(self, verdicts: Mapping[Claim, Verdict]) -> None:
-        """Put down answers, with all that was spent on their claims, by whomever."""
+        """Record verdicts, with the time spent on their claims by all engines."""
         timed = {claim: replace(v, seconds=self.spent(claim)) for claim, v in verdicts.items()}
         self.verdicts.update(timed)
         for verdict in timed.values():
             self.noted(verdict)
 
     def leave(self, claims: Iterable[Claim], reach: Reach) -> None:
-        """Note how far an engine came with claims, unless it came farther before."""
+        """Record how far an engine checked claims, unless it got farther before."""
         for claim in claims:
             of_engines = self._reaches.setdefault(claim, {})
             before = of_engines.get(reach.engine)
@@ -229,13 +229,13 @@ class Ledger(Struct):
     # --- what is spent ---------------------------------------------------------------------------
 
     def spent(self, claim: Claim) -> float:
-        """For how many seconds somebody worked on a claim, alone or together with others."""
+        """The seconds spent on a claim, alone or together with others."""
         self._put_down_time()
         return self.before.get(claim, 0.0) + _together(self._spans.get(claim, ()))
 
     @contextmanager
     def waiting(self) -> Iterator[None]:
-        """While this lasts others work on claims, on ledgers of their own."""
+        """Within the context, others work on claims, on ledgers of their own."""
         self._put_down_time()
         self._since = None
         try:
@@ -258,7 +258,7 @@ class Ledger(Struct):
     # --- ledgers of some claims -----------------------------------------------------------------
 
     def of(self, claims: Collection[Claim], report: Callable[[str], None]) -> Ledger:
-        """A ledger on which of the open claims there are only these; what is settled is known."""
+        """A ledger with only these of the open claims; settled ones are known."""
         known = dict(self.verdicts)
         kept = tuple(claim for claim in self.claims if claim in known or claim in claims)
         reaches = {c: dict(r) for c, r in self._reaches.items() if c in claims}
@@ -278,7 +278,7 @@ class Ledger(Struct):
         )
 
     def about(self, problem: VerificationProblem, claims: tuple[Claim, ...]) -> Ledger:
-        """A ledger of another problem, on which nothing is known; what comes is noted nowhere."""
+        """An empty ledger of another problem, whose results are not recorded here."""
         return Ledger(
             problem,
             self.bounds,
@@ -292,7 +292,7 @@ class Ledger(Struct):
         )
 
     def extract(self, claims: Iterable[Claim]) -> Extract:
-        """What is known of claims by now."""
+        """The results on claims so far."""
         asked = list(claims)
         verdicts = {claim: self.verdicts[claim] for claim in asked if claim in self.verdicts}
         reaches = {claim: [*self._reaches.get(claim, {}).values()] for claim in asked}
@@ -302,7 +302,7 @@ class Ledger(Struct):
         return Extract(verdicts, reaches, self.stopped, self.interrupted, failures, spans)
 
     def take(self, extract: Extract) -> None:
-        """Put down what was found out elsewhere about claims that are open here."""
+        """Merge results found elsewhere about claims that are open here."""
         self.stopped = self.stopped or extract.stopped
         self.interrupted = self.interrupted or extract.interrupted
         for failure, claims in extract.failures.items():
@@ -316,7 +316,7 @@ class Ledger(Struct):
                 self.leave([claim], reach)
 
     def verdict(self, claim: Claim) -> Verdict:
-        """The answer to a claim, as far as it is known."""
+        """The verdict on a claim, as far as it is known."""
         if claim in self.verdicts:
             return self.verdicts[claim]
         # Of engines that came equally far the last one knows best why nobody went further.
@@ -352,14 +352,14 @@ class Ledger(Struct):
         )
 
     def _why(self, claim: Claim, reasons: Sequence[str]) -> str:
-        """Why a claim is open: the first of some reasons, and each engine that failed."""
+        """The reason why a claim is open: the first of some reasons, and each failed engine."""
         failed = [str(failure) for failure, of in self.failures.items() if claim in of]
         first = next(filter(None, reasons), "")
         told = [text for text in failed if text not in first]
         return "; ".join(filter(None, [first, *told])) or "not decided"
 
     def _obstacles(self, claim: Claim, reaches: Sequence[Reach]) -> tuple[Obstacle, ...]:
-        """What stood in the way of the engines that were asked, in turn; something always did."""
+        """The obstacles of all engines that worked on a claim; at least one."""
         found = [*_found(reaches)]
         if self.deadline.passed() and not any(isinstance(each, TimeUp) for each in found):
             found.append(TimeUp(Engine.NONE))
@@ -382,7 +382,7 @@ def _named(claims: Sequence[Claim]) -> str:
 
 
 def reach_of(verdict: Verdict) -> Reach:
-    """What an unknown verdict says of how far a claim was seen to hold."""
+    """The reach that an unknown verdict records."""
     first = next(iter(verdict.obstacles), None)
     return Reach(verdict.engine, verdict.rounds, verdict.reason, verdict.seconds, obstacle=first)
 
@@ -392,7 +392,7 @@ def _rounds(reach: Reach) -> int:
 
 
 def _together(spans: Iterable[Interval]) -> float:
-    """How long some intervals are, where they overlap once."""
+    """The total length of intervals; overlaps count once."""
     total, end = 0.0, float("-inf")
     for first, last in sorted(spans):
         total += max(0.0, last - max(first, end))

@@ -1,4 +1,4 @@
-"""What stands in the way of a verdict, and what would have to change. Said in words here alone.
+"""Obstacles: why a claim is unknown, and how to change that, in words for people.
 
 Engines say which it was when they leave a claim; a verdict that is *unknown* has them all.
 """
@@ -16,92 +16,92 @@ from koord.verify.failures import Failure
 
 
 class TimeUp(Struct, frozen=True):
-    """The time is up."""
+    """The obstacle that time is up."""
 
     engine: Engine
 
 
 class GaveUp(Struct, frozen=True):
-    """An engine has done all the work that it may."""
+    """The obstacle that an engine's effort is used up."""
 
     engine: Engine
 
 
 class NoInvariant(Struct, frozen=True):
-    """Who looks for an invariant was stopped before it had found one; ``who`` that is."""
+    """The obstacle that the search for an invariant (by ``who``) was stopped."""
 
     engine: Engine
     who: str
 
 
 class NotInductive(Struct, frozen=True):
-    """A step breaks the claim from a configuration that perhaps no run reaches."""
+    """The obstacle that a step breaks the claim from a configuration that may be unreachable."""
 
     engine: Engine
 
 
 class Values(Struct, frozen=True):
-    """Variables, sensors or functions that may have more values than an engine can follow."""
+    """The obstacle of variables, sensors or functions with more values than an engine tracks."""
 
     engine: Engine
     names: tuple[str, ...]
 
 
 class Lengths(Struct, frozen=True):
-    """Lists and maps of which an engine looked at short ones only, in its words."""
+    """The obstacle that an engine covered short lists and maps only."""
 
     engine: Engine
     what: tuple[str, ...]
 
 
 class Beyond(Struct, frozen=True):
-    """Something in the program of which an engine knows nothing."""
+    """The obstacle of a construct in the program that an engine does not support."""
 
     engine: Engine
     what: str
 
 
 class TooLong(Struct, frozen=True):
-    """Exact numbers of some variables grow without end."""
+    """The obstacle that exact numbers of some variables grow without bound."""
 
     engine: Engine
     names: tuple[str, ...]
 
 
 class Failed(Struct, frozen=True):
-    """An engine ran into something, and gave no answer."""
+    """The obstacle that an engine failed."""
 
     engine: Engine
     what: str
 
 
 class Interrupted(Struct, frozen=True):
-    """Somebody pressed Ctrl-C."""
+    """The obstacle that the user pressed Ctrl-C."""
 
     engine: Engine = Engine.NONE
 
 
 class Unshown(Struct, frozen=True):
-    """Nobody knows what is sensed between the ends of rounds."""
+    """The obstacle that sensors are not defined between the ends of rounds."""
 
     what: str
     engine: Engine = Engine.NONE
 
 
 class Unreplayed(Struct, frozen=True):
-    """What an engine took for a violation is none: it knows too little of some values."""
+    """The obstacle that a candidate violation did not replay: some values are abstracted."""
 
     engine: Engine
 
 
 class Elsewhere(Struct, frozen=True):
-    """Another claim is violated, so that nobody waits long for this one."""
+    """The obstacle that another claim is violated, so that this one gets little time."""
 
     engine: Engine
 
 
 class WholeRuns(Struct, frozen=True):
-    """The engines that were asked know nothing of runs without end."""
+    """The obstacle that the chosen engines do not decide liveness."""
 
     engine: Engine = Engine.NONE
 
@@ -125,12 +125,12 @@ Obstacle: TypeAlias = (
 
 
 def gave_up(engine: Engine, deadline: Deadline) -> TimeUp | GaveUp:
-    """Why an engine stopped that was not done: more time helps only where that was limited."""
+    """The obstacle of an engine that stopped early: time, or else its effort."""
     return TimeUp(engine) if replace(deadline, cpu_at=None).is_near() else GaveUp(engine)
 
 
 def failed_at(failure: Failure) -> TooLong | Failed:
-    """What stands in the way where somebody failed."""
+    """The obstacle that a failure stands for."""
     engine = engine_named(failure.who)
     if failure.names:
         return TooLong(engine, failure.names)
@@ -143,7 +143,7 @@ def names(obstacle: Obstacle) -> tuple[str, ...]:
 
 
 def what(obstacle: Obstacle) -> str:
-    """What stands in the way, in words, without the engine."""
+    """Describe an obstacle, without the engine."""
     match obstacle:
         case TimeUp():
             return "its time is up"
@@ -174,7 +174,7 @@ def what(obstacle: Obstacle) -> str:
 
 
 def cure(obstacle: Obstacle, claim: str) -> str:
-    """What would have to change."""
+    """Describe the changes that would remove an obstacle."""
     match obstacle:
         case TimeUp(engine=Engine.EVERY_N):
             return "more time (--timeout, --property-timeout)"
@@ -212,7 +212,7 @@ _ASKED_ALONE = frozenset({Engine.SPACER, Engine.BITS, Engine.SEARCH})
 
 
 def lines(obstacles: tuple[Obstacle, ...], claim: str) -> list[str]:
-    """One line for each thing that stands in the way, with the engines that it stops."""
+    """One line per obstacle, with the engines that it stops."""
     stopped: dict[tuple[str, str], list[str]] = {}
     for obstacle in obstacles:
         engines = stopped.setdefault((what(obstacle), cure(obstacle, claim)), [])

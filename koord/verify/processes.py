@@ -1,4 +1,4 @@
-"""Work that knows nothing of other work, in processes of its own, several at a time.
+"""A pool of processes for independent work.
 
 A process is forked from the one that asks: it starts in milliseconds with all that is known so far
 (programs, circuits, what a solver was told), and nothing need be sent to it. What it finds out is
@@ -36,18 +36,18 @@ Progress: TypeAlias = Callable[[str], None]
 
 
 class Teller(Protocol):
-    """What work says before it is done: what it is at, and what it knows by then."""
+    """The channel by which work reports progress and results before it is done."""
 
     def __call__(self, text: str) -> None: ...
 
     def note(self, value: object) -> None: ...
 
     def lasting(self, until: float | None) -> None:
-        """From now on it is ended at this moment, unless it says another one by then."""
+        """Set the moment at which the work is ended, unless it sets another one by then."""
 
 
 class _Here(Struct, frozen=True):
-    """The teller of work for which there is no process."""
+    """The channel of work that runs in this process."""
 
     progress: Progress
     note: Callable[[object], None]
@@ -56,7 +56,7 @@ class _Here(Struct, frozen=True):
         self.progress(text)
 
     def lasting(self, until: float | None) -> None:
-        """There is nobody to end it."""
+        """Ignore the moment: there is nobody to end this work."""
 
 
 #: How long answers are waited for at a time.
@@ -84,7 +84,7 @@ _FOR_WANT = frozenset({"SIGKILL", "SIGSEGV", "SIGABRT", "SIGBUS"})
 
 
 def was_interrupted() -> bool:
-    """Whether Ctrl-C reached this process: whatever is raised from then on may be due to it.
+    """Return whether Ctrl-C reached this process: any later exception may be due to it.
 
     Inside a call of Z3 the KeyboardInterrupt becomes an ArgumentError of ctypes, for one.
     """
@@ -92,12 +92,12 @@ def was_interrupted() -> bool:
 
 
 def can_fork() -> bool:
-    """Whether there can be several processes at all."""
+    """Return whether processes can be forked."""
     return hasattr(os, "fork")
 
 
 class Job(Struct, Generic[T], eq=False):
-    """Work that was handed in. ``name`` is for who looks on.
+    """A submitted job. ``name`` is shown in progress reports.
 
     ``lasts_s`` is for how long its process may go on, and ``until`` when it is ended if it is not
     done (as :func:`time.monotonic` counts): then it ``is_late``. ``noted`` is what it told of
@@ -126,7 +126,7 @@ class Job(Struct, Generic[T], eq=False):
 
     @property
     def end(self) -> str:
-        """What became of its process, where that did not do its work."""
+        """The reason why the job's process ended without doing its work, in words."""
         if self.is_late or self.is_overdue:
             return "it did not end when its share of the time was over"
         if self.exit_code is None or self.exit_code >= 0:
@@ -137,7 +137,7 @@ class Job(Struct, Generic[T], eq=False):
 
 
 class Pool(Struct):
-    """Runs up to ``jobs`` processes; the one that asks counts as one unless it waits.
+    """A pool of up to ``jobs`` processes; the caller counts as one unless it waits.
 
     Inside a ``with``, at whose end no process is left. ``interrupted`` is asked while it waits.
     """
@@ -168,7 +168,7 @@ class Pool(Struct):
         lasts_s: float | None = None,
         until: float | None = None,
     ) -> Job[T]:
-        """Have work done. Whoever hands it in must not change what it reads before it is done."""
+        """Submit work. The caller must not change what the work reads before it is done."""
         if not self._running and not self._waiting:
             self._done = 0
         job: Job[T] = Job(name, work, lasts_s, until)
@@ -179,14 +179,14 @@ class Pool(Struct):
         return job
 
     def drop(self, job: Job[T]) -> None:
-        """Nobody asks for that work any more."""
+        """Drop a job whose result is no longer needed."""
         self._waiting = [other for other in self._waiting if other is not job]
         if any(other is job for other in self._running):
             self._running = [other for other in self._running if other is not job]
             _end(job)
 
     def answer(self, job: Job[T]) -> T | None:
-        """What work found out; None if its process died, as for want of memory, or was ended.
+        """Wait for a job's result; None if its process died, as for want of memory, or was ended.
 
         Raises what the work raised, and KeyboardInterrupt if it could not end in good order.
         """
@@ -211,7 +211,7 @@ class Pool(Struct):
         return job.found
 
     def answers(self, jobs: Mapping[K, Job[T]]) -> Iterator[tuple[K, T | None]]:
-        """What each work found out, in order.
+        """Yield the results of jobs, in order.
 
         After Ctrl-C those that could still say something are heard; then it raises
         KeyboardInterrupt.
@@ -277,7 +277,7 @@ class Pool(Struct):
         _join(job)
 
     def _end_late(self) -> None:
-        """End the processes whose time is over: what they told of counts."""
+        """End the processes whose time is over; what they reported counts."""
         for job in [job for job in self._running if _is_over(job)]:
             self._listen(0)  # it may have been done just now, or be at something else
             if not job.is_done and _is_over(job):
@@ -296,7 +296,7 @@ class Pool(Struct):
         self.progress(told)
 
     def _stop(self, job: Job[T]) -> None:
-        """After Ctrl-C: let processes say what they know by now; then end them.
+        """Stop after Ctrl-C: let processes report what they know by now, then end them.
 
         On a terminal it reached them as well. Raises KeyboardInterrupt if this job has no answer.
         """
@@ -353,14 +353,14 @@ def _join(job: Job[T]) -> None:
 
 
 class _Found(Struct, frozen=True):
-    """What a process found out, or why it could not."""
+    """The result of a process, or its exception."""
 
     answer: object
     failure: Exception | None = None
 
 
 def _worked(work: Callable[[Teller], T], sends: Connection, parent: int) -> None:
-    """Do work and send what it finds out. Nothing is left to do then: not even to flush."""
+    """Do the work, send the result, and exit without flushing."""
     global _depth
     _depth += 1
     try:
@@ -383,7 +383,7 @@ def _worked(work: Callable[[Teller], T], sends: Connection, parent: int) -> None
 
 
 def _heard(number: int, frame: FrameType | None) -> None:
-    """Ctrl-C, which may come twice, once from the terminal, ends the work but not what is sent."""
+    """Handle Ctrl-C, which may come twice (from the terminal): end the work, not the sending."""
     global _was_interrupted
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     _was_interrupted = True
@@ -391,7 +391,7 @@ def _heard(number: int, frame: FrameType | None) -> None:
 
 
 def _raised(error: Exception) -> bytes:
-    """What went wrong, with the place, which is not known elsewhere."""
+    """Serialise an exception with its traceback."""
     where = traceback.format_exc()
     error.add_note(where)
     try:
@@ -403,19 +403,19 @@ def _raised(error: Exception) -> bytes:
 
 
 class _Noted(Struct, frozen=True):
-    """Something that a process knows before it is done."""
+    """A result that a process sends before it is done."""
 
     value: object
 
 
 class _Lasting(Struct, frozen=True):
-    """When a process is to be ended unless it says something else."""
+    """The moment at which a process is to be ended, unless it sends another."""
 
     until: float | None
 
 
 class _Line(Struct):
-    """The teller of a process. What is being done is told not too often, nor if nobody listens."""
+    """The channel of a forked process, which limits the rate of progress reports."""
 
     sends: Connection
     last: float = 0.0
@@ -427,7 +427,7 @@ class _Line(Struct):
         self._send(_Lasting(until))
 
     def _send(self, message: object) -> None:
-        """Ctrl-C waits until all of it is sent."""
+        """Send a message; Ctrl-C waits until all of it is sent."""
         before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
         try:
             self.sends.send(message)
@@ -445,7 +445,7 @@ class _Line(Struct):
 
 
 def _die_with(parent: int) -> None:
-    """End when the process that forked this one ends, however it does."""
+    """Make this process end when the process that forked it ends."""
     if sys.platform == "linux":
         import ctypes
 
@@ -455,5 +455,5 @@ def _die_with(parent: int) -> None:
 
 
 def _leave() -> None:
-    """End at once: what is not flushed yet belongs to the process that forked this one."""
+    """Exit at once: unflushed data belong to the process that forked this one."""
     os.kill(os.getpid(), signal.SIGKILL)

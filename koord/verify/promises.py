@@ -1,4 +1,4 @@
-"""What summaries promise of every value of a type, tried on the values that a run mentions.
+"""Promises of summaries about every value of a type, checked on the values in a run.
 
 A replay takes such promises on trust, for nobody can try all values. But a run that is to be shown
 should not break them where one can look: the answers that it asks for say of each function what it
@@ -31,14 +31,14 @@ _MOST_TRIED = 20_000
 
 
 class Unkept(Struct, frozen=True):
-    """An answer that a promise of its function does not allow."""
+    """An answer that a promise of its function excludes."""
 
     function: str
     promise: core.Expr
 
 
 def unkept(system: System, heard: Iterable[Answer]) -> Unkept | None:
-    """A promise about every value of a type that the answers of a run break, if any."""
+    """A promise about every value of a type that a run's answers break, or None."""
     program = system.program
     speaking = {
         external.name: external for external in program.externals if quantifies(external.ensures)
@@ -60,7 +60,7 @@ def unkept(system: System, heard: Iterable[Answer]) -> Unkept | None:
 
 
 def _mentioned(program: core.Program, answers: Iterable[Answer]) -> dict[Type, list[Concrete]]:
-    """The values that answers and their arguments are made of, by type."""
+    """The values in answers and their arguments, by type."""
     found: dict[Type, dict[Concrete, None]] = {}
     for answer in answers:
         external = program.external(answer.function or "")
@@ -75,7 +75,7 @@ def _mentioned(program: core.Program, answers: Iterable[Answer]) -> dict[Type, l
 def _known(
     program: core.Program, answers: Iterable[Answer]
 ) -> dict[tuple[str, tuple[Concrete, ...]], Concrete]:
-    """What mathematical functions are known to give."""
+    """The known answers of mathematical functions, by function and arguments."""
     return {
         (answer.function, answer.arguments): answer.value
         for answer in answers
@@ -85,7 +85,7 @@ def _known(
 
 
 class _Tried(Struct):
-    """An oracle that knows the answers of a run, and for *every value* tries those it mentions."""
+    """The oracle of a run's answers, which tries *every value* on those that the run mentions."""
 
     values: dict[Type, list[Concrete]]
     known: dict[tuple[str, tuple[Concrete, ...]], Concrete]
@@ -96,7 +96,7 @@ class _Tried(Struct):
     def keeps(
         self, system: System, external: core.External, answer: Answer, promise: core.Expr
     ) -> bool:
-        """Whether an answer may be one that keeps a promise."""
+        """Return whether an answer is consistent with a promise."""
         m = machine(EXACT, system, self)
         m.in_summary = True
         bound = [held(EXACT, value) for value in (*answer.arguments, answer.value)]

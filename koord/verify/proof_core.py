@@ -1,4 +1,4 @@
-"""What proofs rest on: the least that has to be assumed for them to go through.
+"""Proof cores: minimal sets of premises with which proofs go through.
 
 Each premise is left out in turn, and what was proved is asked again by the engines that proved it;
 if it still holds, the premise was not needed. So what stays is a least set, though there may be
@@ -27,7 +27,7 @@ from koord.verify.witness import NotReplayedError
 
 
 class ProofCore(Struct, frozen=True):
-    """What the proofs of ``claims`` need, what they do not, and what was not tried in time."""
+    """A proof core: the premises that the proofs of ``claims`` need, do not need, or not tried."""
 
     claims: tuple[str, ...]
     needed: tuple[Premise, ...]
@@ -43,7 +43,7 @@ def proof_core(
     seed: int = 0,
     progress: Callable[[str], None] = lambda text: None,
 ) -> ProofCore:
-    """What the verdicts that hold in every round rest on. The time of ``bounds`` counts anew.
+    """Find the premises that proofs for every round need. The time of ``bounds`` counts anew.
 
     Verdicts on liveness name the fairness they need themselves.
     """
@@ -89,7 +89,7 @@ def _still_proved(
 
 
 def _turns(engines: set[Engine], found: bool) -> Iterator[AnyTurn]:
-    """The engines that gave proofs; ``found`` says whether with invariants that nobody gave."""
+    """The engines that gave proofs; ``found``: with inferred invariants."""
     workers = Workers(Pool())
     rows = [row for engine, row in PROVING_AGAIN.items() if engine in engines]
     for row in [*rows, INFERRING_AGAIN] if found else rows:
@@ -97,5 +97,5 @@ def _turns(engines: set[Engine], found: bool) -> Iterator[AnyTurn]:
 
 
 def _unasked(recording: object, claim: Claim, phase: ClaimPhase) -> Counterexample:
-    """Whatever breaks a claim here is no run of the program, which has all its premises."""
+    """Ignore violations: the program has all its premises, so they are no runs of it."""
     raise NotReplayedError("a premise was left out")

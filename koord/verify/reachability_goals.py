@@ -1,11 +1,11 @@
-"""What should be possible if verdicts are to say something: events run, suppositions come true.
+"""Reachability goals: events that should run, and suppositions that should come true.
 
-A wish is written as the claim that it *never* comes true, so that engines can be asked about it: a
-violation is a run on which it does, and a proof means that it never will. They are claims of a
-program that has the same runs, and besides whatever they are stated with: copies of functions
-(``suppositions.py``), and contracts of modules that have no ports and models that do nothing.
-Such a contract is a claim of the environment's turns [PROP-CONTRACT]: that what another contract
-supposes never holds as they begin.
+A goal is stated as the claim that it is *never* reached, so that engines can decide it: a violation
+is a run that reaches it, and a proof means that none does. The claims are about a program that has
+the same runs, with the additions that state them: copies of functions (``suppositions.py``), and
+contracts of modules that have no ports and models that do nothing. Such a contract is a claim of
+the environment's turns [PROP-CONTRACT]: that what another contract supposes never holds as they
+begin.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from koord.verify.claims import Claim, ClaimKind, reads_ports
 
 
 class Aim(Enum):
-    """What is wished for."""
+    """The kinds of reachability goals."""
 
     EVENT = "event"  #: that it runs, in a round that ends
     SUPPOSITION = "supposition"  #: that what a property supposes is true of some configuration
@@ -39,7 +39,7 @@ class Aim(Enum):
 
 
 class ReachabilityGoal(Struct, frozen=True):
-    """One wish. ``subject`` is the event, or the property or contract that supposes something.
+    """A reachability goal. ``subject`` is the event, or the property or contract that supposes.
 
     Where it is ``observed``, it may come true between the ends of rounds, too. If it never does,
     ``promises`` that rest on it may be the reason. ``still`` says of configurations what ``never``
@@ -61,14 +61,14 @@ _Stated: TypeAlias = "tuple[Aim, str, core.Expr, int, Span, bool]"
 
 
 class ReachabilityGoals(Struct, frozen=True):
-    """All that should be possible, and the system in which it is asked for."""
+    """All reachability goals, and the system in which they are stated."""
 
     system: System
     all: tuple[ReachabilityGoal, ...]
 
 
 def reachability_goals_of(system: System) -> ReachabilityGoals:
-    """All that should be possible in a system."""
+    """The reachability goals of a system."""
     reading = SuppositionReader(system.program)
     goals = [
         ReachabilityGoal(
@@ -94,7 +94,7 @@ def reachability_goals_of(system: System) -> ReachabilityGoals:
 
 
 def supposes(program: core.Program, condition: core.Expr) -> bool:
-    """Whether a statement says what follows from something that is to come true."""
+    """Return whether a statement is an implication whose premise should come true."""
     return any(SuppositionReader(program).denials(condition, disjunctions=False))
 
 
@@ -104,7 +104,7 @@ def _with(
     copies: Sequence[core.Function],
     modules: Mapping[int, Sequence[core.Contract]],
 ) -> System:
-    """The system with all that wishes are stated with. It has the same runs."""
+    """The system with the additions that state the goals. It has the same runs."""
     program = system.program
     agents = tuple(
         replace(agent, modules=(*agent.modules, idle(modules[kind]))) if kind in modules else agent
@@ -169,7 +169,7 @@ def _denials(reading: SuppositionReader, stated: core.Property) -> Iterator[Deni
 
 
 class _Supposed(Struct, frozen=True):
-    """Something that a contract supposes, wherever its module is in use.
+    """A supposition of a contract, wherever its module is used.
 
     ``place`` counts what the contract supposes; 0 is what it requires.
     """
@@ -184,7 +184,7 @@ class _Supposed(Struct, frozen=True):
 def _of_contracts(
     system: System, reading: SuppositionReader
 ) -> dict[_Supposed, dict[int, core.Contract]]:
-    """What contracts suppose, and by kind of robot a contract that denies it."""
+    """The suppositions of contracts, each with contracts that deny it, by kind of robot."""
     found: dict[_Supposed, dict[int, core.Contract]] = {}
     for kind in sorted(set(system.kinds)):
         for module in system.program.agents[kind].modules:
@@ -209,12 +209,12 @@ def _supposed(
 
 
 def _is_before(e: core.Expr) -> bool:
-    """Whether a part of a contract reads nothing but ports as they were before the turn."""
+    """Return whether a part of a contract reads only ports before the turn."""
     return not any(isinstance(node, core.Place) and node.primed for node in nodes(e))
 
 
 def _still(program: core.Program, name: str, denials: Mapping[int, core.Contract]) -> Claim | None:
-    """That a denial holds of all ports as they are, if it can be said of configurations."""
+    """A denial as a property of configurations, if it can be stated so."""
     parts = (nodes((denial.requires, denial.ensures)) for denial in denials.values())
     if any(isinstance(node, core.Call) for node in chain.from_iterable(parts)):
         return None  # functions may read the robot that runs

@@ -21,12 +21,12 @@ AT_ROUND = "at round: "
 
 
 def as_invariant(name: str, lemma: str) -> str:
-    """A found invariant as a line of Koord."""
+    """An inferred invariant as a line of Koord."""
     return f"invariant {name}{' ' if lemma.startswith(AT_ROUND) else ': '}{lemma}"
 
 
 class Outcome(Enum):
-    """Whether a claim holds."""
+    """The outcome of a claim, three-valued."""
 
     HOLDS = "holds"
     VIOLATED = "violated"
@@ -34,7 +34,7 @@ class Outcome(Enum):
 
 
 class Bounds(Struct, frozen=True):
-    """How far to look: rounds, and seconds for everything (None: no limit).
+    """The bounds of a verification: rounds, and seconds for everything (None: no limit).
 
     ``violations`` is how many different counterexamples to look for where a claim is violated.
     ``claim_s`` is for each claim (:mod:`koord.verify.strategy.time_limits`).
@@ -77,7 +77,7 @@ class BrokenStep(Struct, frozen=True):
 
 
 class Ways(Struct, frozen=True):
-    """What became of the search for different ways to break a claim.
+    """The result of the search for different counterexamples.
 
     ``complete``: there are no more within the bound. If neither that nor a ``reason`` is said,
     there were as many as were asked for.
@@ -115,12 +115,12 @@ class Verdict(Struct, frozen=True):
 
 
 def has_fewest(found: Counterexample, through: int | None) -> bool:
-    """Whether a claim breaks in no earlier round, if it holds through so many (None: none)."""
+    """Return whether no earlier round breaks a claim that holds through so many (None: none)."""
     return found.recording.loop is None and found.round <= (0 if through is None else through + 1)
 
 
 class Emptiness(Enum):
-    """What makes verdicts say less than they seem to."""
+    """The causes of vacuity."""
 
     ASSUMPTIONS = "assumptions"  #: no initial configuration satisfies them all
     SUMMARIES = "summaries"  #: no external functions satisfy them all
@@ -131,7 +131,7 @@ class Emptiness(Enum):
 
 
 class Vacuity(Struct, frozen=True):
-    """Something that makes verdicts say less than they seem to.
+    """A vacuity: a reason why verdicts say less than they seem to.
 
     ``subject`` is the event or the invariant, if it is about one. A vacuity that is not
     ``certain`` was seen only of the runs that were looked at: within the bound, which may be
@@ -146,7 +146,7 @@ class Vacuity(Struct, frozen=True):
 
 
 class Unlooked(Struct, frozen=True):
-    """Something of which nobody knows whether it ever happens: looking for that was given up."""
+    """An event or supposition whose reachability is unknown, as the search was given up."""
 
     what: Emptiness
     subject: str
@@ -170,12 +170,12 @@ class Report(Struct, frozen=True):
 
     @property
     def is_vacuous(self) -> bool:
-        """Whether it is certain that verdicts say less than they seem to."""
+        """Return whether some vacuity is certain."""
         return any(vacuity.certain for vacuity in self.vacuities)
 
     @property
     def outcome(self) -> Outcome:
-        """Violated if one claim is; else unknown if one is; else holds."""
+        """The overall outcome: violated if one claim is; else unknown if one is; else holds."""
         outcomes = {verdict.outcome for verdict in self.verdicts}
         for worst in (Outcome.VIOLATED, Outcome.UNKNOWN):
             if worst in outcomes:
@@ -184,7 +184,7 @@ class Report(Struct, frozen=True):
 
 
 def no_fair_run(system: System) -> Vacuity:
-    """That no run is fair: what is claimed of whole runs holds for no reason."""
+    """The vacuity that no run is fair, so that liveness holds for no reason."""
     detail = "no run without end does all that is expected"
     if not system.program.expectations:
         detail = "no fair run goes on for ever: each ends in a fault, or where contracts contradict"

@@ -1,4 +1,4 @@
-"""From a model to a run: the recording that a solver found, replayed before anyone sees it."""
+"""Witnesses: recordings from a solver's models, replayed before they are shown."""
 
 from __future__ import annotations
 
@@ -47,13 +47,13 @@ from koord.verify.verdicts import Counterexample
 
 
 class ModelReader(Struct, frozen=True):
-    """Reads concrete values out of a model."""
+    """A reader of concrete values from a model."""
 
     model: solving.Model
     system: System
 
     def value(self, value: Symbolic, type_: Type) -> Value[Constant]:
-        """What a symbolic value of a type is in the model."""
+        """The value of a symbolic value of a type in the model."""
         if isinstance(value, Rec):
             assert isinstance(type_, RecordType)
             pairs = zip(value.fields, type_.fields, strict=True)
@@ -107,7 +107,7 @@ def recording_of(
     taken: list[moments.SymbolicRound],
     phase: ClaimPhase,
 ) -> Recording:
-    """The run that a model describes, up to the given phase of its last round."""
+    """The recording of a model's run, up to the given phase of its last round."""
     recorded = []
     for number, symbolic in enumerate(taken):
         last = number + 1 == len(taken)
@@ -116,7 +116,7 @@ def recording_of(
 
 
 def opening_of(reader: ModelReader, opening: moments.SymbolicInit) -> Opening:
-    """INIT as a model describes it."""
+    """The recording of INIT in a model."""
     order = _order(reader, opening.before)
     answers = reader.answers(opening.inputs) + reader.answers(opening.moment.checks)
     return Opening(order, tuple(_start(reader, *s) for s in opening.inputs.starts), answers)
@@ -143,7 +143,7 @@ def _start(reader: ModelReader, home: Home, slot: int, robot: int | None, value:
 def round_of(
     reader: ModelReader, symbolic: moments.SymbolicRound, phase: ClaimPhase | None
 ) -> Round:
-    """A round as a model describes it, up to a phase; all of it for None."""
+    """The recording of a round in a model, up to a phase; all of it for None."""
     system = reader.system
     events: list[int | None] = [None] * system.robots
     for option in symbolic.options:
@@ -185,7 +185,7 @@ def _moment(symbolic: moments.SymbolicRound, phase: ClaimPhase) -> moments.Symbo
 
 
 def _order(reader: ModelReader, before: dict[tuple[int, int], Term]) -> tuple[int, ...]:
-    """The order that the places describe; pid order where there are none."""
+    """The order of robots by their ranks in the model; pid order where there are none."""
     robots = range(reader.system.robots)
     if not before:
         return tuple(robots)
@@ -204,17 +204,17 @@ def _order(reader: ModelReader, before: dict[tuple[int, int], Term]) -> tuple[in
 
 
 class NotReplayedError(Exception):
-    """What a solver found is no run of the program, or does not break the claim."""
+    """Raised where a candidate is no run of the program, or does not break the claim."""
 
 
 class OnlyOfSliceError(NotReplayedError):
-    """A lasso of a slice was found that is none of the whole program."""
+    """Raised where a lasso of a slice is none of the whole program."""
 
 
 def replayed(
     system: System, recording: Recording, claim: Claim, phase: ClaimPhase
 ) -> Counterexample:
-    """The recording as a counterexample, after it ran on the exact domain and broke the claim.
+    """Replay a recording on the exact domain, as a counterexample. Raises NotReplayedError.
 
     Raises :class:`NotReplayedError` where it did not.
     """
@@ -269,7 +269,7 @@ def _falsified(
     stated: core.Property,
     configuration: Configuration[Constant],
 ) -> tuple[str, Fault | None]:
-    """For which values of its quantified variables a property is false, in words.
+    """The values of quantified variables for which a property is false, in words.
 
     And the fault of its evaluation there, if it is false for that. [PROP-FAULT]
     """
@@ -304,7 +304,7 @@ def _falsified(
 
 
 def simplified(system: System, recording: Recording, claim: Claim, tries: int = 200) -> Recording:
-    """A recording that breaks the claim as the given one does, with fewer events, if there is one.
+    """A recording with fewer events that breaks the claim in the same way, if there is one.
 
     Leaves out events of robots one by one, from the end, as long as the claim stays broken.
     """
@@ -333,7 +333,7 @@ def simplified(system: System, recording: Recording, claim: Claim, tries: int = 
 def _broken_by(
     system: System, recording: Recording, claim: Claim, heard: list[Answer] | None = None
 ) -> list[Step]:
-    """The steps of a recorded run, the last of which breaks the claim. Raises NotReplayedError.
+    """Execute a recorded run whose last step breaks the claim. Raises NotReplayedError.
 
     All answers that this asks for are added to ``heard``.
     """
@@ -368,7 +368,7 @@ def _last_answers(recording: Recording) -> tuple[Answer, ...]:
 
 
 def _findings(system: System, recording: Recording, steps: list[Step]) -> StepFindings[Constant]:
-    """What the last step of an exact run found out besides its configuration."""
+    """The findings of the last step of an exact run, besides its configuration."""
     last = steps[-1]
     promises = tuple((False, contract.name) for _, contract in last.stepped.promises)
     if not recording.rounds or last.rule == "ENV-TRANS":
@@ -379,7 +379,7 @@ def _findings(system: System, recording: Recording, steps: list[Step]) -> StepFi
 
 
 class _Meeting(Struct, frozen=True):
-    """Two robots wrote one location of an allwrite variable in a round, one of them an update."""
+    """Two writes to one location of an allwrite variable in a round, one of them an update."""
 
     name: str
     first: int
@@ -389,7 +389,7 @@ class _Meeting(Struct, frozen=True):
 
 
 def _lost(met: _Meeting) -> str:
-    """What became of two writes that met, in words."""
+    """Describe the effect of two writes that met."""
     both = f"robots {met.first} and {met.later} write {met.name} in one round"
     if met.updater == met.later:
         return f"{both}: robot {met.later} updates what it read before robot {met.first} wrote"
@@ -397,7 +397,7 @@ def _lost(met: _Meeting) -> str:
 
 
 def _meetings(system: System, recording: Recording, steps: list[Step]) -> dict[str, _Meeting]:
-    """By variable, where a robot's update met another's write in the last round. [LOST-UPDATE]"""
+    """By variable, a robot's update that met another's write in the last round. [LOST-UPDATE]"""
     round_ = recording.rounds[-1]
     start = next(
         step.configuration for step in reversed(steps) if step.rule in ("INIT", "ENV-TRANS")

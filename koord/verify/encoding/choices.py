@@ -1,4 +1,4 @@
-"""What robots may choose in a round, and the store after it. [T-COMMIT]"""
+"""The choices of robots in a round, and the store after it. [T-COMMIT]"""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from koord.verify.encoding.terms import Term, Terms
 def free_to_skip(
     d: Terms, system: System, start: Configuration[Term], inputs: SymbolicInputs
 ) -> list[Term]:
-    """Robot by robot, whether it may skip while no lock class is taken. [SKIP]"""
+    """For each robot, the condition that it may skip while no lock class is taken. [SKIP]"""
     free: list[Term] = []
     for i, state in enumerate(start.robots):
         urgent = [event for event in system.agent(i).events if event.urgent]
@@ -37,14 +37,14 @@ def free_to_skip(
 
 
 def who_acts(d: Terms, system: System, options: list[EventOption]) -> list[Term]:
-    """Robot by robot, whether it runs an event."""
+    """For each robot, the condition that it runs an event."""
     return [
         disjunction(d, [o.chosen for o in options if o.robot == i]) for i in range(system.robots)
     ]
 
 
 def one_event_each(d: Terms, system: System, options: list[EventOption]) -> list[Term]:
-    """Each robot at most one event a round."""
+    """Require that each robot runs at most one event in a round."""
     constraints: list[Term] = []
     for i in range(system.robots):
         mine = [o.chosen for o in options if o.robot == i]
@@ -53,7 +53,9 @@ def one_event_each(d: Terms, system: System, options: list[EventOption]) -> list
 
 
 def one_winner_each(d: Terms, system: System, options: list[EventOption]) -> list[Term]:
-    """At most one robot enters each lock class: who loses, skips. [ATOMIC] [T-ONE-WINNER]"""
+    """Require that at most one robot enters each lock class; losers skip.
+    [ATOMIC] [T-ONE-WINNER]
+    """
     constraints: list[Term] = []
     for lock_class in system.program.lock_classes:
         entering: dict[int, list[Term]] = {}
@@ -77,7 +79,7 @@ def differs(d: Terms, status: Term, other: Status) -> Term:
 
 
 def order_of(d: Terms, robots: int, label: str) -> Before:
-    """Who comes before whom: each robot has a place, and of two with the same the later pid.
+    """An arbitrary order of the robots: each has a rank, and of two with equal ranks the later pid.
 
     So whatever the places are, they are an order of all robots, and nothing is required of them.
     """
@@ -95,7 +97,7 @@ def obligations(
     options: list[EventOption],
     inputs: SymbolicInputs,
 ) -> list[Term]:
-    """Who skips has no urgent event whose lock classes are free. [SKIP] [T-ONE-WINNER]
+    """Require that a robot that skips has no urgent event with free classes. [SKIP] [T-ONE-WINNER]
 
     Who skips writes nothing, so it may as well come last, when all classes are taken.
     """
@@ -136,7 +138,7 @@ def committed(
     before: Before,
     racy: set[int],
 ) -> Store[Term]:
-    """The store after everybody's writes. [SHARED-ASSIGN] [T-COMMIT]"""
+    """The store after all robots' writes. [SHARED-ASSIGN] [T-COMMIT]"""
     program = system.program
     allread = list(store.allread)
     for slot in range(len(allread)):
@@ -174,7 +176,7 @@ def _in_order(
     writes: list[Write],
     before: Before,
 ) -> Storage[Term]:
-    """Writes applied one place of the order after the other: for lists and maps that race."""
+    """Apply writes in the order of the robots' ranks: for lists and maps with races."""
     robots, original = system.robots, target
     places = [_place_of(d, system, i, before) for i in range(robots)]
     for place in range(robots):
@@ -194,7 +196,7 @@ def _in_order(
 
 
 def _place_of(d: Terms, system: System, robot: int, before: Before) -> Term:
-    """How many robots come before this one."""
+    """The rank of a robot: the number of robots before it."""
     count: Term = d.const(0, INT)
     for other in range(system.robots):
         if other != robot:
@@ -206,7 +208,9 @@ def _place_of(d: Terms, system: System, robot: int, before: Before) -> Term:
 def lost_updates(
     d: Terms, system: System, updates: Updates, options: list[EventOption]
 ) -> list[tuple[Term, str]]:
-    """Where one robot's update of an allwrite variable meets another's write. [LOST-UPDATE]"""
+    """The conditions that a robot's update of an allwrite variable meets another write.
+    [LOST-UPDATE]
+    """
     found = []
     for mine in options:
         for slot in sorted(updates.get((system.kinds[mine.robot], mine.position), ())):

@@ -1,4 +1,4 @@
-"""Mathematical functions as symbols of the solver; what their summaries ask. [EXTERNAL]"""
+"""External mathematical functions as uninterpreted symbols, with their summaries. [EXTERNAL]"""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ Symbolic: TypeAlias = "Value[Term]"
 
 
 def vouched(external: core.External) -> bool:
-    """Whether the summary of a function is required of all its arguments at once.
+    """Return whether the summary of a function is asserted for all its arguments at once.
 
     That is so where it says more than what one answer must be like. Elsewhere it is required
     answer by answer: solvers find it hard to come by a function that meets it everywhere.
@@ -39,7 +39,7 @@ def vouched(external: core.External) -> bool:
 
 
 def asked_of_all(program: core.Program) -> frozenset[str]:
-    """The functions that some summary asks about every value of a type.
+    """The functions that a summary quantifies over, for every value of a type.
 
     What they answer depends on a variable then, so no constant can stand for it.
     """
@@ -54,7 +54,7 @@ def asked_of_all(program: core.Program) -> frozenset[str]:
 
 
 def quantifies(node: object) -> bool:
-    """Whether a summary, or a part of one, speaks of every value of a type."""
+    """Return whether a summary, or a part of one, quantifies over every value of a type."""
     return any(isinstance(below, core.AllValues) for below in nodes(node))
 
 
@@ -64,7 +64,7 @@ def quantifies(node: object) -> bool:
 def encoded(
     d: Terms, external: core.External, arguments: Sequence[Symbolic], robots: int
 ) -> list[Term]:
-    """Arguments as terms that are equal exactly if they are, in whatever shape they are held.
+    """Encode arguments as terms that are equal if and only if the values are.
 
     Raises NotFiniteError for maps, for whose equality there are no such terms. [E-EQUAL]
     """
@@ -110,7 +110,7 @@ def _sorts(d: Terms, type_: Type, robots: int) -> list[Sort]:
 
 
 def scalars(value: Symbolic) -> Iterator[Term]:
-    """The scalars that a value is made of."""
+    """The scalars that a value consists of."""
     if isinstance(value, Rec):
         for part in value.fields:
             yield from scalars(part)
@@ -128,6 +128,6 @@ def scalars(value: Symbolic) -> Iterator[Term]:
 
 
 def _open(length: Term) -> Iterator[Term]:
-    """A length, unless the shape says it."""
+    """A length as a term, unless the shape determines it."""
     if not isinstance(length, int):
         yield length

@@ -1,4 +1,4 @@
-"""What a round is made of, with its unknowns: events that may run, moments to look at."""
+"""The parts of a symbolic round: optional events, and the configurations to check."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from koord.verify.encoding.terms import Term, Terms
 
 
 class EventOption(Struct, frozen=True):
-    """One event of one robot in a round: the Boolean that says it runs, and its turn."""
+    """An event of a robot in a round: the Boolean that says it runs, and its turn."""
 
     robot: int
     position: int
@@ -28,7 +28,7 @@ class EventOption(Struct, frozen=True):
 
 
 class SymbolicConfiguration(Struct):
-    """A configuration at which properties are looked at, with what makes it one.
+    """A configuration at which properties are checked, with the constraints that make it reachable.
 
     ``constraints`` of all moments up to here hold together in every run that reaches it. ``fault``
     says that the step to here faulted: then the configuration is not looked at.
@@ -53,7 +53,7 @@ class SymbolicInit(Struct):
 
 
 class SymbolicRound(Struct):
-    """A round: the program turns, then the environment's, with the unknowns of both.
+    """A symbolic round: the program turns, then the environment's, with the unknowns of both.
 
     ``urgency`` holds of whole rounds only: inside a round, robots that did not move yet may still
     have to. ``before[i, j]`` (i < j) says that i's turn came before j's; empty where no order is
@@ -73,12 +73,12 @@ class SymbolicRound(Struct):
 
     @property
     def moments(self) -> list[SymbolicConfiguration]:
-        """The configurations to look at, in order."""
+        """The configurations to check, in order."""
         inside = [self.inside] if self.inside is not None else []
         return [*inside, self.middle, self.end]
 
     def until(self, d: Terms, moment: SymbolicConfiguration) -> list[Term]:
-        """What must hold for a moment to come, besides the constraints of the program turns."""
+        """The constraints, besides those of the program turns, under which a moment is reached."""
         if moment is self.inside:
             return []
         if moment is self.middle:
@@ -90,7 +90,9 @@ class SymbolicRound(Struct):
 def turn_taken(
     d: Terms, state: Robot[Term], options: Iterable[tuple[Term, Turned[Term]]]
 ) -> Robot[Term]:
-    """A robot after the event it chose of ``options``, or after none. [END-EVENT] [SKIP]"""
+    """The state of a robot after the event it chose of ``options``, or after none.
+    [END-EVENT] [SKIP]
+    """
     locals_, ports, status = state.locals, state.ports, state.status
     ran = d.const(NO_EVENT, INT)
     for chosen, turned in options:

@@ -1,4 +1,4 @@
-"""Who wins where several robots write one location in a round. [T-COMMIT]"""
+"""Races: the winner where several robots write one location in a round. [T-COMMIT]"""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Write: TypeAlias = "tuple[int, Storage[Term], Mask[Term]]"
 
 
 def racy_variables(program: core.Program) -> frozenset[int]:
-    """The allwrite slots that two robots may write in one round: written outside of ``atomic``.
+    """The allwrite slots that two robots may write in a round: those written outside of ``atomic``.
 
     Atomic blocks that write a common variable are of one lock class, so those exclude each other.
     """
@@ -27,7 +27,7 @@ def racy_variables(program: core.Program) -> frozenset[int]:
 
 
 def racy_places(program: core.Program) -> Iterator[core.Place]:
-    """What events write of allwrite variables outside of ``atomic``."""
+    """The allwrite places that events write outside of ``atomic``."""
     for agent in program.agents:
         for event in agent.events:
             for statement in statements(event.effect, atomic=False):
@@ -39,7 +39,7 @@ def racy_places(program: core.Program) -> Iterator[core.Place]:
 def winning(
     d: Terms, target: Storage[Term], writes: Sequence[Write], before: Before
 ) -> Storage[Term]:
-    """A flat variable after everybody's writes: each location has the last writer's value."""
+    """A flat variable after all writes: each location has the last writer's value."""
     original = target
     robots = sorted({robot for robot, _, _ in writes})
     flags = {
@@ -64,7 +64,7 @@ def winning(
 def set_where_written(
     d: Terms, before: Storage[Term], after: Storage[Term], masks: Sequence[Mask[Term]]
 ) -> Storage[Term]:
-    """``after``, its atoms set if they were before or somebody wrote them, whoever won.
+    """``after`` with its atoms set if they were before or any robot wrote them.
 
     Who wins decides values only. Said like this it is simpler, and plain where all robots write:
     then nobody need ask later whether the variable is set.
@@ -82,14 +82,14 @@ def set_where_written(
 
 
 def precedes(d: Terms, first: int, second: int, before: Before) -> Term:
-    """Whether one robot's turn comes before another's; ``before`` holds the pairs i < j."""
+    """The condition that one robot's turn precedes another's; ``before`` holds the pairs i < j."""
     if first < second:
         return before[first, second]
     return d.unary(UnaryOp.NOT, before[second, first])
 
 
 def _flags(d: Terms, storage: Storage[Term], masks: Sequence[Mask[Term] | None]) -> list[Term]:
-    """Atom by atom, in order, whether one of the masks covers it."""
+    """For each atom, in order, the condition that one of the masks covers it."""
     never = d.const(False, BOOL)
     if not isinstance(storage, Tree):
         return [disjunction(d, [mask.whole if mask is not None else never for mask in masks])]
@@ -105,7 +105,7 @@ def _flags(d: Terms, storage: Storage[Term], masks: Sequence[Mask[Term] | None])
 
 
 def _mask(d: Terms, storage: Storage[Term], flags: Iterator[Term]) -> Mask[Term]:
-    """The mask of the atoms with these flags."""
+    """Build the mask of the atoms from their flags."""
     if not isinstance(storage, Tree):
         return Mask(next(flags))
     return Mask(d.const(False, BOOL), tuple(_mask(d, part, flags) for part in storage.parts))

@@ -48,7 +48,7 @@ from koord.verify.encoding.terms import Term, Terms
 
 
 class Arbitrary:
-    """Makes such configurations of one system."""
+    """A builder of arbitrary configurations of one system."""
 
     def __init__(self, system: System, unknowns: Unknowns) -> None:
         self.system = system
@@ -61,7 +61,7 @@ class Arbitrary:
         return self.unknowns.d
 
     def configuration(self, initial: Configuration[Term], label: str) -> Configuration[Term]:
-        """Any configuration at the end of a round, reachable or not: where induction starts.
+        """Any configuration at a round's end, reachable or not: the start of an inductive step.
 
         It has in common with ``initial`` what no event ever changes.
         """
@@ -130,9 +130,9 @@ class Arbitrary:
 
 
 class Encoder:
-    """Builds initial configurations and rounds of one system.
+    """A builder of symbolic initial configurations and rounds of one system.
 
-    With ``movers`` the others only skip: some of the runs, of which much less is to be said.
+    With ``movers`` all other robots only skip: these are some of the runs, with smaller formulas.
     """
 
     def __init__(
@@ -174,7 +174,7 @@ class Encoder:
         )
 
     def arbitrary(self, initial: Configuration[Term], label: str) -> Configuration[Term]:
-        """Any configuration at the end of a round, reachable or not: where induction starts.
+        """Any configuration at a round's end, reachable or not: the start of an inductive step.
 
         It has in common with ``initial`` what no event ever changes.
         """
@@ -206,7 +206,9 @@ class Encoder:
     def _end_of_program_turns(
         self, inside: SymbolicConfiguration
     ) -> tuple[Term, SymbolicConfiguration]:
-        """Whether all robots stop now, and the configuration after that. [END-PROG] [STOP]"""
+        """The condition that all robots stop now, and the configuration after that.
+        [END-PROG] [STOP]
+        """
         d, robots = self.d, inside.configuration.robots
         asked = conjunction(d, [differs(self.d, r.status, Status.RUNNING) for r in robots])
         if d.known(asked) is not False:
@@ -243,7 +245,7 @@ class Encoder:
         options: list[EventOption],
         before: Before,
     ) -> SymbolicConfiguration:
-        """The configuration when robots have run the events they chose. [EVENT-TRANS]"""
+        """The configuration after the robots' chosen events. [EVENT-TRANS]"""
         d = self.d
         constraints = one_event_each(d, self.system, options)
         constraints += one_winner_each(d, self.system, options)

@@ -1,4 +1,4 @@
-"""The solver: the second and last file that knows Z3."""
+"""The Z3 solver: with the terms, the only files that use Z3."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _FOR_EVER = 2**32 - 1
 
 
 class SolverAnswer(Enum):
-    """What a solver says of a question."""
+    """The answer of a solver to a query."""
 
     SAT = "sat"
     UNSAT = "unsat"
@@ -40,7 +40,7 @@ LONGEST_S, LONGEST_UNLIMITED_S = 10.0, 60.0
 
 
 class Layer(Struct, frozen=True):
-    """A question about what the first so many of the things say that are ``required``."""
+    """A query on the first ``required`` of a solver's constraints."""
 
     required: int
     asked: Term
@@ -63,7 +63,7 @@ class Solver:
         self._solver.set("random_seed", self.seed)
 
     def add(self, constraints: Iterable[Term]) -> None:
-        """Require constraints from here on."""
+        """Add constraints."""
         self._take()
         for constraint in constraints:
             known = self.d.known(constraint)
@@ -78,7 +78,7 @@ class Solver:
         *,
         at_most: int = 0,
     ) -> SolverAnswer:
-        """Whether all of the question can hold together with what is required.
+        """Check whether the query is satisfiable together with the constraints.
 
         ``effort`` is what this question may use up, and ``at_most`` how much of that at once
         (0: all of it).
@@ -134,7 +134,7 @@ class Solver:
         return SolverAnswer.UNKNOWN
 
     def script(self, question: Iterable[Term]) -> str:
-        """The question, with what is required, as a script of SMT-LIB 2."""
+        """The query with the constraints, as a script of SMT-LIB 2."""
         self._take()
         asked = z3.Solver(ctx=self.d.context)
         asked.add(self._solver.assertions())
@@ -143,12 +143,12 @@ class Solver:
 
     @property
     def required(self) -> int:
-        """How many things are required by now."""
+        """The number of constraints so far."""
         self._take()
         return len(self._solver.assertions())
 
     def layered(self, layers: Sequence[Layer]) -> str:
-        """Whether one of the layers' questions can hold, with what was required up to it alone.
+        """A script of SMT-LIB 2: one layer's query is satisfiable with the constraints up to it.
 
         A script of SMT-LIB 2.
         """
@@ -163,11 +163,11 @@ class Solver:
         return str(asked.to_smt2())
 
     def core(self) -> frozenset[int]:
-        """Positions in the last question, answered with UNSAT, of what cannot hold together."""
+        """The unsatisfiable core of the last query, as positions in it."""
         return self._core
 
     def model(self) -> Model:
-        """The model of the last question that was answered with SAT."""
+        """The model of the last query, which was satisfiable."""
         assert self._model is not None
         return Model(self.d, self._model)
 
@@ -180,19 +180,19 @@ class Solver:
 
 
 def _longest_s(limit: int) -> float:
-    """How long a question may take at most that is to cost so much."""
+    """The time limit in seconds of a query with an effort limit."""
     return min(LONGEST_S, max(1.0, AT_MOST_TIMES * limit / PER_SECOND))
 
 
 def spent_by(solver: z3.Solver | z3.Fixedpoint) -> int:
-    """What a solver has done so far, in its own units."""
+    """The effort that a solver has spent so far, in its own units."""
     statistics = solver.statistics()
     known = "rlimit count" in statistics.keys()  # noqa: SIM118 - no mapping, though it looks like one
     return int(statistics.get_key_value("rlimit count")) if known else 0
 
 
 def cases(d: Terms, term: Term) -> list[Term]:
-    """Terms of which one holds exactly if the given one does: small questions for a large one.
+    """Split a formula into cases: several small queries in place of a large one.
 
     Splits where the term is a disjunction by how it is built (a quantifier over robots that is
     denied, say), which no solver does as well by itself.
@@ -223,7 +223,7 @@ def _split(term: z3.ExprRef) -> Iterator[z3.ExprRef]:
 
 
 def _split_one(conjunction: z3.ExprRef) -> Iterator[z3.ExprRef]:
-    """Split the part of a conjunction that splits most; the others stay with each case."""
+    """Split the part of a conjunction with most cases; the other parts stay with each case."""
     parts = conjunction.children()
     splits = [list(_split(part)) for part in parts]
     most = max(range(len(parts)), key=lambda position: len(splits[position]))
@@ -235,7 +235,7 @@ def _split_one(conjunction: z3.ExprRef) -> Iterator[z3.ExprRef]:
 
 
 class Model(Struct, frozen=True):
-    """A solver's model, read as Python's own numbers. Terms it leaves open get some value."""
+    """A model of a solver, read as Python numbers. Terms it leaves open get some value."""
 
     d: Terms
     model: z3.ModelRef

@@ -1,4 +1,4 @@
-"""Symbolic inputs: everything a step leaves open becomes a fresh term, remembered for later.
+"""Symbolic inputs: every input of a step becomes a fresh term, remembered for the witness.
 
 What the semantics asks of its :class:`~koord.semantics.oracle.Inputs` is answered with constants
 that a solver may choose; a model then says what they were, and :mod:`koord.verify.witness` writes
@@ -26,7 +26,7 @@ from koord.verify.encoding.unknowns import LIST_CAPACITY, Symbolic, Unknowns
 
 
 class SymbolicAnswer(Struct, frozen=True):
-    """The term that stands for one answer; see :class:`koord.semantics.recordings.Answer`."""
+    """A fresh term for one recorded answer; see :class:`koord.semantics.recordings.Answer`."""
 
     phase: Phase
     robot: int
@@ -37,7 +37,7 @@ class SymbolicAnswer(Struct, frozen=True):
 
 
 class SymbolicOracle(Struct):
-    """Answers for one turn as fresh terms."""
+    """The oracle of one turn whose answers are fresh terms."""
 
     inputs: SymbolicInputs
     phase: Phase
@@ -82,14 +82,14 @@ class SymbolicOracle(Struct):
 
 
 class _SummaryOracle(SymbolicOracle):
-    """Answers for a summary that is looked at afterwards, as a replay will look at it."""
+    """The oracle for summaries that are checked afterwards, as a replay checks them."""
 
     def every(self, type_: Type, body: Callable[[Symbolic], Term]) -> Term:
         return True
 
 
 class SymbolicInputs(Struct):
-    """Inputs of one step as fresh terms, in the order in which they were asked for."""
+    """The inputs of one step as fresh terms, in the order of the queries."""
 
     unknowns: Unknowns
     label: str
@@ -98,7 +98,7 @@ class SymbolicInputs(Struct):
     answers: dict[tuple[Phase, int, Key], SymbolicAnswer] = field(default_factory=dict)
 
     def answer_summaries(self, system: System) -> None:
-        """Note what summaries ask of functions, where they were taken for granted so far.
+        """Record the functions' answers that summaries rely on, where they were assumed so far.
 
         A replay checks every summary, so it needs those answers too. [EXTERNAL]
         """
@@ -118,7 +118,7 @@ class SymbolicInputs(Struct):
                 statement(m, promise)
 
     def noted(self, phase: Phase, robot: int, key: Key) -> SymbolicAnswer | None:
-        """The answer already given for a key: a turn that is looked at twice is one turn."""
+        """The answer already given for a key: a turn that is evaluated twice is one turn."""
         return self.answers.get((phase, robot, key))
 
     def note(self, answer: SymbolicAnswer) -> None:

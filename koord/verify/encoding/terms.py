@@ -110,7 +110,7 @@ class Terms:
     # --- terms ----------------------------------------------------------------------------------
 
     def sort(self, type_: Type) -> z3.SortRef:
-        """The sort of a scalar type."""
+        """The Z3 sort of a scalar type."""
         match type_:
             case IntType() | EnumType() | StringType() | StreamType():
                 return self._int
@@ -126,7 +126,7 @@ class Terms:
                 raise AssertionError(f"{type_} is no scalar type")
 
     def lifted(self, value: Term, sort: z3.SortRef) -> z3.ExprRef:
-        """A constant as a term of a sort; terms stay as they are."""
+        """Convert a constant to a term of a sort; terms stay as they are."""
         if isinstance(value, z3.ExprRef):
             return value
         if isinstance(value, bool):
@@ -139,18 +139,18 @@ class Terms:
         return z3.IntVal(int(value), self.context)
 
     def boolean(self, value: Term) -> z3.BoolRef:
-        """A Boolean scalar as a formula."""
+        """Convert a Boolean scalar to a formula."""
         lifted = self.lifted(value, self._bool)
         assert isinstance(lifted, z3.BoolRef)
         return lifted
 
     def fresh(self, name: str, type_: Type) -> z3.ExprRef:
-        """A constant of a scalar type that occurs nowhere else."""
+        """A fresh constant of a scalar type."""
         self._counter += 1
         return z3.Const(f"{name}!{self._counter}", self.sort(type_))
 
     def applied(self, name: str, arguments: Sequence[Term], result: Type) -> z3.ExprRef:
-        """An uninterpreted function symbol, the same one for a name each time, at arguments."""
+        """Apply the uninterpreted function of a name to arguments."""
         lifted = [
             self.lifted(a, self._real if isinstance(a, Fraction | float) else self._int)
             for a in arguments
@@ -160,7 +160,7 @@ class Terms:
         return self._make.applied(name, lifted, self.sort(result))
 
     def list_sort(self, element: Sequence[Sort]) -> z3.DatatypeSortRef:
-        """The sort of lists whose elements are made of parts of these sorts."""
+        """The sort of lists whose elements consist of parts of these sorts."""
         name = f"list({', '.join(map(str, element))})"
         if name not in self._lists:
             made = z3.Datatype(name, self.context)
@@ -173,7 +173,7 @@ class Terms:
     def list_term(
         self, element: Sequence[Sort], rows: Sequence[Sequence[Term]], length: Term
     ) -> z3.ExprRef:
-        """A list as one term: as many of the rows as its length says, each an element's parts."""
+        """A list as one term, of the rows below its length; each row has an element's parts."""
         sort = self.list_sort(element)
         nil, cons = sort.constructor(0)(), sort.constructor(1)
         built: Term = nil
@@ -185,14 +185,14 @@ class Terms:
         return built
 
     def for_all(self, variables: Sequence[Term], body: Term) -> Term:
-        """Whether a Boolean holds whatever its variables are."""
+        """Universal quantification of a Boolean over variables."""
         terms = [variable for variable in variables if isinstance(variable, z3.ExprRef)]
         if not isinstance(body, z3.ExprRef) or not terms:
             return body
         return z3.ForAll(terms, body)
 
     def text_of(self, number: int) -> str:
-        """The string of a number in the table; one made up for a number that is not there."""
+        """The string with a number in the table; a made-up one for an unknown number."""
         for text, its_number in self._strings.items():
             if its_number == number:
                 return text
@@ -201,14 +201,14 @@ class Terms:
     # --- looking at terms -----------------------------------------------------------------------
 
     def key(self, term: Term) -> object:
-        """Something hashable that two scalars have in common exactly if they are written alike.
+        """A hashable key that two scalars share if and only if they are the same term.
 
         It is valid as long as the term is kept.
         """
         return term.get_id() if isinstance(term, z3.ExprRef) else (type(term), term)
 
     def with_values(self, term: Term, values: Sequence[tuple[Term, Term]]) -> Term:
-        """A term with other terms in the place of constants, simplified."""
+        """Substitute terms for constants, and simplify."""
         if not isinstance(term, z3.ExprRef):
             return term
         pairs = [
@@ -219,7 +219,7 @@ class Terms:
         return self.constant(z3.simplify(z3.substitute(term, *pairs)))
 
     def put(self, term: Term, values: Sequence[tuple[Term, Term]]) -> Term:
-        """A term with other integers in the place of some, otherwise as it is."""
+        """Substitute integers for integer constants in a term."""
         if not isinstance(term, z3.ExprRef) or not values:
             return term
         old = [term for term, _ in values if isinstance(term, z3.ExprRef)]
@@ -230,12 +230,12 @@ class Terms:
         return put
 
     def symbol(self, term: Term) -> str:
-        """The name of the symbol that a term applies."""
+        """The name of the function symbol that a term applies."""
         assert isinstance(term, z3.ExprRef)
         return str(term.decl().name())
 
     def leanings(self, term: Term, seen: set[tuple[int, int]]) -> Iterator[tuple[str, bool]]:
-        """The symbols of Booleans below a formula, each with how it leans.
+        """The symbols of Booleans below a formula, each with its polarity.
 
         True: the formula may need the Boolean to hold; False: not to hold. What is in ``seen`` is
         left out, and everything looked at is put there.
@@ -264,17 +264,17 @@ class Terms:
                 waiting += [(below, 0) for below in part.children()]
 
     def is_constant(self, term: Term) -> bool:
-        """Whether a scalar is one unknown, and no more."""
+        """Return whether a scalar is a single uninterpreted constant."""
         if not isinstance(term, z3.ExprRef) or not z3.is_const(term):
             return False
         return bool(term.decl().kind() == z3.Z3_OP_UNINTERPRETED)
 
     def is_boolean(self, term: Term) -> bool:
-        """Whether a scalar is a truth value."""
+        """Return whether a scalar is a Boolean."""
         return isinstance(term, bool | z3.BoolRef)
 
     def is_integer(self, term: Term) -> bool:
-        """Whether a scalar is an integer."""
+        """Return whether a scalar is an integer."""
         if isinstance(term, z3.ExprRef):
             return bool(term.sort() == self._int)
         return isinstance(term, int) and not isinstance(term, bool)
@@ -285,12 +285,12 @@ class Terms:
         return f"{name}!{self._counter}"
 
     def function_like(self, like: z3.ExprRef, arguments: Sequence[Term]) -> z3.ExprRef:
-        """The function symbol of a constant's name and sort, at arguments."""
+        """Apply the function symbol of a constant's name and sort to arguments."""
         lifted = [self.lifted(a, self._int) for a in arguments]
         return self._make.applied(str(like), lifted, like.sort())
 
     def mentions(self, term: Term, constants: Sequence[Term]) -> bool:
-        """Whether one of some constants occurs in a term."""
+        """Return whether one of some constants occurs in a term."""
         wanted = [c for c in constants if isinstance(c, z3.ExprRef)]
         if not isinstance(term, z3.ExprRef) or not wanted:
             return False
@@ -306,14 +306,14 @@ class Terms:
         return self._nowhere[key]
 
     def parts_like(self, term: Term) -> list[Term]:
-        """The parts of a term that are of its sort, each once, itself first."""
+        """The subterms of a term that have its sort, each once, itself first."""
         if not isinstance(term, z3.ExprRef):
             return []
         sort = term.sort()
         return [self.constant(part) for part in parts_of([term]) if part.sort() == sort]
 
     def fresh_like(self, name: str, term: Term) -> z3.ExprRef:
-        """A constant of the sort of a scalar that occurs nowhere else."""
+        """A fresh constant of a scalar's sort."""
         self._counter += 1
         if isinstance(term, z3.ExprRef):
             sort = term.sort()
@@ -324,7 +324,7 @@ class Terms:
         return z3.Const(f"{name}!{self._counter}", sort)
 
     def is_valid(self, claim: Term) -> bool:
-        """Whether a Boolean holds whatever its constants are, as far as a quick look tells."""
+        """Return whether a Boolean is valid, as far as a quick query tells."""
         if not isinstance(claim, z3.ExprRef):
             return bool(claim)
         self._budget.spend(_QUICK_LOOK)
@@ -334,7 +334,7 @@ class Terms:
         return bool(solver.check() == z3.unsat)
 
     def constant(self, term: z3.ExprRef) -> Term:
-        """Python's own constant where a term is one."""
+        """The Python constant that a term denotes, or None."""
         if z3.is_true(term) or z3.is_false(term):
             return bool(z3.is_true(term))
         if z3.is_int_value(term):
@@ -346,7 +346,7 @@ class Terms:
     # --- how they are built ---------------------------------------------------------------------
 
     def _connective(self, op: BinaryOp, left: Term, right: Term) -> Term:
-        """Two Booleans, one of them a term: constants vanish."""
+        """Build a connective of two Booleans, one of them a term, simplified for constants."""
         if op is BinaryOp.IMPLIES:
             return self._connective_or(self.unary(UnaryOp.NOT, left), right)
         if op is BinaryOp.OR:
@@ -395,7 +395,7 @@ class Terms:
         raise AssertionError(op)
 
     def _equation(self, left: z3.ExprRef, right: z3.ExprRef) -> Term:
-        """Booleans are compared with constants often: then no equation is needed."""
+        """Build an equation; with a Boolean constant it simplifies to a literal."""
         for one, other in ((left, right), (right, left)):
             kind = self._make.kind(one)
             if kind == z3.Z3_OP_TRUE:
@@ -405,7 +405,7 @@ class Terms:
         return self._make.equation(left, right)
 
     def _quotient(self, left: z3.ExprRef, right: z3.ExprRef) -> Term:
-        """As :func:`binary_of_numbers`: of ints rounded down, and zero for a zero divisor."""
+        """Divide as :func:`binary_of_numbers` does: ints rounded down, zero for a zero divisor."""
         zero = self.lifted(0, left.sort())
         if left.sort() == self._real:
             return (
@@ -428,7 +428,7 @@ class Terms:
         return z3.If(right == 0, z3.IntVal(0, self.context), rest)
 
     def _boolean_ite(self, condition: z3.ExprRef, then: Term, other: Term) -> Term:
-        """A choice with a constant on one side is a connective."""
+        """Build an if-then-else of Booleans; with a constant side it is a connective."""
         if isinstance(then, bool) and isinstance(other, bool):
             return condition if then else self.unary(UnaryOp.NOT, condition)
         if isinstance(then, bool):
@@ -462,7 +462,7 @@ def _is_zero(value: z3.ExprRef) -> bool:
 
 
 def _substituted(term: z3.ExprRef, old: Sequence[z3.ExprRef], new: Sequence[z3.ExprRef]) -> z3.Ast:
-    """A term with others in the place of some (not by z3.substitute, which looks at each sort)."""
+    """Substitute terms in a term (not by z3.substitute, which checks each sort)."""
     before, after = (z3.Ast * len(old))(), (z3.Ast * len(new))()
     for k, (one, other) in enumerate(zip(old, new, strict=True)):
         before[k], after[k] = one.as_ast(), other.as_ast()
@@ -470,7 +470,7 @@ def _substituted(term: z3.ExprRef, old: Sequence[z3.ExprRef], new: Sequence[z3.E
 
 
 def parts_of(terms: Iterable[z3.ExprRef]) -> Iterator[z3.ExprRef]:
-    """Terms and all below them, each once."""
+    """Terms and all their subterms, each once."""
     seen: set[int] = set()
     waiting = list(terms)
     while waiting:

@@ -1,4 +1,4 @@
-"""Fresh terms of one solver run: values of every type, answers of mathematical functions."""
+"""Fresh terms of a solver run: values of every type, and answers of mathematical functions."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ KEYS = 6
 
 @dataclass(slots=True)
 class Unknowns:
-    """Fresh terms of one solver run, with the constraints that come with them.
+    """The fresh terms of one solver run, with the constraints that come with them.
 
     ``constraints`` must hold whatever the program does (ranges of enumerations, functionality of
     external functions). ``limits`` names what the terms do not cover, if anything.
@@ -70,7 +70,7 @@ class Unknowns:
 
     @property
     def uncovered(self) -> list[str]:
-        """What the terms do not cover, in order, for people to read."""
+        """Descriptions of the values that the terms do not cover, in order, for people to read."""
         return sorted(set(self.limits))
 
     def value(
@@ -144,7 +144,7 @@ class Unknowns:
     def function(
         self, external: core.External, arguments: tuple[Symbolic, ...], name: str
     ) -> Symbolic:
-        """The answer of a mathematical function: equal for equal arguments. [EXTERNAL]"""
+        """The answer of a mathematical function: equal arguments give equal answers. [EXTERNAL]"""
         if not self._is_symbol(external):
             return self.alike(external, arguments, name)
         if self.vouches_for(external) and external.name not in self._summarised:
@@ -158,7 +158,7 @@ class Unknowns:
         return self.value(external.name, external.result.type, scalar=applied)
 
     def _is_symbol(self, external: core.External) -> bool:
-        """Whether a function is a symbol of the solver's. By type: all its calls must be alike.
+        """Return whether a function is an uninterpreted symbol: its type decides, for all calls.
 
         Others are compared call by call: to know of lists when they are equal is hard for solvers.
         """
@@ -171,7 +171,7 @@ class Unknowns:
     def alike(
         self, external: core.External, arguments: tuple[Symbolic, ...], name: str
     ) -> Symbolic:
-        """Any value, but the same as for equal arguments before."""
+        """A fresh value, or the earlier one for equal arguments."""
         answer = self.value(name, external.result.type)
         asked = self._functions.setdefault(external.name, [])
         for earlier, its_answer in asked:
@@ -184,15 +184,15 @@ class Unknowns:
         return answer
 
     def chosen(self, low: Term, high: Term, type_: Type) -> Term:
-        """What ``choose`` gives. Whoever asks requires it to lie between the bounds."""
+        """A fresh value for ``choose``. The caller requires that it lies between the bounds."""
         return self.d.fresh("choose", type_)
 
     def vouches_for(self, external: core.External) -> bool:
-        """Whether the summary of a function was required of all its arguments at once."""
+        """Return whether the summary of a function was asserted for all its arguments at once."""
         return external.name in self._vouched
 
     def every(self, types: Sequence[Type], body: Callable[[tuple[Symbolic, ...]], Term]) -> Term:
-        """Whether a statement holds of all values of some types. [E-QUANT]
+        """The condition that a statement holds of all values of some types. [E-QUANT]
 
         What is known of terms that depend on these values is required of all values too.
         """
@@ -214,7 +214,7 @@ class Unknowns:
         return d.for_all(variables, d.binary(BinaryOp.IMPLIES, given, holds))
 
     def _axiom(self, external: core.External, promise: core.Expr) -> Term:
-        """A promise of a mathematical function, for all arguments, asked for or not. [EXTERNAL]"""
+        """Assert a mathematical function's summary for all arguments. [EXTERNAL]"""
         types, slots = [parameter.type for parameter in external.parameters], []
         while isinstance(promise, core.Quantified) and isinstance(promise.domain, core.AllValues):
             # One quantifier over everything is easier for solvers than one inside the other.
@@ -253,7 +253,7 @@ class Unknowns:
         made: Callable[[str, Type], Term],
         most: int | None = None,
     ) -> Symbolic:
-        """Any list of ``length`` items; else of ``most`` at most, if that is little, or of few."""
+        """Any list of ``length`` items; else of at most ``most``, if that is little, or of few."""
 
         def items(count: int) -> tuple[Symbolic, ...]:
             return tuple(self.value(f"{name}[{k}]", element, scalar=made) for k in range(count))
@@ -281,12 +281,12 @@ class Unknowns:
 
 
 def _of_the_text(name: str) -> str:
-    """What the program calls it: the name of an unknown without robot, round and element."""
+    """The program's name of an unknown: without robot, round and element."""
     return re.split(r"[@#\[]", name, maxsplit=1)[0]
 
 
 class _Axiom(Struct, frozen=True):
-    """An oracle for summaries as axioms: of all arguments, nothing of it to be recorded."""
+    """The oracle for summaries as axioms: for all arguments, with nothing recorded."""
 
     unknowns: Unknowns
 

@@ -1,4 +1,4 @@
-"""Rounds unrolled one behind the other on one incremental solver. [T-PREFIX]"""
+"""Unrolling: rounds appended one by one on an incremental solver. [T-PREFIX]"""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from koord.verify.encoding.terms import Term, Terms
 
 
 class Unrolling:
-    """A system unrolled so far: the solver knows INIT and some rounds.
+    """An unrolled system: INIT and some rounds, as constraints of a solver.
 
     With ``movers`` it is only the runs in which the other robots skip.
     """
@@ -36,7 +36,7 @@ class Unrolling:
         self.solver.add(assumed(self.system, self.encoder.d, self.opening.moment))
 
     def moments(self) -> Iterator[SymbolicConfiguration]:
-        """The configurations to look at, in order, without end. Unrolls as it goes."""
+        """Yield the configurations to check, in order, without end. Unrolls as it goes."""
         yield self.opening.moment
         self._sound(self.opening.moment)
         start = self.opening.moment.configuration
@@ -56,7 +56,7 @@ class Unrolling:
             start = taken.end.configuration
 
     def _sound(self, moment: SymbolicConfiguration) -> None:
-        """A faulted configuration has no successors. [FAULT]"""
+        """Require that the configuration has no fault: a faulted one has no successors. [FAULT]"""
         self.solver.add([self.encoder.d.unary(UnaryOp.NOT, moment.findings.fault)])
 
 
@@ -74,7 +74,7 @@ def assumed(system: System, d: Terms, moment: SymbolicConfiguration) -> list[Ter
 def violations(
     system: System, d: Terms, moment: SymbolicConfiguration, claims: Sequence[Claim]
 ) -> dict[Claim, tuple[Term, list[Term]]]:
-    """For each claim that this configuration can break: when it does, and what that needs."""
+    """For each claim that a configuration can break: the condition, and what it requires."""
     found: dict[Claim, tuple[Term, list[Term]]] = {}
     sound = d.unary(UnaryOp.NOT, moment.findings.fault)
     for claim in claims:

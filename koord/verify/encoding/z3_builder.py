@@ -1,4 +1,4 @@
-"""Z3's terms by its C interface.
+"""Fast construction of Z3 terms by the C interface.
 
 Z3's Python operators look for the context, the common sort and the kind of their arguments first,
 which takes several times longer than to make the term. Here all arguments are terms of one context
@@ -16,7 +16,7 @@ _Two: Final = z3.Ast * 2
 
 
 class TermBuilder:
-    """Makes terms of one context."""
+    """A builder of terms of one Z3 context."""
 
     def __init__(self, context: z3.Context) -> None:
         self._context = context
@@ -32,7 +32,7 @@ class TermBuilder:
         return self._boolean(z3.Z3_mk_or(self._ref, 2, _Two(left.ast, right.ast)))
 
     def negation(self, operand: z3.ExprRef) -> z3.BoolRef:
-        """The opposite of a Boolean; of a negation, what it negates."""
+        """Negate a Boolean; a double negation is removed."""
         if self.kind(operand) == z3.Z3_OP_NOT:
             return self._boolean(z3.Z3_get_app_arg(self._ref, operand.ast, 0))
         return self._boolean(z3.Z3_mk_not(self._ref, operand.ast))
@@ -66,7 +66,7 @@ class TermBuilder:
     # --- terms of any sort ----------------------------------------------------------------------
 
     def choice(self, condition: z3.ExprRef, then: z3.ExprRef, other: z3.ExprRef) -> z3.ExprRef:
-        """One of two terms of the same sort."""
+        """If-then-else of two terms of the same sort."""
         made = z3.Z3_mk_ite(self._ref, condition.ast, then.ast, other.ast)
         if isinstance(then, z3.ArithRef):
             return self._number(made)
@@ -75,7 +75,7 @@ class TermBuilder:
         return self._any(made)
 
     def applied(self, name: str, arguments: Sequence[z3.ExprRef], result: z3.SortRef) -> z3.ExprRef:
-        """A function symbol at arguments: the same symbol for a name and the same sorts."""
+        """Apply a function symbol to arguments; one name and sorts have one symbol."""
         ids = [z3.Z3_get_sort_id(self._ref, z3.Z3_get_sort(self._ref, a.ast)) for a in arguments]
         key = (name, tuple(ids), result.get_id())
         symbol = self._symbols.get(key)
@@ -86,7 +86,7 @@ class TermBuilder:
         return self._any(z3.Z3_mk_app(self._ref, symbol.ast, len(arguments), many))
 
     def kind(self, term: z3.ExprRef) -> int:
-        """Which of Z3's symbols a term applies: a ``Z3_OP`` number; -1 for quantifiers."""
+        """The kind of symbol that a term applies: a ``Z3_OP`` number; -1 for quantifiers."""
         if z3.Z3_get_ast_kind(self._ref, term.ast) not in (z3.Z3_APP_AST, z3.Z3_NUMERAL_AST):
             return -1
         return int(z3.Z3_get_decl_kind(self._ref, z3.Z3_get_app_decl(self._ref, term.ast)))
@@ -104,5 +104,5 @@ class TermBuilder:
 
 
 def same(left: z3.ExprRef, right: z3.ExprRef) -> bool:
-    """Whether two terms of one context are written alike: Z3 keeps each term once."""
+    """Return whether two terms of one context are identical: Z3 keeps each term once."""
     return bool(left.ast.value == right.ast.value)

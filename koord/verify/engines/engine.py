@@ -1,4 +1,4 @@
-"""What every engine is: somebody who settles the open claims of a ledger, or says how far it came.
+"""The interface of engines: workers that settle the open claims of a ledger.
 
 An engine is a folder here with an ``engine.py`` in it, which has a function ``make``; its name is a
 member of :class:`Engine`, and the table of the strategy says when it is asked. What it claims of
@@ -22,7 +22,7 @@ from koord.verify.verdicts import Vacuity
 
 
 class Purpose(Enum):
-    """What an engine is asked for."""
+    """The purpose for which an engine is called."""
 
     SETTLE = "settle"  #: proofs and violations
     REFUTE = "refute"  #: violations; it says nothing of what holds
@@ -32,7 +32,7 @@ class Purpose(Enum):
 
 
 class Task(Struct, frozen=True):
-    """What an engine is asked to do, and how much it may do for it (None: all that there is to do).
+    """A task for an engine: its purpose and its budgets (None: unlimited).
 
     Each engine counts some of these: the comments say which.
     """
@@ -52,7 +52,7 @@ class Task(Struct, frozen=True):
 
 
 class Tools(Struct):
-    """What engines work with that are asked about one problem."""
+    """Resources that the engines of one problem share."""
 
     pool: Pool  #: where claims are asked each by itself
     unroller: Unroller = field(default_factory=Unroller)  #: what is known of the first rounds
@@ -60,21 +60,21 @@ class Tools(Struct):
 
 
 class Worker(Protocol):
-    """An engine at work on one problem: it goes on from where it stopped."""
+    """An engine at work on one problem, resumable from where it stopped."""
 
     @property
     def name(self) -> str:
-        """What it is called where it fails."""
+        """The engine's name in reports of failures."""
 
     def suits(self, ledger: Ledger, task: Task) -> bool:
-        """Whether what the engine needs for a task is there."""
+        """Return whether the engine is able to do a task: its dependencies are there."""
 
     def work(self, ledger: Ledger, task: Task) -> None:
-        """Settle open claims, or write down how far it came with them."""
+        """Settle open claims, or record how far they were checked."""
 
 
 class Workers:
-    """The engines that are asked about one problem, each loaded when it is asked for first."""
+    """The engines of one problem, each loaded on first use."""
 
     def __init__(self, pool: Pool, *, of_runs: bool = False) -> None:
         self.tools = Tools(pool)

@@ -1,1 +1,1 @@
-"""Verification problems in the forms of other tools: AIGER, VMT, SMT-LIB, TLA+."""
+"""Export of verification problems to other tools: AIGER, VMT, SMT-LIB, TLA+."""

@@ -1,4 +1,4 @@
-"""The claims about a program as a problem for other tools: a circuit, or one SMT-LIB question.
+"""Export of a program's claims as a circuit, or as one SMT-LIB query.
 
 The question can be satisfied if and only if a claim breaks in INIT or within a bound. Opaque values
 are of uninterpreted sorts.
@@ -24,14 +24,14 @@ from koord.verify.reduction.abstraction import abstracted
 
 
 class Script(Struct, frozen=True):
-    """A script of SMT-LIB 2, and what it does not cover."""
+    """A script of SMT-LIB 2, and the values that it does not cover."""
 
     text: str
     limits: tuple[str, ...]
 
 
 def script(system: System, claims: Sequence[Claim], rounds: int) -> Script:
-    """The question about some claims, within so many rounds.
+    """The query about some claims, within so many rounds.
 
     Raises NotFiniteError for what formulas cannot say, and OutOfBudgetError.
     """
@@ -51,7 +51,7 @@ def script(system: System, claims: Sequence[Claim], rounds: int) -> Script:
 
 
 class Export(Struct, frozen=True):
-    """A problem as a file, and what it says more loosely than the program."""
+    """A problem as a file, and where it over-approximates the program."""
 
     content: bytes
     notes: tuple[str, ...]
@@ -60,7 +60,7 @@ class Export(Struct, frozen=True):
 def problem(
     system: System, names: Sequence[str], format_: Format, rounds: int, comment: str
 ) -> Export:
-    """The claims about a system, or the named ones, for other tools.
+    """Export the claims about a system, or the named ones.
 
     Values that merely flow are opaque. SMT-LIB has Booleans alone where these say everything, and
     else integers and reals. Raises NotFiniteError for what cannot be said, and OutOfBudgetError.
@@ -94,7 +94,7 @@ def problem(
 
 
 def _listed(names: Iterable[str]) -> str:
-    """Variables without their robots."""
+    """The names of variables without their robots."""
     return ", ".join(sorted({name.split("@")[0] for name in names}))
 
 

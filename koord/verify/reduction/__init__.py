@@ -1,1 +1,1 @@
-"""What a claim cannot depend on is left out before engines are asked. [T-CONE]"""
+"""Reductions: slicing and abstraction of the program before engines run. [T-CONE]"""

@@ -1,4 +1,4 @@
-"""Values that merely flow become opaque: positions and paths that only planners look into.
+"""Abstraction: types whose values merely flow become opaque sorts, such as planners' paths.
 
 A record or list type whose values a program copies, compares, and hands to external functions, but
 never takes apart, is replaced by an uninterpreted sort. Making such a value becomes an external
@@ -44,7 +44,7 @@ class Abstraction(Struct, frozen=True):
 
 
 def abstracted(program: core.Program) -> Abstraction | None:
-    """The abstraction of a program, or None if no type of it merely flows."""
+    """Abstract a program; None if no type of it merely flows."""
     hidden = _flowing(program)
     if not hidden:
         return None
@@ -64,7 +64,7 @@ def abstracted(program: core.Program) -> Abstraction | None:
 
 
 def _flowing(program: core.Program) -> set[Type]:
-    """The record and list types whose values nobody but external functions takes apart."""
+    """The record and list types whose values only external functions take apart."""
     types = {t for node in nodes(program) for t in _types_of(node)}
     candidates = {t for t in types if isinstance(t, RecordType | ListType)}
     opened: set[Type] = set()
@@ -83,7 +83,7 @@ def _signature(external: core.External) -> list[Type]:
 
 
 def _opened(node: object) -> set[Type]:
-    """The types whose values this node takes apart, or reads in another shape."""
+    """The types whose values a node takes apart, or reads in another shape."""
     match node:
         case core.Place(variable=variable, steps=steps):
             return {variable.type, *(step.type for step in steps[:-1])} if steps else set()
@@ -103,7 +103,7 @@ def _opened(node: object) -> set[Type]:
 
 
 def _types_of(node: object) -> Iterator[Type]:
-    """All types that a node mentions, with what is inside them."""
+    """All types that a node mentions, with the types inside them."""
     for attribute in ("type", "result"):
         type_ = getattr(node, attribute, None)
         if isinstance(type_, Type):
@@ -114,7 +114,7 @@ def _types_of(node: object) -> Iterator[Type]:
 
 
 def _weakened(external: core.External, hidden: set[Type]) -> core.External:
-    """A summary without the promises that look into opaque values."""
+    """A summary without the promises that read inside opaque values."""
 
     def lookswithin(e: core.Expr) -> bool:
         return any(hidden & _opened(node) for node in nodes(e))
@@ -123,7 +123,7 @@ def _weakened(external: core.External, hidden: set[Type]) -> core.External:
 
 
 class _Rewriter:
-    """Replaces types everywhere, and list and record expressions of hidden types by calls."""
+    """A rewriter that replaces hidden types, and list and record expressions of them by calls."""
 
     def __init__(self, hidden: set[Type], site: int) -> None:
         self._hidden = hidden
@@ -151,7 +151,7 @@ class _Rewriter:
                 return type_
 
     def _call(self, node: core.MakeList | core.MakeRecord) -> core.ExternalCall:
-        """The expression as a function of its parts, which are all that is known of it."""
+        """The expression as an external function of its parts."""
         parts = node.items if isinstance(node, core.MakeList) else node.fields
         arguments = tuple(self.rewrite(part) for part in parts)
         types = tuple(argument.type for argument in arguments)

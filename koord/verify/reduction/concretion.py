@@ -1,4 +1,4 @@
-"""Back from opaque values to real ones: a recording of an abstraction as one of the program."""
+"""Concretion: recordings of an abstract program as recordings of the original."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ Token = tuple[str, str]
 
 
 class Concretion(Struct):
-    """Real values for the opaque ones of one recording; equal ones for equal, as far as possible.
+    """A mapping from the opaque values of one recording to concrete ones, injective if possible.
 
     A value that the program made of parts is made of their real values. One that an external
     function gave is chosen such that the function's whole summary holds. Others are made up, all
@@ -157,7 +157,7 @@ class Concretion(Struct):
         return self._values[token]
 
     def _answered(self, answer: Answer, type_: Type) -> Value[Constant]:
-        """A value that an external function may have given, by its whole summary."""
+        """A value that an external function may have answered, by its whole summary."""
         assert answer.function is not None
         abstract = self._abstract_external(answer.function)
         original = self.system.program.external(answer.function)
@@ -174,7 +174,7 @@ class Concretion(Struct):
     def _candidates(
         self, type_: Type, arguments: tuple[Value[Constant], ...], external: core.External
     ) -> Iterator[Value[Constant]]:
-        """Values that summaries usually ask for: paths that begin and end at arguments."""
+        """Candidates that summaries usually require: paths that begin and end at arguments."""
         yield self._invented(type_)
         if isinstance(type_, ListType):
             element = type_.element
@@ -210,7 +210,7 @@ class Concretion(Struct):
             return True
 
     def _invented(self, type_: Type) -> Value[Constant]:
-        """A value unlike any other that was invented."""
+        """A fresh value, different from all invented before."""
         self._count += 1
         match type_:
             case FloatType():

@@ -1,4 +1,4 @@
-"""What in a program can have an influence on what, read off the text. [T-CONE]
+"""Influence analysis: dependencies between parts of a program, for slicing. [T-CONE]
 
 The *cone of influence* of a claim is the least set with what the claim reads that is closed under
 ``Influence.edges``. The rest of the program can be left out (``slicing.py``).
@@ -29,20 +29,20 @@ class BodyVariable(Struct, frozen=True):
 
 
 class Happens(Struct, frozen=True):
-    """That robots of a kind run an event, by its position."""
+    """The part that robots of a kind run an event, by its position."""
 
     kind: int
     position: int
 
 
 class Answers(Struct, frozen=True):
-    """What an external function answers."""
+    """The part that an external function answers."""
 
     function: str
 
 
 class Matter(Enum):
-    """What is neither a variable nor an event."""
+    """The parts that are neither variables nor events."""
 
     STATUS = "who has stopped"
     FAULT = "whether something faults"
@@ -59,7 +59,7 @@ Cone: TypeAlias = frozenset[Part]
 
 
 class Site(Struct, frozen=True):
-    """A statement, with the expressions that decide whether it is run."""
+    """A statement, with the conditions on which its execution depends."""
 
     statement: core.Stmt
     controls: tuple[core.Expr, ...]
@@ -67,7 +67,7 @@ class Site(Struct, frozen=True):
 
 
 class Influence(Struct):
-    """The influences in the program of one system: what has one on each part of it."""
+    """The influence graph of a system's program: the influences on each part of it."""
 
     system: System
     edges: dict[Part, set[Part]] = field(default_factory=dict)
@@ -95,11 +95,11 @@ class Influence(Struct):
         return self.system.program
 
     def cone(self, claims: Iterable[Claim]) -> Cone:
-        """All that can have an influence on some claims."""
+        """The cone of influence of some claims."""
         return self.closed(part for claim in claims for part in self.read_by(claim))
 
     def closed(self, parts: Iterable[Part]) -> Cone:
-        """Some parts, with all that can have an influence on them."""
+        """The closure of some parts under influence."""
         found = set(parts)
         waiting = list(found)
         while waiting:
@@ -109,7 +109,7 @@ class Influence(Struct):
         return frozenset(found)
 
     def read_by(self, claim: Claim) -> frozenset[Part]:
-        """What a claim reads itself."""
+        """The parts that a claim reads itself."""
         match claim.kind:
             case ClaimKind.PROPERTY | ClaimKind.LIVENESS:
                 assert claim.stated is not None
@@ -135,7 +135,9 @@ class Influence(Struct):
                 )
 
     def reads(self, part: object, kind: int | None, body: int = _STATED) -> frozenset[Part]:
-        """All that an expression (or a tuple of them) reads, for robots of one kind, or of any."""
+        """The parts that an expression (or a tuple of them) reads, for one kind of robots or
+        all.
+        """
         key = (id(part), kind, body)
         if isinstance(part, tuple):
             return frozenset(x for item in part for x in self.reads(item, kind, body))
@@ -159,7 +161,7 @@ class Influence(Struct):
     def variable(
         self, variable: core.Variable, kind: int | None, body: int = _STATED
     ) -> Iterator[Part]:
-        """The parts that a variable stands for: in a statement, one for each kind that has it."""
+        """The parts that a variable stands for: in a property, one for each kind that has it."""
         if variable.home is Home.BOUND and body != _STATED:
             yield BodyVariable(body, variable.slot)
         yield from variables_of(self.program, variable, kind)
@@ -182,7 +184,7 @@ class Influence(Struct):
                 self._start(declaration, kind)
 
     def _start(self, declaration: core.Declaration, kind: int | None) -> None:
-        """What a variable starts with."""
+        """Add the influences on a variable's start."""
         if isinstance(declaration.initial, core.Start):
             return
         reads = self.reads(declaration.initial, kind)
@@ -192,7 +194,7 @@ class Influence(Struct):
             self._add(Matter.FAULT, (*reads, *self.variable(declaration.variable, kind)))
 
     def _init(self, kind: int, agent: core.Agent) -> None:
-        """INIT: whatever robots do later, ``stop`` keeps them from it."""
+        """Add the influences of INIT: a robot that stops there runs nothing later."""
         for stop in self._body(kind, agent.init, (), in_init=True):
             self._add(Matter.STATUS, stop)
             for k, other in enumerate(self.program.agents):
@@ -212,7 +214,7 @@ class Influence(Struct):
     def _body(
         self, kind: int, block: core.Block, by: tuple[Part, ...], *, in_init: bool = False
     ) -> Iterator[frozenset[Part]]:
-        """The influences in a body; yields what decides whether locks are taken, or robots stop."""
+        """Add the influences in a body; yield the conditions of locks and stops."""
         self._bodies += 1
         body = self._bodies
         for site in sites(block, (), Sure(self.system, kind, in_init=in_init)):
@@ -246,7 +248,7 @@ class Influence(Struct):
                     self._add(part, reads)
 
     def restricted(self, contract: core.Contract, promise: core.Expr, kind: int) -> frozenset[Part]:
-        """What a promise of a contract restricts: what it says of the ports after the turn.
+        """The parts that a promise of a contract restricts: the ports after the turn that it reads.
 
         One that says nothing of them restricts which rounds end: all that it reads.
         """
@@ -259,7 +261,7 @@ class Influence(Struct):
         return primed or self.reads((contract.requires, promise), kind)
 
     def _urgency(self) -> None:
-        """Any event meets an obligation, and any lock that is taken ends one. [SKIP]"""
+        """Add the influences of urgency: any event or taken lock ends an obligation. [SKIP]"""
         every = [
             Happens(kind, position)
             for kind, agent in enumerate(self.program.agents)
@@ -291,7 +293,7 @@ class Influence(Struct):
 
 
 def sites(block: core.Block, controls: tuple[core.Expr, ...], sure: Sure) -> Iterator[Site]:
-    """The statements of a block and those below them, each with what decides whether it runs."""
+    """Yield the statements of a block and those below them, each with its conditions."""
     for s in block:
         yield Site(s, controls, sure)
         match s:
@@ -313,7 +315,7 @@ def sites(block: core.Block, controls: tuple[core.Expr, ...], sure: Sure) -> Ite
 
 
 def _leaving(body: core.Block) -> Iterator[core.Expr]:
-    """The conditions under which a loop is left early: what comes later in it hangs on them."""
+    """The conditions under which a loop is left early, on which its later statements depend."""
     for s in body:
         match s:
             case core.If(condition=condition, then=then, otherwise=otherwise):
@@ -328,7 +330,7 @@ def _leaving(body: core.Block) -> Iterator[core.Expr]:
 
 
 def _leaves(block: core.Block) -> bool:
-    """Whether a block has a ``break`` of the loop that it stands in."""
+    """Return whether a block has a ``break`` of its own loop."""
     for s in block:
         match s:
             case core.Break():

@@ -1,4 +1,4 @@
-"""What engines work on: a program or a slice of it, with values that merely flow made opaque."""
+"""Verification problems: a program, its slices and its abstractions."""
 
 from __future__ import annotations
 
@@ -29,17 +29,17 @@ Identity = tuple[ClaimKind, str, str]
 
 
 def identity(claim: Claim) -> Identity:
-    """What a claim has in common with that of a slice or an abstraction of its program."""
+    """The identity of a claim across slices and abstractions of its program."""
     return claim.kind, claim.name, claim.subject
 
 
 def plain_problem(system: System, part: System | None = None) -> VerificationProblem:
-    """A system, or a slice of it; what is found of that is judged on the whole system."""
+    """The problem of a system or slice; counterexamples are judged on the whole system."""
     return _problem(system, part or system, lambda recording: recording)
 
 
 def abstract_problem(system: System, part: System | None = None) -> VerificationProblem | None:
-    """The same with values that merely flow made opaque, if there are any."""
+    """The problem with merely flowing values made opaque; None if there are none."""
     part = part or system
     abstraction = abstracted(part.program)
     if abstraction is None:
@@ -49,7 +49,7 @@ def abstract_problem(system: System, part: System | None = None) -> Verification
 
 
 def problem_of(system: System, part: System | None = None) -> VerificationProblem:
-    """The same with opaque values where there are any, and plain where not."""
+    """The abstract problem if there is one, else the plain one."""
     return abstract_problem(system, part) or plain_problem(system, part)
 
 
@@ -77,7 +77,7 @@ def _problem(
 def _judged(
     system: System, recording: Recording, claim: Claim, phase: ClaimPhase
 ) -> Counterexample:
-    """The counterexample of a recording that breaks a claim, as simple as can be."""
+    """The simplified counterexample of a recording that breaks a claim. Raises NotReplayedError."""
     if claim.kind is ClaimKind.LIVENESS:
         return _lasso(system, recording, claim)
     replayed(system, recording, claim, phase)
@@ -92,13 +92,13 @@ def _lasso(system: System, recording: Recording, claim: Claim) -> Counterexample
 
 
 class _Completing(Struct):
-    """Makes runs of a whole system of those of a slice, and judges them. [T-CONE]"""
+    """The judge of a slice's runs: completes them to runs of the whole system. [T-CONE]"""
 
     system: System
     never_starts: bool = False  #: as far as that was tried
 
     def judged(self, recording: Recording, claim: Claim, phase: ClaimPhase) -> Counterexample:
-        """The counterexample of a recording of a slice, with what that left out made up.
+        """The counterexample of a slice's recording, completed with sampled inputs.
 
         Where no start was found once, none is looked for again: nearly always assumptions
         contradict each other, and otherwise the whole system is asked all the same.
@@ -127,6 +127,6 @@ def _samplers(system: System) -> Iterator[Sampler]:
 
 
 class _Hasty(Sampler):
-    """Tries few starts: where assumptions contradict each other, none of any number will do."""
+    """A sampler that tries few starts: if assumptions contradict each other, more do not help."""
 
     start_tries = 100

@@ -1,7 +1,4 @@
-"""Shadows of a program's modules: sensors that show an instant between the ends of rounds.
-
-[ENV-INSTANT]
-"""
+"""Shadow modules, whose sensors show an instant between the ends of rounds. [ENV-INSTANT]"""
 
 from __future__ import annotations
 
@@ -31,17 +28,17 @@ def ports_of(part: object) -> frozenset[int]:
 
 
 def between(name: str) -> str:
-    """What the claim about instants is called that an invariant becomes."""
+    """The name of the claim about instants for an invariant's name."""
     return f"{name} {BETWEEN}"
 
 
 def is_asked_between(stated: core.Property) -> bool:
-    """Whether an invariant says something of instants: it reads a port."""
+    """Return whether an invariant is checked at instants: it reads a port."""
     return stated.kind is PropertyKind.INVARIANT and bool(ports_of(stated.condition))
 
 
 def with_primed(program: core.Program, slots: set[int]) -> set[int]:
-    """Some ports, with those that contracts of their modules speak of as they are afterwards."""
+    """Ports, closed under the primed ports in contracts of their modules."""
     found = set(slots)
     while True:
         primed = {
@@ -71,7 +68,7 @@ class Shadows(Struct, frozen=True):
 
     @staticmethod
     def of(program: core.Program, wanted: set[int]) -> Shadows:
-        """Shadows of the modules that have one of the ports."""
+        """Make shadows of the modules that have one of the ports."""
         most = max(len(agent.ports) for agent in program.agents)
         slots: dict[int, int] = {}
         modules: dict[str, tuple[int, ...]] = {}
@@ -100,7 +97,7 @@ class Shadows(Struct, frozen=True):
         )
 
     def statement(self, stated: core.Property) -> core.Property | None:
-        """What an invariant says of instants; None if it reads no sensor."""
+        """An invariant as a claim about instants; None if it reads no sensor."""
         condition = self._after(stated.condition)
         if condition == stated.condition:
             return None
@@ -108,7 +105,7 @@ class Shadows(Struct, frozen=True):
         return replace(stated, name=name, kind=PropertyKind.AT_ROUND, condition=condition)
 
     def promises(self, lost: set[int]) -> Iterator[str]:
-        """The claims that modules with models keep their contracts."""
+        """The claims that shadow modules with models keep their contracts."""
         for agent in self.original.agents:
             for module in agent.modules:
                 known = module.environment is not None and not lost & set(module.ports)
@@ -166,12 +163,12 @@ class Shadows(Struct, frozen=True):
         return rebuilt(self._moved(node), self._after)
 
     def _afterwards(self, node: Any) -> Any:
-        """What a contract says of ports after the turn, as about their shadows."""
+        """A contract's expression about ports after the turn, as one about their shadows."""
         is_after = isinstance(node, core.Place) and node.primed
         return rebuilt(self._moved(node) if is_after else node, self._afterwards)
 
     def _shorter(self, node: Any) -> Any:
-        """A model's block as it works on shadows, for a turn that ends at the instant."""
+        """A model's block on shadows, for a turn that ends at the instant."""
         match node:
             case core.Delta():
                 site = 2 * self.last_site + 1
@@ -186,7 +183,7 @@ class Shadows(Struct, frozen=True):
         return rebuilt(node, self._shorter)
 
     def _moved(self, node: Any) -> Any:
-        """The shadow's place for a sensor's; everything else as it is."""
+        """A place of a sensor replaced by its shadow's; other nodes are unchanged."""
         if not isinstance(node, core.Place) or node.variable.home is not Home.PORT:
             return node
         shadowed = node.variable.slot in self.slots
@@ -194,7 +191,7 @@ class Shadows(Struct, frozen=True):
 
 
 def _within(module: str) -> str:
-    """What the shadow of a module is called."""
+    """The name of a module's shadow."""
     return f"{module} between"
 
 
@@ -203,7 +200,7 @@ def _read(variable: core.Variable) -> core.Read:
 
 
 def _unused(slot: int) -> core.Port:
-    """A port that takes up a slot."""
+    """A port that only fills a slot."""
     variable = core.Variable(Home.PORT, slot, f"unused{slot}", BOOL)
     start = core.Declaration(variable, core.Const(False, BOOL))
     return core.Port("", Direction.ACTUATOR, start)

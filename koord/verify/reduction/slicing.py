@@ -1,4 +1,4 @@
-"""A program without what is outside of a cone of influence, and which slices to ask. [T-CONE]
+"""Slicing: a program without the parts outside of a cone of influence. [T-CONE]
 
 Nothing is numbered anew: a variable that is left out leaves a constant in its slot, an event one
 that is never enabled. So slots, sites and events mean the same in slice and program.
@@ -31,7 +31,7 @@ _OF_WHOLE_RUNS = (PropertyKind.EVENTUALLY, PropertyKind.LEADS_TO)
 
 
 def sliced(influence: Influence, cone: Cone) -> core.Program:
-    """The slice of a program by a cone."""
+    """Slice a program by a cone."""
     return _Slicer(influence, cone).program()
 
 
@@ -59,7 +59,7 @@ class _Slicer(Struct, frozen=True, dict=True):
     # --- statements of the program --------------------------------------------------------------
 
     def _meets(self, stated: core.Expr) -> bool:
-        """Whether a statement restricts what is in the cone, or nothing that could be left out."""
+        """Return whether a statement restricts parts in the cone, or reads no variables."""
         reads = self.influence.reads(stated, None)
         return not reads or bool(reads & self.cone)
 
@@ -85,7 +85,7 @@ class _Slicer(Struct, frozen=True, dict=True):
 
     @cached_property
     def _starts_matter(self) -> bool:
-        """Whether it matters who stops in INIT."""
+        """Return whether stops in INIT matter to the cone."""
         return Matter.STATUS in self.cone or any(isinstance(part, Happens) for part in self.cone)
 
     def _has(self, variable: core.Variable, kind: int | None) -> bool:
@@ -121,7 +121,7 @@ class _Slicer(Struct, frozen=True, dict=True):
         return replace(module, contracts=tuple(c for c in contracts if c is not None))
 
     def _contract(self, contract: core.Contract, kind: int) -> core.Contract | None:
-        """The promises of a contract that restrict something in the cone, if there are any."""
+        """The promises of a contract that restrict parts in the cone, if there are any."""
         restricted = (
             (promise, self.influence.restricted(contract, promise, kind))
             for promise in contract.ensures
@@ -135,7 +135,7 @@ class _Slicer(Struct, frozen=True, dict=True):
     # --- bodies ---------------------------------------------------------------------------------
 
     def _block(self, block: core.Block, *, runs: bool) -> core.Block:
-        """What is left of a block; ``runs``: whether it matters that it takes locks and stops."""
+        """The slice of a block; ``runs``: its locks and stops matter."""
         return tuple(kept for s in block for kept in self._statement(s, runs=runs))
 
     def _statement(self, s: core.Stmt, *, runs: bool) -> Iterator[core.Stmt]:
@@ -162,7 +162,7 @@ class _Slicer(Struct, frozen=True, dict=True):
                 pass
 
     def _matters(self, s: core.Stmt, *, runs: bool) -> bool:
-        """Whether a statement itself is in the cone, apart from those in it."""
+        """Return whether a statement itself is in the cone, apart from those in it."""
         if isinstance(s, core.Atomic | core.Stop | core.TryStop):
             return runs
         return self._is_risk(s) or bool(self.influence.targets[id(s)] & self.cone)
@@ -172,7 +172,7 @@ class _Slicer(Struct, frozen=True, dict=True):
 
 
 def _constant(declaration: core.Declaration) -> core.Declaration:
-    """What is left of a variable: something that costs nothing and never changes."""
+    """The slice of a variable outside the cone: a constant that costs nothing."""
     variable = declaration.variable
     one_each = variable.home is Home.ALLREAD
     type_: Type = ArrayType(BOOL, Robots.ALL) if one_each else BOOL
@@ -180,12 +180,12 @@ def _constant(declaration: core.Declaration) -> core.Declaration:
 
 
 def _never(event: core.Event) -> core.Event:
-    """What is left of an event: nothing that could run."""
+    """The slice of an event outside the cone: one that is never enabled."""
     return replace(event, urgent=False, guard=_FALSE, effect=(), lock_classes=frozenset())
 
 
 def _with_functions(whole: core.Program, kept: core.Program, asked: set[str]) -> core.Program:
-    """A slice with the functions that it still calls, and the external ones that are ``asked``."""
+    """The slice with the functions that it still calls, and the external ones ``asked`` for."""
     defined: set[str] = set()
     external = set(asked)
     waiting: list[object] = [kept, *(whole.external(name) for name in asked)]
@@ -226,30 +226,30 @@ class Slices(Struct, frozen=True, dict=True):
 
     @cached_property
     def claims(self) -> dict[Identity, Claim]:
-        """The claims about the system, by what they have in each slice."""
+        """The claims about the system, by their identity across slices."""
         claims = (*claims_of(self.system), *liveness_of(self.system))
         return {identity(claim): claim for claim in claims}
 
     def cone(self, claims: Iterable[Claim]) -> Cone:
-        """The cone of influence of some claims, all together."""
+        """The cone of influence of some claims together."""
         return self.influence.cone(claims)
 
     def returning(self, claims: Iterable[Claim]) -> Cone:
-        """What a lasso that breaks claims about whole runs has to come back to. [AUXILIARY]"""
+        """The parts to which a lasso that breaks liveness claims has to return. [AUXILIARY]"""
         stated = [claim.stated for claim in claims if claim.stated is not None]
         spared = auxiliary(self.system, stated)
         return self.influence.closed({*self.cone(claims), *(self.everything - spared)})
 
     def whole(self, claims: Iterable[Claim]) -> Cone:
-        """All that any claim can depend on, and all else."""
+        """The parts that any claim depends on, and all others."""
         return self.influence.closed({*self.cone(claims), *self.everything})
 
     def extent(self, cone: Cone) -> frozenset[Part]:
-        """The variables and events in a cone: what else is in it hangs on them."""
+        """The variables and events in a cone, which determine its other parts."""
         return cone & self.everything
 
     def name(self, part: Part) -> str:
-        """What the text calls a variable or an event."""
+        """The name of a variable or event in the text."""
         program = self.system.program
         match part:
             case Happens(kind=kind, position=position):
@@ -266,13 +266,13 @@ class Slices(Struct, frozen=True, dict=True):
                 raise AssertionError(f"{part} has no name")
 
     def slice_of(self, cone: Cone) -> System:
-        """The system without what is outside of a cone; itself if that is nothing."""
+        """The system sliced by a cone; itself if nothing is outside."""
         if self.extent(cone) == self.everything:
             return self.system
         return replace(self.system, program=sliced(self.influence, cone))
 
     def common(self) -> System:
-        """The system without what no claim about configurations can depend on."""
+        """The system sliced by the cone of all safety claims."""
         claims = claims_of(self.system)
         part = self.slice_of(self.cone(claims))
         # A claim that the slice's own text does not make is asked of the whole.
@@ -280,7 +280,7 @@ class Slices(Struct, frozen=True, dict=True):
         return part if same else self.system
 
     def happening(self) -> System:
-        """The system without what has no influence on whether anything happens in it.
+        """The system without parts that have no influence on whether events happen.
 
         Nothing is left out that could keep a run from starting or from going on: what happens in
         the slice happens in the system.
@@ -296,7 +296,7 @@ class Slices(Struct, frozen=True, dict=True):
         return part if same else self.system
 
     def _goes_on_without(self, cone: Cone) -> bool:
-        """Whether a run of a slice can always be completed to one of the system. [T-CONE]"""
+        """Return whether each run of a slice extends to a run of the system. [T-CONE]"""
         program, influence = self.system.program, self.influence
         stated = (influence.reads(each.condition, None) for each in program.assumptions)
         starts = all(not reads or reads & cone for reads in stated)
@@ -314,5 +314,5 @@ class Slices(Struct, frozen=True, dict=True):
 
 
 def _aims(system: System) -> set[tuple[Aim, str, Span]]:
-    """What should happen in a system."""
+    """The reachability goals of a system, as comparable tuples."""
     return {(goal.aim, goal.subject, goal.span) for goal in reachability_goals_of(system).all}

@@ -1,1 +1,1 @@
-"""Which engine is asked what, in which order, and how much it may do."""
+"""The strategy: which engine works on which claims, in which order, with which budget."""

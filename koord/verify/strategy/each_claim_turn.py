@@ -1,4 +1,4 @@
-"""Claims asked one by one: in processes, and of slices of the program. [T-CONE]
+"""Turns of the strategy on single claims: in processes, and on slices. [T-CONE]
 
 Engines are asked about all claims together first, for so much effort. Claims that are open then
 know nothing of each other, so that no answer hangs on another, nor on how many are asked at a time.
@@ -34,7 +34,7 @@ from koord.verify.witness import NotReplayedError
 
 
 class _Slice(Struct, frozen=True):
-    """What may be spent on each claim, in about seconds of a solver (None: anything).
+    """The budget of each claim, in about seconds of a solver (None: unlimited).
 
     ``afresh``: from INIT on, and not from where all claims together were left. What the solver was
     told of the other claims by then helps with some (SATS: 4 s instead of 17 s), and is in the way
@@ -51,7 +51,7 @@ AT_LAST = _Slice(None, False)
 
 
 class _Looked(Struct, frozen=True):
-    """What was found out about one claim, round by round. ``tired``: there is more to be found."""
+    """The result of bounded checks of one claim, round by round. ``tired``: they can go on."""
 
     said: Extract
     unreplayed: tuple[str, int | None] | None
@@ -59,7 +59,7 @@ class _Looked(Struct, frozen=True):
 
 
 class EachClaimTurn(Struct, frozen=True):
-    """Bounded model checking claim by claim, and proofs of all of them at the same time.
+    """A turn: bounded model checking claim by claim, with proofs of all claims in parallel.
 
     What ``proofs`` say, which are asked in turn, counts first: the rounds that were looked at
     meanwhile count where that settles nothing. ``unrolling`` was asked about all claims together
@@ -108,14 +108,14 @@ class EachClaimTurn(Struct, frozen=True):
             tired = self._taken(ledger, self._submitted(ledger, tired, slice_))
 
     def _proving(self, ledger: Ledger, claims: Sequence[Claim], first: int) -> Job[Extract]:
-        """The proofs from one of them on, in a process of their own."""
+        """Start the proofs from a given one on, in a process of their own."""
         proofs = list(enumerate(self.proofs))[first:]
         return self.pool.submit("", partial(asked, ledger, claims, proofs))
 
     def _behind(
         self, ledger: Ledger, claims: Sequence[Claim], died: Job[Extract]
     ) -> Job[Extract] | None:
-        """Where the process of proofs died, what it had told of counts, and the next one is asked.
+        """Merge the notes of a proof process that died, and start the next engine.
 
         None if there is nothing to go on with.
         """
@@ -150,7 +150,7 @@ class EachClaimTurn(Struct, frozen=True):
         return {c: self.pool.submit(c.name, partial(look, c), until=until) for c in claims}
 
     def _taken(self, ledger: Ledger, jobs: Mapping[Claim, Job[_Looked]]) -> list[Claim]:
-        """Put down what was found out; the claims of which there is more to be found."""
+        """Merge results; return the claims whose checks can go on."""
         tired: list[Claim] = []
         with ledger.waiting():
             for claim, looked in self.pool.answers(jobs):
@@ -178,7 +178,7 @@ def _slices(ledger: Ledger) -> Sequence[_Slice]:
 def asked(
     ledger: Ledger, claims: Sequence[Claim], engines: Iterable[tuple[int, AnyTurn]], tell: Teller
 ) -> Extract:
-    """What engines say of some claims, in turn, in a process of its own.
+    """Run engines on some claims in turn, in a process of its own.
 
     It tells whose turn it is, and what is known by then.
     """
@@ -201,12 +201,12 @@ T = TypeVar("T")
 
 
 class Doubts(Struct):
-    """Claims that something seemed to break which is no run, with its number of rounds."""
+    """The claims with a candidate violation that did not replay, with its number of rounds."""
 
     rounds: dict[Identity, int] = field(default_factory=dict)
 
     def watching(self, problem: VerificationProblem) -> VerificationProblem:
-        """The problem, whose judge tells of what does not replay."""
+        """The problem with a judge that records failed replays."""
 
         def judge(recording: Recording, claim: Claim, phase: ClaimPhase) -> Counterexample:
             try:
@@ -219,7 +219,7 @@ class Doubts(Struct):
 
 
 class _Part(Struct):
-    """A slice, and the claims that have just this cone of influence."""
+    """A slice, and the claims that have exactly this cone of influence."""
 
     name: str
     extent: frozenset[Part]
@@ -229,7 +229,7 @@ class _Part(Struct):
 
 
 class _Asking(Struct):
-    """Engines that are asked about a slice, one after the other."""
+    """Engines at work on a slice, one after the other."""
 
     part: _Part
     inner: Ledger  #: of the slice
@@ -240,7 +240,7 @@ class _Asking(Struct):
     followed: bool  #: claims about whole runs are asked behind all of these
 
     def goes_on(self, ledger: Ledger) -> bool:
-        """Ask one more engine; whether there may be others."""
+        """Run one more engine; return whether there may be others."""
         if all(claim in self.inner.verdicts for claim in self._own()):
             return False
         following = next(self.engines, None)
@@ -266,7 +266,7 @@ class _Asking(Struct):
         return not over
 
     def close(self, ledger: Ledger) -> None:
-        """Whoever looks at more of the program is asked only what may be found out from there."""
+        """End the work on the slice: larger slices need only check what could still be found."""
         if not self.part.is_alone or ledger.deadline.passed():
             return
         for claim in self._own():
@@ -275,11 +275,11 @@ class _Asking(Struct):
                 ledger.settle({outer: ledger.verdict(outer)})
 
     def _own(self) -> list[Claim]:
-        """The claims, as they are on the slice."""
+        """The claims in terms of the slice."""
         return [claim for claim in self.inner.claims if identity(claim) in self.part.claims]
 
     def _tell(self, ledger: Ledger) -> None:
-        """Put down what was found out by now."""
+        """Record the results so far."""
         own = self._own()
         said = self.inner.extract(own)
 
@@ -302,7 +302,7 @@ class _Asking(Struct):
 
 
 class SlicesTurn(Struct, frozen=True):
-    """Engines on slices that are smaller than what a ledger is about, for the claims of these.
+    """A turn: engines on slices that are smaller than the ledger's system, for their claims.
 
     Of all slices the first engine is asked before the next one, so that no claim waits long for
     what is quick. Claims that invariants about more than their slice may help to prove are asked
@@ -319,7 +319,7 @@ class SlicesTurn(Struct, frozen=True):
 
     @property
     def name(self) -> str:
-        """What it is called where it fails."""
+        """The turn's name in reports of failures."""
         return "slices"
 
     def work(self, ledger: Ledger) -> None:
@@ -351,7 +351,7 @@ class SlicesTurn(Struct, frozen=True):
         return sorted(found.values(), key=lambda part: len(part.extent))
 
     def _stated(self, claim: Claim) -> Claim:
-        """The claim as it is stated of the system itself."""
+        """The claim in terms of the system."""
         return self.slices.claims[identity(claim)]
 
     def _asking(self, ledger: Ledger, part: _Part) -> _Asking:
@@ -364,7 +364,7 @@ class SlicesTurn(Struct, frozen=True):
 
 
 def on_slice(slices: Slices, ledger: Ledger, claim: Claim) -> tuple[Ledger, Claim]:
-    """A ledger of the slice of one claim, on which nothing is known, and the claim there."""
+    """An empty ledger of one claim's slice, and the claim there."""
     system, meant = slices.system, identity(claim)
     smaller = slices.slice_of(slices.cone([slices.claims[meant]]))
     problem = problem_of(system, smaller)
@@ -373,7 +373,7 @@ def on_slice(slices: Slices, ledger: Ledger, claim: Claim) -> tuple[Ledger, Clai
 
 
 def _inner(ledger: Ledger, problem: VerificationProblem, part: _Part) -> Ledger:
-    """A ledger of a slice, with what is known of it, and other claims that may be lemmas."""
+    """A ledger of a slice with known results, and other claims as possible lemmas."""
     proved = {identity(claim): ledger.verdicts[claim] for claim in ledger.proved()}
     lemmas = {identity(c) for c in ledger.claims if c.is_state_property and _serves(ledger, c)}
     wanted = lemmas | part.claims.keys()
@@ -388,7 +388,7 @@ def _inner(ledger: Ledger, problem: VerificationProblem, part: _Part) -> Ledger:
 def _is_alone(
     ledger: Ledger, extent: frozenset[Part], extents: Mapping[Claim, frozenset[Part]]
 ) -> bool:
-    """Whether no possible lemma speaks of something in a slice and of something outside of it."""
+    """Return whether no possible lemma relates variables inside a slice to ones outside."""
     variables = {part for part in extent if isinstance(part, Var)}
     return not any(
         extents[claim] & variables and not extents[claim] <= extent
@@ -398,7 +398,7 @@ def _is_alone(
 
 
 def _serves(ledger: Ledger, claim: Claim) -> bool:
-    """Whether a claim may be a lemma: it is proved, or may still be."""
+    """Return whether a claim may serve as a lemma: it is proved, or still open."""
     return claim not in ledger.verdicts or claim in ledger.proved()
 
 

@@ -1,4 +1,4 @@
-"""Who is asked about whole runs, cheapest first; what is said of them in one place."""
+"""The strategy for liveness claims: engines in order, the cheapest first."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from koord.verify.verdicts import Bounds, Outcome, Vacuity, Verdict
 
 
 class LivenessVerdicts(Struct, frozen=True):
-    """Verdicts on all liveness claims, in order, and what makes them say less."""
+    """Verdicts on all liveness claims, in order, and their vacuities."""
 
     verdicts: tuple[Verdict, ...]
     vacuities: tuple[Vacuity, ...] = ()
@@ -49,7 +49,7 @@ def settled(
     before: Mapping[str, float] | None = None,
     steps: Steps | None = None,
 ) -> LivenessVerdicts:
-    """Ask the engines of some rows what a system's claims about whole runs are, or the named ones.
+    """Run the engines of some rows on a system's liveness claims, or the named ones.
 
     ``proved`` are claims that hold in every round: proofs may rely on them. ``before`` is what was
     spent on claims already, by their names; ``steps`` are told of what is known by and by.
@@ -87,7 +87,7 @@ def settled(
 
 
 class _Part(Struct, frozen=True):
-    """A slice, and the claims that have just this cone of influence. [T-CONE]"""
+    """A slice, and the claims that have exactly this cone of influence. [T-CONE]"""
 
     system: System
     claims: tuple[Claim, ...]
@@ -109,7 +109,7 @@ def _parts(slices: Slices, cones: Mapping[Claim, Cone]) -> list[_Part]:
 
 
 class _Asking(Struct):
-    """Engines that are asked about slices; what they find counts as a run of the whole system."""
+    """Engines at work on slices; their results count as runs of the whole system."""
 
     ledger: Ledger
     rows: Sequence[AskEngine]
@@ -120,7 +120,7 @@ class _Asking(Struct):
     empty: list[Vacuity] = field(default_factory=list)  #: what was found out besides
 
     def doubted(self) -> list[Claim]:
-        """The open claims that a lasso of a slice breaks which is none of the whole system.
+        """The open claims that a slice's lasso breaks, which is no run of the whole system.
 
         What another process ran into is told by what stood in its way.
         """
@@ -132,7 +132,7 @@ class _Asking(Struct):
         ]
 
     def about(self, parts: Sequence[_Part]) -> None:
-        """Each engine is asked of all of the slices before the next one."""
+        """Run each engine on all slices before the next engine."""
         self.doubts = Doubts()
         workers = Workers(self.pool, of_runs=True)
         workers.tools.vacuities = self.empty
@@ -166,7 +166,7 @@ class _Asking(Struct):
             self.ledger.take(inner.extract(asked))
 
     def _on_circuit(self, part: _Part, turn: EngineTurn, ledger: Ledger) -> None:
-        """Ask the circuit of a slice, with opaque values where there are any."""
+        """Run the circuit engine on a slice, with opaque values where there are any."""
         whole = self.ledger.system
         problem = abstract_problem(whole, part.system)
         if problem is None:
@@ -194,7 +194,7 @@ class _Asking(Struct):
 
 
 def _put_down(ledger: Ledger, verdict: Verdict, claim: Claim, inner: Ledger) -> None:
-    """What became known of a claim on a ledger of its own."""
+    """Merge the results on a claim from a ledger of its own."""
     said = inner.extract([verdict.claim])
     first = next(iter(verdict.obstacles), None)
     reach = Reach(Engine.BITS, None, verdict.reason, verdict.seconds, obstacle=first)
@@ -213,7 +213,7 @@ def _put_down(ledger: Ledger, verdict: Verdict, claim: Claim, inner: Ledger) -> 
 def _without_lemmas_first(
     ledger: Ledger, turn: EngineTurn, lemmas: tuple[Claim, ...], pool: Pool
 ) -> None:
-    """Lemmas make the circuit larger, and may not be needed: ask without, and then with them.
+    """Run first without lemmas, which make the circuit larger, and then with them.
 
     About a single claim that can be done at the same time: what is found without counts first.
     """
@@ -237,7 +237,7 @@ def _without_lemmas_first(
 
 
 def _asked(ledger: Ledger, turn: EngineTurn, tell: Progress) -> tuple[Extract, list[Vacuity]]:
-    """What is found in a process of its own."""
+    """The results of an engine that runs in a process of its own."""
     own = ledger.of(ledger.open(), tell)
     alone = replace(turn, workers=Workers(Pool(1), of_runs=True))
     with own.stopping(), own.enduring(turn.name):

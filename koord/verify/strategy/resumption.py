@@ -1,4 +1,4 @@
-"""A verification outlives its processes: the next one goes on behind the step that ended one."""
+"""Resumption: a verification continues after the step that killed its process."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from koord.verify.verdicts import Outcome, Verdict
 
 
 class StrategyStep(Struct, frozen=True):
-    """What somebody is asked to do; no two steps of a verification are the same."""
+    """A step of the strategy: an engine's turn. No two steps of a verification are equal."""
 
     stage: str
     turn: int
@@ -24,7 +24,7 @@ class StrategyStep(Struct, frozen=True):
 
 
 class PastVerification(Struct, frozen=True):
-    """What is known of a verification whose process died: the next one goes on behind it.
+    """The state of a verification whose process died, from which the next one continues.
 
     ``begun`` are the steps that are not taken again, be they done or not.
     """
@@ -34,7 +34,7 @@ class PastVerification(Struct, frozen=True):
     failures: tuple[Failure, ...] = ()
 
     def told(self, noted: Iterable[object]) -> PastVerification:
-        """The same with what a further process told of before it ended."""
+        """The state with the messages of a further process added."""
         verdicts = {v.claim: v for v in self.verdicts}
         begun, failures = list(self.begun), list(self.failures)
         for value in noted:
@@ -54,16 +54,16 @@ class PastVerification(Struct, frozen=True):
         )
 
     def ended(self, what: str) -> PastVerification:
-        """The same where the last step was the end of its process."""
+        """The state if the last step ended its process."""
         return replace(self, failures=(*self.failures, Failure(self.who, what)))
 
     @property
     def who(self) -> str:
-        """Whose turn it was at last."""
+        """The engine of the last turn."""
         return self.begun[-1].who if self.begun else "koord"
 
     def verdict(self, name: str) -> Verdict | None:
-        """What was known of a claim."""
+        """The last known verdict on a claim, or None."""
         return next((v for v in self.verdicts if v.claim.name == name), None)
 
 
@@ -72,7 +72,7 @@ SHARE = 0.5
 
 
 class Steps(Struct):
-    """The steps of a verification, each taken once, whatever its process does not survive.
+    """The steps of a verification; each is taken once, even if its process does not survive.
 
     Whoever looks on is told with ``lasting`` when a step is over, be it that it does not end.
     """
@@ -82,7 +82,7 @@ class Steps(Struct):
     lasting: Callable[[float | None], None] = lambda until: None
 
     def begin(self, stage: str, turn: int, who: str) -> bool:
-        """Whether a step is to be taken; if so, whoever looks on knows of it."""
+        """Return whether a step is to be taken; if so, announce it."""
         step = StrategyStep(stage, turn, who)
         if step in self.past.begun:
             return False
@@ -99,7 +99,7 @@ class Steps(Struct):
         *,
         is_last: bool = False,
     ) -> None:
-        """Ask an engine, if it was not asked, which has its share of the time if others wait."""
+        """Run an engine unless its step was taken; it has a share of the time if others wait."""
         if not self.begin(stage, turn, who):
             return
         late = False
@@ -119,7 +119,7 @@ class Steps(Struct):
             ledger.leave(ledger.open(), over)
 
     def follow(self, ledger: Ledger, original: Callable[[Verdict], Verdict] | None = None) -> None:
-        """Put down what is known, and be told of what becomes known.
+        """Record the known results, and follow those to come.
 
         ``original`` is for verdicts on a problem with opaque values.
         """

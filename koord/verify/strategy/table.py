@@ -1,9 +1,7 @@
-"""The strategy: which engine is asked, with which budget, when, and on what. Cheapest first.
+"""The table of the strategy: engines, budgets, order and scope. Cheapest first.
 
 The order is data: to add an engine, write its folder, its name in :class:`Engine`, and its rows
 here.
-
-One turn of a strategy: somebody works on a ledger.
 """
 
 from __future__ import annotations
@@ -21,7 +19,7 @@ from koord.verify.ledger import Ledger
 
 
 class AskEngine(Struct, frozen=True):
-    """An engine is asked about all open claims together."""
+    """A row: run an engine on all open claims together."""
 
     engine: Engine
     task: Task = Task()
@@ -32,7 +30,7 @@ class AskEngine(Struct, frozen=True):
 
 
 class AskOnSlices(Struct, frozen=True):
-    """Engines are asked about single claims, on what these depend on, where that is less.
+    """A row: run engines on single claims, on their slices, where these are smaller.
 
     ``rows`` are for claims that no invariant about more than their slice can help to prove, and
     ``shared`` for the others. ``alone``: these are all one engine, which has all the time.
@@ -44,7 +42,7 @@ class AskOnSlices(Struct, frozen=True):
 
 
 class AskEachClaim(Struct, frozen=True):
-    """Rounds are unrolled claim by claim, in processes of their own, and proofs looked for beside.
+    """A row: bounded model checking claim by claim in processes, with proofs in parallel.
 
     What the ``beside`` engines say, which are asked in turn, counts first.
     """
@@ -104,7 +102,7 @@ _ALL_ENGINES: Rows = (
 
 
 def _by_slices_first(*rows: Row, first: Rows = ()) -> Rows:
-    """One engine, asked on slices and then on the whole; ``first`` on slices, where others wait."""
+    """Rows that run one engine on slices and then on the whole; ``first`` is the slices' task."""
     return (AskOnSlices((*first, *rows), alone=True), *rows)
 
 
@@ -168,17 +166,17 @@ INFERRING_AGAIN = AskEngine(Engine.EVERY_N, Task(Purpose.INFER, seconds=SPARING_
 
 
 class AnyTurn(Protocol):
-    """Somebody who settles the open claims of a ledger, or says how far it came with them."""
+    """A turn of the strategy: it settles open claims of a ledger, or records how far it got."""
 
     @property
     def name(self) -> str:
-        """What it is called where it fails."""
+        """The turn's name in reports of failures."""
 
     def work(self, ledger: Ledger) -> None: ...
 
 
 class EngineTurn(Struct, frozen=True):
-    """An engine is asked for a task; it is loaded when its turn comes."""
+    """A turn of one engine on a task; the engine is loaded when its turn comes."""
 
     engine: Engine
     task: Task

@@ -1,4 +1,4 @@
-"""Verifications that end when they have to, and a time limit for each claim.
+"""Time limits: verifications in processes, with a limit for each claim.
 
 Engines work best on all claims together: a round is encoded once, and one claim helps to prove
 another. So all are asked together first, for half of the time that one may take. What is open then
@@ -41,7 +41,7 @@ def verify_apart(
     progress: Callable[[str], None] = lambda text: None,
     interrupted: Callable[[], bool] = lambda: False,
 ) -> Report:
-    """As :func:`verify` of ``verification.py``, with ``bounds.claim_s`` seconds for each claim."""
+    """Verify as :func:`verify` of ``verification.py``, with a limit of ``bounds.claim_s`` each."""
     asking = _Asking(system, bounds, choice, seed, jobs, progress, interrupted)
     claim_s = bounds.claim_s
     if claim_s is None:
@@ -74,7 +74,7 @@ class _Asking(Struct, frozen=True):
     interrupted: Callable[[], bool]
 
     def together(self, seconds: float | None, jobs: int, names: Sequence[str] = ()) -> Report:
-        """All claims, or the named ones."""
+        """Verify all claims, or the named ones, together."""
         started = time.monotonic()
         deadline = Deadline.after(seconds)
 
@@ -114,7 +114,7 @@ class _Asking(Struct, frozen=True):
         known: Sequence[Verdict],
         found: dict[str, Verdict],
     ) -> bool:
-        """Some claims by themselves: what is better than what was found is put there.
+        """Verify claims one by one, and keep the better verdict of each.
 
         Whether Ctrl-C ended it. A claim whose process died goes on for what is left of its time.
         """
@@ -191,7 +191,7 @@ class _Asking(Struct, frozen=True):
     def _known(
         self, past: PastVerification, why: str, spent: float, names: Sequence[str], *, late: bool
     ) -> tuple[Verdict, ...]:
-        """What processes had told of before they were ended, or died, and why there is no more."""
+        """The verdicts that processes reported before they died, and reasons for the others."""
         reason = "; ".join(filter(None, [why, *map(str, past.failures)]))
         found = []
         for claim in (*claims_of(self.system), *liveness_of(self.system)):
@@ -213,7 +213,7 @@ class _Asking(Struct, frozen=True):
 
 
 def _late(past: PastVerification) -> str:
-    """Why a process was ended: whose turn it was when its time was up."""
+    """The reason why a process was ended: the engine whose turn it was."""
     return f"timeout; {past.who} was being asked" if past.begun else "timeout"
 
 
@@ -226,7 +226,7 @@ def _least(first: float, second: float | None) -> float:
 
 
 def _is_better(new: Verdict, old: Verdict) -> bool:
-    """Whether an answer to a claim that is open says at least as much as what was known."""
+    """Return whether a new verdict on an open claim says at least as much as the old one."""
     if new.outcome is not Outcome.UNKNOWN:
         return True
     return (-1 if new.rounds is None else new.rounds) >= (-1 if old.rounds is None else old.rounds)

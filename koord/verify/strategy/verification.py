@@ -1,4 +1,4 @@
-"""Which engine is asked what, cheapest first; and one report of what they said."""
+"""Verification: runs the strategy on a system, and reports verdicts and vacuities."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def verify(
     lasting: Callable[[float | None], None] = lambda until: None,
     past: PastVerification | None = None,
 ) -> Report:
-    """Verdicts on all claims about a system, or on the named ones.
+    """Verify all claims about a system, or the named ones.
 
     Claims that are not named still serve as lemmas. If verdicts on all claims are ``known``, of
     what they leave open the named ones alone are asked. KeyboardInterrupt ends it with what is
@@ -273,7 +273,7 @@ class _Known(Struct, frozen=True):
     left: frozenset[int]
 
     def doubting(self, doubts: Doubts) -> _Known:
-        """The same, with what seemed violated to engines that look at no round after the other."""
+        """The verdicts with candidate violations of engines that do not work round by round."""
         rounds = [
             doubts.rounds[identity(verdict.claim)]
             for verdict in self.verdicts
@@ -285,7 +285,7 @@ class _Known(Struct, frozen=True):
 
 
 class _Vacuities(Struct, frozen=True):
-    """What makes verdicts say less than they seem to, as far as Ctrl-C did not end the search."""
+    """The vacuities found, as far as Ctrl-C did not end the search."""
 
     vacuities: tuple[Vacuity, ...] = ()
     interrupted: bool = False
@@ -305,7 +305,7 @@ class _ReachabilitySearch(Struct):
     job: Job[tuple[Looked | str, tuple[Failure, ...]]] | None = None
 
     def begin(self, ledger: Ledger) -> None:
-        """Other work that follows takes long."""
+        """Start the search in a process: the work that follows takes long."""
         apart = self.pool.jobs > 1 and not self.of_any_number
         if self.wanted and self.job is None and apart:
             own = self._of_what_happens(ledger).of((), lambda text: None)
@@ -319,7 +319,7 @@ class _ReachabilitySearch(Struct):
             self.job = self.pool.submit("", looked)
 
     def end(self, ledger: Ledger, names: Collection[str]) -> _Vacuities:
-        """What makes the verdicts of a ledger say less than they seem to."""
+        """Finish the search: the vacuities of a ledger's verdicts."""
         found: Hollow | None = None
         ledger = self._of_what_happens(ledger)
         own = ledger.of(ledger.open(), ledger.report)
@@ -339,7 +339,7 @@ class _ReachabilitySearch(Struct):
         return _Vacuities(found.vacuities, own.interrupted, found.unlooked)
 
     def _looked(self, own: Ledger) -> Looked | str:
-        """What was found out beside, or is now."""
+        """The result of the parallel search, or of one made now."""
         if self.job is None:
             return look(own)
         answer = self.pool.answer(self.job)
@@ -352,7 +352,7 @@ class _ReachabilitySearch(Struct):
         return looked
 
     def _of_what_happens(self, ledger: Ledger) -> Ledger:
-        """A ledger of all that has an influence on what happens, with what is known."""
+        """A ledger of the slice that influences what happens, with the known results."""
         if ledger.system.program is self.happens.system.program:
             return ledger
         verdicts = tuple(ledger.verdict(claim) for claim in ledger.claims)
@@ -362,7 +362,7 @@ class _ReachabilitySearch(Struct):
 
 
 def _before(system: System, known: Sequence[Verdict], names: Sequence[str]) -> _Known:
-    """What is known already, where nobody asks about claims that are not named."""
+    """The known verdicts, where claims that are not named are left alone."""
     verdicts = {verdict.claim: verdict for verdict in known}
     claims = claims_of(system)
     left = frozenset(n for n, claim in enumerate(claims) if claim.name not in names)
@@ -370,7 +370,7 @@ def _before(system: System, known: Sequence[Verdict], names: Sequence[str]) -> _
 
 
 def _put_down(ledger: Ledger, known: _Known) -> None:
-    """Write down on a new ledger what is known already."""
+    """Record known verdicts on a new ledger."""
     for n, (claim, verdict) in enumerate(zip(ledger.claims, known.verdicts, strict=True)):
         if verdict.outcome is not Outcome.UNKNOWN or n in known.left:
             ledger.settle({claim: replace(verdict, claim=claim)})
@@ -383,7 +383,7 @@ def _wanted(ledger: Ledger, names: Collection[str]) -> bool:
 
 
 def _find_others(ledger: Ledger, asked: Sequence[Claim], pool: Pool, slices: Slices | None) -> None:
-    """As many different counterexamples to each claim as were asked for.
+    """Search for as many different counterexamples to each claim as were asked for.
 
     With ``slices`` they are looked for in that of the claim first.
     """
@@ -417,7 +417,7 @@ def _find_others(ledger: Ledger, asked: Sequence[Claim], pool: Pool, slices: Sli
 
 
 class _Asking(Struct, frozen=True):
-    """What the turns about one problem have in common; with ``slices`` they are asked of theirs."""
+    """The common data of turns about one problem; with ``slices`` they run on its slices."""
 
     pool: Pool
     names: frozenset[str]
@@ -426,7 +426,7 @@ class _Asking(Struct, frozen=True):
     slices: Slices | None
 
     def turns(self, rows: Rows) -> Iterator[AnyTurn]:
-        """The turns that rows of the strategy stand for."""
+        """Make the turns for rows of the strategy."""
         for row in rows:
             match row:
                 case AskEngine():
@@ -452,5 +452,5 @@ class _Asking(Struct, frozen=True):
                     assert_never(row)
 
     def _anew(self, rows: Rows) -> Iterator[AnyTurn]:
-        """The turns about a slice, by engines that know nothing yet."""
+        """Make the turns on a slice, with new engines."""
         return replace(self, workers=Workers(self.pool), slices=None).turns(rows)

@@ -1,1 +1,1 @@
-"""What makes verdicts say less than they seem to. [PROP-VACUOUS]"""
+"""Vacuity: verdicts that say less than they seem to. [PROP-VACUOUS]"""

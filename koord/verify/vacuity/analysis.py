@@ -1,4 +1,4 @@
-"""What makes verdicts say less than they seem to: nothing can start, or nothing ever happens."""
+"""Vacuity analysis of a verification: no run starts, or events and premises never happen."""
 
 from __future__ import annotations
 
@@ -54,9 +54,9 @@ _AT_MOST = Effort.of_seconds(0.1).left
 
 
 class Looked(Struct, frozen=True):
-    """What was found out about what can happen, whatever the verdicts are.
+    """The vacuity results that do not depend on verdicts.
 
-    ``never`` are the wishes that no run fulfils; None if no run can start, as ``empty`` says.
+    ``never`` are the goals that no run reaches; None if no run can start, as ``empty`` says.
     ``effort`` is what is left of it, and ``spent_s`` the work that was done.
     """
 
@@ -67,14 +67,14 @@ class Looked(Struct, frozen=True):
 
 
 class Hollow(Struct, frozen=True):
-    """What makes verdicts say less than they seem to, and what was not looked at to the end."""
+    """The vacuities of verdicts, and the goals whose search was given up."""
 
     vacuities: tuple[Vacuity, ...] = ()
     unlooked: tuple[Unlooked, ...] = ()
 
 
 def look(ledger: Ledger) -> Looked:
-    """Find out what hangs on no verdict: it can be done beside other work."""
+    """Search for vacuities that depend on no verdict, so that it can run in parallel."""
     started = time.process_time()
     effort = Effort.of_seconds(WISHES_S)
     wished = reachability_goals_of(ledger.system)
@@ -89,12 +89,12 @@ def look(ledger: Ledger) -> Looked:
 
 
 def _worth(ledger: Ledger) -> float:
-    """How many seconds of work it is worth to know that the verdicts say something."""
+    """The seconds of work that the vacuity analysis may take."""
     return max(WORTH_S, WORTH * max((ledger.verdict(c).seconds for c in ledger.claims), default=0))
 
 
 def _limited(ledger: Ledger, seconds: float) -> Ledger:
-    """The ledger for at most so many seconds of work. Past them, evaluation ends as well."""
+    """The ledger limited to so many seconds of work, evaluation included."""
     deadline, whole = ledger.deadline.of_work(seconds), ledger.system.budget
     budget = Budget(lambda: deadline.passed() or whole.is_over())
     problem = replace(
@@ -108,14 +108,14 @@ def _limited(ledger: Ledger, seconds: float) -> Ledger:
 
 
 def tell(ledger: Ledger, goals: Sequence[ReachabilityGoal]) -> None:
-    """Say what is looked for."""
+    """Report the present search."""
     asked = list(dict.fromkeys(words(_aim(goal), goal.subject) for goal in goals))
     more = f" and {len(asked) - 2} more" if len(asked) > 2 else ""
     ledger.say(f"looking for what never happens: {', '.join(asked[:2])}{more}")
 
 
 def words(what: Emptiness, subject: str) -> str:
-    """What may never happen, in words."""
+    """Name a thing that may never happen, in words."""
     supposed = what is Emptiness.SUPPOSITION
     return f"what {subject} supposes" if supposed else f"{what.value} {subject}"
 
@@ -125,7 +125,7 @@ def _aim(goal: ReachabilityGoal) -> Emptiness:
 
 
 def unlooked(system: System, nevers: Collection[Claim] | None = None) -> tuple[Unlooked, ...]:
-    """What is not known to happen: all that should, or what denies it."""
+    """The goals whose reachability is unknown, all of them or by their denials."""
     goals = (w for w in reachability_goals_of(system).all if nevers is None or w.never in nevers)
     return tuple(dict.fromkeys(Unlooked(_aim(goal), goal.subject) for goal in goals))
 
@@ -148,7 +148,7 @@ def _look(ledger: Ledger, wished: ReachabilityGoals, effort: Effort) -> Looked:
 
 
 def of_any_number(ledger: Ledger, *, of_all_rounds: bool) -> Hollow:
-    """All that makes verdicts for every number of robots say less than they seem to."""
+    """The vacuities of verdicts for every number of robots."""
     for system in any_number.examples(ledger.system):
         some = any_number.with_robots_of(system, ledger)
         looked = look(some)
@@ -162,7 +162,7 @@ def of_any_number(ledger: Ledger, *, of_all_rounds: bool) -> Hollow:
 def vacuities(
     ledger: Ledger, looked: Looked, *, of_all_rounds: bool, of_any_number: bool = False
 ) -> Hollow:
-    """All that makes the verdicts of a ledger say less than they seem to.
+    """The vacuities of a ledger's verdicts.
 
     Verdicts ``of_all_rounds`` say something if things happen late, too; those ``of_any_number`` of
     robots if more can do them.
@@ -198,7 +198,7 @@ def vacuities(
 def _unbreakable(
     ledger: Ledger, known: Sequence[Vacuity], of_any_number: bool
 ) -> Iterator[Vacuity]:
-    """Invariants that any configuration keeps, but for those of which something is known."""
+    """Invariants that hold in any configuration, except those already reported."""
     sure = [vacuity for vacuity in known if vacuity.certain]
     told = {vacuity.subject for vacuity in sure if vacuity.what is not Emptiness.EVENT}
     regardless = list(_regardless(ledger, told))
@@ -212,14 +212,14 @@ def _unbreakable(
 
 
 def _silent(ledger: Ledger, deadline: Deadline, effort: Effort) -> Iterator[Vacuity]:
-    """External functions whose summaries contradict themselves."""
+    """External functions whose summaries are contradictory."""
     original = ledger.problem.original
     for external, detail in unanswerable(original, ledger.seed, deadline, effort):
         yield Vacuity(Emptiness.SUMMARIES, "", detail, certain=True, span=external.span)
 
 
 def _start(system: System, seed: int, deadline: Deadline, effort: Effort) -> Vacuity | None:
-    """Why no run can even start, if so."""
+    """The vacuity that no run can start, with the reason; None if one can."""
     whole = Unrolling(system, seed)
     if whole.solver.check([], deadline, effort) is not SolverAnswer.UNSAT or whole.unknowns.limits:
         # Where lists may be longer than is looked at, a longer one may do.
@@ -254,7 +254,7 @@ def _missing(
 
 
 def _within(vacuity: Vacuity, limits: Sequence[str]) -> Vacuity:
-    """The same, of the runs that were looked at."""
+    """The vacuities of the runs that were checked."""
     if not limits:
         return vacuity
     detail = f"{vacuity.detail}; not covered: {'; '.join(limits)}"
@@ -262,7 +262,7 @@ def _within(vacuity: Vacuity, limits: Sequence[str]) -> Vacuity:
 
 
 def _held(ledger: Ledger) -> Iterator[tuple[Claim, core.Property]]:
-    """The properties that hold as far as is known, be it for some rounds only."""
+    """The properties that hold as far as is known, perhaps for some rounds only."""
     for claim in ledger.claims:
         verdict = ledger.verdict(claim)
         is_seen = verdict.outcome is Outcome.HOLDS or verdict.rounds is not None
@@ -271,7 +271,7 @@ def _held(ledger: Ledger) -> Iterator[tuple[Claim, core.Property]]:
 
 
 def _untouched(ledger: Ledger) -> Iterator[Vacuity]:
-    """Invariants that hold for a reason that no event touches."""
+    """Invariants that hold because no event changes what they read."""
     for _, stated in _held(ledger):
         if never_changes(ledger.system.program, stated.condition):
             detail = "nothing that it reads changes after the start"
@@ -279,7 +279,7 @@ def _untouched(ledger: Ledger) -> Iterator[Vacuity]:
 
 
 def never_changes(program: core.Program, condition: core.Expr) -> bool:
-    """Whether a statement reads nothing that changes after INIT."""
+    """Return whether a statement reads nothing that changes after INIT."""
     written = {(home, slot) for home, _, slot in footprint(program)}
     below = list(reached(program, condition))
     if any(isinstance(n, core.Ran | core.Stopped) for n in below):
@@ -292,7 +292,7 @@ def never_changes(program: core.Program, condition: core.Expr) -> bool:
 
 
 def _regardless(ledger: Ledger, told: Collection[str]) -> Iterator[Claim]:
-    """Invariants that are true of any configuration, but for those that were told of already.
+    """Invariants that are valid in any configuration, except those reported already.
 
     What nothing writes is as it was at the start; all else has any value of its type. Statements
     that suppose something may be about mathematics: what they suppose is asked by itself.

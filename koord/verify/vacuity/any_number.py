@@ -32,7 +32,7 @@ _TIMES = 3
 
 
 def examples(system: System) -> list[System]:
-    """Systems to look at: the one that is given, and if it is not too much one of more robots."""
+    """The systems to check: the given one, and one with more robots if that is not too large."""
     more = replace(system, kinds=system.kinds * _TIMES)
     return [system] if excesses(more.program, more.kinds) else [system, more]
 
@@ -45,12 +45,12 @@ def with_robots_of(system: System, ledger: Ledger) -> Ledger:
 
 
 def fleets(system: System) -> str:
-    """The robots of the examples, in words."""
+    """Name the robots of the examples, in words."""
     return " or ".join(example.fleet for example in examples(system))
 
 
 def proved(ledger: Ledger, system: System, claims: Collection[Claim]) -> set[Claim]:
-    """Those of the claims that hold for every number of robots, as far as a short attempt can tell.
+    """The claims that hold for every number of robots, as far as a short attempt can tell.
 
     ``system`` is that of the ledger, but for what the claims are stated with.
     """
@@ -66,14 +66,14 @@ def proved(ledger: Ledger, system: System, claims: Collection[Claim]) -> set[Cla
 
 
 def never_starts(ledger: Ledger) -> bool:
-    """Whether there is no initial configuration, whatever the number of robots."""
+    """Return whether there is no initial configuration, for any number of robots."""
     stated = core.Property("never starts", PropertyKind.AT_ROUND, core.Const(False, BOOL), 0)
     claim = Claim(stated.name, ClaimKind.PROPERTY, stated)
     return claim in proved(ledger, ledger.system, [claim])
 
 
 def never_ends(ledger: Ledger) -> bool:
-    """Whether no round ends, whatever it begins with."""
+    """Return whether no round can end, from any configuration, for any number of robots."""
     contract = core.Contract("never ends", (), (core.Const(False, BOOL),))
     claim = Claim(contract.name, ClaimKind.CONTRACT, None, contract.name)
     agents = tuple(
@@ -85,7 +85,7 @@ def never_ends(ledger: Ledger) -> bool:
 
 
 def unmet_by_any(ledger: Ledger, unbroken_: Collection[Claim], effort: Effort) -> Iterator[Vacuity]:
-    """Of the wishes that no run of a few robots fulfils: those that more do not fulfil either."""
+    """The goals, unreached with a few robots, that more robots do not reach either."""
     wished = reachability_goals_of(ledger.system)
     goals = {goal.never: goal for goal in wished.all if goal.never in unbroken_}
     rounds, deadline, seed = ledger.bounds.rounds, ledger.deadline, ledger.seed
@@ -103,13 +103,13 @@ def unmet_by_any(ledger: Ledger, unbroken_: Collection[Claim], effort: Effort) -
 
 
 def among(ledger: Ledger, vacuity: Vacuity) -> Vacuity:
-    """The same, of the numbers of robots that were looked at."""
+    """The goals that no run with the checked numbers of robots reaches."""
     detail = f"{vacuity.detail}, with {fleets(ledger.system)}"
     return replace(vacuity, detail=detail, certain=False)
 
 
 def true_of_anything(ledger: Ledger, claims: Collection[Claim]) -> list[Claim]:
-    """Those that hold of all values of what changes, for every number of robots."""
+    """The statements that hold for all values of variables, for every number of robots."""
     program = ledger.system.program
     asked = [claim for claim in claims if not _reads_history(program, claim)]
     system = replace(ledger.system, program=_of_anything(program))
@@ -123,7 +123,7 @@ def _reads_history(program: core.Program, claim: Claim) -> bool:
 
 
 def _of_anything(program: core.Program) -> core.Program:
-    """A program that starts with any values of what events or INIT write, and does nothing."""
+    """A program that starts with any values of written variables, and does nothing."""
     changed = set(footprint(program))
     for kind, agent in enumerate(program.agents):
         for statement in statements(agent.init):

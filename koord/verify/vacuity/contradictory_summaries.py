@@ -1,4 +1,4 @@
-"""Summaries that contradict themselves: external functions that have no answer. [EXTERNAL]"""
+"""Contradictory summaries: external functions without a possible answer. [EXTERNAL]"""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _ARGUMENTS_S = 0.003
 def unanswerable(
     system: System, seed: int, deadline: Deadline, effort: Effort
 ) -> Iterator[tuple[core.External, str]]:
-    """The functions that do not meet their summaries whatever they are, and why not.
+    """The functions whose summaries are unsatisfiable, and the reasons.
 
     One that is answered anew each time may lack answers that nobody asks for.
     """
@@ -53,7 +53,7 @@ def unanswerable(
 
 
 def _hangs_on_others(system: System, external: core.External) -> bool:
-    """Whether what a summary says of one call is a matter of other calls, or of every value."""
+    """Return whether a summary is about other calls, or about every value of a type."""
     below = reached(system.program, (external.requires, external.ensures))
     return any(isinstance(node, core.ExternalCall | core.AllValues) for node in below)
 
@@ -65,7 +65,7 @@ def _unpromised(system: System) -> System:
 
 
 class _Asking:
-    """A call of a function whose arguments nobody knows."""
+    """A call of a function with arbitrary arguments."""
 
     def __init__(
         self, system: System, external: core.External, seed: int, deadline: Deadline
@@ -79,7 +79,7 @@ class _Asking:
         self._solver = Solver(self._d, self._unknowns, seed)
 
     def is_never_answered(self, effort: Effort) -> bool:
-        """Whether no call has an answer of which the duties are met."""
+        """Return whether no call that meets the duties has an answer."""
         m = self._machine()
         m.memory.bound = [held(self._d, value) for value in self._arguments]
         external = self._external
@@ -95,7 +95,7 @@ class _Asking:
         return answer is SolverAnswer.UNSAT and not self._unknowns.limits
 
     def unanswered(self) -> str:
-        """Arguments that have no answer, in words; none if there are none, or nobody knows."""
+        """Arguments without an answer, in words; empty if there are none, or it is unknown."""
         external = self._external
         if not all(isinstance(v.type, _SCALARS) for v in (external.result, *external.parameters)):
             return ""
@@ -123,7 +123,7 @@ class _Asking:
         return conjunction(self._d, [statement(m, duty) for duty in self._external.requires])
 
     def _bound(self, *answer: Symbolic) -> Machine[Term]:
-        """A machine that knows the arguments, and the answer if there is one."""
+        """A machine with the arguments, and the answer if there is one, in bound slots."""
         m = self._machine()
         m.in_summary = True
         known = [held(self._d, value) for value in (*self._arguments, *answer)]

@@ -1,4 +1,4 @@
-"""Runs that contracts do not let go on: readings that meet them all there are none. [ENV-CONTRACT]
+"""Dead ends: runs that cannot go on, as no readings meet all contracts. [ENV-CONTRACT]
 
 What would come after is not looked at by anybody. First it is asked whether there are any ports at
 all that leave a robot's environment no turn, which most often there are not; if so, a few runs show
@@ -37,7 +37,7 @@ _RUNS_S = 1.0
 
 
 def dead_end(system: System, deadline: Deadline, seed: int) -> Vacuity | None:
-    """A run that goes no further because no readings meet the contracts, if one is found."""
+    """A run that ends because no readings meet the contracts, if one is found."""
     if not any(_may_end(system, robot, deadline, seed) for robot in _asked(system)):
         return None
     soon = deadline.sooner(_RUNS_S)
@@ -56,7 +56,7 @@ def dead_end(system: System, deadline: Deadline, seed: int) -> Vacuity | None:
 
 
 def _asked(system: System) -> Iterator[int]:
-    """The first robot of each kind, and the last: contracts may speak of their numbers."""
+    """The first robot of each kind, and the last: contracts may mention their numbers."""
     for kind in sorted(set(system.kinds)):
         robots = [robot for robot, other in enumerate(system.kinds) if other == kind]
         yield from sorted({robots[0], robots[-1]})
@@ -72,7 +72,7 @@ class _Readings(SymbolicInputs):
 
 
 def _may_end(system: System, robot: int, deadline: Deadline, seed: int) -> bool:
-    """Whether some ports of a robot, reachable or not, are such that no readings will do."""
+    """Return whether some ports of a robot, reachable or not, admit no readings."""
     agent = system.agent(robot)
     contracts = [contract for module in agent.modules for contract in module.contracts]
     models = any(module.environment is not None for module in agent.modules)
@@ -106,7 +106,7 @@ def _may_end(system: System, robot: int, deadline: Deadline, seed: int) -> bool:
 def _has_readings(
     system: System, robot: int, state: Robot[Term], deadline: Deadline, seed: int
 ) -> bool:
-    """Whether some readings meet the contracts of a robot, as far as is known."""
+    """Return whether some readings meet a robot's contracts, as far as is known."""
     d = Terms(system.budget)
     unknowns = Unknowns(d, system.program, system.robots)
     turned = environment_turn(d, system, robot, state, SymbolicInputs(unknowns, "readings"))

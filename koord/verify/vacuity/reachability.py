@@ -1,4 +1,4 @@
-"""Whether something can happen: random runs, then the solver, then proofs that it never does."""
+"""Reachability: random runs, then the solver, then proofs of unreachability."""
 
 from __future__ import annotations
 
@@ -37,14 +37,14 @@ SKIPS_PERCENT = (15, 15, 95)
 
 
 class _Onlooker(Monitor):
-    """Looks at runs, and lets them go on whatever they break."""
+    """A monitor that records violations and lets runs go on."""
 
     def after(self, step: Step) -> None:
         return None
 
 
 def runs_of(system: System, rounds: int, seed: int) -> Iterator[tuple[Run, Play]]:
-    """A few runs, still to be made whatever they break: the runtime's, and others by chance."""
+    """Yield a few runs that ignore violations: one as the runtime's, and random ones."""
     for number, skips in enumerate((None, *SKIPS_PERCENT)):
         rng = Random(seed + number)
         policy: Policy = First() if skips is None else AtRandom(rng, skips)
@@ -55,7 +55,7 @@ def runs_of(system: System, rounds: int, seed: int) -> Iterator[tuple[Run, Play]
 def seen(
     system: System, nevers: Iterable[Claim], rounds: int, deadline: Deadline, seed: int
 ) -> dict[Claim, int]:
-    """Those that a few runs of so many rounds break, each with the round in which one does.
+    """The claims that a few runs of so many rounds break, each with the round.
 
     No solver need be asked about them. Where the inputs of a run cannot be made up, or a run
     faults, it ends there.
@@ -83,7 +83,7 @@ def seen(
 
 
 class Unbroken(Struct, frozen=True):
-    """Claims that no run breaks within some rounds; ``stuck`` is a round that no run gets through.
+    """Claims that no run breaks within some rounds; ``stuck``: a round that no run completes.
 
     ``known`` is False if the solver did not get so far. ``limits`` are runs that were left out.
     ``later`` are those of the claims that are known to be broken in rounds after those.
@@ -148,7 +148,7 @@ def _of_few(
     effort: Effort,
     seed: int,
 ) -> Unbroken:
-    """What runs in which most robots only skip leave unbroken, for half the effort.
+    """Check runs in which most robots only skip, with half the effort.
 
     Where robots are few there are no such runs, and nothing is known.
     """
@@ -181,7 +181,7 @@ def _unbroken(
     movers: frozenset[int] | None = None,
     ending: bool = False,
 ) -> Unbroken:
-    """With ``ending`` what is broken after program turns counts only if the round can end."""
+    """Check rounds; with ``ending`` a violation counts only if its round can end."""
     pending = list(claims)
     with suppress(OutOfBudgetError):
         unrolling = Unrolling(system, seed, movers)
@@ -198,7 +198,7 @@ def _round_by_round(
     *,
     ending: bool,
 ) -> Unbroken:
-    """What is broken is taken off the list as it is found."""
+    """Check round by round; broken claims are removed as they are found."""
     for moment in unrolling.moments():
         after = []
         if ending and moment.phase is ClaimPhase.MIDDLE:
@@ -233,7 +233,7 @@ def _strike(
     effort: Effort,
     after: Sequence[Term] = (),
 ) -> SolverAnswer:
-    """Take the claims that this configuration can break off the list. SAT: all that were asked.
+    """Remove the claims that a configuration can break. SAT: all claims are removed.
 
     It counts only if what has to hold ``after`` it can hold.
     """
@@ -254,7 +254,7 @@ def _strike(
 
 
 def _stuck(unrolling: Unrolling, round_: int, deadline: Deadline) -> int | None:
-    """The first round whose environment's turn no run can take; None if they fault instead."""
+    """The first round whose environment's turn no run can take; None if these turns fault."""
     alone = Unrolling(unrolling.system, unrolling.seed)
     for moment in alone.moments():
         if alone.solver.check([], deadline) is not SolverAnswer.SAT:
@@ -265,7 +265,7 @@ def _stuck(unrolling: Unrolling, round_: int, deadline: Deadline) -> int | None:
 
 
 def inside_rounds(never: Claim) -> Claim:
-    """The same claim about every observed configuration, not about the ends of rounds alone."""
+    """The claim about every observed configuration, not about the ends of rounds only."""
     assert never.stated is not None
     return replace(never, stated=replace(never.stated, kind=PropertyKind.INVARIANT))
 
@@ -280,7 +280,7 @@ def broken_between(
     seed: int,
     ending: bool,
 ) -> tuple[set[Claim], bool]:
-    """Those of some claims about ends of rounds that break in between; and whether that is all.
+    """The claims about ends of rounds that break in between; and whether all were found.
 
     With ``ending`` they break only in rounds that can end.
     """
@@ -294,7 +294,7 @@ def broken_between(
 def never_broken(
     ledger: Ledger, system: System, nevers: Iterable[Claim], deadline: Deadline, effort: Effort
 ) -> set[Claim]:
-    """Those of the claims that hold in all rounds, as far as a short attempt can tell.
+    """The claims that hold in all rounds, as far as a short attempt can tell.
 
     They must be known to hold through the first round. ``system`` is that of the ledger, but for
     what the claims are stated with.
@@ -324,5 +324,5 @@ def never_broken(
 
 
 def _unshown(recording: Recording, claim: Claim, phase: ClaimPhase) -> Counterexample:
-    """Nobody wants to see the run on which something comes true."""
+    """Skip the replay: the run that reaches a goal is not shown."""
     raise NotReplayedError("it is not shown")

@@ -1,4 +1,4 @@
-"""What should be possible and never happens: events, and what statements suppose. [PROP-VACUOUS]
+"""Unreachable goals: events that never run, and suppositions never true. [PROP-VACUOUS]
 
 Most of it can be proved in no time, by steps that do not ask whether rounds can end. What is left
 is looked for in runs.
@@ -31,7 +31,7 @@ _FIRST = 2
 
 
 def unmet(ledger: Ledger, unbroken_: Collection[Claim], effort: Effort) -> Iterator[Vacuity]:
-    """Of the wishes that no run fulfils at the end of a round: those in vain, and why."""
+    """The goals that no run reaches, among those not reached at ends of rounds, and why."""
     wished = reachability_goals_of(ledger.system)
     asking = _Asking(ledger, wished.system, effort)
     goals = {goal.never: goal for goal in wished.all if goal.never in unbroken_}
@@ -55,14 +55,14 @@ def unmet(ledger: Ledger, unbroken_: Collection[Claim], effort: Effort) -> Itera
 
 
 class _Asking(Struct, frozen=True):
-    """Asks about wishes, in the system in which they are stated."""
+    """The queries about goals, in the system in which they are stated."""
 
     ledger: Ledger
     system: System
     effort: Effort
 
     def never_begun(self, goals: dict[Claim, ReachabilityGoal]) -> set[Claim]:
-        """Those that nothing ever fulfils, not even in rounds that cannot end."""
+        """The goals that nothing reaches, not even in rounds that cannot end."""
         inside = [never for never, goal in goals.items() if goal.aim is not Aim.CONTRACT]
         soon, is_all = self.between(inside, ending=False, rounds=_FIRST)
         asked = {inside_rounds(never): never for never in inside if is_all and never not in soon}
@@ -78,7 +78,7 @@ class _Asking(Struct, frozen=True):
     def between(
         self, nevers: Collection[Claim], *, ending: bool, rounds: int | None = None
     ) -> tuple[set[Claim], bool]:
-        """Those that are fulfilled between the ends of rounds; and whether that is all."""
+        """The goals reached between the ends of rounds; and whether all were found."""
         at_most = self.ledger.bounds.rounds
         return broken_between(
             self.system,
@@ -91,21 +91,21 @@ class _Asking(Struct, frozen=True):
         )
 
     def blocked(self, nevers: Collection[Claim]) -> set[Claim]:
-        """Those that are fulfilled inside rounds of which none can end."""
+        """The goals reached only inside rounds that cannot end."""
         modules = [module for agent in self.system.program.agents for module in agent.modules]
         if not any(module.contracts for module in modules if module.environment is None):
             return set()
         return self.between(nevers, ending=False)[0]
 
     def is_kept_off(self, goal: ReachabilityGoal) -> bool:
-        """Whether some turn begins as a contract supposes, and what it promises lets none end."""
+        """Return whether a contract's premise holds in some turn, but its promise lets none end."""
         if not goal.promises:
             return False
         left = self._left(self._freed([goal]), [goal.never], self.ledger.bounds.rounds)
         return goal.never not in left.claims
 
     def proved(self, system: System, nevers: Collection[Claim]) -> set[Claim]:
-        """Those that nothing fulfils in any round, as far as a short attempt can tell."""
+        """The goals that no round reaches, as far as a short attempt can prove."""
         return never_broken(self.ledger, system, nevers, self.ledger.deadline, self.effort)
 
     def _left(self, system: System, nevers: Collection[Claim], rounds: int) -> Unbroken:
@@ -116,13 +116,13 @@ class _Asking(Struct, frozen=True):
         return unbroken(system, nevers, at_most, ledger.deadline, self.effort, seed=ledger.seed)
 
     def _freed(self, goals: Collection[ReachabilityGoal]) -> System:
-        """The system without what rests on the wishes."""
+        """The system without the promises that rest on the goals."""
         promises = [promise for goal in goals for promise in goal.promises]
         return replace(self.system, program=without(self.system.program, promises))
 
 
 def told(goal: ReachabilityGoal, rounds: int, *, certain: bool, blocked: bool) -> Vacuity:
-    """What is told of a wish in vain."""
+    """Make the vacuity that reports an unreachable goal."""
     what = Emptiness.EVENT if goal.aim is Aim.EVENT else Emptiness.SUPPOSITION
     verb = "run" if goal.aim is Aim.EVENT else "come true"
     if blocked:

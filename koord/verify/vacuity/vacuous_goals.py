@@ -1,4 +1,4 @@
-"""Liveness that holds for no reason: what is to happen is so at the start. [PROP-VACUOUS]"""
+"""Vacuous liveness: the goal holds in every initial configuration. [PROP-VACUOUS]"""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _START_S = 0.5
 def vacuous_goals(
     system: System, verdicts: Iterable[Verdict], deadline: Deadline, seed: int
 ) -> Iterator[Vacuity]:
-    """Those of the verdicts on whole runs that hold whatever the runs are."""
+    """The liveness verdicts that hold for every run."""
     for verdict in verdicts:
         stated = verdict.claim.stated
         if stated is None or verdict.outcome is not Outcome.HOLDS:
@@ -37,7 +37,7 @@ def vacuous_goals(
 
 
 def _holds_at_once(system: System, stated: core.Property, deadline: Deadline, seed: int) -> bool:
-    """Whether a goal is reached in every initial configuration."""
+    """Return whether a goal holds in every initial configuration."""
     goals = [response.goal for response in responses(system, stated)]
     claims = [Claim(goal.name, ClaimKind.PROPERTY, goal) for goal in goals]
     unrolling = Unrolling(system, seed)

@@ -1,4 +1,4 @@
-"""abc's PDR in the place of IC3 here, where it is installed. What it finds is asked again."""
+"""PDR by the external tool abc, where it is installed, with its results checked again."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ _ASSERTED = re.compile(r"was asserted in frame (\d+)")
 
 
 def installed() -> str | None:
-    """The program, if there is one."""
+    """The path of the program, or None."""
     return next(filter(None, map(shutil.which, NAMES)), None)
 
 
 def searched(
     g: Graph, question: SafetyQuery, deadline: Deadline
 ) -> ClauseInvariant | Reached | Unfinished:
-    """What abc says of a question: an invariant as it says, or in which round it fails."""
+    """Run abc on a safety query: an invariant, or the round that violates it."""
     program = installed()
     assert program is not None, "whoever asks has looked"
     if deadline.passed():
@@ -59,7 +59,7 @@ def searched(
 
 
 def _cubes(text: str, latches: int) -> Iterator[Cube]:
-    """The states that an invariant leaves out, of those that are reached by legal steps."""
+    """The cubes of states that an invariant excludes, among those reached by legal steps."""
     names: list[str] = []
     for line in text.splitlines():
         if line.startswith(".ilb"):

@@ -1,4 +1,4 @@
-"""What summaries say of all opaque values, said of those tokens that come into question.
+"""Axioms of opaque values: summaries instantiated for the tokens that occur.
 
 An axiom is a statement about atoms over variables. It is required of tokens where all of its atoms
 but one were asked about (the one may be of its own function only, and of no computed token), and
@@ -34,7 +34,7 @@ Binding = dict[int, Argument]
 
 
 class Axiom(Struct, frozen=True):
-    """A formula over atoms of variables, each given by the literal that stands for it."""
+    """An axiom: a formula over atoms of variables, each with its literal."""
 
     function: str
     formula: int
@@ -43,7 +43,7 @@ class Axiom(Struct, frozen=True):
 
 
 class Axioms(Struct):
-    """The axioms of a system, and where they were required so far."""
+    """The axioms of a system, and the instances that were required so far."""
 
     system: System
     d: BitDomain
@@ -59,11 +59,11 @@ class Axioms(Struct):
             self._axioms += _axioms_of(self.system, self.d, external)
 
     def of(self, part: int) -> list[int]:
-        """What was required of tokens of a part."""
+        """The instances that were required for the tokens of a part."""
         return self._required[part]
 
     def close(self) -> None:
-        """Require the axioms wherever they now come into question."""
+        """Require all instances of the axioms that match by now."""
         for part in (0, 1):
             self.d.opaques.part = part
             atoms = self.d.opaques.atoms.setdefault(part, {})
@@ -93,7 +93,7 @@ class Axioms(Struct):
             self._required[part].append(required)
 
     def _constructions(self, part: int, atoms: dict[Atom, int]) -> None:
-        """Lists and records are equal if they are made of as much, and that is equal."""
+        """Require that lists and records are equal if their lengths and parts are."""
         opaques, g = self.d.opaques, self.d.graph
         for (relation, arguments), same in list(atoms.items()):
             if relation != EQUALS or (part, same) in self._done:
@@ -115,7 +115,7 @@ class Axioms(Struct):
         return self.d.opaques.atom(EQUALS, (one, other))
 
     def _congruences(self, part: int, atoms: dict[Atom, int]) -> None:
-        """Equal tokens are alike in all that was asked about both."""
+        """Require congruence: equal tokens agree in every atom asked about both."""
         g = self.d.graph
         by_argument: dict[Argument, list[tuple[Atom, int]]] = {}
         for atom, x in list(atoms.items()):
@@ -148,7 +148,7 @@ class Axioms(Struct):
 
 
 def _instance(d: BitDomain, argument: Argument, binding: Binding) -> Argument:
-    """An argument of an axiom with its variables replaced."""
+    """Instantiate an argument of an axiom."""
     if isinstance(argument, Known) or argument in binding:
         return argument if isinstance(argument, Known) else binding[argument]
     token = d.opaques.tokens[argument]
@@ -160,13 +160,13 @@ def _instance(d: BitDomain, argument: Argument, binding: Binding) -> Argument:
 
 
 class Made(NamedTuple):
-    """Any token that a function gave."""
+    """A pattern: any token that is the result of a function."""
 
     function: str
 
 
 class _Known(Struct):
-    """The atoms that were asked about, by relation and argument."""
+    """The atoms asked about so far, by relation and argument."""
 
     d: BitDomain
     atoms: dict[Atom, int]
@@ -181,7 +181,7 @@ class _Known(Struct):
                     self._index.setdefault((relation, place, Made(f)), []).append(arguments)
 
     def matches(self, axiom: Axiom) -> Iterator[Binding]:
-        """Bindings of all variables, such that all atoms but one are there."""
+        """Yield bindings of all variables for which all atoms but one exist."""
         patterns = [atom for atom, _ in axiom.atoms]
         skippable = [None, *(p for p in patterns if self._may_be_new(axiom, p))]
         for skipped in skippable:
@@ -222,7 +222,7 @@ class _Known(Struct):
         return best
 
     def _bound(self, argument: Argument, binding: Binding) -> object:
-        """What an argument of a pattern must be, as far as is known by now."""
+        """The value that an argument of a pattern must have under a binding; None if not known."""
         if isinstance(argument, Known):
             return argument
         token = self.d.opaques.tokens[argument]
@@ -277,7 +277,7 @@ def _read(
     external: core.External,
     promise: core.Expr,
 ) -> Axiom | None:
-    """A promise as an axiom; None where it speaks of more than opaque values."""
+    """Read a summary as an axiom; None where it is about more than opaque values."""
     d.opaques.part = PATTERNS
     before = dict(d.opaques.atoms.setdefault(PATTERNS, {}))
     d.opaques.atoms[PATTERNS] = {}
@@ -316,7 +316,7 @@ def _read(
 
 
 class _Promised(Struct):
-    """Answers within a summary that is read as an axiom."""
+    """The oracle while a summary is read as an axiom."""
 
     unknowns: BitUnknowns
 

@@ -1,4 +1,4 @@
-"""What a state is made of: what each scalar of a configuration may be, as bits.
+"""Cells: the possible values of each scalar of a configuration, as bits.
 
 A *leaf* stands for one scalar, a constant of the text or what is known of its values. Leaves have
 the place of scalars in configurations, so a configuration of leaves says which states are looked
@@ -32,17 +32,17 @@ from koord.verify.engines.bits.opaque import OpaqueChoice
 
 
 class Fixed(Struct, frozen=True):
-    """Always this constant."""
+    """A leaf whose scalar is a constant."""
 
     value: Constant
 
 
 class Truth(Struct, frozen=True):
-    """A Boolean."""
+    """A leaf whose scalar is a Boolean."""
 
 
 class Ranged(Struct, frozen=True):
-    """A number of a range, before it is divided by ``scale``; any at all where it ``strays``."""
+    """A leaf with numbers of a range, before division by ``scale``; where it ``strays``, any."""
 
     low: int
     high: int
@@ -51,13 +51,13 @@ class Ranged(Struct, frozen=True):
 
 
 class Wild(Struct, frozen=True):
-    """A number of which nothing is ever known."""
+    """A leaf whose scalar is a number of which nothing is known."""
 
     scale: int
 
 
 class OpaqueCell(Struct, frozen=True):
-    """An opaque value."""
+    """A leaf whose scalar is an opaque value."""
 
     sort: str
 
@@ -69,7 +69,7 @@ FINEST = 1 << 12
 
 
 class Joining(Struct):
-    """Finds leaves that cover all values that were seen.
+    """Joins leaves to cover all values that were seen, as in abstract interpretation.
 
     Ranges that keep growing go on to the next of the ``landmarks``, and never beyond the last.
     """
@@ -80,7 +80,7 @@ class Joining(Struct):
     forgets: bool = False  #: whether a number of which nothing was known stays one
 
     def joined(self, leaf: Leaf | None, value: Bits) -> Leaf:
-        """A leaf for what one stands for, and a value besides."""
+        """The leaf that covers another leaf and one more value."""
         found = self._leaf(value)
         if leaf is None or leaf == found:
             return found
@@ -159,7 +159,7 @@ C = TypeVar("C")
 
 
 class Pairing(Struct, Generic[A, B, C]):
-    """Goes through two configurations of one system at once, and makes a third.
+    """A simultaneous walk through two configurations of one system, which builds a third.
 
     ``pair`` gets the path of a scalar with the scalars of both; one of them is None where a list is
     longer on one side. ``longer`` is told of lists of the second that are longer than in the first.
@@ -171,7 +171,7 @@ class Pairing(Struct, Generic[A, B, C]):
     names: VariableNames = field(default_factory=lambda: VariableNames((), (), (), ()))
 
     def configuration(self, a: Configuration[A], b: Configuration[B]) -> Configuration[C]:
-        """Copies are taken to be the store, as they are between rounds."""
+        """Pair two configurations; copies are equal to the store, as they are between rounds."""
         store = Store(
             self._all(self.names.allread, "", a.store.allread, b.store.allread),
             self._all(self.names.allwrite, "", a.store.allwrite, b.store.allwrite),
@@ -239,7 +239,7 @@ class Pairing(Struct, Generic[A, B, C]):
 
 
 class VariableNames(Struct, frozen=True):
-    """What variables are called: shared ones by slot, own ones by kind and slot."""
+    """Names of variables: shared ones by slot, own ones by kind and slot."""
 
     allread: tuple[str, ...]
     allwrite: tuple[str, ...]
@@ -264,13 +264,13 @@ def _items(value: Value[A] | None) -> tuple[Value[A], ...]:
 
 
 def as_constant(value: int, scale: int) -> Constant:
-    """What a vector with that value stands for."""
+    """The constant that a vector with a value denotes."""
     return Fraction(value, scale) if scale else value
 
 
 @dataclass(slots=True)
 class BitUnknowns(Unknowns):
-    """Fresh bits of one formula."""
+    """The fresh bits of one formula."""
 
     @property
     def bits(self) -> BitDomain:
@@ -279,7 +279,7 @@ class BitUnknowns(Unknowns):
     def function(
         self, external: core.External, arguments: tuple[Symbolic, ...], name: str
     ) -> Symbolic:
-        """The answer of a mathematical function; across rounds alike for few arguments only."""
+        """The answer of a mathematical function; across rounds equal only for few arguments."""
         result = external.result.type
         variables = (external.result, *external.parameters)
         if all(is_flat(v.type) for v in variables) and isinstance(result, ScalarType):
@@ -289,11 +289,11 @@ class BitUnknowns(Unknowns):
         return self.alike(external, arguments, name)
 
     def every(self, types: Sequence[Type], body: Callable[[tuple[Symbolic, ...]], Any]) -> Any:
-        """Whether a statement holds of all values of some types: may be either."""
+        """The condition that a statement holds of all values of types: unknown, a fresh bit."""
         return Bit(self.bits.graph.input("of all"))
 
     def chosen(self, low: Any, high: Any, type_: Type) -> Any:
-        """Any number between the bounds, as far as these are known."""
+        """Any number between the bounds, as far as they are known."""
         first, last = self.bits.number(low), self.bits.number(high)
         loose = first.loose or last.loose
         if loose or first.scale or last.scale:

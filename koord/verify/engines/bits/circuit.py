@@ -1,4 +1,4 @@
-"""A system as a circuit: latches for what robots and store hold, inputs for what is left open."""
+"""A system as a circuit: latches for robots and store, inputs for what is left open."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ PASSES = (3, 8, 20)
 
 
 class Latch(Struct, frozen=True):
-    """One bit of the state: its input, what it is after INIT, and after a round."""
+    """One bit of the state: its input, its value after INIT, and its next value."""
 
     name: str
     literal: int
@@ -90,7 +90,7 @@ class Circuit(Struct, frozen=True):
 
 
 def circuit_of(system: System, claims: Sequence[Claim], level: int = 0) -> Circuit:
-    """The circuit of a system, with numbers and lists followed as far as the level says.
+    """Build the circuit of a system; the level says how far numbers and lists are tracked.
 
     Raises :class:`NotFiniteError` where a loop has no bound that is known.
     """
@@ -101,7 +101,7 @@ def circuit_of(system: System, claims: Sequence[Claim], level: int = 0) -> Circu
 
 
 class _Builder(Struct):
-    """Looks for what the state is made of, round after round, until nothing new comes up."""
+    """A fixed point over the shapes of the state: rounds are built until nothing new appears."""
 
     system: System
     claims: Sequence[Claim]
@@ -115,7 +115,7 @@ class _Builder(Struct):
     _parts: _Parts | None = None
 
     def tried(self) -> bool:
-        """Go through INIT and one round from what is known so far. Whether that was all."""
+        """Build INIT and one round from the shapes so far. Return whether nothing new appeared."""
         self.tries += 1
         if self.tries > sum(PASSES):
             raise NotFiniteError(NOWHERE, "the values of the variables keep changing in kind")
@@ -180,7 +180,7 @@ class _Builder(Struct):
         return Pairing[Leaf, Leaf, Bits](made, _unheeded, 0, names).configuration(leaves, leaves)
 
     def _learned(self) -> bool:
-        """Whether constraints said something new of the ranges of what is left open."""
+        """Return whether constraints narrowed the ranges of inputs further."""
         assert self._parts is not None
         p = self._parts
         g = self.d.graph
@@ -198,7 +198,7 @@ class _Builder(Struct):
     # --- the circuit ----------------------------------------------------------------------------
 
     def finished(self) -> Circuit:
-        """The circuit of the last try."""
+        """The circuit of the last iteration."""
         assert self._parts is not None
         assert self.leaves is not None
         p, d, g = self._parts, self.d, self.d.graph
@@ -273,14 +273,14 @@ class _Builder(Struct):
         )
 
     def _broken(self, moment: SymbolicConfiguration) -> tuple[dict[Claim, int], list[Bits]]:
-        """When a moment breaks claims, and what the answers to their questions must satisfy."""
+        """The conditions under which a moment breaks claims, and the constraints on its inputs."""
         asked = violations(self.system, cast(Any, self.d), moment, self.claims)
         when = {claim: literal(cast(Bits, violated)) for claim, (violated, _) in asked.items()}
         return when, [cast(Bits, x) for _, needed in asked.values() for x in needed]
 
 
 class _Parts(Struct, frozen=True):
-    """What one try made: INIT and a round, each with its unknowns."""
+    """The result of one iteration: INIT and a round, each with its unknowns."""
 
     opening: SymbolicInit
     opened: list[Any]
@@ -292,11 +292,11 @@ class _Parts(Struct, frozen=True):
 
 
 def _unheeded(length: object, room: int) -> None:
-    """A list that grew, where nobody minds."""
+    """Ignore a list that grew."""
 
 
 def names_of(system: System) -> VariableNames:
-    """What the variables of a system are called."""
+    """The names of the variables of a system."""
     program = system.program
     return VariableNames(
         tuple(x.variable.name for x in program.allread),
@@ -307,7 +307,7 @@ def names_of(system: System) -> VariableNames:
 
 
 def _landmarks(system: System, most: int) -> tuple[int, ...]:
-    """Integers of the text and around them: where ranges may end."""
+    """Integers of the program's text and those near them: candidates for the bounds of ranges."""
     found = {-most - 1, most, 0, system.robots}
     for node in nodes(system.program):
         if isinstance(node, core.Const) and isinstance(node.value, int):
@@ -348,7 +348,7 @@ def _in_range(d: BitDomain, leaf: Leaf, value: Bits) -> list[int]:
 
 
 class _Landing(Struct):
-    """Where values go at the end of INIT and of a round: latch by latch, what it will be."""
+    """The next-state functions: the value of each latch at the end of INIT and of a round."""
 
     d: BitDomain
     made: dict[str, tuple[Leaf, Bits]]
@@ -360,7 +360,7 @@ class _Landing(Struct):
     def states(
         self, system: System, leaves: Configuration[Leaf], values: Any
     ) -> tuple[dict[int, int], dict[str, OpaqueChoice]]:
-        """What each latch becomes, and each opaque variable."""
+        """The next value of each latch, and of each opaque variable."""
         self.found, self.tokens = {}, {}
 
         def pair(path: str, leaf: Leaf | None, value: Bits | None) -> None:
@@ -423,7 +423,7 @@ def _tokens(
     first: dict[str, OpaqueChoice],
     then: dict[str, OpaqueChoice],
 ) -> dict[int, tuple[OpaqueChoice, OpaqueChoice]]:
-    """What each standing token becomes: by INIT, and by a round. Not there: as it is."""
+    """The next value of each standing token, by INIT and by a round; missing ones are unchanged."""
     found = {}
     for path, (leaf, value) in made.items():
         if isinstance(leaf, OpaqueCell) and isinstance(value, OpaqueChoice):
@@ -436,7 +436,7 @@ def _tokens(
 def _relations(
     d: BitDomain, axioms: Axioms, tokens: dict[int, tuple[OpaqueChoice, OpaqueChoice]]
 ) -> list[Latch]:
-    """Latches for what is known of the values that variables hold. More come up on the way."""
+    """The latches for relations between the values of variables. New ones may appear on the way."""
     found: dict[object, Latch] = {}
     while True:
         axioms.close()
@@ -461,7 +461,7 @@ def _relations(
 def _becomes(
     argument: Argument, tokens: dict[int, tuple[OpaqueChoice, OpaqueChoice]], part: int
 ) -> OpaqueChoice:
-    """What an argument is after INIT, or after a round; constants stay what they are."""
+    """The value of an argument after INIT, or after a round; constants are unchanged."""
     if isinstance(argument, Known) or argument not in tokens:
         return OpaqueChoice("", ((argument, TRUE),))
     return tokens[argument][part]

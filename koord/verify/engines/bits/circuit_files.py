@@ -1,4 +1,4 @@
-"""A circuit for other tools: AIGER for model checkers, VMT and SMT-LIB for solvers.
+"""Export of circuits: AIGER for model checkers, VMT and SMT-LIB for solvers.
 
 In a circuit of its own INIT is a first step: latches are false before it. A latch ``valid`` says
 that there was such a step and that all steps since were legal; nothing is bad without it.
@@ -20,7 +20,7 @@ from koord.verify.engines.bits.unrolling import Copy
 
 
 class Format(Enum):
-    """What a circuit is written as."""
+    """The file formats of a circuit."""
 
     AIGER = "aiger"  #: ASCII, version 1.9, one bad literal for each claim
     AIG = "aig"  #: the same in its binary form
@@ -29,7 +29,7 @@ class Format(Enum):
 
 
 class TransitionSystem(Struct, frozen=True):
-    """A transition system whose latches all start false, with what is never to hold, by name."""
+    """A transition system whose latches all start false, with its bad literals by name."""
 
     graph: Graph
     inputs: tuple[int, ...]
@@ -38,7 +38,7 @@ class TransitionSystem(Struct, frozen=True):
 
 
 def machine_of(circuit: Circuit) -> TransitionSystem:
-    """The circuit with INIT as its first step."""
+    """The circuit's transition system with INIT as its first step."""
     g = circuit.d.graph
     begun, valid = g.input("begun"), g.input("valid")
     lost = g.both(valid, circuit.lost)
@@ -51,7 +51,7 @@ def machine_of(circuit: Circuit) -> TransitionSystem:
 
 
 def machine_asking(g: Graph, question: SafetyQuery) -> TransitionSystem:
-    """A question of IC3 with INIT as its first step; latches are called l0, l1, …"""
+    """The transition system of an IC3 query with INIT as its first step; latches are l0, l1, …"""
     begun, valid = g.input("begun"), g.input("valid")
     steps = g.all_of([question.steps, *question.given])
     bad = g.all_of([begun, valid, question.bad, *question.given])
@@ -67,7 +67,7 @@ def _begun(
     steps: int,
     bad: Sequence[tuple[str, int]],
 ) -> TransitionSystem:
-    """A machine whose ``first`` latches say that INIT is over, and that all was legal so far."""
+    """A transition system whose ``first`` latches say that INIT is over and all steps legal."""
     begun, valid = first
     legal = g.choose(begun, g.both(valid, steps), opens)
     latches = [Latch("begun", begun, FALSE, FALSE ^ 1), Latch("valid", valid, FALSE, legal)]
@@ -81,7 +81,7 @@ def _begun(
 
 
 def exported(circuit: Circuit, format_: Format, rounds: int, comment: str) -> bytes:
-    """A file. ``rounds`` is how far an SMT-LIB question goes."""
+    """The text of a file. ``rounds`` is the depth of an SMT-LIB query."""
     of = machine_of(circuit)
     match format_:
         case Format.AIGER:
@@ -95,7 +95,7 @@ def exported(circuit: Circuit, format_: Format, rounds: int, comment: str) -> by
 
 
 def aiger_of(of: TransitionSystem) -> bytes:
-    """A machine in the binary form of AIGER."""
+    """The transition system in the binary form of AIGER."""
     return _aig(of, "")
 
 
@@ -107,7 +107,7 @@ def _text(lines: Iterable[str]) -> bytes:
 
 
 class _Numbered:
-    """Inputs, latches and conjunctions, numbered in this order, each after what it is made of."""
+    """A numbering of inputs, latches and conjunctions, in this order, each after its operands."""
 
     def __init__(self, of: TransitionSystem) -> None:
         self._numbers = {0: 0}
@@ -143,7 +143,7 @@ def _aiger(of: TransitionSystem, comment: str) -> Iterator[str]:
 
 
 def _aig(of: TransitionSystem, comment: str) -> bytes:
-    """The numbers of inputs and latches go without saying; conjunctions are differences."""
+    """The binary AIGER file: inputs and latches are implicit, conjunctions are differences."""
     numbered = _Numbered(of)
     head = [numbered.header("aig", of)]
     head += [str(numbered.of(latch.next)) for latch in of.latches]
@@ -156,7 +156,7 @@ def _aig(of: TransitionSystem, comment: str) -> bytes:
 
 
 def _seven_bits_each(number: int) -> Iterator[int]:
-    """A number as bytes, the lowest bits first; the highest bit of each says that more follow."""
+    """Encode a number in bytes of seven bits, lowest first; the high bit says that more follow."""
     while number > 0x7F:
         yield number & 0x7F | 0x80
         number >>= 7
@@ -164,7 +164,7 @@ def _seven_bits_each(number: int) -> Iterator[int]:
 
 
 def _symbols(of: TransitionSystem, comment: str) -> Iterator[str]:
-    """The names of things, which some tools want to be of one thing each."""
+    """The symbol table, with names made unique, as some tools require."""
     seen: Counter[str] = Counter()
     named = [(f"i{k}", of.graph.names[x >> 1]) for k, x in enumerate(of.inputs)]
     named += [(f"l{k}", latch.name) for k, latch in enumerate(of.latches)]
@@ -212,7 +212,7 @@ def _vmt(of: TransitionSystem, comment: str) -> Iterator[str]:
 
 
 def _smt2(of: TransitionSystem, rounds: int, comment: str) -> Iterator[str]:
-    """Satisfiable if a claim breaks in INIT or in one of so many rounds."""
+    """A script that is satisfiable if a claim breaks in INIT or within so many rounds."""
     to = Graph()
     state = {latch.literal >> 1: FALSE for latch in of.latches}
     bad = []
@@ -248,7 +248,7 @@ def _term(literal: int, names: dict[int, str]) -> str:
 
 
 def _symbol(name: str, literal: int) -> str:
-    """A name that occurs once, in bars."""
+    """A unique name, quoted in bars."""
     return f"|{name.replace('|', '!').replace(chr(92), '/')} {literal >> 1}|"
 
 

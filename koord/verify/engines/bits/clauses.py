@@ -1,4 +1,4 @@
-"""Literals of a graph as clauses of a SAT solver: the only file that knows one."""
+"""Clauses of literals of a graph, for a SAT solver: the only file that uses one."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ OTHER = "glucose4"
 
 
 class NoAnswerError(OutOfBudgetError):
-    """A solver came to no answer within its limits."""
+    """Raised where a solver came to no answer within its limits."""
 
 
 class Clauses:
-    """A solver over one graph, which takes in what is asked about. Literals of it are signed
-    numbers.
+    """A SAT solver over one graph, which encodes the nodes asked about.
+    Its literals are signed numbers.
 
     A conjunction is written down only in the directions in which somebody needs it.
     """
@@ -58,7 +58,7 @@ class Clauses:
         self._solver.add_clause([1])
 
     def close(self) -> None:
-        """Give the solver's memory back."""
+        """Free the solver's memory."""
         self._solver.delete()
 
     def variable(self) -> int:
@@ -67,24 +67,24 @@ class Clauses:
         return self._top
 
     def of(self, literal: int, sides: int = BOTH_SIDES) -> int:
-        """The solver's literal of a graph's, with clauses for the given directions."""
+        """The solver's literal of a graph's literal, with clauses for the given directions."""
         self._write(literal, sides)
         return self._signed(literal)
 
     def known(self, node: int) -> int | None:
-        """The literal of a node, if it was ever asked about."""
+        """The solver's literal of a node, if it was encoded."""
         return self._numbers.get(node)
 
     def add(self, clause: Iterable[int]) -> None:
         self._solver.add_clause(list(clause))
 
     def require(self, literal: int) -> None:
-        """Require a literal of the graph."""
+        """Require a literal of the graph to be true."""
         for part in self.graph.conjuncts(literal) or ():
             self._solver.add_clause([self.of(part, TRUE_SIDE)])
 
     def solve(self, assumptions: Sequence[int]) -> bool:
-        """Whether everything required can be, with the assumptions.
+        """Return whether the clauses are satisfiable under assumptions.
 
         Raises NoAnswerError where the deadline passes first, or too many questions were hard.
         """
@@ -94,7 +94,7 @@ class Clauses:
         return answer is SolverAnswer.SAT
 
     def solve_in_time(self, assumptions: Sequence[int], deadline: Deadline) -> SolverAnswer:
-        """The same, or nothing where the deadline passes first."""
+        """Solve under assumptions, or answer UNKNOWN where the deadline passes first."""
         try:
             if self.engine == QUICK:
                 found = self._solved_by_and_by(assumptions, deadline)
@@ -139,7 +139,7 @@ class Clauses:
         return found
 
     def core(self) -> list[int]:
-        """The assumptions that the last answer, no, hangs on."""
+        """The assumptions in the unsatisfiable core of the last answer."""
         return self._solver.get_core() or []
 
     def model(self) -> list[int]:
@@ -186,7 +186,9 @@ class Clauses:
             stack += ((y, missing) for y in parts)
 
     def _parts(self, node: int) -> list[int]:
-        """What a conjunction is of, with those parts of it taken apart that nobody else uses."""
+        """The operands of a conjunction; inner conjunctions that are used only here are
+        flattened.
+        """
         g = self.graph
         found: list[int] = []
         stack = [g.right[node], g.left[node]]
@@ -200,7 +202,7 @@ class Clauses:
         return found
 
     def _choice(self, node: int) -> tuple[int, int, int] | None:
-        """Condition and both sides, if a node is made as a choice or an exclusive or is."""
+        """The condition and both sides of a node that is an if-then-else or an exclusive or."""
         g = self.graph
         p, q = g.left[node], g.right[node]
         if not (p & q & 1) or g.is_input(p >> 1) or g.is_input(q >> 1):
@@ -215,10 +217,10 @@ class Clauses:
 
 
 def _turned(sides: int) -> int:
-    """The directions of a literal that its negation needs."""
+    """The directions of encoding that the negation of a literal needs."""
     return (sides & 1) << 1 | sides >> 1
 
 
 def now() -> float:
-    """Seconds, for durations."""
+    """The time in seconds, for durations."""
     return time.monotonic()

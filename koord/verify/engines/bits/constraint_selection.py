@@ -1,4 +1,4 @@
-"""A smaller question in the place of a large one: without constraints that hardly matter.
+"""Smaller queries: constraints are left out that hardly matter to the claim.
 
 What is required of opaque values that the claim never looks at is left out, and with it the state
 that only such constraints are about. That allows more runs: an invariant of these is one of all
@@ -16,7 +16,7 @@ from koord.verify.engines.bits.ic3 import SafetyQuery, reduced
 
 
 def narrowed(circuit: Circuit, claims: Iterable[Claim], given: Iterable[int]) -> SafetyQuery:
-    """Whether one of the claims can break, with the constraints that are about the same things."""
+    """The query whether one of the claims can break, with the related constraints only."""
     g = circuit.d.graph
     relations = {x >> 1 for atoms in circuit.d.opaques.atoms.values() for x in atoms.values()}
     broken = [each for claim in claims for each in circuit.broken[claim]]
@@ -44,7 +44,7 @@ def narrowed(circuit: Circuit, claims: Iterable[Claim], given: Iterable[int]) ->
 def related(
     circuit: Circuit, latches: Sequence[Latch], roots: Sequence[int]
 ) -> tuple[set[int], set[int]]:
-    """The constraints of whole rounds that are about the same things as some literals.
+    """The constraints of whole rounds that share inputs with some literals.
 
     Second are the inputs and latches that any of it depends on. ``latches`` may be more than the
     circuit's own.
@@ -67,7 +67,7 @@ def related(
 
 
 def _implied(g: Graph, literal: int) -> list[int]:
-    """An implication of a conjunction, taken apart: each part may be left out by itself."""
+    """Split an implication of a conjunction, so that each part can be left out by itself."""
     node = literal >> 1
     if literal & 1 and not g.is_input(node):
         for one, other in ((g.left[node], g.right[node]), (g.right[node], g.left[node])):
@@ -82,7 +82,7 @@ def _single(g: Graph, literals: Iterable[int]) -> list[int]:
 
 
 def everything(circuit: Circuit, claims: Iterable[Claim], given: Iterable[int]) -> SafetyQuery:
-    """Whether one of the claims can break, with all constraints."""
+    """The query whether one of the claims can break, with all constraints."""
     g = circuit.d.graph
     bad = [x for claim in claims for _, x in circuit.bad[claim]]
     violated, known = g.any_of([*bad, g.both(circuit.lost, circuit.steps)]), tuple(given)

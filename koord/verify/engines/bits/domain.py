@@ -1,4 +1,4 @@
-"""The domain of bits: the fourth number domain of the semantics.
+"""The domain of bits: the semantics over literals and bit vectors.
 
 A scalar is one of Python's own constants where it is known. Elsewhere a Boolean is a literal of an
 and-inverter graph; integers, enumeration members, strings (by number) and rationals are vectors of
@@ -31,7 +31,7 @@ from koord.verify.engines.bits.opaque import EQUALS, Known, OpaqueChoice, Opaque
 
 
 class Bit(NamedTuple):
-    """A Boolean that is not known."""
+    """A Boolean that is not constant."""
 
     literal: int
 
@@ -43,7 +43,7 @@ Range: TypeAlias = "tuple[int | None, int | None]"
 
 
 class BitDomain:
-    """Scalars over one graph.
+    """The number domain over the literals of one graph.
 
     ``ranges`` are those of unknown integers, by name, where something is known of them beforehand;
     ``required`` holds of all values that were made fresh; ``looser`` are the names of those that
@@ -149,7 +149,7 @@ class BitDomain:
         return numbers.settled(made)
 
     def _remember(self, made: Number, when: int, then: Number, other: Number) -> None:
-        """What a choice is of: those that are chosen from were there before it.
+        """Record the two sides of a choice, which existed before it.
 
         The graph may find that a choice is a number which others were chosen from already. That one
         stays what it was: else comparing it would lead back to it.
@@ -162,7 +162,7 @@ class BitDomain:
     # --- what is left open ----------------------------------------------------------------------
 
     def fresh(self, name: str, type_: Type) -> Bits:
-        """Any value of a scalar type."""
+        """A fresh value of a scalar type."""
         match type_:
             case BoolType():
                 return Bit(self.graph.input(name))
@@ -183,7 +183,7 @@ class BitDomain:
                 raise AssertionError(f"{type_} is no scalar type")
 
     def between(self, name: str, low: int, high: int) -> Bits:
-        """Any integer of a range."""
+        """A fresh integer of a range."""
         if high < low:
             high = low
         if high == low:
@@ -200,7 +200,7 @@ class BitDomain:
         return numbers.exactly((*made, FALSE) if unsigned else tuple(made), low, high, scale, FALSE)
 
     def in_range(self, number: Number) -> list[int]:
-        """What it takes that a vector is in its range, which operators take for granted."""
+        """The literals that say that a vector is in its range, which operators assume."""
         size = 1 << len(number.literals)
         wide = number._replace(low=-size, high=size, scale=0)
         low, high = numbers.lifted(number.low), numbers.lifted(number.high)
@@ -208,23 +208,23 @@ class BitDomain:
         return [numbers.at_most(g, low, wide), numbers.at_most(g, wide, high)]
 
     def _any(self, name: str, scale: int) -> Bits:
-        """Any number at all; each of them is another one."""
+        """A fresh loose number, different from all others."""
         self.looser.setdefault(name)
         return Number((FALSE,), 0, 0, scale, self._mark(name))
 
     def _mark(self, name: str) -> int:
-        """A literal that holds always, and tells one loose number from others."""
+        """A literal that always holds, and distinguishes one loose number from others."""
         node = self.graph.input(f"{name} is any")
         self._loose_names[node >> 1] = name
         self.required.append(node)
         return node
 
     def is_inexact(self) -> bool:
-        """Whether any number was made that is not kept exactly."""
+        """Return whether any number was made that is not represented exactly."""
         return bool(self._loose_names)
 
     def is_wild(self, number: Number) -> bool:
-        """Whether nothing is ever known of a number."""
+        """Return whether nothing is ever known of a number."""
         if number.loose < 2:
             return number.loose == TRUE
         node = number.loose >> 1
@@ -234,11 +234,11 @@ class BitDomain:
         return any(not part & 1 and part >> 1 in self._loose_names for part in parts)
 
     def wild(self, name: str, scale: int) -> Number:
-        """Any number at all."""
+        """A number of which nothing is known."""
         return Number((FALSE,), 0, 0, scale, self._mark(name))
 
     def applied(self, name: str, arguments: Sequence[Bits], result: Type) -> Bits:
-        """What an uninterpreted function gives, where :meth:`is_relation` says so."""
+        """Apply an uninterpreted function for which :meth:`is_relation` holds."""
         given = [a if isinstance(a, OpaqueChoice) else self._listed(a) for a in arguments]
         if isinstance(result, OpaqueType):
             return self.opaques.applied(name, given, result.name)
@@ -246,7 +246,7 @@ class BitDomain:
         return boolean(self.opaques.related(name, given))
 
     def is_relation(self, arguments: Sequence[Bits], result: Type) -> bool:
-        """Whether a function is asked by cases: its arguments are opaque or one of a few."""
+        """Return whether a function is decided by cases: it is on opaque values or a few."""
         plain = all(not isinstance(a, Number) or _is_one_of_few(a) for a in arguments)
         return plain and isinstance(result, OpaqueType | BoolType)
 
@@ -267,13 +267,13 @@ class BitDomain:
                 return OpaqueChoice("", ((Known(value), TRUE),))
 
     def for_all(self, variables: Sequence[Bits], body: Bits) -> Bits:
-        """Whether a Boolean holds whatever its variables are: may be either if it hangs on them."""
+        """Universal quantification of a Boolean: a fresh bit where it depends on the variables."""
         if not isinstance(body, Bit):
             return body
         return Bit(self.graph.input("for all"))
 
     def learned(self, constraint: int) -> dict[str, Range]:
-        """What a constraint says about the ranges of unknown integers, by name."""
+        """The ranges of unknown integers, by name, that a constraint implies."""
         found: dict[str, Range] = {}
         for part in self.graph.conjuncts(constraint):
             for name, bounds in self._said(part, DEEP).items():
@@ -281,7 +281,7 @@ class BitDomain:
         return found
 
     def _said(self, part: int, deep: int) -> dict[str, Range]:
-        """The same of a literal that is no conjunction. Of a disjunction, what all of it says."""
+        """The ranges that a literal implies which is no conjunction; of a disjunction, the join."""
         g = self.graph
         if part in self.asked:
             return dict([self.asked[part]])
@@ -297,7 +297,7 @@ class BitDomain:
     # --- numbers --------------------------------------------------------------------------------
 
     def number(self, value: Bits) -> Number:
-        """A scalar that is no Boolean and not opaque, as a vector."""
+        """A number, enumeration member or string as a vector."""
         if isinstance(value, Number):
             return value
         if isinstance(value, str):
@@ -306,7 +306,7 @@ class BitDomain:
         return numbers.lifted(value)
 
     def text_of(self, number: int) -> str:
-        """The string of a number in the table; one made up for a number that is not there."""
+        """The string with a number in the table; a made-up one for an unknown number."""
         for text, its_number in self._strings.items():
             if its_number == number:
                 return text
@@ -330,7 +330,7 @@ class BitDomain:
         raise AssertionError(op)
 
     def _quotient(self, a: Number, b: Number) -> Number:
-        """Of rationals: exact for a known divisor."""
+        """Divide rationals: exact for a constant divisor."""
         divisor = numbers.settled(b)
         if isinstance(divisor, Number):
             return numbers.anything(1)
@@ -339,11 +339,11 @@ class BitDomain:
         return numbers.multiplied(self.graph, a, numbers.lifted(1 / Fraction(divisor)))
 
     def _settled(self, number: Number) -> Bits:
-        """What was calculated, as a scalar."""
+        """A computed number as a scalar."""
         return numbers.settled(self._another(number))
 
     def _another(self, number: Number) -> Number:
-        """A number that was calculated: where it is loose, it is none that was there before."""
+        """A computed number: where it is loose, it is different from all before."""
         if number.loose == FALSE:
             return number
         if self.is_wild(number):
@@ -351,7 +351,7 @@ class BitDomain:
         return number._replace(loose=self.graph.both(number.loose, self._mark("calculated")))
 
     def _extreme(self, a: Number, b: Number, first: int, pick: Callable[[int, int], int]) -> Bits:
-        """The one or the other number: its range is narrower than that of a choice."""
+        """The minimum or maximum: its range is narrower than that of a choice."""
         g = self.graph
         a, b = numbers.aligned(g, a, b)
         low, high = pick(a.low, b.low), pick(a.high, b.high)
@@ -382,7 +382,7 @@ class BitDomain:
         return self._loosened(a, b, numbers.at_most(self.graph, a, b), order=True)
 
     def _loosened(self, a: Number, b: Number, exact: int, *, order: bool) -> int:
-        """A comparison that is open where one of the numbers is loose."""
+        """A comparison that is unconstrained where one of the numbers is loose."""
         loose = self.graph.either(a.loose, b.loose)
         if loose == FALSE:
             return exact
@@ -395,7 +395,7 @@ class BitDomain:
         return self._open[key]
 
     def _compared(self, a: Number, b: Number, exact: int, loose: int, *, order: bool) -> int:
-        """A comparison that nobody asked for before. Of a choice it is a choice of comparisons."""
+        """A new comparison. Of a choice it is a choice of comparisons."""
         g = self.graph
         for number, is_left in ((a, True), (b, False)):
             if number in self._sides and self._deep < MOST_CHOICES:
@@ -415,7 +415,7 @@ class BitDomain:
         return self.graph.choose(loose, verdict, exact)
 
     def _note(self, a: Number, b: Number, verdict: int, *, order: bool) -> None:
-        """Remember what a comparison says of an unknown number, to know its range next time."""
+        """Remember the ranges that a comparison of an unknown number implies."""
         name = self._loose_names.get(a.loose >> 1)
         if name is not None and b.loose == FALSE and b.scale == 0:
             self.asked[verdict] = (name, (None if order else b.low, b.high))

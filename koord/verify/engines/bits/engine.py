@@ -1,4 +1,4 @@
-"""The engine on bits: rounds unrolled, then induction, then IC3, all on one circuit."""
+"""The engine on circuits: bounded model checking, induction and IC3, all on one circuit."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ FEW_HARD = 40
 
 
 class BitsEngine(Struct, frozen=True):
-    """Verdicts from a circuit; ``engine`` says whether IC3 looks for proofs, or abc's PDR.
+    """The engine on circuits; ``engine`` says whether IC3 searches for proofs, or abc's PDR.
 
     Where a task counts questions, it does only what promises to be quick.
     """
@@ -71,7 +71,7 @@ class BitsEngine(Struct, frozen=True):
 
 
 def make(engine: Engine, tools: Tools) -> Worker:
-    """The engine of a problem."""
+    """Make the engine for a problem."""
     return BitsEngine(engine)
 
 
@@ -97,7 +97,7 @@ def _leave(
 
 
 class _Run:
-    """One circuit, asked about the open claims of a ledger."""
+    """A run of the engine: one circuit, and the open claims of a ledger."""
 
     def __init__(
         self,
@@ -120,7 +120,7 @@ class _Run:
 
     @property
     def strays(self) -> bool:
-        """Whether looking at more values could tell more."""
+        """Return whether tracking more values could decide more."""
         circuit = self.circuit
         return circuit.lost != FALSE or any("strays" in latch.name for latch in circuit.latches)
 
@@ -169,7 +169,7 @@ class _Run:
     # --- unrolling ------------------------------------------------------------------------------
 
     def _unroll(self, rounds: int) -> None:
-        """Look at INIT and so many rounds, one after the other."""
+        """Check INIT and so many rounds, one after the other."""
         unrolled, circuit = self.unrolled, self.circuit
         if self.completed is None:
             at = {claim: ((ClaimPhase.INIT, x),) for claim, x in circuit.bad_start.items()}
@@ -190,7 +190,7 @@ class _Run:
             self.completed += 1
 
     def _looked(self, copy: Copy, bad: Mapping[Claim, tuple[tuple[ClaimPhase, int], ...]]) -> bool:
-        """Settle the claims that break in one step. False if time ran out."""
+        """Settle the claims that break in one step. Return False if time ran out."""
         unrolled, deadline = self.unrolled, self.ledger.deadline
         for claim in self.open():
             for phase, literal in bad.get(claim, ()):
@@ -205,7 +205,7 @@ class _Run:
         return True
 
     def _found(self, claim: Claim, phase: ClaimPhase) -> None:
-        """Replay the run of the last answer, and settle the claim if it is one."""
+        """Replay the run of the last model, and settle the claim if the run is legal."""
         run = self.unrolled.witnessed()
         ledger = self.ledger
         try:
@@ -230,7 +230,7 @@ class _Run:
     # --- proofs ---------------------------------------------------------------------------------
 
     def _induct(self) -> None:
-        """The largest set of claims that proves itself from one round to the next."""
+        """The largest set of claims that is inductive."""
         circuit = self.circuit
         clauses = self._clauses()
         given = [circuit.held[c] for c in self.ledger.proved() if c in circuit.held]
@@ -263,7 +263,7 @@ class _Run:
     def _holds(
         self, claims: Sequence[Claim], question: ic3.SafetyQuery, cubes: Sequence[ic3.Cube]
     ) -> None:
-        """Settle claims, with what keeps them in words."""
+        """Settle claims as holding, with their invariant as lemmas."""
         ledger = self.ledger
         found = lemmas(
             ledger.system, self.circuit, question, cubes, claims, ledger.proved(), ledger.deadline
@@ -279,7 +279,7 @@ class _Run:
         ledger.settle({claim: replace(verdict, claim=claim) for claim in claims})
 
     def _search(self) -> None:
-        """IC3 on the claims that are left, all at once, until each is settled or gives up."""
+        """Run IC3 on the remaining claims together, until each is settled or given up."""
         circuit, g = self.circuit, self.circuit.d.graph
         narrow = exchange = True
         while claims := self.open():
@@ -335,7 +335,7 @@ class _Run:
 
 
 def loose_variables(circuit: Circuit) -> list[str]:
-    """The variables whose values are not all followed."""
+    """The variables whose values are not all tracked."""
     return list(dict.fromkeys(map(_plain, circuit.d.looser)))
 
 

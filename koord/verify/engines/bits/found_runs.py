@@ -1,4 +1,4 @@
-"""From bits back to a run: what a model of the circuit says, step by step, in values."""
+"""Counterexamples from circuits: the model of each step, read as values of a run."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from koord.verify.witness import ModelReader, opening_of, round_of
 
 
 class Assignment(Struct):
-    """The inputs of a graph in one step. Those that are not given are false."""
+    """An assignment to the inputs of a graph in one step. Missing ones are false."""
 
     d: BitDomain
     given: Mapping[int, bool]
@@ -31,7 +31,7 @@ class Assignment(Struct):
     _values: list[bool] = field(default_factory=lambda: [False])
 
     def literal(self, literal: int) -> bool:
-        """What a literal is."""
+        """The value of a literal."""
         values, g = self._values, self.d.graph
         for node in range(len(values), len(g.left)):
             if g.is_input(node):
@@ -47,7 +47,7 @@ class Assignment(Struct):
         return self.literal(condition.literal) if isinstance(condition, Bit) else bool(condition)
 
     def scalar(self, value: Bits, type_: Type) -> Constant:
-        """A scalar of a type; of a number that is loose, zero. An opaque value is its name."""
+        """The value of a scalar of a type: zero for a loose number, a name for an opaque value."""
         match value:
             case Bit():
                 return self.truth(value)
@@ -73,7 +73,7 @@ class Assignment(Struct):
         return as_constant(whole, value.scale)
 
     def name(self, value: OpaqueChoice) -> str:
-        """What an opaque value is called in the whole run."""
+        """The name of an opaque value in the whole run."""
         for token, guard in value.parts:
             if self.literal(guard):
                 return self.names.of(self, token)
@@ -81,7 +81,7 @@ class Assignment(Struct):
 
 
 class RelationValue(Struct, frozen=True):
-    """What a step of a run (0: INIT) says of a relation between values, which go by their names."""
+    """The value of a relation between named values in a step of a run (0: INIT)."""
 
     relation: str
     names: tuple[str, ...]
@@ -91,7 +91,7 @@ class RelationValue(Struct, frozen=True):
 
 
 class ValueNames(Struct):
-    """What opaque values are called: those that are equal alike, from one step to the next."""
+    """Names of opaque values in a run: equal values share a name across steps."""
 
     opaques: Opaques
     standing: dict[int, str] = field(default_factory=dict)
@@ -100,7 +100,7 @@ class ValueNames(Struct):
     _count: int = 0
 
     def next(self, standing: dict[int, str]) -> None:
-        """Another step begins, with these values in the variables."""
+        """Begin the next step, with these values in the variables."""
         self.standing = standing
         self._fresh = {}
 
@@ -124,7 +124,7 @@ class ValueNames(Struct):
         return self._fresh[argument]
 
     def _equal(self, step: Assignment, token: int) -> str | None:
-        """The name of an older token that the step takes for the same."""
+        """The name of an older token that is equal in the step."""
         for (relation, arguments), same in self.opaques.atoms.get(step.part, {}).items():
             if relation == EQUALS and token in arguments and step.literal(same):
                 other = arguments[0] if arguments[1] == token else arguments[1]
@@ -148,7 +148,7 @@ def recording(
     seen: Callable[[dict[int, str]], None] = lambda standing: None,
     told: Callable[[RelationValue], None] | None = None,
 ) -> Recording:
-    """A run of a circuit as one of the system, up to a phase of its last round.
+    """Make the recording of a circuit's run, up to a phase of its last round.
 
     ``seen`` is told after INIT and after each round what opaque variables hold, by name, and
     ``told`` of all that is said of opaque values.
@@ -175,7 +175,7 @@ def recording(
 
 
 def _tell(step: Assignment, number: int, told: Callable[[RelationValue], None]) -> None:
-    """Say what a step says of opaque values."""
+    """Record the relations of opaque values in a step."""
     for (relation, arguments), x in list(step.d.opaques.atoms.get(step.part, {}).items()):
         if relation != EQUALS:
             names = tuple(step.names.of(step, argument) for argument in arguments)

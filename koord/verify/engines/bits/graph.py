@@ -18,7 +18,7 @@ _LEAF = -1
 
 
 class Graph(Struct):
-    """One graph. ``names`` are those of its inputs, by node."""
+    """An and-inverter graph. ``names`` are those of its inputs, by node."""
 
     left: list[int] = field(default_factory=lambda: [_LEAF])
     right: list[int] = field(default_factory=lambda: [_LEAF])
@@ -36,7 +36,7 @@ class Graph(Struct):
         return 2 * node
 
     def both(self, a: int, b: int) -> int:
-        """The literal of a conjunction, simplified where one or two levels show how."""
+        """Conjunction of two literals, simplified where one or two levels show how."""
         if a > b:
             a, b = b, a
         if a == FALSE or a == b ^ 1:
@@ -61,7 +61,7 @@ class Graph(Struct):
         return simpler
 
     def _absorbed(self, a: int, b: int) -> int | None:
-        """``a and b`` where ``b`` is a conjunction with ``a`` in it, or the negation of one."""
+        """Simplify ``a and b`` where ``b`` is a conjunction with ``a``, or the negation of one."""
         node = b >> 1
         first, second = self.left[node], self.right[node]
         if first == _LEAF:
@@ -93,7 +93,7 @@ class Graph(Struct):
         return self.both(self.both(a, b) ^ 1, self.both(a ^ 1, b ^ 1) ^ 1) ^ sign
 
     def choose(self, condition: int, then: int, other: int) -> int:
-        """``then`` where the condition holds, ``other`` elsewhere."""
+        """If-then-else: ``then`` where the condition holds, ``other`` elsewhere."""
         if condition < 2:
             return then if condition else other
         if then == other:
@@ -131,7 +131,7 @@ class Graph(Struct):
         return node > 0 and self.left[node] == _LEAF
 
     def conjuncts(self, literal: int) -> list[int]:
-        """Literals that together say the same: a conjunction taken apart as far as it is one."""
+        """The literals of a nested conjunction."""
         found: dict[int, None] = {}
         stack = [literal]
         seen: set[int] = set()
@@ -163,7 +163,7 @@ class Graph(Struct):
     def values(
         self, literals: Sequence[int], given: Mapping[int, bool], *, otherwise: bool = False
     ) -> list[bool]:
-        """What literals are where inputs (by node) are as given."""
+        """Evaluate literals for given values of the inputs (by node)."""
         value: dict[int, int] = {0: 0}
         left, right = self.left, self.right
         for node in self.cone(literals):
@@ -176,7 +176,7 @@ class Graph(Struct):
         return [bool(value[x >> 1] ^ (x & 1)) for x in literals]
 
     def substituted(self, literal: int, meaning: Mapping[int, int]) -> int:
-        """The literal with inputs (by node) replaced by literals."""
+        """Substitute literals for inputs (by node)."""
         new: dict[int, int] = {0: 0}
         for node in self.cone([literal]):
             a, b = self.left[node], self.right[node]

@@ -23,7 +23,7 @@ Cube = tuple[int, ...]
 
 
 class SafetyQuery(Struct, frozen=True):
-    """What is asked of a circuit: whether ``bad`` can ever hold. All are literals of the graph.
+    """A safety query: whether ``bad`` can ever hold. All fields are literals of the graph.
 
     ``given`` holds of every state that can be reached, as was shown before.
     """
@@ -36,20 +36,20 @@ class SafetyQuery(Struct, frozen=True):
 
 
 class ClauseInvariant(Struct, frozen=True):
-    """Clauses, as cubes of states that cannot be reached, that hold always and keep ``bad`` out."""
+    """An inductive invariant that excludes ``bad``: clauses, as cubes of unreachable states."""
 
     cubes: tuple[Cube, ...]
     rounds: int  #: frames that were needed
 
 
 class Reached(Struct, frozen=True):
-    """``bad`` can hold in the round with that number, counted from 1."""
+    """The result that ``bad`` can hold in the round with that number, counted from 1."""
 
     rounds: int
 
 
 class Unfinished(Struct, frozen=True):
-    """Time ran out; ``bad`` does not hold in so many rounds."""
+    """The result that time ran out; ``bad`` does not hold in so many rounds."""
 
     rounds: int
 
@@ -88,7 +88,7 @@ class Ic3Run(Struct):
     _weight: dict[int, float] = field(default_factory=dict)
 
     def run(self) -> ClauseInvariant | Reached | Unfinished:
-        """Find an invariant, or how many rounds it takes to be bad."""
+        """Find an invariant, or the number of rounds to a bad state."""
         try:
             return self._found()
         except NoAnswerError:
@@ -152,13 +152,13 @@ class Ic3Run(Struct):
         self.frames.append(set())
 
     def _on(self, frame: int) -> list[int]:
-        """The assumptions that turn a frame on. Clauses of later frames hold in it too."""
+        """The assumptions that activate a frame. Clauses of later frames hold in it too."""
         return [self._enabled[0]] if frame == 0 else self._enabled[frame:]
 
     # --- questions ------------------------------------------------------------------------------
 
     def _bad_state(self, frame: int) -> Cube | None:
-        """States of a frame that are bad, if there are any."""
+        """A cube of bad states of a frame, or None."""
         self.queries += 1
         if not self.clauses.solve([*self._on(frame), self._bad]):
             return None
@@ -166,7 +166,7 @@ class Ic3Run(Struct):
         return self._lifting.bad(self.clauses, self._latch)
 
     def _leads_to(self, frame: int, cube: Cube, *, but: bool = True) -> Cube | None:
-        """None if a state of the frame leads to the cube. Else the part of it that is enough.
+        """None if a state of the frame leads to the cube, else the part of the cube in the core.
 
         With ``but``, states of the cube itself do not count.
         """
@@ -200,7 +200,7 @@ class Ic3Run(Struct):
     # --- blocking -------------------------------------------------------------------------------
 
     def _blocked(self, cube: Cube, frame: int) -> bool:
-        """Exclude a cube from a frame. False if a run from INIT leads to it."""
+        """Block a cube in a frame. Return False if a run from INIT leads to it."""
         queue: list[tuple[int, int, Cube, int]] = []
         self._push(queue, frame, cube, 1)
         while queue:
@@ -233,12 +233,12 @@ class Ic3Run(Struct):
         heappush(queue, (level, self._counter, cube, distance))
 
     def _is_excluded(self, cube: Cube, level: int) -> bool:
-        """Whether a clause of the frame keeps the whole cube out."""
+        """Return whether a clause of the frame excludes the whole cube."""
         literals = set(cube)
         return any(literals.issuperset(other) for frame in self.frames[level:] for other in frame)
 
     def _generalised(self, cube: Cube, level: int, depth: int = 0) -> Cube:
-        """A part of a cube that the frame before does not lead to either, as small as is easy."""
+        """Generalise a cube: a small part of it that the frame before does not lead to either."""
         order = sorted(cube, key=lambda x: (self._weight.get(x, 0.0), x))
         tried = 0
         for x in order:
@@ -255,7 +255,7 @@ class Ic3Run(Struct):
         return cube
 
     def _dropped(self, cube: Cube, level: int, depth: int) -> Cube | None:
-        """The cube or a part of it, if it can be excluded; maybe with what stands in the way."""
+        """Try to drop a literal: the cube or a part of it, if it (or more cubes) can be blocked."""
         counter = 0
         while True:
             if self._starts_in(cube):
@@ -279,13 +279,13 @@ class Ic3Run(Struct):
             counter += 1
 
     def _as_late_as_possible(self, cube: Cube, level: int) -> int:
-        """The last frame that a cube can be excluded from."""
+        """The last frame in which a cube can be blocked."""
         while level < len(self.frames) - 1 and self._leads_to(level, cube) is not None:
             level += 1
         return level
 
     def _apart(self, enough: Cube, cube: Cube) -> Cube:
-        """A part of a cube with at least these literals, in which no run starts."""
+        """A part of a cube with at least these literals that contains no initial state."""
         if not self._starts_in(enough):
             return enough
         assert self._reset is not None
@@ -299,7 +299,7 @@ class Ic3Run(Struct):
         return (x,) if first is not None and first != (x > 0) else ()
 
     def _starts_in(self, cube: Cube) -> bool:
-        """Whether a state after INIT may be in a cube."""
+        """Return whether a state after INIT may be in a cube."""
         if any(self._first_not(x) for x in cube):
             return False
         assert self._reset is not None
@@ -308,7 +308,7 @@ class Ic3Run(Struct):
     # --- clauses --------------------------------------------------------------------------------
 
     def _learn(self, cube: Cube, level: int) -> None:
-        """Exclude a cube from a frame and all before it, and with it what it may be renamed to."""
+        """Block a cube in a frame and all before it, with its images under renaming of robots."""
         if self._is_excluded(cube, level):
             return
         literals = set(cube)
@@ -331,7 +331,7 @@ class Ic3Run(Struct):
             self._add(image, level)
 
     def _kept_out(self, cubes: Sequence[Cube], level: int) -> list[Cube]:
-        """Those of the cubes that the frame before does not lead to, as far as is easily told."""
+        """The cubes that the frame before does not lead to, as far as a quick check tells."""
         left = list(cubes)
         for _ in range(PATIENCE):
             if not left:
@@ -349,7 +349,7 @@ class Ic3Run(Struct):
         return []
 
     def _reached(self, cube: Cube) -> int:
-        """A literal that makes a round lead to a cube."""
+        """The literal that a round leads to a cube."""
         number = self._primed.get(cube)
         if number is None:
             number = self._primed[cube] = self.clauses.variable()
@@ -364,7 +364,7 @@ class Ic3Run(Struct):
         self.clauses.add([-self._enabled[level], *(-self._number(x) for x in cube)])
 
     def _pushed(self, last: int) -> set[Cube] | None:
-        """Move clauses on to later frames. The invariant, if two frames are now alike."""
+        """Push clauses to later frames. Return the invariant if two frames are equal."""
         for level in range(1, last):
             for cube in sorted(self.frames[level], key=len):
                 if cube not in self.frames[level]:
@@ -392,7 +392,7 @@ OBSTACLES = 3
 
 
 class _Start:
-    """A solver that knows INIT alone."""
+    """A solver for the initial states."""
 
     def __init__(self, graph: Graph, question: SafetyQuery) -> None:
         self.question = question
@@ -405,7 +405,7 @@ class _Start:
         return self.clauses.solve([self._signed(x) for x in cube])
 
     def why_not(self, cube: Cube) -> Cube:
-        """Literals of a cube that no state after INIT has together."""
+        """Literals of a cube that no initial state has together."""
         signed = {self._signed(x): x for x in cube}
         met = self.clauses.solve(list(signed))
         assert not met
@@ -417,7 +417,7 @@ class _Start:
 
 
 class _Lifting:
-    """A solver that tells which part of a state is enough to lead where it leads."""
+    """A solver for lifting: the part of a state that suffices for its successor."""
 
     def __init__(self, g: Graph, q: SafetyQuery) -> None:
         self.question = q
@@ -433,11 +433,11 @@ class _Lifting:
         ]
 
     def bad(self, of: Clauses, latches: list[int]) -> Cube:
-        """The part of the state in the last model that is enough to be bad."""
+        """The part of the state in the last model that suffices to be bad."""
         return self._enough(of, latches, [self.clauses.of(self.question.bad)])
 
     def before(self, of: Clauses, latches: list[int], cube: Cube) -> Cube:
-        """The part of the state in the last model that is enough to lead to a cube."""
+        """The part of the state in the last model that suffices to lead to a cube."""
         goal = [self.clauses.of(self.question.steps)]
         goal += [self._next[abs(x) - 1] * (1 if x > 0 else -1) for x in cube]
         return self._enough(of, latches, goal)
@@ -465,7 +465,7 @@ class _Lifting:
 def reduced(
     latches: Sequence[Latch], cone: Callable[[Iterable[int]], list[int]], roots: Iterable[int]
 ) -> tuple[Latch, ...]:
-    """The latches that literals depend on, now or later."""
+    """The latches that literals depend on, now or later (the cone of influence)."""
     by_node = {latch.literal >> 1: latch for latch in latches}
     found: dict[int, Latch] = {}
     pending = list(roots)

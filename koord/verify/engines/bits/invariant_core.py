@@ -1,4 +1,4 @@
-"""Which parts of an invariant a proof needs: those that answers of a SAT solver hang on.
+"""Invariant cores: the parts of an invariant that a proof needs, by unsatisfiable cores.
 
 What keeps the claims is needed, and what keeps that from one round to the next, and so on: a part
 of an inductive invariant that is inductive itself.
@@ -35,7 +35,7 @@ MOST_TRIALS = 300
 
 
 class Needed(Struct, frozen=True):
-    """Orbits of cubes that are left out, and the places whose ranges count."""
+    """The orbits of excluded cubes that are needed, and the places whose ranges count."""
 
     orbits: tuple[Orbit, ...]
     ranged: tuple[int, ...]
@@ -49,7 +49,7 @@ def needed(
     given: Sequence[Claim],
     deadline: Deadline,
 ) -> Needed:
-    """What the claims need of an invariant, if ``given`` ones hold.
+    """Reduce an invariant to the parts that the claims need, if ``given`` ones hold.
 
     Raises UnsaidError if the orbits are no invariant, or time runs out.
     """
@@ -67,7 +67,7 @@ def needed(
 
 
 class _Core:
-    """A solver that knows a round, and on request each part of an invariant."""
+    """A solver for one round, with each part of an invariant on request."""
 
     def __init__(
         self,
@@ -95,7 +95,7 @@ class _Core:
         self._parts = {self._on(table.left_out(o)): k for k, o in enumerate(orbits)}
 
     def of(self, claims: Sequence[Claim]) -> set[int]:
-        """The positions of orbits that the claims need: few, if not as few as can be."""
+        """The positions of orbits that the claims need: few, if not the fewest."""
         circuit = self.circuit
         goals = [(phase, x) for claim in claims for phase, x in circuit.broken[claim]]
         goals = [(phase, x) for phase, x in (*goals, (ClaimPhase.END, circuit.lost)) if x != FALSE]
@@ -114,7 +114,7 @@ class _Core:
         return self.clauses.of(literal, TRUE_SIDE)
 
     def _closed(self, goals: Sequence[Goal]) -> set[int]:
-        """The orbits that goals need, and those that these need to be kept."""
+        """The orbits that goals need, and those that these need to be inductive."""
         pending, found = list(goals), set[int]()
         while pending:
             if self.deadline.passed():
@@ -127,12 +127,12 @@ class _Core:
         return found
 
     def _broken(self, k: int) -> Goal:
-        """That a round leads into an orbit. What holds of one cube holds of its images."""
+        """The literal that a round leads into an orbit. By symmetry one cube of it is enough."""
         then = self.table.is_in(self.orbits[k].first)
         return ClaimPhase.END, self.circuit.d.graph.substituted(then, self._then)
 
     def _is_kept(self, goal: Goal, on: Sequence[int]) -> bool:
-        """Whether nothing bad comes about in a round from where some orbits are left out."""
+        """Return whether no round from states outside some orbits leads to the bad literal."""
         phase, bad = goal
         return not self.clauses.solve([self._phase[phase], self._on(bad), *on])
 

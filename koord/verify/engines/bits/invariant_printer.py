@@ -1,4 +1,4 @@
-"""An invariant of values in Koord: for all robots that may change places, as people write it."""
+"""Printing of invariants in Koord, quantified over robots that may change places."""
 
 from __future__ import annotations
 
@@ -36,14 +36,14 @@ ANY_NUMBER = -10_000_000
 
 
 class InvariantText(Struct, frozen=True):
-    """A statement in Koord; ``at_round``: it holds of the ends of rounds, maybe not within them."""
+    """An invariant in Koord; ``at_round``: it holds at the ends of rounds, maybe not inside."""
 
     text: str
     at_round: bool
 
 
 class _Clause(Struct, frozen=True):
-    """What is not so: some places with values, and two places that are ``alike``.
+    """A negated conjunction: places with values, and two places that are ``alike``.
 
     ``over`` is the range of numbers that a quantifier goes through; what is there said of the least
     is meant of each.
@@ -55,7 +55,7 @@ class _Clause(Struct, frozen=True):
 
 
 def invariant_texts(system: System, table: PlaceTable, found: Needed) -> list[InvariantText]:
-    """An invariant in Koord: first ranges, then clauses. Raises UnsaidError."""
+    """Print an invariant in Koord: first ranges, then clauses. Raises UnsaidError."""
     words = _Words(system, table)
     clauses = _joined([_Clause(orbit.first) for orbit in found.orbits], table)
     clauses = _over_numbers([*_ranges(found.ranged, table), *clauses], table)
@@ -67,7 +67,7 @@ def invariant_texts(system: System, table: PlaceTable, found: Needed) -> list[In
 
 
 def _joined(clauses: Sequence[_Clause], table: PlaceTable) -> list[_Clause]:
-    """Clauses that leave out that two places hold k, for several k: that they are alike."""
+    """Join clauses that exclude that two places hold k, for several k: the places are alike."""
     groups: dict[tuple[int, int, Values], list[_Clause]] = {}
     left: list[_Clause] = []
     for clause in clauses:
@@ -87,7 +87,7 @@ def _joined(clauses: Sequence[_Clause], table: PlaceTable) -> list[_Clause]:
 
 
 def _pair(values: Values, table: PlaceTable) -> tuple[int, int] | None:
-    """Two places of one kind that hold the same number."""
+    """A pair of places of one kind that hold the same number."""
     for (a, x), (b, y) in combinations(values, 2):
         one, other = table.places[a], table.places[b]
         if x != y or len(x) != 1 or one.of_robots or isinstance(one.type, BoolType):
@@ -102,7 +102,7 @@ def _plain(place: StateVariable) -> tuple[Piece, ...]:
 
 
 def _ranges(ranged: Iterable[int], table: PlaceTable) -> Iterator[_Clause]:
-    """That places have one of their values, of those that are always inside."""
+    """Statements that places hold one of their values, for places that are always inside."""
     found: dict[Values, None] = {}
     for k in ranged:
         place = table.places[k]
@@ -120,7 +120,7 @@ def _ranges(ranged: Iterable[int], table: PlaceTable) -> Iterator[_Clause]:
 
 
 def _over_numbers(clauses: Sequence[_Clause], table: PlaceTable) -> list[_Clause]:
-    """Clauses that differ in one number, which is an index: one for a range of numbers."""
+    """Join clauses that differ in one number, which is an index, into one over a range."""
     forms: dict[object, dict[int, _Clause]] = {}
     for clause in clauses:
         indices = {
@@ -143,7 +143,7 @@ def _over_numbers(clauses: Sequence[_Clause], table: PlaceTable) -> list[_Clause
 
 
 def _form(clause: _Clause, number: int, table: PlaceTable) -> object:
-    """A clause with a number left open, wherever it is an index or the one value of a place."""
+    """A clause with a number abstracted, wherever it is an index or a place's one value."""
     parts = []
     for k, held in clause.values:
         place = table.places[k]
@@ -175,7 +175,7 @@ class _Words:
         )
 
     def clause(self, clause: _Clause) -> InvariantText:
-        """A clause, for all robots that it may be about."""
+        """Print a clause, for all robots that it may be about."""
         table = self.table
         alike = [table.places[k] for k in clause.alike or ()]
         parts = [(table.places[k], held) for k, held in clause.values]
@@ -215,7 +215,7 @@ class _Words:
     # --- robots ---------------------------------------------------------------------------------
 
     def _names(self, clause: _Clause) -> dict[int, str]:
-        """What the robots of a clause are called: those that stand for others, or have a kind."""
+        """Name the robots of a clause that need one: interchangeable ones, and ones with a kind."""
         values = clause.values + tuple((k, frozenset[Held]()) for k in clause.alike or ())
         robots = self.table.robots_of(values)
         several = len(self.system.program.agents) > 1
@@ -229,7 +229,7 @@ class _Words:
         return next((group for group in self.table.groups if robot in group), ())
 
     def _who(self, names: Mapping[int, str]) -> Iterator[str]:
-        """Which robots are meant: different ones, and not those with a role of their own."""
+        """The conditions on a clause's robots: distinct, and none with a role of its own."""
         for robot, name in names.items():
             if not self._group(robot):
                 yield f"{name} == {robot}"
@@ -255,7 +255,7 @@ class _Words:
 
 
 def _called(program: core.Program) -> Iterator[str]:
-    """Names that mean something everywhere in a program."""
+    """The names that have a meaning everywhere in a program."""
     yield from (given.name for given in program.parameters)
     for node in nodes(program):
         match node:
@@ -270,14 +270,14 @@ def _called(program: core.Program) -> Iterator[str]:
 
 
 class _Speaking(Struct, frozen=True):
-    """How places and values are called in one statement."""
+    """The printer of places and values in one statement."""
 
     names: Mapping[int, str]
     over: tuple[int, int] | None
     number: str
 
     def name(self, place: StateVariable) -> str:
-        """A place in Koord."""
+        """Print a place."""
         return "".join(self._piece(piece) for piece in place.name)
 
     def _piece(self, piece: Piece) -> str:
@@ -299,13 +299,13 @@ class _Speaking(Struct, frozen=True):
         return f"{self.name(a)} != {self.name(b)}"
 
     def is_number(self, place: StateVariable, held: frozenset[Held]) -> bool:
-        """Whether the one value of a place is the number that a quantifier stands for."""
+        """Return whether the one value of a place is the number that the quantifier stands for."""
         if self.over is None or place.of_robots or not isinstance(place.type, IntType):
             return False
         return held == {self.over[0]}
 
     def has(self, place: StateVariable, held: frozenset[Held], *, is_number: bool = False) -> str:
-        """That a place has one of some values. Raises UnsaidError."""
+        """Print that a place has one of some values. Raises UnsaidError."""
         name = self.name(place)
         everything = frozenset(place.values)
         if place.type is None:
@@ -326,7 +326,7 @@ class _Speaking(Struct, frozen=True):
         return name.replace(EQUALS_SIGN, " != ") if EQUALS_SIGN in name else f"not {name}"
 
     def _of_robot(self, place: StateVariable, name: str, held: frozenset[Held]) -> str:
-        """Whether a robot is stopped. Who asked to stop, and what ran, cannot be told apart."""
+        """Print whether a robot is stopped. Raises UnsaidError for other distinctions of status."""
         if place.name[0] != "stopped":
             raise UnsaidError("it is about which event a robot ran last")
         stopped, running = Status.STOPPED in held, Status.RUNNING in held
@@ -337,7 +337,7 @@ class _Speaking(Struct, frozen=True):
     def _one_of(
         self, place: StateVariable, name: str, held: frozenset[Held], *, is_number: bool = False
     ) -> str:
-        """One of some numbers, as ranges; one of a few values else."""
+        """Print that a number is one of some, as ranges; other values are listed."""
         if not held:
             return "false"
         pieces = []
@@ -361,7 +361,7 @@ class _Speaking(Struct, frozen=True):
         return self.number if is_number else self.value(place, value)
 
     def value(self, place: StateVariable, value: Held) -> str:
-        """A value in Koord."""
+        """Print a value."""
         match place.type:
             case EnumType(members=members):
                 assert isinstance(value, int)
@@ -376,7 +376,7 @@ class _Speaking(Struct, frozen=True):
 
 
 def _runs(place: StateVariable, held: frozenset[Held]) -> Iterator[list[Held]]:
-    """Values in order; integers that follow each other together."""
+    """Group values in order; consecutive integers together."""
     run: list[Held] = []
     # Robots have no order, but all values together are a range.
     in_order = isinstance(place.type, IntType) and (

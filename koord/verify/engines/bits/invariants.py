@@ -1,4 +1,4 @@
-"""What a proof on bits consists of, in Koord: for people, for other engines, for certificates."""
+"""Lemmas of proofs on circuits, as statements in Koord: for people, engines and certificates."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from koord.verify.verdicts import AT_ROUND
 
 
 class Lemmas(Struct, frozen=True):
-    """Statements that make claims inductive; or why there are none."""
+    """Statements that make claims inductive, or the reason why there are none."""
 
     statements: tuple[str, ...] = ()
     unsaid: str = ""
@@ -41,7 +41,7 @@ def lemmas(
     given: Sequence[Claim],
     deadline: Deadline,
 ) -> Lemmas:
-    """An invariant of bits that keeps the claims, if ``given`` ones hold, as statements in Koord.
+    """Find an inductive invariant for the claims, if ``given`` ones hold, as statements in Koord.
 
     Robots that may change places are spoken of together, unless the invariant sets them apart.
     """

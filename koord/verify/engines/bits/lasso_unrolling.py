@@ -1,4 +1,4 @@
-"""Lassos of bounded length: rounds unrolled, the last of which leads back to an earlier state."""
+"""Lassos of bounded length: unrolled rounds, the last of which returns to an earlier state."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ from koord.verify.engines.bits.unrolling import Unrolled
 
 
 def closing(loop: int, standing: list[dict[int, str]]) -> dict[str, str]:
-    """What values are called that are new in a loop, by the names that they came up with."""
+    """A renaming of the values that are new in a loop, to the names that they have at its start."""
     first, last = standing[loop], standing[-1]
     old = {name for names in standing[: loop + 1] for name in names.values()}
     return {last[token]: first[token] for token in last if last[token] not in old}
 
 
 def tied(lasso: Recording, names: dict[str, str]) -> Recording:
-    """The lasso with opaque values that are new in the loop called what they were at its start.
+    """The lasso with opaque values that are new in the loop renamed to those at its start.
 
     Of these nothing is known but what bits say, and they say the same at both ends. Whether any
     values are like that, replay finds out.
@@ -73,7 +73,7 @@ _MOST_MENDED = 64
 
 
 class Loops:
-    """The rounds of a watched circuit, unrolled so far, and the lassos among them. [LASSO]"""
+    """The unrolled rounds of a monitored circuit, and the lassos among them. [LASSO]"""
 
     def __init__(self, watched: MonitoredCircuit, reads_ran: bool) -> None:
         self.watched = watched
@@ -82,15 +82,15 @@ class Loops:
 
     @property
     def rounds(self) -> int:
-        """How many rounds have been looked at."""
+        """The number of rounds unrolled so far."""
         return len(self.unrolled.rounds)
 
     def begin(self) -> None:
-        """Look at one round more."""
+        """Unroll one more round."""
         self.unrolled.begin()
 
     def lassos(self, system: System, deadline: Deadline) -> Iterator[Recording]:
-        """Some lassos of all rounds that are looked at: each runs other events than those before.
+        """Yield lassos of all unrolled rounds: each runs other events than those before.
 
         Raises OutOfBudgetError when the time is up.
         """
@@ -125,7 +125,7 @@ class Loops:
     def _witnessed(
         self, system: System, choices: list[int]
     ) -> tuple[Recording, list[RelationValue]]:
-        """A lasso, and what it says of opaque values."""
+        """A lasso, and its relations of opaque values."""
         unrolled = self.unrolled
         run = unrolled.witnessed()
         model = unrolled.clauses.model()
@@ -142,7 +142,7 @@ class Loops:
         return lasso, called
 
     def _contradictions(self, told: list[RelationValue]) -> list[int]:
-        """What would have to hold for functions to answer the same of the same values. [EXTERNAL]
+        """The literals under which functions would give equal answers to equal values. [EXTERNAL]
 
         Circuits do not know of all values whether they are equal, and a lasso may take them for
         different ones that turn out to be one. To require too much costs lassos, and no proof.
@@ -158,7 +158,7 @@ class Loops:
         return wanted
 
     def _runs_as(self, lasso: Recording) -> int:
-        """Whether all robots run what they do in a lasso."""
+        """The literal that all robots run the same events as in a lasso."""
         return self.unrolled.graph.all_of(
             copy.of(literal(cast(Bits, option.chosen)))
             for copy, round_ in zip(self.unrolled.rounds, lasso.rounds, strict=True)
@@ -167,7 +167,7 @@ class Loops:
         )
 
     def _closes(self, k: int) -> int:
-        """Whether the state after the last round is the one before round k, as far as it counts.
+        """The literal that the state after the last round equals the one before round k.
 
         They need not agree on what is pending before round k: it is so in every round from there
         on, the first time because the trigger comes then or came before, and ever after all the
@@ -191,7 +191,7 @@ class Loops:
         )
 
     def _fair(self, g: Graph, inside: list[int]) -> list[int]:
-        """That rounds inside the loop are pending, and do all that fairness asks for."""
+        """The literal that the loop's rounds are pending and satisfy all fairness conditions."""
         watched, copies = self.watched, self.unrolled.rounds
 
         def some(literal: int) -> int:

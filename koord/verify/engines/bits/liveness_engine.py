@@ -1,4 +1,4 @@
-"""The engine on circuits: loops of bounded length, and proofs that count. [T-COUNT] [LASSO]"""
+"""The liveness engine on circuits: bounded lassos, and proofs by counting. [T-COUNT] [LASSO]"""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ FIRST_ROUNDS = 4
 
 
 class _Try(Struct, frozen=True):
-    """One way to look for a proof; ``most`` times fairness is counted, by so many questions."""
+    """A way to search for a proof; fairness is counted up to ``most``, in a number of queries."""
 
     locks: bool
     lemmas: bool
@@ -73,7 +73,7 @@ AT_LENGTH = (
 
 
 class BitsLivenessEngine(Struct, frozen=True):
-    """Verdicts on whole runs from circuits.
+    """The engine that decides liveness claims on circuits.
 
     Where a task counts questions, it does only what promises to end soon, and where it counts
     rounds, only what is tried first. The lemmas of a task are claims that hold in every round.
@@ -123,7 +123,7 @@ class BitsLivenessEngine(Struct, frozen=True):
 
 
 def make(engine: Engine, tools: Tools) -> Worker:
-    """The engine of a problem."""
+    """Make the engine for a problem."""
     return BitsLivenessEngine(tools.pool, tools.vacuities)
 
 
@@ -132,7 +132,7 @@ def _work(task: Task, watching: Watching, started: float, ledger: Ledger, claim:
 
 
 def _means(ledger: Ledger, task: Task) -> tuple[int, tuple[_Try, ...]]:
-    """How long lassos may be, and which proofs are tried once there are none of these."""
+    """The greatest length of lassos, and the proofs to try if there are none."""
     if task.rounds is not None:
         return task.rounds, ()
     most = ledger.bounds.rounds
@@ -155,7 +155,7 @@ def _leave(
 
 
 class _Run(Struct):
-    """One claim, asked of one circuit."""
+    """A run of the engine: one claim on one circuit."""
 
     ledger: Ledger
     watching: Watching
@@ -167,7 +167,7 @@ class _Run(Struct):
     used: dict[str, None] = field(default_factory=dict)
 
     def work(self, most: int, more: tuple[_Try, ...]) -> None:
-        """Settle the claim, or say why not."""
+        """Settle the claim, or give the reason why not."""
         assert self.claim.stated is not None
         rounds = 0
         for response in self._different(self.claim.stated):
@@ -206,12 +206,12 @@ class _Run(Struct):
         _leave(self.ledger, [self.claim], reason, self.started, obstacle)
 
     def is_impossible(self) -> bool:
-        """Whether it is quickly proved that no run is fair at all."""
+        """Return whether a quick proof shows that no run is fair at all."""
         watched = self.watching.watched(NOTHING)
         return self._proved(NOTHING, watched, IN_VAIN, anew=True)
 
     def _different(self, stated: core.Property) -> list[Response]:
-        """The responses to look at: of robots that may change places, that of one. [SYMMETRY]"""
+        """The responses to check: one of each group of robots that may change places. [SYMMETRY]"""
         system = self.watching.system
         found = responses(system, stated)
         if stated.each is None:
@@ -235,7 +235,7 @@ class _Run(Struct):
     # --- lassos ---------------------------------------------------------------------------------
 
     def _looked(self, loops: Loops, rounds: int) -> bool:
-        """Look for lassos of up to so many rounds. Whether there is reason to go on.
+        """Search for lassos of up to so many rounds. Return whether there is reason to go on.
 
         Where one does not replay another one may: circuits allow more than programs do.
         """
@@ -252,7 +252,7 @@ class _Run(Struct):
         return not ledger.deadline.passed()
 
     def _is_violated_by(self, lasso: Recording) -> bool:
-        """Settle the claim if the lasso replays; whether its slice needs no more lassos."""
+        """Settle the claim if the lasso replays; return whether its slice needs no more lassos."""
         try:
             shown = self.ledger.problem.judge(lasso, self.claim, ClaimPhase.END)
         except NotReplayedError as error:
@@ -312,7 +312,7 @@ class _Run(Struct):
     def _counted(
         self, response: Response, of: Counting, times: int, questions: int | None
     ) -> bool | None:
-        """Whether fairness is never met so many times; None if nobody knows."""
+        """Return whether fairness is never met so many times; None if that is unknown."""
         for exchange in (True, False):
             question = counted(of, times)
             clauses = Clauses(of.graph, QUICK, self.ledger.deadline)
@@ -342,7 +342,7 @@ class _Run(Struct):
         return None
 
     def _is_kept(self, of: Counting, asked: ic3.SafetyQuery, found: ic3.ClauseInvariant) -> bool:
-        """Whether an invariant is one, by another solver."""
+        """Return whether an invariant is inductive, by another solver."""
         deadline = self.ledger.deadline
         return holds_always(of.graph, asked, found.cubes, deadline) and settles(of, deadline)
 
@@ -350,11 +350,11 @@ class _Run(Struct):
         self.ledger.progress(f"bits, {text}")
 
     def _symmetric(self, response: Response) -> tuple[core.Property, ...]:
-        """What robots must look alike to: the response, and what is expected of each of them."""
+        """The statements that symmetry must preserve: the response, and robots' expectations."""
         return (*response.statements, *self._sides(()))
 
     def _sides(self, stated: tuple[core.Property, ...]) -> tuple[core.Property, ...]:
-        """Both sides of statements and of what is expected, said of all robots that are meant."""
+        """Both sides of responses and expectations, quantified over their robots."""
         sides = []
         for each in (*stated, *self.watching.system.program.expectations):
             trigger = () if each.trigger is None else (each.trigger,)
@@ -366,7 +366,7 @@ class _Run(Struct):
     def _rests_on(
         self, response: Response, watched: MonitoredCircuit, how: _Try, times: int
     ) -> None:
-        """Note which fairness the proof needs, as far as that is quickly told."""
+        """Note which fairness the proof needs, as far as a quick check tells."""
         locks = how.locks and bool(watched.grants)
         needed = [name for name in self._names() if name != "locks" or locks]
         given = self._given() if how.lemmas else []

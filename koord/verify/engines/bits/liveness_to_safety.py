@@ -1,4 +1,4 @@
-"""Liveness as an invariant: fairness is met fewer than k times while something is pending.
+"""Liveness to safety: fairness is met fewer than k times while a response is pending.
 
 All of it are literals of one round, over the state at its start and its inputs. Where a guard asks
 an external function, nothing is known of all of its answers: then its robot is not ready on the
@@ -35,7 +35,7 @@ from koord.verify.engines.bits.ic3 import SafetyQuery, reduced
 
 
 class Condition(Struct, frozen=True):
-    """Something that a fair run does again and again: ``met`` in a round.
+    """A fairness condition that a fair run meets infinitely often: ``met`` in a round.
 
     ``kind`` is the fairness that it belongs to: robots, or the name of an expectation.
     """
@@ -46,7 +46,7 @@ class Condition(Struct, frozen=True):
 
 
 class Grant(Struct, frozen=True):
-    """Something that a fair run grants again and again if it is asked for again and again."""
+    """A strong fairness condition: granted infinitely often if it is asked for infinitely often."""
 
     name: str
     asked: int
@@ -54,7 +54,7 @@ class Grant(Struct, frozen=True):
 
 
 class MonitoredCircuit(Struct, frozen=True):
-    """A circuit with what one response is about.
+    """A circuit with monitors of one response.
 
     The latches of ``circuit`` include those of the monitors. ``pending`` holds of a round if the
     trigger came and the goal did not, up to its start. ``waiting`` knows that of the rounds
@@ -69,7 +69,7 @@ class MonitoredCircuit(Struct, frozen=True):
     grants: tuple[Grant, ...]
 
     def resting_on(self, kinds: Sequence[str]) -> MonitoredCircuit:
-        """The same with conditions of some kinds only, which makes more runs fair."""
+        """The same circuit with conditions of some kinds only, which makes more runs fair."""
         return replace(self, conditions=tuple(c for c in self.conditions if c.kind in kinds))
 
 
@@ -83,7 +83,7 @@ NOTHING = Response(
 
 
 def statements_of(system: System, stated: Sequence[core.Property]) -> tuple[Claim, ...]:
-    """All that is asked of the states of a circuit."""
+    """All statements that are evaluated on the states of a circuit."""
     asked = [r for p in stated for r in responses(system, p)] + list(expected(system))
     return tuple(dict.fromkeys(_claim(s) for r in asked for s in r.statements))
 
@@ -93,7 +93,7 @@ def _claim(statement: core.Property) -> Claim:
 
 
 class Watching(Struct):
-    """The circuit of a system, to which monitors of one response after the other are added."""
+    """A system's circuit, to which monitors of responses are added one after the other."""
 
     system: System
     circuit: Circuit
@@ -103,7 +103,7 @@ class Watching(Struct):
     def of(
         system: System, stated: Sequence[core.Property], lemmas: Sequence[Claim], level: int
     ) -> Watching:
-        """Raises NotFiniteError where a loop has no bound that is known."""
+        """Build the circuit. Raises NotFiniteError where a loop has no known bound."""
         claims = dict.fromkeys((*statements_of(system, stated), _claim(NOTHING.goal), *lemmas))
         return Watching(system, circuit_of(system, tuple(claims), level), frozenset(claims))
 
@@ -112,7 +112,7 @@ class Watching(Struct):
         return self.circuit.d
 
     def watched(self, response: Response) -> MonitoredCircuit:
-        """What one response is about."""
+        """Add the monitors of one response."""
         g = self.d.graph
         name = f"{response.name} pending"
         begun, latch = g.input(name), FALSE
@@ -169,7 +169,7 @@ class Watching(Struct):
         return found
 
     def _guards(self, robot: int) -> list[tuple[int, int]]:
-        """Event by event, whether the guard holds with all answers, and whether it may hold."""
+        """For each event, the literals that its guard surely holds, and that it may hold."""
         d, circuit, found = self.d, self.circuit, []
         d.opaques.part = 1
         for event in self.system.agent(robot).events:
@@ -188,7 +188,7 @@ class Watching(Struct):
         return literal(cast(Bits, differs(cast(Any, self.d), status, Status.STOPPED)))
 
     def _ran(self, robot: int, k: int | None) -> int:
-        """Whether the robot runs an event, or one of a lock class."""
+        """The literal that a robot runs an event, or one of a lock class."""
         events = self.system.agent(robot).events
         return self.d.graph.any_of(
             literal(cast(Bits, o.chosen))
@@ -198,7 +198,7 @@ class Watching(Struct):
 
 
 class Counting(Struct, frozen=True):
-    """What is counted: the part of a circuit that it is about, and when the count starts anew.
+    """The counting problem: a part of a circuit, fairness conditions, and the rounds that count.
 
     ``met`` are the conditions of fairness by name; ``on`` holds of rounds that count.
     """
@@ -219,7 +219,7 @@ class Counting(Struct, frozen=True):
 def counting(
     watched: MonitoredCircuit, given: Sequence[int], *, locks: bool, narrow: bool
 ) -> Counting:
-    """What is to be counted.
+    """Make the counting problem of a response.
 
     Without ``locks`` that of locks is left out, and with ``narrow`` constraints that hardly matter:
     both allow more runs.
@@ -255,7 +255,7 @@ def counting(
 
 
 def settling(g: Graph, latches: Sequence[Latch], required: Sequence[int]) -> list[Latch]:
-    """Bits that change finitely often in each run: no more, once those before them have settled.
+    """Find bits that change finitely often in each run, once those before them have settled.
 
     Each of them never rises, or never falls, in a round in which the ones before do not change.
     """
@@ -279,7 +279,7 @@ def settling(g: Graph, latches: Sequence[Latch], required: Sequence[int]) -> lis
 
 
 def settles(of: Counting, deadline: Deadline) -> bool:
-    """Whether all that counts as settling does: asked of another solver, with all constraints."""
+    """Check with another solver, and all constraints, that the settling bits do settle."""
     clauses = Clauses(of.graph, OTHER, deadline)
     for must in (of.whole, of.pending, *of.given):
         clauses.require(must)
@@ -294,7 +294,7 @@ def settles(of: Counting, deadline: Deadline) -> bool:
 
 
 def counted(of: Counting, times: int) -> SafetyQuery:
-    """Whether all conditions of fairness can be met so many times while the count goes on."""
+    """The query whether fairness can be met so many times while the count goes on."""
     g, on = of.graph, of.on
     latches = list(of.latches)
     # One after the other, one in each round: what is known of the first may rule out the next.

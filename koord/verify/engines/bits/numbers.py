@@ -22,7 +22,7 @@ TABLE = 256
 
 
 class Number(NamedTuple):
-    """A number that is not known. ``scale`` is 0 for an integer, else what it is divided by.
+    """A number that is not constant. ``scale`` is 0 for an integer, else the divisor.
 
     ``low`` and ``high`` are those of the vector, before it is divided.
     """
@@ -38,22 +38,22 @@ Constant = int | Fraction
 
 
 def width(low: int, high: int) -> int:
-    """How many literals hold all values of a range, the sign included."""
+    """The number of literals that hold all values of a range, the sign included."""
     return max(high.bit_length(), (~low).bit_length() if low < 0 else 0) + 1
 
 
 def is_kept(low: int, high: int) -> bool:
-    """Whether a number of that range is worth its while."""
+    """Return whether a range is narrow enough to be represented exactly."""
     return width(low, high) <= WIDEST
 
 
 def anything(scale: int) -> Number:
-    """Any number at all."""
+    """A number of which nothing is known."""
     return Number((FALSE,), 0, 0, scale, TRUE)
 
 
 def lifted(value: Constant | Number) -> Number:
-    """A number that may be known, as a vector."""
+    """A number, constant or not, as a vector."""
     if isinstance(value, Number):
         return value
     if isinstance(value, Fraction):
@@ -67,14 +67,14 @@ def _constant(value: int, scale: int) -> Number:
 
 
 def settled(number: Number) -> Number | Constant:
-    """The number, as one of Python's own if it is known."""
+    """The number, as a Python number if it is constant."""
     if number.loose == FALSE and number.low == number.high:
         return Fraction(number.low, number.scale) if number.scale else number.low
     return number
 
 
 def fitted(literals: tuple[int, ...], low: int, high: int, scale: int, loose: int) -> Number:
-    """A number of these literals, cut to what its range needs; any number where that is too much.
+    """A number of these literals, cut to the width of its range; loose where that is too wide.
 
     What is any number is none that was there before: whoever keeps it has to give it a mark.
     """
@@ -84,7 +84,7 @@ def fitted(literals: tuple[int, ...], low: int, high: int, scale: int, loose: in
 
 
 def exactly(literals: tuple[int, ...], low: int, high: int, scale: int, loose: int) -> Number:
-    """The same, however wide its range is."""
+    """A number of these literals, however wide its range is."""
     size = width(low, high)
     cut = literals[:size] if len(literals) >= size else extended(literals, size)
     if low >= 0:
@@ -100,7 +100,7 @@ def extended(literals: tuple[int, ...], size: int) -> tuple[int, ...]:
 
 
 def aligned(g: Graph, a: Number, b: Number) -> tuple[Number, Number]:
-    """Both numbers with one scale."""
+    """Bring both numbers to one scale."""
     if a.scale == b.scale or (a.scale <= 1 and b.scale <= 1):
         return a, b
     scale = lcm(a.scale or 1, b.scale or 1)
@@ -108,7 +108,7 @@ def aligned(g: Graph, a: Number, b: Number) -> tuple[Number, Number]:
 
 
 def rescaled(g: Graph, a: Number, scale: int) -> Number:
-    """The same number with a multiple of its scale, exactly: comparisons rely on it."""
+    """The same number with a multiple of its scale, exactly, as comparisons require."""
     factor = scale // (a.scale or 1)
     if factor == 1:
         return a._replace(scale=scale)
@@ -153,13 +153,13 @@ def multiplied(g: Graph, a: Number, b: Number) -> Number:
 
 
 def _corners(a: Number, b: Number) -> tuple[int, int]:
-    """The least and the greatest product."""
+    """The least and the greatest product of two ranges."""
     corners = [x * y for x in (a.low, a.high) for y in (b.low, b.high)]
     return min(corners), max(corners)
 
 
 def _scale_of_product(a: Number, b: Number) -> int:
-    """Integers have scale 0; a product of rationals has the product of their scales."""
+    """The scale of a product: 0 for integers, else the product of the scales."""
     return a.scale * b.scale if a.scale and b.scale else a.scale or b.scale
 
 
@@ -185,7 +185,7 @@ def _product(g: Graph, a: Number, b: Number) -> Number:
 
 
 def divided(g: Graph, a: Number, b: Number, made: Callable[[int, int], int]) -> Number:
-    """An operation on integers that is zero for a zero divisor, written down value by value."""
+    """An operation on integers that is zero for a zero divisor, tabulated value by value."""
     loose = g.either(a.loose, b.loose)
     if b.high - b.low >= TABLE or a.high - a.low >= TABLE * 4:
         return anything(0)
@@ -200,7 +200,7 @@ def divided(g: Graph, a: Number, b: Number, made: Callable[[int, int], int]) -> 
 
 
 def _tabulated(g: Graph, a: Number, function: Callable[[int], int]) -> Number:
-    """A function of an integer, by halves of its range."""
+    """Tabulate a function of an integer, by halves of its range."""
 
     def between(low: int, high: int) -> Number:
         if low == high:
@@ -218,7 +218,7 @@ def _tabulated(g: Graph, a: Number, function: Callable[[int], int]) -> Number:
 
 
 def equal(g: Graph, a: Number, b: Number) -> int:
-    """Whether the vectors are equal numbers."""
+    """The literal that two vectors are equal numbers."""
     a, b = aligned(g, a, b)
     if a.high < b.low or b.high < a.low:
         return FALSE
@@ -228,7 +228,7 @@ def equal(g: Graph, a: Number, b: Number) -> int:
 
 
 def at_most(g: Graph, a: Number, b: Number) -> int:
-    """Whether the vector ``a`` is no more than ``b``."""
+    """The literal that the vector ``a`` is at most ``b``."""
     a, b = aligned(g, a, b)
     if a.high <= b.low:
         return TRUE
@@ -244,7 +244,7 @@ def at_most(g: Graph, a: Number, b: Number) -> int:
 
 
 def chosen(g: Graph, condition: int, then: Number, other: Number) -> Number:
-    """One of two numbers."""
+    """If-then-else of two numbers."""
     then, other = aligned(g, then, other)
     low, high = min(then.low, other.low), max(then.high, other.high)
     if then.loose == TRUE:
@@ -263,5 +263,5 @@ def _sized(literals: tuple[int, ...], size: int) -> tuple[int, ...]:
 
 
 def resized(number: Number, size: int) -> tuple[int, ...]:
-    """The literals of a number, as many as wanted."""
+    """The literals of a number, extended or cut to a width."""
     return _sized(number.literals, size)

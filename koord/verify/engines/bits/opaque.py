@@ -29,7 +29,7 @@ class OpaqueChoice(NamedTuple):
 
 
 class OpaqueToken(NamedTuple):
-    """One opaque value that came about.
+    """An opaque value in the form of an atom's argument.
 
     ``standing`` ones are held by variables from one round to the next, ``part`` says to which
     formula the others belong. ``function`` and ``arguments`` tell what it was computed from.
@@ -65,12 +65,12 @@ class Opaques(Struct):
     _terms: dict[tuple[str, int, tuple[Argument, ...]], int] = field(default_factory=dict)
 
     def fresh(self, sort: str, name: str, *, standing: bool = False) -> OpaqueChoice:
-        """A value of which nothing is known."""
+        """A fresh opaque value."""
         self.tokens.append(OpaqueToken(sort, name, self.part, standing))
         return OpaqueChoice(sort, ((len(self.tokens) - 1, TRUE),))
 
     def term(self, function: str, arguments: tuple[Argument, ...], sort: str) -> int:
-        """The token that a function gives for arguments: for equal ones the same.
+        """The token of a function applied to arguments: one for equal arguments.
 
         For none it gives one for the whole run, of which is known what is known of variables'.
         """
@@ -84,11 +84,11 @@ class Opaques(Struct):
         return self._terms[key]
 
     def found(self, function: str, arguments: tuple[Argument, ...]) -> int:
-        """The token that a function gave for arguments; -1 if it was never asked."""
+        """The token of a function applied to arguments; -1 if it does not exist."""
         return self._terms.get((function, self.part if arguments else 0, arguments), -1)
 
     def atom(self, relation: str, arguments: tuple[Argument, ...]) -> int:
-        """Whether a relation holds of tokens and constants."""
+        """The literal that a relation holds of tokens and constants."""
         if relation == EQUALS:
             if arguments[0] == arguments[1]:
                 return TRUE
@@ -106,13 +106,13 @@ class Opaques(Struct):
         return self.tokens[argument].name
 
     def is_standing(self, atom: Atom) -> bool:
-        """Whether an atom is of values that variables hold: then it is part of the state."""
+        """Return whether an atom is about values of variables, and so part of the state."""
         return all(isinstance(a, Known) or self.tokens[a].standing for a in atom[1])
 
     # --- values ---------------------------------------------------------------------------------
 
     def chosen(self, condition: int, then: OpaqueChoice, other: OpaqueChoice) -> OpaqueChoice:
-        """One of two values."""
+        """If-then-else of two opaque values."""
         g = self.graph
         guards: dict[Argument, int] = {}
         for token, guard in then.parts:
@@ -127,7 +127,7 @@ class Opaques(Struct):
         return OpaqueChoice(then.sort, tuple((t, x) for t, x in guards.items() if x != FALSE))
 
     def related(self, relation: str, arguments: Sequence[OpaqueChoice | Constant]) -> int:
-        """Whether a relation holds of values: by cases."""
+        """The literal that a relation holds of values, by cases."""
         g = self.graph
         if relation == EQUALS and arguments[0] == arguments[1]:
             return TRUE
@@ -138,7 +138,7 @@ class Opaques(Struct):
     def applied(
         self, function: str, arguments: Sequence[OpaqueChoice | Constant], sort: str
     ) -> OpaqueChoice:
-        """What a function gives for values: by cases."""
+        """Apply a function to values, by cases."""
         g = self.graph
         guards: dict[Argument, int] = {}
         for tokens, guard in self.cases(arguments):
@@ -149,7 +149,7 @@ class Opaques(Struct):
     def cases(
         self, arguments: Sequence[OpaqueChoice | Constant]
     ) -> Iterator[tuple[tuple[Argument, ...], int]]:
-        """What the arguments may be, with the conditions."""
+        """Yield the combinations of tokens that arguments may be, each with its condition."""
         options: list[tuple[tuple[Argument, int], ...]] = [
             a.parts if isinstance(a, OpaqueChoice) else ((Known(a), TRUE),) for a in arguments
         ]

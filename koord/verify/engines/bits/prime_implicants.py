@@ -1,4 +1,4 @@
-"""An invariant of bits as one of values: prime cubes of values in the place of cubes of bits.
+"""Prime implicants: an invariant of bits as one of values, by prime cubes.
 
 A cube of values says of some places which values they have. What the invariant leaves out is
 covered by cubes that are prime: no place can be dropped from one, and no value added, without it
@@ -38,18 +38,18 @@ MANY_IMAGES = 2_000
 
 
 class Orbit(Struct, frozen=True):
-    """States that are left out: those of a cube, and of what it may be renamed to."""
+    """An orbit of excluded states: those of a cube and of its images under renaming."""
 
     first: Values
     images: tuple[Values, ...]  #: the first is among them
 
 
 class UnsaidError(Exception):
-    """An invariant that cannot be said in Koord, with the reason."""
+    """Raised with the reason why an invariant cannot be expressed in Koord."""
 
 
 class PlaceTable:
-    """The places of a state, to be found by name, and robots that may change places."""
+    """The places of a state by name, and the symmetry of its robots."""
 
     def __init__(
         self, d: BitDomain, places: tuple[StateVariable, ...], groups: tuple[tuple[int, ...], ...]
@@ -63,11 +63,11 @@ class PlaceTable:
         }
 
     def is_in(self, values: Values) -> int:
-        """The literal that says that a state is in a cube."""
+        """The literal that a state is in a cube."""
         return self.d.graph.all_of(self._has(k, held) for k, held in values)
 
     def left_out(self, orbit: Orbit) -> int:
-        """The literal that says that a state is in no cube of an orbit."""
+        """The literal that a state is in no cube of an orbit."""
         return self.d.graph.any_of(self.is_in(image) for image in orbit.images) ^ 1
 
     def _has(self, k: int, held: frozenset[Held]) -> int:
@@ -81,7 +81,7 @@ class PlaceTable:
     # --- robots that change places --------------------------------------------------------------
 
     def orbit(self, values: Values) -> Orbit:
-        """All that a cube becomes. Raises UnsaidError if that is too much."""
+        """The orbit of a cube. Raises UnsaidError if it is too large."""
         robots = self.robots_of(values)
         moving = [[r for r in robots if r in group] for group in self.groups]
         count = prod(perm(len(g), len(m)) for g, m in zip(self.groups, moving, strict=True))
@@ -100,7 +100,7 @@ class PlaceTable:
         return Orbit(images[0], images)
 
     def robots_of(self, values: Values) -> list[int]:
-        """The robots that a cube is about, in the order in which they come up."""
+        """The robots that a cube is about, in order of occurrence."""
         found: dict[int, None] = {}
         for k, held in values:
             place = self.places[k]
@@ -136,13 +136,13 @@ class PlaceTable:
 
 
 def _fewer(place: StateVariable, held: frozenset[Held]) -> frozenset[Held]:
-    """Some values of a place, or those that are missing, whichever are fewer."""
+    """The values of a place, or the missing ones, whichever are fewer."""
     missing = frozenset(place.values) - held
     return held if len(held) <= len(missing) else missing
 
 
 def complexity(orbit: Orbit) -> tuple[int, int, int]:
-    """What makes an orbit hard to read."""
+    """A measure of how hard an orbit is to read, to sort by."""
     return len(orbit.first), len(orbit.images), sum(len(held) for _, held in orbit.first)
 
 
@@ -151,7 +151,7 @@ def _order(values: Values) -> list[tuple[int, list[str]]]:
 
 
 class Primes:
-    """Looks for prime cubes outside of an invariant, and knows which states they leave."""
+    """A search for prime cubes outside of an invariant, and for the states they leave."""
 
     def __init__(
         self,
@@ -203,7 +203,7 @@ class Primes:
         return self._independent(found)
 
     def _independent(self, orbits: Sequence[Orbit]) -> list[Orbit]:
-        """Orbits none of which the others make superfluous; the simplest are kept."""
+        """An irredundant set of orbits; the simplest are kept."""
         table, clauses = self.table, Clauses(self.table.d.graph, QUICK, self.deadline)
         for fact in facts(table):
             clauses.require(fact)
@@ -216,7 +216,7 @@ class Primes:
         return list(parts)
 
     def _uncovered(self, cube: Sequence[int]) -> Values | None:
-        """Values that are in a cube of bits and in no cube that was found."""
+        """Values that are in a cube of bits and in no cube found so far."""
         clauses = self._outside
         if not clauses.solve([clauses.of(x) for x in cube]):
             return None
@@ -239,7 +239,7 @@ class Primes:
         raise UnsaidError("a variable may be beyond its values in it")
 
     def _prime(self, values: Values) -> Values:
-        """A prime cube that has all states of a cube: with as few places as is easily seen."""
+        """A prime cube that contains a cube, with few places."""
         cube = dict(values)
         for k in list(cube):
             rest = {other: held for other, held in cube.items() if other != k}
@@ -253,19 +253,19 @@ class Primes:
         return tuple(sorted(cube.items()))
 
     def _others(self, k: int, held: frozenset[Held]) -> Iterator[Held]:
-        """What else a place may hold: first what is hardest to say something about."""
+        """Yield the other values that a place may hold; the hardest to express first."""
         place = self.table.places[k]
         values = [v for v in place.values if v not in held]
         yield from sorted(values, key=lambda v: v is not OUTSIDE)
 
     def _is_out(self, cube: Mapping[int, frozenset[Held]]) -> bool:
-        """Whether no state of the invariant is in a cube."""
+        """Return whether a cube contains no state of the invariant."""
         literals = [self.table.is_in((part,)) for part in cube.items()]
         return not self._inside.solve([self._inside.of(x) for x in literals])
 
 
 def facts(table: PlaceTable) -> list[int]:
-    """What is so of every state: numbers are in their ranges, and the least of them astray."""
+    """Facts of every state: numbers are in their ranges, and loose ones hold the least."""
     d, found = table.d, []
     for place in table.places:
         if isinstance(place.bits, Number):

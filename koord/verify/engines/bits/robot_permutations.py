@@ -1,5 +1,4 @@
-"""Which other cubes of states are excluded when one is: those where robots changed places.
-[SYMMETRY]
+"""Permutations of robots: the images of an excluded cube are excluded as well. [SYMMETRY]
 
 Bits are told apart by name. Nothing hangs on it that a name is read aright: a clause that does not
 hold would show when the invariant is checked.
@@ -29,7 +28,7 @@ MANY = 400
 def images(
     system: System, properties: tuple[core.Property, ...] | None, latches: Sequence[Latch]
 ) -> Callable[[Cube], list[Cube] | None]:
-    """What a cube becomes when robots that may do so change places; for None they may not."""
+    """A function from a cube to its images under symmetry, or to None if there is no symmetry."""
     if properties is None:
         return lambda cube: None
     found = symmetry_of(speaking_last(system), properties)
@@ -39,7 +38,7 @@ def images(
 
 
 def speaking_last(system: System) -> System:
-    """The system with functions that have summaries behind those that these speak of.
+    """The system with its functions sorted: those with summaries after the functions these use.
 
     Functions that stand for list expressions come last in the program, and are spoken of before.
     """
@@ -48,7 +47,7 @@ def speaking_last(system: System) -> System:
 
 
 class _Place(Struct, frozen=True):
-    """A bit's name with its robots left out, and those robots."""
+    """A bit's name without its robots, and those robots."""
 
     name: str
     robots: tuple[int, ...]

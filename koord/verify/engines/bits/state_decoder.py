@@ -1,4 +1,4 @@
-"""What the bits of a state say, in the words of the program.
+"""Decoding of states: the values that bits stand for, with names in Koord.
 
 A *place* is a scalar of a configuration, or an atom over opaque values, with its name in Koord and
 the values that its bits tell apart. What its bits say counts only where it is *inside*: set, within
@@ -69,7 +69,7 @@ Piece: TypeAlias = "str | RobotIndex | ArrayIndex"
 
 
 class Outside(Struct, frozen=True):
-    """What a place holds where it is not inside."""
+    """The value of a place that is not inside."""
 
 
 OUTSIDE = Outside()
@@ -79,7 +79,7 @@ Held: TypeAlias = "Constant | Outside"
 
 
 class StateVariable(Struct, frozen=True):
-    """A scalar of a configuration. Two are the same if their names are.
+    """A scalar of a configuration. Two are equal if their names are.
 
     ``type`` is None for a robot's status and for the event that it ran last. ``may_fault`` says
     whether to read it outside is a fault; ``moves`` whether the environment may change it, and
@@ -113,7 +113,7 @@ class StateVariable(Struct, frozen=True):
                 return ()
 
     def is_value(self, d: BitDomain, value: Held) -> int:
-        """The literal that says that the place holds a value."""
+        """The literal that the place holds a value."""
         if isinstance(value, Outside):
             return self.inside ^ 1
         return d.graph.both(self.inside, self._coded(d, value))
@@ -135,7 +135,7 @@ def _matches(g: Graph, literals: tuple[int, ...], code: int) -> int:
 
 
 class _Where(Struct, frozen=True):
-    """What is known of a place from the variable that it is in."""
+    """Properties that a place inherits from the variable that it is in."""
 
     d: BitDomain
     moves: bool
@@ -225,7 +225,7 @@ def _stored(
 def _parts(
     name: tuple[Piece, ...], type_: Type, parts: tuple[T, ...], shape: Shape | None
 ) -> Iterator[tuple[tuple[Piece, ...], Type, T, Shape | None]]:
-    """Fields and elements, with their names."""
+    """Yield fields and elements, with their names."""
     match type_:
         case RecordType(fields=fields):
             for k, ((label, its_type), part) in enumerate(zip(fields, parts, strict=True)):
@@ -309,7 +309,7 @@ def _values(d: BitDomain, type_: Type, bits: Bits) -> Iterator[Held]:
 
 
 def _atoms(circuit: Circuit, known: list[StateVariable]) -> Iterator[StateVariable]:
-    """Which relations hold of opaque values that variables hold, and which of these are equal."""
+    """Yield the relations, and equalities, of opaque values that variables hold, as places."""
     latches = {latch.literal for latch in circuit.latches}
     holders: dict[Argument, StateVariable] = {}
     for place in known:

@@ -1,4 +1,4 @@
-"""Rounds of a circuit one behind the other, on SAT solvers; and invariants checked afresh."""
+"""Unrolled circuits on SAT solvers, and independent checks of invariants."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class Copy(Struct):
 
 
 class CircuitRun(Struct, frozen=True):
-    """A run of a circuit: what its inputs and latches are, in INIT and in each round.
+    """A run of a circuit: the values of inputs and latches, in INIT and in each round.
 
     A node that is not mentioned may be anything.
     """
@@ -70,7 +70,7 @@ class CircuitRun(Struct, frozen=True):
 
 
 class Unrolled:
-    """A circuit unrolled so far. ``completed`` rounds were looked at and found to break nothing."""
+    """A circuit unrolled so far. ``completed`` rounds were checked and break nothing."""
 
     def __init__(self, circuit: Circuit) -> None:
         self.circuit = circuit
@@ -81,7 +81,7 @@ class Unrolled:
         self.lost = FALSE
 
     def begin(self) -> Copy:
-        """One more round, behind those that are there."""
+        """Append one more round."""
         circuit = self.circuit
         before = self.rounds[-1] if self.rounds else self.opening
         copy = Copy(circuit.d.graph, self.graph, f"#{len(self.rounds)}")
@@ -98,7 +98,7 @@ class Unrolled:
         return copy
 
     def asked(self, literal: int, deadline: Deadline) -> SolverAnswer:
-        """Whether a literal can hold."""
+        """Check whether a literal can hold."""
         if literal == FALSE:
             return SolverAnswer.UNSAT
         return self.clauses.solve_in_time([self.clauses.of(literal, TRUE_SIDE)], deadline)
@@ -109,7 +109,7 @@ class Unrolled:
             self.clauses.require(literal ^ 1)
 
     def witnessed(self) -> CircuitRun:
-        """The run that the last answer, yes, is about."""
+        """The run of the last satisfiable query."""
         model = self.clauses.model()
         inputs = {
             node: model[number] > 0
@@ -136,14 +136,14 @@ __all__ = ["TRUE", "CircuitRun", "Claim", "ClaimPhase", "Copy", "Sequence", "Unr
 def holds_always(
     g: Graph, question: SafetyQuery, cubes: Sequence[Cube], deadline: Deadline | None = None
 ) -> bool:
-    """Whether no run ever is in one of the cubes or bad."""
+    """Return whether no run ever reaches one of the cubes or a bad state."""
     return keeps(
         g, question, [_left_out(g, question, cube) for cube in cubes], deadline or Deadline()
     )
 
 
 def keeps(g: Graph, question: SafetyQuery, statements: Sequence[int], deadline: Deadline) -> bool:
-    """Whether statements about latches hold in every run, and nothing bad happens.
+    """Return whether statements about latches are an inductive invariant that excludes bad states.
 
     That is: they hold of INIT, a round leads from where all of them hold to where all of them do,
     and there nothing is bad. Raises OutOfBudgetError where the deadline passes first.
@@ -167,6 +167,6 @@ def keeps(g: Graph, question: SafetyQuery, statements: Sequence[int], deadline: 
 
 
 def _left_out(g: Graph, question: SafetyQuery, cube: Cube) -> int:
-    """That a state is not in a cube."""
+    """The literal that a state is not in a cube."""
     literals = (question.latches[abs(x) - 1].literal ^ (x < 0) for x in cube)
     return g.all_of(literals) ^ 1

@@ -1,4 +1,4 @@
-"""Further ways to break a claim: runs that do without some event of each run found so far.
+"""Enumeration of counterexamples: runs without some event of each run found so far.
 
 The same events later, in one round or in several, or by other robots of the kind, are no other way.
 """
@@ -36,7 +36,7 @@ Naming = dict[int, int]
 def others(
     ledger: Ledger, claim: Claim, first: Counterexample, most: int
 ) -> tuple[tuple[Counterexample, ...], Ways]:
-    """Counterexamples that are no variant of ``first`` or of one another, the shortest first.
+    """Further counterexamples, none a variant of ``first`` or of another, the shortest first.
 
     Each leaves out some event that the others all need: robots that run more besides, other values
     and other orders make no difference. There are ``most`` of them, or the ways say why not.
@@ -55,14 +55,14 @@ def others(
 
 
 class _OpenError(Exception):
-    """There may be more, with the reason why that is not known."""
+    """Raised with the reason why further counterexamples may exist."""
 
 
 _LATE = "the time was up"
 
 
 def _others(ledger: Ledger, claim: Claim, first: Counterexample) -> Iterator[Counterexample]:
-    """All of them within the bound. Raises _OpenError, and OutOfBudgetError."""
+    """Yield all of them within the bound. Raises _OpenError, and OutOfBudgetError."""
     unrolling = Unrolling(ledger.system, ledger.seed)
     solver, effort = unrolling.solver, Effort.of_seconds(_SECONDS)
     known, open_ = [first.recording], list[str]()
@@ -118,20 +118,20 @@ def _read(
 
 
 def _namesakes(system: System) -> tuple[tuple[int, ...], ...]:
-    """Robots that run the same events: those of a kind."""
+    """Groups of robots that run the same events: those of a kind."""
     kinds = dict.fromkeys(system.kinds)
     return tuple(tuple(i for i, k in enumerate(system.kinds) if k == kind) for kind in kinds)
 
 
 def _different(unrolling: Unrolling, recording: Recording, groups: Sequence[Sequence[int]]) -> Term:
-    """Some event of a recorded run does not run, whoever is who in it and whenever it is."""
+    """The constraint that a run lacks some event of a recorded one, however robots are named."""
     d = unrolling.encoder.d
     same = [_contained(unrolling, recording, naming) for naming in _namings(recording, groups)]
     return conjunction(d, [d.unary(UnaryOp.NOT, each) for each in same])
 
 
 def _namings(recording: Recording, groups: Sequence[Sequence[int]]) -> Iterator[Naming]:
-    """Who may stand for whom among the robots that run something, the given names first."""
+    """Yield the mappings between robots of a kind that run something, the identity first."""
     active = ran(recording).keys()
     placed = []
     for group in groups:
@@ -145,7 +145,7 @@ def _namings(recording: Recording, groups: Sequence[Sequence[int]]) -> Iterator[
 
 
 def _contained(unrolling: Unrolling, recording: Recording, naming: Naming) -> Term:
-    """Each robot runs what its namesake runs in a recorded run, in the same order.
+    """The condition that each robot runs what its namesake runs in a recorded run, in order.
 
     When it does so is up to it: whether robots run in one round or wait for each other makes no
     other way.
@@ -165,7 +165,7 @@ def _contained(unrolling: Unrolling, recording: Recording, naming: Naming) -> Te
 
 
 def ran(recording: Recording) -> dict[int, list[int]]:
-    """What each robot runs in a run, in order; those that run nothing are left out."""
+    """The events that each robot runs, in order; robots that run nothing are left out."""
     found: dict[int, list[int]] = {}
     for round_ in recording.rounds:
         for robot, event in enumerate(round_.events):
@@ -177,7 +177,7 @@ def ran(recording: Recording) -> dict[int, list[int]]:
 def is_variant(
     kinds: Sequence[int], having: Mapping[int, Sequence[int]], wanted: Mapping[int, Sequence[int]]
 ) -> bool:
-    """Whether one run has every event of another, whichever robots of a kind and whenever it is.
+    """Return whether a run has every event of another, up to renaming of robots and times.
 
     Of both runs there are the events of each robot, in order.
     """
@@ -198,12 +198,12 @@ def is_variant(
 
 
 def _within(wanted: Sequence[int], having: Sequence[int]) -> bool:
-    """Whether some events are among others, in order."""
+    """Return whether a sequence is a subsequence of another."""
     left = iter(having)
     return all(event in left for event in wanted)
 
 
 def _runs(taken: SymbolicRound, robot: int, event: int) -> Term:
-    """A robot runs an event in a round, if it can."""
+    """The condition that a robot runs an event in a round."""
     chosen = [o.chosen for o in taken.options if o.robot == robot and o.position == event]
     return chosen[0] if chosen else False

@@ -1,4 +1,4 @@
-"""Bounded model checking as an engine: all runs of so many rounds. [T-PREFIX]"""
+"""The bounded model checking engine: all runs of so many rounds. [T-PREFIX]"""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from koord.verify.ledger import Ledger
 
 
 class BmcEngine(Struct, frozen=True):
-    """Unrolls round after round, as far as a task goes, and looks for violations in each."""
+    """The engine that unrolls round after round and searches each for violations."""
 
     unroller: Unroller
 
@@ -31,5 +31,5 @@ class BmcEngine(Struct, frozen=True):
 
 
 def make(engine: Engine, tools: Tools) -> Worker:
-    """The engine of a problem."""
+    """Make the engine for a problem."""
     return BmcEngine(tools.unroller)

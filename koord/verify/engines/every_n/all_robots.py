@@ -1,4 +1,4 @@
-"""All robots, however many: what the rules ask of them at once. [T-EVERY-N]"""
+"""The crowd of a system of unknown size: operations on all robots at once. [T-EVERY-N]"""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from koord.verify.engines.every_n.sums import Sums
 
 
 class Everyone(Struct):
-    """A crowd. ``count`` is the unknown number of robots, one at least.
+    """A crowd. ``count`` is the unknown number of robots, at least one.
 
     ``overlooked`` are loops that were not understood: what they change may then be anything.
     """
@@ -79,7 +79,7 @@ class Everyone(Struct):
         return best
 
     def summed(self, low: Term, high: Term, body: Callable[[Term], Term]) -> Term:
-        """The sum of some numbers."""
+        """The sum of a number over the robots."""
         return self.sums.of(low, high, body)
 
     def loop(
@@ -94,7 +94,7 @@ class Everyone(Struct):
 
 
 class ParameterisedSystem(Struct):
-    """One program with a crowd, and what is said of it."""
+    """A program with a crowd of robots, and the facts known of it."""
 
     system: System
     book: Book
@@ -103,7 +103,7 @@ class ParameterisedSystem(Struct):
 
     @staticmethod
     def of(system: System) -> ParameterisedSystem:
-        """The system, but with any number of robots."""
+        """Make the system of a program with any number of robots."""
         d, program = FunctionTerms(system.budget), system.program
         unknowns = Functions(d, program, 0)
         book = Book(unknowns)
@@ -119,7 +119,7 @@ class ParameterisedSystem(Struct):
 
     @property
     def everywhere(self) -> System:
-        """The system as properties see it: no robot runs."""
+        """The system in which properties are evaluated: no robot runs."""
         return self.system
 
     @property
@@ -128,7 +128,7 @@ class ParameterisedSystem(Struct):
         return self.d.binary(BinaryOp.SUB, self.crowd.count, 1)
 
     def seat(self, kind: int, robot: Term) -> System:
-        """The system as one robot of a kind sees it, which is robot 0 of ``kinds``."""
+        """The system in which one robot of a kind runs, as robot 0 of ``kinds``."""
         return replace(self.system, kinds=(kind,), crowd=replace(self.crowd, seated=robot))
 
     @property
@@ -136,7 +136,7 @@ class ParameterisedSystem(Struct):
         return self.system.program
 
     def cases(self, index: Term) -> list[tuple[int, Term]]:
-        """The kinds that a number may be of, each with the condition that a robot has it."""
+        """The kinds that a robot may be of, each with the condition that it is."""
         there = self.book.between(0, index, self.crowd.count)
         return [
             (kind, conjunction(self.d, [there, self.crowd.is_of(index, kind)]))

@@ -1,4 +1,4 @@
-"""Statements about one robot, or two, that may well be invariants of a program.
+"""Candidate invariants about one robot, or two, for Houdini.
 
 They are made of what the program itself speaks of: states that its variables can be in (truth
 values, members of enumerations, constants that they are compared with), the comparisons in its
@@ -46,7 +46,7 @@ _READ_X, _READ_Y = core.Read(core.Place(X)), core.Read(core.Place(Y))
 
 
 def candidates(program: core.Program) -> tuple[Claim, ...]:
-    """The candidates of a program whose robots are all of one kind; of others none."""
+    """The candidate invariants of a program with one kind of robots; none for others."""
     if len(program.agents) != 1:
         return ()
     found: dict[str, Claim] = {}
@@ -67,7 +67,7 @@ _COMPOUND = (
 
 
 def _is_plain(condition: core.Expr) -> bool:
-    """Whether a statement is of robots' scalars alone: others hardly ever help."""
+    """Return whether a statement is about scalars of robots only: others hardly ever help."""
     return not any(
         isinstance(node, _COMPOUND)
         or (isinstance(node, core.Const) and isinstance(node.value, str))
@@ -77,7 +77,7 @@ def _is_plain(condition: core.Expr) -> bool:
 
 
 def _conditions(v: Vocabulary) -> Iterator[core.Expr]:
-    """Closed statements, the simplest first."""
+    """Yield closed statements, the simplest first."""
     states = v.states(_READ_X)
     facts = [*v.facts(_READ_X)]
     for fact in facts:
@@ -106,7 +106,7 @@ def _conditions(v: Vocabulary) -> Iterator[core.Expr]:
 
 
 class Vocabulary(Struct, frozen=True):
-    """What a program speaks of."""
+    """The atoms of a program from which candidates are built."""
 
     program: core.Program
 
@@ -117,7 +117,7 @@ class Vocabulary(Struct, frozen=True):
     # --- terms ----------------------------------------------------------------------------------
 
     def own(self, robot: core.Expr) -> Iterator[core.Expr]:
-        """The scalars that belong to a robot."""
+        """The scalars that each robot holds."""
         for entry in (*self.agent.locals, *(port.declaration for port in self.agent.ports)):
             yield from _scalars(core.Place(entry.variable, robot=robot))
         for entry in self.program.allread:
@@ -127,12 +127,12 @@ class Vocabulary(Struct, frozen=True):
             yield from _scalars(core.Place(entry.variable, (step,)))
 
     def shared(self) -> Iterator[core.Expr]:
-        """The scalars that all robots share."""
+        """The shared scalars."""
         for entry in self.program.allwrite:
             yield from _scalars(core.Place(entry.variable))
 
     def constants(self, type_: Type) -> list[core.Expr]:
-        """The few numbers that the program mentions."""
+        """A few numbers that the program mentions."""
         found = dict.fromkeys(
             node.value
             for node in nodes((self.agent.init, self.agent.events, self.program.allwrite))
@@ -146,7 +146,7 @@ class Vocabulary(Struct, frozen=True):
     # --- literals -------------------------------------------------------------------------------
 
     def states(self, robot: core.Expr) -> list[core.Expr]:
-        """Of what a robot does: truth values, members of enumerations, whose number it has."""
+        """Yield atoms on a robot's state: truth values, enumeration members, robots' numbers."""
         found: list[core.Expr] = []
         for term in self.own(robot):
             match term.type:
@@ -166,7 +166,7 @@ class Vocabulary(Struct, frozen=True):
         return found
 
     def _marks(self, term: core.Expr) -> list[core.Expr]:
-        """Constants that an integer is compared with, which then say what state it is in."""
+        """The constants that an integer is compared with, which mark its states."""
         assert isinstance(term, core.Read)
         found: dict[core.Expr, None] = {}
         for node in nodes(self.agent.events):
@@ -181,7 +181,7 @@ class Vocabulary(Struct, frozen=True):
         return list(found)[:2]
 
     def facts(self, robot: core.Expr) -> Iterator[core.Expr]:
-        """What may hold of a robot: comparisons of guards, of its numbers, of what it points at."""
+        """Yield facts that may hold of a robot: comparisons of guards, of numbers, of elements."""
         numbers = [t for t in self.own(robot) if isinstance(t.type, IntType | FloatType)]
         for comparison in self._guards(robot):
             yield from _variants(comparison)
@@ -201,7 +201,7 @@ class Vocabulary(Struct, frozen=True):
                 yield _negated(term)
 
     def _pointed(self, index: core.Expr, robot: core.Expr) -> Iterator[core.Expr]:
-        """What may hold of the elements of allwrite arrays that an integer of a robot points at."""
+        """Yield facts of elements of allwrite arrays that an integer of a robot points at."""
         for entry in self.program.allwrite:
             type_ = entry.variable.type
             if not isinstance(type_, ArrayType) or type_.size is Robots.ALL:
@@ -218,7 +218,7 @@ class Vocabulary(Struct, frozen=True):
                     yield _binary(BinaryOp.AND, inside, _binary(BinaryOp.EQ, part, robot))
 
     def relations(self) -> Iterator[core.Expr]:
-        """How two robots may compare."""
+        """Yield comparisons between two robots."""
         for mine, theirs in zip(self.own(_READ_X), self.own(_READ_Y), strict=True):
             if isinstance(mine.type, IntType):
                 yield _binary(BinaryOp.NE, mine, theirs)
@@ -228,7 +228,7 @@ class Vocabulary(Struct, frozen=True):
                 yield _binary(BinaryOp.LE, theirs, mine)
 
     def _guards(self, robot: core.Expr) -> list[core.Binary]:
-        """The comparisons of numbers in guards, as they are for a robot."""
+        """Yield the comparisons of numbers in guards, for a robot."""
         found: dict[core.Binary, None] = {}
         for event in self.agent.events:
             for node in nodes(event.guard):
@@ -257,7 +257,7 @@ def _scalars(place: core.Place) -> Iterator[core.Expr]:
 
 
 def _variants(comparison: core.Binary) -> Iterator[core.Expr]:
-    """A comparison, its denial, and both with a round of slack, if it is about real numbers."""
+    """A comparison, its negation, and both with a round of slack, if it is about reals."""
     left, right = comparison.left, comparison.right
     yield comparison
     other = BinaryOp.LE if comparison.op is BinaryOp.LT else BinaryOp.LT
@@ -270,7 +270,7 @@ def _variants(comparison: core.Binary) -> Iterator[core.Expr]:
 
 
 def _for_robot(node: Any, robot: core.Expr) -> Any:
-    """An expression of a robot's turn, as a property says it of a robot."""
+    """An expression of a robot's turn as a property's expression about that robot."""
     if isinstance(node, core.Pid):
         return robot
     if isinstance(node, core.Variable):
@@ -299,7 +299,7 @@ def _of_pairs(body: core.Expr) -> core.Expr:
 
 
 def _same_subject(one: core.Expr, other: core.Expr) -> bool:
-    """Whether two states are of one variable, so that one says nothing about the other."""
+    """Return whether two states are of one variable, so that neither says anything of the other."""
     return _subject(one) is not None and _subject(one) == _subject(other)
 
 

@@ -1,4 +1,4 @@
-"""The store after a crowd's writes: by the one robot that counts for each location. [T-EVERY-N]"""
+"""The store after a crowd's writes: each location by the robot that wins it. [T-EVERY-N]"""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ LastWrite: TypeAlias = "tuple[int, tuple[int, ...], Term]"
 
 
 class PossibleTurn(Struct, frozen=True):
-    """A turn that a robot may take: of which kind it is then, which event, and whether it does."""
+    """A turn that a robot may take: its kind and event, and the condition that it is taken."""
 
     kind: int
     position: int
@@ -38,7 +38,7 @@ class PossibleTurn(Struct, frozen=True):
 
 
 class Guards(Struct, frozen=True):
-    """Which locations only atomic blocks write: then one robot at most does so in a round.
+    """The locations that are written in atomic blocks only: by at most one robot in a round.
 
     ``classes`` are the lock classes of the blocks that write a slot; ``racy`` are the places that
     events write outside of any block, as the way down: a position, or None for any index.
@@ -49,13 +49,13 @@ class Guards(Struct, frozen=True):
 
     @staticmethod
     def of(program: core.Program) -> Guards:
-        """The guards of the events of a program. [ATOMIC]"""
+        """Find the guarded locations of a program's events. [ATOMIC]"""
         slots = {entry.variable.name: entry.variable.slot for entry in program.allwrite}
         classes = {slots[name]: c.index for c in program.lock_classes for name in c.variables}
         return Guards(classes, frozenset(_way(place) for place in racy_places(program)))
 
     def is_racy(self, slot: int, place: tuple[int, ...] = ()) -> bool:
-        """Whether robots may write (a part of, all of) a location at the same time."""
+        """Return whether robots may write (a part of, all of) a location at the same time."""
         return any(
             slot == its_slot and all(a is None or a == b for a, b in zip(way, place, strict=False))
             for its_slot, way in self.racy
@@ -71,7 +71,7 @@ def _way(place: core.Place) -> tuple[int, tuple[int | None, ...]]:
 
 
 class Commits(Struct):
-    """The writes of all robots, put into a store.
+    """The commit of all robots' writes into a store.
 
     ``moves`` are the turns that a robot may take; ``everybody`` takes one of them in INIT.
     """
@@ -88,20 +88,20 @@ class Commits(Struct):
     _last: list[LastWrite] = field(default_factory=list)
 
     def know(self, robot: Term) -> None:
-        """Say of a robot, whose moves are worked out now, what holds of every robot."""
+        """Assert for a robot, whose moves are being computed, the facts about every robot."""
         if not self.world.d.open:
             self._known.append(robot)
         for law in self._laws:
             self.world.book.note(law(robot))
 
     def _require(self, law: Callable[[Term], Term]) -> None:
-        """From now on say this of every robot whose moves are worked out."""
+        """Assert a fact for every robot whose moves are computed from now on."""
         self._laws.append(law)
         for robot in self._known:
             self.world.book.note(law(robot))
 
     def entries(self, slot: int) -> Storage[Term]:
-        """An allread variable: every robot's entry as it left it. [T-SNAPSHOT] [ALLREAD]"""
+        """An allread variable after the round: every robot's own entry. [T-SNAPSHOT] [ALLREAD]"""
         before = self.store.allread[slot]
         assert isinstance(before, Many)
         d = self.world.d
@@ -131,7 +131,7 @@ class Commits(Struct):
         return self._raced(slot)
 
     def winner(self, lock_class: int) -> Term:
-        """The robot that enters a lock class in this round, if one does. [T-ONE-WINNER]"""
+        """The robot that enters a lock class in this round, if any does. [T-ONE-WINNER]"""
         if lock_class not in self.winners:
             with self.world.book.about(0):
                 self._choose(lock_class)
@@ -148,7 +148,7 @@ class Commits(Struct):
         self._require(alone)
 
     def enters(self, lock_class: int, robot: Term) -> Term:
-        """Whether a robot enters a lock class."""
+        """The condition that a robot enters a lock class."""
         d = self.world.d
         return disjunction(
             d,
@@ -160,7 +160,7 @@ class Commits(Struct):
         )
 
     def _somebody(self, name: str) -> Term:
-        """A robot that is there; everything about it is worth saying."""
+        """A fresh name of a robot."""
         world = self.world
         robot = world.d.fresh(f"{name} {self.label}", INT)
         world.book.note(world.book.between(0, robot, world.crowd.count))
@@ -168,7 +168,7 @@ class Commits(Struct):
         return robot
 
     def _is_written(self, slot: int) -> bool:
-        """Whether any robot may write a variable in this round, as a look at one of them tells."""
+        """Return whether any robot may write a variable in this round, from a look at one robot."""
         seen: list[bool] = []
 
         def look(robot: Term) -> Term:
@@ -179,7 +179,7 @@ class Commits(Struct):
         return any(seen)
 
     def _put(self, slot: int, robot: Term, only: Mask[Term] | None) -> Storage[Term]:
-        """The variable with what one robot wrote of it; of ``only`` some locations, if given."""
+        """The variable with one robot's writes applied; only those of ``only``, if given."""
         d, after = self.world.d, self.store.allwrite[slot]
         for move in self.moves(robot):
             mask = restricted(d, move.turned.allwrite.get(slot), move.chosen)
@@ -191,7 +191,7 @@ class Commits(Struct):
     # --- races ----------------------------------------------------------------------------------
 
     def _raced(self, slot: int) -> Storage[Term]:
-        """A variable that several robots may write: each location as its last writer left it."""
+        """A variable with races: each location as its last writer left it."""
         before = self.store.allwrite[slot]
         type_ = self.world.program.allwrite[slot].variable.type
         places = list(locations(before)) if is_flat(type_) else []
@@ -225,7 +225,7 @@ class Commits(Struct):
     def _nobody_else(
         self, slot: int, place: tuple[int, ...], writer: Term
     ) -> Callable[[Term], Term]:
-        """If anybody wrote a location, its last writer did."""
+        """Assert that if any robot wrote a location, its last writer did."""
 
         def law(robot: Term) -> Term:
             theirs = self.writes(slot, place, robot)
@@ -234,7 +234,9 @@ class Commits(Struct):
         return law
 
     def _same(self, one: LastWrite, other: LastWrite) -> None:
-        """Robots that both wrote both of two locations last are one: there is one order."""
+        """Assert one order: robots that each wrote both of two locations, and one last, are
+        equal.
+        """
         d, (slot, place, writer), (its_slot, its_place, its_writer) = self.world.d, one, other
         both = d.binary(
             BinaryOp.AND,
@@ -245,7 +247,7 @@ class Commits(Struct):
         self.world.book.note(self.world.book.implied(both, same))
 
     def writes(self, slot: int, place: tuple[int, ...], robot: Term) -> Term:
-        """Whether a robot writes a location."""
+        """The condition that a robot writes a location."""
         d = self.world.d
         found = []
         for move in self.moves(robot):
@@ -270,7 +272,7 @@ def locations(storage: Storage[Term], above: tuple[int, ...] = ()) -> list[tuple
 
 
 def masked(d: Terms, mask: Mask[Term] | None, place: tuple[int, ...]) -> Term:
-    """Whether a mask covers an atom."""
+    """The condition that a mask covers an atom."""
     if mask is None:
         return False
     if not place or not mask.parts:
@@ -288,7 +290,7 @@ def mask_of(storage: Storage[Term], place: tuple[int, ...]) -> Mask[Term]:
 
 
 def common(d: Terms, mask: Mask[Term], only: Mask[Term]) -> Mask[Term]:
-    """The locations that a mask has in common with that of one atom."""
+    """The intersection of a mask with one atom."""
     nothing: Mask[Term] = Mask(False)
     if not only.parts:
         return mask
@@ -304,7 +306,7 @@ def common(d: Terms, mask: Mask[Term], only: Mask[Term]) -> Mask[Term]:
 
 
 def taken(storage: Storage[Term], source: Storage[Term], place: tuple[int, ...]) -> Storage[Term]:
-    """The storage with one atom taken from another."""
+    """The storage with one atom taken from another storage."""
     if not place:
         return source
     assert isinstance(storage, Tree)

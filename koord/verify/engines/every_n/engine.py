@@ -1,4 +1,4 @@
-"""Proofs for every number of robots as an engine. [T-EVERY-N]"""
+"""The engine of proofs for every number of robots. [T-EVERY-N]"""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from koord.verify.verdicts import Outcome, Verdict
 
 
 class EveryNEngine(Struct, frozen=True):
-    """Proofs for every number of robots, which are proofs for the number that was asked about.
+    """The engine of proofs for every number of robots, which include the given number.
 
     Asked to infer, it looks for invariants that help, among likely ones. Where something is
     violated, rounds that were looked at are enough of the rest. Nothing is done where more
@@ -49,7 +49,7 @@ class EveryNEngine(Struct, frozen=True):
 
 
 def make(engine: Engine, tools: Tools) -> Worker:
-    """The engine of a problem."""
+    """Make the engine for a problem."""
     return EveryNEngine()
 
 

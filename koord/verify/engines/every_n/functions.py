@@ -1,4 +1,4 @@
-"""Unknowns as functions of a robot's number: one symbol stands for what all robots hold."""
+"""Uninterpreted functions of a robot's number: one symbol for the values of all robots."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from koord.verify.encoding.unknowns import Unknowns
 
 
 class FunctionTerms(Terms):
-    """Terms among which new ones may be functions of others.
+    """Z3 terms of which fresh ones may be functions of others.
 
     ``arguments`` are what named unknowns are functions of at the moment; ``open`` are the blanks
     that everything new depends on otherwise.
@@ -35,7 +35,7 @@ class FunctionTerms(Terms):
         self.open: tuple[Term, ...] = ()
 
     def fresh(self, name: str, type_: Type) -> Made:
-        """A new term; where there are arguments, the function of that name of them."""
+        """A fresh term, or an application of the function of that name to the present arguments."""
         if self.arguments is not None:
             return self.applied(name, self.arguments, type_)
         if self.open:
@@ -43,13 +43,13 @@ class FunctionTerms(Terms):
         return super().fresh(name, type_)
 
     def fresh_like(self, name: str, term: Term) -> Made:
-        """A new term of the sort of another."""
+        """A fresh term of the sort of another."""
         made = super().fresh_like(name, term)
         return self.function_like(made, self.open) if self.open else made
 
     @contextmanager
     def opened(self, blanks: tuple[Term, ...]) -> Iterator[None]:
-        """While this lasts, everything new depends on these."""
+        """Within the context, fresh terms depend on these blanks."""
         outer, self.open = self.open, blanks
         try:
             yield
@@ -57,12 +57,12 @@ class FunctionTerms(Terms):
             self.open = outer
 
     def blank(self) -> Made:
-        """An integer of which nothing is known."""
+        """A fresh integer of which nothing is known."""
         return super().fresh("blank", INT)
 
     @contextmanager
     def depending_on(self, arguments: tuple[Term, ...] | None) -> Iterator[None]:
-        """While this lasts, named unknowns are functions of these (None: they have no names)."""
+        """Within the context, named unknowns are functions of these (None: they are unnamed)."""
         outer, self.arguments = self.arguments, arguments
         try:
             yield
@@ -72,14 +72,14 @@ class FunctionTerms(Terms):
 
 @dataclass(slots=True)
 class Functions(Unknowns):
-    """Unknown values of the robots of a crowd, by name and number."""
+    """Unknown values of a crowd's robots, by name and robot."""
 
     crowd: Crowd[Term] | None = None
 
     def of(
         self, name: str, type_: Type, arguments: tuple[Term, ...], length: int | None = None
     ) -> Value[Term]:
-        """The value that a function symbol (one for each scalar in it) gives of arguments."""
+        """The value of function symbols, one per scalar, at arguments."""
         with self._scope(arguments):
             return self.value(name, type_, length)
 
@@ -117,7 +117,7 @@ class Functions(Unknowns):
         written: WriteExtent,
         arguments: tuple[Term, ...],
     ) -> Storage[Term]:
-        """Any state of a variable, as function symbols give it of arguments."""
+        """Any storage of a variable, by function symbols at arguments."""
         with self._scope(arguments):
             return self.storage(name, type_, like, written)
 
@@ -138,7 +138,7 @@ class Functions(Unknowns):
 
     @property
     def terms(self) -> FunctionTerms:
-        """The domain, which knows of arguments."""
+        """The number domain, with functions."""
         assert isinstance(self.d, FunctionTerms)
         return self.d
 
@@ -147,7 +147,7 @@ class Functions(Unknowns):
 
 
 class RobotInputs(Struct):
-    """What one step leaves open of one robot, as functions of its number (None: of nothing)."""
+    """The inputs of one robot in a step, as functions of its number (None: constants)."""
 
     unknowns: Functions
     label: str
@@ -175,7 +175,7 @@ class RobotInputs(Struct):
 
 
 class RobotOracle(Struct):
-    """Answers for one turn of one robot. [CHOOSE] [EXTERNAL]"""
+    """The oracle of one robot's turn, as functions of its number. [CHOOSE] [EXTERNAL]"""
 
     inputs: RobotInputs
     phase: Phase
@@ -207,7 +207,7 @@ class RobotOracle(Struct):
 
 
 class TripOracle(Struct):
-    """Answers in a trip of a loop over all robots: of functions only, which answer alike."""
+    """The oracle of a trip of a loop over all robots: mathematical functions only."""
 
     unknowns: Functions
 
@@ -232,7 +232,7 @@ class TripOracle(Struct):
 def answer_of(
     unknowns: Functions, function: core.External, arguments: tuple[Value[Term], ...]
 ) -> Value[Term]:
-    """The answer of a mathematical function: equal for equal arguments. [EXTERNAL]"""
+    """The answer of a mathematical function: equal arguments give equal answers. [EXTERNAL]"""
     if any(isinstance(argument, Family) for argument in arguments):
         raise NotFiniteError(
             function.span, f"{function.name} is asked about an array over all robots"
@@ -242,7 +242,7 @@ def answer_of(
 
 
 def every_value(unknowns: Functions, type_: Type, body: Callable[[Value[Term]], Term]) -> Term:
-    """Whether a Boolean holds of every value of a type (summaries only)."""
+    """The condition that a Boolean holds of every value of a type (summaries only)."""
     with unknowns.terms.depending_on(None):
         return unknowns.every((type_,), lambda values: body(values[0]))
 

@@ -1,4 +1,4 @@
-"""INIT of a crowd, and any configuration at the end of a round. [INIT] [T-EVERY-N]"""
+"""INIT of a crowd, and arbitrary configurations at the end of a round. [INIT] [T-EVERY-N]"""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from koord.verify.engines.every_n.functions import RobotInputs
 
 
 class ParameterisedInit:
-    """The configuration after INIT. Where ``calm`` holds, nothing faulted on the way."""
+    """The configuration after INIT of a crowd. Where ``calm`` holds, nothing faulted."""
 
     def __init__(self, world: ParameterisedSystem) -> None:
         self.world = world
@@ -41,7 +41,7 @@ class ParameterisedInit:
         self.configuration: Configuration[Term] = Configuration((), store, 0, at=self._at)
 
     def moves(self, robot: Term) -> list[PossibleTurn]:
-        """What INIT makes of a robot, kind by kind. [T-SNAPSHOT]"""
+        """The initial turns of a robot, one per kind. [T-SNAPSHOT]"""
         key = self.world.d.key(robot)
         if key not in self._turns:
             with self.world.book.about(robot):
@@ -63,7 +63,7 @@ class ParameterisedInit:
         return moves
 
     def faults(self, moves: Sequence[PossibleTurn]) -> Term:
-        """Whether one of some turns faults."""
+        """The condition that one of some turns faults."""
         return faults_of(self.world, moves)
 
     def _at(self, robot: Term) -> list[tuple[Term, Robot[Term]]]:
@@ -74,7 +74,7 @@ class ParameterisedInit:
 
 
 def faults_of(world: ParameterisedSystem, moves: Sequence[PossibleTurn]) -> Term:
-    """Whether one of some turns is taken and faults. [T-FAULT]"""
+    """The condition that one of some turns is taken and faults. [T-FAULT]"""
     d = world.d
     return disjunction(
         d, [d.binary(BinaryOp.AND, x.chosen, f) for x in moves for f, _ in x.turned.faults]
@@ -82,7 +82,7 @@ def faults_of(world: ParameterisedSystem, moves: Sequence[PossibleTurn]) -> Term
 
 
 class Anywhere:
-    """Any configuration at the end of a round, reachable or not.
+    """An arbitrary configuration at the end of a round, reachable or not.
 
     It has in common with the one after INIT what no event ever changes.
     """
@@ -102,7 +102,7 @@ class Anywhere:
         self.configuration: Configuration[Term] = Configuration((), store, 0, at=self._at)
 
     def robot(self, kind: int, robot: Term) -> Robot[Term]:
-        """The robot of a kind that has a number."""
+        """The robot of a kind with a number."""
         return next(state for _, state in self._at(robot) if state.kind == kind)
 
     def _at(self, robot: Term) -> list[tuple[Term, Robot[Term]]]:
@@ -138,7 +138,7 @@ class Anywhere:
     # --- variables ------------------------------------------------------------------------------
 
     def _own(self, home: Home, kind: int, entry: core.Declaration, robot: Term) -> Storage[Term]:
-        """A local or port of one robot."""
+        """Storage of a local or port of one robot."""
         slot = entry.variable.slot
         written = self._footprint.get((home, kind, slot), WriteExtent.NEVER)
         if written is WriteExtent.NEVER:
@@ -152,14 +152,14 @@ class Anywhere:
         return (state.locals if home is Home.LOCAL else state.ports)[slot]
 
     def _shared(self, entry: core.Declaration, before: Store[Term]) -> Storage[Term]:
-        """An allwrite variable."""
+        """Storage of an allwrite variable."""
         slot = entry.variable.slot
         written = self._footprint.get((Home.ALLWRITE, 0, slot), WriteExtent.NEVER)
         like = before.allwrite[slot]
         return self._some("", entry, entry.variable.type, like, written, ())
 
     def _entries(self, entry: core.Declaration, before: Store[Term]) -> Storage[Term]:
-        """An allread variable."""
+        """Storage of an allread variable."""
         variable = entry.variable
         assert isinstance(variable.type, ArrayType)
         element, slot = variable.type.element, variable.slot
@@ -179,7 +179,7 @@ class Anywhere:
     def _shape(
         self, key: tuple[Home, int, int], of: Callable[[Term], Storage[Term]]
     ) -> Storage[Term]:
-        """What a variable is like after INIT, of a robot of which nothing is known."""
+        """The shape of a variable after INIT, for a robot of which nothing is known."""
         if key not in self._shapes:
             with self.world.book.about(0):
                 self.world.book.glimpse(partial(self._look, key, of))
@@ -200,6 +200,6 @@ class Anywhere:
         written: WriteExtent,
         arguments: tuple[Term, ...],
     ) -> Storage[Term]:
-        """Any state of a variable. Where only elements of a list change, its length does not."""
+        """Any storage of a variable. Where only elements of a list change, its length stays."""
         name = f"{entry.variable.home.value} {where} {entry.variable.name}"
         return self.world.unknowns.storage_of(name, type_, like, written, arguments)

@@ -1,4 +1,4 @@
-"""What is known of robots whose numbers are terms, and of which numbers it is said. [T-EVERY-N]
+"""Instantiation of quantified facts at the terms that are used as robots. [T-EVERY-N]
 
 A statement about all robots is never given to the solver as such. It is worked out once, for a
 *blank* of which nothing is known, and said again of each *name*: each term that is used as the
@@ -27,7 +27,7 @@ Names = tuple[Term, ...]
 
 
 class Scheme(Struct):
-    """Facts about blanks: ``outer`` are given by where the scheme stands, ``own`` range over names.
+    """A quantified fact: ``outer`` blanks are fixed by its context, ``own`` ones range over names.
 
     ``contexts`` are what the outer blanks stand for, each with its generation. In each context the
     ``doubt`` is noted, and the ``witness`` in it is a name.
@@ -48,7 +48,7 @@ class Scheme(Struct):
 
 
 class Book(Struct):
-    """Facts, names, and the schemes by which the one gives the other. ``facts`` only grows.
+    """Facts, names, and the schemes that are instantiated with them. ``facts`` only grows.
 
     So many things are said of names at ``most``: a proof that needs more is not found.
     """
@@ -70,7 +70,7 @@ class Book(Struct):
     # --- writing --------------------------------------------------------------------------------
 
     def note(self, fact: Term) -> None:
-        """Write down a fact."""
+        """Record a fact."""
         d = self.unknowns.terms
         if d.known(fact) is True:
             return
@@ -78,7 +78,7 @@ class Book(Struct):
         (self.facts if frame is None else frame.facts).append(fact)
 
     def name(self, index: Term) -> None:
-        """Note that a term is used as the number of a robot."""
+        """Record that a term is used as the number of a robot."""
         frame = self._frame_of(index)
         if frame is None:
             self._put(index, self._now)
@@ -86,18 +86,18 @@ class Book(Struct):
             frame.brings_up.append(index)
 
     def expect(self, *names: Term, generation: int = 0) -> None:
-        """Names that are worth something from some generation on."""
+        """Declare names that are to be instantiated from a generation on."""
         for name in names:
             self._put(name, generation)
 
     def state(self, arity: int, says: Callable[[Names], Term]) -> None:
-        """Write down what holds of all integers."""
+        """Assert that a statement holds of all integers."""
         frame, fact = self._worked_out(arity, says)
         frame.facts.append(fact)
         self._keep(frame)
 
     def every(self, low: Term, high: Term, body: Callable[[Term], Term]) -> Term:
-        """A Boolean that holds exactly if ``body`` does of all integers of a range. [T-EVERY-N]"""
+        """A Boolean equivalent to ``body`` for all integers of a range. [T-EVERY-N]"""
         d = self.unknowns.terms
         frame, holds_of = self._worked_out(1, lambda names: body(names[0]))
         known = d.known(holds_of)
@@ -118,7 +118,7 @@ class Book(Struct):
         return holds
 
     def glimpse(self, body: Callable[[Term], Term]) -> Term:
-        """What a body gives of an integer of which nothing is known.
+        """Evaluate a body at an integer of which nothing is known.
 
         What it notes is thrown away, so that one blank does for all glimpses at a place.
         """
@@ -130,7 +130,7 @@ class Book(Struct):
 
     @contextmanager
     def about(self, term: Term) -> Iterator[None]:
-        """Work something out that depends on the blanks in a term, and on no other that is open."""
+        """Within the context, evaluate something that depends only on the blanks of a term."""
         frames = self._frames
         used = [k for k, frame in enumerate(frames) if self._mentions(term, frame)]
         self._reopen(frames[: used[-1] + 1] if used else [])
@@ -140,7 +140,7 @@ class Book(Struct):
             self._reopen(frames)
 
     def _worked_out(self, arity: int, says: Callable[[Names], Term]) -> tuple[Scheme, Term]:
-        """What a statement says of blanks, with what is noted on the way."""
+        """Evaluate a statement on blanks, together with the facts recorded on the way."""
         d = self.unknowns.terms
         frame = Scheme(d.open, tuple(d.blank() for _ in range(arity)))
         return frame, self._work_out(frame, says)
@@ -167,7 +167,7 @@ class Book(Struct):
         self.unknowns.terms.open = tuple(blank for frame in frames for blank in frame.own)
 
     def _keep(self, scheme: Scheme) -> None:
-        """Use a scheme wherever it stands from now on."""
+        """Instantiate a scheme in its context from now on."""
         if self._frames:
             self._frames[-1].inner.append(scheme)
         else:
@@ -175,7 +175,7 @@ class Book(Struct):
             scheme.contexts.append(((), self._now))
 
     def _frame_of(self, term: Term) -> Scheme | None:
-        """The innermost statement that is being worked out and whose blanks a term depends on."""
+        """The innermost statement under evaluation on whose blanks a term depends."""
         for frame in reversed(self._frames):
             if self._mentions(term, frame):
                 return frame
@@ -192,12 +192,12 @@ class Book(Struct):
     # --- unfolding ------------------------------------------------------------------------------
 
     def ask(self, goal: Sequence[Term]) -> None:
-        """Note that something is about to be asked."""
+        """Note that a formula is about to be queried."""
         for term in goal:
             self._want(term)
 
     def _want(self, term: Term, without: str = "") -> None:
-        """Note which Booleans a formula may need to hold, or not to hold.
+        """Note the polarity in which a formula's Booleans matter.
 
         Where nothing needs a statement to hold, nothing need be said that follows from it; where
         nothing needs it to fail, there need not be anything that it fails of.
@@ -208,7 +208,7 @@ class Book(Struct):
                 self._wanted.add((name, leaning))
 
     def settle(self, limit: int) -> None:
-        """Say everything of every name, as far as both are of the first generations."""
+        """Instantiate every scheme at every name, both of the first generations."""
         seen = -1
         while seen < self.instances < self.most:
             seen = self.instances
@@ -246,7 +246,7 @@ class Book(Struct):
             self._unfold(inner, limit)
 
     def _raise_doubt(self, scheme: Scheme, context: Names, born: int) -> None:
-        """If the statement does not hold in a context, it fails of a witness."""
+        """Assert that if the statement fails in a context, it fails of a witness."""
         key = ("doubt", *(self.unknowns.terms.key(term) for term in context))
         if scheme.witness is None or key in scheme.said:
             return
@@ -263,7 +263,7 @@ class Book(Struct):
             self._say(scheme, here, born + 1)
 
     def _say(self, scheme: Scheme, names: Names, born: int) -> None:
-        """All that a scheme says of some names."""
+        """Instantiate a scheme at names."""
         d = self.unknowns.terms
         pairs = list(zip((*scheme.outer, *scheme.own), names, strict=True))
         self.instances += 1
@@ -277,7 +277,7 @@ class Book(Struct):
             inner.contexts.append((names, deeper))
 
     def _add(self, fact: Term) -> None:
-        """One more fact, of which it is known already what it wants."""
+        """Add a fact whose relevant Booleans are known."""
         assert self._looked == len(self.facts)
         self.facts.append(fact)
         self._looked += 1
@@ -285,12 +285,12 @@ class Book(Struct):
     # --- formulas -------------------------------------------------------------------------------
 
     def between(self, low: Term, index: Term, high: Term) -> Term:
-        """Whether an integer lies from ``low`` up to and excluding ``high``."""
+        """The condition that an integer lies in ``[low, high)``."""
         d = self.unknowns.terms
         return conjunction(
             d, [d.binary(BinaryOp.LE, low, index), d.binary(BinaryOp.LT, index, high)]
         )
 
     def implied(self, condition: Term, fact: Term) -> Term:
-        """The fact, where the condition holds."""
+        """The implication of a fact by a condition."""
         return self.unknowns.terms.binary(BinaryOp.IMPLIES, condition, fact)

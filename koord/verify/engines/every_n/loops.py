@@ -1,4 +1,4 @@
-"""What a loop over all robots amounts to. [T-LOOP]
+"""Summaries of loops over all robots. [T-LOOP]
 
 The body runs once, for a blank number, from a memory in which everything that it changes is some
 new term. How the new values come from the old ones tells what the whole loop does: a flag that is
@@ -39,7 +39,7 @@ MOST_LOOKS = 5
 
 
 class Facts(Struct, frozen=True):
-    """What is known of all robots, where loops over them say more.
+    """Facts of all robots, to which loops add.
 
     ``overlooked`` are loops that were not understood: what they change may then be anything.
     """
@@ -50,7 +50,7 @@ class Facts(Struct, frozen=True):
 
 
 class MachineLoop:
-    """A loop in a machine, to be run."""
+    """A loop over all robots in a machine."""
 
     def __init__(
         self,
@@ -73,7 +73,7 @@ class MachineLoop:
         self._kept = m.memory  #: what each trip starts from
 
     def run(self) -> None:
-        """Do to the machine what the loop does. [S-FOR] [S-BREAK]"""
+        """Apply the loop to the machine. [S-FOR] [S-BREAK]"""
         start = self.m.memory
         outer = start.broke
         start.broke = start.returned = False
@@ -96,7 +96,7 @@ class MachineLoop:
     # --- trips ----------------------------------------------------------------------------------
 
     def _trip(self, number: Term) -> Machine[Term]:
-        """A machine that has made one trip, from where anything may have changed before."""
+        """The machine after one trip from a memory in which anything may have changed."""
         d = self._d
         # What is new in a trip depends on the blanks that are open.
         key = tuple(d.key(term) for term in (number, *d.open))
@@ -120,7 +120,7 @@ class MachineLoop:
         return self.facts.book.glimpse(lambda number: of(self._trip(number)))
 
     def _find_changes(self) -> None:
-        """Which scalars the body changes, with a new term for each."""
+        """Find the scalars that the body changes, with a fresh term for each."""
         for _ in range(MOST_LOOKS):
             found: dict[Path, Term] = {}
 
@@ -155,7 +155,7 @@ class MachineLoop:
         return self.m.either(memory.broke, memory.returned)
 
     def _log_faults(self, exits: Term) -> None:
-        """A trip that faults, if the loop comes to it. [FAULT]"""
+        """Log the faults of a trip, if the loop reaches it. [FAULT]"""
         m, inside = self.m, self.facts.book.between
 
         def quiet(number: Term) -> Term:
@@ -179,7 +179,7 @@ class MachineLoop:
         m.fault_unless(safe, FaultKind.UNSET, self.span, "in a loop over all robots")
 
     def _stays(self, exits: Term, number: Term) -> Term:
-        """Whether the loop is not left before a trip."""
+        """The condition that the loop is not left before a trip."""
         if self.m.d.known(exits) is False:
             return True
 
@@ -191,7 +191,9 @@ class MachineLoop:
     # --- leaving --------------------------------------------------------------------------------
 
     def _leave(self) -> None:
-        """A loop that changes nothing but in the trip in which it is left. [S-BREAK] [S-RETURN]"""
+        """Summarise a loop that changes nothing except in the trip that leaves it.
+        [S-BREAK] [S-RETURN]
+        """
         m, d, book = self.m, self._d, self.facts.book
         if not self._only_when_left():
             self._poison()
@@ -214,7 +216,7 @@ class MachineLoop:
         )
 
     def _only_when_left(self) -> bool:
-        """Whether all trips but the one in which the loop is left change nothing that counts."""
+        """Return whether no trip changes anything that counts, but the one that leaves the loop."""
         counting = [path for path in self._any if path in self._old]
 
         def check(trip: Machine[Term]) -> Term:
@@ -244,7 +246,7 @@ class MachineLoop:
         self.m.memory = with_scalars(self._shaped(example[0]), after)
 
     def _shaped(self, example: Memory[Term]) -> Memory[Term]:
-        """The memory before, with room for the variables that the loop introduces."""
+        """The memory before the loop, with room for the variables that the loop introduces."""
         memory = self.m.memory.copied()
         for slot, storage in enumerate(memory.bound):
             if storage is None:
@@ -252,7 +254,7 @@ class MachineLoop:
         return memory
 
     def _poison(self) -> None:
-        """Anything may be in what the loop changes, and it may have been left."""
+        """Havoc: the loop's changed scalars may hold anything, and the loop may have been left."""
         self.facts.overlooked.append(self.span)
         self._put_all(self._anything)
         if self._glimpse_returns():
@@ -265,7 +267,7 @@ class MachineLoop:
         return self._d.fresh_like("any", self._any[path])
 
     def _summary(self, path: Path) -> Term:
-        """What a scalar holds after all trips. [T-LOOP]"""
+        """The value of a scalar after all trips. [T-LOOP]"""
         if path not in self._old:
             return self._anything(path)
         change = LoopEffect(self, path)
@@ -277,18 +279,18 @@ class MachineLoop:
         return found
 
     def value_after(self, path: Path, number: Term) -> Term:
-        """What a scalar holds after one trip."""
+        """The value of a scalar after one trip."""
         return dict(scalars(self._trip(number).memory))[path]
 
 
 class LoopEffect(Struct):
-    """How a loop changes one scalar."""
+    """The effect of a loop on one scalar."""
 
     loop: MachineLoop
     path: Path
 
     def as_flag(self) -> Term | None:
-        """A Boolean that some trips set, or some trips clear."""
+        """Summarise a Boolean that some trips set, or some trips clear."""
         m, low, high = self.loop.m, self.loop.low, self.loop.high
         if self._is(self._put(self._seen(), False), False):
             stays = self._with(True)
@@ -304,7 +306,7 @@ class LoopEffect(Struct):
         return None
 
     def as_number(self) -> Term | None:
-        """A number that grows by something in each trip, or the least or greatest of some."""
+        """Summarise a number that grows in each trip, or is the least or greatest of some."""
         d = self.loop.facts.book.unknowns.terms
         zero = 0 if d.is_integer(self._any) else d.const(0, FLOAT)
         added = self._with(zero)
@@ -351,7 +353,7 @@ class LoopEffect(Struct):
         return None
 
     def _shape(self, op: BinaryOp, position: int) -> Found | None:
-        """If the scalar becomes the lesser (greater) of itself and some part of its new value."""
+        """Match a scalar that becomes the lesser (greater) of itself and another term."""
         d = self._d
 
         def found(k: Term) -> tuple[Term, Term]:
@@ -406,7 +408,7 @@ class LoopEffect(Struct):
         return found
 
     def _with(self, value: Term) -> Callable[[Term], Term]:
-        """What a trip makes of a value."""
+        """The value of a scalar after a trip, as a function of the trip, from a value before it."""
         return lambda number: self._put(self._after(number), value)
 
     def _reads_changes(self, of: Callable[[Term], Term]) -> bool:
@@ -426,7 +428,7 @@ _MOST_PARTS = 6
 
 
 def scalars(memory: Memory[Term]) -> list[tuple[Path, Term]]:
-    """All scalars of a memory that can be listed."""
+    """Yield all scalars of a memory that can be listed."""
     found: list[tuple[Path, Term]] = []
     for name in LISTS:
         for slot, storage in enumerate(getattr(memory, name)):
@@ -467,7 +469,7 @@ def _of_value(path: Path, value: Value[Term], found: list[tuple[Path, Term]]) ->
 
 
 def with_scalars(memory: Memory[Term], new: dict[Path, Term]) -> Memory[Term]:
-    """A memory with other scalars at some paths."""
+    """The memory with other scalars at some paths."""
     made = memory.copied()
     for name in LISTS:
         storages = getattr(made, name)

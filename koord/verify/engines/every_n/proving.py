@@ -33,9 +33,10 @@ from koord.verify.engines.every_n.statements import Universal
 
 
 class Thrift(Struct, frozen=True):
-    """What may be spent: so many generations of names, so many things said of them, so many
-    seconds of a solver in all (about), and so many units of its work on one question; fewer if
-    unknown reals are multiplied.
+    """Budgets of a proof: generations of names, instances, and solver effort.
+
+    ``generations`` of names, ``instances`` in all, ``seconds`` of a solver in all (about), and
+    units of its work on one ``question``; fewer ``with_products`` of unknown reals.
     """
 
     generations: int
@@ -60,7 +61,7 @@ _STEPS_PER_SECOND = 10_000
 
 
 class Proof(Struct, frozen=True):
-    """The claims that hold for every number of robots, and why the others are still open."""
+    """The claims that hold for every number of robots, and the reasons why others are open."""
 
     proved: tuple[Claim, ...]
     reasons: dict[Claim, str]
@@ -74,7 +75,7 @@ def prove(
     thrift: Thrift = GENEROUS,
     seed: int = 0,
 ) -> Proof:
-    """The largest set of the claims that is inductive for every number of robots.
+    """Prove the largest inductive subset of the claims, for every number of robots (Houdini).
 
     How many robots the system has plays no part.
     """
@@ -104,7 +105,7 @@ def prove(
 
 
 class Inferred(Struct, frozen=True):
-    """The claims that hold with the help of invariants that were found, and these."""
+    """The claims that hold with the help of inferred invariants, and these invariants."""
 
     proved: tuple[Claim, ...]
     invariants: tuple[Claim, ...]
@@ -119,7 +120,7 @@ def infer(
     thrift: Thrift = GENEROUS,
     seed: int = 0,
 ) -> Inferred:
-    """Claims that are inductive together with some of the candidates, which are found out.
+    """Find claims that are inductive together with some of the candidates.
 
     Candidates that do not hold after INIT are dropped, then those that a round may break, until
     the rest prove themselves; of these the ones are kept that the claims' proofs rest on. What is
@@ -155,7 +156,7 @@ def infer(
 
 
 def _beyond(program: core.Program) -> str:
-    """Why a program is not looked at, if so."""
+    """The reason why a program is beyond this engine; empty if it is not."""
     for entry in program.allwrite:
         types = within(entry.variable.type)
         if any(isinstance(t, ArrayType) and t.size is Robots.ALL for t in types):
@@ -167,7 +168,7 @@ def _beyond(program: core.Program) -> str:
 
 
 class _Means(Struct, frozen=True):
-    """What questions may cost."""
+    """The budgets and the seed of queries."""
 
     deadline: Deadline
     effort: Effort
@@ -176,7 +177,7 @@ class _Means(Struct, frozen=True):
 
 
 class _Asking:
-    """A world and a solver that knows what its book says."""
+    """A system and a solver that knows its facts."""
 
     def __init__(self, world: ParameterisedSystem, means: _Means) -> None:
         self.world = world
@@ -188,7 +189,7 @@ class _Asking:
         self.robots: tuple[Term, ...] = tuple(self.world.d.fresh(f"y{k}", INT) for k in range(4))
 
     def failing(self, goals: Sequence[tuple[Claim, list[Term]]]) -> dict[Claim, str]:
-        """The claims whose goals (each a conjunction) the book does not refute."""
+        """The claims whose goals (each a conjunction) the facts do not refute."""
         pending = list(goals)
         for _, goal in goals:
             self.world.book.ask(goal)
@@ -213,7 +214,7 @@ class _Asking:
         return failed
 
     def sift(self, goals: Sequence[tuple[Claim, list[Term]]], given: Sequence[Term]) -> set[Claim]:
-        """Claims whose goals can be met, all asked for together, as far as the solver tells.
+        """The claims with satisfiable goals, all queried together, as far as the solver tells.
 
         ``given`` holds besides. Where the solver gives up, all claims that are left are met.
         """
@@ -241,22 +242,22 @@ class _Asking:
         return met
 
     def look_ahead(self, generations: int) -> None:
-        """Take names of so many generations into account from now on."""
+        """Instantiate names of so many generations from now on."""
         self._limit = max(self._limit, generations - 1)
 
     def needed(self, goal: Sequence[Term]) -> frozenset[int] | None:
-        """The positions in a goal of what refutes it; None if it is not refuted."""
+        """The positions in a goal of its unsatisfiable core; None if it is not refuted."""
         self.world.book.ask(goal)
         self.world.book.settle(self._limit)
         return self.solver.core() if not self._why_open(goal) else None
 
     def _tell(self) -> None:
-        """Let the solver know what the book says by now."""
+        """Pass new facts to the solver."""
         self.solver.add(self.world.book.facts[self._given :])
         self._given = len(self.world.book.facts)
 
     def _why_open(self, goal: Sequence[Term]) -> str:
-        """Why a goal is not refuted; empty if it is."""
+        """The reason why a goal is not refuted; empty if it is."""
         self._tell()
         means = self.means
         answer = self.solver.check(goal, means.deadline, means.effort, at_most=self._most)
@@ -268,7 +269,7 @@ class _Asking:
 
     @property
     def _most(self) -> int:
-        """So much work may go into one question."""
+        """The effort that one query may use."""
         thrift = self.means.thrift
         return thrift.with_products if self.world.d.has_products else thrift.question
 
@@ -289,7 +290,7 @@ def _universal(claim: Claim) -> Universal:
 
 
 class _Start:
-    """What holds after INIT."""
+    """The base case: the state after INIT."""
 
     def __init__(self, system: System, means: _Means) -> None:
         program = system.program
@@ -307,13 +308,13 @@ class _Start:
         return self._asking.limits
 
     def sifted(self, claims: Sequence[Claim]) -> list[Claim]:
-        """The claims that hold after INIT, as far as is known."""
+        """The claims that hold after INIT, as far as a quick query tells."""
         goals = [(claim, self._goal(claim)) for claim in claims]
         met = self._asking.sift(goals, [])
         return [claim for claim in claims if claim not in met]
 
     def failing(self, claims: Sequence[Claim]) -> dict[Claim, str]:
-        """The claims that may not hold after INIT, for all that is known."""
+        """The claims that are not proved to hold after INIT."""
         goals = [(claim, self._goal(claim)) for claim in claims if claim.looked_at(ClaimPhase.INIT)]
         found = self._asking.failing(goals)
         return {claim: f"{AFTER_INIT}: {why}" for claim, why in found.items()}
@@ -331,7 +332,7 @@ class _Start:
 
 
 class _Step:
-    """One round from any configuration in which the claims hold."""
+    """The inductive step: one round from any configuration in which the claims hold."""
 
     def __init__(self, system: System, means: _Means) -> None:
         program = self._program = system.program
@@ -353,7 +354,7 @@ class _Step:
         return self._asking.limits
 
     def failing(self, candidates: Sequence[Claim]) -> dict[Claim, str]:
-        """The claims that one round can break, for all that is known."""
+        """The claims that are not proved to be preserved by a round."""
         given = [self._suppose(claim) for claim in candidates if claim.is_state_property]
         failed: dict[Claim, str] = {}
         for moment in self._moments():
@@ -366,7 +367,7 @@ class _Step:
         return failed
 
     def sifted(self, claims: Sequence[Claim], generations: int) -> list[Claim]:
-        """The largest part of the claims that no round breaks, as far as some names tell."""
+        """The largest subset of the claims that a round preserves, with few names."""
         left = list(claims)
         self._asking.look_ahead(generations)
         while True:
@@ -380,7 +381,7 @@ class _Step:
                 return left
 
     def lemmas(self, claims: Sequence[Claim], others: Sequence[Claim]) -> list[Claim]:
-        """Those of the others that proofs of the claims rest on, one by one, to the end."""
+        """The lemmas that proofs of the claims use, found one by one."""
         state = [claim for claim in (*claims, *others) if claim.is_state_property]
         given = [self._suppose(claim) for claim in state]
         waiting, found = list(claims), list[Claim]()
@@ -398,7 +399,7 @@ class _Step:
         return found
 
     def fewest(self, claims: Sequence[Claim], lemmas: Sequence[Claim]) -> list[Claim]:
-        """Lemmas none of which can be left out by itself."""
+        """A minimal set of lemmas: none can be left out by itself."""
         kept = list(lemmas)
         for lemma in lemmas[::-1]:
             rest = [claim for claim in kept if claim is not lemma]
@@ -407,7 +408,7 @@ class _Step:
         return kept
 
     def _is_closed(self, claims: Sequence[Claim]) -> bool:
-        """Whether no round breaks any of some claims, from where all of them hold."""
+        """Return whether every round preserves some claims, if all of them hold before it."""
         given = [self._suppose(claim) for claim in claims if claim.is_state_property]
         for moment in self._moments():
             goals = [(claim, goal) for claim in claims if (goal := self._goal(claim, moment))]
@@ -429,7 +430,7 @@ class _Step:
         return self._supposed[claim]
 
     def _goal(self, claim: Claim, moment: ClaimPhase) -> list[Term]:
-        """What it would mean that the claim is broken then; empty if it cannot be."""
+        """The negation of a claim at a moment, as a conjunction; empty if it cannot fail there."""
         if not claim.looked_at(ClaimPhase.MIDDLE if moment is ClaimPhase.INSIDE else moment):
             return []
         round_, robot, other = self._round, *self._asking.robots[:2]
@@ -465,7 +466,7 @@ class _Step:
 
 
 def _lasting(program: core.Program) -> list[core.Assumption]:
-    """The assumptions that are about nothing that ever changes."""
+    """The assumptions about values that never change."""
     changing = {(home, slot) for home, _, slot in footprint(program)}
     bodies = tuple(function.body for function in program.functions)
 

@@ -1,4 +1,4 @@
-"""A round of a crowd, seen from the robots that are asked about. [T-EVERY-N]"""
+"""A round of a crowd, from the perspective of named robots. [T-EVERY-N]"""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from koord.verify.engines.every_n.initial_states import Anywhere, faults_of
 
 
 class ParameterisedRound:
-    """A round from any configuration.
+    """A round of a crowd from an arbitrary configuration.
 
     ``inside`` is any configuration in which some robots have run an event and the others have not
     yet, ``middle`` one at the end of the program turns, ``end`` one after the environment's turn.
@@ -63,7 +63,7 @@ class ParameterisedRound:
     # --- program turns --------------------------------------------------------------------------
 
     def moves(self, robot: Term) -> list[PossibleTurn]:
-        """The events that a robot may run in this round. [SELECT] [T-SNAPSHOT]"""
+        """The turns that a robot may take in this round. [SELECT] [T-SNAPSHOT]"""
         d, book = self.world.d, self.world.book
         key = d.key(robot)
         if key not in self._moved:
@@ -82,7 +82,7 @@ class ParameterisedRound:
         return moves
 
     def _event(self, robot: Term) -> Term:
-        """The event that a robot runs in this round, by its position."""
+        """The position of the event that a robot runs in this round."""
         with self.world.d.depending_on((robot,)):
             return self.world.d.fresh("event", INT)
 
@@ -104,7 +104,7 @@ class ParameterisedRound:
         return moves
 
     def _urge(self, kind: int, robot: Term, here: Term) -> None:
-        """A robot that skips a whole round has no urgent event that obliges it. [SKIP]"""
+        """Assert that a robot that skips has no urgent event that obliges it to run. [SKIP]"""
         world, d, book = self.world, self.world.d, self.world.book
         state, seat = self.start.robot(kind, robot), world.seat(kind, robot)
         inputs = RobotInputs(world.unknowns, "round", robot)
@@ -118,7 +118,7 @@ class ParameterisedRound:
                 book.note(book.implied(waits, acts))
 
     def _taken(self, robot: Term, event: core.Event) -> Term:
-        """Whether another robot enters a lock class that an event may want."""
+        """The condition that another robot enters a lock class that an event needs."""
         d = self.world.d
         taken = []
         for lock_class in sorted(event.lock_classes):
@@ -128,7 +128,7 @@ class ParameterisedRound:
         return disjunction(d, taken)
 
     def after_turn(self, robot: Term) -> list[tuple[Term, Robot[Term]]]:
-        """A robot that ran an event, or none yet. [T-SNAPSHOT] [T-PREFIX]"""
+        """A robot after its event, or before it. [T-SNAPSHOT] [T-PREFIX]"""
         world, d = self.world, self.world.d
         world.book.name(robot)
         key = d.key(robot)
@@ -144,7 +144,7 @@ class ParameterisedRound:
     # --- the end of the program turns -----------------------------------------------------------
 
     def _everyone_asked(self) -> Term:
-        """Whether all robots have asked to stop, or stopped. [END-PROG] [STOP]"""
+        """The condition that all robots have asked to stop, or stopped. [END-PROG] [STOP]"""
         if not any(isinstance(node, core.TryStop) for node in nodes(self.world.program.agents)):
             return False
         d, running = self.world.d, int(Status.RUNNING)
@@ -171,7 +171,7 @@ class ParameterisedRound:
     # --- the environment's turn -----------------------------------------------------------------
 
     def evolved(self, robot: Term) -> list[tuple[Term, Robot[Term], Evolved[Term]]]:
-        """A robot after the environment's turn, with what that found out. [ENV-TRANS]"""
+        """A robot after the environment's turn, per kind, with the findings. [ENV-TRANS]"""
         key = self.world.d.key(robot)
         if key not in self._evolved:
             with self.world.book.about(robot):
@@ -200,11 +200,11 @@ class ParameterisedRound:
     # --- what a round finds out -----------------------------------------------------------------
 
     def faults(self, robot: Term) -> Term:
-        """Whether a robot's program turn faults. [T-FAULT]"""
+        """The condition that a robot's program turn faults. [T-FAULT]"""
         return faults_of(self.world, self.moves(robot))
 
     def breaks(self, robot: Term) -> Term:
-        """Whether the environment's turn of a robot faults."""
+        """The condition that the environment's turn of a robot faults."""
         d = self.world.d
         return disjunction(
             d,
@@ -216,7 +216,7 @@ class ParameterisedRound:
         )
 
     def fails(self, robot: Term, contract: str) -> Term:
-        """Whether a model does not keep a contract of its module."""
+        """The condition that a model does not keep a contract of its module."""
         d = self.world.d
         return disjunction(
             d,
@@ -229,7 +229,7 @@ class ParameterisedRound:
         )
 
     def loses(self, robot: Term, other: Term, name: str) -> Term:
-        """Whether a robot's update of a variable meets another's write. [LOST-UPDATE]"""
+        """The condition that a robot's update of a variable meets another's write. [LOST-UPDATE]"""
         d, program = self.world.d, self.world.program
         updates = rewritten(program)
         slots = [e.variable.slot for e in program.allwrite if e.variable.name == name]

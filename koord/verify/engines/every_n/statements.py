@@ -1,4 +1,4 @@
-"""Closed statements about a crowd: as facts about robots, and as goals to be refuted."""
+"""Closed statements about a crowd: as facts about robots, and as goals to refute."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class Universal(Struct, frozen=True):
         return len(self.robots)
 
     def of_robots(self, world: ParameterisedSystem, names: tuple[Term, ...]) -> Term:
-        """Whether the names are those of robots that the statement is about."""
+        """The condition that the names are robots of the quantified kinds."""
         parts = []
         for name, (_, agent) in zip(names, self.robots, strict=True):
             parts.append(world.book.between(0, name, world.crowd.count))
@@ -60,7 +60,7 @@ class Universal(Struct, frozen=True):
         configuration: Configuration[Term],
         names: tuple[Term, ...],
     ) -> Term:
-        """Whether the body holds of some robots in a configuration. [PROP-INVARIANT]"""
+        """The condition that the body holds of some robots in a configuration. [PROP-INVARIANT]"""
         oracle = RobotInputs(world.unknowns, "check", None).oracle(Phase.CHECK, 0)
         m = machine(world.d, world.everywhere, oracle, bound=self.bound, view=configuration)
         for name, (slot, _) in zip(names, self.robots, strict=True):
@@ -74,7 +74,7 @@ class Universal(Struct, frozen=True):
     def suppose(
         self, world: ParameterisedSystem, configuration: Configuration[Term], when: Term
     ) -> None:
-        """From now on the statement holds of a configuration, where ``when`` does."""
+        """Assume the statement of a configuration from now on, where ``when`` holds."""
 
         def says(names: tuple[Term, ...]) -> Term:
             applies = conjunction(world.d, [when, self.of_robots(world, names)])
@@ -88,6 +88,6 @@ class Universal(Struct, frozen=True):
         configuration: Configuration[Term],
         names: tuple[Term, ...],
     ) -> Term:
-        """Whether some robots break the statement."""
+        """The condition that some robots break the statement."""
         fails = world.d.unary(UnaryOp.NOT, self.holds(world, configuration, names))
         return conjunction(world.d, [self.of_robots(world, names), fails])

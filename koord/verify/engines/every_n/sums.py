@@ -1,4 +1,4 @@
-"""Sums over all robots: terms of which some laws are known. [T-SUM]
+"""Sums over all robots: terms with axioms. [T-SUM]
 
 A sum has as many parts as there are robots, so no formula says what it is. But it is known how it
 changes if one part does, and what it is where all parts are a polynomial of their number.
@@ -27,7 +27,7 @@ MOST_DEGREE = 3
 
 
 class Sum(Struct, frozen=True):
-    """``total`` is the sum of ``part`` over the integers from ``low`` up to ``high``."""
+    """A term for a sum: ``total`` is the sum of ``part`` over integers in ``[low, high)``."""
 
     total: Term
     low: Term
@@ -36,13 +36,13 @@ class Sum(Struct, frozen=True):
 
 
 class Sums(Struct):
-    """The sums met so far. What is known of each, and of any two, goes into the book."""
+    """The sums met so far. Axioms of each sum, and of each pair, go into the book."""
 
     book: Book
     _met: list[Sum] = field(default_factory=list)
 
     def of(self, low: Term, high: Term, part: Part) -> Term:
-        """A sum as a term."""
+        """The term for a sum."""
         d = self.book.unknowns.terms
         total = d.fresh_like("sum", self.book.glimpse(part))
         if d.open:
@@ -59,7 +59,7 @@ class Sums(Struct):
     # --- one sum --------------------------------------------------------------------------------
 
     def _say_alone(self, made: Sum) -> None:
-        """Where all parts are zero, or a polynomial of their number."""
+        """Assert the value of a sum whose parts are all zero, or a polynomial of their number."""
         book = self.book
         zero = self._number(made, 0)
         nothing = book.every(made.low, made.high, lambda k: self._equal(made.part(k), zero))
@@ -68,7 +68,9 @@ class Sums(Struct):
             self._say_polynomial(made, polynomial)
 
     def _say_polynomial(self, made: Sum, polynomial: tuple[Fraction, ...]) -> None:
-        """If all parts are at most this, so is the sum; and only if all are this, it is that."""
+        """Assert that the sum is at most a polynomial's if all parts are, and equal only if all
+        are.
+        """
         d, book = self.book.unknowns.terms, self.book
         ahead = d.binary(BinaryOp.LE, made.low, made.high)
 
@@ -123,7 +125,7 @@ class Sums(Struct):
     # --- two sums -------------------------------------------------------------------------------
 
     def _compare(self, one: Sum, two: Sum) -> None:
-        """Sums that differ in one part differ by what that part does."""
+        """Assert that sums that differ in one part differ by its difference."""
         d, book = self.book.unknowns.terms, self.book
 
         def says(names: Names) -> Term:
@@ -151,7 +153,7 @@ class Sums(Struct):
         return int(value) if d.is_integer(made.total) else d.const(value, FLOAT)
 
     def _at(self, made: Sum, polynomial: tuple[Fraction, ...], index: Term) -> Term:
-        """The value of a polynomial with whole coefficients (or of floats) at an integer."""
+        """Evaluate a polynomial with integer (or float) coefficients at an integer."""
         d = self.book.unknowns.terms
         whole = d.is_integer(made.total)
         if whole and any(c.denominator != 1 for c in polynomial):
@@ -170,7 +172,7 @@ class Sums(Struct):
 
 
 def _through(values: list[Fraction]) -> tuple[Fraction, ...]:
-    """The polynomial that takes these values at 0, 1, 2, … (Newton)."""
+    """The polynomial through values at 0, 1, 2, … (Newton)."""
     total: tuple[Fraction, ...] = (Fraction(0),)
     differences = list(values)
     for k in range(len(values)):

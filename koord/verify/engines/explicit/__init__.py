@@ -1,4 +1,4 @@
-"""Search over all reachable configurations, for programs in which what is open is finite.
+"""Explicit-state model checking, for programs whose inputs have finitely many values.
 
 Read :mod:`koord.verify.engines.explicit.search` first. Configurations are tuples of numbers
 (``canonical``); what one robot can do is worked out once for what it reads (``menus``) and combined

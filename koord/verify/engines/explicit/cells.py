@@ -1,4 +1,4 @@
-"""What variables may hold, as numbers.
+"""Cells: interned contents of variables, as numbers.
 
 Whatever one variable holds is taken apart into its *form* (which atoms are set, how long the lists
 are) and the *codes* of its scalars, which are integers: a value is compared, hashed and changed in
@@ -33,7 +33,7 @@ MOST_SCALARS = 100_000
 
 
 class TooLargeError(Exception):
-    """A variable holds more than a search can go on with."""
+    """Raised where a variable holds more than a search can handle."""
 
 
 H = TypeVar("H", bound=Hashable)
@@ -48,7 +48,7 @@ Form = Hashable
 
 
 class Interner(Generic[H]):
-    """Numbers for values, in the order of their coming. Equal values have one number."""
+    """A table of numbers for values, in order of insertion. Equal values have one number."""
 
     __slots__ = ("numbers", "values")
 
@@ -69,7 +69,7 @@ class Interner(Generic[H]):
 
 
 class Scalars:
-    """Codes of scalars: integers, truth values and members stand for themselves."""
+    """Codes of scalars: integers, Booleans and members stand for themselves."""
 
     def __init__(self) -> None:
         self._others: Interner[Constant] = Interner()
@@ -92,7 +92,7 @@ class Scalars:
 
 
 class Cells:
-    """What one variable, or one robot's entry of one, may hold."""
+    """The interned contents of one variable, or of one robot's entry of one."""
 
     def __init__(self, type_: Type, robots: int, scalars: Scalars) -> None:
         self._type = type_
@@ -112,7 +112,7 @@ class Cells:
         return self.numbered(form, tuple(codes))
 
     def numbered(self, form: int, codes: Codes) -> int:
-        """The number of a content with a form and codes."""
+        """The number of a content with a form and scalar codes."""
         number = self._contents.number((form, codes))
         if number == len(self.forms):
             self.forms.append(form)
@@ -121,7 +121,7 @@ class Cells:
         return number
 
     def storage(self, number: int) -> Storage[Constant]:
-        """The content with a number."""
+        """The storage of a content's number."""
         known = self._storages[number]
         if known is None:
             form, codes = self.forms[number], self.codes[number]
@@ -137,7 +137,7 @@ class Cells:
     # --- forms ----------------------------------------------------------------------------------
 
     def taken_apart(self, storage: Storage[Any]) -> tuple[int, list[tuple[Any, Type]]]:
-        """The number of a storage's form, and its scalars with their types.
+        """Split storage into the number of its form, and its scalars with their types.
 
         Set flags and lengths must be known; what scalars are does not matter.
         """
@@ -155,19 +155,19 @@ class Cells:
         return number, scalars
 
     def built(self, form: int, scalars: Sequence[V]) -> Storage[V]:
-        """A storage of a form, with given scalars."""
+        """Build storage of a form from scalars."""
         maker: _Maker[V] = _Maker(iter(scalars), self._robots)
         return maker.storage(self._forms.values[form], self._type)
 
     def nothing(self) -> Storage[Constant]:
-        """A storage of the type that holds nothing."""
+        """Unset storage of the type."""
         return unset(EXACT, self._type, self._robots)
 
 
 def _form(
     storage: Storage[Any] | Value[Any], type_: Type, found: Callable[[Any, Type], None]
 ) -> Form:
-    """The form of a storage or value; its scalars are handed to ``found``."""
+    """The form of storage or a value; its scalars are passed to ``found``."""
     match storage:
         case Cell(is_set=is_set, value=value):
             return (_form(value, type_, found),) if is_set is True else None
@@ -192,7 +192,7 @@ def _form(
 
 
 class _Maker(Generic[V]):
-    """Builds storages from forms; ``scalars`` are taken one after the other."""
+    """A builder of storage from forms; ``scalars`` are consumed in order."""
 
     def __init__(self, scalars: Iterator[V], robots: int) -> None:
         self._scalars = scalars

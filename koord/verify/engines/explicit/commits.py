@@ -1,4 +1,4 @@
-"""What robots write to allwrite variables in one round, and how the store may end. [T-COMMIT]"""
+"""The writes of robots to allwrite variables in one round, and the possible stores. [T-COMMIT]"""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Shared = tuple[int, ...]
 
 
 class TurnWrites(NamedTuple):
-    """All that one turn writes to allwrite variables.
+    """The writes of one turn to allwrite variables.
 
     ``updates`` are the variables that it computes from their own old values outside of ``atomic``.
     """
@@ -32,7 +32,7 @@ class TurnWrites(NamedTuple):
 
 
 class StoreOutcome(NamedTuple):
-    """One way in which a round may leave the store, and an order of the writers that leads there.
+    """A possible store after a round, and an order of the writers that leads to it.
 
     ``order`` lists positions in the sequence of writes.
     """
@@ -42,7 +42,7 @@ class StoreOutcome(NamedTuple):
 
 
 class Commits:
-    """Writes as numbers, and what becomes of the store; everything is worked out once.
+    """Interned writes, and the stores they lead to, each computed once.
 
     ``every_order`` tries all orders of all writers, whether or not they meet.
     """
@@ -59,11 +59,11 @@ class Commits:
     def number(
         self, parts: tuple[VariableEffect, ...], updates: frozenset[int] = frozenset()
     ) -> int:
-        """The number of what a turn wrote."""
+        """The number of a turn's writes."""
         return self._writes.number(TurnWrites(parts, updates)) if parts else NOTHING
 
     def lost(self, mine: int, theirs: int) -> frozenset[int]:
-        """The variables whose update by the one write meets the other write. [LOST-UPDATE]"""
+        """The variables whose update by one write meets another write. [LOST-UPDATE]"""
         known = self._lost.get((mine, theirs))
         if known is None:
             others = {part.slot: part.mask for part in self._writes.values[theirs].parts}
@@ -78,7 +78,7 @@ class Commits:
         return known
 
     def ends(self, shared: Shared, writes: tuple[int, ...]) -> tuple[StoreOutcome, ...]:
-        """Every way in which the writes of a round may end, each once."""
+        """The distinct stores in which the writes of a round may end."""
         if not writes:
             return (StoreOutcome(shared, ()),)
         known = self._ends.get((shared, writes))
@@ -89,7 +89,7 @@ class Commits:
         return known
 
     def _worked_out(self, shared: Shared, writes: tuple[int, ...]) -> Iterator[StoreOutcome]:
-        """Writers that meet are tried in every order; for the others any order will do."""
+        """Compute the stores: writers that meet in every order, others in any order."""
         if self._every_order:
             for order in permutations(range(len(writes))):
                 yield StoreOutcome(reduce(self._commit, (writes[k] for k in order), shared), order)
@@ -104,7 +104,7 @@ class Commits:
         yield from found
 
     def _components(self, writes: tuple[int, ...]) -> list[list[int]]:
-        """The positions of the writes, those together that meet each other, in turn or at once."""
+        """Groups of writers that meet, directly or through others, as positions."""
         components: list[list[int]] = []
         for position, write in enumerate(writes):
             met = [c for c in components if any(self._meet(write, writes[k]) for k in c)]
@@ -123,7 +123,7 @@ class Commits:
     def _orders(
         self, shared: Shared, writes: tuple[int, ...], component: Sequence[int]
     ) -> Iterable[StoreOutcome]:
-        """The ends of one component. Orders that agree so far go on as one."""
+        """The stores of one group. Orders with a common prefix and store are merged."""
         if len(component) == 1:
             return [StoreOutcome(self._commit(shared, writes[component[0]]), tuple(component))]
         reached: dict[tuple[frozenset[int], Shared], tuple[int, ...]] = {(frozenset(), shared): ()}
@@ -146,7 +146,7 @@ class Commits:
 
 
 def _meet(mine: Mask[Constant], theirs: Mask[Constant] | None) -> bool:
-    """Whether the order of two writes may matter: a common location, or two keys of one map."""
+    """Return whether the order of two writes may matter: a common location, or keys of one map."""
     if theirs is None:
         return False
     if overlap(EXACT, mine, theirs) is True or (mine.keys and theirs.keys):

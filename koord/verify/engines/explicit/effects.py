@@ -1,4 +1,4 @@
-"""What events do, worked out once for all that they look at."""
+"""Effects of events, each computed once for all values that it reads."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ from koord.verify.engines.explicit.states import Own, ReadWindow, Snapshot, Stat
 
 
 class Guard(Struct, frozen=True):
-    """Whether an event may be selected, and whether it must be if it is urgent.
+    """The result of a guard: whether the event may be selected, and must be if it is urgent.
 
     ``is_off`` holds if the guard is false, and does not fault, with all answers; ``is_on`` if it is
     true with all answers.
@@ -45,7 +45,7 @@ class Guard(Struct, frozen=True):
 
 
 class Effect(Struct, frozen=True):
-    """What an event does to a robot and to the store, in terms of what it found there.
+    """The effect of an event on a robot and the store, as a function of the values read.
 
     ``status`` is the least that the robot's status is afterwards; ``entered`` has a bit for each
     lock class.
@@ -63,7 +63,7 @@ class Effect(Struct, frozen=True):
 
 
 class EventOf(Struct):
-    """An event of one kind of robot, with what it looks at.
+    """An event of one kind of robot, with the variables that it reads.
 
     ``asks`` and ``guard_asks`` say whether the event, or its guard alone, leaves something open.
     """
@@ -81,7 +81,7 @@ class EventOf(Struct):
 
 
 class Effects:
-    """What the events of a system do."""
+    """The effects of a system's events."""
 
     def __init__(self, system: System, vault: Vault) -> None:
         self._system = system
@@ -89,7 +89,7 @@ class Effects:
         self._updates = rewritten(system.program)
 
     def event(self, kind: int, position: int) -> EventOf:
-        """An event of one kind of robot."""
+        """The record of an event of one kind of robot."""
         program = self._system.program
         event = program.agents[kind].events[position]
         guard = reads_of(program, event.guard)
@@ -108,7 +108,7 @@ class Effects:
     # --- guards ---------------------------------------------------------------------------------
 
     def guard(self, of: EventOf, robot: int, state: State) -> Guard:
-        """What an event's guard says in a state."""
+        """Evaluate an event's guard in a state."""
         if of.guard_asks:
             return self._asked_guard(of, robot, state)
         seen = of.guard_window.snapshot(robot, state)
@@ -138,7 +138,7 @@ class Effects:
         )
 
     def excuse(self, of: EventOf, robot: int, state: State) -> tuple[Answer, ...]:
-        """Answers with which a guard does not hold."""
+        """Answers under which a guard does not hold, or None."""
         before = self._known(robot, state)
         turns = explored(
             lambda chooser: ExploringInputs(self._system, chooser),
@@ -151,7 +151,7 @@ class Effects:
     def effects(
         self, of: EventOf, robot: int, state: State
     ) -> Iterator[tuple[Effect, list[Codes]]]:
-        """Every way in which an event that may be selected may go, with what it looks at."""
+        """The possible effects of an event that may be selected, with the values read."""
         seen = of.window.snapshot(robot, state)
         if of.asks:
             for effect in self._asked(of, robot, state):
@@ -216,7 +216,7 @@ class Effects:
         before: tuple[Storage[Any], ...],
         after: tuple[Storage[Any], ...],
     ) -> tuple[tuple[int, Recipe], ...]:
-        """What is another object than before: a write makes a new one."""
+        """Recipes of the slots that were written: a write makes a new object."""
         return tuple(
             (slot, recipe(cells[slot], self._vault.scalars, new))
             for slot, (old, new) in enumerate(zip(before, after, strict=True))
@@ -247,7 +247,7 @@ class Effects:
         return Looking(look)
 
     def _known(self, robot: int, state: State) -> Robot[Constant]:
-        """The robot as it is, but running: the status does not matter to what an event does."""
+        """The robot as it is, but running: an event's effect does not depend on the status."""
         vault = self._vault
         made = vault.state_of(state[robot], vault.store(state))
         return replace(made, status=int(Status.RUNNING))
@@ -255,7 +255,7 @@ class Effects:
     # --- what becomes of things -----------------------------------------------------------------
 
     def followed(self, own: Own, event: int, effect: Effect, codes: list[Codes]) -> int:
-        """The number of a robot after an event."""
+        """The number of the robot after an event."""
         vault, kind = self._vault, own.kind
         return vault.robots.number(
             Own(
@@ -269,7 +269,7 @@ class Effects:
         )
 
     def parts(self, effect: Effect, codes: list[Codes]) -> tuple[VariableEffect, ...]:
-        """What an event writes to allwrite variables."""
+        """The writes of an event to allwrite variables."""
         return tuple([write.part(self._vault.scalars, codes) for write in effect.writes])
 
 

@@ -1,4 +1,4 @@
-"""The search through all configurations, one by one, as an engine: where they are few."""
+"""The explicit-state engine: enumerates all configurations where they are few."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 class ExplicitEngine(Struct, frozen=True):
-    """Looks at all configurations that runs reach, as many states as a task allows.
+    """The engine that enumerates reachable configurations, as many states as a task allows.
 
     Asked to refute, it looks at the first ones, for so many evaluations, and says nothing of what
     holds: others are asked as if nobody had looked.
@@ -80,17 +80,17 @@ class ExplicitEngine(Struct, frozen=True):
 
 
 def make(engine: Engine, tools: Tools) -> Worker:
-    """The engine of a problem."""
+    """Make the engine for a problem."""
     return ExplicitEngine()
 
 
 def limits_of(task: Task) -> Limits:
-    """How far a search may go for a task."""
+    """The limits of a search for a task."""
     return Limits() if task.states is None else Limits(states=task.states)
 
 
 def _leave(ledger: Ledger, found: Searching, seconds: float, *, failed: bool) -> None:
-    """Write down what a search found, and how far it came with the rest."""
+    """Record the results of a search, and its depth for the claims left open."""
     ledger.settle(found.verdicts)
     enough = found.depth is not None and found.depth >= ledger.bounds.rounds
     reason = "" if enough else found.reason
@@ -108,7 +108,7 @@ def _leave(ledger: Ledger, found: Searching, seconds: float, *, failed: bool) ->
 
 
 def _flowing(problem: VerificationProblem) -> tuple[str, ...]:
-    """The variables whose values merely flow."""
+    """The variables that only pass values along."""
     plain, abstract = problem.original.program, problem.system.program
     pairs: list[tuple[str, core.Declaration, core.Declaration]] = [
         (old.variable.name, old, new)

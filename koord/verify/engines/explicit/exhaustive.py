@@ -1,4 +1,4 @@
-"""Verdicts from all reachable configurations: for all rounds, or for a run of few rounds."""
+"""Verdicts from all reachable configurations: for all rounds, or for runs of few rounds."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _SUBJECTS = {
 
 
 class Searching(Struct):
-    """What the search said by now. ``states`` counts what it saw, ``reason`` is why it did not end.
+    """The results of a search: verdicts, ``states`` counted, ``reason`` why it did not end.
 
     ``unreplayed`` are claims with a violation that did not replay, each with the reason.
     """
@@ -54,7 +54,7 @@ def exhaust(
     progress: Callable[[str], None],
     said: Searching | None = None,
 ) -> Searching:
-    """Verdicts on the claims from all reachable configurations, if they are few enough.
+    """Decide the claims on all reachable configurations, if they are few enough.
 
     They are written into ``said`` as they come: what was found counts, however the search ends.
     """
@@ -94,7 +94,7 @@ def _conclude(
     claims: Sequence[Claim],
     seconds: float,
 ) -> None:
-    """What the end of a search says of the claims that it found no violation of."""
+    """Set the verdicts of claims without violation when the search ends."""
     match end:
         case Exhausted(states=states, depth=depth):
             said.states, said.depth = states, depth
@@ -111,21 +111,21 @@ def _conclude(
 
 
 def in_the_way(found: NotFinite) -> Obstacle:
-    """What a search could not follow."""
+    """The obstacle of a search: the values that it could not enumerate."""
     if found.name:
         return Values(Engine.SEARCH, (found.name,))
     return Beyond(Engine.SEARCH, found.reason)
 
 
 def _searched(claim: Claim) -> Searched:
-    """A claim in the words of the search."""
+    """A claim as a goal of the search."""
     if claim.kind is ClaimKind.FAULT:
         return Searched(GoalKind.FAULT)
     return Searched(_SUBJECTS[claim.kind], claim.subject or claim.name)
 
 
 def _violation(claim: Claim, shown: Violated, judge: Judge, seconds: float) -> Verdict:
-    """The verdict on a claim that a run breaks, once it was replayed; or NotReplayedError."""
+    """The verdict on a claim that a run violates, after replay. Raises NotReplayedError."""
     recording = shown.recording
     phase = ClaimPhase.INIT
     if recording.rounds:
@@ -144,7 +144,7 @@ def _violation(claim: Claim, shown: Violated, judge: Judge, seconds: float) -> V
 def _without_the_environment(
     recording: Recording, claim: Claim, judge: Judge
 ) -> Counterexample | None:
-    """The same run up to its last program turn, if that breaks the claim already.
+    """The run without the environment's last turn, if its program turns break the claim already.
 
     The search looks at the ends of rounds; whoever reads a run wants to know whose turn broke it.
     """

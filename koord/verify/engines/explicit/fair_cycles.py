@@ -1,4 +1,4 @@
-"""Fair cycles in finite graphs: strongly connected sets, taken apart where need be. [T-FAIR-CYCLE]
+"""Fair cycles in finite graphs, by refinement of strongly connected components. [T-FAIR-CYCLE]
 
 An edge has the conditions that it *meets* and those that it *grants*, a bit each; a node those that
 it *asks*. A set of nodes is fair if its inner edges together meet all that is wanted, and grant
@@ -13,7 +13,7 @@ from typing import Any, NamedTuple, TypeAlias
 
 
 class Edge(NamedTuple):
-    """An edge to a node. Several may lead to the same one."""
+    """An edge to a node. Several may lead to the same node."""
 
     target: int
     meets: int
@@ -21,14 +21,14 @@ class Edge(NamedTuple):
 
 
 class FairnessConditions(NamedTuple):
-    """The conditions that count: to be met by every fair set, and to be granted if asked."""
+    """The fairness conditions: to be met by every fair set, and to be granted if asked."""
 
     met: int
     granted: int
 
 
 class Graph(NamedTuple):
-    """Nodes are numbers; those that are found first come first."""
+    """A graph whose nodes are numbers, in the order of discovery."""
 
     edges: Sequence[Sequence[Edge]]
     asks: Sequence[int]
@@ -37,7 +37,7 @@ class Graph(NamedTuple):
 def fair_set(
     graph: Graph, nodes: Collection[int], wanted: FairnessConditions, spend: Callable[[], None]
 ) -> frozenset[int] | None:
-    """A fair set among some nodes, the one with the first of them; None if there is none."""
+    """A fair strongly connected set among some nodes, the one with the first; None if none is."""
     waiting = sorted(components(graph, nodes), key=min, reverse=True)
     while waiting:
         spend()
@@ -61,7 +61,7 @@ def fair_set(
 
 
 def components(graph: Graph, nodes: Collection[int]) -> list[frozenset[int]]:
-    """The maximal strongly connected sets among some nodes (Tarjan), without recursion."""
+    """The maximal strongly connected components among some nodes (Tarjan), without recursion."""
     among = set(nodes)
     number: dict[int, int] = {}
     low: dict[int, int] = {}
@@ -112,7 +112,7 @@ def way(
     among: Collection[int],
     is_end: Callable[[int], bool],
 ) -> Way | None:
-    """A shortest way to a node; empty from an end."""
+    """A shortest path to a node; empty from an end."""
     before: dict[int, tuple[int, Edge] | None] = dict.fromkeys(starts)
     queue = deque(before)
     while queue:
@@ -127,7 +127,7 @@ def way(
 
 
 class Stems:
-    """Shortest ways from starts by way of a trigger, and then among some nodes only."""
+    """Shortest paths from starts through a trigger, and then within a set of nodes."""
 
     def __init__(
         self,
@@ -162,7 +162,7 @@ class Stems:
                     reach(edge.target, came, length + 1, (here, edge))
 
     def to(self, node: int) -> Way:
-        """A shortest way to a node behind a trigger."""
+        """A shortest path to a node behind a trigger."""
         steps: Way = []
         here = (node, True)
         while (step := self._before[here]) is not None:
@@ -172,7 +172,7 @@ class Stems:
 
 
 def fair_loop(graph: Graph, part: frozenset[int], start: int, wanted: FairnessConditions) -> Way:
-    """A way from a node of a fair set back to it that is fair by itself.
+    """A fair cycle from a node of a fair set.
 
     It goes to whatever is nearest of what is still wanting, and home when nothing is.
     """
@@ -202,7 +202,7 @@ def short_loop(
     most: int,
     tries: int,
 ) -> Way | None:
-    """A shortest fair way from a node back to one that is as good, of so many edges at most.
+    """A shortest fair cycle from a node back to an equivalent one, with at most so many edges.
 
     None if there is none, or none was found after so many tries.
     """
@@ -241,7 +241,7 @@ def short_loop(
 def _nearest(
     graph: Graph, part: frozenset[int], here: int, missing: int, denied: int
 ) -> list[tuple[int, Edge]]:
-    """A shortest way whose last edge meets or grants something that is wanting."""
+    """A shortest path whose last edge meets or grants a missing condition."""
 
     def useful(node: int) -> Edge | None:
         inner = (e for e in graph.edges[node] if e.target in part)
@@ -256,7 +256,7 @@ def _nearest(
 
 
 def _home(graph: Graph, part: frozenset[int], here: int, start: int) -> Way:
-    """A shortest way to the start, of one edge at least."""
+    """A shortest path back to the start, with at least one edge."""
     first = [(here, edge) for edge in graph.edges[here] if edge.target in part]
     best: Way | None = None
     for node, edge in first:

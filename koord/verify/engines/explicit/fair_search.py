@@ -1,4 +1,4 @@
-"""Liveness by explicit search: all states, and the fair cycles among them. [T-FAIR-CYCLE]
+"""Liveness by explicit search: all states and edges, and the fair cycles in them. [T-FAIR-CYCLE]
 
 Unlike the search for violated invariants it keeps every state and every edge: symmetry would
 forget who is passed over, and a skip is told from an event that changes nothing. [T-FULL-STATES]
@@ -48,7 +48,7 @@ Progress = Callable[[int, int], None]
 
 
 class Fairness(Struct, frozen=True):
-    """Which fairness a proof needs: that of robots, that of locks, and named expectations."""
+    """The fairness that a proof needs: of robots, of locks, and named expectations."""
 
     robots: bool = False
     locks: bool = False
@@ -56,7 +56,7 @@ class Fairness(Struct, frozen=True):
 
 
 class Lively(Struct, frozen=True):
-    """What a search for fair cycles says of each property.
+    """The results of a search for fair cycles, per property.
 
     ``violated`` has a lasso for each that is, ``needs`` what the proof of each that holds rests on;
     if the search did not end by itself, nothing holds. ``is_empty`` says that no run is fair at
@@ -78,7 +78,7 @@ def lively(
     progress: Progress | None = None,
     clock: Callable[[], float] = time.monotonic,
 ) -> Lively:
-    """Settle liveness properties on all reachable states. [PROP-EVENTUALLY] [PROP-LEADS-TO]
+    """Decide liveness properties on all reachable states. [PROP-EVENTUALLY] [PROP-LEADS-TO]
 
     Beside the limits there may be one of edges: many robots have many ways to go on from a state.
     """
@@ -99,7 +99,7 @@ _MOST_TRIES = 2_000
 
 
 class _Lasso(NamedTuple):
-    """A way to a node, and a loop from there."""
+    """A lasso in the graph: a path to a node, and a cycle from there."""
 
     entry: int
     stem: Way
@@ -111,11 +111,11 @@ class _Lasso(NamedTuple):
 
 
 class _LimitError(Exception):
-    """A limit is reached."""
+    """Raised where a limit is reached."""
 
 
 class _Nodes(Struct):
-    """The graph, node by node. ``owed`` has a bit for each expectation that a node owes."""
+    """The nodes of the graph. ``owed`` has a bit for each expectation that a node owes."""
 
     states: list[State] = field(default_factory=list)
     owed: list[int] = field(default_factory=list)
@@ -126,7 +126,7 @@ class _Nodes(Struct):
 
 
 class _Search:
-    """One search: builds the graph, then looks for cycles in it."""
+    """A search: builds the graph, then searches it for fair cycles."""
 
     def __init__(
         self,
@@ -160,7 +160,7 @@ class _Search:
         return (None if trigger is None else check(self._system, self._vault, trigger)), goal
 
     def run(self, properties: Sequence[core.Property]) -> Lively:
-        """Build the graph, as far as limits allow, and ask it about each property."""
+        """Build the graph, as far as limits allow, and decide each property."""
         end: Exhausted | OutOfBounds | NotFinite
         nodes = self._nodes
         try:
@@ -205,7 +205,9 @@ class _Search:
             self._expand(len(nodes.edges))
 
     def _number(self, state: State, owed: int) -> int:
-        """The node of a state that is reached from one that owed so much. [FAIR-ASSUME]"""
+        """The number of the node for a state and its predecessor's owed expectations.
+        [FAIR-ASSUME]
+        """
         for k, (_, trigger, goal) in enumerate(self._expected):
             assert trigger is not None
             bit = 1 << k
@@ -246,7 +248,7 @@ class _Search:
     def _label(
         self, node: int, menus: list[Menu], ran: Sequence[bool], classes: Sequence[int]
     ) -> tuple[int, int]:
-        """What a round from a node meets and grants. [FAIR-ROBOT] [FAIR-LOCK] [FAIR-ASSUME]"""
+        """The conditions that a round meets and grants. [FAIR-ROBOT] [FAIR-LOCK] [FAIR-ASSUME]"""
         count = self._system.robots
         meets = sum(1 << i for i in range(count) if ran[i] or not menus[i].ready)
         paid = ~self._nodes.owed[node] & ((1 << len(self._expected)) - 1)
@@ -294,19 +296,19 @@ class _Search:
         return Lively(violated, needs, end, is_empty)
 
     def _least(self, regions: list[_Region], known: Fairness) -> Fairness:
-        """Fairness without what a proof can do without, tried one after the other."""
+        """A minimal fairness for the proof: conditions are dropped one after the other."""
         for less in _weaker(known):
             if not self._is_broken(regions, less):
                 return self._least(regions, less)
         return known
 
     def _is_broken(self, regions: list[_Region], fairness: Fairness) -> bool:
-        """Whether a fair run breaks one of the responses."""
+        """Return whether a fair run breaks one of the responses."""
         wanted, spend = self._wanted(fairness), self._system.budget.spend
         return any(fair_set(self._graph, r.nodes, wanted, spend) is not None for r in regions)
 
     def _lasso(self, regions: list[_Region], fairness: Fairness) -> Recording | None:
-        """A fair run that breaks one of the responses, if there is one. [LASSO]
+        """The lasso of a fair run that breaks one of the responses, or None. [LASSO]
 
         It is a short one, and one with the fewest rounds unless it takes long to find that.
         """
@@ -333,7 +335,7 @@ class _Search:
         return None if best is None else self._recording(best)
 
     def _as_good_as(self, node: int) -> list[int]:
-        """The nodes of the same state that owe no more: a loop that ends there is one for ever."""
+        """The nodes of the same state that owe no more: a cycle that ends there is infinite."""
         nodes, every = self._nodes, range(1 << len(self._expected))
         less = (owed for owed in every if not owed & ~nodes.owed[node])
         found = (nodes.numbers.get((nodes.states[node], owed)) for owed in less)
@@ -348,7 +350,7 @@ class _Search:
         return replace(recording, rounds=tuple(taken), loop=len(lasso.stem))
 
     def _round(self, tracer: Tracer, node: int, edge: Edge) -> Round:
-        """A round along an edge that has its label."""
+        """The moves of a round along an edge with a given label."""
         state, target = self._nodes.states[node], self._nodes.states[edge.target]
         menus = self._joints.menus(state)
         for round_, after in tracer.rounds(state):
@@ -368,7 +370,7 @@ class _Search:
 
 
 class _Region(Struct, frozen=True):
-    """The nodes that a run which breaks a response may stay in for ever, and where it enters.
+    """The nodes in which a run that breaks a response may stay for ever, and its entries.
 
     ``roots`` is where runs start that come to enter it.
     """
@@ -409,7 +411,7 @@ def _weaker(known: Fairness) -> Iterator[Fairness]:
 
 
 def _add(edges: list[Edge], new: Edge) -> None:
-    """Keep the edges to one node that no other one does as much as."""
+    """Keep the maximal edges to a node: those that no other edge dominates."""
     for edge in edges:
         if not new.meets & ~edge.meets and not new.grants & ~edge.grants:
             return

@@ -1,4 +1,4 @@
-"""Whether everything that a system leaves open has finitely many values. Read off the text.
+"""Finiteness: static check that every input of a system has finitely many values.
 
 If so, every state has finitely many successors, which is what an explicit search needs; whether
 finitely many states can be reached it finds out by itself.
@@ -25,7 +25,7 @@ from koord.traces.value_bounds import Found, StatementReader, candidates
 
 
 class NotFinite(Struct, frozen=True):
-    """Why a system cannot be searched, and the place in the text.
+    """The reason why a system cannot be enumerated, and the place in the text.
 
     ``name`` is what has the values that are too many: a variable, ``Module.sensor`` or a function.
     """
@@ -36,7 +36,7 @@ class NotFinite(Struct, frozen=True):
 
 
 def not_finite(system: System, properties: Sequence[core.Property]) -> NotFinite | None:
-    """The first thing that has infinitely many values, or that a search does not keep track of."""
+    """The first input with infinitely many values, or construct that search does not track."""
     return next(_complaints(system, properties), None)
 
 
@@ -60,7 +60,7 @@ def _complaints(system: System, properties: Sequence[core.Property]) -> Iterator
 def _open_statement(
     program: core.Program, statement: core.Property | core.Assumption
 ) -> Iterator[NotFinite]:
-    """Statements that leave something open are not evaluated here."""
+    """Refuse statements with inputs, which are not evaluated here."""
     for node in reached(program, statement.condition):
         if isinstance(node, core.Choose | core.ExternalCall):
             what = "choose" if isinstance(node, core.Choose) else node.function
@@ -98,7 +98,7 @@ def _starts(system: System) -> Iterator[NotFinite]:
 
 
 def known_starts(system: System) -> Found:
-    """What the assumptions say about the starts of arbitrary variables.
+    """The values of arbitrary starts that the assumptions allow.
 
     About those that INIT writes they say nothing: they hold after it.
     """
@@ -140,7 +140,7 @@ def _is_free(contract: core.Contract) -> bool:
 
 
 def _abstract(reader: StatementReader) -> StatementReader:
-    """A reader for which a number that is known when the time comes is as good as any."""
+    """A reader of statements that treats every number as known, whatever it is."""
 
     def some(e: core.Expr, bound: Mapping[int, int]) -> Constant | None:
         return 0 if e.type == INT else None

@@ -1,4 +1,4 @@
-"""Recordings of the runs that a search has found. [RECORDING]
+"""Recordings of the runs that an explicit search has found. [RECORDING]
 
 The search remembers, for each state, one state before it, and of both only representatives. To
 write a run down, it is run again from INIT on: in each round, the successor is looked for that has
@@ -32,7 +32,7 @@ Doing = tuple[RobotTransition, EnvironmentOutcome | None]
 
 
 class Tracer:
-    """Writes runs down."""
+    """A reconstruction of runs from the search's predecessor states."""
 
     def __init__(
         self,
@@ -49,7 +49,7 @@ class Tracer:
         self._representative = representative
 
     def at_init(self, state: State, *, is_faulted: bool) -> Recording:
-        """INIT that ends in such a state."""
+        """The initial configuration for a representative."""
         for opened in openings(self._system, self._vault, self._commits):
             if opened.is_faulted is is_faulted and self._is(opened.state, state):
                 return Recording(opened.opening())
@@ -58,7 +58,7 @@ class Tracer:
     def run(
         self, path: Iterable[State], last: Callable[[State], Iterator[Round]] | None = None
     ) -> Recording:
-        """A run along the representatives on a path; ``last`` gives a round behind it."""
+        """The run along the representatives of a path; ``last`` adds a round after it."""
         first, *others = path
         recording, state = self._begun(first)
         for target in others:
@@ -83,7 +83,7 @@ class Tracer:
     # --- rounds ---------------------------------------------------------------------------------
 
     def rounds(self, state: State) -> Iterator[tuple[Round, State]]:
-        """Every round from a state, with the state after it."""
+        """Yield every round from a state, with the state after it."""
         for joint in self._joints.joints(state, self._joints.menus(state)):
             if not joint.is_whole:
                 continue
@@ -94,7 +94,7 @@ class Tracer:
                     yield self._whole(joint, end, doings), (*after, *end.shared)
 
     def _whole(self, joint: Joint, end: StoreOutcome, doings: tuple[Doing, ...]) -> Round:
-        """A whole round: whoever runs first, then the environment."""
+        """A whole round: robots that run first, then the environment."""
         order = self._order(joint, end, doings)
         skipping = [i for i in range(self._system.robots) if i not in order]
         readings = tuple(
@@ -108,7 +108,7 @@ class Tracer:
         return Round((*order, *skipping), events, readings, answers)
 
     def _order(self, joint: Joint, end: StoreOutcome, doings: tuple[Doing, ...]) -> tuple[int, ...]:
-        """The robots that run, the writers among them in the right order."""
+        """The robots that run, with the writers among them in the order of their writes."""
         writers = [joint.writers[position] for position in end.order]
         running = [i for i, (entry, _) in enumerate(doings) if entry.event is not None]
         return (*writers, *(i for i in running if i not in writers))
@@ -125,7 +125,7 @@ class Tracer:
     def _cut(
         self, joint: Joint, end: StoreOutcome, doings: tuple[Doing, ...], *, inside: bool
     ) -> Round:
-        """A round that ends before the environment's turn; ``inside``: before all have moved."""
+        """A round cut before the environment's turn; ``inside``: before all robots have moved."""
         order = self._order(joint, end, doings)
         robots = range(self._system.robots)
         if inside and not order:
@@ -141,7 +141,7 @@ class Tracer:
     # --- violations -----------------------------------------------------------------------------
 
     def failing(self, state: State) -> Iterator[Round]:
-        """Rounds that end in a fault of a program turn. [T-FAULT]"""
+        """Yield rounds that end in a fault of a program turn. [T-FAULT]"""
         for robot, menu in enumerate(self._joints.menus(state)):
             for failure in menu.failures:
                 yield self._failed(robot, failure)
@@ -153,7 +153,7 @@ class Tracer:
         return Round((robot,), events, (), answers, cut=True)
 
     def breaking(self, check: Check) -> Callable[[State], Iterator[Round]]:
-        """Rounds inside which a property does not hold."""
+        """Yield rounds inside which a property does not hold."""
 
         def found(state: State) -> Iterator[Round]:
             for joint in self._joints.joints(state, self._joints.menus(state)):
@@ -177,7 +177,7 @@ class Tracer:
                 yield self._cut(joint, end, doings, inside=False)
 
     def evolving(self, claim: SearchGoal) -> Callable[[State], Iterator[Round]]:
-        """Rounds whose environment's turn faults, or breaks a promise."""
+        """Yield rounds whose environment's turn faults, or breaks a promise."""
 
         def found(state: State) -> Iterator[Round]:
             for joint in self._joints.joints(state, self._joints.menus(state)):
@@ -192,7 +192,7 @@ class Tracer:
         return found
 
     def losing(self, name: str) -> Callable[[State], Iterator[Round]]:
-        """Rounds in which an update of a variable is lost."""
+        """Yield rounds in which an update of a variable is lost."""
 
         def found(state: State) -> Iterator[Round]:
             for joint in self._joints.joints(state, self._joints.menus(state)):
@@ -213,7 +213,7 @@ class Tracer:
 
 
 def _doings(joint: Joint, robot: int, *, every: bool = False) -> Iterator[Doing]:
-    """What a robot may do in a joint course; one way for each end that it can have."""
+    """Yield a robot's transitions in a joint course; one for each end that it can have."""
     course = joint.courses[robot]
     outcomes = course.stopped if joint.all_stop else course.outcomes
     seen: set[int] = set()

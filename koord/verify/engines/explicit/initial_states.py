@@ -1,4 +1,4 @@
-"""Every way in which INIT may go. [INIT] [PROP-ASSUME]"""
+"""Enumeration of all initial configurations. [INIT] [PROP-ASSUME]"""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from koord.verify.engines.explicit.states import State, Vault
 
 
 class _Beginning(Struct, frozen=True):
-    """One way in which one robot's INIT may go."""
+    """A possible INIT turn of one robot."""
 
     robot: int  #: the robot's number after it
     write: int
@@ -29,7 +29,7 @@ class _Beginning(Struct, frozen=True):
 
 
 class Opened(Struct, frozen=True):
-    """One way in which INIT may go, whether or not the assumptions hold after it."""
+    """A possible INIT of the system, whether or not the assumptions hold after it."""
 
     state: State
     is_faulted: bool
@@ -37,7 +37,7 @@ class Opened(Struct, frozen=True):
     _given: tuple[Given, ...]
 
     def opening(self) -> Opening:
-        """What is recorded of it."""
+        """The recording of this INIT."""
         robots = tuple(range(len(self._given) - 1))
         order = (*self._order, *(i for i in robots if i not in self._order))
         return Opening(
@@ -48,7 +48,7 @@ class Opened(Struct, frozen=True):
 
 
 def openings(system: System, vault: Vault, commits: Commits) -> Iterator[Opened]:
-    """Every way, one by one."""
+    """Yield every possible INIT."""
     starting = known_starts(system)
     stores = explored(
         lambda chooser: ExploringInputs(system, chooser, starting),

@@ -1,4 +1,4 @@
-"""What all robots together can do in one round. [T-ONE-WINNER] [T-COMMIT] [T-PREFIX]
+"""Joint transitions: the moves of all robots in one round. [T-ONE-WINNER] [T-COMMIT] [T-PREFIX]
 
 Orders of robots are not tried: a joint course takes one course from each robot's menu such that no
 lock class is entered twice, and tells how the store may end.
@@ -20,7 +20,7 @@ from koord.verify.engines.explicit.states import State, Vault
 
 
 class Joint(Struct, frozen=True):
-    """One course of each robot.
+    """A joint course: one course of each robot.
 
     ``writers`` are the robots that write, in the order to which the ends of the store refer.
     ``is_whole`` says whether it is the end of a legal round, ``is_inside`` whether it is also, or
@@ -43,7 +43,7 @@ class Joint(Struct, frozen=True):
         return tuple(course.after_stop(number) for course, number in pairs)
 
     def successors(self) -> Iterator[tuple[tuple[int, ...], tuple[int, ...]]]:
-        """The robots' numbers after the round, and those of what the store holds."""
+        """Yield the robots' numbers after the round, with the numbers of the store's contents."""
         if self.all_stop:
             after = [course.stopped_ends for course in self.courses]
         else:
@@ -55,7 +55,7 @@ class Joint(Struct, frozen=True):
 
 
 def needs_relaxed(system: System, properties: tuple[core.Property, ...]) -> bool:
-    """Whether some configuration inside a round is not the end of one. [T-PREFIX]"""
+    """Return whether some configuration inside a round is not the end of one. [T-PREFIX]"""
     agents = [system.program.agents[kind] for kind in set(system.kinds)]
     if any(event.urgent for agent in agents for event in agent.events):
         return True
@@ -82,7 +82,7 @@ class Joints:
         return [self._menus.menu(robot, state) for robot in range(self._robots)]
 
     def joints(self, state: State, menus: list[Menu]) -> Iterator[Joint]:
-        """Every joint course in a state."""
+        """Yield every joint course in a state."""
         shared = state[self._robots :]
         for courses, taken in self._combined([menu.courses for menu in menus]):
             writers = tuple(i for i, course in enumerate(courses) if course.write != NOTHING)
@@ -107,7 +107,9 @@ class Joints:
     def _combined(
         self, choices: list[tuple[TransitionGroup, ...]]
     ) -> Iterator[tuple[tuple[TransitionGroup, ...], int]]:
-        """One course of each robot, no lock class twice; and the classes taken. [ATOMIC]"""
+        """Yield combinations of courses with no lock class twice, and the classes taken.
+        [ATOMIC]
+        """
         partial: list[tuple[tuple[TransitionGroup, ...], int]] = [((), 0)]
         for courses in choices:
             partial = [
@@ -119,7 +121,7 @@ class Joints:
         return iter(partial)
 
     def _is_inside(self, courses: tuple[TransitionGroup, ...], menus: list[Menu]) -> bool:
-        """Whether what is reached is seen before the last robot has moved."""
+        """Return whether the result is observed before the last robot has moved."""
         if not any(course.skips for course in courses):
             return False
         if any(course.runs for course in courses):
@@ -129,7 +131,7 @@ class Joints:
 
 
 def _is_whole(courses: tuple[TransitionGroup, ...], taken: int, menus: list[Menu]) -> bool:
-    """Whether every robot that skips may do so once the others have run. [SKIP]"""
+    """Return whether every robot that skips may do so once the others have run. [SKIP]"""
     return all(
         course.runs or all(classes & taken for classes in menu.obligations)
         for course, menu in zip(courses, menus, strict=True)

@@ -1,4 +1,4 @@
-"""Evaluation that tells what it depended on.
+"""Lazy evaluation that records the values it depends on.
 
 A domain whose scalars are constants, or *places*: the scalar at a position of some variable, whose
 value is looked at only when the evaluation has to know it. What it looked at, in order, decides
@@ -21,7 +21,7 @@ R = TypeVar("R")
 
 
 class PlaceOf(NamedTuple):
-    """The scalar at a position of a variable; ``type`` is the scalar's."""
+    """A scalar by its place: the position in a variable; ``type`` is the scalar's."""
 
     variable: int
     position: int
@@ -32,7 +32,7 @@ Lazy = Constant | PlaceOf
 
 
 class Looking:
-    """The domain. ``look`` gives the value at a place; each is looked at once."""
+    """The number domain of lazy evaluation. ``look`` gives the value at a place, once each."""
 
     def __init__(self, look: Callable[[PlaceOf], Constant]) -> None:
         self._look = look
@@ -40,7 +40,7 @@ class Looking:
 
     @property
     def seen(self) -> Sequence[PlaceOf]:
-        """What has been looked at, in order."""
+        """The places whose values were read, in order."""
         return tuple(self._seen)
 
     def const(self, value: Constant, type_: Type) -> Lazy:
@@ -69,7 +69,7 @@ class Looking:
 
 
 class _Fork(Generic[R]):
-    """A place that is looked at, and what follows from each value there."""
+    """A decision on the value at a place, with a subtree for each value."""
 
     __slots__ = ("branches", "position", "variable")
 
@@ -79,7 +79,7 @@ class _Fork(Generic[R]):
 
 
 class _Leaf(Generic[R]):
-    """An outcome."""
+    """The outcome at the end of a path of decisions."""
 
     __slots__ = ("outcome",)
 
@@ -88,8 +88,9 @@ class _Leaf(Generic[R]):
 
 
 class Decisions(Generic[R]):
-    """Outcomes of one evaluation, by what it looked at. ``root`` tells apart what is not looked at:
-    forms of variables, and anything else that comes with a number.
+    """A decision tree of an evaluation's outcomes, by the values that it read.
+
+    ``root`` tells apart what is not read: forms of variables, and anything else with a number.
     """
 
     def __init__(self) -> None:
@@ -106,7 +107,7 @@ class Decisions(Generic[R]):
     def keep(
         self, root: Hashable, codes: Sequence[Codes], seen: Sequence[PlaceOf], outcome: R
     ) -> None:
-        """Remember an outcome, and what was looked at for it."""
+        """Record an outcome, and the values that were read for it."""
         leaf: _Leaf[R] = _Leaf(outcome)
         self.size += 1
         if not seen:

@@ -1,4 +1,4 @@
-"""How far a search may go."""
+"""Limits of a search: states, time and memory."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class Limits(Struct, frozen=True):
 
 
 class Meter:
-    """Tells when a limit is reached. Looks at the clock and at memory now and then only."""
+    """A check of the limits. It reads the clock and the memory only now and then."""
 
     def __init__(self, limits: Limits, clock: Callable[[], float] = time.monotonic) -> None:
         self.limits = limits
@@ -49,7 +49,7 @@ class Meter:
         self._told_s = clock()
 
     def reached(self, states: int) -> str:
-        """Which limit is reached, in words; empty if none is."""
+        """The limit that is reached, in words; empty if none is."""
         if states > self.limits.states:
             return f"more than {self.limits.states} states"
         self._countdown -= 1
@@ -64,7 +64,7 @@ class Meter:
         return ""
 
     def is_time_to_tell(self) -> bool:
-        """Whether it is a while since progress was last told."""
+        """Return whether progress should be reported again."""
         if self._countdown != _EVERY:
             return False
         now = self._clock()

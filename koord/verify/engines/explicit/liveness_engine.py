@@ -1,4 +1,4 @@
-"""The search for fair cycles as an engine: for all rounds, or a lasso. [T-FAIR-CYCLE]"""
+"""The engine of fair cycles: liveness for all rounds, or a lasso. [T-FAIR-CYCLE]"""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from koord.verify.witness import NotReplayedError
 
 
 class ExplicitLivenessEngine(Struct, frozen=True):
-    """Looks for fair cycles among all configurations that runs reach, where they are few."""
+    """The engine that searches all reachable configurations for fair cycles, where they are few."""
 
     vacuities: list[Vacuity]  #: what is found out besides
 
@@ -63,14 +63,14 @@ class ExplicitLivenessEngine(Struct, frozen=True):
 
 
 def make(engine: Engine, tools: Tools) -> Worker:
-    """The engine of a problem."""
+    """Make the engine for a problem."""
     return ExplicitLivenessEngine(tools.vacuities)
 
 
 def _settled(
     ledger: Ledger, claims: Sequence[Claim], found: Lively, seconds: float
 ) -> dict[Claim, str]:
-    """Settle what was found; why lassos did not replay, if some did not."""
+    """Settle the claims that were decided; return why lassos did not replay, if some did not."""
     unreplayed: dict[Claim, str] = {}
     for claim in claims:
         lasso = found.violated.get(claim.name)
@@ -90,7 +90,7 @@ def _settled(
 
 
 def named(fairness: Fairness) -> tuple[str, ...]:
-    """Kinds of fairness, and expectations, by name."""
+    """The kinds of fairness, and expectations, by name."""
     kinds = (("robots", fairness.robots), ("locks", fairness.locks))
     return (*(name for name, needed in kinds if needed), *fairness.expectations)
 

@@ -1,4 +1,4 @@
-"""One representative for all states that differ by who is who. [SYMMETRY]
+"""Symmetry reduction: one representative of all states that differ by names. [SYMMETRY]
 
 A renaming of robots moves each robot's own state to its new number, and renames robots in all
 values (see ``symmetry``). To find the representative, robots are put in order of how they *look*:
@@ -27,7 +27,7 @@ Held = Any  #: a storage or a value
 
 
 class Naming:
-    """The robots in the contents of one variable.
+    """The occurrences of robots in the contents of one variable.
 
     Mostly they stand at fixed positions of a form. An array over robots is moved about as well, and
     then contents are renamed as a whole.
@@ -61,11 +61,11 @@ class Naming:
         return cells.numbered(cells.forms[number], tuple(codes))
 
     def names_any(self, number: int) -> bool:
-        """Whether a content names a robot, or is about each of them."""
+        """Return whether a content names a robot, or has an element for each."""
         return self._moves or any(self._named_at(number))
 
     def look(self, number: int, robot: int) -> Hashable:
-        """How a content looks to a robot: where it is named, and nothing that tells a number."""
+        """The look of a content from a robot: the positions where it is named, without numbers."""
         if not self._moves:
             return self._named_at(number)[robot]
         known = self._looks.get((number, robot))
@@ -75,7 +75,7 @@ class Naming:
         return known
 
     def told(self, number: int, robot: int) -> Hashable:
-        """A content with that robot as itself and all others as others."""
+        """A content described with that robot as itself and all others as others."""
         cells = self._cells
         if self._moves:
             return self.look(number, robot)
@@ -119,7 +119,7 @@ class Naming:
 
 
 def _renamed(held: Storage[Any], of: Shape, renaming: Renaming) -> Storage[Any]:
-    """What a variable holds, with robots renamed."""
+    """Rename robots in the storage of a variable."""
     if isinstance(held, Cell):
         return Cell(True, _renamed_value(held.value, of, renaming)) if held.is_set else held
     if isinstance(of, Fields):
@@ -153,7 +153,7 @@ def _renamed_value(value: Value[Any], of: Shape, renaming: Renaming) -> Value[An
 
 
 def _moved(items: list[Any], of: Items, renaming: Renaming) -> Sequence[Any]:
-    """The elements of an array over robots, each at its robot's new place."""
+    """The elements of an array over robots, each moved to its robot's new position."""
     if not of.index.root().is_robot:
         return items
     moved = items.copy()
@@ -163,7 +163,7 @@ def _moved(items: list[Any], of: Items, renaming: Renaming) -> Sequence[Any]:
 
 
 def _told(held: Held, of: Shape, me: int, robots: int) -> Hashable:
-    """What something holds, told with one robot as *me* and all others as *other*."""
+    """Describe storage or a value with one robot as *me* and all others as *other*."""
 
     def name(robot: int) -> Hashable:
         if 0 <= robot < robots:
@@ -247,7 +247,7 @@ class Orbits:
         return [Naming(c, of, self._robots) if of is not None else None for c, of in pairs]
 
     def representative(self, robots: tuple[int, ...], shared: tuple[int, ...]) -> State:
-        """The state that stands for this one and all that differ from it by names alone."""
+        """The representative of a state and of all that differ from it by names alone."""
         if self._is_plain:
             return (*self._in_order(robots), *shared)
         state = (*robots, *shared)
@@ -259,7 +259,7 @@ class Orbits:
         return known
 
     def _in_order(self, robots: tuple[int, ...]) -> Sequence[int]:
-        """Robots by number of their state: all that matters where nothing names them."""
+        """Sort robots by the number of their state, which suffices where nothing names them."""
         if self._is_one_group:
             return sorted(robots)
         ordered = list(robots)
@@ -273,7 +273,7 @@ class Orbits:
         return min(self._renamed(state, renaming) for renaming in orders)
 
     def _orders(self, state: State) -> Iterator[Renaming]:
-        """Renamings that put robots in order of their looks."""
+        """Yield renamings that put robots in order of their looks."""
         looks = self._all_looks(state)
         ordered = [sorted(group, key=looks.__getitem__) for group in self._groups]
         choices: list[list[tuple[int, ...]]] = []
@@ -296,7 +296,7 @@ class Orbits:
     # --- looks ----------------------------------------------------------------------------------
 
     def _all_looks(self, state: State) -> list[tuple[int, ...]]:
-        """How each robot looks: its own state, and where the store names it."""
+        """The look of each robot: its own state, and the positions where the store names it."""
         count, number = self._robots, self._looks.number
         looks = [[self._own_look(i, state[i])] for i in range(count)]
         for slot, naming in self._shared:
@@ -316,13 +316,13 @@ class Orbits:
         return known
 
     def _parts(self, own: Own) -> Iterator[tuple[int, Naming | None]]:
-        """What a robot's variables hold, and who may be named in it."""
+        """Yield a robot's contents, each with the robots that it may name."""
         yield from zip(own.locals, self._locals[own.kind], strict=True)
         yield from zip(own.ports, self._ports[own.kind], strict=True)
         yield from zip(own.entries, self._entries, strict=True)
 
     def _names_robots(self, number: int) -> bool:
-        """Whether a robot's own state names robots, so that it might tell others apart."""
+        """Return whether a robot's own state names robots, which might tell others apart."""
         known = self._mentions.get(number)
         if known is None:
             parts = self._parts(self._vault.robots.values[number])

@@ -1,4 +1,4 @@
-"""Properties of states, each evaluated once for all that it reads; and what a search finds."""
+"""Checks of properties on states, cached by the values read; results of a search."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from koord.verify.engines.explicit.states import State, Vault, nothing, template
 
 
 class GoalKind(Enum):
-    """What can be violated."""
+    """The kinds of goals that a search looks for."""
 
     PROPERTY = "property"
     FAULT = "fault"
@@ -35,14 +35,14 @@ class GoalKind(Enum):
 
 
 class SearchGoal(Struct, frozen=True):
-    """One thing that can be violated; ``name`` is that of the property, contract or variable."""
+    """A goal of the search; ``name`` is that of the property, contract or variable."""
 
     subject: GoalKind
     name: str = ""
 
 
 class Exhausted(Struct, frozen=True):
-    """Every reachable configuration has been looked at.
+    """The result that every reachable configuration was visited.
 
     ``states`` counts them at the starts of rounds, up to symmetry; none is more than ``depth``
     rounds away.
@@ -53,7 +53,7 @@ class Exhausted(Struct, frozen=True):
 
 
 class OutOfBounds(Struct, frozen=True):
-    """A limit was reached; everything up to ``depth`` rounds has been looked at.
+    """The result that a limit was reached; all configurations up to ``depth`` rounds were visited.
 
     None: not even all ways to start have been.
     """
@@ -64,7 +64,7 @@ class OutOfBounds(Struct, frozen=True):
 
 
 class Violated(Struct, frozen=True):
-    """A claim that does not hold: the run ends in a configuration that shows it.
+    """A violated claim, with a run that ends in a configuration that shows it.
 
     No run with fewer rounds shows it.
     """
@@ -79,7 +79,7 @@ class Violated(Struct, frozen=True):
 
 
 class Survey(Struct, frozen=True):
-    """All claims that do not hold, each once, and how the search ended."""
+    """All violated claims, each once, and the end of the search."""
 
     violated: tuple[Violated, ...]
     end: Exhausted | OutOfBounds | NotFinite
@@ -89,7 +89,7 @@ Closed = core.Property | core.Assumption
 
 
 class View(NamedTuple):
-    """What a statement can see of a robot: the forms of variables, status and ``ran``; codes."""
+    """The part of a robot that a statement reads: forms of variables, status, ``ran``, codes."""
 
     kind: int
     status: int
@@ -99,7 +99,7 @@ class View(NamedTuple):
 
 
 class Check(Struct):
-    """A closed statement with what it reads, and its value for whatever it was asked about."""
+    """A closed statement with the places that it reads, and cached results."""
 
     statement: Closed
     kinds: tuple[Reads, ...]
@@ -114,7 +114,7 @@ class Check(Struct):
     _templates: dict[tuple[object, ...], Configuration[Lazy]] = field(default_factory=dict)
 
     def view(self, robot: int) -> int:
-        """The number of what the statement can see of a robot with a number."""
+        """The number of the part that the statement reads of a robot."""
         known = self._view_of.get(robot)
         if known is None:
             own = self._vault.robots.values[robot]
@@ -153,12 +153,12 @@ class Check(Struct):
         ]
 
     def holds(self, state: State) -> bool:
-        """Whether the statement holds in a state."""
+        """Return whether the statement holds in a state."""
         count = self._system.robots
         return self.holds_for(list(map(self.view, state[:count])), state[count:])
 
     def holds_for(self, views: Sequence[int], shared: Sequence[int]) -> bool:
-        """The same, given what it can see of each robot, and what allwrite variables hold."""
+        """Return whether the statement holds, from each robot's view and the allwrite contents."""
         key = (*views, *[shared[slot] for slot in self.shared])
         known = self._values.get(key)
         if known is None:
@@ -205,7 +205,7 @@ class Check(Struct):
     # --- configurations to evaluate on ----------------------------------------------------------
 
     def _configuration(self, views: list[View], shared: Sequence[int]) -> Configuration[Lazy]:
-        """The configuration with places in its variables; what is not read holds nothing."""
+        """The configuration with places in its variables; those that are not read are unset."""
         vault, count = self._vault, self._system.robots
         variable = 0
         robots: list[Robot[Lazy]] = []
@@ -248,12 +248,12 @@ def check(system: System, vault: Vault, statement: Closed) -> Check:
 
 
 def asks_who_ran(statements: Sequence[Closed]) -> bool:
-    """Whether one of some statements mentions what robots ran."""
+    """Return whether one of some statements reads which events ran."""
     return any(isinstance(node, core.Ran) for s in statements for node in nodes(s.condition))
 
 
 def sees_the_environment(system: System, statement: Closed) -> bool:
-    """Whether a statement reads a port that the environment's turn may change."""
+    """Return whether a statement reads a port that the environment's turn may change."""
     agents = [system.program.agents[kind] for kind in set(system.kinds)]
     changing = {name for agent in agents for name in _changing_ports(agent)}
     return any(

@@ -1,4 +1,4 @@
-"""What a turn makes of variables, in terms of what they held before it.
+"""Recipes: the writes of a turn, as functions of the contents before it.
 
 A recipe is kept with the outcome of a turn and followed wherever the turn would go the same way.
 """
@@ -23,14 +23,14 @@ from koord.verify.engines.explicit.states import Vault
 
 
 class Recipe(NamedTuple):
-    """One content: its form, and for each scalar a code or the place that it is copied from."""
+    """A recipe of a content: its form, and for each scalar a code or the place to copy from."""
 
     form: int
     entries: tuple[int | PlaceOf, ...]
     is_constant: bool
 
     def codes(self, codes: Sequence[Codes]) -> Codes:
-        """The codes of the content, from those of what was there before."""
+        """Compute the codes of the content, from those before the turn."""
         if self.is_constant:
             return self.entries  # type: ignore[return-value]
         return tuple(
@@ -53,7 +53,7 @@ def recipe(cells: Cells, scalars: Scalars, storage: Storage[Any]) -> Recipe:
 
 @dataclass(frozen=True, slots=True)
 class VariableEffect:
-    """What a turn writes to one allwrite variable.
+    """The write of a turn to one allwrite variable.
 
     ``codes`` are those of the written ``positions``, or of the writer's whole view of the variable
     where ``positions`` is None. ``form`` is the form of that view. Where positions say which
@@ -98,7 +98,7 @@ class PartRecipe(Struct, frozen=True):
     mask: Mask[Any]
 
     def part(self, scalars: Scalars, codes: Sequence[Codes]) -> VariableEffect:
-        """The part, from the codes of what was there before."""
+        """Compute the write, from the codes before the turn."""
         view = self.view.codes(codes)
         mask = _known_mask(self.mask, scalars, codes)
         if self.positions is None or mask.whole is True:
@@ -120,11 +120,11 @@ def part_recipe(
 
 
 class _NotPositionsError(Exception):
-    """Some written location is not told by the positions of scalars."""
+    """Raised where positions of scalars do not determine a written location."""
 
 
 class _Positions:
-    """Finds the positions of the scalars that a mask covers."""
+    """The positions of the scalars that a mask covers."""
 
     def __init__(self) -> None:
         self._next = 0
@@ -170,7 +170,7 @@ class _Positions:
 def parts_written(
     vault: Vault, before: Store[Constant], turned: Turned[Constant]
 ) -> tuple[VariableEffect, ...]:
-    """What a turn on known values wrote."""
+    """The writes of a turn on known values."""
     scalars = vault.scalars
     made = []
     for slot, mask in sorted(turned.allwrite.items()):
@@ -185,7 +185,7 @@ def parts_written(
 
 
 def _known_mask(mask: Mask[Any], scalars: Scalars, codes: Sequence[Codes]) -> Mask[Constant]:
-    """The mask with the keys that were meant."""
+    """The mask with the values of its keys."""
     if not _has_keys(mask):
         return mask
     parts = tuple(_known_mask(p, scalars, codes) if p is not None else None for p in mask.parts)
@@ -198,7 +198,7 @@ def _has_keys(mask: Mask[Any]) -> bool:
 
 
 def _known(value: Any, scalars: Scalars, codes: Sequence[Codes]) -> Any:
-    """A value with its places looked at."""
+    """The value with the values of its places."""
     match value:
         case PlaceOf(variable=variable, position=position, type=type_):
             return scalars.value(codes[variable][position], type_)

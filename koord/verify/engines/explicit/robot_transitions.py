@@ -1,4 +1,4 @@
-"""What one robot can do in a round, each turn worked out once. [T-SNAPSHOT]
+"""Transitions of one robot in a round, each computed once. [T-SNAPSHOT]
 
 A turn depends on what its event looks at and on nothing else. A *menu* is all that a robot can do
 in a state; its entries that mean the same to the others (same writes, same lock classes) stand
@@ -28,7 +28,7 @@ from koord.verify.engines.explicit.states import Own, State, Vault
 
 
 class EnvironmentOutcome(NamedTuple):
-    """One way in which the environment's turn may go for one robot."""
+    """A possible result of the environment's turn for one robot."""
 
     robot: int  #: the robot's number after it
     fault: Fault | None
@@ -38,7 +38,7 @@ class EnvironmentOutcome(NamedTuple):
 
 
 class RobotTransition(NamedTuple):
-    """One thing that a robot can do: run an event, or skip (``event`` is None)."""
+    """A transition of a robot: to run an event, or to skip (``event`` is None)."""
 
     event: int | None
     robot: int  #: the robot's number after its program turn
@@ -46,7 +46,7 @@ class RobotTransition(NamedTuple):
 
 
 class FaultingEvent(NamedTuple):
-    """An event that a robot can select, and that faults. [T-FAULT]"""
+    """An event that a robot can select and that faults. [T-FAULT]"""
 
     event: int
     fault: Fault
@@ -80,12 +80,12 @@ class TransitionGroup(Struct, frozen=True, dict=True):
         return self.stopped_robots[self.robots.index(robot)]
 
     def all_outcomes(self, *, all_stop: bool) -> list[EnvironmentOutcome]:
-        """What the environment's turn may bring."""
+        """The possible results of the environment's turn."""
         outcomes = self.stopped if all_stop else self.outcomes
         return [outcome for each in outcomes for outcome in each]
 
     def has_news(self, *, all_stop: bool) -> bool:
-        """Whether the environment's turn may bring a fault or a broken promise."""
+        """Return whether the environment's turn may bring a fault or a broken promise."""
         return self._stopped_news if all_stop else self._news
 
     @cached_property
@@ -97,7 +97,7 @@ class TransitionGroup(Struct, frozen=True, dict=True):
         return any(o.fault is not None or o.broken for o in self.all_outcomes(all_stop=True))
 
     def may_be_last(self, *, all_stop: bool) -> bool:
-        """Whether the environment has no turn after some way to take this course."""
+        """Return whether, for some entry of this course, the environment has no turn."""
         return self._stopped_may_be_last if all_stop else self._may_be_last
 
     @cached_property
@@ -127,7 +127,7 @@ def _ends(outcomes: tuple[tuple[EnvironmentOutcome, ...], ...]) -> tuple[int, ..
 
 
 class Menu(NamedTuple):
-    """All that a robot can do in a state.
+    """All transitions of a robot in a state.
 
     ``obligations`` are the lock classes of each urgent event that forbids skipping unless one of
     them is taken. [SKIP] ``ready`` says whether the robot could run an event whatever the answers,
@@ -142,7 +142,7 @@ class Menu(NamedTuple):
 
 
 class _Kind(Struct):
-    """One kind of robot with what its events read together."""
+    """A kind of robot with the variables that its events read together."""
 
     events: list[EventOf]
     reads: Reads
@@ -174,7 +174,7 @@ class Menus:
         self._kinds = [self._kind(kind) for kind in range(len(system.program.agents))]
 
     def menu(self, robot: int, state: State) -> Menu:
-        """What one robot can do."""
+        """The menu of one robot in a state."""
         kind = self._kinds[self._system.kinds[robot]]
         key = self._key(robot, kind.reads, state)
         known = kind.menus.get(key)
@@ -198,7 +198,7 @@ class Menus:
         return _Kind(events, replace(reads, pid=reads.pid or around.pid), around.pid)
 
     def _key(self, robot: int, reads: Reads, state: State) -> tuple[int, ...]:
-        """Numbers of all that the robot's turns and its environment's can depend on."""
+        """The numbers of all that the robot's turns and its environment's turn depend on."""
         count = self._system.robots
         key = [state[robot], *[state[count + slot] for slot in reads.allwrite]]
         if reads.arrays:
@@ -224,7 +224,7 @@ class Menus:
     # --- the environment ------------------------------------------------------------------------
 
     def outcomes(self, robot: int, number: int) -> tuple[EnvironmentOutcome, ...]:
-        """What the environment's turn may make of a robot. [ENV-TRANS]"""
+        """The possible results of the environment's turn for a robot. [ENV-TRANS]"""
         own = self._vault.robots.values[number]
         kind = self._kinds[own.kind]
         key = (number, robot) if kind.environment_pid else (number,)
@@ -269,7 +269,7 @@ _NO_STORE: Store[Constant] = Store((), ())
 
 
 class _MenuMaker:
-    """Works out one menu."""
+    """A builder of one menu."""
 
     def __init__(self, menus: Menus, own: Own, robot: int, state: State) -> None:
         self.menus, self.own, self.robot, self.state = menus, own, robot, state

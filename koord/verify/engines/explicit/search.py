@@ -1,4 +1,4 @@
-"""Explicit search: every configuration that a system can reach, if they are finitely many.
+"""Explicit-state search: breadth-first over all reachable configurations, if they are finite.
 
 States are configurations at the starts of rounds (:mod:`canonical`). A round is not taken apart
 into turns: what each robot can do is worked out for itself (:mod:`menus`), and combined without
@@ -67,7 +67,7 @@ def survey(
     progress: Progress | None = None,
     clock: Callable[[], float] = time.monotonic,
 ) -> Survey:
-    """Look for all violations: of each claim one with the fewest rounds."""
+    """Search for all violations: of each claim one with the fewest rounds."""
     made = begun(
         system,
         properties,
@@ -94,7 +94,7 @@ def begun(
     progress: Progress | None = None,
     clock: Callable[[], float] = time.monotonic,
 ) -> Search | NotFinite:
-    """A search for all violations that tells of each as it comes, if the system allows one."""
+    """Begin a search that yields violations as they are found, if the system allows one."""
     reason = not_finite(system, properties)
     if reason is not None:
         return reason
@@ -103,7 +103,7 @@ def begun(
 
 
 class _Found(Struct, frozen=True):
-    """A violation as the search sees it: by the representatives on the way to it.
+    """A violation in the search, as a path of representatives.
 
     ``last`` is the check that fails inside the round behind the path; None if the path's last state
     shows the violation itself or the claim says what to look for.
@@ -120,11 +120,11 @@ NOTHING_LEFT = "all claims are violated"
 
 
 class _LimitError(Exception):
-    """A limit is reached."""
+    """Raised where a limit is reached."""
 
 
 class Search:
-    """One search. ``violations`` drives it; ``end`` says how it ended, or how far it is."""
+    """A search in progress. ``violations`` drives it; ``end`` gives its result or depth."""
 
     def __init__(
         self,
@@ -169,11 +169,11 @@ class Search:
 
     @property
     def end(self) -> Exhausted | OutOfBounds | NotFinite:
-        """How it ended."""
+        """The result of the search: exhausted, out of bounds, or not finite."""
         return self._end or OutOfBounds("interrupted", len(self._seen), self._through)
 
     def violations(self) -> Iterator[Violated]:
-        """Every violation, each claim once, by rounds."""
+        """Yield every violation, each claim once, by rounds."""
         try:
             for found in self._found():
                 if found.claim not in self._settled:
@@ -194,7 +194,7 @@ class Search:
             self._end = Exhausted(len(self._seen), self._depth)
 
     def _has_all(self) -> bool:
-        """Whether nothing is left to be found: all that was asked about is violated."""
+        """Return whether all goals are violated already, so that the search can end."""
         asked = set(self._checks)
         if self._subjects & {GoalKind.LOST_UPDATE, GoalKind.CONTRACT}:
             return False  # nobody knows how many of these there are
@@ -239,7 +239,7 @@ class Search:
     def _entered(
         self, state: State, before: State | None, waiting: list[State]
     ) -> Iterator[_Found]:
-        """A state that has not been seen. [PROP-INVARIANT] [PROP-ROUND]"""
+        """Check a new state. [PROP-INVARIANT] [PROP-ROUND]"""
         self._seen[state] = before
         waiting.append(state)
         for claim, each in self._checks.items():
@@ -276,7 +276,7 @@ class Search:
             yield _Found(SearchGoal(GoalKind.FAULT), state, is_behind=True)
 
     def _looked_inside(self, state: State, joint: Joint) -> Iterator[_Found]:
-        """Between the program turns, and between them and the environment's. [T-PREFIX]"""
+        """Check configurations between program turns, and before the environment's. [T-PREFIX]"""
         for claim, each in self._inside.items():
             if claim in self._settled:
                 continue
@@ -292,7 +292,7 @@ class Search:
                 yield _Found(SearchGoal(GoalKind.LOST_UPDATE, name), state, is_behind=True)
 
     def _evolved(self, state: State, joint: Joint) -> Iterator[_Found]:
-        """Faults of models, and promises that they break."""
+        """Check for faults of models, and promises that they break."""
         courses = joint.courses
         all_stop = joint.all_stop
         if not any(course.has_news(all_stop=all_stop) for course in courses):
@@ -359,14 +359,14 @@ def _stopped_robots(course: TransitionGroup) -> tuple[int, ...]:
 
 
 def _is_last(joint: Joint) -> bool:
-    """Whether the environment may have no turn: what is so before it is not looked at after it."""
+    """Return whether the environment may have no turn, so that properties are checked before it."""
     return any(course.may_be_last(all_stop=joint.all_stop) for course in joint.courses)
 
 
 def _holds(
     each: Check, joint: Joint, numbers: Callable[[TransitionGroup], tuple[int, ...]]
 ) -> bool:
-    """Whether a statement holds wherever the robots have one of those numbers each."""
+    """Return whether a statement holds for all combinations of the robots' numbers."""
     # What looks the same to the statement need be tried once only.
     views = [each.views(numbers(course)) for course in joint.courses]
     return all(

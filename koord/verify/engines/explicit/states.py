@@ -1,4 +1,4 @@
-"""Configurations as short tuples of numbers, and the part of one that an event or property reads.
+"""States: configurations as short tuples of numbers, and the part of one that is read.
 
 What each variable holds has a number (:mod:`cells`); a robot is a tuple of such numbers, and has a
 number too. Copies equal the store at the start of a round, and the round's number is of no
@@ -24,7 +24,7 @@ State = tuple[int, ...]
 
 
 class Own(NamedTuple):
-    """What one robot is: numbers of what its variables hold. ``entries`` are its allread ones."""
+    """The state of a robot: numbers of its variables' contents. ``entries`` are allread ones."""
 
     kind: int
     locals: tuple[int, ...]
@@ -35,7 +35,7 @@ class Own(NamedTuple):
 
 
 class Vault:
-    """The numbers of one search. ``tracks_ran`` says whether a property asks who ran what."""
+    """The tables of numbers of one search. ``tracks_ran``: a property reads which events ran."""
 
     def __init__(self, system: System, *, tracks_ran: bool) -> None:
         program = system.program
@@ -59,7 +59,7 @@ class Vault:
     # --- to numbers -----------------------------------------------------------------------------
 
     def robot(self, robot: int, state: Robot[Constant]) -> int:
-        """The number of what a robot is; its entries are taken from its own copy."""
+        """The number of a robot's state; its entries are taken from its own copy."""
         assert isinstance(state.status, int)
         assert isinstance(state.ran, int)
         entries = [_part(storage, robot) for storage in state.copy.allread]
@@ -90,7 +90,7 @@ class Vault:
         return Store(allread, _storages(self.allwrite, state[count:]))
 
     def state_of(self, number: int, store: Store[Constant]) -> Robot[Constant]:
-        """One robot, with a copy of the store."""
+        """A robot with a number of its state, and a copy of the store."""
         own = self.robots.values[number]
         return Robot(
             own.kind,
@@ -102,7 +102,7 @@ class Vault:
         )
 
     def configuration(self, state: State) -> Configuration[Constant]:
-        """A configuration of that state, at the start of a round."""
+        """A configuration of a state, at the start of a round."""
         store = self.store(state)
         robots = (self.state_of(number, store) for number in state[: self.system.robots])
         return Configuration(tuple(robots), store, 0)
@@ -134,7 +134,7 @@ class Snapshot(NamedTuple):
 
 
 class ReadWindow:
-    """What is read by an event of one kind of robot, as variables in a fixed order.
+    """The variables that an event of one kind of robot reads, in a fixed order.
 
     First come the robot's own locals, ports and entries, then allwrite variables, then the entries
     of all robots of those allread variables that are read elsewhere than at the robot's own.
@@ -156,7 +156,7 @@ class ReadWindow:
         self._templates: dict[tuple[int, ...], Robot[Lazy]] = {}
 
     def snapshot(self, robot: int, state: State) -> Snapshot:
-        """What a robot looks at in a state."""
+        """The values that a robot reads in a state."""
         number = state[robot]
         own = self._own.get(number)
         if own is None:
@@ -189,7 +189,7 @@ class ReadWindow:
     # --- robots to evaluate on ------------------------------------------------------------------
 
     def robot(self, robot: int, root: tuple[int, ...]) -> Robot[Lazy]:
-        """The robot with places in its variables; what is not read holds nothing."""
+        """The robot with places in its variables; those that are not read are unset."""
         key = (*root, robot)
         known = self._templates.get(key)
         if known is None:
@@ -220,13 +220,13 @@ class ReadWindow:
 
 
 def template(cells: Cells, form: int, variable: int) -> Storage[Lazy]:
-    """A storage of a form with a place for each scalar."""
+    """Storage of a form with a place for each scalar."""
     places = [PlaceOf(variable, k, type_) for k, type_ in enumerate(cells.types(form))]
     return cells.built(form, places)
 
 
 def nothing(cells: Cells) -> Storage[Lazy]:
-    """A storage that holds nothing, for what is not read."""
+    """Unset storage, for variables that are not read."""
     empty: Storage[Constant] = cells.nothing()
     return empty  # type: ignore[return-value]  # constants are among the scalars of either domain
 

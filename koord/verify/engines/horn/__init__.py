@@ -1,1 +1,1 @@
-"""Proofs for all rounds by constrained Horn clauses: reals and integers, without any lemma."""
+"""Proofs for all rounds by constrained Horn clauses: reals and integers, without lemmas."""

@@ -1,4 +1,4 @@
-"""Constrained Horn clauses over one relation, which holds of the states that can be reached.
+"""Constrained Horn clauses over one relation: the reachable states.
 
 Spacer, which Z3 brings, looks for an interpretation of the relation that keeps a claim, or for a
 run that breaks it. See Komuravelli, Gurfinkel, Chaki, *SMT-based model checking for recursive
@@ -26,7 +26,7 @@ from koord.verify.encoding.terms import Term, Terms, parts_of
 
 
 def scalars(configuration: Configuration[Term]) -> list[Term]:
-    """The scalars of a configuration, in an order that all of a system have in common.
+    """The scalars of a configuration, in a fixed order per system.
 
     Raises NotFiniteError where there are lists or maps that may be of any size.
     """
@@ -74,19 +74,19 @@ State: TypeAlias = "tuple[Constant, ...]"
 
 
 class Safe(Struct, frozen=True):
-    """What is bad cannot be reached: ``kept``, a formula of a state's unknowns, holds of all."""
+    """The result that no bad state is reachable: ``kept`` is an invariant over the unknowns."""
 
     kept: Term
 
 
 class Reached(Struct, frozen=True):
-    """What is bad can be reached: by way of these states, from INIT on."""
+    """The result that a bad state is reachable: by these states, from INIT on."""
 
     states: tuple[State, ...]
 
 
 class Clauses:
-    """The clauses of one system. ``unknowns`` are the constants that a state consists of.
+    """The clauses of one system. ``unknowns`` are the constants that make up a state.
 
     Everything else in a clause is new in each use of it.
     """
@@ -106,21 +106,21 @@ class Clauses:
 
     @property
     def here(self) -> Term:
-        """That the state is reached whose unknowns stand for themselves."""
+        """The relation applied to the unknowns: their state is reachable."""
         return self._of(self.unknowns)
 
     def reach(self, body: Iterable[Term], values: Sequence[Term]) -> None:
-        """Where the body holds, the state with these values is reached."""
+        """Add a clause: where the body holds, the state with these values is reachable."""
         self._rules.append(("reach", self._of(values), self._all(body)))
 
     def spoil(self, body: Iterable[Term]) -> None:
-        """Where the body holds, something bad is reached."""
+        """Add a clause: where the body holds, a bad state is reachable."""
         head = self._bad()
         assert isinstance(head, z3.ExprRef)
         self._rules.append((_BAD, head, self._all(body)))
 
     def solved(self, deadline: Deadline, effort: Effort, seed: int) -> Safe | Reached | None:
-        """Whether anything bad can be reached; None if nobody knows by then."""
+        """Decide whether a bad state is reachable; None if the solver does not finish."""
         if effort.left <= 0:
             return None
         if all(name != _BAD for name, _, _ in self._rules):
@@ -159,7 +159,7 @@ class Clauses:
         return None
 
     def equations(self, values: Iterable[Term], state: State) -> list[Term]:
-        """That the first unknowns have the values that they have in a state."""
+        """The equations of the first unknowns with their values in a state."""
         triples = zip(values, self._state, state, strict=False)
         return [
             self.d.binary(BinaryOp.EQ, self.d.lifted(value, x.sort()), known)
@@ -187,7 +187,7 @@ class Clauses:
         return list(found.values())
 
     def impossible(self, body: Iterable[Term], deadline: Deadline, effort: Effort) -> bool:
-        """Whether a body can never hold: asked of a solver that knows nothing of Spacer's."""
+        """Return whether a body is unsatisfiable, by a solver independent of Spacer."""
         solver = z3.Solver(ctx=self.d.context)
         solver.set("rlimit", min(effort.left, _MOST))
         left = deadline.left_s()
@@ -199,7 +199,7 @@ class Clauses:
     # --- reading answers ------------------------------------------------------------------------
 
     def _safe(self, answer: z3.ExprRef) -> Safe:
-        """The formula that an answer puts in the place of the relation, if it names one."""
+        """The formula that an answer gives for the relation, or None."""
         for part in answer.children() if z3.is_and(answer) else [answer]:
             if not z3.is_quantifier(part):
                 continue
@@ -230,7 +230,7 @@ class Clauses:
 
 
 def constants(terms: Iterable[Term], but: Iterable[str] = ()) -> list[z3.ExprRef]:
-    """The unknown constants in some terms, but those of some names.
+    """The constants in some terms, except those with given names.
 
     Raises NotFiniteError for what Spacer knows nothing of.
     """
@@ -252,7 +252,7 @@ def constants(terms: Iterable[Term], but: Iterable[str] = ()) -> list[z3.ExprRef
 
 
 def _message(error: z3.Z3Exception) -> str:
-    """What Z3 says, which its Python interface hands on as bytes here and there."""
+    """The message of a Z3 exception, which may be bytes."""
     said = error.value
     return said.decode("utf-8", "replace") if isinstance(said, bytes) else str(said)
 

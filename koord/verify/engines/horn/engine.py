@@ -1,4 +1,4 @@
-"""Spacer as a worker on a ledger: all rounds of a fixed number of robots. [T-PREFIX]
+"""The Horn engine (Spacer): all rounds of a fixed number of robots. [T-PREFIX]
 
 The state is what a configuration at the end of a round consists of. INIT and a round, as bounded
 model checking and induction have them, give the clauses; claims that were proved are added to what
@@ -52,7 +52,7 @@ SOONER_S, SOONER_ROUNDS = 5.0, 40
 
 
 class HornEngine(Struct):
-    """Invariants of reals and integers that nobody gave, and runs that break claims late.
+    """The engine that finds invariants of reals and integers, and long counterexamples.
 
     Asked to hold proofs back, it keeps them for others to say more than that, until they are to be
     released.
@@ -122,7 +122,7 @@ class HornEngine(Struct):
         question: HornQuery,
         started: float,
     ) -> None:
-        """Settle the claims that a run breaks; what cannot be replayed is not asked again."""
+        """Settle the claims that a run violates; what cannot be replayed is not tried again."""
         settled = False
         for claim, moment, unrolling in _followed(ledger, claims, found, question):
             reader = ModelReader(unrolling.solver.model(), ledger.system)
@@ -149,12 +149,12 @@ class HornEngine(Struct):
 
 
 def make(engine: Engine, tools: Tools) -> Worker:
-    """The engine of a problem."""
+    """Make the engine for a problem."""
     return HornEngine()
 
 
 class HornQuery(Struct, frozen=True):
-    """Whether some claims hold in all rounds.
+    """The query whether some claims hold in all rounds.
 
     ``opens`` holds of INIT, one of ``false_starts`` of one that breaks a claim; ``goes`` holds of a
     state and a round from it, one of ``spoils`` of a state and a round that breaks a claim.
@@ -175,7 +175,7 @@ class HornQuery(Struct, frozen=True):
 
     @staticmethod
     def of(system: System, claims: Sequence[Claim], given: Sequence[Claim], seed: int) -> HornQuery:
-        """The question. Raises NotFiniteError if the system is beyond what Spacer knows."""
+        """Build the query. Raises NotFiniteError if the system is beyond Spacer."""
         unrolling = Unrolling(system, seed)
         unknowns, d = unrolling.unknowns, unrolling.encoder.d
         opening = unrolling.opening.moment
@@ -239,7 +239,7 @@ class HornQuery(Struct, frozen=True):
         return made
 
     def is_kept(self, found: Safe, deadline: Deadline) -> bool:
-        """Whether what was found is an invariant that keeps the claims."""
+        """Return whether a result is an inductive invariant that implies the claims."""
         d, effort = self.clauses.d, Effort.of_seconds(CHECKING_S)
 
         def left_by(values: Sequence[Term]) -> Term:
@@ -256,14 +256,14 @@ class HornQuery(Struct, frozen=True):
 
 
 class _First(Struct, frozen=True):
-    """A violation, and whether it is known that none has fewer rounds."""
+    """A violation, and whether none with fewer rounds exists."""
 
     counterexample: Counterexample
     fewest: bool
 
 
 def _first(ledger: Ledger, claim: Claim, shown: Counterexample) -> _First:
-    """The same violation with the fewest rounds, as far as looking for that costs little.
+    """The violation with the fewest rounds, as far as a cheap search finds one.
 
     Rounds through which the claim was seen to hold by others are not looked at again.
     """
@@ -283,7 +283,7 @@ def _first(ledger: Ledger, claim: Claim, shown: Counterexample) -> _First:
 def _held(
     system: System, unrolling: Unrolling, start: Configuration[Term], given: Sequence[Claim]
 ) -> list[Term]:
-    """That claims which were proved hold of the state at which a round starts."""
+    """The condition that proved claims hold of the state at a round's start."""
     d = unrolling.encoder.d
     checks = SymbolicInputs(unrolling.unknowns, "start")
     moment = SymbolicConfiguration(ClaimPhase.INIT, start, [], StepFindings(False), checks)
@@ -295,19 +295,19 @@ def _held(
 
 
 def _is_free(d: Terms, scalar: Term, rigid: Mapping[int, Term]) -> bool:
-    """Whether a scalar of any state is an unknown of its own."""
+    """Return whether a scalar of a state is an unconstrained unknown."""
     return d.known(scalar) is None and d.is_constant(scalar) and d.key(scalar) not in rigid
 
 
 def _is_symbol(constant: Term) -> bool:
-    """Whether a constant is the same in all rounds: fresh ones have a number behind their name."""
+    """Return whether a constant is rigid: fresh ones have a number behind their name."""
     return "!" not in str(constant)
 
 
 def _followed(
     ledger: Ledger, claims: Sequence[Claim], found: Reached, question: HornQuery
 ) -> Iterator[tuple[Claim, SymbolicConfiguration, Unrolling]]:
-    """The claims that some run by way of the states breaks, and where.
+    """The claims that some run through the states violates, and where.
 
     The solver of the unrolling has just answered with such a run.
     """

@@ -1,1 +1,1 @@
-"""Inductive proofs for a fixed number of robots."""
+"""Proofs by induction for a fixed number of robots."""

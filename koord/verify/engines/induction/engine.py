@@ -1,4 +1,4 @@
-"""Induction over the rounds as an engine: for every number of rounds."""
+"""The induction engine: for every number of rounds."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ ANSWERED_S = 5.0
 
 
 class InductionEngine(Struct):
-    """Inductive proofs over one round, then two, …: for every number of rounds.
+    """The engine of k-induction: steps over one round, then two, ….
 
     A step of k rounds proves what holds in the first k - 1 rounds too, which is unrolled for it.
     """
@@ -59,7 +59,7 @@ class InductionEngine(Struct):
         self.effort = own
 
     def _over(self, rounds: int, ledger: Ledger) -> None:
-        """Go on from where it stopped, up to steps of so many rounds."""
+        """Continue from where it stopped, up to steps of so many rounds."""
         started = time.monotonic()
         while self._done < rounds:
             if self._done > 0 and (ledger.deadline.passed() or self._effort(ledger).left <= 0):
@@ -108,5 +108,5 @@ class InductionEngine(Struct):
 
 
 def make(engine: Engine, tools: Tools) -> Worker:
-    """The engine of a problem."""
+    """Make the engine for a problem."""
     return InductionEngine(tools.unroller)

@@ -1,4 +1,4 @@
-"""Inductive proofs for a fixed number of robots: one arbitrary step, for all rounds.
+"""Inductive proofs for a fixed number of robots: Houdini over an arbitrary step.
 
 Such a step is no run: nobody knows whether its first configuration can be reached. It shows what an
 invariant leaves open, and never passes for a violation.
@@ -43,7 +43,7 @@ def broken_step(
     last: Configuration[Term],
     phase: ClaimPhase,
 ) -> BrokenStep:
-    """The step that a model describes: from the ends of rounds ``before`` to ``last``."""
+    """The counterexample to induction in a model: from the ends of rounds ``before`` on."""
     read = tuple(_configuration(reader, c) for c in (*before, last))
     events = tuple(tuple(_event(robot.ran) for robot in c.robots) for c in read[1:])
     return BrokenStep(read, events, phase)
@@ -110,7 +110,7 @@ FIRST_TRY = 5_000_000
 
 
 class Inductive(Struct, frozen=True):
-    """The claims that hold in all rounds, and why the others are still open."""
+    """The claims that hold in all rounds, and the reasons why others are open."""
 
     proved: dict[Claim, Verdict]
     reasons: dict[Claim, str]
@@ -128,7 +128,7 @@ def prove(
     seed: int = 0,
     within_limits: bool = False,
 ) -> Inductive:
-    """The largest set of the claims that is inductive; ``given`` are proved already.
+    """Prove the largest inductive subset of the claims; ``given`` ones are proved already.
 
     The claims must be known to hold after INIT and in the first ``depth - 1`` rounds. With
     ``within_limits`` it need not cover lists and maps of any length: then it is no proof.
@@ -157,13 +157,13 @@ def prove(
 def step_scripts(
     system: System, assumed: Sequence[Claim], asked: Sequence[Claim], depth: int
 ) -> Iterator[tuple[ClaimPhase, str]]:
-    """What ``prove`` asks of a step, as scripts of SMT-LIB 2, which are to be unsatisfiable."""
+    """The queries of an inductive step, as scripts of SMT-LIB 2, each to be unsatisfiable."""
     step = _Step(system, depth, 0, None)
     yield from step.scripts(assumed, asked)
 
 
 class _Step:
-    """``depth`` rounds from an arbitrary configuration, with everything asked of the last."""
+    """``depth`` rounds from an arbitrary configuration, with all claims checked in the last."""
 
     def __init__(self, system: System, depth: int, seed: int, effort: Effort | None) -> None:
         self._system = system
@@ -196,7 +196,7 @@ class _Step:
 
     @property
     def limits(self) -> list[str]:
-        """What the step and the questions asked of it so far do not cover."""
+        """Descriptions of the values that the step and its queries do not cover."""
         return self._unrolling.unknowns.uncovered
 
     def _go_on(self, moment: SymbolicConfiguration) -> None:
@@ -206,7 +206,7 @@ class _Step:
     def scripts(
         self, assumed: Sequence[Claim], asked: Sequence[Claim]
     ) -> Iterator[tuple[ClaimPhase, str]]:
-        """Moment by moment: that one of the asked claims is broken at it."""
+        """Yield for each moment the query that one of the claims is broken at it."""
         hypotheses = self._hypotheses(assumed)
         for moment in self._asked:
             broken = disjunction(self._d, list(self._violations(moment, asked).values()))
@@ -216,7 +216,7 @@ class _Step:
     def failing(
         self, assumed: Sequence[Claim], asked: Sequence[Claim], deadline: Deadline
     ) -> dict[Claim, str]:
-        """The asked claims that one step can break, from where all assumed ones hold."""
+        """The claims that one step can break, if all assumed ones hold before."""
         hypotheses = self._hypotheses(assumed)
         failed: dict[Claim, str] = {}
         for moment in self._asked:
@@ -241,7 +241,7 @@ class _Step:
         moment: SymbolicConfiguration,
         deadline: Deadline,
     ) -> dict[Claim, str]:
-        """Why a claim fails, case by case; with the other claims that the same step breaks."""
+        """The reasons why claims fail at a moment, case by case, for all that one step breaks."""
         solver = self._unrolling.solver
         whole = [*extra, violated]
         if solver.check(whole, deadline, self._effort, at_most=FIRST_TRY) is SolverAnswer.UNSAT:
@@ -258,7 +258,7 @@ class _Step:
         return {}
 
     def _keep(self, model: Model, moment: SymbolicConfiguration, claims: Sequence[Claim]) -> None:
-        """Note the step that breaks claims. The assumed moments are middles and ends of rounds."""
+        """Record the step that breaks claims. Assumed moments are middles and ends of rounds."""
         ends = [m.configuration for m in self._assumed if m.phase is not ClaimPhase.MIDDLE]
         reader = ModelReader(model, self._system)
         step = broken_step(reader, ends, moment.configuration, moment.phase)

@@ -1,4 +1,4 @@
-"""Claims about all robots, asked of some that stand for them. [SYMMETRY]
+"""Symmetry reduction of claims: quantifiers over representatives of the robots. [SYMMETRY]
 
 Where robots may change places, what breaks ``forall i, j: …`` breaks it for i = 0 and j ≤ 1 under
 other names: each robot that a quantifier brings in is one of those that were named before, or the
@@ -20,7 +20,7 @@ from koord.verify.claims import Claim, claims_of
 
 
 def representatives(system: System) -> Callable[[Claim], Claim]:
-    """For a claim one that is broken in some configuration if and only if it is.
+    """A claim over representatives that is broken in some configuration if and only if this one is.
 
     The two are of one configuration only up to the names of its robots, and of sets that are
     closed under renaming: of all that can be reached, or of all in which other claims hold.
@@ -41,7 +41,7 @@ def _represented(claim: Claim, system: System) -> Claim:
 
 
 def _narrowed(e: core.Expr, named: int, system: System) -> core.Expr:
-    """Quantifiers at the top range over ``named`` robots, those below them over one more each."""
+    """Restrict outer quantifiers to ``named`` robots, and inner ones to one more each."""
     everyone = (None, system.kinds[0])  # of another kind than the first robot there are none
     match e:
         case core.Quantified(QuantifierKind.FORALL, domain=core.RobotRange(agent=kind)) if (

@@ -1,1 +1,1 @@
-"""Programs as TLA+ modules, for TLC: translated from the core program and the text of the rules."""
+"""Translation of programs to TLA+ modules, for TLC."""

@@ -1,4 +1,4 @@
-"""Expressions of a core program in TLA+.
+"""Translation of core expressions to TLA+.
 
 Integers and Booleans are TLA+'s own, members of enumerations are strings, arrays are functions from
 0, records are records. An index that is out of range makes TLC stop with an error, as does a
@@ -59,17 +59,17 @@ _RESERVED = re.compile(
 
 
 def refused(what: str, span: Span, hint: str) -> KoordError:
-    """What the translation does not say."""
+    """A KoordError for a construct that cannot be translated."""
     return refusal("K943", span, f"{what} cannot be written in TLA+ here", hint)
 
 
 def name_of(name: str) -> str:
-    """A name of the program as one of TLA+."""
+    """Turn a name of the program into one of TLA+."""
     return f"{name}_" if _RESERVED.fullmatch(name) else name
 
 
 def check_type(type_: Type, span: Span) -> None:
-    """Raises KoordError for types whose values the translation does not have."""
+    """Check that a type's values can be translated. Raises KoordError."""
     for each in within(type_):
         if not isinstance(each, _TRANSLATED):
             raise refused(
@@ -106,18 +106,18 @@ class Scope(Struct, frozen=True):
     fresh: Iterator[int] = field(default_factory=count)
 
     def at(self, memory: str) -> Scope:
-        """The same with another state of the robot's memory."""
+        """The same scope with another memory of the robot."""
         return replace(self, memory=memory)
 
     def size(self, type_: Type) -> int | None:
-        """How many elements an array has; None for a list, which is some array that was given."""
+        """The number of an array's elements; None for a list."""
         if not isinstance(type_, ArrayType):
             return None
         return type_.size if isinstance(type_.size, int) else len(self.kinds)
 
 
 def text(e: core.Expr, of: Scope) -> str:
-    """An expression. Raises KoordError."""
+    """Translate an expression. Raises KoordError."""
     match e:
         case core.Const(value=bool() as value):
             return str(value).upper()
@@ -185,7 +185,7 @@ def _what(e: core.Expr) -> str:
 
 
 def read(place: core.Place, of: Scope) -> str:
-    """What a place holds."""
+    """Translate a read of a place. Raises KoordError for sensors and actuators."""
     variable = place.variable
     if variable.home is Home.PORT or place.primed:
         raise refused("a sensor or an actuator", place.span, "leave modules out")
@@ -209,7 +209,7 @@ def read(place: core.Place, of: Scope) -> str:
 
 
 def _is_set(value: str, type_: Type, of: Scope) -> str:
-    """Something true of values that are set, and an error of TLC's of others. [LOOKUP]"""
+    """An expression that is true of set values, and an error of TLC for others. [LOOKUP]"""
     match type_:
         case ArrayType(element=element):
             size, k = of.size(type_), f"k{next(of.fresh)}"
@@ -225,7 +225,7 @@ def _is_set(value: str, type_: Type, of: Scope) -> str:
 
 
 def unset(type_: Type, of: Scope) -> str:
-    """A value all of whose parts are unset."""
+    """A value of a type all of whose parts are unset."""
     match type_:
         case ArrayType(element=element):
             size = of.size(type_)
@@ -258,12 +258,12 @@ def values(type_: Type, of: Scope) -> str | None:
 
 
 def chosen(site: int) -> str:
-    """The name of what a ``choose`` of INIT gives."""
+    """The name of the answer to a ``choose`` of INIT."""
     return f"c{site}"
 
 
 def step_text(step: core.Step, type_: Type, of: Scope) -> str:
-    """A step from a value of a type to a part of it."""
+    """The text of a step from a value of a type to a part of it."""
     match step:
         case core.IndexStep(index=index):
             return f"[{text(index, of)}]"
@@ -328,5 +328,5 @@ def _quantified(e: core.Quantified, of: Scope) -> str:
 
 
 def function_name(name: str) -> str:
-    """The operator that stands for a function of the program."""
+    """The name of the operator for a function of the program."""
     return "fun_" + "".join(c if c.isalnum() else "_" for c in name)

@@ -1,4 +1,4 @@
-"""A program with its robots as a TLA+ module: INIT, one robot's turn at a time, the round's end.
+"""Translation of a program with its robots: INIT, robots' turns one at a time, the round's end.
 
 ``snap`` is what all robots have for copies until the round is over [REFRESH]; ``moved`` are those
 that had their turn, ``taken`` the lock classes that are entered.
@@ -98,7 +98,7 @@ Next == Environment \/ \E self \in Robots: Turn(self)
 
 
 def module(system: System, name: str, names: tuple[str, ...], comment: str) -> Iterator[str]:
-    """The lines of a module. Raises KoordError for what it cannot say.
+    """Translate to the lines of a module. Raises KoordError for what cannot be translated.
 
     ``names`` are the properties that are wanted; none means all. Liveness is left out.
     """
@@ -146,7 +146,7 @@ def module(system: System, name: str, names: tuple[str, ...], comment: str) -> I
 
 
 def invariant_name(name: str) -> str:
-    """The operator that stands for a property: its name, where the module does not use that."""
+    """The operator's name for a property: its own, unless the module uses that."""
     return f"{name}_" if _OWN.fullmatch(name) else name_of(name)
 
 
@@ -170,7 +170,7 @@ def _check(program: core.Program) -> None:
 
 
 def _settled(program: core.Program) -> core.Program:
-    """The program with locals unset of whose arbitrary start nobody ever sees anything.
+    """The program with locals left unset whose arbitrary start is never read.
 
     That is of those that INIT writes in any case, and that nothing of INIT reads.
     """
@@ -202,7 +202,7 @@ def _declarations(program: core.Program) -> list[core.Declaration]:
 
 
 def _longest(system: System) -> int:
-    """The most elements that any array has."""
+    """The largest size of any array."""
     types = [t for e in _declarations(system.program) for t in within(e.variable.type)]
     sizes = [t.size for t in types if isinstance(t, ArrayType) and isinstance(t.size, int)]
     return max([system.robots, *sizes])
@@ -214,7 +214,7 @@ def _bounds(program: core.Program) -> int:
 
 
 def _functions(program: core.Program, of: Scope, writer: TlaWriter) -> Iterator[str]:
-    """The functions that something here calls, those first that others call."""
+    """The functions that are called, callees first."""
     agents = tuple((a.init, a.events) for a in program.agents)
     stated = tuple(p.condition for p in program.properties)
     starting = tuple(entry.initial for entry in _declarations(program))
@@ -254,7 +254,7 @@ def _events(system: System, of: Scope, writer: TlaWriter) -> Iterator[str]:
 
 
 def _picks(program: core.Program, of: Scope) -> tuple[dict[str, str], dict[str, str]]:
-    """What INIT leaves open, each with the set of what it may be: for all robots, for each robot.
+    """The inputs of INIT, each with the set of its values: shared ones, and ones per robot.
 
     [CHOOSE]
     """
@@ -282,7 +282,7 @@ def _range(choice: core.Choose, of: Scope, *, is_repeated: bool) -> str:
 
 
 def _start(entry: core.Declaration) -> str:
-    """The name of what a variable that starts arbitrary starts as: kinds may share slots."""
+    """The name of an arbitrary variable's start value: kinds may share slots."""
     variable = entry.variable
     return re.sub(r"\W", "_", f"{variable.home.value}_{variable.slot}_{variable.type}")
 
@@ -301,7 +301,7 @@ def _any(entry: core.Declaration, of: Scope) -> str:
 
 
 def _init(system: System, of: Scope, writer: TlaWriter) -> Iterator[str]:
-    """[INIT]"""
+    """Translate INIT. [INIT]"""
     program = system.program
     common, each = _picks(program, of)
     empty = ", ".join(f"{name_of(e.variable.name)} |-> 0" for e in program.allwrite)
@@ -352,7 +352,7 @@ def _init(system: System, of: Scope, writer: TlaWriter) -> Iterator[str]:
 
 
 def _begun(assigns: list[tuple[core.Declaration, core.Place]], of: Scope, writer: TlaWriter) -> str:
-    """The memory after variables got their first values, in order."""
+    """The memory after the declarations' initial values, in order."""
     memory, steps = "m", []
     names = count()
     for entry, place in assigns:

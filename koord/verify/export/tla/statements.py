@@ -1,4 +1,4 @@
-"""Statements of a core program in TLA+: what a memory becomes.
+"""Translation of statements to TLA+, as expressions from memory to memory.
 
 A memory is a record: the robot's locals ``l``, its copy ``c`` of what is shared, the store ``s``,
 bound variables ``b``, lock classes entered ``k``, whether to stop ``st``, how control goes on ``f``
@@ -26,13 +26,13 @@ from koord.verify.export.tla.expressions import (
 
 
 class TlaWriter(Struct):
-    """Writes bodies, with a fresh name for each memory. No list has more than ``longest`` items."""
+    """A translator of bodies, with a fresh name per memory; ``longest`` bounds list lengths."""
 
     longest: int
     names: Iterator[int] = field(default_factory=count)
 
     def block(self, block: core.Block, of: Scope) -> str:
-        """The memory after a block, from ``of.memory``."""
+        """Translate a block: the memory after it, from ``of.memory``."""
         if not block:
             return of.memory
         steps, memory, may_leave = [], of.memory, False
@@ -78,7 +78,7 @@ class TlaWriter(Struct):
                 raise refused("a list that changes its length", s.span, "use an array")
 
     def assigned(self, place: core.Place, value: str, of: Scope) -> str:
-        """The memory after a write. Shared variables are written in the copy and in the store."""
+        """Translate a write: shared variables are written in the copy and in the store."""
         variable, m = place.variable, of.memory
         if variable.home is Home.PORT:
             raise refused("an actuator", place.span, "leave modules out")
@@ -124,7 +124,7 @@ class TlaWriter(Struct):
         of: Scope,
         there: Sequence[str] = (),
     ) -> str:
-        """A body so many times, each with values of its own for bound variables.
+        """Unroll a loop: its body so many times, with the values of bound variables.
 
         ``there`` are conditions, if there may be fewer times.
         """
@@ -148,7 +148,9 @@ def _leaves(s: core.Stmt) -> bool:
 
 
 def constant(e: core.Expr, of: Scope, where: str = "a loop") -> int:
-    """The bound of a loop or choice, which does not hang on the robot here. Raises KoordError."""
+    """Evaluate the bound of a loop or choice, which is the same for all robots. Raises
+    KoordError.
+    """
     match e:
         case core.Const(value=int() as value):
             return int(value)
