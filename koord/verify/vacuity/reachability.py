@@ -35,6 +35,9 @@ from koord.verify.witness import NotReplayedError
 #: that the runtime would make.) Deadlines are met only where robots seldom act of themselves.
 SKIPS_PERCENT = (15, 15, 95)
 
+#: So many states are all looked at sooner than runs are made by chance.
+SMALL = 300
+
 
 class _Onlooker(Monitor):
     """A monitor that records violations and lets runs go on."""
@@ -128,7 +131,11 @@ def unbroken(
     left = _unbroken(system, seed, pending, rounds, deadline, hasty)
     if deadline.passed() or not left.claims:
         return left
-    met = seen(system, left.claims, runs, deadline.sooner(runs_s), seed)
+    lasting = set[Claim]()
+    if left.known:
+        unmet = [claim for claim in pending if claim in left.claims]
+        lasting = _held_by_few_states(system, unmet, SMALL, deadline)
+    met = seen(system, left.claims - lasting, runs, deadline.sooner(runs_s), seed)
     if not left.known:
         pending = [claim for claim in pending if claim in left.claims and claim not in met]
         few = _of_few(system, pending, rounds, deadline, effort, seed)
@@ -315,12 +322,19 @@ def never_broken(
             found |= set(result.proved)
             pending = [claim for claim in pending if claim not in found]
     if pending and not ledger.problem.is_abstract:
-        from koord.verify.engines.explicit.exhaustive import exhaust
-
-        few = Limits(states=FEW_STATES)
-        searched = exhaust(system, pending, few, deadline, _unshown, lambda text: None)
-        found |= {c for c, v in searched.verdicts.items() if v.outcome is Outcome.HOLDS}
+        found |= _held_by_few_states(system, pending, FEW_STATES, deadline)
     return found
+
+
+def _held_by_few_states(
+    system: System, claims: Sequence[Claim], most: int, deadline: Deadline
+) -> set[Claim]:
+    """Those of the claims that hold in all configurations, if there are at most so many."""
+    from koord.verify.engines.explicit.exhaustive import exhaust
+
+    few = Limits(states=most)
+    searched = exhaust(system, claims, few, deadline, _unshown, lambda text: None)
+    return {claim for claim, v in searched.verdicts.items() if v.outcome is Outcome.HOLDS}
 
 
 def _unshown(recording: Recording, claim: Claim, phase: ClaimPhase) -> Counterexample:

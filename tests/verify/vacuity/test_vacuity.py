@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from koord.verify.engine_names import Engine
+from koord.verify.vacuity import analysis
 from koord.verify.verdicts import Emptiness, Outcome
 from tests.sampling import first
 from tests.verify.asking import ask, of_text
@@ -37,6 +38,12 @@ invariant Small: Body.x <= 3.0 or true
 
 NEVER = "can never come true"
 RULED_OUT = "can come true, but no round in which it does can end: contracts rule it out"
+
+
+@pytest.fixture(autouse=True)
+def short_runs(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What happens in these programs at all happens soon."""
+    monkeypatch.setattr(analysis, "TURNS", 60)
 
 
 def told(text: str, robots: int = 2, rounds: int = 4, choice: Engine | None = None) -> list[str]:
