@@ -240,28 +240,7 @@ class Terms:
         True: the formula may need the Boolean to hold; False: not to hold. What is in ``seen`` is
         left out, and everything looked at is put there.
         """
-        waiting = [(term, 1)]
-        while waiting:
-            part, sign = waiting.pop()
-            if not isinstance(part, z3.ExprRef) or (part.get_id(), sign) in seen:
-                continue
-            seen.add((part.get_id(), sign))
-            if z3.is_not(part):
-                waiting.append((part.arg(0), -sign))
-            elif z3.is_and(part) or z3.is_or(part):
-                waiting += [(below, sign) for below in part.children()]
-            elif z3.is_implies(part):
-                waiting += [(part.arg(0), -sign), (part.arg(1), sign)]
-            elif z3.is_app(part) and part.decl().kind() == z3.Z3_OP_ITE and z3.is_bool(part):
-                waiting += [(part.arg(0), 0), (part.arg(1), sign), (part.arg(2), sign)]
-            else:
-                if z3.is_app(part) and part.decl().kind() == z3.Z3_OP_UNINTERPRETED:
-                    name = str(part.decl().name())
-                    if sign >= 0:
-                        yield name, True
-                    if sign <= 0:
-                        yield name, False
-                waiting += [(below, 0) for below in part.children()]
+        return self._make.leanings(term, seen) if isinstance(term, z3.ExprRef) else iter(())
 
     def is_constant(self, term: Term) -> bool:
         """Return whether a scalar is a single uninterpreted constant."""

@@ -7,7 +7,7 @@ and of the sorts that are needed: who calls has seen to it.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Final
 
 import z3
@@ -22,6 +22,7 @@ class TermBuilder:
         self._context = context
         self._ref = context.ref()
         self._symbols: dict[tuple[str, tuple[int, ...], int], z3.FuncDeclRef] = {}
+        self._names: dict[int, tuple[z3.FuncDeclRef, str]] = {}
 
     # --- Booleans -------------------------------------------------------------------------------
 
@@ -90,6 +91,54 @@ class TermBuilder:
         if z3.Z3_get_ast_kind(self._ref, term.ast) not in (z3.Z3_APP_AST, z3.Z3_NUMERAL_AST):
             return -1
         return int(z3.Z3_get_decl_kind(self._ref, z3.Z3_get_app_decl(self._ref, term.ast)))
+
+    def leanings(self, term: z3.ExprRef, seen: set[tuple[int, int]]) -> Iterator[tuple[str, bool]]:
+        """As :meth:`koord.verify.encoding.terms.Terms.leanings`."""
+        ref, waiting = self._ref, [(term.ast, 1)]
+        while waiting:
+            part, sign = waiting.pop()
+            key = z3.Z3_get_ast_id(ref, part), sign
+            if key in seen:
+                continue
+            seen.add(key)
+            written = z3.Z3_get_ast_kind(ref, part)
+            if written == z3.Z3_QUANTIFIER_AST:
+                waiting.append((z3.Z3_get_quantifier_body(ref, part), 0))
+            if written != z3.Z3_APP_AST:
+                continue  # it has no parts
+            symbol = z3.Z3_get_app_decl(ref, part)
+            below = [
+                z3.Z3_get_app_arg(ref, part, k) for k in range(z3.Z3_get_app_num_args(ref, part))
+            ]
+            signs = [0] * len(below)
+            match z3.Z3_get_decl_kind(ref, symbol):
+                case z3.Z3_OP_NOT:
+                    signs = [-sign]
+                case z3.Z3_OP_AND | z3.Z3_OP_OR:
+                    signs = [sign] * len(below)
+                case z3.Z3_OP_IMPLIES:
+                    signs = [-sign, sign]
+                case z3.Z3_OP_ITE if self._is_boolean(part):
+                    signs = [0, sign, sign]
+                case z3.Z3_OP_UNINTERPRETED:
+                    name = self._name(symbol)
+                    if sign >= 0:
+                        yield name, True
+                    if sign <= 0:
+                        yield name, False
+            waiting += zip(below, signs, strict=True)
+
+    def _is_boolean(self, part: z3.Ast) -> bool:
+        sort = z3.Z3_get_sort(self._ref, part)
+        return bool(z3.Z3_get_sort_kind(self._ref, sort) == z3.Z3_BOOL_SORT)
+
+    def _name(self, symbol: z3.FuncDecl) -> str:
+        """The name of a symbol, as text."""
+        number = z3.Z3_get_func_decl_id(self._ref, symbol)
+        if number not in self._names:
+            kept = z3.FuncDeclRef(symbol, self._context)  # or its number may be another's one day
+            self._names[number] = kept, str(kept.name())
+        return self._names[number][1]
 
     def _boolean(self, made: z3.Ast) -> z3.BoolRef:
         return z3.BoolRef(made, self._context)
