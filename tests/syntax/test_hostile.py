@@ -19,7 +19,7 @@ from koord.syntax.parsing.parser import MAX_CHARACTERS, Parsed, parse
 from koord.syntax.parsing.tokens import words
 from koord.syntax.printing.program import print_program
 from koord.syntax.source import Source, Span
-from tests.sampling import but_slow, examples
+from tests.sampling import examples, first
 
 #: CPU seconds for one text; the slowest takes a third of it on a slow machine.
 PATIENCE_S = 6.0
@@ -56,73 +56,73 @@ def depth(node: object) -> int:
     return deepest
 
 
-def bytes_as(encoding: str, errors: str) -> str:
-    return random.Random(1).randbytes(100_000).decode(encoding, errors)
+def bytes_as(count: int, encoding: str, errors: str) -> str:
+    return random.Random(1).randbytes(count).decode(encoding, errors)
 
 
 #: Texts, and the code of the first thing that is told of them (None if they are well).
-TEXTS: list[tuple[str, Callable[[], str], str | None]] = [
-    ("random bytes", lambda: bytes_as("latin-1", "strict"), "K101"),
-    ("bytes that are no text", lambda: bytes_as("utf-8", "surrogateescape"), "K101"),
-    ("brackets", lambda: f"{IN}{'(' * 10_000}a{')' * 10_000}\n", "K108"),
-    ("open brackets", lambda: f"{IN}{'([{' * 10_000}", "K108"),
-    ("closing brackets", lambda: ")" * 10_000, "K122"),
-    ("brackets of all kinds", lambda: f"{IN}{'(]' * 10_000}", "K121"),
-    ("a large file", lambda: "x = 1\n" * 900_000, "K106"),
-    ("a line of 100,000 characters", lambda: IN + "[" + "ab, " * 25_000 + "c]\n", None),
-    ("a long sum", lambda: IN + " + ".join(["a"] * 25_000), "K109"),
-    ("a long name", lambda: IN + "a" * 100_000, None),
-    ("a long number", lambda: IN + "9" * 100_000, "K103"),
-    ("a great number", lambda: IN + "1e999999999", "K103"),
-    ("a long string", lambda: IN + '"' + "a" * 100_000 + '"', None),
-    ("a long open string", lambda: IN + '"' + "\\" * 100_001, "K102"),
-    ("quotation marks", lambda: '"\n' * 20_000, "K102"),
-    ("NULs", lambda: "\0" * 100_000, "K101"),
-    ("NULs among words", lambda: "x\0 " * 30_000, "K101"),
-    ("lone surrogates", lambda: "\ud800 x" * 30_000, "K101"),
-    ("a lone surrogate in a string", lambda: f'{IN}"\ud800"\n', "K101"),
-    ("a lone surrogate in a comment", lambda: "# \ud800\n", None),
+#: They grow with ``k``, which stands for a thousand.
+TEXTS: list[tuple[str, Callable[[int], str], str | None]] = [
+    ("random bytes", lambda k: bytes_as(100 * k, "latin-1", "strict"), "K101"),
+    ("bytes that are no text", lambda k: bytes_as(100 * k, "utf-8", "surrogateescape"), "K101"),
+    ("brackets", lambda k: f"{IN}{'(' * (10 * k)}a{')' * (10 * k)}\n", "K108"),
+    ("open brackets", lambda k: f"{IN}{'([{' * (10 * k)}", "K108"),
+    ("closing brackets", lambda k: ")" * (10 * k), "K122"),
+    ("brackets of all kinds", lambda k: f"{IN}{'(]' * (10 * k)}", "K121"),
+    ("a large file", lambda k: "x = 1\n" * 900_000, "K106"),
+    ("a long line", lambda k: IN + "[" + "ab, " * (25 * k) + "c]\n", None),
+    ("a long sum", lambda k: IN + " + ".join(["a"] * (25 * k)), "K109"),
+    ("a long name", lambda k: IN + "a" * (100 * k), None),
+    ("a long number", lambda k: IN + "9" * (100 * k), "K103"),
+    ("a great number", lambda k: IN + "1e999999999", "K103"),
+    ("a long string", lambda k: IN + '"' + "a" * (100 * k) + '"', None),
+    ("a long open string", lambda k: IN + '"' + "\\" * (100 * k + 1), "K102"),
+    ("quotation marks", lambda k: '"\n' * (20 * k), "K102"),
+    ("NULs", lambda k: "\0" * (100 * k), "K101"),
+    ("NULs among words", lambda k: "x\0 " * (30 * k), "K101"),
+    ("lone surrogates", lambda k: "\ud800 x" * (30 * k), "K101"),
+    ("a lone surrogate in a string", lambda k: f'{IN}"\ud800"\n', "K101"),
+    ("a lone surrogate in a comment", lambda k: "# \ud800\n", None),
     (
         "deep blocks",
-        lambda: "E:\n eff:\n" + "".join(f"{' ' * i}if x:\n" for i in range(2, 900)),
+        lambda k: "E:\n eff:\n" + "".join(f"{' ' * i}if x:\n" for i in range(2, 900)),
         "K108",
     ),
-    ("deep blocks on a line", lambda: f"E:\n  eff: {'if x: ' * 20_000}stop\n", "K108"),
-    ("colons", lambda: ":" * 50_000, "K108"),
-    ("lines of colons", lambda: ":\n" * 50_000, "K141"),
-    ("minus signs", lambda: f"{IN}{'- ' * 50_000}a", "K109"),
-    ("fields", lambda: f"{IN}a{'.b' * 30_000}", "K109"),
-    ("indices", lambda: f"{IN}a{'[0]' * 30_000}", "K109"),
-    ("implications", lambda: IN + " implies ".join("a" * 10_000), "K109"),
-    ("comparisons", lambda: IN + " < ".join("a" * 20_000), "K134"),
-    ("quantifiers", lambda: "invariant: " + "forall i: " * 10_000 + "x", "K109"),
-    ("conditions", lambda: "E:\n  pre:\n" + "    a\n" * 20_000 + "  eff: stop\n", "K109"),
-    ("open types", lambda: "local:\n  " + "Map<" * 20_000, "K130"),
-    ("deep types", lambda: f"local:\n  {'List<' * 5_000}int{'>' * 5_000} x\n", "K109"),
-    ("arms", lambda: "E:\n  eff:\n    if a: stop\n" + "    elif b: stop\n" * 10_000, None),
-    ("lost elses", lambda: "E:\n  eff:\n" + "    else: stop\n" * 10_000, "K116"),
-    ("elses on a line", lambda: "E:\n  eff: if x: stop " + "else: if x: stop " * 5_000, "K117"),
-    ("semicolons", lambda: ";" * 50_000, "K133"),
-    ("calls left open", lambda: "E:\n  eff:\n" + "    x = f(\n" * 20_000, "K120"),
-    ("events left open", lambda: "E:\n  eff: x = (\n" * 10_000, "K120"),
-    ("steps", lambda: "".join(f"{' ' * (i % 7)}x\n" for i in range(20_000)), "K110"),
-    ("tabs", lambda: "\tx = 1\n" * 20_000, "K105"),
-    ("keywords", lambda: "if " * 50_000, "K141"),
-    ("names", lambda: "a " * 50_000, "K141"),
-    ("comments", lambda: "# x\n" * 100_000, None),
-    ("blank lines", lambda: "  \n" * 100_000, None),
-    ("names in a declaration", lambda: "local:\n  int a" + ", b" * 20_000, "K137"),
-    ("joined lines", lambda: "assume:\n" + "  a\n  and b\n" * 10_000, None),
-    ("lines that go on", lambda: "invariant:\n" + "  a and\n" * 10_000 + "  b\n", "K109"),
-    ("bodies at the level of heads", lambda: "E:\n" + "pre: x\n" * 10_000, "K143"),
+    ("deep blocks on a line", lambda k: f"E:\n  eff: {'if x: ' * (20 * k)}stop\n", "K108"),
+    ("colons", lambda k: ":" * (50 * k), "K108"),
+    ("lines of colons", lambda k: ":\n" * (50 * k), "K141"),
+    ("minus signs", lambda k: f"{IN}{'- ' * (50 * k)}a", "K109"),
+    ("fields", lambda k: f"{IN}a{'.b' * (30 * k)}", "K109"),
+    ("indices", lambda k: f"{IN}a{'[0]' * (30 * k)}", "K109"),
+    ("implications", lambda k: IN + " implies ".join("a" * (10 * k)), "K109"),
+    ("comparisons", lambda k: IN + " < ".join("a" * (20 * k)), "K134"),
+    ("quantifiers", lambda k: "invariant: " + "forall i: " * (10 * k) + "x", "K109"),
+    ("conditions", lambda k: "E:\n  pre:\n" + "    a\n" * (20 * k) + "  eff: stop\n", "K109"),
+    ("open types", lambda k: "local:\n  " + "Map<" * (20 * k), "K130"),
+    ("deep types", lambda k: f"local:\n  {'List<' * (5 * k)}int{'>' * (5 * k)} x\n", "K109"),
+    ("arms", lambda k: "E:\n  eff:\n    if a: stop\n" + "    elif b: stop\n" * (10 * k), None),
+    ("lost elses", lambda k: "E:\n  eff:\n" + "    else: stop\n" * (10 * k), "K116"),
+    ("elses on a line", lambda k: "E:\n  eff: if x: stop " + "else: if x: stop " * (5 * k), "K117"),
+    ("semicolons", lambda k: ";" * (50 * k), "K133"),
+    ("calls left open", lambda k: "E:\n  eff:\n" + "    x = f(\n" * (20 * k), "K120"),
+    ("events left open", lambda k: "E:\n  eff: x = (\n" * (10 * k), "K120"),
+    ("steps", lambda k: "".join(f"{' ' * (i % 7)}x\n" for i in range(20 * k)), "K110"),
+    ("tabs", lambda k: "\tx = 1\n" * (20 * k), "K105"),
+    ("keywords", lambda k: "if " * (50 * k), "K141"),
+    ("names", lambda k: "a " * (50 * k), "K141"),
+    ("comments", lambda k: "# x\n" * (100 * k), None),
+    ("blank lines", lambda k: "  \n" * (100 * k), None),
+    ("names in a declaration", lambda k: "local:\n  int a" + ", b" * (20 * k), "K137"),
+    ("joined lines", lambda k: "assume:\n" + "  a\n  and b\n" * (10 * k), None),
+    ("lines that go on", lambda k: "invariant:\n" + "  a and\n" * (10 * k) + "  b\n", "K109"),
+    ("bodies at the level of heads", lambda k: "E:\n" + "pre: x\n" * (10 * k), "K143"),
 ]
 
 
-@pytest.mark.parametrize(
-    ("name", "make", "code"), but_slow(["calls left open", "events left open", "steps"], TEXTS)
-)
-def test_hostile_texts(name: str, make: Callable[[], str], code: str | None) -> None:
-    found = parsed(make()).diagnostics
+@pytest.mark.parametrize("k", first(1, [50, 1000]))
+@pytest.mark.parametrize(("name", "make", "code"), TEXTS)
+def test_hostile_texts(name: str, make: Callable[[int], str], code: str | None, k: int) -> None:
+    found = parsed(make(k)).diagnostics
     assert (found[0].code if found else None) == code
 
 
