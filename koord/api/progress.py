@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import time
 from collections.abc import Callable
 from typing import TypeAlias
 
@@ -65,11 +66,21 @@ def teller(listener: Listener | None) -> Callable[[str], None]:
     return lambda text: listener(Progress(text))
 
 
-def asker(cancellation: Cancellation | None) -> Callable[[], bool]:
-    """What engines ask whether to stop."""
+def asker(cancellation: Cancellation | None, timeout_s: float | None = None) -> Callable[[], bool]:
+    """What engines ask whether to stop: when somebody cancels, or so many seconds from now."""
+    if timeout_s is not None:
+        ends_at, cancelled = time.monotonic() + timeout_s, asker(cancellation)
+        return lambda: cancelled() or time.monotonic() >= ends_at
     if cancellation is None:
         return lambda: False
     return lambda: cancellation.requested
+
+
+def ended(cancellation: Cancellation | None, doing: str) -> CancelledError | TimeoutError:
+    """What is raised if a call was to stop before there was anything to answer."""
+    if cancellation is not None and cancellation.requested:
+        return CancelledError(doing)
+    return TimeoutError(f"the time was up {doing}")
 
 
 #: Processes of one call.

@@ -139,8 +139,7 @@ def recheck(
     is of the solver.
 
     Raises :class:`koord.KoordError` for a damaged certificate, for one about another text, and
-    where there is no solver; and :class:`koord.CancelledError` after ``cancellation``, once the
-    obligation is settled that is looked at.
+    where there is no solver; and :class:`koord.CancelledError` after ``cancellation``.
 
     >>> koord.recheck("task.json").confirmed
     True
@@ -151,13 +150,16 @@ def recheck(
         raw, name = read_written(os.fspath(certificate)), visible(os.fspath(certificate))
     tell, cancelled = teller(progress), asker(cancellation)
 
-    def told(text: str) -> None:
+    def waiting() -> None:
         if cancelled():
             raise CancelledError("while obligations were settled")
+
+    def told(text: str) -> None:
+        waiting()
         tell(text)
 
     about = None if program is None else source_of(program)
-    return rechecked(read_about(raw, name, about), timeout_s, seed, told)
+    return rechecked(read_about(raw, name, about), timeout_s, seed, told, waiting)
 
 
 def read_about(raw: bytes, name: str, program: Source | None) -> Certificate:
@@ -174,11 +176,15 @@ def read_about(raw: bytes, name: str, program: Source | None) -> Certificate:
 
 
 def rechecked(
-    certificate: Certificate, timeout_s: float | None, seed: int, tell: Callable[[str], None]
+    certificate: Certificate,
+    timeout_s: float | None,
+    seed: int,
+    tell: Callable[[str], None],
+    waiting: Callable[[], None] = lambda: None,
 ) -> RecheckReport:
     """As :func:`recheck`, of a certificate that is read by now."""
     try:
-        found = settle(certificate, timeout_s, seed, tell)
+        found = settle(certificate, timeout_s, seed, tell, waiting)
         return RecheckReport(certificate, found, version())
     except MissingSolverError:
         message = "cvc5 is not installed, and a second opinion needs a second solver"

@@ -13,10 +13,11 @@ from msgspec.structs import replace
 from koord.api import forms
 from koord.api.files import read_written
 from koord.api.programs import Text, source_of
-from koord.api.progress import Listener, Progress
+from koord.api.progress import Cancellation, Listener, Progress, asker, ended
 from koord.api.results import Result, html_table
 from koord.api.robots import exact_number
 from koord.api.traces import Trace, read_trace
+from koord.syntax.budget import ENDLESS, Budget, OutOfBudgetError
 from koord.syntax.source import visible
 from koord.traces.replay import Refused, Replayed
 from koord.traces.replay import replay as judge
@@ -151,7 +152,9 @@ def replay(
     program: Text | None = None,
     slack: float | Fraction | None = None,
     compiled: bool = False,
+    timeout_s: float | None = None,
     progress: Listener | None = None,
+    cancellation: Cancellation | None = None,
 ) -> ReplayReport:
     """Check a trace rule by rule; it may be the name of a file.
 
@@ -159,7 +162,8 @@ def replay(
     much floats may be off in assumptions and contracts (as the trace says: traces of vehicles say
     how far these may be off). With ``compiled`` the compiled program runs it, too.
 
-    Raises :class:`koord.KoordError` for what is no trace, or does not fit the program.
+    Raises :class:`koord.KoordError` for what is no trace, or does not fit the program; and
+    :class:`koord.CancelledError` or TimeoutError after ``cancellation``, or ``timeout_s`` seconds.
 
     >>> koord.replay(report.counterexample).legal
     True
@@ -174,7 +178,11 @@ def replay(
             progress(Progress("replaying", round=step.round + 1))
 
     amount = None if slack is None else exact_number("slack", slack)
-    return replayed(trace.recorded, told, slack=amount, compiled=compiled)
+    budget = Budget(asker(cancellation, timeout_s))
+    try:
+        return replayed(trace.recorded, told, slack=amount, compiled=compiled, budget=budget)
+    except OutOfBudgetError:
+        raise ended(cancellation, "while a trace was replayed") from None
 
 
 def replayed(
@@ -183,23 +191,24 @@ def replayed(
     *,
     slack: Fraction | None = None,
     compiled: bool = False,
+    budget: Budget = ENDLESS,
 ) -> ReplayReport:
-    """As :func:`replay`; each step that is right is ``shown``."""
+    """As :func:`replay`; each step that is right is ``shown``. Raises OutOfBudgetError."""
     if slack is not None:
         recorded = replace(recorded, slack=slack)
-    found = judge(_loosened(recorded), shown)
+    found = judge(_loosened(recorded, budget), shown)
     if not compiled or found.refused is not None:
         return ReplayReport(Trace(recorded), found)
     from koord.refinement.compiled_replay import rerun
 
-    return ReplayReport(Trace(recorded), found, True, rerun(recorded))
+    return ReplayReport(Trace(recorded), found, True, rerun(recorded, budget=budget))
 
 
-def _loosened(recorded: Recorded) -> Recorded:
+def _loosened(recorded: Recorded, budget: Budget) -> Recorded:
     """The trace, of a program whose assumptions and contracts have the trace's slack."""
-    if not recorded.slack:
-        return recorded
-    from koord.runtime.compile.slack import loosened
+    program = recorded.system.program
+    if recorded.slack:
+        from koord.runtime.compile.slack import loosened
 
-    program = loosened(recorded.system.program, recorded.slack)
-    return replace(recorded, system=replace(recorded.system, program=program))
+        program = loosened(program, recorded.slack)
+    return replace(recorded, system=replace(recorded.system, program=program, budget=budget))

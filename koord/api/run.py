@@ -11,7 +11,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from koord.api.programs import Loadable, Program, program_of
-from koord.api.progress import Cancellation, CancelledError, Listener, Progress, asker
+from koord.api.progress import Cancellation, CancelledError, Listener, Progress, asker, ended
 from koord.api.results import ArgumentError, Result
 from koord.api.robots import Robots, Seconds, delta_of, fleet_of, system_of
 from koord.api.traces import Trace, sources_of
@@ -199,6 +199,7 @@ def run(
     policy: Policy | str = Policy.FIRST,
     numbers: Numbers | str = Numbers.EXACT,
     seed: int = 0,
+    timeout_s: float | None = None,
     progress: Listener | None = None,
     cancellation: Cancellation | None = None,
 ) -> RunReport:
@@ -210,11 +211,12 @@ def run(
     the program leaves open is chosen by the seed as well. ``numbers`` is what a float is:
     ``"exact"``, a rational, or ``"double"``, as on robots.
 
-    ``progress`` hears of each round; after ``cancellation`` the report has the run up to there.
+    ``progress`` hears of each round; after ``cancellation``, or ``timeout_s`` seconds, the report
+    has the run up to there.
 
     Raises :class:`koord.KoordError` for a program with errors, or where no start, answer or reading
     meets what is assumed of it; :class:`koord.ArgumentError` for arguments that do not fit; and
-    :class:`koord.CancelledError` where it is cancelled before there is a start.
+    :class:`koord.CancelledError` or TimeoutError where it is ended before there is a start.
 
     >>> koord.run("task.krd", rounds=5).violation
     """
@@ -227,12 +229,15 @@ def run(
         system_of(loaded.core, fleet, delta_of(delta_s)),
         HowToRun(rounds, _one_of(Policy, "policy", policy), _one_of(Numbers, "numbers", numbers)),
         seed,
-        None if cancellation is None else asker(cancellation),
+        None if cancellation is None and timeout_s is None else asker(cancellation, timeout_s),
     )
-    for taken in session.steps():
-        if progress is not None and taken.step.robot is None:
-            made = session.play.run.round
-            progress(Progress(f"round {made} of {rounds}", round=made))
+    try:
+        for taken in session.steps():
+            if progress is not None and taken.step.robot is None:
+                made = session.play.run.round
+                progress(Progress(f"round {made} of {rounds}", round=made))
+    except CancelledError as error:
+        raise ended(cancellation, str(error)) from None
     return RunReport(loaded, Trace(session.recorded()), session.ending)
 
 

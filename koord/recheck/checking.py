@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -111,13 +112,19 @@ class Rechecked(Struct, frozen=True):
         return everyone, here
 
 
-class _Clock(Struct):
-    """When to stop: a moment, or never."""
+class _Work(Struct, frozen=True):
+    """How obligations are settled: with which seed, until when, and who hears of it."""
 
-    at: float | None
+    seed: int
+    ends_at: float  #: as :func:`time.monotonic` counts
+    progress: Callable[[str], None]
+    waiting: Callable[[], None]
 
-    def left(self, most: float) -> float:
-        return most if self.at is None else min(most, self.at - time.monotonic())
+    def session(self) -> SolverSession:
+        return SolverSession.start(self.seed, waiting=self.waiting)
+
+    def left(self, most: float = QUESTION_S) -> float:
+        return min(most, self.ends_at - time.monotonic())
 
 
 def recheck(
@@ -125,13 +132,16 @@ def recheck(
     timeout_s: float | None = None,
     seed: int = 0,
     progress: Callable[[str], None] = lambda text: None,
+    waiting: Callable[[], None] = lambda: None,
 ) -> Rechecked:
     """Settle the obligations of a certificate. Raises KoordError if it is damaged.
 
+    ``waiting`` is called ten times in a second while the solver works; what it raises ends that.
     Raises MissingSolverError without cvc5.
     """
     started = time.monotonic()
-    clock = _Clock(None if timeout_s is None else started + timeout_s)
+    ends_at = math.inf if timeout_s is None else started + timeout_s
+    work = _Work(seed, ends_at, progress, waiting)
     everyone: CheckedPart | None = None
     here: CheckedPart | None = None
     about = meant(certificate)
@@ -139,29 +149,25 @@ def recheck(
         it = opened(certificate, about)
     except NotRecheckedError as error:
         here = CheckedPart(RecheckOutcome.UNKNOWN, (), error.reason, error.span)
-        scripts = _read(certificate, progress)
+        scripts = _read(certificate, work)
     else:
-        scripts = _read(certificate, progress)
-        everyone, here = _argued(certificate, it, seed, clock, progress)
-    opinions = tuple(_opinion(name, script, clock, progress) for name, script in scripts)
+        scripts = _read(certificate, work)
+        everyone, here = _argued(certificate, it, work)
+    opinions = tuple(_opinion(name, script, work) for name, script in scripts)
     return _joined(about, everyone, here, opinions, time.monotonic() - started)
 
 
 def _argued(
-    certificate: Certificate,
-    it: Opened,
-    seed: int,
-    clock: _Clock,
-    progress: Callable[[str], None],
+    certificate: Certificate, it: Opened, work: _Work
 ) -> tuple[CheckedPart | None, CheckedPart | None]:
     """What becomes of the claims for every number of robots, and of those for these robots."""
     everyone = here = None
     if it.everyone is not None:
-        everyone = _part(_for_everyone(it.everyone, seed, clock, progress))
+        everyone = _part(_for_everyone(it.everyone, work))
     certain = everyone is not None and everyone.outcome is RecheckOutcome.CONFIRMED
     if not certain or not all(claimed.everyone for claimed in certificate.claims):
-        with SolverSession.start(seed) as session:
-            here = _part(_Pass(it.here, session, clock, progress).settled())
+        with work.session() as session:
+            here = _part(_Pass(it.here, session, work).settled())
     return everyone, here
 
 
@@ -185,21 +191,19 @@ def _part(settling: Iterator[Discharged]) -> CheckedPart:
     return CheckedPart(RecheckOutcome.CONFIRMED, tuple(settled))
 
 
-def _for_everyone(
-    it: InductiveArgument, seed: int, clock: _Clock, progress: Callable[[str], None]
-) -> Iterator[Discharged]:
+def _for_everyone(it: InductiveArgument, work: _Work) -> Iterator[Discharged]:
     """The obligations for every number of robots."""
     values = Values(Terms(), None, it.world.sealed)
     looked = False
-    with SolverSession.start(seed) as session:
-        settling = Settling(values, session, lambda: clock.left(QUESTION_S), progress)
+    with work.session() as session:
+        settling = Settling(values, session, work.left, work.progress)
         for obligation in EveryNumber(it.world, it.claims, values, it.consequences):
-            progress(f"any number of robots: {obligation.name}")
+            work.progress(f"any number of robots: {obligation.name}")
             with _named(obligation):
                 one = settling.weighed(instances.settled(settling, obligation), obligation)
             if one.answer is not SolverAnswer.UNSAT and not looked:
                 looked = True
-                yield from _refuted_by_few(it, seed, clock, progress)
+                yield from _refuted_by_few(it, work)
             yield one
 
 
@@ -216,17 +220,15 @@ def _named(obligation: Obligation) -> Iterator[None]:
 _FEW = (1, 2, 3)
 
 
-def _refuted_by_few(
-    it: InductiveArgument, seed: int, clock: _Clock, progress: Callable[[str], None]
-) -> Iterator[Discharged]:
+def _refuted_by_few(it: InductiveArgument, work: _Work) -> Iterator[Discharged]:
     """What holds for every number of robots holds for a few; if it does not, that refutes it."""
     if len(it.world.program.agents) > 1:
         return
     for robots in _FEW:
         world = Instance(it.world.program, (0,) * robots, it.world.delta_s)
         few = InductiveArgument(world, it.claims, it.consequences)
-        with SolverSession.start(seed) as session:
-            found = _part(_Pass(few, session, clock, progress).settled())
+        with work.session() as session:
+            found = _part(_Pass(few, session, work).settled())
         if found.outcome is RecheckOutcome.REFUTED:
             last = found.settled[-1]
             yield replace(
@@ -267,17 +269,14 @@ class _Pass(Struct):
 
     it: InductiveArgument
     session: SolverSession
-    clock: _Clock
-    progress: Callable[[str], None]
+    work: _Work
     _derived: list[str] = field(default_factory=list)
 
     def settled(self) -> Iterator[Discharged]:
         world = self.it.world
         values = Values(Terms(), world.robots, world.sealed)
         obligations = Obligations(world, self.it.claims, values, self.it.consequences)
-        settling = Settling(
-            values, self.session, lambda: self.clock.left(QUESTION_S), self.progress
-        )
+        settling = Settling(values, self.session, self.work.left, self.work.progress)
         for obligation in obligations:
             with _named(obligation):
                 one = settling.settled(obligation)
@@ -309,15 +308,15 @@ class _Pass(Struct):
         return False
 
 
-def _read(certificate: Certificate, progress: Callable[[str], None]) -> list[tuple[str, Harmless]]:
+def _read(certificate: Certificate, work: _Work) -> list[tuple[str, Harmless]]:
     """The scripts of a certificate. Raises KoordError (K941) that names each that is none."""
     scripts: list[tuple[str, Harmless]] = []
     problems: list[Diagnostic] = []
     for given in certificate.given:
-        progress(f"reading: {given.name}")
+        work.progress(f"reading: {given.name}")
         try:
             script = harmless(given.smt2)
-            read(script)
+            read(script, work.waiting)
         except SolverEndedError:
             pass  # which is told when it is asked
         except (TextError, NotACommandError) as error:
@@ -330,15 +329,13 @@ def _read(certificate: Certificate, progress: Callable[[str], None]) -> list[tup
     return scripts
 
 
-def _opinion(
-    name: str, script: Harmless, clock: _Clock, progress: Callable[[str], None]
-) -> Opinion:
-    progress(f"enclosed: {name}")
-    left = clock.left(SECOND_OPINION_S)
+def _opinion(name: str, script: Harmless, work: _Work) -> Opinion:
+    work.progress(f"enclosed: {name}")
+    left = work.left(SECOND_OPINION_S)
     if left <= 0:
         return Opinion(name, SolverAnswer.UNKNOWN, "there was no time left to ask")
     try:
-        answer = answer_of(script, left)
+        answer = answer_of(script, left, work.waiting)
     except SolverEndedError as error:
         return Opinion(name, SolverAnswer.UNKNOWN, str(error))
     return Opinion(name, answer, "no answer in time" if answer is SolverAnswer.UNKNOWN else "")

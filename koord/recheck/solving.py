@@ -6,11 +6,13 @@ It runs in a process of its own: whatever it does, be it to crash, the one that 
 from __future__ import annotations
 
 import faulthandler
+import math
 import multiprocessing
 import os
 import re
 import signal
-from collections.abc import Iterable, Sequence
+import time
+from collections.abc import Callable, Iterable, Sequence
 from enum import Enum
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
@@ -70,6 +72,9 @@ _OPTIONS = {
 #: All theories, with quantifiers.
 _ALL = "(set-logic ALL)"
 
+#: How long an answer is waited for at a time, in seconds.
+_WAIT_S = 0.1
+
 #: How much longer than it may a solver can take to say so, and to read a script, in seconds.
 _GRACE_S = 20.0
 
@@ -80,11 +85,14 @@ class SolverSession(Struct):
     _process: BaseProcess
     _line: Connection
     _untold: list[str]  #: commands that print nothing: they go with the next that does
+    _waiting: Callable[[], None]  #: asked while it is waited for; what it raises ends the session
     _is_over: bool = False
     _question_s: float | None = None
 
     @staticmethod
-    def start(seed: int = 0, logic: str = _ALL) -> SolverSession:
+    def start(
+        seed: int = 0, logic: str = _ALL, waiting: Callable[[], None] = lambda: None
+    ) -> SolverSession:
         """Raises MissingSolverError."""
         _cvc5()  # whoever is forked from this process has it then
         can_fork = "fork" in multiprocessing.get_all_start_methods()
@@ -96,7 +104,7 @@ class SolverSession(Struct):
             )
             process.start()
             theirs.close()
-        return SolverSession(process, ours, [logic])
+        return SolverSession(process, ours, [logic], waiting)
 
     def __enter__(self) -> SolverSession:
         return self
@@ -118,16 +126,22 @@ class SolverSession(Struct):
         self._untold += commands
 
     def ask(self, commands: Iterable[str], within_s: float | None = None) -> str:
-        """Run commands; what they print. Raises TextError, and SolverEndedError."""
+        """Run commands; what they print.
+
+        Raises TextError, SolverEndedError, and what is raised by who is asked while it waits.
+        """
         if self._is_over:
             raise SolverEndedError("cvc5 has ended")
         self.tell(commands)
         script, self._untold = "\n".join(self._untold), []
         try:
             self._line.send(script)
-            if not self._line.poll(within_s):
-                self.close()
-                raise SolverEndedError("cvc5 did not end in time")
+            ends_at = math.inf if within_s is None else time.monotonic() + within_s
+            while not self._line.poll(min(_WAIT_S, max(0.0, ends_at - time.monotonic()))):
+                self._waiting()
+                if time.monotonic() >= ends_at:
+                    self.close()
+                    raise SolverEndedError("cvc5 did not end in time")
             said, problem = self._line.recv()
         except (EOFError, OSError) as error:
             with FORKING:
@@ -190,15 +204,15 @@ def _fraction(match: re.Match[str]) -> str:
     return f"{sign}{match.group(2)}/{match.group(3)}"
 
 
-def read(script: Harmless) -> None:
-    """Have cvc5 read a script that someone else wrote. Raises TextError, and SolverEndedError."""
-    with SolverSession.start(logic=script.logic or _ALL) as session:
+def read(script: Harmless, waiting: Callable[[], None]) -> None:
+    """Have cvc5 read a script that someone else wrote. Raises what a session's ``ask`` raises."""
+    with SolverSession.start(0, script.logic or _ALL, waiting) as session:
         session.ask(script.commands, _GRACE_S)
 
 
-def answer_of(script: Harmless, seconds: float) -> SolverAnswer:
+def answer_of(script: Harmless, seconds: float, waiting: Callable[[], None]) -> SolverAnswer:
     """What cvc5 says of such a script. Raises what :func:`read` raises."""
-    with SolverSession.start(logic=script.logic or _ALL) as session:
+    with SolverSession.start(0, script.logic or _ALL, waiting) as session:
         session.ask(script.commands, _GRACE_S)
         session.allow(seconds)
         return session.check()

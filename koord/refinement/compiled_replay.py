@@ -39,6 +39,7 @@ from koord.semantics.configurations import Configuration
 from koord.semantics.configurations import Robot as RobotState
 from koord.semantics.domain import Constant
 from koord.semantics.recordings import Round
+from koord.syntax.budget import ENDLESS, Budget, OutOfBudgetError
 from koord.syntax.faults import FaultKind
 from koord.syntax.types import FLOAT
 from koord.syntax.walk import nodes
@@ -72,8 +73,11 @@ class Departure(Struct, frozen=True):
 Rerun: TypeAlias = "Departure | Unjudged | None"
 
 
-def rerun(trace: Trace, made: Compiled | None = None) -> Rerun:
-    """Where the compiled program departs from a run, or mends by rounding what the run breaks."""
+def rerun(trace: Trace, made: Compiled | None = None, budget: Budget = ENDLESS) -> Rerun:
+    """Where the compiled program departs from a run, or mends by rounding what the run breaks.
+
+    Raises OutOfBudgetError, between two rounds.
+    """
     nobody = _Nobody()
     try:
         made = ready(trace.system.program) if made is None else made
@@ -81,7 +85,7 @@ def rerun(trace: Trace, made: Compiled | None = None) -> Rerun:
         return Departure(nobody.round, _TOO_LARGE)
     running = _Rerun(trace, made, nobody)
     try:
-        running.run()
+        running.run(budget)
     except _DepartedError as error:
         found = error.departure
         return replace(found, reason=found.reason + _ROUNDED) if _rounds(trace) else found
@@ -150,12 +154,14 @@ class _Rerun:
         self.fleet = RoundEngine(made.classes, system.kinds, float(system.delta_s), self.host)
         self.passed = Passed()
 
-    def run(self) -> None:
+    def run(self, budget: Budget) -> None:
         recording = self.trace.recording
         schedule = RecordedSchedule(recording.rounds, recording.opening.order)
         self.fleet.begin(recording.opening.order)
         self.compare(BEFORE_ROUNDS)
         for number, round_ in enumerate(recording.rounds):
+            if budget.is_over():
+                raise OutOfBudgetError
             if self.fleet.ended is not None:
                 break  # in the fault that was recorded, or compare() would have said so
             self.host.round = self.nobody.round = number

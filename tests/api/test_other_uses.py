@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import json
+import multiprocessing
+import os
+import threading
+import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -10,6 +14,7 @@ import pytest
 from jsonschema import Draft202012Validator
 
 import koord
+from koord.recheck import solving
 from koord.recheck.checking import RecheckOutcome
 
 COUNTER = koord.Source(
@@ -62,6 +67,29 @@ def test_a_certificate_is_refused(certificate: koord.Certificate) -> None:
     stop.cancel()
     with pytest.raises(koord.CancelledError):
         koord.recheck(certificate, cancellation=stop)
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="mended solvers are forked")
+def test_a_solver_at_work_is_ended_with_the_call(
+    certificate: koord.Certificate, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    told = solving._Solver.told
+
+    def lasting(solver: solving._Solver, text: str) -> tuple[str, str]:
+        if "(check-sat)" in text:
+            time.sleep(60.0)
+        return told(solver, text)
+
+    monkeypatch.setattr(solving._Solver, "told", lasting)
+    stop = koord.Cancellation()
+    timer = threading.Timer(0.5, stop.cancel)
+    timer.start()
+    began = time.monotonic()
+    with pytest.raises(koord.CancelledError):
+        koord.recheck(certificate, cancellation=stop)
+    assert time.monotonic() - began < 30.0
+    timer.join()
+    assert multiprocessing.active_children() == []
 
 
 def test_a_program_is_compiled(tmp_path: Path) -> None:

@@ -87,6 +87,29 @@ def test_a_run_that_is_cancelled_can_be_replayed() -> None:
         koord.run(EXAMPLES / "task.krd", cancellation=stop)
 
 
+def test_time_ends_runs_and_replays() -> None:
+    endless = koord.Source(
+        "endless.krd", "local:\n  int x = 0\nUp:\n  pre: true\n  eff: x = x + 1\n"
+    )
+    report = koord.run(endless, rounds=1_000_000, robots=1, timeout_s=0.5)
+    assert report.interrupted
+    assert 0 < report.rounds < 1_000_000
+    with pytest.raises(TimeoutError, match="the time was up while looking for a start"):
+        koord.run(EXAMPLES / "task.krd", timeout_s=0.0)
+    assert koord.replay(report.trace, compiled=True, timeout_s=600).agrees
+    for compiled in (False, True):
+        with pytest.raises(TimeoutError, match="the time was up while a trace was replayed"):
+            koord.replay(report.trace, compiled=compiled, timeout_s=0.0)
+
+
+def test_a_replay_is_cancelled() -> None:
+    """Behind its last round, so that it is the compiled program that ends."""
+    trace = koord.run(COUNTER, rounds=2, robots=1).trace
+    stop = koord.Cancellation()
+    with pytest.raises(koord.CancelledError, match="while a trace was replayed"):
+        koord.replay(trace, compiled=True, progress=cancelling(stop, 2), cancellation=stop)
+
+
 def test_a_trace_comes_back_from_a_file(tmp_path: Path) -> None:
     trace = koord.run(COUNTER, rounds=2).trace
     for name in ("t.json", "t.itf.json"):
