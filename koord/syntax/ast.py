@@ -17,7 +17,7 @@ from koord.syntax.source import Placed
 
 
 class Node(Placed, frozen=True):
-    """Anything that is written, with its place."""
+    """A node of the syntax tree, with its place in the text."""
 
 
 # --- names and types ----------------------------------------------------------------------------
@@ -407,7 +407,7 @@ class EnumDef(Node, frozen=True):
 
 
 class External(Enum):
-    """How the answers of an external function relate (decision record 0002)."""
+    """The kinds of external functions by their answers (decision record 0002)."""
 
     #: ``extern``: a mathematical function, equal answers for equal arguments.
     FUNCTION = "extern"

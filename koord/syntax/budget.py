@@ -1,4 +1,4 @@
-"""Budgets of work: long work asks now and then whether to go on.
+"""Budgets: long computations check now and then whether to continue.
 
 Evaluation is bounded by what a program may cost, which can still be many seconds, and formulas by
 less. So a system carries the budget of whoever works with it, and evaluation spends it.
@@ -15,11 +15,11 @@ _EVERY = 100
 
 
 class OutOfBudgetError(Exception):
-    """The budget is used up: the time is over, or the work was interrupted."""
+    """Raised where the budget is used up: time is over, or the work was interrupted."""
 
 
 class Budget(Struct, eq=False):
-    """How much work may be done; ``is_over`` says whether to stop.
+    """A budget of work; ``is_over`` says whether to stop.
 
     What is half done by then is lost, so it must not count.
     """
@@ -28,7 +28,7 @@ class Budget(Struct, eq=False):
     _left: int = _EVERY
 
     def spend(self, steps: int = 1) -> None:
-        """Ask now and then whether to go on. Raises OutOfBudgetError."""
+        """Spend work; check now and then whether to continue. Raises OutOfBudgetError."""
         self._left -= steps
         if self._left < 0:
             self._left = _EVERY
@@ -36,7 +36,7 @@ class Budget(Struct, eq=False):
                 raise OutOfBudgetError
 
     def rationed(self, most: int) -> Budget:
-        """The same for no more than about so much work, which is counted alike on every machine."""
+        """A part of this budget, of about so much work, counted alike on every machine."""
         return Budget(_Ration(self, most).is_over)
 
 

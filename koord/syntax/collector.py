@@ -1,4 +1,4 @@
-"""The collector of garbage, which looks for cycles: made to wait where there are none to find."""
+"""Python's garbage collector, paused where no cycles are made."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from contextlib import contextmanager
 
 @contextmanager
 def uncollected() -> Iterator[None]:
-    """Spare the collector while much is made that has no cycles.
+    """Pause the garbage collector while many objects without cycles are made.
 
     Trees, values of programs and recordings have none, and are many: looking at all of them again
     and again takes as long as making them.

@@ -1,4 +1,4 @@
-"""Structs of which not every field says what they are."""
+"""Structs whose equality ignores some fields."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from msgspec import Struct
 
 
 class ByContent(Struct, frozen=True, eq=False):
-    """A value that is equal to another of its class where all fields but those ``ASIDE`` are.
+    """A struct that is equal to another of its class if all fields except ``ASIDE`` are equal.
 
     It hashes accordingly and shows just that. Structs cannot leave a field out themselves.
     """
@@ -43,7 +43,7 @@ def content_fields(class_: type[ByContent]) -> tuple[str, ...]:
 
 
 class _Contents(dict[type[ByContent], Callable[[ByContent], Any]]):
-    """For each class what reads the fields that count: made when it is first asked for."""
+    """For each class a function that reads the fields that count, made on first use."""
 
     def __missing__(self, class_: type[ByContent]) -> Callable[[ByContent], Any]:
         names = content_fields(class_)

@@ -1,4 +1,4 @@
-"""The core program: what elaboration makes of a text, and all that the semantics knows.
+"""The core program: the typed result of elaboration, and the input of the semantics.
 
 No name is left to resolve and no type error is possible. Places are slots; every expression
 carries its type; an ``int`` that is used as a ``float`` stands under ``Widen``. Constants of a run
@@ -19,14 +19,14 @@ from koord.syntax.types import BOOL, Type
 
 
 class Node(Placed, frozen=True):
-    """Anything of the core with a place in the text."""
+    """A node of the core program, with its place in the text."""
 
 
 # --- places -------------------------------------------------------------------------------------
 
 
 class Home(Enum):
-    """Where a variable lives."""
+    """The homes of variables."""
 
     LOCAL = "local"  #: of one robot
     PORT = "port"  #: sensor or actuator of one robot
@@ -91,12 +91,14 @@ class Place(Node, frozen=True):
         return self.steps[-1].type if self.steps else self.variable.type
 
     def part(self, *steps: Step) -> Place:
-        """What the steps lead to from here; in the text it stands where the place does."""
+        """The place of a part, by further steps; its span is this place's."""
         return Place(self.variable, (*self.steps, *steps), self.robot, self.primed, span=self.span)
 
     @property
     def is_below_key(self) -> bool:
-        """Whether it is a part of a map's entry, so that a write rewrites the entry. [LOCATION]"""
+        """Return whether the place is inside a map's entry, so that a write rewrites the entry.
+        [LOCATION]
+        """
         return any(isinstance(step, KeyStep) for step in self.steps[:-1])
 
 
@@ -455,7 +457,7 @@ Block = tuple[Stmt, ...]
 
 
 class Start(Enum):
-    """What a variable without an initial value holds before INIT."""
+    """The state, before INIT, of a variable without an initial value."""
 
     UNSET = "unset"  #: nothing: reading it is a fault
     ARBITRARY = "arbitrary"  #: any value that the assumptions allow
@@ -498,7 +500,7 @@ class Port(Node, frozen=True):
 
     @property
     def label(self) -> str:
-        """How it is named to people and in files: ``Motion.position``."""
+        """The name for people and files: ``Motion.position``."""
         return f"{self.module}.{self.shown}"
 
 
@@ -569,7 +571,7 @@ class Function(Node, frozen=True):
 
 
 class ExternalKind(Enum):
-    """Whether equal arguments give equal answers (decision record 0002)."""
+    """The kinds of external functions: whether equal arguments give equal answers (record 0002)."""
 
     FUNCTION = "function"
     FRESH = "fresh"
@@ -614,7 +616,7 @@ class Each(Struct, frozen=True):
 
 
 class Property(Node, frozen=True):
-    """A statement about configurations: closed, but for ``each``.
+    """A property: a statement about configurations, closed except for ``each``.
 
     ``trigger`` is set for LEADS_TO only; ``each`` may be for that and for EVENTUALLY.
     """
@@ -659,8 +661,9 @@ def round_robin(robots: int, kinds: int) -> tuple[int, ...]:
 
 
 class Instance(Struct, frozen=True):
-    """The instance that a program is meant for, as far as its text says: ``kinds[i]`` is robot i's
-    position in ``Program.agents``, and there are none if the text says nothing of robots.
+    """The instance that a program's text states: ``kinds[i]`` is the position of robot i's kind.
+
+    ``kinds`` is empty if the text says nothing of robots.
 
     It is no part of what a program means: whoever runs or verifies one chooses the instance.
     """
@@ -670,7 +673,7 @@ class Instance(Struct, frozen=True):
 
     @property
     def used_delta_s(self) -> Fraction:
-        """The length of a round, if nobody says otherwise."""
+        """The length of a round in seconds, unless the user chooses another."""
         return USUAL_DELTA_S if self.delta_s is None else self.delta_s
 
 
@@ -683,7 +686,7 @@ class Parameter(Struct, frozen=True):
 
     @property
     def is_set(self) -> bool:
-        """Whether the value is another one than the text says."""
+        """Return whether the value differs from the one in the text."""
         return self.value != self.written
 
 

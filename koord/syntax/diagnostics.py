@@ -1,4 +1,4 @@
-"""What is wrong with a user's input, as values. The command line prints them; nothing else does."""
+"""Diagnostics of user input, as values. The command line prints them; nothing else does."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from koord.syntax.source import Span, whole_file
 
 
 class Severity(Enum):
-    """Whether a diagnostic stops the work."""
+    """The severity of a diagnostic: an error stops the work."""
 
     ERROR = "error"
     WARNING = "warning"
@@ -24,7 +24,7 @@ class Note(Struct, frozen=True):
 
 
 class Diagnostic(Struct, frozen=True):
-    """One thing wrong at one place, with its cure where one is known.
+    """A diagnostic: one problem at one place, with its cure where one is known.
 
     ``code`` is stable (``K204``) and has a long story in :mod:`koord.syntax.catalogue`.
     """
@@ -38,18 +38,18 @@ class Diagnostic(Struct, frozen=True):
 
 
 class KoordError(Exception):
-    """The input cannot be worked with; carries every diagnostic that says why."""
+    """Raised where the input cannot be processed; carries every diagnostic."""
 
     def __init__(self, diagnostics: tuple[Diagnostic, ...]) -> None:
         super().__init__("; ".join(f"{d.span}: {d.code} {d.message}" for d in diagnostics))
         self.diagnostics = diagnostics
 
     def __reduce__(self) -> tuple[object, ...]:
-        """As it comes from another process: an exception is made of what it says otherwise."""
+        """Pickle: an exception is otherwise rebuilt from its message only."""
         return type(self), (self.diagnostics,)
 
 
 def refusal(code: str, place: Span | str, message: str, hint: str | None = None) -> KoordError:
-    """The one thing wrong with an input; ``place`` is its name if it is the input as a whole."""
+    """Make the KoordError of one problem; ``place`` is a name if it is the input as a whole."""
     span = whole_file(place) if isinstance(place, str) else place
     return KoordError((Diagnostic(code, Severity.ERROR, span, message, hint),))

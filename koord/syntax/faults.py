@@ -1,4 +1,4 @@
-"""What a program can do wrong while it runs. [FAULT]
+"""Kinds of faults: errors of a program at run time. [FAULT]
 
 The rules say when it does, and compiled programs find it out by themselves. Robots load this, so it
 imports nothing.

@@ -1,4 +1,4 @@
-"""Processes of several threads.
+"""A lock for forking in processes with several threads.
 
 A process that is forked while another thread is about to fork one keeps open what that one sends
 on, so that nobody notices when it is gone. And whoever starts a process, or puts one away, asks the

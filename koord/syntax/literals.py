@@ -1,4 +1,4 @@
-"""Values of params as they are written: as ``--set`` and Koord read them, and as JSON has them."""
+"""Literals of params, as in ``--set``, in Koord, and in JSON."""
 
 from __future__ import annotations
 
@@ -31,16 +31,16 @@ _MOST_BITS = 10_000
 
 
 class NumberOutOfRangeError(ValueError):
-    """A number that is written has too many digits, or is too large or too small."""
+    """Raised for a number with too many digits, or too large or too close to 0."""
 
 
 def is_number(text: str) -> bool:
-    """Whether somebody who writes this means a number."""
+    """Return whether a text is meant as a number."""
     return _NUMBER.match(text) is not None
 
 
 def read_number(text: str) -> int | Fraction | None:
-    """The number that is written, exactly; None if it is none.
+    """Parse a number exactly; None if the text is none.
 
     Raises NumberOutOfRangeError.
     """
@@ -62,7 +62,7 @@ def read_number(text: str) -> int | Fraction | None:
 
 
 def is_moderate(value: int | Fraction) -> bool:
-    """Whether a number is neither too large nor too close to 0."""
+    """Return whether a number is neither too large nor too close to 0."""
     limit = 10**MOST_PLACES
     size = abs(Fraction(value))
     return size == 0 or Fraction(1, limit) <= size <= limit
@@ -110,7 +110,7 @@ def number(value: Fraction) -> str:
 
 
 def _places(denominator: int) -> int | None:
-    """How many decimals a fraction has; None if they do not end."""
+    """The number of decimals of a fraction; None if they do not end."""
     twos = (denominator & -denominator).bit_length() - 1
     rest, fives = denominator >> twos, 0
     while rest % 5 == 0:
@@ -119,7 +119,7 @@ def _places(denominator: int) -> int | None:
 
 
 def encoded(value: ParamValue) -> object:
-    """A value as JSON has it; a fraction is ``{"fraction": "1/3"}``."""
+    """Encode a value in JSON; a fraction is ``{"fraction": "1/3"}``."""
     match value:
         case Fraction():
             return {"fraction": str(value)}

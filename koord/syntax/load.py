@@ -1,4 +1,4 @@
-"""From text to core program: read, join with files of properties, elaborate."""
+"""Loading: parse a text, join it with files of properties, and elaborate it."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _OF_PROPERTIES = (
 def load(
     source: Source, settings: Settings = _DEFAULTS, properties: tuple[Source, ...] = ()
 ) -> Elaborated:
-    """The core program of a text, joined with files of properties.
+    """Load the core program of a text, joined with files of properties.
 
     Every error of every file is in ``diagnostics``; there is a program only if there are none.
     """
@@ -83,7 +83,7 @@ def _words(source: Source, span: Span) -> set[str]:
 
 
 def _follows(found: Diagnostic, lost: set[str], source: Source) -> bool:
-    """Whether what was found may be a mere consequence of what could not be read."""
+    """Return whether a finding may be a mere consequence of an unreadable part."""
     if not lost or found.code not in _FOLLOWING:
         return False
     text = source.line_text(found.span.line)[found.span.column - 1 :]

@@ -1,4 +1,4 @@
-"""How tightly operators bind: one table for the parser and the printer."""
+"""The binding strengths of operators, for the parser and the printer."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a verdict is about: a text, and every value with which it is not as the text alone says.
+"""Problems: the subject of a verdict, as texts with all settings that differ from them.
 
 How many robots there are, of which kinds, how long a round takes, what params are, where tasks are:
 wherever a verdict or a run is shown or kept, its ``Problem`` is.
@@ -19,7 +19,7 @@ _FEW_TASKS = 3
 
 
 class Problem(Struct, frozen=True):
-    """A program as something is claimed of it.
+    """A program with its settings: the subject of a verdict or a run.
 
     ``texts`` are the names of the files that it was read from, that of the program first.
     ``kinds[i]`` is the position of robot i's kind in the program; None: every number of robots.
@@ -55,7 +55,7 @@ class Problem(Struct, frozen=True):
 
     @property
     def round_(self) -> str:
-        """How long a round takes."""
+        """The length of a round, in words."""
         said, stated = f"δ = {number(self.delta_s)} s", self.program.instance.delta_s
         if stated is None or stated == self.delta_s:
             return said
@@ -94,7 +94,7 @@ class Problem(Struct, frozen=True):
         return f"{self.name}: {', '.join((self.fleet, *self.values))}"
 
     def document(self) -> dict[str, object]:
-        """The same as JSON has it, with all params."""
+        """The problem as JSON, with all params."""
         tasks = self.program.tasks
         several = self.kinds is not None and len(self.program.agents) > 1
         names = [agent.name for agent in self.program.agents]
@@ -121,7 +121,7 @@ class Problem(Struct, frozen=True):
 
 
 def told(given: core.Parameter) -> str:
-    """A param with its value, and with that of the text if it is another."""
+    """Print a param with its value, and with that of the text if it is another."""
     said = f"{given.name} = {literal(given.value)}"
     if not given.is_set:
         return said
@@ -131,7 +131,7 @@ def told(given: core.Parameter) -> str:
 
 
 def fleet(program: core.Program, kinds: Sequence[int]) -> str:
-    """Robots in words, by kind: ``3 robots``, ``3 robots (2 Car, 1 Drone)``."""
+    """Print robots by kind: ``3 robots``, ``3 robots (2 Car, 1 Drone)``."""
     together = f"{len(kinds)} robot{'' if len(kinds) == 1 else 's'}"
     if len(program.agents) == 1:
         return together

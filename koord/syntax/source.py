@@ -38,7 +38,7 @@ def whole_file(name: str) -> Span:
 
 
 def is_whole_file(span: Span) -> bool:
-    """Whether a span is one of :func:`whole_file`."""
+    """Return whether a span is one of :func:`whole_file`."""
     return span.line == 0
 
 
@@ -109,8 +109,9 @@ _ACTING = frozenset({"Cc", "Cf", "Cs", "Zl", "Zp"})
 
 
 def visible(text: str) -> str:
-    """Text from outside, names of files above all, made harmless: one visible character for each
-    that would act on the terminal (escapes, direction marks, line ends), four blanks for a tab.
+    """Escape text from outside, such as names of files, so that it cannot act on a terminal.
+
+    Escapes, direction marks and line ends become one visible character each, a tab four blanks.
     """
     if text.isascii() and text.isprintable():
         return text

@@ -15,7 +15,7 @@ from koord.syntax.problem import fleet
 
 
 class Status(IntEnum):
-    """Whether a robot still runs events. [STOP]"""
+    """The status of a robot: whether it runs events. [STOP]"""
 
     RUNNING = 0
     ASKED = 1  #: ``trystop()`` was called: goes on until everyone asked
@@ -44,7 +44,7 @@ class System(ByContent, frozen=True):
 
     @property
     def size(self) -> Any:
-        """How many elements an array over robots has: a number, or the crowd."""
+        """The size of an array over robots: a number, or the crowd."""
         return len(self.kinds) if self.crowd is None else self.crowd
 
     @property

@@ -10,7 +10,7 @@ from msgspec import Struct
 
 
 class BaseType(Struct, frozen=True):
-    """What all types share. Those made of others say of which: records, sequences, maps."""
+    """The base of all types: ``parts`` of records, sequences and maps."""
 
     @property
     def parts(self) -> tuple[Type, ...]:
@@ -70,7 +70,7 @@ class RecordType(BaseType, frozen=True):
         return tuple(type_ for _, type_ in self.fields)
 
     def position(self, name: str) -> int | None:
-        """Where the field stands, or None if there is none of that name."""
+        """The position of a field, or None if there is none of that name."""
         for position, (field_name, _) in enumerate(self.fields):
             if field_name == name:
                 return position
@@ -158,7 +158,7 @@ def within(type_: Type) -> Iterator[Type]:
 
 
 def contains(type_: Type, kind: type[BaseType]) -> bool:
-    """Whether a type is of a kind, or made of types of which one is."""
+    """Return whether a type is of a kind, or contains one that is."""
     return any(isinstance(each, kind) for each in within(type_))
 
 
@@ -180,7 +180,7 @@ def atoms(type_: Type) -> Iterator[Type]:
 
 
 def how_many(type_: Type) -> int | None:
-    """How many values a type has, where these can be counted."""
+    """The number of values of a type, where they are few; None otherwise."""
     match type_:
         case BoolType():
             return 2
@@ -195,7 +195,9 @@ def how_many(type_: Type) -> int | None:
 
 
 def is_flat(type_: Type) -> bool:
-    """Whether all atoms are scalars: equal values have one shape, and writes are to whole atoms."""
+    """Return whether all atoms are scalars, so that values have one shape.
+    Then writes are to whole atoms.
+    """
     return all(isinstance(atom, ScalarType) for atom in atoms(type_))
 
 

@@ -1,4 +1,4 @@
-"""Everything that stands below a place in a core program, and what its statements write."""
+"""Traversal of core programs: nodes, blocks, operands, and the writes of statements."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def children(node: object) -> Iterator[Any]:
 
 
 def rebuilt(node: Any, part: Callable[[Any], Any]) -> Any:
-    """A node (or a tuple of them) with something else in the place of each of its parts.
+    """Rebuild a node (or a tuple of them) with a function applied to each of its parts.
 
     What is no node stays as it is.
     """
@@ -108,7 +108,7 @@ def blocks(s: core.Stmt) -> tuple[core.Block, ...]:
 
 
 def with_blocks(s: core.Stmt, of: Callable[[core.Block], core.Block]) -> core.Stmt:
-    """The statement with something else in the place of each block directly in it."""
+    """Rebuild a statement with a function applied to each block directly in it."""
     made = {name: of(getattr(s, name)) for name in _BLOCKS[type(s)]}
     return replace(s, **made) if made else s
 
@@ -152,6 +152,6 @@ def written(statement: object) -> Iterator[core.Place]:
 
 
 def asks(program: core.Program, part: core.Expr | core.Block) -> bool:
-    """Whether a part of a program leaves something open."""
+    """Return whether a part of a program asks for answers: external calls or ``choose``."""
     open_ = core.ExternalCall | core.Choose
     return any(isinstance(node, open_) for node in reached(program, part))

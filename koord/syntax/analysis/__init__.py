@@ -1,1 +1,1 @@
-"""Static analyses: what the text of a program shows of every run, without a run."""
+"""Static analyses of programs: facts that hold in every run."""

@@ -1,4 +1,4 @@
-"""Sensors of which some reading is always allowed, whatever else is so. [AUXILIARY]
+"""Sensors for which some reading always satisfies the contracts. [AUXILIARY]
 
 This is read off the text, on the safe side: each promise that speaks of the reading bounds it, all
 of them from the same side, or one alone says what it is.
@@ -18,7 +18,7 @@ from koord.syntax.walk import nodes, reached
 
 
 class _Bound(Enum):
-    """How a promise restricts a reading."""
+    """The way in which a promise restricts a reading."""
 
     ABOVE = "it is larger than something"
     BELOW = "it is smaller than something"
@@ -26,7 +26,8 @@ class _Bound(Enum):
 
 
 def always_met(system: System, kind: int) -> frozenset[int]:
-    """The slots of such sensors of the robots of a kind. Their promises speak of no other reading.
+    """The slots of sensors, of one kind of robot, with such readings. Their promises speak of no
+    other reading.
 
     Sensors of models are none of these: what they read is worked out.
     """
@@ -54,13 +55,13 @@ def always_met(system: System, kind: int) -> frozenset[int]:
 
 
 def promises_of(agent: core.Agent) -> Iterator[tuple[core.Contract, core.Expr]]:
-    """What contracts promise of readings, each with its contract."""
+    """Yield the promises of contracts about readings, each with its contract."""
     for contract in _contracts(agent):
         yield from ((contract, promise) for promise in contract.ensures)
 
 
 def primed(promise: core.Expr) -> frozenset[int]:
-    """The slots of the ports of which a promise says something after the turn."""
+    """The slots of the ports that a promise reads after the turn."""
     return frozenset(
         node.variable.slot
         for node in nodes(promise)
@@ -75,7 +76,7 @@ def _contracts(agent: core.Agent) -> Iterator[core.Contract]:
 
 
 def _bounds(system: System, kind: int, slot: int, promise: core.Expr) -> Iterator[_Bound | None]:
-    """What a promise says of a reading, in parts; None where it is not plain that that can be."""
+    """Yield the restrictions that a promise puts on a reading; None where it is not simple."""
     match promise:
         case core.Binary(op=BinaryOp.AND, left=left, right=right):
             yield from _bounds(system, kind, slot, left)
@@ -100,7 +101,7 @@ def _bounds(system: System, kind: int, slot: int, promise: core.Expr) -> Iterato
 
 
 def _is_reading(slot: int, e: core.Expr, op: BinaryOp) -> bool:
-    """Whether an expression is the reading, and can be compared so."""
+    """Return whether an expression is the reading, in a comparison that a reading can meet."""
     if op not in (BinaryOp.EQ, BinaryOp.LT, BinaryOp.LE):
         return False
     if isinstance(e, core.Unary) and e.op is UnaryOp.WIDEN and op is not BinaryOp.EQ:
@@ -117,7 +118,7 @@ def _is_reading(slot: int, e: core.Expr, op: BinaryOp) -> bool:
 
 
 def _is_sure(system: System, kind: int, e: core.Expr) -> bool:
-    """Whether an expression has a value, and asks for no answer."""
+    """Return whether an expression surely has a value, and asks for no answer."""
     asked = (core.Choose, core.ExternalCall)
     return Sure(system, kind).of(e) and not any(
         isinstance(node, asked) for node in reached(system.program, e)

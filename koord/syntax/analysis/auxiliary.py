@@ -1,4 +1,4 @@
-"""Variables that nothing depends on but variables of their kind: they are written, and no more.
+"""Auxiliary variables: written, and read only by variables of the same sort.
 
 A run that repeats itself need not come back to what they hold. [AUXILIARY] This is read off the
 text on the safe side: whatever is not plainly so counts as depended on.
@@ -28,7 +28,7 @@ class Var(Struct, frozen=True):
 
 
 def auxiliary(system: System, stated: Iterable[core.Property]) -> frozenset[Var]:
-    """The variables that no round depends on, nor any of some statements about whole runs."""
+    """The auxiliary variables: no round depends on them, nor do some liveness statements."""
     program = system.program
     reading = _Reading(system)
     for kind, agent in enumerate(program.agents):
@@ -55,7 +55,7 @@ def variables(program: core.Program) -> Iterator[Var]:
 
 
 def variables_of(program: core.Program, variable: core.Variable, kind: int | None) -> Iterator[Var]:
-    """What an unbound variable stands for: in a statement, one for each kind that has it."""
+    """Yield the variables for an unbound one: in a property, one for each kind that has it."""
     match variable.home:
         case Home.BOUND:
             pass
@@ -69,7 +69,7 @@ def variables_of(program: core.Program, variable: core.Variable, kind: int | Non
 
 
 class _Reading(Struct, frozen=True):
-    """What is depended on by something other than the value of a variable, and what flows where."""
+    """A data-flow analysis: variables that something depends on, and flows between variables."""
 
     system: System
     used: set[Var] = field(default_factory=set)
@@ -79,7 +79,7 @@ class _Reading(Struct, frozen=True):
         self.used.update(self._reads(part, kind))
 
     def statement(self, s: core.Stmt, kind: int) -> None:
-        """What a statement itself depends on, apart from those in it."""
+        """Add the dependences of a statement itself, apart from those in it."""
         match s:
             case core.Assign(value=value) | core.Append(value=value) | core.Remove(value=value):
                 self._written(s, value, kind)
@@ -89,7 +89,7 @@ class _Reading(Struct, frozen=True):
                 self.use(tuple(operands(s)), kind)
 
     def promises(self, kind: int, agent: core.Agent) -> None:
-        """Contracts, which some reading of a sensor meets whatever what they read is."""
+        """Add the dependences of contracts, unless some reading always meets them."""
         met = always_met(self.system, kind)
         for contract, promise in promises_of(agent):
             read = (contract.requires, promise)
@@ -101,7 +101,7 @@ class _Reading(Struct, frozen=True):
             self.flows.append((target, self._reads(read, kind)))
 
     def _written(self, s: core.Stmt, value: core.Expr, kind: int) -> None:
-        """A value that a variable gets, which depends on it alone if nothing else can happen."""
+        """Add the flow into a written variable; it is used if something else can happen."""
         (place,) = written(s)
         if place.variable.home is Home.BOUND or self._matters(s, value, kind):
             self.use((place, value), kind)
@@ -111,7 +111,7 @@ class _Reading(Struct, frozen=True):
         self.flows.append((target, self._reads(value, kind)))
 
     def _matters(self, s: core.Stmt, evaluated: object, kind: int) -> bool:
-        """Whether a statement may fault, or an answer may be wanted that there is not."""
+        """Return whether a statement may fault, or may lack an answer."""
         asked = (core.Choose, core.ExternalCall)
         below = reached(self.system.program, evaluated)
         return not Sure(self.system, kind).of_statement(s) or any(
@@ -119,7 +119,7 @@ class _Reading(Struct, frozen=True):
         )
 
     def depended_on(self) -> set[Var]:
-        """The variables that matter, with those that these get their values from."""
+        """The variables that matter, closed under the flows into them."""
         found = set(self.used)
         grows = True
         while grows:

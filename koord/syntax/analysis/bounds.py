@@ -1,4 +1,4 @@
-"""Sets of values as comparisons with constants give them: bounds, and values in or left out."""
+"""Intervals with exceptions: sets of values that comparisons with constants define."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ Value = int | Fraction | bool | str | float
 
 
 class Bounds(Struct, frozen=True):
-    """The values from ``low`` to ``high``, both included; of those, the ``only`` ones if given, and
-    ``never`` some.
+    """A set of values: from ``low`` to ``high``, inclusive; only ``only`` if given; without
+    ``never``.
     """
 
     low: Number | None = None
@@ -30,7 +30,9 @@ class Bounds(Struct, frozen=True):
     def compared(
         cls, op: BinaryOp, value: Value, *, turned: bool = False, whole: bool = False
     ) -> Bounds:
-        """Every x with ``x op value``, or with ``value op x``; integers if ``whole``."""
+        """The set of x with ``x op value``, or ``value op x`` if ``turned``; ``whole``:
+        integers.
+        """
         if op is BinaryOp.EQ:
             return cls(only=frozenset({value}))
         if op is BinaryOp.NE:
@@ -45,7 +47,7 @@ class Bounds(Struct, frozen=True):
         return cls(high=high, never=left_out)
 
     def meet(self, other: Bounds) -> Bounds:
-        """The values that both allow."""
+        """The intersection of two sets."""
         only = self.only if other.only is None else other.only
         if self.only is not None and other.only is not None:
             only = self.only & other.only
@@ -57,7 +59,7 @@ class Bounds(Struct, frozen=True):
         )
 
     def join(self, other: Bounds) -> Bounds:
-        """The values that one of them allows, and maybe more."""
+        """A superset of the union of two sets."""
         if self.only is not None and other.only is not None:
             return Bounds(only=frozenset({*self.constants(), *other.constants()}))
         lows, highs = (self._low(), other._low()), (self._high(), other._high())
@@ -67,11 +69,11 @@ class Bounds(Struct, frozen=True):
         )
 
     def constants(self) -> list[Value]:
-        """The ``only`` values, as far as they lie in the range."""
+        """The ``only`` values that lie in the range."""
         return [x for x in self.only or () if x not in self.never and self._has(x)]
 
     def is_empty(self) -> bool:
-        """Whether it is plain that no value is left."""
+        """Return whether the set is surely empty."""
         if self.only is not None:
             return not self.constants()
         if self.low is None or self.high is None:

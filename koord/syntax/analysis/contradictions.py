@@ -1,4 +1,4 @@
-"""Conditions that contradict each other, as far as ranges of values tell.
+"""Contradictory conjunctions, detected by the ranges of the values that they compare.
 
 Each part of a conjunction that compares something with a constant narrows the values which that may
 have. Where none is left, no configuration meets all parts. What is compared counts as one thing
@@ -18,7 +18,7 @@ from koord.syntax.walk import nodes
 
 
 def contradicting(conditions: Iterable[core.Expr]) -> core.Expr | None:
-    """The first part of a conjunction that leaves no value to something; None if all may hold."""
+    """The first conjunct that leaves a term no value; None if all may hold together."""
     left: dict[core.Expr, Bounds] = {}
     for condition in conditions:
         for part in _parts(condition):
@@ -33,7 +33,7 @@ def contradicting(conditions: Iterable[core.Expr]) -> core.Expr | None:
 
 
 def _parts(e: core.Expr) -> Iterator[core.Expr]:
-    """What has to hold for a condition to hold. Of robots there is always one."""
+    """Yield the conjuncts of a condition; a quantifier over robots counts as its body."""
     match e:
         case core.Binary(op=BinaryOp.AND):
             yield from _parts(e.left)
@@ -45,7 +45,7 @@ def _parts(e: core.Expr) -> Iterator[core.Expr]:
 
 
 def _compared(e: core.Expr) -> tuple[core.Expr, Bounds] | None:
-    """What a condition compares with a constant, and the values that it leaves to that."""
+    """The term that a condition compares with a constant, and the values that it allows."""
     match e:
         case core.Binary(op=BinaryOp.EQ | BinaryOp.NE | BinaryOp.LT | BinaryOp.LE as op):
             for what, other, turned in ((e.left, e.right, False), (e.right, e.left, True)):
@@ -62,5 +62,5 @@ def _compared(e: core.Expr) -> tuple[core.Expr, Bounds] | None:
 
 
 def _is_steady(e: core.Expr) -> bool:
-    """Whether an expression has one value wherever it is written."""
+    """Return whether an expression has the same value wherever it is written."""
     return not any(isinstance(node, core.Choose | core.ExternalCall) for node in nodes(e))

@@ -1,4 +1,4 @@
-"""What cannot fault, as far as the text shows: less than cannot, and never more. [SYMMETRY]"""
+"""Definedness analysis: expressions and statements that surely cannot fault. [SYMMETRY]"""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from koord.syntax.walk import operands
 
 
 class Sure(Struct, frozen=True):
-    """What is known where an expression stands.
+    """The context of an expression for the definedness analysis.
 
     ``filled`` are the slots of bound variables that hold a value; ``robots`` those that range over
     robots, with the kind (None: any); ``within`` those that range over the indices of a place.
@@ -28,19 +28,19 @@ class Sure(Struct, frozen=True):
     within: dict[int, core.Expr] = field(default_factory=dict)
 
     def with_robot(self, slot: int, kind: int | None) -> Sure:
-        """The same, where a bound variable ranges over robots."""
+        """The context in which a bound variable ranges over robots."""
         return replace(self, filled=self.filled | {slot}, robots={**self.robots, slot: kind})
 
     def with_index(self, slot: int, of: core.Expr) -> Sure:
-        """The same, where a bound variable ranges over the indices of a list."""
+        """The context in which a bound variable ranges over the indices of a list."""
         return replace(self, filled=self.filled | {slot}, within={**self.within, slot: of})
 
     def with_value(self, slot: int) -> Sure:
-        """The same, where a bound variable holds some value."""
+        """The context in which a bound variable holds some value."""
         return replace(self, filled=self.filled | {slot})
 
     def in_range(self, slot: int, low: core.Expr, high: core.Expr) -> Sure:
-        """The same in a loop over a range."""
+        """The context inside a loop over a range."""
         match low, high:
             case core.Const(value=0), core.NumAgents():
                 return self.with_robot(slot, None)
@@ -48,7 +48,7 @@ class Sure(Struct, frozen=True):
                 return self.with_value(slot)
 
     def of_statement(self, s: core.Stmt) -> bool:
-        """Whether a statement itself cannot fault, apart from those in it."""
+        """Return whether a statement itself cannot fault, apart from those in it."""
         match s:
             case core.Assign(place=place, value=value):
                 return self.of(value) and self._may_write(place)
@@ -62,7 +62,7 @@ class Sure(Struct, frozen=True):
                 return all(self.of(e) for e in operands(s) if not isinstance(e, core.Place))
 
     def of(self, e: core.Expr) -> bool:
-        """Whether the expression cannot fault."""
+        """Return whether an expression cannot fault."""
         match e:
             case core.Const() | core.Pid() | core.NumAgents() | core.Delta():
                 return True
@@ -109,7 +109,7 @@ class Sure(Struct, frozen=True):
     # --- places ---------------------------------------------------------------------------------
 
     def _may_write(self, place: core.Place) -> bool:
-        """Whether the place exists for writing. [S-ASSIGN]"""
+        """Return whether the place surely exists for writing. [S-ASSIGN]"""
         own_entry = (
             place.variable.home is Home.ALLREAD
             and len(place.steps) == 1
@@ -128,7 +128,7 @@ class Sure(Struct, frozen=True):
         return self._is_set(place) and self._is_there(place)
 
     def _is_set(self, place: core.Place) -> bool:
-        """Whether the variable holds a value, whole, whenever it is read here."""
+        """Return whether the variable is surely set, in all its parts, whenever it is read here."""
         variable = place.variable
         program = self.system.program
         match variable.home:
@@ -144,7 +144,7 @@ class Sure(Struct, frozen=True):
                 return all(self._is_set_in(kind, variable) for kind in self._kinds(place))
 
     def _kinds(self, place: core.Place) -> list[int]:
-        """The kinds of robots whose variable is meant."""
+        """The kinds of robots whose variable may be meant."""
         if self.kind is not None:
             return [self.kind]
         match place.robot:
@@ -164,7 +164,7 @@ class Sure(Struct, frozen=True):
         return _is_whole(agent.ports[slot].declaration, variable.type)
 
     def _is_there(self, place: core.Place) -> bool:
-        """Whether the steps lead somewhere, and ``v@i`` names a robot."""
+        """Return whether the steps of a place surely exist, and ``v@i`` names a robot."""
         if place.robot is not None and not self._is_robot(place.robot):
             return False
         type_: Type = place.variable.type
@@ -204,7 +204,7 @@ class Sure(Struct, frozen=True):
 
 
 def indices(low: core.Expr, high: core.Expr) -> core.Expr | None:
-    """The list over whose indices a range from ``low`` to ``high`` goes, if it is one."""
+    """The list whose indices a range ``[low, high)`` covers, if it is one."""
     if isinstance(low, core.Const) and low.value == 0:
         match high:
             case core.Builtin(op=ListOp.LENGTH, arguments=(of,)):
@@ -215,14 +215,14 @@ def indices(low: core.Expr, high: core.Expr) -> core.Expr | None:
 
 
 def _is_whole(entry: core.Declaration, type_: Type) -> bool:
-    """Whether a variable starts set, in all its parts."""
+    """Return whether a variable starts set, in all its parts."""
     if entry.initial is Start.UNSET:
         return False
     return entry.initial is Start.ARBITRARY or _fills(entry.initial, type_)
 
 
 def _fills(initial: core.Expr, type_: Type) -> bool:
-    """Whether an initial value has all elements of its arrays."""
+    """Return whether an initial value has all elements of its arrays."""
     if not _has_array(type_):
         return True
     if isinstance(type_, ArrayType) and isinstance(initial, core.MakeList):

@@ -1,4 +1,4 @@
-"""Values of expressions that are the same in every run. What would fault has no value here."""
+"""Constant folding. An expression that would fault has no value."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def constant(expr: core.Expr) -> Scalar | None:
 
 
 def folded(expr: core.Expr) -> core.Expr:
-    """The expression, as a constant if its operands are constants."""
+    """The expression, folded to a constant if its operands are constants."""
     value = constant(expr)
     if value is None or isinstance(expr, core.Const):
         return expr

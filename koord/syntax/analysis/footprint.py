@@ -1,4 +1,4 @@
-"""What parts of a program read, and which variables it still writes after INIT.
+"""Footprints: the variables that parts of a program read, and write after INIT.
 
 Where induction starts from *any* configuration, this says what the configuration cannot have
 forgotten: variables that no event writes keep the value they had after INIT; lists that are only
@@ -20,7 +20,7 @@ from koord.syntax.walk import children, nodes, statements, written
 
 
 class Reads(Struct, frozen=True):
-    """Slots that are read, by home.
+    """The slots that a part of a program reads, by home.
 
     ``entries`` are allread variables read at the robot's own entry, ``arrays`` those read anywhere
     else. A variable that is written in part counts as read: what becomes of it depends on the rest.
@@ -37,14 +37,14 @@ class Reads(Struct, frozen=True):
 
     @property
     def is_placed(self) -> bool:
-        """Whether the robot's number may matter: by name, or as its place among all entries."""
+        """Return whether the robot's number may matter: ``pid``, or its place among all entries."""
         return self.pid or bool(self.arrays)
 
 
 def reads_of(
     program: core.Program, *parts: core.Expr | core.Block, agent: core.Agent | None = None
 ) -> Reads:
-    """What some parts of a program read. In properties, ``agent`` says whose slots are meant."""
+    """The reads of parts of a program. In properties, ``agent`` says whose slots are meant."""
     reader = _Reader(program, agent)
     reader.visit(parts)
     return Reads(
@@ -60,7 +60,7 @@ def reads_of(
 
 
 def together(reads: Iterable[Reads]) -> Reads:
-    """What several parts read."""
+    """The union of several reads."""
     listed = list(reads)
     return Reads(
         _ordered(x for r in listed for x in r.locals),
@@ -129,14 +129,14 @@ class _Reader(Struct):
         self.visit(place.steps)
 
     def _written(self, place: core.Place) -> None:
-        """A place that is written: only what is left of the variable is read."""
+        """Visit a place that is written: only what is left of the variable is read."""
         own = place.variable.home is Home.ALLREAD and _is_own(place)
         if len(place.steps) > own:
             self._read(place)
 
 
 def _is_own(place: core.Place) -> bool:
-    """Whether a place lies in the robot's own entry."""
+    """Return whether a place lies in the robot's own entry."""
     first = place.steps[0] if place.steps else None
     return isinstance(first, core.IndexStep) and isinstance(first.index, core.Pid)
 
@@ -145,7 +145,7 @@ _RESIZING = core.Append | core.Remove | core.Pop
 
 
 class WriteExtent(IntEnum):
-    """How much of a variable may change."""
+    """The extent to which a variable may change."""
 
     NEVER = 0
     PARTS = 1  #: elements or fields below an atom, never the atom as such
@@ -198,7 +198,7 @@ def _has(agent: core.Agent, kind: type[core.Stop] | type[core.TryStop]) -> bool:
 
 
 def stops_show(program: core.Program) -> bool:
-    """Whether a property can tell robots that stop together from robots that asked to. [STOP]"""
+    """Return whether a property can tell stopped robots from ones that asked to stop. [STOP]"""
     asks = any(
         isinstance(node, core.TryStop)
         for agent in program.agents
@@ -217,7 +217,7 @@ def _note(found: Footprint, kind: int, place: core.Place) -> None:
 
 
 def _inside_list(place: core.Place) -> bool:
-    """Whether a place is an element of a list, or lies in one: the list keeps its length.
+    """Return whether a place is in a list, so that writing to it keeps the list's length.
 
     Writing at a map's key may add the key, so that changes the map as a whole.
     """
@@ -232,7 +232,7 @@ def _inside_list(place: core.Place) -> bool:
 
 
 def _changed(block: core.Block) -> Iterator[core.Place]:
-    """What a block writes; a variable as a whole where a list in it gets another length."""
+    """Yield the places that a block writes; a whole variable if a list in it changes its length."""
     for statement in statements(block):
         resized = statement.place if isinstance(statement, _RESIZING) else None
         for place in written(statement):

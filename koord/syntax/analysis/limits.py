@@ -1,4 +1,4 @@
-"""What no program may cost, and the diagnostics that say where one does.
+"""Limits on the cost of programs, and the diagnostics where one is exceeded.
 
 Without these limits a short text could keep every tool busy for years, or take all memory there is:
 a loop of a thousand million trips, an array of arrays of arrays, sixty functions that call each
@@ -33,7 +33,7 @@ DEEPEST_TYPE = 40
 
 
 def excesses(program: core.Program, kinds: Sequence[int]) -> tuple[Diagnostic, ...]:
-    """What is too much about a program for robots of these kinds; nothing if it can be run."""
+    """Diagnostics of the limits that a program exceeds for robots of these kinds, if any."""
     sizes = TypeSizes(len(kinds))
     found = tuple(_of_types(_declared(program), kinds, sizes))
     found = found or tuple(_of_storage(program, kinds, sizes))
@@ -52,7 +52,7 @@ def excesses(program: core.Program, kinds: Sequence[int]) -> tuple[Diagnostic, .
 
 
 class _Holding(Struct, frozen=True):
-    """What a declaration holds, in a run of so many robots."""
+    """The storage of a declaration, in a run of so many robots."""
 
     declaration: core.Declaration
     copies: int
@@ -66,7 +66,7 @@ class _Holding(Struct, frozen=True):
 def _of_types(
     typed: Iterable[tuple[Type, str, Span]], kinds: Sequence[int], sizes: TypeSizes
 ) -> Iterator[Diagnostic]:
-    """Values that are too large, each by itself."""
+    """Yield the declarations whose values are too large by themselves."""
     for type_, what, span in typed:
         size = sizes.of(type_)
         if size.depth > DEEPEST_TYPE:
@@ -90,7 +90,7 @@ def _of_types(
 def _of_storage(
     program: core.Program, kinds: Sequence[int], sizes: TypeSizes
 ) -> Iterator[Diagnostic]:
-    """Variables that are too large all together."""
+    """Yield the declarations that are too large all together."""
     holdings = list(_holdings(program, kinds, sizes))
     total = sum(holding.copies * holding.parts for holding in holdings)
     if total <= MOST_PARTS:
@@ -128,7 +128,7 @@ def _held(declaration: core.Declaration, sizes: TypeSizes) -> int:
 
 
 def _declared(program: core.Program) -> Iterator[tuple[Type, str, Span]]:
-    """The types of all that is declared."""
+    """Yield the types of all declarations."""
     shared = (*program.allread, *program.allwrite)
     own = [d for agent in program.agents for d in agent.locals]
     ports = [port.declaration for agent in program.agents for port in agent.ports]
@@ -144,7 +144,7 @@ def _declared(program: core.Program) -> Iterator[tuple[Type, str, Span]]:
 
 
 def _bound(ledger: WorkEstimate) -> Iterator[tuple[Type, str, Span]]:
-    """The types of variables inside of bodies."""
+    """Yield the types of variables inside of bodies."""
     for variable, span in ledger.bound.values():
         yield variable.type, f"`{variable.name}`", span
 
@@ -153,7 +153,7 @@ def _bound(ledger: WorkEstimate) -> Iterator[tuple[Type, str, Span]]:
 
 
 class _Body(Struct, frozen=True):
-    """What a run evaluates as one."""
+    """A body: expressions and statements that a run evaluates as one."""
 
     what: str
     span: Span
@@ -162,7 +162,7 @@ class _Body(Struct, frozen=True):
 
 
 def _of_bodies(program: core.Program, ledger: WorkEstimate) -> Iterator[Diagnostic]:
-    """Bodies that take too long, or whose calls stand too deep in each other.
+    """Yield diagnostics of bodies that take too long, or whose calls nest too deep.
 
     Of functions the first is told that is too much, and not all that call it.
     """
@@ -199,7 +199,7 @@ def _of_body(body: _Body, ledger: WorkEstimate) -> Iterator[Diagnostic]:
 
 
 def _bodies(program: core.Program) -> Iterator[_Body]:
-    """Every body that a run evaluates as one."""
+    """Yield every body that a run evaluates as one."""
     for declaration in (*program.allread, *program.allwrite):
         yield from _initial(declaration)
     for agent in program.agents:
@@ -235,7 +235,7 @@ def _initial(declaration: core.Declaration) -> Iterator[_Body]:
 
 
 def count(number: int) -> str:
-    """A number as it is, or roughly where nobody wants to read it."""
+    """Print a count, rounded if it is large."""
     if number < 10**15:
         return f"{number:,}"
     return f"about 10^{len(str(number)) - 1}" if number.bit_length() < 10_000 else "over 10^3000"

@@ -1,4 +1,4 @@
-"""Which statements update a shared variable, by the text alone. [LOST-UPDATE]
+"""Updates of shared variables, syntactically: reads and writes outside of ``atomic``. [LOST-UPDATE]
 
 A robot that computes a shared variable's new value from the old one, outside of an atomic block,
 loses the other's work if another robot writes the same location in the same round.
@@ -52,7 +52,7 @@ def updates(effect: core.Block) -> Iterator[tuple[int, Span]]:
 
 
 def _givers(effect: core.Block) -> dict[core.Variable, set[core.Variable]]:
-    """Which variables each variable is given values of by the statements of an effect."""
+    """The variables whose values flow into each variable in the statements of an effect."""
     found: dict[core.Variable, set[core.Variable]] = defaultdict(set)
     for statement in statements(effect):
         match statement:
@@ -72,7 +72,7 @@ def _givers(effect: core.Block) -> dict[core.Variable, set[core.Variable]]:
 def _origins(
     givers: dict[core.Variable, set[core.Variable]], read: Iterable[core.Variable]
 ) -> set[core.Variable]:
-    """The variables that are read, and those that their values come from."""
+    """The variables that are read, and those whose values flow into them."""
     found: set[core.Variable] = set()
     waiting = list(read)
     while waiting:

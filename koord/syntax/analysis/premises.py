@@ -1,4 +1,4 @@
-"""What proofs may use and nobody proves: assumptions, contracts without a model, summaries."""
+"""Premises of proofs: assumptions, contracts without a model, summaries."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from koord.syntax.source import Span
 
 
 class PremiseKind(Enum):
-    """What a premise is about."""
+    """The kinds of premises."""
 
     ASSUMPTION = "assumption"  #: the start
     CONTRACT = "contract"  #: sensors
@@ -21,7 +21,7 @@ class PremiseKind(Enum):
 
 
 class Premise(Struct, frozen=True):
-    """Something that proofs may use without proof.
+    """A premise: a statement that proofs may use without proof.
 
     ``name`` is that of the assumption, of the contract with its module, or of the function;
     ``promise`` counts what a contract or summary ensures from 1, out of ``promises``.
@@ -50,7 +50,7 @@ def premises(program: core.Program) -> tuple[Premise, ...]:
 
 
 def promises_of(module: core.Module, contract: core.Contract) -> tuple[Premise, ...]:
-    """The premises that a contract is: none if a model has to keep it."""
+    """The premises that a contract stands for: none if a model has to keep it."""
     if module.environment is not None:
         return ()
     name, count = f"{module.name}.{contract.name}", len(contract.ensures)
@@ -58,7 +58,7 @@ def promises_of(module: core.Module, contract: core.Contract) -> tuple[Premise, 
 
 
 def without(program: core.Program, left_out: Sequence[Premise]) -> core.Program:
-    """The program without some of its premises: more may happen in it."""
+    """The program without some of its premises, which allows more runs."""
 
     def ensured(kind: PremiseKind, name: str, span: Span, all_: tuple[core.Expr, ...]) -> _Exprs:
         gone = {p.promise for p in left_out if (p.kind, p.name, p.span) == (kind, name, span)}

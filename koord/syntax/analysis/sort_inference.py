@@ -1,4 +1,4 @@
-"""Sorts for every integer of a system, and loops whose trips may change places. [SYMMETRY]
+"""Sort inference: sorts for every integer of a system, and loops with unordered trips. [SYMMETRY]
 
 Of the three forms below, the first two have the same outcome in every order, faults included, since
 every trip is made and none sees what another one wrote. In the third the loop ends early, so its
@@ -48,7 +48,7 @@ _GATHERING = (
 
 
 def is_order_free(body: core.Block, loop: frozenset[core.Variable], sure: Sure) -> bool:
-    """Whether trips may be made in any order. ``loop`` are the loop's own variables."""
+    """Return whether trips may be made in any order. ``loop`` are the loop's own variables."""
     leaving = [s for s in statements(body) if isinstance(s, core.Break | core.Return)]
     changed = {variable for s in statements(body) for variable in _changed(s)}
     if leaving:
@@ -62,7 +62,7 @@ class _Loop(Struct, frozen=True):
     sure: Sure
 
     def sees_no_trip(self, e: object) -> bool:
-        """Whether an expression reads nothing that a trip writes."""
+        """Return whether an expression reads nothing that a trip writes."""
         if any(isinstance(node, core.Call) for node in nodes(e)):
             # A function may read whatever is not bound to a body of its own.
             return all(v.home is Home.BOUND for v in self.changed) and self._unchanged(e)
@@ -72,7 +72,7 @@ class _Loop(Struct, frozen=True):
         return not any(v in self.changed for v in _read(e))
 
     def is_same(self, e: object) -> bool:
-        """Whether an expression is the same on every trip."""
+        """Return whether an expression has the same value on every trip."""
         return self.sees_no_trip(e) and not any(v in self.variables for v in _read(e))
 
 
@@ -94,7 +94,7 @@ def _gathers(body: core.Block, loop: _Loop) -> bool:
 
 
 def _agree(writes: list[core.Assign], loop: _Loop) -> bool:
-    """Whether the writes to one variable end the same in any order of trips."""
+    """Return whether the writes to one variable end the same in any order of trips."""
     first = writes[0]
     if all(loop.is_same(w.place.steps) and loop.is_same(w.value) for w in writes):
         return all(w.place == first.place and w.value == first.value for w in writes)
@@ -105,7 +105,7 @@ def _agree(writes: list[core.Assign], loop: _Loop) -> bool:
 
 
 def _is_own_element(place: core.Place, loop: _Loop) -> bool:
-    """``x[i]`` or a part of it, where i is the loop's variable."""
+    """Return whether a place is ``x[i]`` or a part of it, where i is the loop's variable."""
     match place.steps:
         case (core.IndexStep(index=core.Read(place=core.Place(variable=v, steps=()))), *rest):
             return v in loop.variables and loop.sees_no_trip(tuple(rest))
@@ -114,7 +114,7 @@ def _is_own_element(place: core.Place, loop: _Loop) -> bool:
 
 
 def _gathered(write: core.Assign, loop: _Loop) -> BinaryOp | None:
-    """The operator of ``v = v op e``, if what is added does not depend on other trips."""
+    """The operator of ``v = v op e``, if ``e`` does not depend on other trips."""
     match write.value:
         case core.Binary(op=op, left=core.Read(place=place), right=e) if op in _GATHERING:
             fits = place == write.place and loop.is_same(place.steps) and loop.sees_no_trip(e)
@@ -135,7 +135,7 @@ def _leaves_once(body: core.Block, loop: _Loop) -> bool:
 
 
 def _leaves(block: core.Block, loop: _Loop) -> Iterator[core.Block | None]:
-    """The ends of a tree of conditions; None where a condition may fault or see another trip."""
+    """The leaves of a tree of conditions; None where a condition may fault or see another trip."""
     match block:
         case ():
             yield ()
@@ -149,7 +149,7 @@ def _leaves(block: core.Block, loop: _Loop) -> Iterator[core.Block | None]:
 
 
 def _is_way(block: core.Block, loop: _Loop) -> bool:
-    """Whether a block does the same on every trip, and then leaves."""
+    """Return whether a block does the same on every trip, and then leaves."""
     *before, last = block
     if not all(
         isinstance(s, core.Assign) and loop.is_same(s.place.steps) and loop.is_same(s.value)
@@ -169,7 +169,7 @@ def _is_way(block: core.Block, loop: _Loop) -> bool:
 
 
 def _changed(s: core.Stmt) -> Iterator[core.Variable]:
-    """What a trip through a statement leaves changed, the variables of inner loops included."""
+    """Yield the variables that a trip through a statement changes, inner loops included."""
     match s:
         case core.ForRange(variable=variable):
             yield variable
@@ -193,7 +193,7 @@ class Sorting:
         self._expressions = Expressions(self.book, self._block)
 
     def run(self) -> str:
-        """Why robots may not change places; empty if they may."""
+        """Return the reason why robots may not change places; empty if they may."""
         program, system = self._system.program, self._system
         nobody = BodyShapes(Sure(system, None, in_init=True))
         for function in program.externals:

@@ -1,11 +1,9 @@
-"""Which integers of a program are robots and which are numbers. [SYMMETRY]
+"""Sorts of integers: unification finds which are robots and which are numbers. [SYMMETRY]
 
 Every integer that a program stores or computes gets a *sort*. A sort is one of robots if ``pid``
 flows into it, if it indexes an array over robots, or if it is compared with one that is; sorts flow
 together through assignments, comparisons, arguments and indices (by unification, as types are
 inferred). A sort is one of numbers if it is calculated with, ordered, or chosen.
-
-The sorts of a system's variables, and of every integer that its text makes. [SYMMETRY]
 """
 
 from __future__ import annotations
@@ -20,7 +18,7 @@ from koord.syntax.types import ArrayType, GrowingType, IntType, MapType, RecordT
 
 
 class Sort(Struct, eq=False):
-    """One sort, or what another one has been unified with.
+    """A sort, or a link to the sort it has been unified with.
 
     ``number`` says why its values cannot be robots, and ``constants`` are those of the text that
     are among its values.
@@ -32,14 +30,14 @@ class Sort(Struct, eq=False):
     _same: Sort | None = None
 
     def root(self) -> Sort:
-        """The sort that this one has become."""
+        """The representative of the sort after unification."""
         sort = self
         while sort._same is not None:
             sort = sort._same
         return sort
 
     def unify(self, other: Sort) -> None:
-        """From now on, both are one."""
+        """Unify two sorts."""
         a, b = self.root(), other.root()
         if a is b:
             return
@@ -63,13 +61,13 @@ class Scalar(Struct, frozen=True, eq=False):
 
 
 class Fields(Struct, frozen=True, eq=False):
-    """The sorts of a record."""
+    """The sorts in a record."""
 
     parts: tuple[Shape, ...]
 
 
 class Items(Struct, frozen=True, eq=False):
-    """The sorts of a list or array: of its indices, and of its elements.
+    """The sorts in a list or array: of its indices, and of its elements.
 
     ``is_over_robots`` says whether it has one element for each robot, always.
     """
@@ -80,7 +78,7 @@ class Items(Struct, frozen=True, eq=False):
 
 
 class Entries(Struct, frozen=True, eq=False):
-    """The sorts of a map."""
+    """The sorts in a map."""
 
     key: Shape
     value: Shape
@@ -107,7 +105,7 @@ def shape(type_: Type) -> Shape:
 
 
 def unify(left: Shape, right: Shape) -> None:
-    """Make two shapes of one type the same. An array may meet a list."""
+    """Unify two shapes of one type. An array may meet a list."""
     match left, right:
         case Scalar(sort=a), Scalar(sort=b):
             if a is not None and b is not None:
@@ -126,7 +124,7 @@ def unify(left: Shape, right: Shape) -> None:
 
 
 def has_robots(of: Shape) -> bool:
-    """Whether a value of that shape changes when robots are renamed."""
+    """Return whether a value of that shape changes when robots are renamed."""
     match of:
         case Scalar(sort=sort):
             return sort is not None and sort.root().is_robot
@@ -139,7 +137,7 @@ def has_robots(of: Shape) -> bool:
 
 
 class BodyShapes(Struct):
-    """Where expressions stand: whose body it is, and its bound variables' shapes.
+    """The context of an expression in sort inference: its body, and its bound variables' shapes.
 
     ``strict`` holds where a statement is false if the expression is: there it does not matter
     whether it is false or faults.
@@ -156,7 +154,7 @@ class BodyShapes(Struct):
 
 
 class Range(Struct, frozen=True):
-    """A range over all robots, if its variable turns out to be one; ``is_free`` of any order."""
+    """A range over all robots, if its variable is one; ``is_free``: its order does not matter."""
 
     variable: Sort
     over: Sort | None  #: the index of the list over whose indices it goes
@@ -164,7 +162,7 @@ class Range(Struct, frozen=True):
 
 
 class SortBook:
-    """What is known so far of the integers of one system, place by place."""
+    """The sorts of one system inferred so far."""
 
     def __init__(self, system: System) -> None:
         program = system.program
@@ -182,7 +180,7 @@ class SortBook:
     # --- verdicts -------------------------------------------------------------------------------
 
     def reason(self) -> str:
-        """Why robots may not change places; empty if they may."""
+        """The reason why robots may not change places; empty if they may."""
         for sort in self._sorts:
             root = sort.root()
             if root.is_robot and root.number:
@@ -204,7 +202,7 @@ class SortBook:
     # --- new shapes -----------------------------------------------------------------------------
 
     def fresh(self, type_: Type) -> Shape:
-        """The shape of values of a type, with sorts of its own."""
+        """A shape for values of a type, with fresh sorts."""
         return self._noted(shape(type_))
 
     def _noted(self, of: Shape) -> Shape:
@@ -224,7 +222,7 @@ class SortBook:
         return of
 
     def held(self, type_: Type) -> Shape:
-        """The shape of what a variable holds: its lists have any length."""
+        """A shape for the contents of a variable: its lists have any length."""
         of = self.fresh(type_)
         _number_lists(of)
         return of
@@ -236,7 +234,7 @@ class SortBook:
         return of
 
     def integer(self, *, number: str = "", constant: int | None = None) -> Scalar:
-        """An integer: a number, for the reason given, or a constant of the text."""
+        """The shape of an integer: a number, for the reason given, or a constant of the text."""
         sort = Sort(number=number)
         if constant is not None:
             sort.constants.add(constant)
@@ -244,7 +242,7 @@ class SortBook:
         return Scalar(sort)
 
     def robot(self) -> Scalar:
-        """An integer that is a robot."""
+        """The shape of an integer that is a robot."""
         made = self.integer()
         assert made.sort is not None
         made.sort.be_robot()
@@ -253,7 +251,7 @@ class SortBook:
     # --- shapes of variables --------------------------------------------------------------------
 
     def variable(self, variable: core.Variable, body: BodyShapes) -> Shape:
-        """What a variable holds that a body names."""
+        """The shape of a variable that a body names."""
         match variable.home:
             case Home.BOUND:
                 return self.bound(variable, body)
@@ -279,20 +277,20 @@ class SortBook:
         return found[0] if found else self.fresh(variable.type)
 
     def bound(self, variable: core.Variable, body: BodyShapes) -> Shape:
-        """What a bound variable of a body holds."""
+        """The shape of a bound variable of a body."""
         if variable not in body.bound:
             body.bound[variable] = self.fresh(variable.type)
         return body.bound[variable]
 
 
 def be_number(of: Shape, reason: str) -> None:
-    """An integer of that shape is a number, for a reason; others are left alone."""
+    """Mark an integer of that shape as a number, for a reason; ignore other shapes."""
     if isinstance(of, Scalar) and of.sort is not None:
         of.sort.be_number(reason)
 
 
 def number_robots(of: Shape) -> None:
-    """No integer in a value of that shape is a robot."""
+    """Mark all integers in a value of that shape as numbers, not robots."""
     match of:
         case Scalar():
             be_number(of, "any integer")
@@ -307,7 +305,7 @@ def number_robots(of: Shape) -> None:
 
 
 def _number_lists(of: Shape) -> None:
-    """Lists of any length are not indexed by robots."""
+    """Mark the indices of lists as numbers: lists of any length are not indexed by robots."""
     match of:
         case Scalar():
             pass

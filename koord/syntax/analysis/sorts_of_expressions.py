@@ -1,4 +1,6 @@
-"""Sorts of expressions: which integers are compared, calculated with, or index what. [SYMMETRY]"""
+"""Sort inference of expressions: integers that are compared, computed with, or used as indices.
+[SYMMETRY]
+"""
 
 from __future__ import annotations
 
@@ -33,7 +35,7 @@ RunBlock = Callable[[core.Block, BodyShapes], None]
 
 
 class Expressions(Struct):
-    """Finds the shapes of expressions, and writes down in the book what they say of integers.
+    """The inference of the shapes of expressions, recorded in the book.
 
     ``run_block`` goes through the body of a function that is called.
     """
@@ -155,7 +157,7 @@ class Expressions(Struct):
     # --- calls and quantifiers ------------------------------------------------------------------
 
     def _call(self, e: core.Call, body: BodyShapes) -> Shape:
-        """Each call has sorts of its own, as if the body stood in its place."""
+        """The shape of a call: each has fresh sorts, as if the body were inlined."""
         function = self.book.system.program.function(e.function)
         assert function.result is not None
         bound = {
@@ -207,7 +209,7 @@ class Expressions(Struct):
     def range(
         self, low: core.Expr, high: core.Expr, variable: Sort, slot: int, body: BodyShapes
     ) -> Sure | None:
-        """What is known in a range that may be one over all robots; None if it is not."""
+        """The context in a range that may be over all robots; None if it is not."""
         starts_at_0 = isinstance(low, core.Const) and low.value == 0
         if starts_at_0 and isinstance(high, core.NumAgents):
             return body.sure.with_robot(slot, None)
@@ -220,7 +222,7 @@ class Expressions(Struct):
         return None
 
     def over(self, low: core.Expr, high: core.Expr, body: BodyShapes) -> Sort | None:
-        """The index of the list whose indices a range goes over, if it does that."""
+        """The index sort of the list whose indices a range covers, if it does that."""
         of = indices(low, high)
         if of is None:
             return None
@@ -230,7 +232,7 @@ class Expressions(Struct):
     # --- places ---------------------------------------------------------------------------------
 
     def place(self, place: core.Place, body: BodyShapes) -> Shape:
-        """The shape of what is at a place."""
+        """The shape of the value at a place."""
         if place.robot is not None:
             unify(self.shape(place.robot, body), self.book.robot())
         of = self.book.variable(place.variable, body)

@@ -1,4 +1,4 @@
-"""What statements suppose, read off the text: the A of ``A implies B`` and of ``not A or B``.
+"""Suppositions of statements: the A of ``A implies B`` and of ``not A or B``.
 
 A supposition is told by its *denial*: a statement that holds exactly where no instance of what is
 supposed is true. [PROP-VACUOUS]
@@ -30,7 +30,7 @@ def _anything(e: core.Expr) -> bool:
 
 
 class SuppositionReader(Struct, dict=True):
-    """Reads the statements of a program.
+    """A reader of the suppositions in a program's statements.
 
     A function that is called in one place is read as if it stood there: then the denial calls one
     of the ``copies``, which the program does not have. One that is called in several places has
@@ -47,7 +47,7 @@ class SuppositionReader(Struct, dict=True):
         *,
         disjunctions: bool = True,
     ) -> Iterator[Denial]:
-        """For each thing that a statement supposes: that it never holds.
+        """Yield the denial of each supposition of a statement: that it never holds.
 
         What is not admitted as supposed is not read as an implication, nor a call as its body.
         Disjunctions are read as implications only where nothing is supposed before.
@@ -82,7 +82,7 @@ class SuppositionReader(Struct, dict=True):
     def _called(
         self, call: core.Call, admits: Callable[[core.Expr], bool], disjunctions: bool
     ) -> Iterator[Denial]:
-        """What each answer of a function supposes; the other answers deny it."""
+        """Yield the suppositions of each answer of a function."""
         function = self.program.function(call.function)
         answers = [node.value for node in nodes(function.body) if isinstance(node, core.Return)]
         for position, answer in enumerate(answers):
@@ -95,13 +95,13 @@ class SuppositionReader(Struct, dict=True):
 
     @cached_property
     def _calls(self) -> Counter[str]:
-        """How many places call each function."""
+        """The number of places that call each function."""
         called = (n.function for n in nodes(self.program) if isinstance(n, core.Call))
         return Counter(called)
 
 
 def _implication(e: core.Expr) -> tuple[core.Expr, core.Expr] | None:
-    """A disjunction of which exactly one part is negated: that part without ``not``, and the rest.
+    """Split a disjunction with exactly one negated part: that part without ``not``, and the rest.
 
     With several, as in ``not A or not B``, none of them is the one that is supposed; and in
     ``C or not (A and B)``, A and B may as well exclude each other.

@@ -1,4 +1,4 @@
-"""Which robots of a system may change places without anybody noticing. [SYMMETRY]
+"""Symmetry: groups of interchangeable robots of a system. [SYMMETRY]
 
 **Decision.** A renaming σ of robots permutes robots of one kind. It acts on a configuration by
 moving each robot's state to its new number, and by renaming, in every value, the integers of a sort
@@ -41,7 +41,7 @@ from koord.syntax.system import System
 
 
 class Symmetry(Struct, frozen=True):
-    """Robots that may change places: ``groups`` of interchangeable ones, by number.
+    """A symmetry: ``groups`` of robots that may change places, by number.
 
     The shapes tell what is renamed in what a variable holds; None where nothing is. Locals and
     ports are by kind and slot, entries (of allread variables) and allwrite variables by slot.
@@ -55,19 +55,19 @@ class Symmetry(Struct, frozen=True):
 
     @property
     def is_plain(self) -> bool:
-        """Whether nothing is renamed anywhere: then robots are simply put in order."""
+        """Return whether no value is renamed anywhere: then robots are simply put in order."""
         nested = (*self.locals, *self.ports, self.entries, self.allwrite)
         return all(part is None for parts in nested for part in parts)
 
 
 class Asymmetry(Struct, frozen=True):
-    """Why robots may not change places."""
+    """The reason why robots may not change places."""
 
     reason: str
 
 
 def symmetry_of(system: System, properties: tuple[core.Property, ...]) -> Symmetry | Asymmetry:
-    """The symmetry of a system and of the properties that are asked about it."""
+    """The symmetry of a system that preserves some properties."""
     sorting = Sorting(system, properties)
     reason = sorting.run()
     if reason:

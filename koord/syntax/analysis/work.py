@@ -1,4 +1,4 @@
-"""How much work a body is: its statements, counted as often as loops and calls repeat them.
+"""Work estimates of bodies: statements counted as often as loops and calls repeat them.
 
 A *step* is a statement, an operator, or a part of a value that is read or written. Both branches
 of an ``if`` count, as the verifier takes both. A list counts with the length that is known when the
@@ -36,7 +36,9 @@ class Ranges(Struct, frozen=True):
         high: core.Expr,
         counters: Mapping[int, Range],
     ) -> tuple[int, dict[int, Range]]:
-        """How often a loop goes round at most, and the counters inside. Once, if nobody knows."""
+        """The greatest number of trips of a loop (1 if unknown), and the ranges of counters
+        inside.
+        """
         first, last = self.range(low, counters), self.range(high, counters)
         if first is None or last is None:
             return 1, {slot: r for slot, r in counters.items() if slot != variable.slot}
@@ -44,7 +46,7 @@ class Ranges(Struct, frozen=True):
         return count, {**counters, variable.slot: (first[0], max(first[0], last[1] - 1))}
 
     def range(self, e: core.Expr, counters: Mapping[int, Range]) -> Range | None:
-        """Between which numbers the bound of a loop lies, as far as its form tells."""
+        """The range of a loop bound, as far as its form tells."""
         match e:
             case core.Const(value=int() as value):
                 return (value, value)
@@ -81,7 +83,7 @@ class Ranges(Struct, frozen=True):
 
 
 def _key(variable: core.Variable) -> Key:
-    """What stands for a variable: hashing it would hash its type, part by part."""
+    """A key for a variable: hashing the variable would hash its type, part by part."""
     return (variable.home, variable.slot, variable.name)
 
 
@@ -153,11 +155,11 @@ MOST_NODES = 4_000_000
 
 
 class TooLargeError(Exception):
-    """A program has more places than anybody looks through."""
+    """Raised where a program has more places than can be searched."""
 
 
 class Work(Struct, frozen=True):
-    """``steps`` of a body, and how ``deep`` its parts stand inside each other, calls followed."""
+    """The work of a body: ``steps``, and the nesting depth ``deep`` of its parts and calls."""
 
     steps: int
     deep: int
@@ -176,7 +178,7 @@ _ONE = Work(1, 1)
 
 
 class WorkEstimate:
-    """The work of a program's bodies, for robots of these kinds. Functions are worked out once.
+    """The work of a program's bodies, for robots of these kinds. Each function is estimated once.
 
     ``bound`` are the variables inside of bodies that were met on the way.
     """
@@ -201,30 +203,30 @@ class WorkEstimate:
         self._work_out_functions()
 
     def _work_out_functions(self) -> None:
-        """Each stands behind those that it calls, so that nobody has to follow a chain of calls."""
+        """Estimate functions in the order of their calls, so that no chain of calls is followed."""
         for function in self.program.functions:
             self.functions[function.name] = self.block(function.body)
 
     # --- bodies ---------------------------------------------------------------------------------
 
     def body(self, parts: tuple[core.Expr, ...], block: core.Block) -> tuple[Work, Span | None]:
-        """Expressions and a block that are evaluated as one, and where that becomes too much."""
+        """The work of expressions and a block that are evaluated as one."""
         self._culprit = None
         before, behind = self.all(parts), self.block(block)
         work = Work(before.steps + behind.steps, max(before.deep, behind.deep))
         return work, self._culprit
 
     def all(self, parts: Iterable[core.Node], counters: Counters = _NO_COUNTERS) -> Work:
-        """Several parts of a program, one beside the other, under one that is a step itself."""
+        """The work of several parts of a program under one step."""
         return self._beside(*[self.of(part, counters) for part in parts])
 
     def block(self, block: core.Block, counters: Counters = _NO_COUNTERS) -> Work:
-        """Statements one after the other."""
+        """The work of statements in order."""
         work = self.all(block, counters)
         return Work(work.steps - 1, work.deep - 1)
 
     def of(self, node: core.Node, counters: Counters) -> Work:
-        """A statement, expression, place or step, with all that stands in it."""
+        """The work of a statement, expression, place or step, with all parts."""
         match node:
             case core.FieldStep():
                 return _ONE
@@ -261,7 +263,7 @@ class WorkEstimate:
                 return self.all(children(node), counters)
 
     def _place(self, place: core.Place, counters: Counters) -> Work:
-        """A place that is read or written: as many steps as there are parts."""
+        """The work of a place that is read or written: one step for each part."""
         if place.variable.home is core.Home.BOUND:
             self.bound.setdefault(id(place.variable), (place.variable, place.span))
         parts = self.sizes.of(place.type).parts
@@ -301,7 +303,7 @@ class WorkEstimate:
         return self._noted(node, Work(steps, 2 + max(once.deep, body.deep)))
 
     def _noted(self, node: core.Node, work: Work) -> Work:
-        """Note the innermost place at which a body becomes too much."""
+        """Record the innermost place at which a body becomes too large."""
         if self._culprit is None and work.is_too_much:
             self._culprit = node.span
         return work
@@ -313,7 +315,7 @@ class WorkEstimate:
 
 
 class Size(Struct, frozen=True):
-    """``parts`` counts scalars, and a list as if it had one element; ``depth`` counts types."""
+    """The size of a type: ``parts`` counts scalars (one element of a list), ``depth`` types."""
 
     parts: int
     depth: int
@@ -333,7 +335,7 @@ class TypeSizes(Struct):
     _known: dict[int, tuple[Type, Size]] = field(default_factory=dict)
 
     def of(self, type_: Type) -> Size:
-        """The size of a type; of types that are made of each other, whatever their depth."""
+        """The size of a type, whatever its depth."""
         waiting = [type_]
         while waiting:
             current = waiting[-1]

@@ -1,4 +1,4 @@
-"""The catalogue of diagnostics: what ``koord explain`` tells of each code.
+"""The catalogue of diagnostics, printed by ``koord explain``.
 
 One Markdown file a code, as ``K204.md``: a heading with its severity and title, the story, and, if
 a program's text alone yields the code, a program that does and one that does not. Codes K9xx are
@@ -37,7 +37,7 @@ class Story(Struct, frozen=True):
 
     @classmethod
     def read(cls, text: str) -> Story:
-        """What a file of the catalogue says. A `ValueError` if it has another form."""
+        """Parse a file of the catalogue. Raises ValueError if it has another form."""
         parts = _FORM.fullmatch(text)
         if parts is None:
             raise ValueError(f"no entry of the catalogue: {text.partition(chr(10))[0]}")

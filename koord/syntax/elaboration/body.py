@@ -1,4 +1,4 @@
-"""What one elaboration shares, and the place where an expression or a statement stands."""
+"""The shared state of an elaboration, and the context of an expression or statement."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from koord.syntax.types import INT, Type
 
 
 class Confusion(Struct, frozen=True):
-    """An ``allread`` variable used as if each robot's entry were a list of what it is."""
+    """An ``allread`` variable used as if each robot's entry were a list of its values."""
 
     variable: core.Variable
     span: Span
@@ -36,14 +36,14 @@ class Confusion(Struct, frozen=True):
 
 
 class AtomicBlock(Struct, frozen=True):
-    """An atomic block met: which allwrite variables it writes. One per block of the text."""
+    """An atomic block, with the allwrite variables that it writes. One per block of the text."""
 
     number: int
     writes: dict[int, core.Variable] = field(default_factory=dict)
 
 
 class Counter(Struct):
-    """Hands out 0, 1, 2, …"""
+    """A counter: it returns 0, 1, 2, …"""
 
     next: int = 0
 
@@ -98,7 +98,7 @@ class Elaboration(Struct):
 
     @property
     def single(self) -> bool:
-        """Whether there is one kind of robot."""
+        """Return whether there is only one kind of robot."""
         return len(self.agents) == 1
 
     def modules(self) -> Iterable[ModuleScope]:
@@ -107,15 +107,15 @@ class Elaboration(Struct):
             yield from agent.modules.values()
 
     def mark_used(self, declared: ast.Ident) -> None:
-        """Note that the variable declared there is used."""
+        """Mark the variable declared there as used."""
         self.used.add(id(declared))
 
     def member(self, name: str) -> list[MemberSymbol]:
-        """The members of enumerations that have this name."""
+        """The members of enumerations with a name."""
         return self.types.members.get(name, [])
 
     def ports(self, agent: AgentScope, name: str) -> list[PortNamed]:
-        """The ports of this name in the modules that the kind of robot uses."""
+        """The ports with a name in the modules that the kind of robot uses."""
         return agent.ports.get(name, [])
 
 
@@ -155,7 +155,7 @@ SEES_PID = SEES_PORTS | {Where.INITIAL}
 
 
 class RobotScope(Struct):
-    """The robot that ``… @ i`` names; ``kind`` if all that it can be are of one kind."""
+    """The scope of ``… @ i``; ``kind`` if all robots it can name are of one kind."""
 
     expr: core.Expr
     kind: int | None
@@ -181,7 +181,7 @@ class LoopScope(Struct, frozen=True):
 
 
 class BodyScope(Struct):
-    """One body being elaborated: its names, its slots, and what it was seen to do."""
+    """The scope of one body: its names, its slots, and what it was seen to do."""
 
     session: Elaboration
     where: Where
@@ -211,13 +211,13 @@ class BodyScope(Struct):
     origin: Span | None = None
 
     def expr(self, e: ast.Expr, expected: Type | None = None) -> core.Expr | None:
-        """The expression elaborated; None if it is wrong, which is told by then."""
+        """Elaborate an expression; None if it is wrong, which is reported."""
         with self.deeper(e) as allowed:
             return self.session.expression(self, e, expected) if allowed else None
 
     @contextmanager
     def deeper(self, e: ast.Expr) -> Iterator[bool]:
-        """One level further down; the answer is whether that is allowed."""
+        """Go one level deeper; return whether that is allowed."""
         allowed = self.depth < MAX_DEPTH
         if not allowed and not self.overflowed:
             self.overflowed = True
@@ -234,7 +234,7 @@ class BodyScope(Struct):
             self.depth -= 1
 
     def block(self, statements: ast.Block) -> core.Block:
-        """The statements elaborated, with a frame of names of their own."""
+        """Elaborate statements, with a frame of names of their own."""
         with self.frame():
             return self.session.block(self, statements)
 
@@ -243,7 +243,7 @@ class BodyScope(Struct):
         self.findings.error(code, span, message, hint)
 
     def is_told(self, code: str, name: str, span: Span) -> bool:
-        """Whether it was told of another place that a name means nothing; then of this one, too."""
+        """Return whether a name was reported as unknown elsewhere; then this place is added."""
         first = self.session.unknown.setdefault((self.findings, name), span)
         if first == span:
             return False
@@ -251,7 +251,7 @@ class BodyScope(Struct):
         return True
 
     def slot(self, name: str, type_: Type) -> core.Variable:
-        """A new bound variable."""
+        """A fresh bound variable."""
         self.bound += 1
         return core.Variable(core.Home.BOUND, self.bound - 1, name, type_)
 
@@ -272,7 +272,7 @@ class BodyScope(Struct):
         return symbol
 
     def lookup(self, name: str) -> BoundSymbol | None:
-        """The bound name, from the innermost frame outwards."""
+        """The symbol of a bound name, from the innermost frame outwards."""
         for frame in reversed(self.frames):
             if name in frame:
                 return frame[name]
@@ -280,7 +280,7 @@ class BodyScope(Struct):
 
     @contextmanager
     def frame(self) -> Iterator[None]:
-        """Names bound inside are forgotten behind it."""
+        """Within the context, bind names in a frame of their own."""
         self.frames.append({})
         try:
             yield
@@ -294,5 +294,5 @@ class BodyScope(Struct):
         return self.closing
 
     def fresh_site(self) -> int:
-        """The number of a call or a choice."""
+        """A fresh number for a call or a choice."""
         return self.session.sites.take()

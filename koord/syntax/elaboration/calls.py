@@ -1,4 +1,4 @@
-"""Calls in expressions, and the built-in functions whose types depend on their arguments."""
+"""Elaboration of calls, and of built-in functions whose types depend on their arguments."""
 
 from __future__ import annotations
 
@@ -109,7 +109,7 @@ def _over_truths(op: core.ListOp) -> Builtin:
 
 
 def _numbers(body: BodyScope, e: ast.Call) -> list[core.Expr] | None:
-    """The arguments, all of one number type."""
+    """Elaborate arguments that are all of one number type."""
     found: list[core.Expr] = []
     for value in [body.expr(argument.value) for argument in e.arguments]:
         if value is None:
@@ -215,7 +215,7 @@ _POS = RecordInfo(POS, (None, None, None), ast.Ident("pos"))
 
 
 def function_call(body: BodyScope, e: ast.Call, expected: Type | None) -> core.Expr | None:
-    """A call by its name: the program's function, a record, a built-in, the library's."""
+    """Elaborate a call by its name: the program's function, a record, a built-in, the library's."""
     name = e.function.name
     session = body.session
     if name in session.functions.own and not body.library:
@@ -269,7 +269,7 @@ def _as_function(body: BodyScope, e: ast.MethodCall) -> str:
 
 
 def _functions(body: BodyScope) -> list[str]:
-    """What can be called in an expression."""
+    """The names of functions that can be called in an expression."""
     session = body.session
     drawn = ["choose"] if body.where in CLOSED | {Where.ENVIRONMENT, Where.INIT} else []
     own = [*session.functions.own, *session.types.records, "pos"]
@@ -277,7 +277,7 @@ def _functions(body: BodyScope) -> list[str]:
 
 
 def as_call(e: ast.MethodCall) -> ast.Call:
-    """The call that a method call means."""
+    """The function call that a method call stands for."""
     receiver = ast.Argument(None, e.receiver, span=e.receiver.span)
     return ast.Call(e.method, (receiver, *e.arguments), span=e.span)
 

@@ -1,4 +1,4 @@
-"""Warnings: what is allowed and hardly meant."""
+"""Warnings: constructs that are allowed, but hardly intended."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from koord.syntax.walk import nodes
 
 
 def never_enabled(session: Elaboration, event: ast.Event, guard: core.Expr) -> None:
-    """An event whose guard is false in every configuration."""
+    """Warn of an event whose guard is false in every configuration."""
     if constant(guard) is False or contradicting([guard]) is not None:
         assert event.pre is not None
         session.findings.warning(
@@ -26,7 +26,7 @@ def never_enabled(session: Elaboration, event: ast.Event, guard: core.Expr) -> N
 
 
 def lost_updates(body: BodyScope, guarded: frozenset[int], effect: core.Block) -> None:
-    """Allwrite variables that an event reads, and writes outside of `atomic`.
+    """Warn of allwrite variables that an event reads, and writes outside of `atomic`.
 
     ``guarded`` are those that its guard reads. There, a write that is the same for every robot (a
     flag that is taken back) is no matter of who comes first.
@@ -54,7 +54,7 @@ def lost_updates(body: BodyScope, guarded: frozenset[int], effect: core.Block) -
 
 
 def _differs(statement: core.Assign) -> bool:
-    """Whether two robots may write different values."""
+    """Return whether two robots may write different values."""
     return any(isinstance(node, core.Place | core.Pid) for node in nodes(statement.value))
 
 
@@ -64,7 +64,7 @@ def contradictions(
     assumptions: Iterable[core.Assumption],
     externals: Iterable[core.External],
 ) -> None:
-    """Conditions that never hold make empty what depends on them."""
+    """Warn of conditions that never hold, which make claims vacuous."""
     _never(session, [a.condition for a in assumptions], "this assumption", "nothing can begin")
     for agent in agents:
         for module in agent.modules:
@@ -91,7 +91,7 @@ def _never(
 
 
 def unused(session: Elaboration, scopes: Iterable[dict[str, Named]]) -> None:
-    """Variables and params that are named nowhere."""
+    """Warn of variables and params that are never used."""
     for scope in scopes:
         for name, symbol in scope.items():
             wrong = isinstance(symbol, ParamSymbol) and symbol.value is None
@@ -111,7 +111,7 @@ def unused(session: Elaboration, scopes: Iterable[dict[str, Named]]) -> None:
 
 
 def confused(session: Elaboration) -> None:
-    """Allread variables whose entries were meant to be lists: one error for each, at its type."""
+    """Report allread variables whose entries were meant to be lists, each at its type."""
     for symbol in session.shared.values():
         if not isinstance(symbol, VariableSymbol):
             continue

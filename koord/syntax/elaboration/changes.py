@@ -1,4 +1,6 @@
-"""What may be written where. [LOCAL-ASSIGN], [SHARED-ASSIGN], [ALLREAD], [ACTUATE]"""
+"""Writes: which places may be written where. [LOCAL-ASSIGN], [SHARED-ASSIGN], [ALLREAD],
+[ACTUATE]
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,7 @@ from koord.syntax.types import BOOL, INT, PRESENT, GrowingType, MapType, RecordT
 
 
 def target(body: BodyScope, e: ast.Expr) -> core.Place | None:
-    """The place that a statement writes; None if it may not be written, which is told."""
+    """Elaborate a write's place; None if it may not be written, which is reported."""
     root = _root(e)
     if root is None:
         _only_places(body, e)
@@ -131,7 +133,7 @@ def _allowed(body: BodyScope, e: ast.Expr, root: ast.Name, place: core.Place) ->
 
 
 def _first_index(e: ast.Expr) -> ast.Expr | None:
-    """The index that stands directly behind the variable's name."""
+    """The index directly behind the variable's name."""
     while isinstance(e, ast.Attribute | ast.Index):
         if isinstance(e.base, ast.Name):
             return e.index if isinstance(e, ast.Index) else None
@@ -145,7 +147,7 @@ def _is_own(e: ast.Expr) -> bool:
 
 
 def _own_entry(body: BodyScope, e: ast.Expr, root: ast.Name, place: core.Place) -> bool:
-    """[ALLREAD]: only ``x[pid] = …``."""
+    """Check that an allread variable is written as ``x[pid] = …``. [ALLREAD]"""
     if _is_own(e):
         return True
     if _first_index(e) is None:
@@ -215,7 +217,7 @@ def place_shown(place: core.Place, e: ast.Expr) -> str:
 
 
 def call_statement(body: BodyScope, s: ast.CallStmt) -> core.Block:
-    """``append(x, v)``, ``x.remove(v)``, ``pop(q)``, ``assign(task, pid)``"""
+    """Elaborate ``append(x, v)``, ``x.remove(v)``, ``pop(q)``, ``assign(task, pid)``."""
     call = s.call
     if isinstance(call, ast.MethodCall):
         if call.method.name not in METHODS:
@@ -242,7 +244,7 @@ def call_statement(body: BodyScope, s: ast.CallStmt) -> core.Block:
 def _changed(
     body: BodyScope, call: ast.Call, count: int, *, reads: bool = True
 ) -> core.Place | None:
-    """The place that is changed, if the number of arguments is right."""
+    """Elaborate the place that is changed, if the number of arguments is right."""
     if len(call.arguments) != count:
         for argument in call.arguments:
             body.expr(argument.value, POISON)
@@ -292,7 +294,7 @@ def _append(body: BodyScope, call: ast.Call) -> core.Block:
 
 
 def _add(body: BodyScope, call: ast.Call) -> core.Block:
-    """``s.add(x)`` writes the entry of ``x``, which makes no use of what was there. [S-ADD]"""
+    """Elaborate ``s.add(x)``: it writes the entry of ``x``. [S-ADD]"""
     place = _changed(body, call, 2, reads=False)
     if place is None:
         return ()
@@ -331,7 +333,7 @@ def _pop(body: BodyScope, call: ast.Call) -> core.Block:
 
 
 def pop_into(body: BodyScope, s: ast.Assign) -> core.Block:
-    """``v = pop(q)``"""
+    """Elaborate ``v = pop(q)``."""
     assert isinstance(s.value, ast.Call | ast.MethodCall)
     call = s.value if isinstance(s.value, ast.Call) else as_call(s.value)
     into = target(body, s.target)
@@ -352,7 +354,7 @@ def pop_into(body: BodyScope, s: ast.Assign) -> core.Block:
 
 
 def _assign(body: BodyScope, call: ast.Call) -> core.Block:
-    """``assign(task, robot)`` marks the task as the robot's."""
+    """Elaborate ``assign(task, robot)``, which marks the task as the robot's."""
     place = _changed(body, call, 2)
     if place is None:
         return ()

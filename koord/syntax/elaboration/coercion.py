@@ -1,4 +1,4 @@
-"""Fitting a value to the type that its place wants. Only ``int`` becomes something else."""
+"""Coercion of a value to the type of its place: only ``int`` widens."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ POISON = OpaqueType("?")
 
 
 def widened(value: core.Expr) -> core.Expr:
-    """An ``int`` as a ``float``."""
+    """Widen an ``int`` to a ``float``."""
     if isinstance(value, core.Const) and isinstance(value.value, int):
         return core.Const(Fraction(value.value), FLOAT, span=value.span)
     return core.Unary(core.UnaryOp.WIDEN, value, FLOAT, span=value.span)
 
 
 def accepts(wanted: Type, given: Type) -> bool:
-    """Whether a value of type ``given`` may stand where ``wanted`` is read, unchanged."""
+    """Return whether a value of type ``given`` may stand where ``wanted`` is read, unchanged."""
     if wanted == given:
         return True
     match wanted, given:
@@ -46,7 +46,7 @@ def accepts(wanted: Type, given: Type) -> bool:
 def fit(
     body: BodyScope, value: core.Expr | None, wanted: Type | None, span: Span, what: str
 ) -> core.Expr | None:
-    """The value as one of the type ``wanted``; ``what`` says what it is for in messages."""
+    """Coerce a value to the type ``wanted``; ``what`` says what it is for in messages."""
     if value is None or wanted is None:
         return None
     given = value.type
@@ -79,7 +79,7 @@ def _cure(wanted: Type, given: Type) -> str | None:
 
 
 def _confused(body: BodyScope, value: core.Expr, wanted: Type, span: Span) -> bool:
-    """Whether the misfit is that of an allread variable that was meant to hold lists."""
+    """Return whether a type error is due to an allread variable meant to hold lists."""
     if not isinstance(value, core.Read):
         return False
     place = value.place
@@ -97,7 +97,7 @@ def _confused(body: BodyScope, value: core.Expr, wanted: Type, span: Span) -> bo
 
 
 def stores_list(body: BodyScope, place: core.Place, value: core.Expr, span: Span) -> bool:
-    """Whether a list is stored in an allread entry that holds one of its elements; noted if so."""
+    """Return whether a list is stored in an allread entry that holds one element; noted if so."""
     if place.variable.home is not core.Home.ALLREAD or len(place.steps) != 1:
         return False
     match value.type:

@@ -1,4 +1,4 @@
-"""Records and enumerations."""
+"""Elaboration of records and enumerations."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def _enum(session: Elaboration, enum: ast.EnumDef) -> None:
 
 
 def _records(session: Elaboration, records: dict[str, ast.RecordDef]) -> None:
-    """Resolve records so that each comes behind those that it is made of."""
+    """Resolve records, each after those that it contains."""
     done: set[str] = set()
     for name in records:
         path: list[str] = []
@@ -106,7 +106,7 @@ def _records(session: Elaboration, records: dict[str, ast.RecordDef]) -> None:
 
 
 def _names(type_: ast.TypeExpr) -> list[str]:
-    """The names of types that it is made of."""
+    """The names of types that a record contains."""
     names: list[str] = []
     stack = [type_]
     while stack:

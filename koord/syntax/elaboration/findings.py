@@ -1,4 +1,4 @@
-"""Where elaboration puts what is wrong with a program."""
+"""Findings: the errors and warnings of an elaboration."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class Findings:
         self._add(Diagnostic(code, Severity.WARNING, span, message, hint, notes))
 
     def again(self, code: str, first: Span, place: Span) -> None:
-        """Record that what was told of a first place is so in another."""
+        """Record that the problem of a first place occurs in another."""
         self.errors += 1
         self._again.setdefault((code, first), []).append(place)
 
@@ -65,7 +65,7 @@ class Findings:
         )
 
     def _with_others(self, key: tuple[str, Span], found: Diagnostic) -> Diagnostic:
-        """A finding that tells in which other lines it is so."""
+        """A finding that lists the other lines with the same problem."""
         first = key[1]
         lines = dict.fromkeys(
             place.line if place.file == first.file else f"{place.file}:{place.line}"

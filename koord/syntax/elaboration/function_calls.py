@@ -1,4 +1,4 @@
-"""Calls of functions: which one is meant, and do the arguments fit."""
+"""Overload resolution: the function that a call means, and its arguments."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def library_call(
 
 
 def is_named(body: BodyScope, e: ast.Call) -> bool:
-    """Whether an argument has a name, which is told."""
+    """Return whether an argument has a name, which is reported."""
     for argument in e.arguments:
         if argument.name is not None:
             body.error(

@@ -1,4 +1,4 @@
-"""Functions: the program's own and the library's that are called, in an order without recursion."""
+"""Elaboration of functions: the program's own, and the library's that are called."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from koord.syntax.walk import nodes
 
 
 def in_order(session: Elaboration) -> list[core.Function | core.External]:
-    """The functions, each behind those that it calls. Recursion is an error, told once a cycle.
+    """Sort functions, each after those that it calls. Recursion is an error, reported once a cycle.
 
     The summary of an external function may speak of the function itself ("symmetric").
     """
@@ -47,7 +47,7 @@ def in_order(session: Elaboration) -> list[core.Function | core.External]:
 
 
 def check_logical_calls(session: Elaboration) -> None:
-    """Statements call functions of fixed answers only."""
+    """Check that statements only call functions that have a fixed answer."""
     table = session.functions
     for name, span in session.logical_calls:
         stack, seen = [name], {name}
@@ -137,7 +137,7 @@ def define_functions(session: Elaboration) -> None:
 
 
 def _unfit(session: Elaboration, wanted: Signature, findings: Findings) -> None:
-    """A function of the library does not fit the program's own `Task`."""
+    """Report that a function of the library does not fit the program's own `Task`."""
     told = findings.in_order()
     task = session.types.declared.get("Task")
     notes = (Note(task.span, "`Task` is declared here"),) if task is not None else ()
@@ -162,7 +162,7 @@ def _define(session: Elaboration, wanted: Signature, findings: Findings) -> None
 
 
 def _body(session: Elaboration, wanted: Signature, findings: Findings, where: Where) -> BodyScope:
-    """A body with the parameters in scope."""
+    """Elaborate a body with the parameters in scope."""
     body = BodyScope(session, where, None, findings, library=wanted.library)
     body.origin = session.functions.origins.get(wanted.name) if wanted.library else None
     for decl, type_ in zip(wanted.definition.parameters, wanted.parameters, strict=True):
@@ -237,7 +237,7 @@ def _parameters(body: BodyScope, wanted: Signature) -> tuple[core.Variable, ...]
 
 
 def returns(statements: ast.Block) -> bool:
-    """Whether the statements always end in a ``return``."""
+    """Return whether the statements always end in a ``return``."""
     for s in statements:
         match s:
             case ast.Return():
@@ -309,7 +309,7 @@ def _condition(body: BodyScope, condition: ast.Expr) -> core.Expr | None:
 
 
 def check_promises(body: BodyScope, condition: core.Expr) -> None:
-    """Tell of statements about every value of a type that nobody could ever try. [EXTERNAL]
+    """Report quantifiers over all values of a type that cannot be checked. [EXTERNAL]
 
     Of what is said of all values, some can be tried, and the rest taken on trust. Of what is denied
     of all, required of a caller, or said of some one value, nothing can be.

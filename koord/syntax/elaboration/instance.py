@@ -1,4 +1,4 @@
-"""The instance that a program is meant for: ``param int numAgents`` and ``param float delta``."""
+"""The instance that a text states: ``param int numAgents`` and ``param float delta``."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from koord.syntax.types import FLOAT, INT, show
 
 
 def instance(session: Elaboration, sections: Sections) -> core.Instance:
-    """The instance, as far as the program states it. What it says wrongly is told."""
+    """The instance, as far as the program states it. Errors in it are reported."""
     delta_s = _delta(session, sections)
     total = _robots(session, sections.common)
     counts = [_robots(session, kind) or 0 for kind in sections.kinds]
@@ -34,7 +34,7 @@ def instance(session: Elaboration, sections: Sections) -> core.Instance:
 
 
 def _check_kinds(session: Elaboration, sections: Sections, stated: list[AgentSections]) -> None:
-    """The number is stated of each kind of robot, if of one; and not of all together besides."""
+    """Check that numbers are stated for every kind of robot or none, and not for all besides."""
     for decl in _of_robots(sections.common)[:1]:
         _wrong(
             session,
@@ -61,7 +61,7 @@ def _of_delta(kind: AgentSections) -> list[ast.VarDecl]:
 
 
 def _robots(session: Elaboration, kind: AgentSections) -> int | None:
-    """How many robots there are, or of this kind; None if that is not stated, or wrong."""
+    """The number of robots, or of this kind; None if that is not stated, or wrong."""
     decl = _only(session, _of_robots(kind))
     if decl is None:
         return None
@@ -81,7 +81,7 @@ def _robots(session: Elaboration, kind: AgentSections) -> int | None:
 
 
 def _delta(session: Elaboration, sections: Sections) -> Fraction | None:
-    """The length of a round; None if it is not stated, or wrong."""
+    """The length of a round in seconds; None if it is not stated, or wrong."""
     for kind in sections.kinds:
         for decl in _of_delta(kind):
             _wrong(

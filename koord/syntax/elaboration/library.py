@@ -103,7 +103,7 @@ def _unique(session: Elaboration, name: str, number: int) -> str:
 def signature(
     session: Elaboration, definition: ast.FunDef, name: str, *, library: bool
 ) -> Signature:
-    """What callers see of a function. Mistakes in the library's types are told at its calls."""
+    """The signature of a function. Errors in the library's types are reported at its calls."""
     findings = Findings() if library else session.findings
     body = BodyScope(session, Where.CONSTANT, None, findings)
     parameters = tuple(resolve(body, decl.type) for decl in definition.parameters)

@@ -1,4 +1,4 @@
-"""Literals of lists and maps."""
+"""Elaboration of literals of lists, maps and sets."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from koord.syntax.types import (
 
 
 def collection(body: BodyScope, e: ast.Collection, expected: Type | None) -> core.Expr | None:
-    """A list, map or set that is written out."""
+    """Elaborate a list, map or set literal."""
     match e:
         case ast.ListLit(items=items):
             return list_of(body, items, expected, e.span)
@@ -36,7 +36,7 @@ def collection(body: BodyScope, e: ast.Collection, expected: Type | None) -> cor
 def list_of(
     body: BodyScope, items: tuple[ast.Expr, ...], expected: Type | None, span: Span
 ) -> core.Expr | None:
-    """A list of the items, of the type that its place wants if that is a list."""
+    """Elaborate a list literal, of the type that its place wants if that is a list."""
     element = element_of(expected) if expected is not None else None
     if element is None or expected is None:
         return _inferred(body, items, expected, span)
@@ -107,7 +107,7 @@ def _inferred(
 
 
 def set_of(body: BodyScope, e: ast.SetLit, expected: Type | None) -> core.Expr | None:
-    """A set of the elements: a map in which each is present."""
+    """Elaborate a set literal: a map in which each element is present."""
     element = expected.key if isinstance(expected, SetType) else None
     made = list_of(body, e.items, None if element is None else ListType(element), e.span)
     if made is None:
@@ -126,13 +126,13 @@ def keys_of(of: core.Expr) -> core.Expr:
 
 
 def gone_through(body: BodyScope, e: ast.Expr) -> core.Expr | None:
-    """What loops and quantifiers go through: a list, an array, a map; of a set its elements."""
+    """Elaborate the collection of a loop or quantifier: a list, array or map, or a set's keys."""
     of = body.expr(e)
     return keys_of(of) if of is not None and isinstance(of.type, SetType) else of
 
 
 def map_of(body: BodyScope, e: ast.MapLit, expected: Type | None) -> core.Expr | None:
-    """A map with the entries."""
+    """Elaborate a map literal."""
     if expected == POISON:
         return None
     wanted = expected if isinstance(expected, MapType) else _entry_types(body, e)
@@ -152,7 +152,7 @@ def map_of(body: BodyScope, e: ast.MapLit, expected: Type | None) -> core.Expr |
 
 
 def _entry_types(body: BodyScope, e: ast.MapLit) -> MapType | None:
-    """The type that the first entry has."""
+    """The types of the first entry."""
     if not e.entries:
         body.error(
             "K230",

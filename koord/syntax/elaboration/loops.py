@@ -1,4 +1,4 @@
-"""Loops. Their bounds are known: constants, ids, numbers of robots, lengths, outer loops."""
+"""Elaboration of loops. Bounds are constants, ids, numbers of robots, lengths, outer loops."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _BOUND_OPS = frozenset(
 
 
 def for_range(body: BodyScope, s: ast.ForRange) -> core.Block:
-    """``for i = low, high:``"""
+    """Elaborate ``for i = low, high:``."""
     low = _bound(body, s.low, "the start of a loop")
     high = _bound(body, s.high, "the end of a loop")
     body.loops.append(_loop_over(body, s))
@@ -42,7 +42,7 @@ def for_range(body: BodyScope, s: ast.ForRange) -> core.Block:
 
 
 def repeat(body: BodyScope, s: ast.Repeat) -> core.Block:
-    """``repeat n:`` is a loop from 0 to ``n`` whose variable nobody sees. [S-FOR]"""
+    """Elaborate ``repeat n:``, a loop from 0 to ``n`` with a hidden variable. [S-FOR]"""
     count = _bound(body, s.count, "how often a loop repeats")
     with body.frame():
         variable = body.slot("trip", INT)
@@ -114,7 +114,7 @@ def _variable_element(body: BodyScope, over: ast.Name) -> Type | None:
 
 
 def for_each(body: BodyScope, s: ast.ForEach) -> core.Block:
-    """``for x in list:``, ``for k, v in list:``."""
+    """Elaborate ``for x in list:`` and ``for k, v in list:``."""
     sequence = gone_through(body, s.sequence)
     key_type, value_type = _visited(body, s, sequence)
     body.loops.append(LoopScope(s.variables[-1].name, s.sequence, value_type, by_position=False))
@@ -162,7 +162,7 @@ def _visited(
 
 
 def break_(body: BodyScope, s: ast.Break) -> core.Block:
-    """``break``"""
+    """Elaborate ``break``."""
     if body.breakable:
         return (core.Break(span=s.span),)
     body.error("K220", s.span, "`break` stands in loops only")

@@ -1,4 +1,4 @@
-"""Modules: their ports, environments and contracts."""
+"""Elaboration of modules: their ports, environments and contracts."""
 
 from __future__ import annotations
 
@@ -190,7 +190,7 @@ def ports(
 
 
 def module(session: Elaboration, scope: AgentScope, used: UsedModule) -> core.Module:
-    """The core module: its environment and contracts elaborated."""
+    """Elaborate a module: its environment and contracts."""
     positions = tuple(slot for slot in sorted(scope.slots) if scope.slots[slot].module == used.name)
     environment: core.Block | None = None
     bound = 0

@@ -1,4 +1,4 @@
-"""What a bare name means where it stands."""
+"""Name resolution: the meaning of a bare name in its context."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ Meaning = core.Place | core.Expr | None
 
 
 def name(body: BodyScope, e: ast.Name, expected: Type | None) -> Meaning:
-    """The meaning of a name."""
+    """Resolve a name."""
     bound = body.lookup(e.name)
     if bound is not None:
         return None if bound.variable is None else core.Place(bound.variable, span=e.span)
@@ -53,7 +53,7 @@ def name(body: BodyScope, e: ast.Name, expected: Type | None) -> Meaning:
 
 
 def _declared(body: BodyScope, e: ast.Name) -> tuple[Named | None, AgentScope | None]:
-    """The variable, constant or param of that name."""
+    """Resolve a declared variable, constant or param."""
     session = body.session
     if e.name in session.shared:
         return session.shared[e.name], None
@@ -123,7 +123,7 @@ def _variable(
 def _common(
     body: BodyScope, e: ast.Expr, variable: core.Variable, agent: AgentScope | None
 ) -> bool:
-    """Whether every robot that can be meant has the variable; told if not."""
+    """Return whether every robot that may be meant has the variable; reported if not."""
     if body.where not in CLOSED or _context(body) is not None or body.session.single:
         return True
     lacking = []
@@ -147,7 +147,7 @@ def _common(
 
 
 def _robot(body: BodyScope, span: Span) -> core.Expr | None:
-    """Whose local or port is meant: None for the robot that runs."""
+    """The robot whose local or port is meant: None for the one that runs."""
     if body.robot is not None:
         body.robot.used = True
         return body.robot.expr
@@ -270,7 +270,7 @@ def _pid(body: BodyScope, e: ast.Name) -> Meaning:
 
 
 def robot_entry(body: BodyScope, found: core.Place, e: ast.Expr) -> core.Place:
-    """``x@i`` is ``x[i]`` for an allread ``x``."""
+    """Elaborate ``x@i``, which is ``x[i]`` for an allread ``x``."""
     assert body.robot is not None
     element = element_of(found.variable.type)
     assert element is not None

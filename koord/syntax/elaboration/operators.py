@@ -1,4 +1,4 @@
-"""Expressions: one case per form; operators: what they apply to, and what they become."""
+"""Elaboration of expressions and operators."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ _CHAIN = 16
 
 
 def unary(body: BodyScope, e: ast.Unary) -> core.Expr | None:
-    """``-e`` and ``not e``."""
+    """Elaborate ``-e`` and ``not e``."""
     if e.op is ast.UnaryOp.NOT:
         operand = fit(body, body.expr(e.operand, BOOL), BOOL, e.operand.span, "what `not` negates")
         if operand is None:
@@ -62,7 +62,7 @@ def unary(body: BodyScope, e: ast.Unary) -> core.Expr | None:
 
 
 def binary(body: BodyScope, e: ast.Binary, expected: Type | None) -> core.Expr | None:
-    """An operator with two operands."""
+    """Elaborate an operator with two operands."""
     if e.op in _LOGIC:
         return _logic(body, e)
     if e.op in _EQUALITY:
@@ -100,7 +100,7 @@ def _logic(body: BodyScope, e: ast.Binary) -> core.Expr | None:
 
 
 def _chain(e: ast.Binary) -> list[ast.Expr]:
-    """``a and b and c`` as its three parts; ``implies`` has two."""
+    """The operands of a chain ``a and b and c``; ``implies`` has two."""
     if e.op is ast.BinaryOp.IMPLIES:
         return [e.left, e.right]
     parts = [e.right]
@@ -113,7 +113,7 @@ def _chain(e: ast.Binary) -> list[ast.Expr]:
 
 
 def _balanced(op: core.BinaryOp, parts: list[core.Expr]) -> core.Expr:
-    """A tree of small depth that evaluates the parts from left to right."""
+    """A balanced tree of operators that evaluates its operands from left to right."""
     if len(parts) == 1:
         return parts[0]
     middle = len(parts) // 2
@@ -146,7 +146,7 @@ def _equality(body: BodyScope, e: ast.Binary) -> core.Expr | None:
 
 
 def _operands(body: BodyScope, e: ast.Binary) -> tuple[core.Expr | None, core.Expr | None]:
-    """Both operands; one that says its type helps one that does not (``[]``, a member)."""
+    """Elaborate both operands; one with a known type helps one without (``[]``, a member)."""
     if _silent(body, e.left):
         right = body.expr(e.right)
         return body.expr(e.left, right.type if right is not None else None), right
@@ -161,7 +161,7 @@ def _silent(body: BodyScope, e: ast.Expr) -> bool:
 
 
 def _within(body: BodyScope, e: ast.Binary, choice: ast.Call, other: ast.Expr) -> core.Expr | None:
-    """In a property, ``x == choose(low, high)`` says that x is in the range."""
+    """Elaborate ``x == choose(low, high)`` in a property: x is in the range."""
     value = body.expr(other)
     if len(choice.arguments) != 2 or e.op is not ast.BinaryOp.EQ:
         body.error(
@@ -247,7 +247,7 @@ def _arithmetic_hint(wrong: Type) -> str | None:
 
 
 def _vector(body: BodyScope, e: ast.Binary, left: core.Expr, right: core.Expr) -> core.Expr | None:
-    """``a + b``, ``a - b``, ``a * k``, ``k * a``, ``a / k`` of positions."""
+    """Elaborate ``a + b``, ``a - b``, ``a * k``, ``k * a``, ``a / k`` of positions."""
     if left.type == POS and right.type == POS:
         if e.op is ast.BinaryOp.ADD:
             return library_call(body, "addedPos", (left, right), e.span)
@@ -272,7 +272,7 @@ def _vector(body: BodyScope, e: ast.Binary, left: core.Expr, right: core.Expr) -
 
 
 def expression(body: BodyScope, e: ast.Expr, expected: Type | None) -> core.Expr | None:
-    """The expression, typed; ``expected`` is the type that its place wants, if that is known.
+    """Elaborate an expression; ``expected`` is the type that its place wants, if known.
 
     Where the type of the result differs from ``expected``, the caller finds out. None means that
     something is wrong, and told.

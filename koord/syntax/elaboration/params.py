@@ -1,4 +1,4 @@
-"""Values of params: the declaration's, or the settings'."""
+"""Values of params, from the declaration or the settings."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from koord.syntax.types import (
 
 
 def param_value(session: Elaboration, decl: ast.VarDecl) -> core.Expr | None:
-    """The value of a param as an expression without names, or None if there is none."""
+    """The value of a param as a closed expression, or None if it has none."""
     body = BodyScope(session, Where.CONSTANT, None, session.findings)
     type_ = resolve(body, decl.type)
     if type_ is None:

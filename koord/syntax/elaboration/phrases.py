@@ -1,4 +1,4 @@
-"""Pieces of messages, and the names that were probably meant."""
+"""Phrases of messages, and suggestions for misspelt names."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def a(type_: Type) -> str:
 
 
 def choice(what: str, names: Iterable[str]) -> str:
-    """What there is to choose from: ``its ports are `x` and `y` ``, or that it has none."""
+    """List the choices: ``its ports are `x` and `y` ``, or that there are none."""
     shown = listed(names)
     plural, _, _ = what.removeprefix("its ").partition(" ")
     return f"{what} {shown}" if shown else f"it has no {plural}"
@@ -99,19 +99,19 @@ def closest(name: str, known: Iterable[str]) -> str | None:
 
 
 def _is_turned(one: str, other: str) -> bool:
-    """Whether two names differ in the order of two letters, as `pns` and `psn`."""
+    """Return whether two names differ in the order of two letters, as `pns` and `psn`."""
     different = [(a, b) for a, b in zip(one, other, strict=False) if a != b]
     return len(one) == len(other) and len(different) == 2 and different[0] == different[1][::-1]
 
 
 def _is_cut(one: str, other: str) -> bool:
-    """Whether one name is the beginning of the other, as `max` is of `maximum`."""
+    """Return whether one name is a prefix of the other, as `max` is of `maximum`."""
     short, long = sorted((one, other), key=len)
     return len(short) >= _SHORTEST_CUT and long.startswith(short)
 
 
 class _Index(Struct, frozen=True):
-    """Names in small letters, and those that become alike without one letter.
+    """An index of names in lower case, and of those that become equal without one letter.
 
     Comparing is slow, and a program with thousands of names may misspell thousands.
     """
@@ -144,7 +144,7 @@ def _indexed(known: tuple[str, ...]) -> _Index:
 
 
 def _shortened(name: str) -> set[str]:
-    """A name, and what it is without one of its letters.
+    """Yield a name, and the name without each one of its letters.
 
     Names that differ by a letter more, less or another, or by two that changed places, share one.
     """
@@ -161,7 +161,7 @@ def did_you_mean(name: str, known: Iterable[str]) -> str | None:
 
 
 def _misspelt(name: str, known: Iterable[str]) -> str | None:
-    """The known name for what is a misspelt one of other languages, as `append` for `psuh`."""
+    """The known name for a misspelt one of other languages, as `append` for `psuh`."""
     others = {other: here for other, here in _ELSEWHERE.items() if here in known}
     near = closest(name, others)
     return others[near] if near is not None else None

@@ -1,4 +1,4 @@
-"""Names with what follows them: fields, elements, ports, members of enumerations."""
+"""Elaboration of names with suffixes: fields, elements, ports, members of enumerations."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from koord.syntax.types import INT, EnumType, FloatType, MapType, RecordType, Se
 
 
 def meaning(body: BodyScope, e: ast.Expr, expected: Type | None = None) -> Meaning:
-    """The place or the value that an expression denotes."""
+    """Elaborate an expression to the place or the value that it denotes."""
     match e:
         case ast.Name():
             return names.name(body, e, expected)
@@ -41,12 +41,12 @@ def _composed(body: BodyScope, e: ast.Attribute | ast.Index | ast.AtRobot | ast.
 
 
 def read(found: Meaning, e: ast.Expr) -> core.Expr | None:
-    """The value of what was found."""
+    """The value of a place or value."""
     return core.Read(found, span=e.span) if isinstance(found, core.Place) else found
 
 
 def stepped(found: core.Place | core.Expr, step: core.Step, e: ast.Expr) -> Meaning:
-    """A part of what was found."""
+    """Elaborate a part of a place or value."""
     if isinstance(found, core.Place):
         return core.Place(
             found.variable, (*found.steps, step), found.robot, found.primed, span=e.span
@@ -70,7 +70,7 @@ def _attribute(body: BodyScope, e: ast.Attribute) -> Meaning:
 
 
 def _is_free(body: BodyScope, name: str) -> bool:
-    """Whether the name is not that of a variable."""
+    """Return whether the name is not that of a variable."""
     session = body.session
     return (
         body.lookup(name) is None
@@ -80,7 +80,7 @@ def _is_free(body: BodyScope, name: str) -> bool:
 
 
 def is_unknown(body: BodyScope, name: str) -> bool:
-    """Whether the name means nothing here."""
+    """Return whether the name has no meaning here."""
     session = body.session
     return (
         _is_free(body, name)
@@ -91,7 +91,7 @@ def is_unknown(body: BodyScope, name: str) -> bool:
 
 
 def field(body: BodyScope, base: core.Place | core.Expr, e: ast.Attribute) -> Meaning:
-    """A field of a record."""
+    """Elaborate a field of a record."""
     record = base.type
     if not isinstance(record, RecordType):
         hint = None
@@ -155,7 +155,7 @@ def _qualified(body: BodyScope, e: ast.Attribute, owner: str) -> Meaning:
 
 
 def find_module(body: BodyScope, owner: str) -> ModuleScope | None:
-    """The module of that name that the robots meant use."""
+    """The module with a name that the robots in question use."""
     kind = body.robot.kind if body.robot is not None else None
     if kind is not None:
         return body.session.agents[kind].modules.get(owner)
@@ -177,7 +177,7 @@ def _member(body: BodyScope, e: ast.Attribute, kind: EnumType) -> Meaning:
 
 
 def _entry(body: BodyScope, base: ast.Expr, found: Meaning) -> Meaning:
-    """``x@i`` of an allread variable, and ``x.f @ i``, is the entry of robot ``i``."""
+    """Elaborate ``x@i`` and ``x.f @ i`` of an allread variable: the entry of robot ``i``."""
     if (
         isinstance(base, ast.Name)
         and isinstance(found, core.Place)

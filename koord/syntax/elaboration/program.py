@@ -1,4 +1,4 @@
-"""From the tree of a file to the core program: names first, then bodies, then the whole."""
+"""Elaboration of a program: names first, then bodies, then the whole."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def name_events(session: Elaboration, scope: AgentScope, events: list[ast.Event]
 
 
 def event(session: Elaboration, scope: AgentScope, section: ast.Event) -> core.Event:
-    """An event. Its lock classes are still numbers of atomic blocks."""
+    """Elaborate an event. Its lock classes are still numbers of atomic blocks."""
     body = BodyScope(session, Where.GUARD, scope, session.findings)
     guard: core.Expr = core.Const(True, BOOL, span=section.name.span)
     if section.pre is not None:
@@ -81,7 +81,7 @@ def event(session: Elaboration, scope: AgentScope, section: ast.Event) -> core.E
 def initialisation(
     session: Elaboration, scope: AgentScope, sections: list[ast.Init]
 ) -> tuple[core.Block, int]:
-    """What robots do at the start, and how many bound slots it needs."""
+    """Elaborate INIT: its block, and the number of bound slots that it needs."""
     body = BodyScope(session, Where.INIT, scope, session.findings)
     statements: list[core.Stmt] = []
     for section in sections:
@@ -93,7 +93,7 @@ _DEFAULTS = Settings()
 
 
 def elaborate(program: ast.Program, settings: Settings = _DEFAULTS) -> Elaborated:
-    """The core program that a tree means, with everything that is wrong or doubtful about it.
+    """Elaborate a tree to a core program, with errors and warnings.
 
     A tree that holds properties alone is checked as far as that goes, and gives no program.
     """
@@ -130,7 +130,7 @@ class _Robots(Struct):
 
 
 def _kinds(sections: Sections) -> list[AgentSections]:
-    """The kinds of robot. What stands outside of `agent` blocks is for all of them."""
+    """The kinds of robot. Sections outside of `agent` blocks are for all of them."""
     common = sections.common
     if not sections.kinds:
         return [common]
@@ -153,7 +153,7 @@ def _kinds(sections: Sections) -> list[AgentSections]:
 def _declare(
     session: Elaboration, sections: Sections, robots: list[_Robots], program: ast.Program
 ) -> None:
-    """Enter every name."""
+    """Declare every name."""
     declared_types.declare_types(session, sections.enums, sections.records)
     variables.enter_names(session, _entries(session, sections, robots))
     session.parameters = variables.declare_params(session, sections.params)
@@ -199,7 +199,7 @@ def _entries(
 def _define(
     session: Elaboration, sections: Sections, robots: list[_Robots], program: ast.Program
 ) -> core.Program:
-    """Elaborate every body, and put the program together."""
+    """Elaborate every body, and assemble the program."""
     allwrite = _shared(session, sections.allwrite, Where.SHARED_INITIAL)
     allread = _shared(session, sections.allread, Where.INITIAL)
     agents = [_agent(session, each) for each in robots]
@@ -239,7 +239,7 @@ def _define(
 
 
 def _starts_with_tasks(session: Elaboration, allwrite: tuple[core.Declaration, ...]) -> bool:
-    """Whether the world's tasks are what a variable begins with."""
+    """Return whether a variable starts with the world's tasks."""
     unset = (d for d in allwrite if d.initial is core.Start.UNSET)
     return any(starts.tasks(d.variable, session.settings) is not None for d in unset)
 
@@ -291,7 +291,7 @@ def _locals(session: Elaboration, robots: _Robots) -> tuple[core.Declaration, ..
 
 
 def _sources(sections: Sections) -> list[tuple[int | None, AgentSections]]:
-    """Where assumptions and properties stand: outside, then in each kind of robot."""
+    """Sections with assumptions and properties: outside of kinds first, then in each kind."""
     inside = [(number, kind) for number, kind in enumerate(sections.kinds)]
     return [(None, sections.common), *inside]
 

@@ -1,4 +1,4 @@
-"""Assumptions and properties: closed statements about configurations."""
+"""Elaboration of assumptions and properties: closed statements about configurations."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from koord.syntax.types import BOOL
 
 
 def closed(body: BodyScope, e: ast.Expr, what: str) -> core.Expr | None:
-    """The statement, said of every robot if it speaks of ``pid``."""
+    """Close a statement: if it reads ``pid``, it is quantified over every robot."""
     made = fit(body, body.expr(e, BOOL), BOOL, e.span, what)
     if made is None or body.closing is None:
         return made
@@ -79,7 +79,7 @@ def _eventually(body: BodyScope, section: ast.Eventually, name: str) -> core.Pro
 
 
 def _each(body: BodyScope) -> core.Each | None:
-    """Who a statement about whole runs is meant for, one by one, if it speaks of ``pid``."""
+    """The robots that a liveness statement is about, one by one, if it reads ``pid``."""
     return None if body.closing is None else core.Each(body.closing, _kind(body))
 
 

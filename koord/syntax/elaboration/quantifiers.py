@@ -1,4 +1,4 @@
-"""What only properties, contracts and summaries say: all robots, robot i's, after the step."""
+"""Elaboration of quantifiers, ``v@i``, primed ports and ``ran``: outside of robots' turns only."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _KINDS = {
 
 
 def quantified(body: BodyScope, e: ast.Quantified) -> core.Expr | None:
-    """``forall i, j: …`` as one quantifier per name, the first outermost."""
+    """Elaborate ``forall i, j: …`` as nested quantifiers, the first outermost."""
     if body.where not in LOGICAL:
         body.error(
             "K301",
@@ -128,7 +128,7 @@ def _typed(
 
 
 def at_robot(body: BodyScope, e: ast.AtRobot, base: Callable[[], Meaning]) -> Meaning:
-    """``v@i``: the base, with the locals and ports of robot ``i``."""
+    """Elaborate ``v@i``: the base, with the locals and ports of robot ``i``."""
     if body.where not in CLOSED | CONTRACT:
         body.error(
             "K302",
@@ -177,7 +177,7 @@ def _kind(body: BodyScope, robot: ast.Expr) -> int | None:
 
 
 def primed(body: BodyScope, e: ast.Prime, base: Callable[[], Meaning]) -> Meaning:
-    """``x'``: the port after the environment's turn."""
+    """Elaborate ``x'``: the port after the environment's turn."""
     if body.where is not Where.ENSURES:
         body.error(
             "K303",
@@ -195,7 +195,7 @@ def primed(body: BodyScope, e: ast.Prime, base: Callable[[], Meaning]) -> Meanin
 
 
 def ran(body: BodyScope, e: ast.Call) -> core.Expr | None:
-    """``ran(E)``, of the robot that ``@`` names or of every robot."""
+    """Elaborate ``ran(E)``, of the robot that ``@`` names or of every robot."""
     if body.where not in CLOSED:
         body.error(
             "K304",

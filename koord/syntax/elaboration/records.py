@@ -1,4 +1,4 @@
-"""Making records: ``Task(loc = p, assigned = false)``, ``pos(1, 2, 0)``."""
+"""Elaboration of records: ``Task(loc = p, assigned = false)``, ``pos(1, 2, 0)``."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from koord.syntax.types import RecordType, Type
 
 
 def construct(body: BodyScope, e: ast.Call, record: RecordInfo) -> core.Expr | None:
-    """A record of the type, with named or positional fields."""
+    """Elaborate a record of the type, with named or positional fields."""
     given = _placed(body, e, record)
     fields: list[core.Expr] = []
     missing: list[str] = []
@@ -47,7 +47,7 @@ def construct(body: BodyScope, e: ast.Call, record: RecordInfo) -> core.Expr | N
 
 
 def field_value(body: BodyScope, value: ast.Expr, name: str, wanted: Type) -> core.Expr | None:
-    """A value for a field."""
+    """Elaborate a value for a field."""
     return fit(body, body.expr(value, wanted), wanted, value.span, f"the field `{name}`")
 
 
@@ -104,7 +104,7 @@ TASK_FIELDS = {
 
 
 def field_position(record: RecordType, name: str) -> int | None:
-    """Where the field stands, by either of its names."""
+    """The position of a field, by either of its names."""
     found = record.position(name)
     if found is None and record.name == "Task" and name in TASK_FIELDS:
         return record.position(TASK_FIELDS[name])

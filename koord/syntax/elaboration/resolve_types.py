@@ -1,4 +1,4 @@
-"""From written types to types."""
+"""Resolution of written types."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ MAX_SIZE = 1_000_000
 
 
 def resolve(body: BodyScope, written: ast.TypeExpr, depth: int = 0) -> Type | None:
-    """The type meant, or None if it is wrong (told by then). ``body`` evaluates sizes."""
+    """Resolve a type; None if it is wrong (reported by then). ``body`` evaluates sizes."""
     if depth > MAX_TYPE_DEPTH:
         body.error(
             "K231",
@@ -152,7 +152,7 @@ def _size(body: BodyScope, size: ast.Expr) -> int | Robots | None:
 
 
 def is_numeric(type_: Type) -> bool:
-    """Whether it is ``int`` or ``float``."""
+    """Return whether a type is ``int`` or ``float``."""
     return type_ == INT or isinstance(type_, FloatType)
 
 

@@ -1,4 +1,4 @@
-"""The sections of a file sorted by what they are; those that repeat are merged."""
+"""The sections of a file, sorted by kind; repeated ones are merged."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ FLAGS = {"numAgents": "--robots", "Nsys": "--robots", "delta": "--delta"}
 
 
 class AgentSections(Struct):
-    """What one kind of robot has; also what stands outside of `agent` blocks, for all kinds."""
+    """The sections of one kind of robot, or of those outside of `agent` blocks, for all kinds."""
 
     name: str
     declared: ast.Ident | None = None
@@ -45,7 +45,7 @@ class Sections(Struct):
 
     @property
     def is_empty(self) -> bool:
-        """Whether there is nothing at all."""
+        """Return whether there are no sections."""
         common = self.common
         return not (
             self.kinds
@@ -67,7 +67,7 @@ class Sections(Struct):
 
     @property
     def only_properties(self) -> bool:
-        """Whether this is a file of properties: it speaks of a program that is not here."""
+        """Return whether this is a file of properties, about a program in another file."""
         common = self.common
         rest = (self.kinds, self.allread, self.allwrite, common.locals, common.using)
         if any(rest) or common.init or common.events:

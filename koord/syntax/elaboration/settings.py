@@ -1,4 +1,4 @@
-"""What elaboration is given beside the text, and what it answers."""
+"""The settings and the result of elaboration."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Settings(Struct, frozen=True):
 
 
 class Elaborated(Struct, frozen=True):
-    """The core program, unless there are errors or the file holds properties alone."""
+    """The result of elaboration: a core program, unless there are errors or only properties."""
 
     program: core.Program | None
     diagnostics: tuple[Diagnostic, ...]

@@ -1,4 +1,4 @@
-"""How variables start: with a value, unset, or with any value that the assumptions allow."""
+"""Starts of variables: with a value, unset, or with any value that the assumptions allow."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ Key = tuple[core.Home, int | None, int]
 
 
 def key(variable: core.Variable, kind: int | None) -> Key:
-    """What tells variables apart: slots of locals count per kind of robot."""
+    """A key for a variable: slots of locals count per kind of robot."""
     local = variable.home in (core.Home.LOCAL, core.Home.PORT)
     return (variable.home, kind if local else None, variable.slot)
 
@@ -78,7 +78,7 @@ class Assumed(Struct, frozen=True):
 
 
 def assumed(assumptions: Iterable[core.Assumption], kinds: int) -> Assumed:
-    """What the assumptions say about how variables start."""
+    """Find the variables that assumptions read, and the list lengths that they fix."""
     read: set[Key] = set()
     lengths: dict[Key, int] = {}
     for assumption in assumptions:
@@ -169,7 +169,7 @@ def _robot(expr: core.Expr | None, robots: dict[int, int | None]) -> tuple[int |
 def check_tasks(
     declarations: Iterable[core.Declaration], settings: Settings, findings: Findings
 ) -> None:
-    """An array of tasks has as many elements as the world has tasks."""
+    """Check that an array of tasks has as many elements as the world has tasks."""
     for declaration in declarations:
         match declaration.variable.type:
             case ArrayType(element=RecordType(name="Task"), size=int() as size):
@@ -189,7 +189,7 @@ def check_tasks(
 
 
 def takes_tasks(variable: core.Variable) -> bool:
-    """Whether a variable without a value begins with the tasks of the world, if there are any."""
+    """Return whether a variable without a value starts with the world's tasks, if there are any."""
     match variable.type:
         case ListType(element=RecordType(name="Task")) | ArrayType(element=RecordType(name="Task")):
             return variable.home is core.Home.ALLWRITE

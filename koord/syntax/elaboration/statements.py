@@ -1,4 +1,4 @@
-"""Statements: one case per form."""
+"""Elaboration of statements."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _OWN_VARIABLES = frozenset({Where.FUNCTION, Where.ENVIRONMENT})
 
 
 def block(body: BodyScope, statements: ast.Block) -> core.Block:
-    """The statements in order; wrong ones are left out, and told."""
+    """Elaborate statements in order; wrong ones are reported and left out."""
     if body.depth >= MAX_DEPTH:
         body.error(
             "K231",
@@ -71,7 +71,7 @@ def block(body: BodyScope, statements: ast.Block) -> core.Block:
 
 
 def if_(body: BodyScope, s: ast.If) -> core.Block:
-    """``if … elif … else`` as nested two-way choices."""
+    """Elaborate ``if … elif … else`` as nested two-way choices."""
     if len(s.arms) + body.depth > MAX_DEPTH:
         body.error(
             "K231",
@@ -186,7 +186,7 @@ def _local(body: BodyScope, s: ast.LocalDecl) -> core.Block:
 
 
 def assign(body: BodyScope, s: ast.Assign) -> core.Block:
-    """``target = value``"""
+    """Elaborate ``target = value``."""
     value = s.value
     if isinstance(value, ast.Call | ast.MethodCall):
         name = _called(value)
@@ -224,7 +224,7 @@ def _same(one: ast.Expr | None, other: ast.Expr) -> bool:
 
 
 def increment(body: BodyScope, s: ast.Increment) -> core.Block:
-    """``x++``, ``x--``"""
+    """Elaborate ``x++`` and ``x--``."""
     place = target(body, s.target)
     if place is None:
         return ()

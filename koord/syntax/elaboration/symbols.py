@@ -1,4 +1,4 @@
-"""What a name can mean."""
+"""Symbols: the meanings of names."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class StreamSymbol(Struct, frozen=True):
 
 
 class ParamSymbol(Struct, frozen=True):
-    """A constant of the run, with its value; None if it has none that is right."""
+    """A param, with its value; None if it has no valid one."""
 
     value: core.Expr | None
     declared: ast.Ident
@@ -55,7 +55,7 @@ class MemberSymbol(Struct, frozen=True):
 
 
 class Role(Enum):
-    """What a bound name is; the value says it in messages."""
+    """The role of a bound name; the value says it in messages."""
 
     LOOP = "the variable of a loop"
     ELEMENT = "an element of the list that the loop goes through"
@@ -66,7 +66,7 @@ class Role(Enum):
 
 
 class BoundSymbol(Struct, frozen=True):
-    """A name bound in a body. ``variable`` is None if its type is wrong (told already).
+    """A name bound in a body. ``variable`` is None if its type is wrong (reported already).
 
     ``kind`` is the kind of robot that a quantified variable ranges over, if it is one kind.
     """
@@ -78,7 +78,7 @@ class BoundSymbol(Struct, frozen=True):
 
 
 class Poisoned(Struct, frozen=True):
-    """A name whose declaration is wrong, which was told: using it is no further error."""
+    """A name whose declaration is wrong, which was reported: using it is no further error."""
 
     declared: ast.Ident
 
@@ -123,7 +123,7 @@ class RecordInfo(Struct, frozen=True):
 
 
 class Signature(Struct):
-    """A function as its callers see it. A type that is None is wrong, which was told."""
+    """A function's signature. A type that is None is wrong, which was reported."""
 
     name: str  #: in the core program, where names are unique
     written: str
@@ -136,7 +136,7 @@ class Signature(Struct):
 
     @property
     def external(self) -> bool:
-        """Whether it is known by its summary only."""
+        """Return whether the function is known by its summary only."""
         return isinstance(self.definition.body, ast.External)
 
 
@@ -160,7 +160,7 @@ class FunctionTable(Struct):
     origins: dict[str, Span] = field(default_factory=dict)
 
     def want(self, signature: Signature, origin: Span) -> None:
-        """Note that the core program calls the function; ``origin`` is where it asks for it."""
+        """Record that the core program calls the function; ``origin`` is the call's place."""
         if signature.name not in self.wanted:
             self.wanted.add(signature.name)
             self.origins[signature.name] = origin

@@ -1,4 +1,4 @@
-"""Names that mean nothing, and what was probably meant."""
+"""Unknown names, and suggestions for them."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from koord.syntax.types import FLOAT, INT, ArrayType, EnumType, RecordType, Type
 
 
 class _Candidate(Struct, frozen=True):
-    """A name that may have been meant: its type, as far as it is known, and what it is good for."""
+    """A candidate for a misspelt name: its type, as far as it is known, and its use."""
 
     type: Type | None = None
     is_writable: bool = False
@@ -42,7 +42,7 @@ def unknown(
     *,
     is_written: bool = False,
 ) -> None:
-    """Tell that there is no such name, and what may have been meant: once for each name.
+    """Report an unknown name with suggestions: once for each name.
 
     What would be another mistake in its place is no guess: where a value of the ``expected`` type
     has to stand, a part called ``field``, or something that can be written.
@@ -72,7 +72,7 @@ def _fits(given: Type, expected: Type | None) -> bool:
 
 
 def _has(given: Type, field: str | None) -> bool:
-    """Whether a value of a type has a part of that name, or nobody asks for one."""
+    """Return whether a value of a type has a part of that name, or no part is asked for."""
     if field is None:
         return True
     if isinstance(given, ArrayType):  # of all robots the own entry may be meant
@@ -101,7 +101,7 @@ def _element_hint(body: BodyScope, wanted: str, field: str | None) -> str | None
 
 
 def _visible(body: BodyScope) -> dict[str, _Candidate]:
-    """The names that could stand here. Of one that stands for several things nothing is known."""
+    """The names that could stand here. The type of an ambiguous name is unknown."""
     session, found = body.session, dict[str, _Candidate]()
 
     def add(name: str, candidate: _Candidate) -> None:
@@ -163,7 +163,7 @@ def _of_port(body: BodyScope, port: PortNamed) -> _Candidate:
 
 
 def _is_constant(found: Named) -> bool:
-    """Whether a name stands for the same value everywhere."""
+    """Return whether a name stands for the same value everywhere."""
     return isinstance(found, ParamSymbol | MemberSymbol) or (
         isinstance(found, Pending) and found.is_param
     )

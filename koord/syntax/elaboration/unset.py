@@ -1,4 +1,4 @@
-"""Variables that are read and never set: whoever reads one faults, or claims what is false."""
+"""Variables that are read and never set: reading one is a fault."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ def _read(node: object) -> Iterator[core.Place]:
 
 
 def _set(node: object) -> Iterator[tuple[Path, core.Place]]:
-    """What a statement sets: not a list of which it changes an element."""
+    """Yield the places that a statement sets: not a list of which it changes an element."""
     changed = core.Append | core.Remove
     for place in () if isinstance(node, changed) else written(node):
         if isinstance(node, core.Pop) and place is node.place:
@@ -100,7 +100,7 @@ def _set(node: object) -> Iterator[tuple[Path, core.Place]]:
 
 
 def _path(place: core.Place) -> tuple[Path, bool]:
-    """The fields on the way to a place, and whether it is not inside of a list or a map."""
+    """The fields on the way to a place, and whether it lies outside of lists and maps."""
     path: list[int] = []
     type_: Type = place.variable.type
     for step in place.steps:
@@ -148,7 +148,7 @@ def _element(type_: Type) -> Type:
 
 
 def _atoms(type_: Type) -> Iterator[Path]:
-    """The parts of a value that are set by themselves."""
+    """The parts of a value that are set separately."""
     type_ = _element(type_)
     if not isinstance(type_, RecordType):
         yield ()
@@ -186,7 +186,7 @@ def _warn(session: Elaboration, declaration: core.Declaration, path: Path) -> No
 
 
 def _first(type_: Type) -> str | None:
-    """A value to begin with."""
+    """An initial value to suggest."""
     match type_:
         case GrowingType():
             return "[]"

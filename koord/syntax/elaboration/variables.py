@@ -72,13 +72,13 @@ def _known(session: Elaboration, entry: ScopedDeclaration) -> ast.Ident | None:
 
 
 def is_pending(scope: dict[str, Named], decl: ast.VarDecl) -> bool:
-    """Whether the name is this declaration's, and still without a meaning."""
+    """Return whether the name is declared here, and not yet resolved."""
     found = scope.get(decl.name.name)
     return isinstance(found, Pending) and found.declared is decl.name
 
 
 def reserved(session: Elaboration, name: ast.Ident) -> None:
-    """Tell that a name is the language's own."""
+    """Report that a name is reserved."""
     session.findings.error(
         "K209",
         name.span,
@@ -88,7 +88,7 @@ def reserved(session: Elaboration, name: ast.Ident) -> None:
 
 
 def declared_twice(session: Elaboration, name: ast.Ident, first: ast.Ident) -> None:
-    """Tell that a name is taken."""
+    """Report that a name is taken."""
     session.findings.error(
         "K208",
         name.span,
@@ -99,7 +99,7 @@ def declared_twice(session: Elaboration, name: ast.Ident, first: ast.Ident) -> N
 
 
 def declare_params(session: Elaboration, decls: list[ast.VarDecl]) -> tuple[core.Parameter, ...]:
-    """Enter the constants of the run, with the values that the settings give them."""
+    """Declare the params, with their values from the settings."""
     used: list[core.Parameter] = []
     for decl in decls:
         if not is_pending(session.shared, decl):
@@ -165,7 +165,7 @@ def variable_type(session: Elaboration, decl: ast.VarDecl) -> Type | None:
 def declare_shared(
     session: Elaboration, allread: list[ast.VarDecl], allwrite: list[ast.VarDecl]
 ) -> None:
-    """Enter the shared variables."""
+    """Declare the shared variables."""
     _declare(session, core.Home.ALLWRITE, allwrite)
     _declare(session, core.Home.ALLREAD, allread)
 
@@ -215,7 +215,7 @@ def _per_robot(session: Elaboration, decl: ast.VarDecl, type_: Type) -> Type | N
 def declare_locals(
     session: Elaboration, scopes: list[tuple[AgentScope, list[ast.VarDecl]]]
 ) -> None:
-    """Enter the locals of every kind of robot.
+    """Declare the locals of every kind of robot.
 
     What all kinds have, by name and type, comes first and in one order: the same slot in each, so
     that ``v@i`` needs no knowledge of robot i's kind.

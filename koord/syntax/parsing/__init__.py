@@ -1,1 +1,1 @@
-"""From text to tree: tokens, lines, blocks, sections. Nothing here raises on any text."""
+"""Parsing: tokens, lines, blocks, sections. Nothing here raises on any text."""

@@ -1,4 +1,4 @@
-"""Blocks of statements."""
+"""Parsing of blocks of statements."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _OTHER_BLOCKS = words("while loop do switch case match try with until when")
 
 
 def block(reader: LineReader, parts: list[LinePart]) -> ast.Block:
-    """The statements of a body; an ``if`` takes the ``elif`` and ``else`` behind it."""
+    """Parse the statements of a body; an ``if`` takes the ``elif`` and ``else`` behind it."""
     statements: list[ast.Stmt] = []
     position = 0
     while position < len(parts):
@@ -59,7 +59,7 @@ def block(reader: LineReader, parts: list[LinePart]) -> ast.Block:
 
 
 def reach(part: LinePart) -> Span:
-    """From the first token of a part to the last one of its body."""
+    """The span from the first token of a part to the last one of its body."""
     last = part
     while last.body:
         last = last.body[-1]
@@ -67,7 +67,7 @@ def reach(part: LinePart) -> Span:
 
 
 def _continues(reader: LineReader, before: LinePart, part: LinePart) -> bool:
-    """Whether a part is a further arm of the ``if`` whose last arm so far is ``before``."""
+    """Return whether a part is a further arm of the ``if`` whose last arm so far is ``before``."""
     if before.first == "ELSE":
         return False
     word = part.tokens[0] if part.tokens else None
@@ -118,7 +118,7 @@ def _simple(reader: LineReader, part: LinePart) -> list[ast.Stmt]:
 
 
 def _declares(tokens: list[Token]) -> bool:
-    """Whether a line begins with a type and a name, or a keyword used as a name."""
+    """Return whether a line begins with a type and a name, or a keyword used as a name."""
     if len(tokens) < 2 or tokens[0].type != "NAME":
         return False
     at = type_end(tokens, 0)
@@ -133,7 +133,7 @@ def _declares(tokens: list[Token]) -> bool:
 
 
 def _misplaced(reader: LineReader, part: LinePart) -> ast.Block:
-    """Tell of a part that is no statement; if it has a body of statements, they stay."""
+    """Report a part that is no statement; if it has a body of statements, they stay."""
     first = part.first
     word = shown(part.tokens[0].text) if part.tokens else ":"
     place = part.tokens[0].span if part.tokens else part.span

@@ -1,4 +1,4 @@
-"""The forms of one line: an LALR parser (grammar.lark) that is fed with tokens."""
+"""Parsing of single lines: an LALR parser (grammar.lark) that is fed with tokens."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ MAX_DEPTH = 200
 
 
 class LineKind(Enum):
-    """What a line, or a piece of one, can be: the start symbols of the grammar."""
+    """The kinds of lines and parts of lines: the start symbols of the grammar."""
 
     EXPRESSION = "expression"
     GOAL = "goal"
@@ -39,14 +39,14 @@ class LineKind(Enum):
 
 @dataclass(frozen=True, slots=True)
 class UnexpectedError(Exception):
-    """The token that no form of line allows where it stands."""
+    """Raised for a token that no form of line allows where it stands."""
 
     position: int  #: of the token in the line; the length of the line if it is too short
     expected: frozenset[str]  #: names of terminals; ``$END`` for the end of the line
 
 
 class _NoLexer(Lexer):
-    """The tokens are made elsewhere and fed one by one."""
+    """A lexer for lark that does nothing: tokens are made elsewhere and fed one by one."""
 
     def __init__(self, conf: Any) -> None:
         pass
@@ -71,7 +71,7 @@ _END = LarkToken("$END", "")
 
 
 def parse_line(form: LineKind, tokens: list[Token], *, quantified: bool) -> Any:
-    """The node that the tokens of a line make. Raises UnexpectedError or MisplacedError.
+    """Parse the tokens of a line to a node. Raises UnexpectedError or MisplacedError.
 
     ``quantified`` tells whether there are quantifiers among them.
     """
@@ -97,13 +97,13 @@ def parse_line(form: LineKind, tokens: list[Token], *, quantified: bool) -> Any:
 
 
 def _feeder(form: LineKind) -> tuple[Callable[..., Any], Callable[[], set[str]]]:
-    """What takes tokens, and what tells which terminals it would take next."""
+    """Functions that take a token, and that return the terminals accepted next."""
     parser = _lark().parse_interactive(None, form.value)
     return parser.parser_state.feed_token, cast(Callable[[], set[str]], parser.accepts)
 
 
 def _possible(form: LineKind, tokens: list[Token]) -> frozenset[str]:
-    """The terminals that can stand behind tokens that are the beginning of a line.
+    """The terminals accepted after a prefix of a line.
 
     They are fed again: the token that was refused may have changed the state of the parser.
     """
@@ -138,7 +138,7 @@ def _mark_types(tokens: list[Token]) -> None:
 
 
 def type_end(tokens: list[Token], at: int, nesting: int = 0) -> int | None:
-    """The number of the token behind the type that begins at ``at``; None if none does."""
+    """The index of the token behind the type that begins at ``at``; None if none does."""
     if at >= len(tokens) or tokens[at].type != "NAME" or nesting > 10:
         return None
     at += 1
@@ -164,7 +164,7 @@ def type_end(tokens: list[Token], at: int, nesting: int = 0) -> int | None:
 
 
 def _depth(node: Any) -> int:
-    """How deep a tree is, without going deep."""
+    """The depth of a tree, computed without recursion."""
     deepest = 0
     waiting = [(node, 1)]
     while waiting:

@@ -1,4 +1,4 @@
-"""From the lines of the file to the lines of the language.
+"""Logical lines: the lines of a file joined inside brackets, and cut at colons.
 
 A line goes on while a bracket is open. It is cut at the colons that open blocks into *parts*:
 ``else: atomic:`` is a part ``else`` whose body is a part ``atomic``.
@@ -35,7 +35,7 @@ UNFINISHED = GOES_ON | words("MINUS NOT COMMA ASSIGN COLON FORALL EXISTS")
 
 
 class LinePart(Struct):
-    """A piece of a line up to a colon that opens a block, or up to the end of the line."""
+    """A part of a line, up to a colon that opens a block, or up to the end of the line."""
 
     tokens: list[Token]
     colon: Token | None = None
@@ -56,7 +56,7 @@ class LinePart(Struct):
 
     @property
     def end(self) -> Token:
-        """What ends the part: its colon, or a token for the place behind it."""
+        """The token that ends the part: its colon, or a token for the place behind it."""
         if self.colon:
             return self.colon
         last = self.tokens[-1]
@@ -72,7 +72,7 @@ class LinePart(Struct):
 
 
 class Line(Struct):
-    """A line of the language."""
+    """A logical line."""
 
     indent: int
     #: The parts that belong to the block of the line: one, unless a line break is missing.
@@ -132,7 +132,7 @@ class _Cutter:
         return line
 
     def _gather(self, start: int) -> Line:
-        """The line that begins at ``start``; ``at`` is then the first one not taken."""
+        """Read the line that begins at ``start``; ``at`` is then the first one not taken."""
         lines = self.lines
         line = Line(lines[start].indent)
         self._scan(line, lines[start].tokens)
@@ -241,7 +241,7 @@ class _Cutter:
         return True
 
     def _close(self, line: Line) -> None:
-        """Close the brackets of a line that nothing closes, and say so."""
+        """Close the brackets of a line that nothing closes, and report it."""
         part = line.chain[-1]
         tokens = part.tokens
         opening = line.brackets[-1]
@@ -292,12 +292,12 @@ class _Cutter:
 
 
 def _is_over(line: Line, following: TextLine) -> bool:
-    """Whether a statement with an open bracket most likely ends before the following line."""
+    """Return whether a statement with an open bracket most likely ends before the next line."""
     part = line.chain[-1]
     falls_back = following.indent < part.tokens[0].column
     return _ends_head(part) or (falls_back and following.tokens[0].type not in _CLOSING)
 
 
 def _ends_head(part: LinePart) -> bool:
-    """Whether the last token is likely to be the colon behind the head of a block."""
+    """Return whether the last token is likely to be the colon behind the head of a block."""
     return part.first in words("IF ELIF DEF") | LOOPS and part.tokens[-1].type == "COLON"

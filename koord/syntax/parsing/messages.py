@@ -1,4 +1,4 @@
-"""What to say about a line that no form of the language allows, and what was most likely meant."""
+"""Messages about lines with syntax errors, with likely corrections."""
 
 from __future__ import annotations
 
@@ -46,12 +46,12 @@ class Complaint(Struct, frozen=True):
 
     @property
     def span(self) -> Span:
-        """Where the mistake is."""
+        """The span of the mistake."""
         return self.token.span.to(self.last.span) if self.last else self.token.span
 
 
 class Mistake(Struct, frozen=True):
-    """A line that could not be read: its tokens, and where which ones were possible."""
+    """A line with a syntax error: its tokens, the position, and the terminals expected there."""
 
     form: LineKind
     tokens: list[Token]
@@ -61,7 +61,7 @@ class Mistake(Struct, frozen=True):
 
     @property
     def token(self) -> Token:
-        """The token that cannot stand where it does."""
+        """The token that is not allowed where it stands."""
         return self.at(self.position)
 
     def at(self, position: int) -> Token:
@@ -74,12 +74,12 @@ class Mistake(Struct, frozen=True):
 
     @property
     def wants_value(self) -> bool:
-        """Whether an expression could begin here."""
+        """Return whether an expression could begin here."""
         return self.expected >= _VALUE
 
     @property
     def could_end(self) -> bool:
-        """Whether the line up to here is whole."""
+        """Return whether the line up to here is complete."""
         return self.expected >= _ENDS
 
 
@@ -90,7 +90,7 @@ _OPERATORS = frozenset(
 
 
 def explain(form: LineKind, tokens: list[Token], error: UnexpectedError, end: Token) -> Complaint:
-    """What is wrong with the line."""
+    """Explain the syntax error in a line."""
     mistake = Mistake(form, tokens, error.position, error.expected, end)
     for rule in _RULES:
         complaint = rule(mistake)
@@ -110,7 +110,7 @@ def _general(m: Mistake) -> Complaint:
 
 
 def _unfinished(m: Mistake) -> str | None:
-    """How a line goes on that ends with an operator."""
+    """A hint on how a line continues that ends with an operator."""
     last = m.tokens[-1].text if m.tokens else ""
     if m.position < len(m.tokens) or last not in _OPERATORS:
         return None

@@ -1,4 +1,4 @@
-"""Nodes of the tree from what the grammar of lines finds."""
+"""Nodes of the syntax tree, built from the rules of the line grammar."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ class _Variable(Struct, frozen=True):
 
 
 class Builder:
-    """Makes a node of the children of a rule; one method per rule or alternative."""
+    """A transformer from grammar rules to nodes; one method per rule or alternative."""
 
     # --- sequences
 

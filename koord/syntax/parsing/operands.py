@@ -1,4 +1,4 @@
-"""Pieces of expressions: operators and their operands, places to write to, quantified names."""
+"""Parsing of operands: operators by precedence, assignable places, quantified names."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from koord.syntax.source import Span
 
 @dataclass(frozen=True, slots=True)
 class MisplacedError(Exception):
-    """Something that the grammar lets through but the language does not have."""
+    """Raised for a construct that the grammar allows and the language does not."""
 
     code: str
     span: Span
@@ -43,7 +43,7 @@ class RangeBound(Struct, frozen=True):
 
 
 def across(first: ast.Node | Token, last: ast.Node | Token) -> Span:
-    """From the beginning of one to the end of the other."""
+    """The span from the beginning of one node to the end of another."""
     start = first if isinstance(first, Token) else first.span
     if isinstance(last, Token):
         return Span(start.file, start.line, start.column, last.line, last.end_column)
@@ -56,7 +56,7 @@ def ident(token: Token) -> ast.Ident:
 
 
 def combine(items: list[ast.Expr | Token]) -> ast.Expr:
-    """Operators to their operands, by how tightly they bind (no recursion: chains may be long)."""
+    """Combine operators with their operands by precedence (no recursion: chains may be long)."""
     operands: list[ast.Expr] = []
     waiting: list[tuple[int, ast.BinaryOp | ast.UnaryOp, Token]] = []
 
@@ -99,7 +99,7 @@ def combine(items: list[ast.Expr | Token]) -> ast.Expr:
 
 
 def place(target: ast.Expr) -> ast.Expr:
-    """What can be written: a name, an element, a field."""
+    """Check that a target can be assigned: a name, an element, a field. Raises MisplacedError."""
     base = target
     while isinstance(base, ast.Index | ast.Attribute):
         base = base.base

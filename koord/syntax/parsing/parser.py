@@ -1,4 +1,4 @@
-"""Text to tree: lines to blocks by their indentation, then ``parse``.
+"""The parser: lines to blocks by their indentation, then ``parse``.
 
 Lines indented like a block belong to it; deeper-indented lines are the body of the part that the
 line before them ends with, or go on with a body that began on that line. Mistakes of indentation
@@ -185,7 +185,7 @@ class _Layout:
 
 
 def _opens(part: LinePart, *, alone: bool) -> bool:
-    """Whether a part without a colon was meant to have one; ``alone`` at the left margin."""
+    """Return whether a part lacks the colon of a block; ``alone``: it is at the left margin."""
     if not part.tokens:
         return False
     return part.tokens[0].text in _OPENERS or (
@@ -194,7 +194,7 @@ def _opens(part: LinePart, *, alone: bool) -> bool:
 
 
 def _goes_on_with_if(level: _Level, line: Line) -> bool:
-    """Whether a line is the `else` of the one `if` on the line where the level's head stands."""
+    """Return whether a line is the `else` of the one `if` on the line of the level's head."""
     body = level.head.body
     if not level.inline or not body or line.roots[0].first not in ("ELSE", "ELIF"):
         return False
@@ -202,7 +202,7 @@ def _goes_on_with_if(level: _Level, line: Line) -> bool:
 
 
 def _is_statement(part: LinePart) -> bool:
-    """Whether a line can go on with a block of statements, whatever its indentation means."""
+    """Return whether a line can start a block of statements, whatever its indentation means."""
     return part.first not in _OUTER and not (part.first == "NAME" and part.colon)
 
 
@@ -219,7 +219,7 @@ MAX_CHARACTERS = 1_000_000
 
 
 class Parsed(Struct, frozen=True):
-    """What could be read of a text, and what was wrong with it."""
+    """The result of parsing: the readable part of a text, and its diagnostics."""
 
     program: ast.Program
     diagnostics: tuple[Diagnostic, ...]

@@ -1,4 +1,4 @@
-"""Parts of lines to nodes, with each mistake told once: what blocks and sections share."""
+"""A reader of parts of lines, which reports each mistake once: shared by blocks and sections."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _SECTIONS = words(
 
 
 class LineReader:
-    """Reads parts; a part with a mistake is told, and None where nothing can be made of it."""
+    """A reader of parts; a wrong part is reported, and None where no node can be made."""
 
     __slots__ = ("around", "displaced", "heads", "lost", "report")
 
@@ -46,7 +46,7 @@ class LineReader:
     # --- sections in sections
 
     def is_displaced(self, part: LinePart, *, or_named: bool = False) -> bool:
-        """Whether a part that stands inside of a section is one itself, which is told then.
+        """Return whether a part inside of a section is itself a section, which is reported.
 
         ``or_named`` says that a word with a block can be nothing but an event here.
         """
@@ -72,7 +72,7 @@ class LineReader:
     def line(
         self, form: LineKind, part: LinePart, start: int = 0, *, opens: bool = False
     ) -> Any | None:
-        """The node of a part's tokens from number ``start`` on.
+        """Parse a part's tokens from number ``start`` on.
 
         ``opens`` tells that a body follows, so that ``:`` may be what is missing.
         """
@@ -108,7 +108,7 @@ class LineReader:
         return None
 
     def lose(self, part: LinePart, *, body: bool = False) -> None:
-        """Remember the names in a part, or in its whole body, that nothing is made of."""
+        """Remember the names in a part, or in its whole body, that no node is made of."""
         waiting = [part]
         while waiting:
             one = waiting.pop()
@@ -119,7 +119,7 @@ class LineReader:
     def complain(
         self, part: LinePart, code: str, span: Span, message: str, hint: str | None = None
     ) -> None:
-        """Tell of a mistake in a part, unless it is likely to come of one that was told."""
+        """Report a mistake in a part, unless it is likely a consequence of an earlier one."""
         if part.broken or part.told not in (None, code):
             return
         if any(token.line in self.report.damaged for token in part.tokens):
@@ -128,25 +128,25 @@ class LineReader:
         self.report.error(code, span, message, hint)
 
     def expression(self, part: LinePart) -> ast.Expr | None:
-        """The expression that a part is."""
+        """Parse a part that is an expression."""
         self.no_block(part)
         return cast("ast.Expr | None", self.line(LineKind.EXPRESSION, part))
 
     def condition(self, part: LinePart) -> ast.Expr | None:
-        """The expression behind the first word of a part that has a body."""
+        """Parse the expression behind the first word of a part that has a body."""
         return cast("ast.Expr | None", self.line(LineKind.EXPRESSION, part, 1, opens=True))
 
     # --- declarations
 
     def declarations(self, part: LinePart) -> tuple[ast.VarDecl, ...]:
-        """What the body of a part declares."""
+        """Parse the declarations in the body of a part."""
         if part.colon is None:
             self.body(part)
         lines = [line for line in part.body if not self.is_displaced(line, or_named=True)]
         return tuple(decl for line in lines for decl in self.declaration(line))
 
     def declaration(self, part: LinePart, start: int = 0) -> list[ast.VarDecl]:
-        """What a line declares: one variable, unless it is wrong."""
+        """Parse a line of declarations: one variable, unless it is wrong."""
         if part.colon:
             self.complain(
                 part,
@@ -169,7 +169,7 @@ class LineReader:
     # --- heads of blocks
 
     def ends(self, part: LinePart, length: int) -> None:
-        """Complain if a part goes on behind its first ``length`` words."""
+        """Report a part that goes on behind its first ``length`` words."""
         if len(part.tokens) <= length or self._splits(part, length):
             return
         token = part.tokens[length]
@@ -179,7 +179,7 @@ class LineReader:
         )
 
     def name(self, part: LinePart, at: int, what: str, then: int = 0) -> ast.Ident:
-        """The name that stands as word number ``at``; ``then`` words more end the part."""
+        """Parse the name at word number ``at``; ``then`` words more end the part."""
         token = part.tokens[at] if at < len(part.tokens) else part.end
         if token.type == "NAME":
             self.ends(part, at + 1 + then)
@@ -303,7 +303,7 @@ def _others(decl: ast.VarDecl, tokens: list[Token]) -> list[ast.VarDecl]:
 
 
 def _typed(part: LinePart) -> str | None:
-    """The cure of ``x: int``, as other languages declare."""
+    """A hint for ``x: int``, as other languages declare."""
     inside = [token for line in part.body for token in line.tokens]
     if len(part.tokens) != 1 or not inside or inside[0].type != "NAME":
         return None
@@ -314,5 +314,5 @@ def _typed(part: LinePart) -> str | None:
 
 
 def has_pieces(part: LinePart) -> bool:
-    """Whether a guard or an effect stands in a part."""
+    """Return whether a part contains a guard or an effect."""
     return any(line.first in ("PRE", "EFF") for line in part.body)

@@ -1,4 +1,4 @@
-"""Where the phases that read a text put what is wrong with it."""
+"""Error log: the errors of the phases that read a text."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class ErrorLog:
 
     @property
     def full(self) -> bool:
-        """Whether no more errors are taken."""
+        """Return whether the log takes no more errors."""
         return len(self.diagnostics) >= MAX_ERRORS
 
     def in_order(self) -> tuple[Diagnostic, ...]:

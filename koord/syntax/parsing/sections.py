@@ -1,4 +1,4 @@
-"""Sections: declarations, modules, functions, events, properties."""
+"""Parsing of sections: declarations, modules, functions, events, properties."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from koord.syntax.parsing.tokens import KEYWORDS, words
 def sections(
     reader: LineReader, parts: list[LinePart], *, agent: bool = False
 ) -> tuple[ast.Section, ...]:
-    """The sections of a file or of an ``agent``."""
+    """Parse the sections of a file or of an ``agent``."""
     found: list[ast.Section] = []
     strays = Strays(reader)
     for part in adopted(reader, parts):
@@ -43,7 +43,7 @@ def sections(
 
 
 def _section(reader: LineReader, part: LinePart) -> tuple[ast.Section, ...] | None:
-    """The sections that a part is; None if it is none."""
+    """Parse a part to sections; None if it is none."""
     if part.first != "AGENT":
         reader.around = part
     match part.first:
@@ -98,7 +98,7 @@ def _is_event(part: LinePart) -> bool:
 
 
 def _is_misnamed(part: LinePart) -> bool:
-    """Whether a part is an event that has a keyword for its name."""
+    """Return whether a part is an event that has a keyword for its name."""
     if len(part.tokens) != 1 or not part.colon:
         return False
     return has_pieces(part) or part.first not in OPENING | words("PRE EFF")
@@ -138,7 +138,7 @@ def _event(reader: LineReader, part: LinePart, *, urgent: bool) -> ast.Event:
 
 
 def quiet(parts: list[LinePart]) -> None:
-    """Say nothing more about parts that do not belong where they are."""
+    """Report nothing more about parts that do not belong where they are."""
     waiting = list(parts)
     while waiting:
         part = waiting.pop()

@@ -1,4 +1,4 @@
-"""Lines that stand where they do not belong."""
+"""Misplaced lines: messages and recovery."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def _closest(word: str, known: Iterable[str]) -> str | None:
 
 
 def misspelt_section(part: LinePart) -> tuple[str, str] | None:
-    """What to say about a line that begins like a section, but for a letter or two."""
+    """The message for a line that begins like a section, except for a letter or two."""
     word = part.tokens[0].text if part.tokens else ""
     found = _closest(word, _SECTIONS)
     if found is None or not part.colon:
@@ -55,7 +55,7 @@ def misspelt_section(part: LinePart) -> tuple[str, str] | None:
 
 
 class Strays:
-    """Complains once about lines in a row that do not belong where they are."""
+    """A report of misplaced lines: once for several in a row."""
 
     __slots__ = ("_reader", "_repeated", "_told")
 
@@ -65,7 +65,7 @@ class Strays:
         self._repeated = False
 
     def add(self, part: LinePart, message: str, hint: str | None, *, lost: bool = True) -> None:
-        """A line that does not belong here; ``lost`` if nothing is made of it."""
+        """Add a misplaced line; ``lost`` if no node is made of it."""
         if not self._told:
             self._reader.complain(part, "K141", part.span, message, hint)
         self._told = True
@@ -73,11 +73,11 @@ class Strays:
             self._reader.lose(part, body=True)
 
     def over(self) -> None:
-        """A line that does."""
+        """End a row of misplaced lines."""
         self._told = False
 
     def once(self, part: LinePart, seen: set[str]) -> None:
-        """Complain about a second block of one kind."""
+        """Report a second block of one kind."""
         word = part.tokens[0].text
         if part.first in seen and not self._repeated:
             message = f"there is a `{word}:` here already"
@@ -87,7 +87,7 @@ class Strays:
 
 
 def stray_section(part: LinePart) -> tuple[str, str | None]:
-    """What to say about a line that is no section, with its cure."""
+    """The message for a line that is no section, and its cure."""
     misspelt = misspelt_section(part)
     if misspelt:
         return misspelt
@@ -117,7 +117,7 @@ def stray_section(part: LinePart) -> tuple[str, str | None]:
 
 
 def stray_piece(part: LinePart) -> tuple[str, str]:
-    """What to say about a line of an event that is neither guard nor effect, with its cure."""
+    """The message for a line of an event that is neither guard nor effect, and its cure."""
     if part.first in ("ELSE", "ELIF"):
         word = part.tokens[0].text
         return f"this `{word}` stands outside of `eff:`", "indent it deeper than the `eff:`"
@@ -129,7 +129,7 @@ def stray_piece(part: LinePart) -> tuple[str, str]:
 
 
 def stray_port(part: LinePart) -> tuple[str, str]:
-    """What to say about a line of a module that is no piece of one, with its cure."""
+    """The message for a line that is no piece of a module, and its cure."""
     word = part.tokens[0].text if part.colon and part.tokens else ""
     found = _closest(word, sorted(_OF_MODULES))
     if found:
@@ -139,7 +139,7 @@ def stray_port(part: LinePart) -> tuple[str, str]:
 
 
 def adopted(reader: LineReader, parts: list[LinePart]) -> list[LinePart]:
-    """The parts; what stands at the level of its head is put below it."""
+    """Indent the parts that stand at the level of their head."""
     kept: list[LinePart] = []
     adopting: LinePart | None = None
     for part in parts:
@@ -157,7 +157,7 @@ def adopted(reader: LineReader, parts: list[LinePart]) -> list[LinePart]:
 
 
 def _fits(head: LinePart, part: LinePart) -> bool:
-    """Whether a part is likely to be in the body of ``head``."""
+    """Return whether a part is likely to be in the body of ``head``."""
     match head.first:
         case "NAME" | "URGENT":
             return part.first in ("PRE", "EFF")

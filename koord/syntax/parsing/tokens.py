@@ -1,4 +1,4 @@
-"""From text to tokens: words, numbers, operators, and what is no part of the language.
+"""The lexer: words, numbers, operators, and characters that the language does not have.
 
 One regular expression finds the tokens; each is a :class:`Token` on one line. Words that are
 keywords only where their construct is (``at``, ``round``, ``extern``, …) are names here.
@@ -113,11 +113,11 @@ class Token(Struct):
 
     @property
     def span(self) -> Span:
-        """Where the token stands."""
+        """The span of the token."""
         return Span(self.file, self.line, self.column, self.line, self.end_column)
 
     def meant(self, text: str) -> Token:
-        """What should stand in place of this token."""
+        """A replacement for this token, with another text."""
         kind = _TYPES.get(text, "NAME")
         return Token(kind, text, self.file, self.line, self.column, self.end_column)
 
@@ -223,7 +223,7 @@ def _number(token: Token, tail: str, report: ErrorLog) -> Token:
 
 
 def _is_moderate(number: str) -> bool:
-    """Whether a number has few enough digits and a small enough exponent, however it is written."""
+    """Return whether a number has few enough digits and a small enough exponent."""
     if len(number) < MAX_DIGITS and "e" not in number:
         return True
     mantissa, _, exponent = number.partition("e")
@@ -266,7 +266,7 @@ def _string(token: Token, quote: str, report: ErrorLog) -> Token:
 
 
 def string_value(text: str) -> str:
-    """The text that a string token means."""
+    """The string that a token denotes, with escapes resolved."""
     return re.sub(r"\\(.)", lambda match: _ESCAPES.get(match.group(1), match.group()), text[1:-1])
 
 
@@ -297,7 +297,7 @@ def _join(name: Token, rest: str) -> None:
 
 
 def _bad(token: Token, report: ErrorLog) -> bool:
-    """Tell of characters that the language does not have; whether they look like a name."""
+    """Report characters that the language does not have; return whether they look like a name."""
     character = token.text[0]
     code = f"U+{ord(character):04X}"
     what = f"`{character}` ({code})" if character.isprintable() else f"the character {code}"

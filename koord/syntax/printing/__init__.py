@@ -1,1 +1,1 @@
-"""From tree to text, in the one layout; core programs are made trees first."""
+"""Printing: from tree to text, in one layout; core programs are quoted to trees first."""

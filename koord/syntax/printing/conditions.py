@@ -1,4 +1,4 @@
-"""Conditions that are too long for one line: broken before `and`, `or` and `implies`.
+"""Layout of long conditions: lines broken before `and`, `or` and `implies`.
 
 What belongs to a condition stands deeper than its first row, so that it reads back as one.
 """
@@ -31,7 +31,7 @@ class Row(Struct, frozen=True):
 
 
 class _Slot(Struct, frozen=True):
-    """Where an expression stands: what is on its row before and behind it, and how tight it is."""
+    """The surroundings of an expression: text before and behind it on its row, and precedence."""
 
     indent: int = 0
     before: str = ""
@@ -40,19 +40,19 @@ class _Slot(Struct, frozen=True):
     last: bool = True
 
     def inside(self, word: str, *, parentheses: bool) -> _Slot:
-        """The same behind a word, and within parentheses if so wanted."""
+        """The surroundings of an operand behind a word, and within parentheses if needed."""
         if not parentheses:
             return replace(self, before=self.before + word, binds=0)
         return _Slot(self.indent, f"{self.before}({word}", f"){self.behind}")
 
 
 def rows(condition: ast.Expr, room: int, before: str = "") -> list[Row]:
-    """A condition in rows of ``room`` columns, the first behind ``before``."""
+    """Lay a condition out in rows of ``room`` columns, the first behind ``before``."""
     return list(_rows(condition, _Slot(before=before), room))
 
 
 def conjuncts(condition: ast.Expr) -> list[ast.Expr]:
-    """What must hold together: the operands of ``and`` at the top."""
+    """The operands of ``and`` at the top of a condition."""
     found = []
     while isinstance(condition, ast.Binary) and condition.op is ast.BinaryOp.AND:
         found.append(condition.right)

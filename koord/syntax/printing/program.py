@@ -1,4 +1,4 @@
-"""Trees as text: ``print_program``, ``print_expr``.
+"""The printer of programs: ``print_program``, ``print_expr``.
 
 One layout: four spaces a block, one statement a line. Comments are kept, blank lines too (one at
 most in a row), and a block of one statement that stood on the line of its head stays there. Reading

@@ -1,4 +1,4 @@
-"""Core expressions as trees of the text, to be printed: what elaboration makes such expressions of.
+"""Quoting: core expressions as syntax trees, to be printed.
 
 Elaborating a tree that was quoted gives the expression again, but for the numbers of bound slots
 and of calls. What elaboration puts in by itself is left out again, as the widening of an operand
@@ -66,14 +66,14 @@ def print_number(value: Fraction) -> str:
 
 
 class Quoting(Struct, frozen=True):
-    """Quotes the expressions of a program; ``shared`` are names that mean several things in it."""
+    """Quotation of expressions of one program; ``shared`` are names with several meanings in it."""
 
     program: core.Program
     shared: frozenset[str]
 
     @classmethod
     def of(cls, program: core.Program) -> Quoting:
-        """What quotes expressions of this program."""
+        """The quotation of expressions of a program."""
         typed = (node.type for node in nodes(program) if isinstance(node, core.Variable))
         enums = {t for type_ in typed for t in within(type_) if isinstance(t, EnumType)}
         ports = {(p.module, p.declaration.variable.name) for a in program.agents for p in a.ports}

@@ -1,4 +1,4 @@
-"""Statements as a text has them: what is proved, assumed and claimed, each to be said by itself."""
+"""Statements as texts: sections with properties, each printable by itself."""
 
 from __future__ import annotations
 

@@ -45,7 +45,7 @@ class OutputLine(Struct, eq=False):
 
 
 class _Placed(Struct, frozen=True):
-    """A comment on a line of its own, with a blank line before it or not."""
+    """A comment on a line of its own, with or without a blank line before it."""
 
     text: str
     blank: bool
@@ -64,7 +64,7 @@ def weave(lines: Sequence[OutputLine], comments: Sequence[Comment]) -> str:
 
 
 def _place(lines: Sequence[OutputLine], comments: Sequence[Comment]) -> list[_Placed]:
-    """Give each comment to a line; the result are those that belong to none."""
+    """Assign each comment to a line; return those that belong to none."""
     footer: list[_Placed] = []
     waiting = iter([*comments, None])
     comment = next(waiting)
@@ -182,7 +182,7 @@ class LineWriter:
 
     @property
     def room(self) -> int:
-        """How many columns there are at the present depth."""
+        """The number of columns left at the present depth."""
         depth = 0
         parent = self._parent
         while parent:
@@ -214,7 +214,7 @@ class LineWriter:
                 self.line(f"{head}: {_simple(only)}", first, only.span).tight = tight
 
     def head(self, word: str, nodes: Sequence[ast.Node]) -> Span:
-        """Where the word stands that begins the block of these nodes."""
+        """The span of the word that begins the block of these nodes."""
         first = nodes[0].span if nodes else NOWHERE
         spans = self._heads.get(word, [])
         position = bisect_left(spans, _start(first), key=_start)
@@ -307,7 +307,7 @@ def declaration(decl: ast.VarDecl) -> str:
 
 
 def known(span: Span) -> bool:
-    """Whether the span is of a place in a text."""
+    """Return whether a span is a place in a text."""
     return span.file != NOWHERE.file
 
 
@@ -317,7 +317,7 @@ def beginning(span: Span) -> Span:
 
 
 def _on_line(span: Span, head: Span) -> bool:
-    """Whether something begins on the line on which the head before it ends."""
+    """Return whether something begins on the line on which the head before it ends."""
     return known(span) and known(head) and span.line == head.end_line
 
 
