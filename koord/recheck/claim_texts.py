@@ -18,8 +18,7 @@ from koord.recheck.claims import ClaimKind
 from koord.syntax import ast, core
 from koord.syntax.core import PropertyKind
 from koord.syntax.diagnostics import refusal
-from koord.syntax.printing.program import print_program
-from koord.syntax.printing.stated import stated
+from koord.syntax.printing.program import print_program, stated
 from koord.syntax.source import NOWHERE, Span
 
 #: Statements about configurations.

@@ -18,7 +18,7 @@ from koord.syntax import ast, core
 from koord.syntax.diagnostics import Diagnostic, Severity, refusal
 from koord.syntax.elaboration import elaborate
 from koord.syntax.parsing.parser import parse
-from koord.syntax.printing.stated import Stated, stated, with_invariants
+from koord.syntax.printing.program import Stated, stated, with_invariants
 from koord.syntax.problem import Problem
 from koord.syntax.source import Source
 

@@ -26,7 +26,7 @@ from koord.semantics.rounds import IllegalStepError
 from koord.semantics.turns import program_turn
 from koord.semantics.values import identical
 from koord.syntax import core
-from koord.syntax.analysis.lost_updates import rewritten
+from koord.syntax.analysis.footprint import rewritten
 from koord.syntax.core import PropertyKind
 from koord.syntax.system import System
 from koord.syntax.walk import nodes

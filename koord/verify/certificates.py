@@ -19,7 +19,7 @@ from koord.syntax.elaboration.settings import Settings
 from koord.syntax.literals import encoded
 from koord.syntax.load import load
 from koord.syntax.parsing.parser import parse
-from koord.syntax.printing.stated import stated
+from koord.syntax.printing.program import stated
 from koord.syntax.source import Source
 from koord.syntax.system import System
 from koord.verify.claims import Claim, ClaimKind, ClaimPhase, claims_of

@@ -14,7 +14,7 @@ from koord.semantics.machine import Legality
 from koord.semantics.oracle import Inputs
 from koord.semantics.properties import holds_in
 from koord.syntax import core
-from koord.syntax.analysis.lost_updates import rewritten
+from koord.syntax.analysis.footprint import rewritten
 from koord.syntax.core import Home, PropertyKind, UnaryOp
 from koord.syntax.system import System
 from koord.syntax.walk import nodes

@@ -31,7 +31,7 @@ from koord.semantics.storage import held
 from koord.semantics.turns import program_turn
 from koord.semantics.values import Rec, Seq, Table, Value
 from koord.syntax import core
-from koord.syntax.analysis.lost_updates import updates
+from koord.syntax.analysis.footprint import updates
 from koord.syntax.core import Home
 from koord.syntax.source import Span
 from koord.syntax.system import System

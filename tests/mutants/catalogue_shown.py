@@ -69,7 +69,7 @@ SHOWN = (
     ),
     Mutant(
         "a part of an entry is written without the rest",
-        "syntax.analysis.lost_updates.updates",
+        "syntax.analysis.footprint.updates",
         "place.is_below_key or place.variable in _origins(givers, _read(value))",
         "place.variable in _origins(givers, _read(value))",
         (CLAIMS, "tests/verify/test_lost_entries.py"),
@@ -83,7 +83,7 @@ SHOWN = (
     ),
     Mutant(
         "what is popped into a part of an entry updates nothing",
-        "syntax.analysis.lost_updates.updates",
+        "syntax.analysis.footprint.updates",
         "into.variable.home is Home.ALLWRITE",
         "into.variable.home is Home.LOCAL",
         (CLAIMS,),

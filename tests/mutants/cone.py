@@ -105,14 +105,14 @@ CONE = (
     ),
     Mutant(
         "cone: a reading is always allowed that is bounded from both sides",
-        "syntax.analysis.always_met.always_met",
+        "syntax.analysis.auxiliary.always_met",
         "len(set(bounds)) <= 1",
         "True",
         (AUXILIARY,),
     ),
     Mutant(
         "cone: a reading is always allowed that is compared with another one",
-        "syntax.analysis.always_met._bounds",
+        "syntax.analysis.auxiliary._bounds",
         "not primed(other)",
         "True",
         (AUXILIARY,),

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from koord.syntax.analysis.always_met import always_met
-from koord.syntax.analysis.auxiliary import auxiliary
+from koord.syntax.analysis.auxiliary import always_met, auxiliary
 from koord.syntax.core import Home
 from koord.verify.strategy.verification import verify
 from koord.verify.verdicts import Bounds, Outcome

@@ -6,7 +6,7 @@ import pytest
 
 from koord.recheck.lost_updates import updated as updated_again
 from koord.syntax import core
-from koord.syntax.analysis.lost_updates import rewritten
+from koord.syntax.analysis.footprint import rewritten
 from koord.syntax.elaboration.settings import Settings
 from koord.syntax.load import load
 from koord.syntax.source import Source

@@ -11,10 +11,9 @@ from koord.syntax.elaboration.body import CLOSED, BodyScope, Where
 from koord.syntax.elaboration.coercion import POISON, fit, widened
 from koord.syntax.elaboration.function_calls import call, candidates, is_named
 from koord.syntax.elaboration.library import library_names
-from koord.syntax.elaboration.literals import keys_of, list_of
+from koord.syntax.elaboration.literals import construct, keys_of, list_of
 from koord.syntax.elaboration.phrases import a, did_you_mean, listed, mathematics, otherwise
 from koord.syntax.elaboration.quantifiers import ran
-from koord.syntax.elaboration.records import construct
 from koord.syntax.elaboration.resolve_types import element_of, is_numeric
 from koord.syntax.elaboration.symbols import RecordInfo
 from koord.syntax.types import BOOL, FLOAT, INT, POS, ArrayType, ListType, MapType, Type

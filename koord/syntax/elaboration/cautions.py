@@ -1,17 +1,33 @@
-"""Warnings: constructs that are allowed, but hardly intended."""
+"""Warnings: what is allowed and hardly meant, and what is read and never set."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from typing import assert_never
 
 from koord.syntax import ast, core
-from koord.syntax.analysis.contradictions import contradicting
+from koord.syntax.analysis.bounds import contradicting
 from koord.syntax.analysis.folding import constant
 from koord.syntax.diagnostics import Note
 from koord.syntax.elaboration.body import BodyScope, Confusion, Elaboration
+from koord.syntax.elaboration.starts import Key, key, places_read, takes_tasks
 from koord.syntax.elaboration.symbols import Named, ParamSymbol, VariableSymbol
-from koord.syntax.types import ArrayType, show
-from koord.syntax.walk import nodes
+from koord.syntax.source import Span
+from koord.syntax.types import (
+    BOOL,
+    FLOAT,
+    INT,
+    POS,
+    STRING,
+    ArrayType,
+    EnumType,
+    GrowingType,
+    MapType,
+    RecordType,
+    Type,
+    show,
+)
+from koord.syntax.walk import nodes, written
 
 
 def never_enabled(session: Elaboration, event: ast.Event, guard: core.Expr) -> None:
@@ -139,3 +155,177 @@ def _confused(session: Elaboration, symbol: VariableSymbol, uses: list[Confusion
             for use in sorted(uses, key=lambda use: (use.span.line, use.span.column))[:4]
         ),
     )
+
+
+#: The fields that lead from a variable to a part of it; which element of an array is left open.
+Path = tuple[int, ...]
+
+#: Values to begin with.
+_FIRST: tuple[tuple[Type, str], ...] = (
+    (INT, "0"),
+    (FLOAT, "0.0"),
+    (BOOL, "false"),
+    (STRING, '""'),
+    (POS, "pos(0, 0, 0)"),
+)
+
+#: Types of great arrays of records are not taken apart further.
+_MOST_PATHS = 1_000
+
+
+def never_set(session: Elaboration, program: core.Program) -> None:
+    """Warn of variables without a value that nothing sets, and something reads."""
+    unset = [d for d in _declarations(program) if d[0].initial is core.Start.UNSET]
+    if not unset:
+        return
+    reads: dict[Key, list[core.Place]] = {}
+    sets: dict[Key, set[Path]] = {}
+    for number, agent in enumerate(program.agents):
+        for node in nodes((agent.init, agent.events)):
+            for place in _read(node):
+                reads.setdefault(key(place.variable, number), []).append(place)
+            for path, place in _set(node):
+                sets.setdefault(key(place.variable, number), set()).add(path)
+    stated = [p.condition for p in (*program.properties, *program.expectations)]
+    stated += [p.trigger for p in (*program.properties, *program.expectations) if p.trigger]
+    for condition in stated:
+        for place, kind in places_read(condition):
+            for each in range(len(program.agents)) if kind is None else (kind,):
+                reads.setdefault(key(place.variable, each), []).append(place)
+    # Types of records of records are nowhere hashed: that takes as long as they have parts.
+    told: set[Span] = set()
+    for declaration, owner in unset:
+        found = key(declaration.variable, owner)
+        part = _unset(declaration, reads.get(found, ()), sets.get(found, set()))
+        if part is not None and declaration.span not in told:
+            told.add(declaration.span)
+            _warn(session, declaration, part)
+
+
+def _declarations(program: core.Program) -> Iterator[tuple[core.Declaration, int | None]]:
+    for declaration in (*program.allread, *program.allwrite):
+        yield declaration, None
+    for kind, agent in enumerate(program.agents):
+        for declaration in agent.locals:
+            yield declaration, kind
+
+
+def _read(node: object) -> Iterator[core.Place]:
+    """The places that a node reads itself; changing a list reads it."""
+    match node:
+        case core.Read(place=place):
+            yield place
+        case core.Append(place=place) | core.Remove(place=place) | core.Pop(place=place):
+            yield place
+        case _:
+            pass
+
+
+def _set(node: object) -> Iterator[tuple[Path, core.Place]]:
+    """Yield the places that a statement sets: not a list of which it changes an element."""
+    changed = core.Append | core.Remove
+    for place in () if isinstance(node, changed) else written(node):
+        if isinstance(node, core.Pop) and place is node.place:
+            continue
+        path, whole = _path(place)
+        if whole:
+            yield path, place
+
+
+def _path(place: core.Place) -> tuple[Path, bool]:
+    """The fields on the way to a place, and whether it lies outside of lists and maps."""
+    path: list[int] = []
+    type_: Type = place.variable.type
+    for step in place.steps:
+        match step:
+            case core.FieldStep(position=position):
+                path.append(position)
+            case core.IndexStep() if isinstance(type_, ArrayType):
+                pass
+            case core.IndexStep() | core.KeyStep():
+                return tuple(path), False
+            case _:
+                assert_never(step)
+        type_ = step.type
+    return tuple(path), True
+
+
+def _unset(
+    declaration: core.Declaration, reads: Iterable[core.Place], sets: set[Path]
+) -> Path | None:
+    """A part of a variable that is read, and that nothing sets."""
+    for place in reads:
+        path, _ = _path(place)
+        inner = _at(declaration.variable.type, path)
+        for count, rest in enumerate(_atoms(inner)):
+            if count == _MOST_PATHS:
+                break
+            atom = (*path, *rest)
+            if not any(atom[:end] in sets for end in range(len(atom) + 1)):
+                return atom
+    return None
+
+
+def _at(type_: Type, path: Path) -> Type:
+    for position in path:
+        type_ = _element(type_)
+        assert isinstance(type_, RecordType)
+        type_ = type_.fields[position][1]
+    return _element(type_)
+
+
+def _element(type_: Type) -> Type:
+    while isinstance(type_, ArrayType):
+        type_ = type_.element
+    return type_
+
+
+def _atoms(type_: Type) -> Iterator[Path]:
+    """The parts of a value that are set separately."""
+    type_ = _element(type_)
+    if not isinstance(type_, RecordType):
+        yield ()
+        return
+    for position, (_, field) in enumerate(type_.fields):
+        for rest in _atoms(field):
+            yield (position, *rest)
+
+
+def _warn(session: Elaboration, declaration: core.Declaration, path: Path) -> None:
+    variable = declaration.variable
+    type_, fields = variable.type, []
+    for position in path:
+        type_ = _element(type_)
+        assert isinstance(type_, RecordType)
+        name, type_ = type_.fields[position]
+        fields.append(name)
+    part = f"`{'.'.join(fields)}` of `{variable.name}`" if fields else f"`{variable.name}`"
+    own = variable.type
+    if variable.home is core.Home.ALLREAD:
+        assert isinstance(own, ArrayType)
+        own = own.element
+    first = _first(own)
+    cure = "set it in `init:`"
+    if first is not None:
+        cure = f"begin with a value, as `{variable.name} = {first}`, or {cure}"
+    if takes_tasks(variable):
+        cure += "; or the configuration's `world: {tasks: …}` gives it one"
+    session.findings.warning(
+        "K406",
+        declaration.span,
+        f"{part} is read and never set: to read it is a fault",
+        cure,
+    )
+
+
+def _first(type_: Type) -> str | None:
+    """An initial value to suggest."""
+    match type_:
+        case GrowingType():
+            return "[]"
+        case MapType():
+            return "{}"
+        case EnumType(members=members):
+            return members[0]
+        case _:
+            return next((text for known, text in _FIRST if type_ == known), None)

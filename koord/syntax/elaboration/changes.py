@@ -12,10 +12,10 @@ from koord.syntax.diagnostics import Note
 from koord.syntax.elaboration.body import BodyScope, SharedWrite, Where
 from koord.syntax.elaboration.calls import METHODS, as_call
 from koord.syntax.elaboration.coercion import POISON, fit
+from koord.syntax.elaboration.literals import field_position
 from koord.syntax.elaboration.names import Meaning
 from koord.syntax.elaboration.phrases import a, did_you_mean
 from koord.syntax.elaboration.places import find_module, is_unknown, meaning
-from koord.syntax.elaboration.records import field_position
 from koord.syntax.elaboration.symbols import ParamSymbol, PortSymbol, Role, StreamSymbol
 from koord.syntax.elaboration.unknown_names import unknown
 from koord.syntax.types import BOOL, INT, PRESENT, GrowingType, MapType, RecordType, SetType, Type

@@ -6,7 +6,7 @@ from koord.syntax import ast
 from koord.syntax.diagnostics import Note
 from koord.syntax.elaboration.body import BodyScope, Elaboration, Where
 from koord.syntax.elaboration.library import library
-from koord.syntax.elaboration.records import field_value
+from koord.syntax.elaboration.literals import field_value
 from koord.syntax.elaboration.resolve_types import GENERIC, PREDEFINED, resolve
 from koord.syntax.elaboration.symbols import RESERVED, MemberSymbol, RecordInfo
 from koord.syntax.types import STREAM, EnumType, RecordType, Type

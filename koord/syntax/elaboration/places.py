@@ -6,10 +6,10 @@ from koord.syntax import ast, core
 from koord.syntax.elaboration import names
 from koord.syntax.elaboration.body import CLOSED, CONTRACT, BodyScope
 from koord.syntax.elaboration.coercion import fit
+from koord.syntax.elaboration.literals import field_position
 from koord.syntax.elaboration.names import Meaning
 from koord.syntax.elaboration.phrases import a, choice, did_you_mean, listed
 from koord.syntax.elaboration.quantifiers import at_robot, primed
-from koord.syntax.elaboration.records import field_position
 from koord.syntax.elaboration.resolve_types import element_of
 from koord.syntax.elaboration.symbols import RESERVED, ModuleScope, Poisoned
 from koord.syntax.elaboration.unknown_names import unknown

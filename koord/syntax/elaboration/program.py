@@ -19,7 +19,6 @@ from koord.syntax.elaboration import (
     modules,
     properties,
     starts,
-    unset,
     variables,
 )
 from koord.syntax.elaboration.body import BodyScope, Elaboration, Where
@@ -234,14 +233,14 @@ def _define(
         span=program.span,
     )
     if not session.partial and not session.findings.errors:
-        unset.never_set(session, made)
+        cautions.never_set(session, made)
     return made
 
 
 def _starts_with_tasks(session: Elaboration, allwrite: tuple[core.Declaration, ...]) -> bool:
     """Return whether a variable starts with the world's tasks."""
-    unset = (d for d in allwrite if d.initial is core.Start.UNSET)
-    return any(starts.tasks(d.variable, session.settings) is not None for d in unset)
+    cautions = (d for d in allwrite if d.initial is core.Start.UNSET)
+    return any(starts.tasks(d.variable, session.settings) is not None for d in cautions)
 
 
 def _shared(

@@ -10,8 +10,8 @@ from koord.syntax import ast
 from koord.syntax.core import Direction
 from koord.syntax.elaboration.body import SEES_PID, SEES_PORTS, SEES_VARIABLES, BodyScope, Where
 from koord.syntax.elaboration.coercion import POISON, accepts
+from koord.syntax.elaboration.literals import field_position
 from koord.syntax.elaboration.phrases import did_you_mean, otherwise
-from koord.syntax.elaboration.records import field_position
 from koord.syntax.elaboration.symbols import (
     MemberSymbol,
     Named,

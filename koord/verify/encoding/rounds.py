@@ -18,8 +18,14 @@ from koord.semantics.environment import environment_turn
 from koord.semantics.storage import Storage
 from koord.semantics.turns import declared, initial_turn, program_turn
 from koord.syntax import core
-from koord.syntax.analysis.footprint import Footprint, WriteExtent, footprint, statuses, stops_show
-from koord.syntax.analysis.lost_updates import rewritten
+from koord.syntax.analysis.footprint import (
+    Footprint,
+    WriteExtent,
+    footprint,
+    rewritten,
+    statuses,
+    stops_show,
+)
 from koord.syntax.core import BinaryOp, Home, UnaryOp
 from koord.syntax.system import Status, System
 from koord.syntax.types import BOOL, INT

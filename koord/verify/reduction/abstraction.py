@@ -4,7 +4,7 @@ A record or list type whose values a program copies, compares, and hands to exte
 never takes apart, is replaced by an uninterpreted sort. Making such a value becomes an external
 function, and what summaries say about its inside is dropped. So the abstract program can do all
 that the program can, and more: *holds* carries over; a violation is translated back
-(:mod:`koord.verify.reduction.concretion`) and replayed before it counts.
+(:mod:`koord.verify.reduction.problems`) and replayed before it counts.
 """
 
 from __future__ import annotations

@@ -1,26 +1,261 @@
-"""Verification problems: a program, its slices and its abstractions."""
+"""Problems that are easier to decide than the one that is asked, and the way back from them."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from fractions import Fraction
 from random import Random
 
-from msgspec import Struct
+from msgspec import Struct, field
 from msgspec.structs import replace
 
 from koord.sampling.run_extension import Plain, extended
 from koord.sampling.values import Sampler
-from koord.semantics.recordings import Recording
+from koord.semantics.domain import EXACT, Constant
+from koord.semantics.expressions import statement
+from koord.semantics.oracle import NoOracle, Oracle
+from koord.semantics.recordings import Answer, Opening, Reading, Recording, Round, Start
 from koord.semantics.rounds import IllegalStepError
+from koord.semantics.statements import machine
+from koord.semantics.storage import held
+from koord.semantics.values import Rec, Seq, Table, Value, map_scalars
+from koord.syntax import core
+from koord.syntax.core import Home
 from koord.syntax.diagnostics import KoordError
 from koord.syntax.system import System
+from koord.syntax.types import (
+    ArrayType,
+    FloatType,
+    GrowingType,
+    IntType,
+    ListType,
+    MapType,
+    OpaqueType,
+    RecordType,
+    Robots,
+    Type,
+)
 from koord.traces.trace import Numbers
 from koord.verify.claims import Claim, ClaimKind, ClaimPhase, claims_of, liveness_of
 from koord.verify.ledger import VerificationProblem
-from koord.verify.reduction.abstraction import abstracted
-from koord.verify.reduction.concretion import Concretion
+from koord.verify.reduction.abstraction import Abstraction, abstracted
 from koord.verify.verdicts import Counterexample
 from koord.verify.witness import NotReplayedError, OnlyOfSliceError, replayed, simplified
+
+Token = tuple[str, str]
+"""An opaque value: the name of its sort, and its own."""
+
+
+class Concretion(Struct):
+    """A mapping from the opaque values of one recording to concrete ones, injective if possible.
+
+    A value that the program made of parts is made of their real values. One that an external
+    function gave is chosen such that the function's whole summary holds. Others are made up, all
+    different.
+    """
+
+    abstraction: Abstraction
+    system: System  #: of the original program
+    _made: dict[Token, Answer] = field(default_factory=dict)
+    _given: dict[Token, Answer] = field(default_factory=dict)
+    _values: dict[Token, Value[Constant]] = field(default_factory=dict)
+    _count: int = 0
+
+    def recording(self, abstract: Recording) -> Recording:
+        """The recording with every opaque value replaced."""
+        for answer in _all_answers(abstract):
+            self._note(answer)
+        opening = abstract.opening
+        return Recording(
+            Opening(
+                opening.order,
+                tuple(self._start(start) for start in opening.starts),
+                self._answers(opening.answers),
+            ),
+            tuple(self._round(round_) for round_ in abstract.rounds),
+            abstract.loop,
+        )
+
+    def _note(self, answer: Answer) -> None:
+        if answer.function is None:
+            return
+        result = self._abstract_external(answer.function).result.type
+        if isinstance(result, OpaqueType) and isinstance(answer.value, str):
+            sources = self._made if answer.function in self.abstraction.made else self._given
+            sources.setdefault((result.name, answer.value), answer)
+
+    def _round(self, round_: Round) -> Round:
+        readings = tuple(
+            replace(reading, value=self._value(reading.value, self._sensor(reading)))
+            for reading in round_.readings
+        )
+        return replace(round_, readings=readings, answers=self._answers(round_.answers))
+
+    def _answers(self, answers: tuple[Answer, ...]) -> tuple[Answer, ...]:
+        return tuple(
+            self._answer(answer)
+            for answer in answers
+            if answer.function not in self.abstraction.made
+        )
+
+    def _answer(self, answer: Answer) -> Answer:
+        if answer.function is None:
+            return answer
+        external = self._abstract_external(answer.function)
+        arguments = tuple(
+            self._value(value, parameter.type)
+            for value, parameter in zip(answer.arguments, external.parameters, strict=True)
+        )
+        return replace(
+            answer, arguments=arguments, value=self._value(answer.value, external.result.type)
+        )
+
+    def _start(self, start: Start) -> Start:
+        program = self.abstraction.program
+        if start.home is Home.ALLWRITE:
+            type_ = program.allwrite[start.slot].variable.type
+        elif start.home is Home.ALLREAD:
+            whole = program.allread[start.slot].variable.type
+            assert isinstance(whole, ArrayType)
+            type_ = whole.element
+        else:
+            assert start.robot is not None
+            agent = program.agents[self.system.kinds[start.robot]]
+            if start.home is Home.LOCAL:
+                type_ = agent.locals[start.slot].variable.type
+            else:
+                type_ = agent.ports[start.slot].declaration.variable.type
+        return replace(start, value=self._value(start.value, type_))
+
+    def _sensor(self, reading: Reading) -> Type:
+        agent = self.abstraction.program.agents[self.system.kinds[reading.robot]]
+        return agent.ports[reading.slot].declaration.variable.type
+
+    def _abstract_external(self, name: str) -> core.External:
+        return self.abstraction.program.external(name)
+
+    # --- values ---------------------------------------------------------------------------------
+
+    def _value(self, value: Value[Constant], type_: Type) -> Value[Constant]:
+        return map_scalars(value, type_, self._scalar)
+
+    def _scalar(self, value: Constant, type_: Type) -> Value[Constant]:
+        if not isinstance(type_, OpaqueType):
+            return value
+        assert isinstance(value, str)
+        return self._real((type_.name, value))
+
+    def _real(self, token: Token) -> Value[Constant]:
+        if token not in self._values:
+            # Set first, so that a value made of itself does not go round in circles.
+            self._values[token] = self._invented(self.abstraction.hidden[token[0]])
+            self._values[token] = self._found(token)
+        return self._values[token]
+
+    def _found(self, token: Token) -> Value[Constant]:
+        made, given = self._made.get(token), self._given.get(token)
+        type_ = self.abstraction.hidden[token[0]]
+        if made is not None:
+            external = self._abstract_external(made.function or "")
+            parts = tuple(
+                self._value(value, parameter.type)
+                for value, parameter in zip(made.arguments, external.parameters, strict=True)
+            )
+            return Rec(parts) if isinstance(type_, RecordType) else Seq(len(parts), parts)
+        if given is not None and given.function is not None:
+            return self._answered(given, type_)
+        return self._values[token]
+
+    def _answered(self, answer: Answer, type_: Type) -> Value[Constant]:
+        """A value that an external function may have answered, by its whole summary."""
+        assert answer.function is not None
+        abstract = self._abstract_external(answer.function)
+        original = self.system.program.external(answer.function)
+        arguments = tuple(
+            self._value(value, parameter.type)
+            for value, parameter in zip(answer.arguments, abstract.parameters, strict=True)
+        )
+        candidates = list(self._candidates(type_, arguments, original))
+        for candidate in candidates:
+            if self._meets(original, arguments, candidate):
+                return candidate
+        return candidates[0]
+
+    def _candidates(
+        self, type_: Type, arguments: tuple[Value[Constant], ...], external: core.External
+    ) -> Iterator[Value[Constant]]:
+        """Candidates that summaries usually require: paths that begin and end at arguments."""
+        yield self._invented(type_)
+        if isinstance(type_, ListType):
+            element = type_.element
+            ends = [
+                part
+                for argument, parameter in zip(arguments, external.parameters, strict=True)
+                for part in _parts_of(argument, parameter.type, element)
+            ]
+            middle = self._invented(element)
+            for first in ends:
+                for last in ends:
+                    yield Seq(3, (first, middle, last))
+            for end in ends:
+                yield Seq(2, (middle, end))
+                yield Seq(2, (end, middle))
+            yield Seq(0, ())
+
+    def _meets(
+        self,
+        external: core.External,
+        arguments: tuple[Value[Constant], ...],
+        answer: Value[Constant],
+    ) -> bool:
+        rest = [None] * (external.bound - len(arguments) - 1)
+        oracle: Oracle[Constant] = NoOracle()
+        m = machine(EXACT, self.system, oracle)
+        m.memory.bound = [*(held(EXACT, v) for v in (*arguments, answer)), *rest]
+        m.in_summary = True
+        try:
+            return all(statement(m, promise) is True for promise in external.ensures)
+        except AssertionError:
+            # A promise that asks other external functions: the replay will tell.
+            return True
+
+    def _invented(self, type_: Type) -> Value[Constant]:
+        """A fresh value, different from all invented before."""
+        self._count += 1
+        match type_:
+            case FloatType():
+                return Fraction(self._count)
+            case IntType():
+                return self._count
+            case RecordType(fields=its_fields):
+                return Rec(tuple(self._invented(t) for _, t in its_fields))
+            case GrowingType(element=element):
+                return Seq(1, (self._invented(element),))
+            case ArrayType(element=element, size=size):
+                count = self.system.robots if size is Robots.ALL else size
+                return Seq(count, tuple(self._invented(element) for _ in range(count)))
+            case MapType():
+                return Table(0, ())
+            case OpaqueType(name=name):
+                return self._invented(self.abstraction.hidden[name])
+            case _:
+                return False
+
+
+def _parts_of(value: Value[Constant], type_: Type, wanted: Type) -> Iterator[Value[Constant]]:
+    """The parts of a value that are of the wanted type."""
+    if type_ == wanted:
+        yield value
+    elif isinstance(type_, RecordType) and isinstance(value, Rec):
+        for part, (_, part_type) in zip(value.fields, type_.fields, strict=True):
+            yield from _parts_of(part, part_type, wanted)
+
+
+def _all_answers(recording: Recording) -> Iterator[Answer]:
+    yield from recording.opening.answers
+    for round_ in recording.rounds:
+        yield from round_.answers
+
 
 #: So often what a slice left out is made up at random, after it was tried with the plainest values.
 TRIES = 3

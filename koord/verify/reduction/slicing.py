@@ -13,8 +13,14 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from koord.syntax import core
-from koord.syntax.analysis.always_met import always_met, primed, promises_of
-from koord.syntax.analysis.auxiliary import Var, auxiliary, variables
+from koord.syntax.analysis.auxiliary import (
+    Var,
+    always_met,
+    auxiliary,
+    primed,
+    promises_of,
+    variables,
+)
 from koord.syntax.core import Direction, Home, PropertyKind
 from koord.syntax.source import Span
 from koord.syntax.system import System

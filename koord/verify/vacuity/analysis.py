@@ -20,7 +20,7 @@ from koord.verify.encoding.moments import SymbolicConfiguration
 from koord.verify.encoding.solver import SolverAnswer
 from koord.verify.encoding.symbols import SymbolicInputs
 from koord.verify.encoding.unrolling import Unrolling, violations
-from koord.verify.engines.induction.representatives import representatives
+from koord.verify.engines.induction.proving import representatives
 from koord.verify.ledger import Ledger
 from koord.verify.reachability_goals import (
     Aim,
@@ -29,7 +29,7 @@ from koord.verify.reachability_goals import (
     reachability_goals_of,
     supposes,
 )
-from koord.verify.vacuity import any_number
+from koord.verify.vacuity import unreachable
 from koord.verify.vacuity.contradictory_summaries import unanswerable
 from koord.verify.vacuity.dead_ends import dead_end
 from koord.verify.vacuity.reachability import Unbroken, unbroken
@@ -149,14 +149,14 @@ def _look(ledger: Ledger, wished: ReachabilityGoals, effort: Effort) -> Looked:
 
 def of_any_number(ledger: Ledger, *, of_all_rounds: bool) -> Hollow:
     """The vacuities of verdicts for every number of robots."""
-    for system in any_number.examples(ledger.system):
-        some = any_number.with_robots_of(system, ledger)
+    for system in unreachable.examples(ledger.system):
+        some = unreachable.with_robots_of(system, ledger)
         looked = look(some)
         if looked.never is not None:
             return vacuities(some, looked, of_all_rounds=of_all_rounds, of_any_number=True)
-    if any_number.never_starts(ledger):
+    if unreachable.never_starts(ledger):
         return Hollow(looked.empty)
-    return Hollow(tuple(any_number.among(ledger, empty) for empty in looked.empty))
+    return Hollow(tuple(unreachable.among(ledger, empty) for empty in looked.empty))
 
 
 def vacuities(
@@ -203,7 +203,7 @@ def _unbreakable(
     told = {vacuity.subject for vacuity in sure if vacuity.what is not Emptiness.EVENT}
     regardless = list(_regardless(ledger, told))
     if of_any_number:
-        regardless = any_number.true_of_anything(ledger, regardless)
+        regardless = unreachable.true_of_anything(ledger, regardless)
     detail = "it is true whatever the events do"
     for claim in regardless:
         if claim.stated is not None:
@@ -239,14 +239,14 @@ def _missing(
     if left.stuck is not None:
         detail = f"no run gets through round {left.stuck}"
         found = _within(Vacuity(Emptiness.CONTRACTS, "", detail, certain=True), left.limits)
-        everyone = not of_any_number or any_number.never_ends(ledger)
-        yield found if everyone else any_number.among(ledger, found)
+        everyone = not of_any_number or unreachable.never_ends(ledger)
+        yield found if everyone else unreachable.among(ledger, found)
         return
     if not left.known or not left.claims:
         return
     verdict = ledger.verdicts.get(NO_FAULT)
     faults = verdict is not None and verdict.outcome is Outcome.VIOLATED
-    search = any_number.unmet_by_any if of_any_number else unmet
+    search = unreachable.unmet_by_any if of_any_number else unmet
     for told in search(ledger, left.claims, effort):
         # An event that faults ends the run, and so was not seen to run.
         full = replace(told, detail=f"{told.detail} without a fault") if faults else told

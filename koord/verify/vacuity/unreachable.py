@@ -1,7 +1,10 @@
-"""Unreachable goals: events that never run, and suppositions never true. [PROP-VACUOUS]
+"""What should be possible and never happens, with the robots given or any number. [PROP-VACUOUS]
 
 Most of it can be proved in no time, by steps that do not ask whether rounds can end. What is left
 is looked for in runs.
+
+What some robots cannot do more of them may be able to. So that something never happens is certain
+only where it is proved for every number; elsewhere it is said of the numbers that were looked at.
 """
 
 from __future__ import annotations
@@ -11,12 +14,20 @@ from collections.abc import Collection, Iterator
 from msgspec import Struct
 from msgspec.structs import replace
 
+from koord.syntax import core
+from koord.syntax.analysis.footprint import footprint
+from koord.syntax.analysis.limits import excesses
 from koord.syntax.analysis.premises import without
+from koord.syntax.core import Home, PropertyKind, Start
 from koord.syntax.system import System
-from koord.verify.claims import Claim
+from koord.syntax.types import BOOL
+from koord.syntax.walk import reached, statements, written
+from koord.verify.claims import Claim, ClaimKind
 from koord.verify.effort import Effort
+from koord.verify.engines.every_n.candidates import FEW, candidates
+from koord.verify.engines.every_n.proving import SPARING, infer, prove
 from koord.verify.ledger import Ledger
-from koord.verify.reachability_goals import Aim, ReachabilityGoal, reachability_goals_of
+from koord.verify.reachability_goals import Aim, ReachabilityGoal, idle, reachability_goals_of
 from koord.verify.vacuity.reachability import (
     Unbroken,
     broken_between,
@@ -132,3 +143,131 @@ def told(goal: ReachabilityGoal, rounds: int, *, certain: bool, blocked: bool) -
     else:
         detail = f"cannot {verb} within {rounds} rounds"
     return Vacuity(what, goal.subject, detail, certain, goal.span)
+
+
+#: So many times as many robots of each kind are looked at as well.
+_TIMES = 3
+
+
+def examples(system: System) -> list[System]:
+    """The systems to check: the given one, and one with more robots if that is not too large."""
+    more = replace(system, kinds=system.kinds * _TIMES)
+    return [system] if excesses(more.program, more.kinds) else [system, more]
+
+
+def with_robots_of(system: System, ledger: Ledger) -> Ledger:
+    """The ledger, with the robots of another system."""
+    problem = ledger.problem
+    original = replace(problem.original, kinds=system.kinds) if problem.is_abstract else system
+    return replace(ledger, problem=replace(problem, system=system, original=original))
+
+
+def fleets(system: System) -> str:
+    """Name the robots of the examples, in words."""
+    return " or ".join(example.fleet for example in examples(system))
+
+
+def proved(ledger: Ledger, system: System, claims: Collection[Claim]) -> set[Claim]:
+    """The claims that hold for every number of robots, as far as a short attempt can tell.
+
+    ``system`` is that of the ledger, but for what the claims are stated with.
+    """
+    means = ledger.deadline, Effort.of_seconds(SPARING.seconds), SPARING, ledger.seed
+    known = ledger.proved()
+    found = set(prove(system, [*known, *claims], *means).proved)
+    left = [claim for claim in claims if claim not in found]
+    likely = candidates(system.program) if left else []
+    if 0 < len(likely) <= FEW:
+        pool = [claim for claim in (*known, *found, *likely) if claim.is_state_property]
+        found |= set(infer(system, left, pool, *means).proved)
+    return found.intersection(claims)
+
+
+def never_starts(ledger: Ledger) -> bool:
+    """Return whether there is no initial configuration, for any number of robots."""
+    stated = core.Property("never starts", PropertyKind.AT_ROUND, core.Const(False, BOOL), 0)
+    claim = Claim(stated.name, ClaimKind.PROPERTY, stated)
+    return claim in proved(ledger, ledger.system, [claim])
+
+
+def never_ends(ledger: Ledger) -> bool:
+    """Return whether no round can end, from any configuration, for any number of robots."""
+    contract = core.Contract("never ends", (), (core.Const(False, BOOL),))
+    claim = Claim(contract.name, ClaimKind.CONTRACT, None, contract.name)
+    agents = tuple(
+        replace(agent, modules=(*agent.modules, idle([contract])))
+        for agent in ledger.system.program.agents
+    )
+    program = replace(ledger.system.program, agents=agents)
+    return claim in proved(ledger, replace(ledger.system, program=program), [claim])
+
+
+def unmet_by_any(ledger: Ledger, unbroken_: Collection[Claim], effort: Effort) -> Iterator[Vacuity]:
+    """The goals, unreached with a few robots, that more robots do not reach either."""
+    wished = reachability_goals_of(ledger.system)
+    goals = {goal.never: goal for goal in wished.all if goal.never in unbroken_}
+    rounds, deadline, seed = ledger.bounds.rounds, ledger.deadline, ledger.seed
+    for system in examples(wished.system):
+        left = unbroken(system, list(goals), rounds, deadline, effort, seed=seed)
+        observed = [n for n, goal in goals.items() if goal.observed and n in left.claims]
+        met, _ = broken_between(system, observed, rounds, deadline, effort, seed=seed, ending=True)
+        goals = {n: goal for n, goal in goals.items() if n in left.claims and n not in met}
+    asked = {n: inside_rounds(n) if goal.observed else n for n, goal in goals.items()}
+    still = [inside_rounds(goal.still) for goal in goals.values() if goal.still is not None]
+    sure = proved(ledger, wished.system, [*asked.values(), *still])
+    for never, goal in goals.items():
+        found = told(goal, rounds, certain=asked[never] in sure, blocked=False)
+        yield found if found.certain else among(ledger, found)
+
+
+def among(ledger: Ledger, vacuity: Vacuity) -> Vacuity:
+    """The goals that no run with the checked numbers of robots reaches."""
+    detail = f"{vacuity.detail}, with {fleets(ledger.system)}"
+    return replace(vacuity, detail=detail, certain=False)
+
+
+def true_of_anything(ledger: Ledger, claims: Collection[Claim]) -> list[Claim]:
+    """The statements that hold for all values of variables, for every number of robots."""
+    program = ledger.system.program
+    asked = [claim for claim in claims if not _reads_history(program, claim)]
+    system = replace(ledger.system, program=_of_anything(program))
+    effort = Effort.of_seconds(SPARING.seconds)
+    return list(prove(system, asked, ledger.deadline, effort, SPARING, ledger.seed).proved)
+
+
+def _reads_history(program: core.Program, claim: Claim) -> bool:
+    below = reached(program, claim.stated.condition if claim.stated is not None else ())
+    return any(isinstance(node, core.Ran | core.Stopped) for node in below)
+
+
+def _of_anything(program: core.Program) -> core.Program:
+    """A program that starts with any values of written variables, and does nothing."""
+    changed = set(footprint(program))
+    for kind, agent in enumerate(program.agents):
+        for statement in statements(agent.init):
+            for place in written(statement):
+                home, slot = place.variable.home, place.variable.slot
+                changed.add((home, kind if home in (Home.LOCAL, Home.PORT) else 0, slot))
+
+    def free(kind: int, declared: tuple[core.Declaration, ...]) -> tuple[core.Declaration, ...]:
+        return tuple(
+            replace(entry, initial=Start.ARBITRARY)
+            if (entry.variable.home, kind, entry.variable.slot) in changed
+            else entry
+            for entry in declared
+        )
+
+    def idling(kind: int, agent: core.Agent) -> core.Agent:
+        declared = free(kind, tuple(port.declaration for port in agent.ports))
+        pairs = zip(agent.ports, declared, strict=True)
+        ports = tuple(replace(port, declaration=declaration) for port, declaration in pairs)
+        locals_ = free(kind, agent.locals)
+        return replace(agent, locals=locals_, ports=ports, modules=(), init=(), events=())
+
+    return replace(
+        program,
+        agents=tuple(idling(kind, agent) for kind, agent in enumerate(program.agents)),
+        allread=free(0, program.allread),
+        allwrite=free(0, program.allwrite),
+        assumptions=(),
+    )

@@ -27,7 +27,7 @@ from koord.verify.claims import Claim, ClaimPhase, claims_of
 from koord.verify.effort import Deadline
 from koord.verify.engine_names import Engine
 from koord.verify.reduction.abstraction import abstracted
-from koord.verify.reduction.concretion import Concretion
+from koord.verify.reduction.problems import Concretion
 from koord.verify.strategy.verification import verify
 from koord.verify.verdicts import Bounds, Counterexample, Outcome
 from koord.verify.witness import replayed

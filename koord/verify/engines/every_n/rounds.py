@@ -10,7 +10,7 @@ from koord.semantics.environment import Evolved, environment_turn
 from koord.semantics.properties import overlap
 from koord.semantics.turns import guard_of, program_turn
 from koord.syntax import core
-from koord.syntax.analysis.lost_updates import rewritten
+from koord.syntax.analysis.footprint import rewritten
 from koord.syntax.core import BinaryOp, UnaryOp
 from koord.syntax.system import Status
 from koord.syntax.types import BOOL, INT

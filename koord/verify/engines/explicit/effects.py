@@ -16,8 +16,7 @@ from koord.semantics.recordings import Answer
 from koord.semantics.storage import Storage, Tree
 from koord.semantics.turns import Turned, guard_of, program_turn
 from koord.syntax import core
-from koord.syntax.analysis.footprint import Reads, reads_of, together
-from koord.syntax.analysis.lost_updates import rewritten
+from koord.syntax.analysis.footprint import Reads, reads_of, rewritten, together
 from koord.syntax.system import Status, System
 from koord.syntax.walk import asks
 from koord.traces.enumeration import ExploringInputs, explored

@@ -1,4 +1,8 @@
-"""Inductive proofs for a fixed number of robots: Houdini over an arbitrary step.
+"""Inductive proofs for a fixed number of robots: one arbitrary step, for all rounds.
+
+Where robots may change places, what breaks ``forall i, j: …`` breaks it for i = 0 and j ≤ 1 under
+other names: each robot that a quantifier brings in is one of those that were named before, or the
+next. So N² cases become two.
 
 Such a step is no run: nobody knows whether its first configuration can be reached. It shows what an
 invariant leaves open, and never passes for a violation.
@@ -12,7 +16,7 @@ asked of the last.
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 from msgspec import Struct
 from msgspec.structs import replace
@@ -21,10 +25,11 @@ from koord.semantics.configurations import NO_EVENT, Configuration, Robot, Store
 from koord.semantics.domain import Constant, disjunction
 from koord.semantics.storage import Cell, Storage, Tree
 from koord.syntax import core
-from koord.syntax.core import UnaryOp
+from koord.syntax.analysis.symmetry import Symmetry, symmetry_of
+from koord.syntax.core import BinaryOp, QuantifierKind, UnaryOp
 from koord.syntax.system import System
 from koord.syntax.types import INT, ArrayType, RecordType, Type
-from koord.verify.claims import Claim, ClaimPhase, StepFindings
+from koord.verify.claims import Claim, ClaimPhase, StepFindings, claims_of
 from koord.verify.effort import Deadline, Effort
 from koord.verify.encoding.moments import SymbolicConfiguration
 from koord.verify.encoding.solver import Model, SolverAnswer, cases
@@ -32,9 +37,47 @@ from koord.verify.encoding.symbols import SymbolicInputs
 from koord.verify.encoding.terms import Term
 from koord.verify.encoding.unrolling import Unrolling, violations
 from koord.verify.engine_names import Engine
-from koord.verify.engines.induction.representatives import representatives
 from koord.verify.verdicts import BrokenStep, Outcome, Verdict
 from koord.verify.witness import ModelReader
+
+
+def representatives(system: System) -> Callable[[Claim], Claim]:
+    """A claim over representatives that is broken in some configuration if and only if this one is.
+
+    The two are of one configuration only up to the names of its robots, and of sets that are
+    closed under renaming: of all that can be reached, or of all in which other claims hold.
+    """
+    asked = tuple(claim.stated for claim in claims_of(system) if claim.stated is not None)
+    symmetry = symmetry_of(system, asked)
+    everyone = (tuple(range(system.robots)),)
+    if not isinstance(symmetry, Symmetry) or symmetry.groups != everyone:
+        return lambda claim: claim
+    return lambda claim: _represented(claim, system)
+
+
+def _represented(claim: Claim, system: System) -> Claim:
+    if claim.stated is None:
+        return claim
+    condition = _narrowed(claim.stated.condition, 1, system)
+    return replace(claim, stated=replace(claim.stated, condition=condition))
+
+
+def _narrowed(e: core.Expr, named: int, system: System) -> core.Expr:
+    """Restrict outer quantifiers to ``named`` robots, and inner ones to one more each."""
+    everyone = (None, system.kinds[0])  # of another kind than the first robot there are none
+    match e:
+        case core.Quantified(QuantifierKind.FORALL, domain=core.RobotRange(agent=kind)) if (
+            kind in everyone
+        ):
+            few = core.IntRange(core.Const(0, INT), core.Const(min(named, system.robots), INT))
+            return replace(e, domain=few, body=_narrowed(e.body, named + 1, system))
+        case core.Binary(op=BinaryOp.AND):
+            left, right = (_narrowed(part, named, system) for part in (e.left, e.right))
+            return replace(e, left=left, right=right)
+        case core.Binary(op=BinaryOp.IMPLIES):
+            return replace(e, right=_narrowed(e.right, named, system))
+        case _:
+            return e
 
 
 def broken_step(

@@ -19,8 +19,7 @@ from koord.syntax.system import System, dealt
 from koord.verify.claims import Claim, claims_of
 from koord.verify.effort import Deadline
 from koord.verify.engines.induction import proving
-from koord.verify.engines.induction.proving import Inductive, prove
-from koord.verify.engines.induction.representatives import representatives
+from koord.verify.engines.induction.proving import Inductive, prove, representatives
 from koord.verify.reduction.abstraction import abstracted
 from koord.verify.verdicts import Outcome
 from tests.generators.profiles import FINITE
