@@ -1,1 +1,1 @@
-"""Compiled programs and their round commit."""
+"""Compiled programs, and the round-commit protocol on which they run."""

@@ -1,4 +1,4 @@
-"""Plain data as bytes, the same bytes for equal data: what digests and datagrams are made of.
+"""Canonical encoding of plain data: equal data give equal bytes, for digests and datagrams.
 
 MessagePack, written and read by msgspec, which checks types, lengths and nesting while it reads.
 Whole numbers of more than 64 bits, which MessagePack lacks, are an extension of it.
@@ -48,11 +48,11 @@ _ENCODER = msgspec.msgpack.Encoder()
 
 
 class NotPlainError(ValueError):
-    """Data that no robot can have sent: of the right type for MessagePack, and not for Koord."""
+    """Raised for MessagePack data of the right type that no robot can have sent."""
 
 
 def encode(flat: Any) -> bytes:
-    """Tuples of scalars and bytes as MessagePack."""
+    """Encode tuples of scalars and bytes as MessagePack."""
     try:
         return _ENCODER.encode(flat)
     except OverflowError:
@@ -69,14 +69,14 @@ def _with_big_ints(flat: Any) -> Any:
 
 
 def big_int(code: int, data: memoryview) -> int:
-    """The ``ext_hook`` of a decoder. Raises NotPlainError."""
+    """Decode a big integer: the ``ext_hook`` of a decoder. Raises NotPlainError."""
     if code != BIG_INT or not 0 < len(data) <= MOST_BIG_INT_BYTES:
         raise NotPlainError(f"extension {code} of {len(data)} bytes")
     return int.from_bytes(data, "big", signed=True)
 
 
 def plain(value: Any) -> Plain:
-    """A decoded value with tuples for lists. Raises NotPlainError for what Koord has not."""
+    """Convert decoded lists to tuples. Raises NotPlainError for types that Koord lacks."""
     if isinstance(value, list | tuple):
         return tuple(plain(item) for item in value)
     if isinstance(value, _SCALARS):
@@ -93,7 +93,7 @@ def flat_proposal(proposal: Proposal) -> FlatProposal:
 
 
 def proposal_of(flat: FlatProposal) -> Proposal:
-    """Raises NotPlainError."""
+    """Decode a proposal. Raises NotPlainError."""
     robot, round_, attempts, urgent = flat
     return Proposal(robot, round_, tuple(_attempt_of(a) for a in attempts), urgent)
 
@@ -111,7 +111,7 @@ def flat_decision(decision: Decision) -> FlatDecision:
 
 
 def decision_of(flat: FlatDecision) -> Decision:
-    """Raises NotPlainError."""
+    """Decode a decision. Raises NotPlainError."""
     round_, ran, skipped, writes, digest, faulted = flat
     return Decision(
         round_,

@@ -1,4 +1,4 @@
-"""A fleet in one process: the round rule with nothing lost and nobody late. [EVENT-TRANS]
+"""The round engine: a fleet in one process, without messages, loss or delay. [EVENT-TRANS]
 
 Every robot proposes, one decision is made of all proposals, everybody acts on it, and then the
 environment has its turn: the steps of a deployed round, without the messages. No clock is looked
@@ -20,14 +20,14 @@ from koord.runtime.store import AgreedStore
 
 
 class Ended(Struct, frozen=True):
-    """The fault that ended a run; ``robot`` is None where a shared variable's start is to blame."""
+    """The fault that ended a run; ``robot`` is None for a fault in a shared variable's start."""
 
     robot: int | None
     fault: EventFault
 
 
 class Shown(Struct, frozen=True):
-    """What a robot wrote to streams in one turn; ``round`` is INIT_ROUND for INIT."""
+    """The output of a robot in one turn; ``round`` is INIT_ROUND for INIT."""
 
     round: int
     robot: int
@@ -35,7 +35,7 @@ class Shown(Struct, frozen=True):
 
 
 class RoundEngine:
-    """Robots of a compiled program, and their store.
+    """An engine that runs the robots of a compiled program, with their store.
 
     :meth:`begin` comes first; then :meth:`program_turns` and :meth:`environment_turn` take turns.
     After a fault (``ended``) there are no more turns.
@@ -48,7 +48,7 @@ class RoundEngine:
         delta_s: float,
         host: Host,
     ) -> None:
-        """``kinds[i]`` is the position of robot i's class in ``classes``."""
+        """Make an engine; ``kinds[i]`` is the position of robot i's class in ``classes``."""
         self.robots = [classes[kind](pid, kinds, delta_s, host) for pid, kind in enumerate(kinds)]
         self._may_fault = any(robot.has_model for robot in self.robots)
         self.host = host
@@ -59,11 +59,11 @@ class RoundEngine:
 
     @property
     def all_stopped(self) -> bool:
-        """Whether no robot will run an event any more."""
+        """Return whether all robots have stopped."""
         return all(robot.status is Status.STOPPED for robot in self.robots)
 
     def begin(self, order: Sequence[int] | None = None) -> Decision:
-        """INIT, with the robots' writes in an order. [INIT]"""
+        """Run INIT, with the robots' writes in an order. [INIT]"""
         first = self.robots[0]
         try:
             first.declare()
@@ -80,7 +80,7 @@ class RoundEngine:
         return decision
 
     def program_turns(self, schedule: Schedule) -> Decision:
-        """Every robot's program turn. [SELECT] [ATOMIC] [END-PROG]"""
+        """Run every robot's program turn. [SELECT] [ATOMIC] [END-PROG]"""
         ranks = schedule.order(self.round, len(self.robots))
         proposals = {
             robot.pid: robot.propose(
@@ -98,7 +98,7 @@ class RoundEngine:
         return decision
 
     def environment_turn(self) -> None:
-        """Sensors and models; a new round begins. [ENV-TRANS]
+        """Take the environment's turn: sensors and models; a new round begins. [ENV-TRANS]
 
         Where a model faults, no robot's ports change. [FAULT]
         """
@@ -115,7 +115,7 @@ class RoundEngine:
             vars(robot).update(ports)  # values never change, so these are as they were
 
     def _act(self, decision: Decision) -> None:
-        """Commit and discard as was decided. [SHARED-ASSIGN] [SKIP]"""
+        """Act on a decision: commit or discard each robot's turn. [SHARED-ASSIGN] [SKIP]"""
         if decision.fault is not None:
             faulted = decision.fault
             self.ended = Ended(faulted.robot, faulted.fault)
@@ -141,27 +141,27 @@ class RoundEngine:
 
 
 class Schedule(Protocol):
-    """The choices of the rounds of a run."""
+    """A schedule: the nondeterministic choices of the rounds of a run."""
 
     def order(self, round_: int, robots: int) -> tuple[int, ...]:
-        """The ranks of a round: every robot once, the first one first."""
+        """The order of robots in a round, each once."""
         ...
 
     def events(self, robot: Robot) -> Iterable[int] | None:
-        """In which order a robot tries its events; None: as they stand in the program."""
+        """The order in which a robot tries its events; None: program order."""
         ...
 
     def willing(self, robot: Robot) -> bool:
-        """Whether a robot runs an event if it may."""
+        """Return whether a robot runs an event if it may."""
         ...
 
     def hears(self, proposal: Proposal) -> bool:
-        """Whether a proposal is there when the round is decided; nobody asks of urgent ones."""
+        """Return whether a proposal arrives before the round is decided; urgent ones always do."""
         ...
 
 
 class Deployed:
-    """What robots do when they are deployed: a rotating rank, the first enabled event, no skips."""
+    """The schedule of deployed robots: rotating order, first enabled event, no skips."""
 
     def order(self, round_: int, robots: int) -> tuple[int, ...]:
         return rotating(round_, robots)
@@ -177,7 +177,7 @@ class Deployed:
 
 
 class AtRandom(Struct, frozen=True):
-    """Any order, any enabled event, now and then a skip: all that the rules allow."""
+    """A random schedule: any order, any enabled event, now and then a skip."""
 
     rng: Random
     skips_percent: int = 15
@@ -204,7 +204,7 @@ _GOES_PERCENT, _LONGEST_AWAY = 10, 5
 
 
 class Unheard(Struct):
-    """A schedule on a bad network: proposals are lost, and robots are away for some rounds."""
+    """A schedule as on a bad network: proposals are lost, and robots are away for some rounds."""
 
     inner: Schedule
     rng: Random

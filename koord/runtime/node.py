@@ -1,4 +1,4 @@
-"""A robot of a running system: the protocol's machine, its timers, its program, its transport.
+"""A node: the protocol's machine of a robot with its timers, program and transport.
 
 A node knows neither sockets nor what time it is: whoever drives it says so. The same node runs over
 real networks and over simulated ones.
@@ -45,16 +45,16 @@ from koord.runtime.wire.frames import Drops
 
 
 class Participant(Protocol):
-    """The program of a robot and its platform, as the node sees them."""
+    """The program and platform of a robot, as the node sees them."""
 
     def propose(self, round_: int) -> Proposal | None:
-        """Sense, run the first enabled event into a buffer. None: it has nothing to say at all."""
+        """Sense, run the first enabled event into a buffer, and propose. None: stay mute."""
 
     def commit(self, entry: LogEntry, kept: Admitted | None) -> None:
-        """Apply the writes; keep the buffer, or throw it away; act."""
+        """Act on a decision: apply the writes; keep the buffer or discard it."""
 
     def show(self) -> bytes:
-        """The store, for a robot that needs it."""
+        """The store as bytes, for a robot that needs it."""
 
     def install(self, round_: int, store: bytes, ran: LastRun | None) -> None:
         """Replace the store; keep the buffer if it is of the round that ``ran`` names."""
@@ -64,23 +64,23 @@ class Participant(Protocol):
 
 
 class Outbox(Protocol):
-    """Where messages go."""
+    """The channel for outgoing messages."""
 
     def send(self, to: int, message: Message) -> None:
-        """To one robot."""
+        """Send to one robot."""
 
     def tell(self, message: Message) -> None:
-        """To all other robots."""
+        """Send to all other robots."""
 
 
 class PendingWork(Enum):
-    """What a node itself waits for, besides the timers of the machine."""
+    """The timers of the node itself, besides those of the machine."""
 
     ROUND = "round"  #: the next round begins, and the program has to run
 
 
 class Node:
-    """Drives the machine of one robot. Not for several threads."""
+    """A driver of one robot's protocol machine. Not thread-safe."""
 
     def __init__(self, setup: Setup, state: State, robot: Participant, outbox: Outbox) -> None:
         self.setup = setup
@@ -98,7 +98,7 @@ class Node:
         self._do(Received(now, sender, incarnation, message))
 
     def wake(self, now: float) -> None:
-        """Let every timer run down that is due."""
+        """Expire every timer that is due."""
         while True:
             due = [(at, i, timer) for i, (timer, at) in enumerate(self._due.items()) if at <= now]
             if not due:
@@ -114,7 +114,7 @@ class Node:
 
     @property
     def due(self) -> float | None:
-        """When to wake it next."""
+        """The time at which to wake the node next, or None."""
         return min(self._due.values(), default=None)
 
     def _do(self, event: Event) -> None:
@@ -158,7 +158,7 @@ Clock = Callable[[], float]
 
 
 class Counts(Struct):
-    """What went in and out."""
+    """Counters of messages and datagrams."""
 
     sent: int = 0  #: messages; one to all counts once
     datagrams: int = 0  #: the same in pieces
@@ -166,7 +166,7 @@ class Counts(Struct):
 
 
 class Peer:
-    """One robot of a run on a network."""
+    """One robot of a run on a network: its node, its wire and its transport."""
 
     def __init__(
         self,
@@ -209,11 +209,11 @@ class Peer:
     # --- time -----------------------------------------------------------------------------------
 
     def start(self) -> None:
-        """Switch the robot on."""
+        """Start the robot."""
         self.node.start(self._clock())
 
     def turn(self, most_s: float) -> None:
-        """Do what is due, wait for what comes, at most so long, and take it in."""
+        """Expire due timers, wait at most ``timeout_s`` for datagrams, and process them."""
         self.node.wake(self._clock())
         due = self.node.due
         wait_s = most_s if due is None else min(most_s, max(0.0, due - self._clock()))

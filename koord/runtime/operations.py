@@ -1,4 +1,4 @@
-"""What compiled programs do with values where Python's own operators do not say it all.
+"""Operations of compiled programs on values, where Python's operators do not suffice.
 
 Each checks what the rules want checked, in their order, and raises :class:`FaultError` with the
 place in the program's text. None of them changes a value: they make new ones.
@@ -21,7 +21,7 @@ UNSET: Any = None
 
 
 class FaultError(Exception):
-    """A fault of the program, on its way out of an event. [FAULT]"""
+    """Raised for a fault of the program in an event. [FAULT]"""
 
     def __init__(self, kind: FaultKind, place: str, detail: str = "") -> None:
         super().__init__(f"{place}: {kind.value}")
@@ -32,28 +32,28 @@ class FaultError(Exception):
 
 
 def at(items: tuple[T, ...], index: int, place: str) -> T:
-    """An element; none at that index is a fault. [LOOKUP]"""
+    """The element at an index. Raises FaultError if there is none. [LOOKUP]"""
     if 0 <= index < len(items):
         return items[index]
     raise FaultError(FaultKind.INDEX, place)
 
 
 def entry(entries: dict[K, T], key: K, place: str) -> T:
-    """The value of a key; no such key is a fault. [LOOKUP]"""
+    """The value of a key. Raises FaultError if there is none. [LOOKUP]"""
     if key in entries:
         return entries[key]
     raise FaultError(FaultKind.KEY, place)
 
 
 def known(value: T | None, name: str, place: str) -> T:
-    """What an atom holds; nothing is a fault. [LOOKUP] [ATOM]"""
+    """The value of an atom. Raises FaultError if it is not set. [LOOKUP] [ATOM]"""
     if value is None:
         raise FaultError(FaultKind.UNSET, place, name)
     return value
 
 
 def whole(value: T, name: str, place: str) -> T:
-    """A record or an array; it is a fault if any atom of it is not set. [LOOKUP] [ATOM]"""
+    """A record or an array. Raises FaultError if any atom of it is not set. [LOOKUP] [ATOM]"""
     if _lacks(value):
         raise FaultError(FaultKind.UNSET, place, name)
     return value
@@ -77,21 +77,21 @@ def real(number: int) -> float:
 
 
 def quotient(left: int, right: int, place: str) -> int:
-    """Rounded down; by zero it is a fault. [E-ARITH]"""
+    """Divide and round down. Raises FaultError for a zero divisor. [E-ARITH]"""
     if right == 0:
         raise FaultError(FaultKind.DIVISION, place)
     return left // right
 
 
 def ratio(left: float, right: float, place: str) -> float:
-    """By zero it is a fault. [E-ARITH]"""
+    """Divide floats. Raises FaultError for a zero divisor. [E-ARITH]"""
     if right == 0.0:
         raise FaultError(FaultKind.DIVISION, place)
     return left / right
 
 
 def remainder(left: N, right: N, place: str) -> N:
-    """With the divisor's sign; by zero it is a fault. [E-ARITH]"""
+    """The remainder, with the divisor's sign. Raises FaultError for a zero divisor. [E-ARITH]"""
     if right == 0:
         raise FaultError(FaultKind.DIVISION, place)
     return left % right
@@ -112,24 +112,24 @@ def same(left: object, right: object) -> bool:
 
 
 def contains(items: tuple[T, ...], wanted: T) -> bool:
-    """Whether a list has an element. [E-LIST]"""
+    """Return whether a list has an element. [E-LIST]"""
     return any(same(item, wanted) for item in items)
 
 
 def has_key(entries: dict[K, Any], key: K) -> bool:
-    """Whether a map has a key. [E-LIST]"""
+    """Return whether a map has a key. [E-LIST]"""
     return key in entries
 
 
 def least(items: tuple[N, ...], place: str) -> N:
-    """The least element; of an empty list it is a fault. [E-LIST]"""
+    """The least element. Raises FaultError for an empty list. [E-LIST]"""
     if not items:
         raise FaultError(FaultKind.EMPTY, place)
     return min(items)
 
 
 def greatest(items: tuple[N, ...], place: str) -> N:
-    """The greatest element; of an empty list it is a fault. [E-LIST]"""
+    """The greatest element. Raises FaultError for an empty list. [E-LIST]"""
     if not items:
         raise FaultError(FaultKind.EMPTY, place)
     return max(items)
@@ -164,7 +164,7 @@ def _put(value: Any, new: Any, path: tuple[Any, ...]) -> Any:
 
 
 def _check(value: Any, path: tuple[Any, ...], places: tuple[str, ...]) -> None:
-    """Raise the fault of the first step that leads nowhere."""
+    """Raise the fault of the first step of a path that does not exist."""
     if not places:
         return
     if len(places) == 1:
@@ -198,19 +198,21 @@ def without_key(entries: dict[K, T], key: K) -> dict[K, T]:
 
 
 def first_of(items: tuple[T, ...], place: str) -> tuple[T, tuple[T, ...]]:
-    """The first of a queue, and the others; an empty one is a fault. [S-POP]"""
+    """Split a queue: its first element, and the others. Raises FaultError if it is empty.
+    [S-POP]
+    """
     if not items:
         raise FaultError(FaultKind.EMPTY, place)
     return items[0], items[1:]
 
 
 def last_of(items: tuple[T, ...], place: str) -> tuple[T, tuple[T, ...]]:
-    """The last of a list, and the others; an empty one is a fault. [S-POP]"""
+    """Split a list: its last element, and the others. Raises FaultError if it is empty. [S-POP]"""
     if not items:
         raise FaultError(FaultKind.EMPTY, place)
     return items[-1], items[:-1]
 
 
 def no_choice(place: str) -> NoReturn:
-    """There is nothing to choose from. [CHOOSE]"""
+    """Raise the fault of an empty choice. [CHOOSE]"""
     raise FaultError(FaultKind.CHOICE, place)

@@ -1,4 +1,4 @@
-"""One robot's part of a round as data: what it proposes, what is decided. [EVENT-TRANS] [ATOMIC]
+"""Proposals and decisions: a round's data between robots. [EVENT-TRANS] [ATOMIC]
 
 Nothing here knows of sockets, clocks or programs. A robot runs its event into a buffer and makes a
 :class:`Proposal` of it; whoever coordinates the round makes a :class:`Decision` of the proposals;
@@ -52,7 +52,7 @@ class EventFault(Struct, frozen=True):
 
 
 class StopRequests(Enum):
-    """What a robot's event asked for besides writing. [STOP]"""
+    """The requests of a robot's event to stop. [STOP]"""
 
     NOTHING = 0
     TO_STOP_TOGETHER = 1  #: ``trystop()``
@@ -60,7 +60,7 @@ class StopRequests(Enum):
 
 
 class Attempt(Struct, frozen=True):
-    """One event that a robot has run into a buffer, as far as the others are concerned.
+    """An event that a robot has run into a buffer, as the others see it.
 
     ``event`` is its position in the robot's events, None for INIT. ``locks`` are the lock classes
     that it entered, ascending. With a ``fault`` nothing else of the attempt counts but its locks.
@@ -74,7 +74,7 @@ class Attempt(Struct, frozen=True):
 
 
 class Proposal(NamedTuple):
-    """What a robot would do in a round; thousands of robots say so thousands of times.
+    """A robot's proposal for a round. A NamedTuple, because thousands are made in each round.
 
     The first of the ``attempts`` whose lock classes are all free is what the robot does; if there
     is none, it skips. Mostly there is one attempt (a robot that skips anyway has none). A robot
@@ -89,7 +89,7 @@ class Proposal(NamedTuple):
 
 
 class Admitted(Struct, frozen=True):
-    """A robot that was let through, and the event (the attempt's) that it ran."""
+    """An admitted robot, and the event (the attempt's) that it ran."""
 
     robot: int
     event: int | None
@@ -105,7 +105,7 @@ class Faulted(Struct, frozen=True):
 
 
 class Decision(Struct, frozen=True):
-    """What became of a round: the same for every robot.
+    """The decision of a round: the same for every robot.
 
     ``ran`` are the robots let through, in their order; every other robot skipped, after them.
     ``writes`` are theirs, in that order: later ones win. ``digest`` is that of the store after the
@@ -125,7 +125,7 @@ class Decision(Struct, frozen=True):
 
 
 def decide(round_: int, proposals: Mapping[int, Proposal], order: Iterable[int]) -> Decision:
-    """Let robots through, in an order, at most one per lock class. [EVENT-TRANS] [ATOMIC]
+    """Decide a round: admit robots in an order, at most one per lock class. [EVENT-TRANS] [ATOMIC]
 
     ``order`` names every robot of the run once. A robot without a proposal skips: a late message
     is a SKIP. One that is not let through with any of its attempts skips as well, after all that
@@ -175,6 +175,6 @@ def _let_through(proposal: Proposal, taken: set[int]) -> Attempt | None:
 
 
 def rotating(round_: int, robots: int) -> tuple[int, ...]:
-    """The order in which everybody is first once in so many rounds as there are robots."""
+    """The rotating order: in N rounds each of N robots is first once."""
     first = round_ % robots if robots else 0
     return (*range(first, robots), *range(first))

@@ -1,4 +1,4 @@
-"""MCAP files of JSON messages: what runs are recorded in, deployed or simulated. Needs ``mcap``."""
+"""MCAP files of JSON messages, for recordings of deployed and simulated runs. Needs ``mcap``."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import msgspec
 
 
 class _Stream:
-    """A file with a tail: what is written next takes its place."""
+    """A file with a tail: the next write overwrites the tail."""
 
     def __init__(self, file: IO[bytes]) -> None:
         self._file, self._has_tail = file, False
@@ -30,7 +30,9 @@ class _Stream:
 
     @contextmanager
     def tail(self) -> Iterator[bool]:
-        """What is written now is the tail. Whether there can be one: not in a pipe."""
+        """Within the context, writes are the tail. Yields whether that is possible: not in a
+        pipe.
+        """
         if not self._file.seekable():
             self._file.flush()
             yield False
@@ -43,10 +45,10 @@ class _Stream:
 
 
 class RecordFile:
-    """An MCAP file that is being written; a topic is known from its first message on."""
+    """An MCAP file that is being written; a topic is registered with its first message."""
 
     def __init__(self, file: IO[bytes]) -> None:
-        """Who asks for one has seen that the library is installed."""
+        """Open the file. The caller has checked that the library is installed."""
         from mcap.writer import Writer
 
         self._stream = _Stream(file)
@@ -64,7 +66,7 @@ class RecordFile:
         time_ns: int,
         sequence: int = 0,
     ) -> None:
-        """A message; ``schema`` is a name and a JSON schema, of which the name tells them apart."""
+        """Add a message; ``schema`` is a unique name and a JSON schema."""
         if topic not in self._channels:
             self._channels[topic] = self._writer.register_channel(
                 topic=topic, message_encoding="json", schema_id=self._schema(*schema)
@@ -86,7 +88,7 @@ class RecordFile:
         self._writer.add_attachment(0, 0, name, media_type, data)
 
     def flush(self) -> None:
-        """Write all that was added: the file is whole then, whatever becomes of this process.
+        """Flush all messages: the file is complete then, even if this process is killed.
 
         Its summary and its end are written behind what is there, until more takes their place.
         """

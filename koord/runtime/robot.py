@@ -1,4 +1,4 @@
-"""What compiled programs are made of: a robot, its events, and the operations on its values.
+"""The base of compiled programs: a robot, its events and its turns.
 
 `koord compile` writes classes that derive from :class:`Robot`. Their attributes are the robot's
 variables, its ports, and its copy of every shared variable: ``M`` and ``cp`` of the semantics. An
@@ -66,7 +66,7 @@ Key = tuple[int, ...]
 
 
 class Turn(Enum):
-    """Whose turn it is when a program asks for something."""
+    """The turn in which a program calls its host."""
 
     INIT = "init"
     PROG = "prog"
@@ -74,7 +74,7 @@ class Turn(Enum):
 
 
 class Status(Enum):
-    """Whether a robot still runs events. [STOP]"""
+    """The status of a robot: whether it runs events. [STOP]"""
 
     RUNNING = 0
     ASKED = 1  #: goes on until everyone asked
@@ -82,17 +82,17 @@ class Status(Enum):
 
 
 class Host(Protocol):
-    """Everything that a program leaves open: its sensors, its library, chance.
+    """The environment of a program: sensors, external functions, choices.
 
     Values are what :mod:`koord.runtime.shapes` says; lists do for tuples, and tuples for records.
     """
 
     def start(self, robot: int | None, name: str) -> Any:
-        """What an arbitrary variable starts with; ``robot`` is None for allwrite variables."""
+        """The start of an arbitrary variable; ``robot`` is None for allwrite variables."""
         ...
 
     def read(self, robot: Robot) -> Mapping[str, Any]:
-        """What the sensors without a model read after a round, by attribute."""
+        """The readings of the sensors without a model after a round, by attribute."""
         ...
 
     def ask(
@@ -116,7 +116,7 @@ class Event(Struct, frozen=True):
 
 
 class Written(Struct, frozen=True):
-    """What one statement wrote to a stream; ``place`` is that of the statement. [OUTPUT]"""
+    """The output of one statement to a stream; ``place`` is that of the statement. [OUTPUT]"""
 
     stream: str
     place: str
@@ -124,7 +124,7 @@ class Written(Struct, frozen=True):
 
 
 class Buffer:
-    """An event (None: INIT) that was run and has not happened: all that it would change.
+    """A tentative event (None: INIT): its changes, which take effect only on commit.
 
     ``in_pre`` says of a fault that already ``pre`` cannot be evaluated: then the event does not
     oblige the robot.
@@ -144,7 +144,7 @@ class Buffer:
 
 
 class Robot:
-    """One robot that runs a compiled program.
+    """A robot that runs a compiled program.
 
     The attributes in ``vars(robot)`` are the program's; everything else is in slots.
     """
@@ -196,7 +196,7 @@ class Robot:
         cls._blanks = {}
 
     def __init__(self, pid: int, kinds: Sequence[int], delta: float, host: Host) -> None:
-        """``kinds`` are those of all robots of the run; ``delta`` is the round's length in s."""
+        """Make a robot; ``kinds`` are those of all robots, ``delta`` the round's length in s."""
         self.pid = pid
         self.kinds = tuple(kinds)
         self.numAgents = len(self.kinds)
@@ -213,19 +213,21 @@ class Robot:
 
     @classmethod
     def owes(cls) -> bool:
-        """Whether no round goes on without the robot: it may not skip, or its model may fault."""
+        """Return whether no round is decided without the robot: urgent events, or a fallible
+        model.
+        """
         return bool(cls._urgent) or cls.MODEL_MAY_FAULT
 
     # --- what compiled programs define ------------------------------------------------------------
 
     def declare(self) -> None:
-        """The initial values of the allwrite variables. [INIT]"""
+        """Set the allwrite variables to their initial values. [INIT]"""
 
     def initialise(self) -> None:
-        """The initial values of everything else, then the ``init:`` block. [INIT]"""
+        """Set all other variables to their initial values, then run the ``init:`` block. [INIT]"""
 
     def environment(self) -> dict[str, Any]:
-        """The ports that a model writes, after the environment's turn. [ENV-MODEL]"""
+        """The ports that a model writes in the environment's turn. [ENV-MODEL]"""
         return {}
 
     # --- what compiled programs do ----------------------------------------------------------------
@@ -242,7 +244,7 @@ class Robot:
         self._buffer.writes.append((name, path, value))
 
     def enter(self, lock_class: int) -> None:
-        """Enter an atomic block; whether the robot may is decided later. [ATOMIC]"""
+        """Enter an atomic block; the decision says later whether the robot may. [ATOMIC]"""
         self._buffer.locks.add(lock_class)
 
     def stop(self) -> None:
@@ -271,7 +273,7 @@ class Robot:
         return from_plain(shape, self.host.start(None, name), self.numAgents)
 
     def ask(self, function: str, key: Key, *arguments: Any) -> Any:
-        """The answer of an external function; asked twice, the same. [EXTERNAL]"""
+        """Ask an external function; the same query has the same answer. [EXTERNAL]"""
         if key not in self._answers:
             answer = self.host.ask(self._turn, self.pid, key, function, arguments)
             self._answers[key] = from_plain(self.EXTERNALS[function], answer, self.numAgents)
@@ -286,7 +288,7 @@ class Robot:
         return self._answers[key]
 
     def require(self, condition: Callable[[], bool], function: str, place: str) -> None:
-        """A ``requires`` of an external function; one that faults is not met. [EXTERNAL]
+        """Check a ``requires`` of an external function; one that faults is not met. [EXTERNAL]
 
         What functions require that a summary mentions is nobody's concern.
         """
@@ -337,7 +339,7 @@ class Robot:
         return Proposal(self.pid, round_, attempts, urgent=bool(owed))
 
     def try_event(self, position: int) -> Buffer | None:
-        """The event run into a buffer, once a round; None if it is not enabled."""
+        """Run an event into a buffer, once a round; None if it is not enabled."""
         if position in self._buffers:
             return self._buffers[position]
         event = self.EVENTS[position]
@@ -354,11 +356,11 @@ class Robot:
 
     @property
     def had_an_event(self) -> bool:
-        """Whether it ran an event into a buffer, in its last turn of the program. [ATOMIC]"""
+        """Return whether the robot ran an event into a buffer in its last program turn. [ATOMIC]"""
         return bool(self._buffers)
 
     def commit(self, event: int | None, changed: Mapping[str, Any]) -> list[Written]:
-        """The event was let through: keep what it did, and what it wrote to streams. [END-EVENT]
+        """Commit an event: keep its changes and its output. [END-EVENT]
 
         ``changed`` are the variables of the store that differ now. [REFRESH]
         """
@@ -373,33 +375,34 @@ class Robot:
         return buffer.output
 
     def outcome(self, event: int | None) -> list[Written]:
-        """What an event that was run writes to streams, if nothing comes of it else."""
+        """The output of an event that was run."""
         buffer = self._buffers.get(event)
         return [] if buffer is None else buffer.output
 
     def discard(self, changed: Mapping[str, Any]) -> None:
-        """The robot skipped: nothing of its turn remains. [SKIP] [ATOMIC]"""
+        """Discard the turn: the robot skipped. [SKIP] [ATOMIC]"""
         self.__dict__.update(changed)
         self.ran = None
 
     def refresh(self, changed: Mapping[str, Any]) -> None:
-        """Shared variables changed without the robot; its pending events are behind that change."""
+        """Update shared variables that others changed; pending events are based on older values."""
         self.__dict__.update(changed)
         for buffer in self._buffers.values():
             buffer.state.update(changed)
 
     @property
     def has_model(self) -> bool:
-        """Whether a module of the robot has a model, which may fault."""
+        """Return whether a module of the robot has a model, which may fault."""
         return self._modelled
 
     def ports(self) -> dict[str, Any]:
-        """What its ports hold."""
+        """The values of the robot's ports."""
         held = self.__dict__
         return {name: held[name] for name in self.PORTS}
 
     def evolve(self, readings: Mapping[str, Any]) -> EventFault | None:
-        """The environment's turn: models first, from the ports before it; then sensors. [ENV-TRANS]
+        """Take the environment's turn: models first, on the ports before it; then sensors.
+        [ENV-TRANS]
 
         What is read again stays the same object, so that nobody need look at it again. Raises
         ShapeError for a reading of another shape than its sensor's.
@@ -423,7 +426,7 @@ class Robot:
 
     @classmethod
     def _blank(cls, robots: int) -> dict[str, Any]:
-        """What the attributes hold at first: for all robots the same, as values never change."""
+        """The unset attributes of a new robot, shared between robots, as values are immutable."""
         if robots not in cls._blanks:
             shared = {variable.name: variable.shape for variable in cls.SHARED.variables}
             shapes = {**shared, **cls.LOCALS, **cls.PORTS}
@@ -449,7 +452,7 @@ class Robot:
         return buffer
 
     def _attempt(self, buffer: Buffer) -> Attempt:
-        """What the others need to know of a buffer."""
+        """The attempt in a buffer, as the other robots see it."""
         locks = tuple(sorted(buffer.locks)) if buffer.locks else ()
         if buffer.fault is not None:
             return Attempt(buffer.event, locks=locks, fault=self.located(buffer.fault))
@@ -457,7 +460,7 @@ class Robot:
         return Attempt(buffer.event, writes, locks, buffer.asked)
 
     def located(self, fault: EventFault) -> EventFault:
-        """The fault with its file: in compiled programs a place is that in their own file."""
+        """The fault with its file name: in compiled programs a place refers to their own file."""
         if fault.place.count(":") > 1:
             return fault
         return EventFault(fault.kind, f"{self.SOURCE}:{fault.place}", fault.detail)
@@ -480,7 +483,7 @@ class Robot:
 
 
 def _to_first_key(changed: Any, path: tuple[Any, ...], value: Any) -> tuple[tuple[Any, ...], Any]:
-    """Below a key the whole entry is one location. [LOCATION]"""
+    """Cut a path at its first key: below a key the whole entry is one location. [LOCATION]"""
     for position, step in enumerate(path[:-1], start=1):
         if isinstance(changed, dict):
             return path[:position], changed[step]

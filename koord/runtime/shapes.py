@@ -1,4 +1,4 @@
-"""What the values of a variable look like: the types of a compiled program while it runs.
+"""Shapes: the run-time types of a compiled program's values.
 
 A value is Python's own, and never changes: ``int``, ``float``, ``bool``, ``str``; a tuple for a
 list, a queue or an array; a named tuple for a record; for a map a ``dict`` that nobody writes to.
@@ -23,7 +23,7 @@ from koord.runtime.proposals import Plain
 
 
 class ShapeError(ValueError):
-    """A plain value is none of the shape that its place has."""
+    """Raised for a plain value that does not have the expected shape."""
 
 
 class ScalarKind(Enum):
@@ -45,13 +45,13 @@ _PYTHON = {
 
 
 class Scalar(Struct, frozen=True):
-    """A number, a truth value, a text."""
+    """The shape of numbers, Booleans and strings."""
 
     kind: ScalarKind
 
 
 class Enumeration(Struct, frozen=True):
-    """The positions of some members."""
+    """The shape of an enumeration: positions of members."""
 
     name: str
     members: tuple[str, ...]
@@ -59,7 +59,7 @@ class Enumeration(Struct, frozen=True):
 
 @dataclass(frozen=True, slots=True)
 class Record:
-    """A named tuple, and the shapes of its fields."""
+    """The shape of a record: a named tuple, and the shapes of its fields."""
 
     make: type[tuple[Any, ...]]
     fields: tuple[Shape, ...]
@@ -73,26 +73,26 @@ class Record:
 
 
 class Array(Struct, frozen=True):
-    """``T[k]``: its parts are set one by one."""
+    """The shape of ``T[k]``: its parts are set one by one."""
 
     element: Shape
     size: int
 
 
 class PerRobot(Struct, frozen=True):
-    """``T[numAgents]``, and every allread variable."""
+    """The shape of ``T[numAgents]``, and of every allread variable."""
 
     element: Shape
 
 
 class Sequence(Struct, frozen=True):
-    """A list or a queue, whole or not set."""
+    """The shape of a list or a queue, set as a whole."""
 
     element: Shape
 
 
 class Mapping(Struct, frozen=True):
-    """A map, whole or not set."""
+    """The shape of a map, set as a whole."""
 
     key: Shape
     value: Shape
@@ -107,7 +107,7 @@ STRING = Scalar(ScalarKind.STRING)
 
 
 def blank(shape: Shape, robots: int) -> Any:
-    """What a variable holds that nothing was stored in yet."""
+    """The unset value of a variable."""
     match shape:
         case Record(make=make, fields=fields):
             return tuple.__new__(make, [blank(field, robots) for field in fields])
@@ -120,12 +120,12 @@ def blank(shape: Shape, robots: int) -> Any:
 
 
 def begun(value: Any, shape: Shape, robots: int) -> Any:
-    """What a part is about to be stored in: blank, if nothing was stored in it yet."""
+    """The value before a write to a part: unset, if nothing was stored in it yet."""
     return blank(shape, robots) if value is None else value
 
 
 def default(shape: Shape, robots: int) -> Any:
-    """Some value of a shape: what a function gives that returns nothing."""
+    """Some value of a shape: the result of a function that returns nothing."""
     match shape:
         case Scalar(kind=kind):
             return _PYTHON[kind]()
@@ -145,7 +145,7 @@ def default(shape: Shape, robots: int) -> Any:
 
 
 def to_plain(shape: Shape, value: Any) -> Plain:
-    """A value as codecs can carry it. It is not copied where it is plain already."""
+    """Convert a value to plain data. It is not copied where it is plain already."""
     if value is None:
         return None
     match shape:
@@ -165,7 +165,7 @@ def to_plain(shape: Shape, value: Any) -> Plain:
 
 
 def from_plain(shape: Shape, plain: Any, robots: int, *, unset: bool = False) -> Any:
-    """The value that a plain one stands for; lists will do for tuples, as codecs make them.
+    """Convert plain data to a value; lists are accepted for tuples, as codecs make them.
 
     ``unset`` says whether atoms of a variable may be missing. Raises ShapeError, and nothing else,
     whatever ``plain`` is.
@@ -207,7 +207,7 @@ def from_plain(shape: Shape, plain: Any, robots: int, *, unset: bool = False) ->
 
 
 def holds_map(shape: Shape) -> bool:
-    """Whether values of a shape have maps in them: equal ones may differ in the order of keys."""
+    """Return whether a shape contains maps: equal values may then differ in the order of keys."""
     match shape:
         case Mapping():
             return True
@@ -220,7 +220,7 @@ def holds_map(shape: Shape) -> bool:
 
 
 def _map(shape: Mapping, plain: Any, robots: int) -> dict[Any, Any]:
-    """A map, of its pairs; a ``dict`` will do, as drivers make them."""
+    """Convert pairs to a map; a ``dict`` is accepted, as drivers make them."""
     pairs = plain.items() if isinstance(plain, MappingOf) else _items(plain, None)
     made: dict[Any, Any] = {}
     for pair in pairs:

@@ -1,4 +1,4 @@
-"""The shared variables as all robots have agreed on them: the same store everywhere. [REFRESH]
+"""The agreed store of shared variables: the same at every robot. [REFRESH]
 
 A store changes by decisions only. What a robot writes in its own turn it sees at once, but in its
 own copy, which is forgotten.
@@ -41,7 +41,7 @@ class Shared(Struct, frozen=True):
 
     @property
     def is_allread(self) -> bool:
-        """Whether each robot writes its own entry alone."""
+        """Return whether each robot writes its own entry only."""
         return isinstance(self.shape, PerRobot)
 
 
@@ -62,13 +62,13 @@ class AgreedStore:
         self.values: dict[str, Any] = {v.name: blank(v.shape, robots) for v in layout.variables}
 
     def declare(self, values: Mapping[str, Any]) -> None:
-        """What the variables hold before any robot's INIT. [INIT]"""
+        """Set the variables to their values before any robot's INIT. [INIT]"""
         for variable in self.layout.variables:
             if variable.name in values:
                 self.values[variable.name] = values[variable.name]
 
     def apply(self, writes: Iterable[Write]) -> dict[str, Any]:
-        """Put writes into the store, in order, and say which variables hold what now.
+        """Apply writes in order; return the new values of the written variables.
 
         A location that is no more (of a list that became shorter) is lost (decision record 0007).
         Raises ShapeError if a write is none of this program's; then the store is as before.
@@ -112,11 +112,11 @@ class AgreedStore:
         return blake2b(repr(self.snapshot()).encode(), digest_size=DIGEST_BYTES).digest()
 
     def snapshot(self) -> tuple[Plain, ...]:
-        """The whole store, plain, variable by variable."""
+        """The whole store as plain data, variable by variable."""
         return tuple(to_plain(v.shape, self.values[v.name]) for v in self.layout.variables)
 
     def restore(self, snapshot: Any) -> None:
-        """Become the store of a snapshot. Raises ShapeError if it is none of this program's."""
+        """Restore a snapshot. Raises ShapeError if it is none of this program's."""
         variables = self.layout.variables
         if not isinstance(snapshot, tuple | list) or len(snapshot) != len(variables):
             raise ShapeError(f"a store of this program has {len(variables)} variables")
@@ -127,7 +127,7 @@ class AgreedStore:
 
 
 def _put(shape: Shape, held: Any, path: tuple[Plain, ...], new: Plain, robots: int) -> Any:
-    """What a place holds after a write below it; as before, if the location is no more."""
+    """The value of a place after a write below it; unchanged if the location no longer exists."""
     if not path:
         return from_plain(shape, new, robots)
     rest = path[1:]

@@ -1,4 +1,4 @@
-"""What looks at robots from outside: the base of the class that a program's claims compile to."""
+"""Monitors of robots: the base of the class that a program's claims compile to."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _SAMPLES = 3
 
 
 class Watch(Robot):
-    """Claims about robots. What is shared are its attributes; ``robots`` are those looked at.
+    """A monitor of claims. Shared variables are its attributes; ``robots`` are the robots checked.
 
     In a contract its attributes are a robot's own as well, and ``after`` has what its ports hold
     after the environment's turn. ``points`` are tried where a summary speaks of all positions.
@@ -31,25 +31,25 @@ class Watch(Robot):
         self.points: Sequence[Any] = ()
 
     def look(self, robots: Sequence[Robot], shared: Mapping[str, Any]) -> None:
-        """Look at robots, and at the variables that they share."""
+        """Set the robots to check, and the variables that they share."""
         self.robots = robots
         self.__dict__ = dict(shared)
 
     def look_at(self, robot: Robot, after: Mapping[str, Any]) -> None:
-        """Look at one robot between two rounds, with what its ports hold now."""
+        """Set one robot to check between two rounds, with the present values of its ports."""
         self.pid = robot.pid
         self.__dict__ = vars(robot)
         self.after = after
 
     def holds(self, method: str, *arguments: Any) -> bool:
-        """Whether a claim holds; one that faults does not. [PROP-FAULT]"""
+        """Return whether a claim holds; one that faults does not. [PROP-FAULT]"""
         try:
             return bool(getattr(self, method)(*arguments))
         except FaultError:
             return False
 
     def meets(self, method: str, arguments: Sequence[Any], answer: Any) -> bool:
-        """Whether an answer of an external function meets its summary. [EXTERNAL]"""
+        """Return whether an answer of an external function meets its summary. [EXTERNAL]"""
         self._in_summary = True  # what functions require that it mentions is nobody's concern
         self.points = points_in([*arguments, answer])
         met = self.holds(method, *arguments, answer)
@@ -59,37 +59,37 @@ class Watch(Robot):
     # --- what claims ask --------------------------------------------------------------------------
 
     def held(self, robot: int, names: tuple[str | None, ...], place: str) -> Any:
-        """What a robot holds, by the name that its kind gives it. [PROP-READ]"""
+        """The value of a robot's variable, by the name that its kind gives it. [PROP-READ]"""
         name = names[self.kinds[robot]] if 0 <= robot < self.numAgents else None
         if name is None:
             raise FaultError(FaultKind.INDEX, place, str(robot))
         return self.robots[robot].__dict__[name]
 
     def has_run(self, robot: int, events: tuple[tuple[int, int], ...]) -> bool:
-        """[PROP-RAN]"""
+        """Return whether a robot's last program turn ran one of some events. [PROP-RAN]"""
         if not 0 <= robot < self.numAgents:
             return False
         return (self.kinds[robot], self.robots[robot].ran) in events
 
     def has_stopped(self, robot: int) -> bool:
-        """[PROP-STOPPED]"""
+        """Return whether a robot has stopped. [PROP-STOPPED]"""
         return 0 <= robot < self.numAgents and self.robots[robot].status is Status.STOPPED
 
     def samples(self, shape: Shape) -> Sequence[Any]:
-        """Some values of a shape, for summaries that speak of all of them: points, and no more."""
+        """Sample values of a shape, for summaries that quantify over all of them: points only."""
         if isinstance(shape, Record) and len(shape.fields) == 3:
             return [shape.make(*point) for point in self.points]
         return ()
 
     def ask(self, function: str, key: Key, *arguments: Any) -> Any:
-        """What the library answers; claims are no turn, and leave no answers behind. [EXTERNAL]"""
+        """Ask the library; checks of claims are no turn, so no answers are recorded. [EXTERNAL]"""
         shape = self.EXTERNALS[function]
         answer = self.host.ask(Turn.ENV, self.pid, key, function, arguments)
         return answer if isinstance(shape, Scalar) else from_plain(shape, answer, self.numAgents)
 
 
 def points_in(values: Sequence[Any]) -> list[Any]:
-    """Some of the points in some values, and of those halfway along the paths in them."""
+    """Sample points in some values, and points halfway along the paths in them."""
     found: list[Any] = []
     for value in values:
         if _is_point(value):
@@ -104,7 +104,7 @@ def points_in(values: Sequence[Any]) -> list[Any]:
 
 
 def _some(points: Sequence[Any]) -> list[Any]:
-    """The first, the last and some between."""
+    """The first, the last and some elements between."""
     if len(points) <= _SAMPLES:
         return list(points)
     return [points[round(k * (len(points) - 1) / (_SAMPLES - 1))] for k in range(_SAMPLES)]

@@ -1,1 +1,1 @@
-"""The protocol on a simulated network, in virtual time, with every fault there is, by a seed."""
+"""Fault injection: the protocol on a simulated network, in virtual time, by a seed."""

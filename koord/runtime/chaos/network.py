@@ -1,4 +1,4 @@
-"""A network of robots in virtual time: messages meet faults that are drawn from a seed."""
+"""A simulated network in virtual time: messages meet faults that are drawn from a seed."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from koord.runtime.protocol.state import Coordinator, State
 
 
 class Faults(Struct, frozen=True):
-    """Probabilities are per message, or per robot and second; durations are seconds."""
+    """Rates of faults: probabilities per message, or per robot and second; durations in seconds."""
 
     loss: float = 0.0
     duplication: float = 0.0
@@ -49,7 +49,7 @@ CHAOS = Faults(
 
 @dataclass(frozen=True, slots=True, order=True)
 class Due:
-    """Something that happens at a time; ``number`` keeps equal times in order."""
+    """A scheduled occurrence; ``number`` keeps the order of equal times."""
 
     at: float
     number: int
@@ -57,7 +57,7 @@ class Due:
 
 
 class Delivery(Struct, frozen=True):
-    """A message arrives."""
+    """The arrival of a message."""
 
     sender: int
     incarnation: int
@@ -66,19 +66,19 @@ class Delivery(Struct, frozen=True):
 
 
 class Wake(Struct, frozen=True):
-    """A robot's timer may have run down."""
+    """The expiry of a robot's timer, unless it was armed again."""
 
     robot: int
 
 
 class Birth(Struct, frozen=True):
-    """A robot that was down is switched on."""
+    """The restart of a robot that was down."""
 
     robot: int
 
 
 class Weather(Struct, frozen=True):
-    """Time to draw crashes and cuts."""
+    """The time to draw crashes and network cuts."""
 
 
 class Sent(Struct, frozen=True):
@@ -91,7 +91,7 @@ class Sent(Struct, frozen=True):
 
 
 class Newborn(Struct, frozen=True):
-    """A robot as it is switched on, and how its part of the protocol begins."""
+    """A robot as it is switched on, with the initial state of its protocol."""
 
     robot: Participant
     setup: Setup
@@ -106,7 +106,7 @@ WEATHER_S = 0.1
 
 
 class Network:
-    """Robots, their messages under way, and the time."""
+    """A network of robots: their states, messages in transit, and the time."""
 
     def __init__(
         self,
@@ -116,7 +116,7 @@ class Network:
         switch_on: SwitchOn,
         carry: Callable[[Message], Message] = lambda message: message,
     ) -> None:
-        """``carry`` is what the way over a wire makes of a message."""
+        """Make a network; ``carry`` encodes and decodes each message, as a wire does."""
         self.setup = setup
         self.faults = faults
         self.now = 0.0
@@ -137,7 +137,7 @@ class Network:
         self._later(WEATHER_S, Weather())
 
     def step(self) -> int | None:
-        """Let the next thing happen, and say to which robot, if to one."""
+        """Let the next occurrence happen; return the robot that it concerns, if any."""
         due = heappop(self._due)
         self.now = max(self.now, due.at)
         match due.what:
@@ -176,7 +176,7 @@ class Network:
     # --- the robots' outboxes -------------------------------------------------------------------
 
     def post(self, sender: int, to: int | None, message: Message) -> None:
-        """A datagram leaves; what becomes of it is drawn per receiver."""
+        """Send a datagram; its fate is drawn for each receiver."""
         node = self.nodes[sender]
         assert node is not None
         incarnation = node.state.incarnation
@@ -239,7 +239,7 @@ class Network:
                 self._cut_until = self.now + faults.cut_s
 
     def _newcomers(self) -> int:
-        """Robots that are back and have yet to be admitted: as good as down, for a majority."""
+        """Robots that are back and not yet admitted: for a majority they count as down."""
         return sum(1 for state in self.running() if not state.is_voter or state.round < 0)
 
     def _outage(self, robot: int) -> None:

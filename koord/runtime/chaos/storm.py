@@ -1,4 +1,4 @@
-"""A run on a bad network with every invariant watched, by robots that only keep books.
+"""Storms: runs on a bad network, with every invariant checked, by robots without programs.
 
 Its program is a function of pid and round, so that anybody can check what was decided. What it
 would lose in a crash and what it keeps in a journal on disk are as on a real robot.
@@ -34,7 +34,7 @@ SHARED, CLASSES = 0, 2
 
 
 def proposal_of(robot: int, round_: int) -> Proposal:
-    """What a robot would do in a round: nothing, something, or something in an atomic block."""
+    """The proposal of a robot for a round: nothing, a write, or a write in an atomic block."""
     own = Write(1, (robot,), round_)
     if round_ == INIT_ROUND:
         return Proposal(robot, round_, (Attempt(None, (own,)),))
@@ -55,14 +55,14 @@ def proposal_of(robot: int, round_: int) -> Proposal:
 
 
 class Journal(Struct):
-    """What a crash does not take: the last proposal made, and the rounds that were kept."""
+    """The state that survives a crash: the last proposal made, and the rounds that were kept."""
 
     proposed: Proposal | None = None
     kept: list[int] = field(default_factory=list)
 
 
 class StormRobot:
-    """The robot. ``store`` is what its decisions add up to."""
+    """A test robot. ``store`` is the sum of its decisions."""
 
     def __init__(self, pid: int, journal: Journal) -> None:
         self.pid = pid
@@ -73,7 +73,7 @@ class StormRobot:
         self._journal = journal
 
     def propose(self, round_: int) -> Proposal | None:
-        """A robot that is back is silent until the others are where it was."""
+        """Propose for a round. A robot that is back is silent until the others are where it was."""
         before = self._journal.proposed
         if before is not None and before.round >= round_:
             return before if before.round == round_ else None
@@ -113,7 +113,7 @@ class StormRobot:
 
 
 class Ledgers:
-    """All robots of a run, with the journals that survive them."""
+    """All robots of a run, with the journals that survive their crashes."""
 
     def __init__(self, setup: Setup) -> None:
         self.journals = [Journal() for _ in range(setup.robots)]
@@ -121,14 +121,14 @@ class Ledgers:
         self._setup = setup
 
     def switch_on(self, pid: int, incarnation: int, back: bool) -> Newborn:
-        """A robot with an empty memory, but for its journal."""
+        """Switch a robot on: its memory is empty except for its journal."""
         ledger = self.ledgers[pid] = StormRobot(pid, self.journals[pid])
         begin = returning if back else fresh
         return Newborn(ledger, self._setup, begin(self._setup, pid, incarnation))
 
 
 class Weathered(Struct, frozen=True):
-    """What a storm left: how far the robots came, and what is broken, if anything."""
+    """The result of a storm: the rounds reached, and the broken invariant, if any."""
 
     seed: int
     rounds: int  #: committed by anybody, INIT not counted
@@ -141,7 +141,7 @@ class Weathered(Struct, frozen=True):
 
 
 class StormPlan(Struct, frozen=True):
-    """How long it blows, and how long it may take to recover."""
+    """The length of a storm, and of the calm in which robots have to recover."""
 
     storm_s: float = 5.0
     calm_rounds: int = 3  #: that every robot must commit after the storm
@@ -179,7 +179,7 @@ def weather(setup: Setup, faults: Faults, seed: int, course: StormPlan = StormPl
 def _blow(
     network: Network, watch: _Watch, until_s: float, goal: int | None
 ) -> BrokenInvariant | None:
-    """Until a time; or until all that are up have come so far, which must be before that time."""
+    """Run until a time, or until all live robots reach a round, which must be before that time."""
     while network.now < until_s:
         robot = network.step()
         broken = next(watch.look(network, robot), None)
@@ -196,7 +196,7 @@ def _blow(
 
 
 class _Watch:
-    """Sees everything, and says what is wrong with it."""
+    """A monitor that checks all invariants."""
 
     def __init__(self, setup: Setup) -> None:
         self.late = 0
@@ -214,7 +214,7 @@ class _Watch:
         return len(self._acted) - 1
 
     def look(self, network: Network, robot: int | None) -> Iterator[BrokenInvariant]:
-        """After each step, at the robot that took it."""
+        """Check the invariants after a step, at the robot that took it."""
         for sent in network.sent:
             yield from self._read(sent)
         network.sent.clear()
@@ -270,7 +270,7 @@ class _Watch:
         self._rosters.append(tuple(changed))
 
     def at_the_end(self, network: Network, ledgers: Ledgers) -> BrokenInvariant | None:
-        """Each robot's own books agree with what was decided about it."""
+        """Check at the end that each robot's own records agree with the decisions about it."""
         for robot, journal in enumerate(ledgers.journals):
             if network.nodes[robot] is None:
                 continue

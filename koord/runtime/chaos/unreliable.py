@@ -1,4 +1,4 @@
-"""A real network with faults: what comes in is lost, doubled and delayed by a seed."""
+"""A real network with injected faults: arriving datagrams are lost, doubled and delayed."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from koord.runtime.transports.transport import Transport
 
 
 class Unreliable:
-    """One robot's end of a network with faults; crashes are not its business."""
+    """One robot's end of a network with faults; crashes are injected elsewhere."""
 
     def __init__(
         self, inner: Transport, faults: Faults, seed: int, clock: Clock = time.monotonic
@@ -33,7 +33,7 @@ class Unreliable:
         self._inner.tell(datagram)
 
     def receive(self, timeout_s: float) -> list[bytes]:
-        """What is due; waits no longer than for the next that will be."""
+        """Return the datagrams that are due; wait at most until the next one is."""
         now = self._clock()
         if self._under_way:
             timeout_s = min(timeout_s, max(0.0, self._under_way[0][0] - now))
@@ -46,7 +46,7 @@ class Unreliable:
         return came
 
     def _take(self, datagram: bytes) -> None:
-        """Draw what becomes of a datagram."""
+        """Draw the fate of a datagram."""
         faults, draw, now = self._faults, self._random, self._clock()
         cut = draw.random() < faults.cuts_per_s * (now - self._looked_at)
         self._looked_at = now

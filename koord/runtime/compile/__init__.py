@@ -1,4 +1,4 @@
-"""From core programs to Python: `koord compile`."""
+"""The compiler from core programs to Python: ``koord compile``."""
 
 from koord.runtime.compile.naming import NotCompilableError, NumberTooLargeError
 from koord.runtime.compile.program import compiled

@@ -1,4 +1,4 @@
-"""Expressions of the core language as Python's.
+"""Compilation of expressions to Python.
 
 The text computes what the rules say, faults included: whatever may fault goes through an operation
 that checks it, and operands stand in the order in which the rules evaluate them.
@@ -24,19 +24,19 @@ OR, AND, NOT, COMPARE, ADD, MULTIPLY, NEGATE, ATOM = range(8)
 
 
 class Code(Struct, frozen=True):
-    """A piece of Python: its text, how tightly it binds, and whether it may fault."""
+    """A piece of Python: its text, its precedence, and whether it may fault."""
 
     text: str
     level: int = ATOM
     faults: bool = False
 
     def within(self, level: int) -> str:
-        """The text as an operand of something that binds so tightly."""
+        """The text as an operand at a precedence, in parentheses if need be."""
         return self.text if self.level >= level else f"({self.text})"
 
 
 class Scope(Struct):
-    """Where an expression stands: what variables are called, and what is known of them.
+    """The context of an expression in compiled code: names of variables, and facts about them.
 
     ``trail`` are the loops, quantifiers and calls around, outermost first, as Python expressions.
     ``ranges`` are the variables of loops that no statement writes, with the loop's upper bound.
@@ -87,7 +87,7 @@ class Scope(Struct):
         return tuple_of([*self.trail, str(site)])
 
     def is_sure(self, variable: core.Variable) -> bool:
-        """Whether a variable surely holds something where the scope stands."""
+        """Return whether a variable surely holds a value in this scope."""
         return (variable.home, variable.slot) in self.assigned
 
 
@@ -95,7 +95,7 @@ class Scope(Struct):
 
 
 def expression(scope: Scope, e: core.Expr) -> Code:
-    """An expression."""
+    """Compile an expression."""
     match e:
         case core.Const(value=value, type=type_):
             text = constant(scope.names, value, type_, e.span)
@@ -168,7 +168,7 @@ _OPERATORS = {
 
 
 def _binary(scope: Scope, e: core.Binary) -> Code:
-    """[E-ARITH] [E-SHORT]"""
+    """Compile a binary operator. [E-ARITH] [E-SHORT]"""
     left, right = expression(scope, e.left), expression(scope, e.right)
     faults = left.faults or right.faults
     match e.op:
@@ -191,7 +191,7 @@ def _binary(scope: Scope, e: core.Binary) -> Code:
 
 
 def _equality(e: core.Binary, left: Code, right: Code) -> Code:
-    """[E-EQUAL]"""
+    """Compile an equality. [E-EQUAL]"""
     faults, negated = left.faults or right.faults, e.op is BinaryOp.NE
     if contains(e.left.type, FloatType) and not isinstance(e.left.type, FloatType):
         text = f"same({left.text}, {right.text})"
@@ -201,7 +201,7 @@ def _equality(e: core.Binary, left: Code, right: Code) -> Code:
 
 
 def _division(scope: Scope, e: core.Binary, left: Code, right: Code) -> Code:
-    """A divisor that is a constant other than zero needs no check. [E-ARITH]"""
+    """Compile a division: a constant divisor other than zero needs no check. [E-ARITH]"""
     of_floats = isinstance(e.type, FloatType)
     if isinstance(e.right, core.Const) and e.right.value:
         word = "%" if e.op is BinaryOp.MOD else "/" if of_floats else "//"
@@ -228,7 +228,7 @@ def _unary(scope: Scope, e: core.Unary) -> Code:
 
 
 def _builtin(scope: Scope, e: core.Builtin) -> Code:
-    """[E-LIST]"""
+    """Compile a function of lists or maps. [E-LIST]"""
     first = e.arguments[0]
     if e.op is ListOp.LENGTH:
         if isinstance(first.type, ArrayType):
@@ -259,7 +259,7 @@ def _builtin(scope: Scope, e: core.Builtin) -> Code:
 
 
 def _map(scope: Scope, entries: tuple[tuple[core.Expr, core.Expr], ...]) -> Code:
-    """[E-MAP]"""
+    """Compile a map. [E-MAP]"""
     made = [(expression(scope, key), expression(scope, value)) for key, value in entries]
     inner = ", ".join(f"{key.text}: {value.text}" for key, value in made)
     return Code(f"{{{inner}}}", ATOM, any(k.faults or v.faults for k, v in made))
@@ -269,7 +269,7 @@ def _map(scope: Scope, entries: tuple[tuple[core.Expr, core.Expr], ...]) -> Code
 
 
 def _function_call(scope: Scope, e: core.Call) -> Code:
-    """[E-CALL]"""
+    """Compile a call of a function. [E-CALL]"""
     arguments = [expression(scope, argument) for argument in e.arguments]
     if e.function in scope.knowledge.asking:
         arguments.insert(0, Code(scope.trail_to(e.site)))
@@ -281,7 +281,7 @@ def _function_call(scope: Scope, e: core.Call) -> Code:
 
 
 def _external_call(scope: Scope, e: core.ExternalCall) -> Code:
-    """[EXTERNAL]"""
+    """Compile a call of an external function. [EXTERNAL]"""
     function = scope.names.program.external(e.function)
     arguments = [expression(scope, argument) for argument in e.arguments]
     first = [Code(scope.key(e.site))]
@@ -292,7 +292,7 @@ def _external_call(scope: Scope, e: core.ExternalCall) -> Code:
 
 
 def _quantified(scope: Scope, e: core.Quantified) -> Code:
-    """[E-QUANT]"""
+    """Compile a quantifier. [E-QUANT]"""
     word = "all" if e.quantifier is core.QuantifierKind.FORALL else "any"
     variable = scope.name(e.variable)
     scope.assigned.add((Home.BOUND, e.variable.slot))
@@ -323,7 +323,7 @@ def _quantified(scope: Scope, e: core.Quantified) -> Code:
 
 
 def integers(low: Code, high: Code) -> Code:
-    """The integers from ``low`` up to and excluding ``high``."""
+    """Compile a range of integers ``[low, high)``."""
     return _call("range", [high] if low.text == "0" else [low, high])
 
 
@@ -338,7 +338,7 @@ def root(scope: Scope, variable: core.Variable) -> str:
 
 
 def read(scope: Scope, place: core.Place) -> Code:
-    """The value at a place. [LOOKUP]
+    """Compile the read of a place. [LOOKUP]
 
     What may be unset is checked where the rules check it: at the atom that the path leads into, or
     at its end.
@@ -365,7 +365,9 @@ def read(scope: Scope, place: core.Place) -> Code:
 
 
 def _viewed(scope: Scope, place: core.Place) -> Code | None:
-    """What a robot holds as claims see it; None where a variable stands for itself. [PROP-READ]"""
+    """Compile a robot's variable as claims read it; None for the robot's own variables.
+    [PROP-READ]
+    """
     variable = place.variable
     if place.primed:
         return Code(f"self.after[{string(scope.names.attribute(variable, scope.agent))}]")
@@ -384,7 +386,7 @@ def _kinds(scope: Scope) -> range:
 
 
 def _held_by(names: PythonNames, kind: int, variable: core.Variable) -> str:
-    """The attribute of one kind of robot: kinds may number a name differently."""
+    """The attribute for a variable in one kind of robot: kinds may number a name differently."""
     agent = names.program.agents[kind]
     entries = (
         agent.locals
@@ -399,7 +401,7 @@ def _held_by(names: PythonNames, kind: int, variable: core.Variable) -> str:
 
 
 def _step(scope: Scope, above: Code, step: core.Step, type_: Type) -> Code:
-    """A part of a value of some type. [E-SELECT]"""
+    """Compile the access to a part of a value of some type. [E-SELECT]"""
     match step:
         case core.FieldStep(position=number):
             name = field_name(scope.names, type_, number)
@@ -423,7 +425,7 @@ def field_name(names: PythonNames, type_: Type, position: int) -> str:
 
 
 def is_inside(scope: Scope, index: core.Expr, type_: Type) -> bool:
-    """Whether an index surely is one of an array of that type."""
+    """Return whether an index is surely in range for an array of that type."""
     if not isinstance(type_, ArrayType):
         return False
     match index:
@@ -439,7 +441,7 @@ def is_inside(scope: Scope, index: core.Expr, type_: Type) -> bool:
 
 
 def _at_most(high: core.Expr, size: int | Robots) -> bool:
-    """Whether a loop's upper bound is no more than an array's size."""
+    """Return whether a loop's upper bound is surely at most an array's size."""
     match high:
         case core.Const(value=int(value)):
             return isinstance(size, int) and value <= size

@@ -1,4 +1,4 @@
-"""Laying out lines of Python as formatters do, so that they find nothing to change.
+"""Formatting of generated Python, as formatters do it.
 
 Only what the compiler writes is known here. Lists in brackets are broken one item a line, with a
 comma behind the last, which formatters keep; chains of operators before each operator.
@@ -25,7 +25,7 @@ _PRECEDENCE: dict[type[ast.operator], int] = {
 
 
 def formatted(lines: Iterable[str]) -> str:
-    """The text of a module, of its logical lines."""
+    """Format the logical lines of a module to its text."""
     return "\n".join(part for line in lines for part in _laid_out(line)) + "\n"
 
 
@@ -42,7 +42,7 @@ def _laid_out(line: str) -> list[str]:
 
 
 class _Layout(Struct, frozen=True):
-    """Breaks one logical line; ``source`` is the line without its indentation.
+    """The layout of one logical line; ``source`` is the line without its indentation.
 
     It holds ``if`` where the line has another ``word``.
     """
@@ -89,7 +89,7 @@ class _Layout(Struct, frozen=True):
         yield f"{indent}) -> {self.text(s.returns)}:"
 
     def right_side(self, e: ast.expr, indent: str, prefix: str, suffix: str) -> list[str]:
-        """An expression that may get brackets of its own when it is broken."""
+        """Lay out an expression that may get parentheses of its own when it is broken."""
         if self.fits(e, indent, prefix, suffix):
             return [f"{indent}{prefix}{self.text(e)}{suffix}"]
         if isinstance(e, ast.BoolOp | ast.BinOp | ast.Compare | ast.UnaryOp):
@@ -103,7 +103,7 @@ class _Layout(Struct, frozen=True):
         return self.broken(e, indent, prefix, suffix)
 
     def may_be_inline(self, e: ast.expr) -> bool:
-        """Whether formatters do without brackets around the whole."""
+        """Return whether formatters put no parentheses around the whole expression."""
         if isinstance(e, ast.UnaryOp):
             return self.may_be_inline(e.operand)
         if not isinstance(e, ast.BoolOp | ast.BinOp | ast.Compare):
@@ -159,7 +159,7 @@ class _Layout(Struct, frozen=True):
         return displayed or self.bracketed(e)
 
     def has_brackets(self, e: ast.expr) -> bool:
-        """Whether an operand ends in brackets that hold something, or stands in some."""
+        """Return whether an operand ends in nonempty brackets, or stands in brackets."""
         if self.bracketed(e):
             return True
         match e:
@@ -179,13 +179,13 @@ class _Layout(Struct, frozen=True):
     # --- expressions ----------------------------------------------------------------------------
 
     def broken(self, e: ast.expr, indent: str, prefix: str, suffix: str) -> list[str]:
-        """An expression inside brackets, on as many lines as it needs."""
+        """Lay out an expression inside brackets, on as many lines as it needs."""
         if self.fits(e, indent, prefix, suffix):
             return [f"{indent}{prefix}{self.text(e)}{suffix}"]
         return self.exploded(e, indent, prefix, suffix)
 
     def exploded(self, e: ast.expr, indent: str, prefix: str, suffix: str) -> list[str]:
-        """An expression that does not fit on a line."""
+        """Lay out an expression that does not fit on a line."""
         match e:
             case ast.Call(func=func, args=[ast.GeneratorExp() as made]):
                 inner = self.generator(made, indent + _STEP)
@@ -241,7 +241,7 @@ class _Layout(Struct, frozen=True):
         ]
 
     def operand(self, e: ast.expr, indent: str, prefix: str, suffix: str) -> list[str]:
-        """An operand, with the brackets that it has in the source."""
+        """Lay out an operand, with the brackets that it has in the source."""
         if not self.bracketed(e):
             return self.broken(e, indent, prefix, suffix)
         if len(indent) + len(prefix) + len(self.text(e)) + len(suffix) + 2 <= WIDTH:
@@ -250,7 +250,7 @@ class _Layout(Struct, frozen=True):
         return [f"{indent}{prefix}(", *inner, f"{indent}){suffix}"]
 
     def chain(self, e: ast.expr, indent: str, prefix: str, suffix: str) -> list[str]:
-        """Operands of one precedence, an operator before each but the first."""
+        """Lay out operands of one precedence, an operator before each but the first."""
         parts = list(self.operands(e))
         lines: list[str] = []
         for number, (word, operand) in enumerate(parts):
@@ -295,7 +295,7 @@ class _Layout(Struct, frozen=True):
         return self._offset(e.col_offset), self._offset(e.end_col_offset or 0)
 
     def _offset(self, of_bytes: int) -> int:
-        """A column of the syntax tree, which counts bytes, in characters."""
+        """Convert a column of Python's syntax tree, which counts bytes, to characters."""
         return len(self.source.encode()[:of_bytes].decode())
 
     def bracketed(self, e: ast.expr) -> bool:

@@ -1,4 +1,4 @@
-"""What is known of a program before it runs: which variables are surely set, who asks for what."""
+"""Static facts for the compiler: variables that are surely set, code that asks the host."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Knowledge(Struct):
         self._find_used()
 
     def asks(self, part: object) -> bool:
-        """Whether anything below asks an external function or for a choice."""
+        """Return whether any node below asks an external function, or for a choice."""
         return any(
             isinstance(node, core.ExternalCall | core.Choose)
             or (isinstance(node, core.Call) and node.function in self.asking)
@@ -74,7 +74,7 @@ class Knowledge(Struct):
         self.used = self.called((starting, *(a.events for a in program.agents), *models))
 
     def called(self, part: object) -> set[str]:
-        """The functions that are called from a part of the program, at once or in between."""
+        """The functions that a part of the program calls, directly or through others."""
         return {
             node.function
             for node in reached(self.program, part, duties=True)
@@ -82,7 +82,7 @@ class Knowledge(Struct):
         }
 
     def _find_sure(self) -> None:
-        """A variable is set if it starts so, or if every robot's INIT surely sets it. [ATOM]"""
+        """Find variables that start set, or that every robot's INIT surely sets. [ATOM]"""
         program = self.program
         by_all: set[tuple[Home, int]] | None = None
         for agent in program.agents:
@@ -107,7 +107,7 @@ def _is_of_fleet(variable: core.Variable) -> bool:
 
 
 def _is_per_robot(type_: Type) -> bool:
-    """Whether the number of robots has a part in what a value of the type looks like."""
+    """Return whether the shape of a type's values depends on the number of robots."""
     match type_:
         case ArrayType(element=element, size=size):
             return size is Robots.ALL or _is_per_robot(element)
@@ -122,7 +122,7 @@ def _key(entry: core.Declaration) -> tuple[Home, int]:
 
 
 def _is_all_of_it(place: core.Place) -> bool:
-    """Whether a write leaves nothing of the variable unset, as far as this robot is concerned."""
+    """Return whether a write sets the whole variable, or this robot's entry of it."""
     if place.variable.home is Home.ALLREAD:
         return len(place.steps) == 1
     return not place.steps

@@ -1,4 +1,4 @@
-"""Compiled programs as classes, without a file between."""
+"""Loading of compiled programs as classes, without a file."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _NAME = "koord_compiled"
 
 
 def loaded(text: str) -> tuple[type[Robot], ...]:
-    """The classes of a compiled module, by the position of their kind.
+    """The robot classes of a compiled program, by the position of their kind.
 
     The text is one that :func:`koord.runtime.compile.compiled` made: it is run, so nothing that
     came over a network may be passed in.
@@ -32,6 +32,6 @@ def loaded(text: str) -> tuple[type[Robot], ...]:
 
 
 def classes_of(module: ModuleType) -> tuple[type[Robot], ...]:
-    """The classes of robots in a compiled module that was imported."""
+    """The robot classes of an imported compiled module."""
     kinds: Sequence[type[Robot]] = module.KINDS
     return tuple(kinds)

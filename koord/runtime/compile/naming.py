@@ -1,4 +1,4 @@
-"""Names and types of a program in the Python that is made of it.
+"""Python names and types for the parts of a program.
 
 Names stay as they are wherever Python lets them. Whoever runs compiled programs asks here, too,
 which attribute holds which variable.
@@ -49,7 +49,7 @@ _OF_RECORDS = frozenset(dir(tuple)) | {"_make", "_replace", "_asdict", "_fields"
 
 
 class PythonNames:
-    """The Python names of a program's parts, all told apart."""
+    """The Python names of a program's parts, all distinct."""
 
     def __init__(self, program: core.Program) -> None:
         self.program = program
@@ -127,13 +127,13 @@ def _own_names(agent: core.Agent, taken: set[str]) -> Iterator[tuple[tuple[Home,
 
 
 def _event_names(name: str, taken: set[str]) -> tuple[str, str]:
-    """The methods of an event: its effect, and whether it is enabled."""
+    """The methods of an event: its effect, and its guard."""
     effect = _fresh(name if name not in taken else f"{name}_event", taken)
     return effect, _fresh(f"{effect}_enabled", taken)
 
 
 def _fresh(name: str, taken: set[str]) -> str:
-    """The name, or one like it that Python takes and nobody has; taken from now on."""
+    """A fresh name, equal or similar to the given one, that Python allows."""
     found = re.sub(r"\W", "_", name, flags=re.ASCII).lstrip("_") or "x"
     if found[0].isdigit():
         found = f"x{found}"
@@ -152,7 +152,7 @@ def _camel_first(name: str) -> str:
 
 
 def _named_types(program: core.Program) -> Iterator[RecordType | EnumType]:
-    """The records and enumerations of a program, each after what it is made of."""
+    """The records and enumerations of a program, each after those it contains."""
     for node in nodes(_parts(program)):
         type_ = getattr(node, "type", None)
         if type_ is not None:
@@ -160,7 +160,7 @@ def _named_types(program: core.Program) -> Iterator[RecordType | EnumType]:
 
 
 def _parts(program: core.Program) -> tuple[object, ...]:
-    """Everything that is compiled: properties, contracts, and summaries' promises are not."""
+    """Yield all parts that are compiled: no properties, contracts, or summaries' promises."""
     agents = tuple(
         (
             *(part for agent in program.agents for part in (agent.locals, agent.ports)),
@@ -180,7 +180,7 @@ def _within(type_: Type) -> Iterable[RecordType | EnumType]:
 
 
 class NumberTooLargeError(KoordError):
-    """A program has a float that is no double."""
+    """Raised for a float in a program that is too large for a double."""
 
     def __init__(self, span: Span) -> None:
         message = "a number of this program is larger than any double, which robots calculate with"
@@ -191,7 +191,7 @@ class NumberTooLargeError(KoordError):
 
 
 class NotCompilableError(Exception):
-    """A program has something in it that no text has: only the verifier makes opaque types."""
+    """Raised for a program with opaque types, which only the verifier makes."""
 
 
 def annotation(names: PythonNames, type_: Type) -> str:
@@ -216,7 +216,7 @@ def annotation(names: PythonNames, type_: Type) -> str:
 
 
 def shape(names: PythonNames, type_: Type) -> str:
-    """The type as an expression that makes its shape."""
+    """The Python expression that makes the shape of a type."""
     match type_:
         case IntType():
             return "INT"
@@ -247,19 +247,19 @@ def tuple_of(items: Iterable[str]) -> str:
 
 
 def constant_name(name: str) -> str:
-    """What the shape of a class of that name is called."""
+    """The name of the constant that holds a class's shape."""
     return f"{name.upper()}_"
 
 
 def is_tree(type_: Type) -> bool:
-    """Whether a variable of a type is a tree of atoms. [ATOM]"""
+    """Return whether a variable of a type is a tree of atoms. [ATOM]"""
     return isinstance(type_, RecordType | ArrayType)
 
 
 def constant(
     names: PythonNames, value: int | Fraction | bool | str, type_: Type, span: Span
 ) -> str:
-    """A constant of the text. Raises NumberTooLargeError."""
+    """Compile a constant. Raises NumberTooLargeError."""
     match type_:
         case FloatType():
             try:

@@ -1,4 +1,4 @@
-"""A whole program as a Python module."""
+"""Compilation of whole programs to Python modules."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from koord.syntax.walk import nodes, written
 
 
 def compiled(program: core.Program) -> str:
-    """The program as Python, formatted. It imports :mod:`koord.runtime.robot` and nothing else.
+    """Compile a program to formatted Python. It imports :mod:`koord.runtime.robot` only.
 
     Raises NotCompilableError for programs that the verifier has abstracted.
     """
@@ -36,7 +36,7 @@ def compiled(program: core.Program) -> str:
 
 
 class Module:
-    """A module in the making."""
+    """A Python module under construction."""
 
     watching = False  #: whether it is about claims
 
@@ -139,7 +139,7 @@ class Module:
         return made
 
     def external(self, external: core.External) -> Lines:
-        """The method that asks an external function, and checks what it requires."""
+        """The method that asks an external function, and checks its ``requires``."""
         scope = self.scope(None)
         name = self.names.externals[external.name]
         parameters = ["self", "key: Key"]
@@ -225,7 +225,7 @@ class Module:
         return lines
 
     def kind(self, number: int) -> Lines:
-        """What one kind of robot has of its own."""
+        """The class of one kind of robot."""
         agent, names = self.program.agents[number], self.names
         lines = [] if number == 0 else [f"KIND = {number}"]
         own = [(entry, "local") for entry in agent.locals]
@@ -346,7 +346,7 @@ class Module:
         return [f"EVENTS = {tuple_of(made)}"]
 
     def may_fault(self, models: list[core.Block], compiled: Lines) -> bool:
-        """Whether a model has an operation that may fault: such are compiled with their place.
+        """Return whether a model has an operation that may fault, and is compiled with its place.
 
         So is a choice, which does not fault if its bounds are in order, as those of models are.
         """
@@ -412,7 +412,7 @@ class Module:
         )
 
     def blanks(self, scope: Scope) -> Lines:
-        """Variables that are looked at before anything need be stored in them."""
+        """Variables that are read before anything need be stored in them."""
         lines = []
         for slot, variable in sorted(scope.unset.items()):
             of = annotation(self.names, variable.type)
@@ -427,7 +427,7 @@ class Module:
 
 
 def _guide(text: str) -> Lines:
-    """What a reader of the text may wonder about."""
+    """Comments that explain the generated text to its readers."""
     said = []
     if "self.enter(" in text:
         said.append("# enter(k): an atomic block of lock class k; one robot a round is let through")
@@ -443,19 +443,19 @@ def _guide(text: str) -> Lines:
 
 
 def _one_line(name: str) -> str:
-    """A file's name such as can stand in a docstring or a comment."""
+    """A file's name on one line, for a docstring or a comment."""
     return "".join(c if c.isprintable() and c not in '"\\' else "_" for c in name)
 
 
 def _is_in_order(low: core.Expr, high: core.Expr) -> bool:
-    """Whether there surely is a number between two bounds; δ is above 0."""
+    """Return whether the interval between two bounds is surely nonempty; δ is above 0."""
     if isinstance(low, core.Const) and isinstance(high, core.Const):
         return _number(low) <= _number(high)
     return _sign(low, -1) and _sign(high, 1)
 
 
 def _sign(e: core.Expr, sign: int) -> bool:
-    """Whether a constant, maybe times δ, is surely 0 or of a sign."""
+    """Return whether a constant, maybe times δ, is surely 0 or of a sign."""
     match e:
         case core.Const():
             return sign * _number(e) >= 0
@@ -478,7 +478,7 @@ def _is_true(e: core.Expr) -> bool:
 
 
 def _returns(body: core.Block) -> bool:
-    """Whether a body surely ends with ``return``."""
+    """Return whether a body surely ends with ``return``."""
     return any(
         isinstance(s, core.Return)
         or (isinstance(s, core.If) and _returns(s.then) and _returns(s.otherwise))

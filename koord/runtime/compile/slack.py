@@ -1,4 +1,4 @@
-"""Claims with slack: what a program states of exact numbers, as vehicles can keep it.
+"""Slack: claims about exact numbers, loosened for physical vehicles.
 
 A vehicle is near to where its program has it be. So comparisons of floats that a claim hangs on
 are loosened by the slack where they count for it, and tightened where they count against it::
@@ -26,7 +26,7 @@ from koord.syntax.walk import with_blocks
 
 
 class Side(Enum):
-    """What the truth of an expression counts for."""
+    """The polarity of a Boolean expression in a claim."""
 
     FOR = 1
     AGAINST = -1
@@ -38,14 +38,14 @@ class Side(Enum):
 
 
 class Loosening(Struct):
-    """Loosens the claims of a program; the functions that this takes are gathered."""
+    """The loosening of a program's claims, with the functions that it generates."""
 
     program: core.Program
     slack: Fraction
     functions: dict[str, core.Function] = field(default_factory=dict)
 
     def expression(self, e: core.Expr, side: Side = Side.FOR) -> core.Expr:
-        """A Boolean expression, loosened."""
+        """Loosen a Boolean expression."""
         if side is Side.BOTH or not self.slack:
             return e
         return self._loose(e, side, {})
@@ -94,7 +94,7 @@ class Loosening(Struct):
     # --- functions ------------------------------------------------------------------------------
 
     def _function(self, name: str, side: Side) -> str:
-        """The name of a function whose answer is loosened; it is made if need be."""
+        """The name of a loosened function, which is generated if need be."""
         loose = f"{name} {side.name.lower()}"
         if loose not in self.functions:
             function = self.program.function(name)
@@ -104,7 +104,7 @@ class Loosening(Struct):
         return loose
 
     def _sides(self, function: core.Function, side: Side) -> dict[int, Side]:
-        """What the truth of each Boolean variable of a function counts for, seen by its reads."""
+        """The polarity of each Boolean variable of a function, by its reads."""
         found: dict[int, Side] = {}
         for slot, one in _reads(function.body, side):
             found[slot] = one if found.get(slot, one) is one else Side.BOTH
@@ -133,7 +133,7 @@ class Loosening(Struct):
 
 
 def loosened(program: core.Program, slack: Fraction) -> core.Program:
-    """The program with slack in its assumptions and contracts: what it takes for granted."""
+    """The program with slack in its assumptions and contracts, which are taken for granted."""
     loosening = Loosening(program, slack)
 
     def contract(one: core.Contract) -> core.Contract:
@@ -157,7 +157,7 @@ def loosened(program: core.Program, slack: Fraction) -> core.Program:
 
 
 def _side_of_condition(then: core.Block, side: Side) -> Side:
-    """What a condition counts for, seen by what is answered where it is true."""
+    """The polarity of a condition, by the answer where it is true."""
     match then:
         case (core.Return(value=core.Const(value=True)),):
             return side
@@ -168,7 +168,7 @@ def _side_of_condition(then: core.Block, side: Side) -> Side:
 
 
 def _reads(block: core.Block, side: Side) -> Iterator[tuple[int, Side]]:
-    """The Boolean variables that are read in a block, and what each read counts for."""
+    """Yield the Boolean variables that are read in a block, with each read's polarity."""
     for s in block:
         match s:
             case core.Return(value=value) if value is not None:
@@ -211,7 +211,7 @@ def _is_float(type_: Type) -> bool:
 
 
 def _floats(left: core.Expr, right: core.Expr) -> Iterator[tuple[core.Expr, core.Expr]]:
-    """The floats of two values of one type, pair by pair; none if there is anything else in it."""
+    """Yield pairs of floats in two values of one type; none if they contain anything else."""
     match left.type:
         case FloatType():
             yield left, right

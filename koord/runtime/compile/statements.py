@@ -1,4 +1,4 @@
-"""Statements of the core language as Python's: the rules of chapter 3."""
+"""Compilation of statements to Python, by the rules of chapter 3."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _LONGEST_COMMENT = 50
 
 
 def block(scope: Scope, statements: core.Block) -> Lines:
-    """The statements in order; ``pass`` if there is none. [S-SEQ]"""
+    """Compile statements in order; ``pass`` if there are none. [S-SEQ]"""
     lines = [line for s in statements for line in statement(scope, s)]
     return lines or ["pass"]
 
@@ -43,7 +43,7 @@ def indented(lines: Lines) -> Lines:
 
 
 def statement(scope: Scope, s: core.Stmt) -> Lines:
-    """One statement."""
+    """Compile one statement."""
     match s:
         case core.Assign(place=place, value=value):
             return assign(scope, place, expression(scope, value))
@@ -83,7 +83,7 @@ def statement(scope: Scope, s: core.Stmt) -> Lines:
 
 
 def assign(scope: Scope, place: core.Place, value: Code) -> Lines:
-    """Write a place: the value first, then the path to it. [S-ASSIGN]"""
+    """Compile a write: the value first, then the path to the place. [S-ASSIGN]"""
     variable = place.variable
     shared = variable.home in (Home.ALLREAD, Home.ALLWRITE)
     if not place.steps:
@@ -114,7 +114,9 @@ def _name(scope: Scope, variable: core.Variable) -> str:
 
 
 def _target(scope: Scope, variable: core.Variable) -> str:
-    """What is assigned to: the environment's turn writes to variables of its own. [ENV-MODEL]"""
+    """The target of an assignment: the environment's turn writes to its own variables.
+    [ENV-MODEL]
+    """
     if variable.home is Home.PORT and scope.in_environment:
         return scope.after[variable.slot]
     return root(scope, variable)
@@ -127,7 +129,7 @@ def _now_set(scope: Scope, variable: core.Variable) -> None:
 
 
 def _path(scope: Scope, place: core.Place) -> tuple[str, list[str]]:
-    """The path to a part as a tuple, and the places of its steps, if one of them may be wrong."""
+    """The path to a part as a tuple, and the places of its steps if a step may fault."""
     parts, wrong = [], False
     where = [scope.place(place.span)]
     type_ = place.variable.type
@@ -152,7 +154,7 @@ def _path(scope: Scope, place: core.Place) -> tuple[str, list[str]]:
 
 
 def _said(scope: Scope, place: core.Place) -> Lines:
-    """A comment that names the fields which a path has numbers for."""
+    """A comment that names the fields for which a path has numbers."""
     if not any(isinstance(step, core.FieldStep) for step in place.steps):
         return []
     text, type_ = place.variable.name, place.variable.type
@@ -170,7 +172,7 @@ def _said(scope: Scope, place: core.Place) -> Lines:
 
 
 def _if(scope: Scope, s: core.If) -> Lines:
-    """[S-IF]"""
+    """Compile ``if``. [S-IF]"""
     condition = expression(scope, s.condition)
     before = set(scope.assigned)
     then = block(scope, s.then)
@@ -191,7 +193,7 @@ def _if(scope: Scope, s: core.If) -> Lines:
 
 
 def _leaves(statements: core.Block) -> bool:
-    """Whether a block never comes to its end."""
+    """Return whether control never reaches the end of a block."""
     return any(
         isinstance(s, core.Break | core.Return)
         or (isinstance(s, core.If) and _leaves(s.then) and _leaves(s.otherwise))
@@ -201,7 +203,7 @@ def _leaves(statements: core.Block) -> bool:
 
 
 def _for_range(scope: Scope, s: core.ForRange) -> Lines:
-    """[S-FOR]: bounds are taken once."""
+    """Compile a loop over a range: bounds are evaluated once. [S-FOR]"""
     over = integers(expression(scope, s.low), expression(scope, s.high))
     name = scope.name(s.variable)
     written = s.variable.slot in assigned_slots(s.body)
@@ -232,7 +234,7 @@ def _is_natural(e: core.Expr) -> bool:
 
 
 def _for_each(scope: Scope, s: core.ForEach) -> Lines:
-    """[S-FOREACH]: over a value taken before the loop; no value ever changes."""
+    """Compile a loop over a value that is evaluated before the loop. [S-FOREACH]"""
     over = expression(scope, s.sequence)
     is_map = isinstance(s.sequence.type, MapType)
     asks = scope.knowledge.asks(s.body)
@@ -270,7 +272,7 @@ def _held_back(scope: Scope, value: Code, other: Code, name: str) -> tuple[Lines
 
 
 def _append(scope: Scope, s: core.Append) -> Lines:
-    """[S-APPEND]"""
+    """Compile ``append``. [S-APPEND]"""
     items = read(scope, s.place)
     lines, value = _held_back(scope, expression(scope, s.value), items, "item")
     longer = Code(f"(*{items.within(ATOM)}, {value.within(OR)})", ATOM, True)
@@ -278,7 +280,7 @@ def _append(scope: Scope, s: core.Append) -> Lines:
 
 
 def _remove(scope: Scope, s: core.Remove) -> Lines:
-    """[S-REMOVE]: nothing is written where there is nothing to remove."""
+    """Compile ``remove``: it writes nothing if there is nothing to remove. [S-REMOVE]"""
     whole = read(scope, s.place)
     lines, value = _held_back(scope, expression(scope, s.value), whole, "item")
     is_map = isinstance(s.place.type, MapType)
@@ -298,7 +300,7 @@ def _remove(scope: Scope, s: core.Remove) -> Lines:
 
 
 def _pop(scope: Scope, s: core.Pop) -> Lines:
-    """[S-POP]"""
+    """Compile ``pop``. [S-POP]"""
     items = read(scope, s.place)
     name = "first_of" if isinstance(s.place.type, QueueType) else "last_of"
     popped = f"{name}({items.text}, {scope.place(s.span)})"

@@ -1,4 +1,4 @@
-"""What a program claims, compiled: invariants, assumptions, contracts and summaries as methods.
+"""Compilation of claims: invariants, assumptions, contracts and summaries as methods.
 
 They become functions of a program of their own, which is compiled like any other; the class that
 has them looks at robots from outside (:class:`koord.runtime.watch.Watch`).
@@ -26,7 +26,7 @@ from koord.syntax.walk import nodes
 
 
 class WatchedKind(Enum):
-    """What is claimed, and so when it is looked at."""
+    """The kinds of compiled claims, which determine when they are checked."""
 
     INVARIANT = "invariant"
     AT_ROUND = "invariant at round"
@@ -36,7 +36,7 @@ class WatchedKind(Enum):
 
 
 class WatchedClaim(Struct, frozen=True):
-    """A claim: the method that says whether it holds, and what it is given.
+    """A compiled claim: the method that checks it, and the method's arguments.
 
     An invariant is given robots, of the ``agents`` that it is about (None: of any); a contract is
     of the robots of one agent; a summary is given the arguments of ``function`` and its answer.
@@ -52,7 +52,7 @@ class WatchedClaim(Struct, frozen=True):
 
 
 class Looks(Struct, frozen=True):
-    """Where an invariant looks: at what a robot it is given holds, and at what is shared.
+    """The reads of an invariant: attributes of the given robots, and shared variables.
 
     Attributes of robots, by the position of the robot among those that are given; allread variables
     at these robots' entries; and shared variables as a whole.
@@ -64,14 +64,14 @@ class Looks(Struct, frozen=True):
 
 
 class Watched(Struct):
-    """The claims of a program, and the text of the module that has them."""
+    """The claims of a program, and the text of the module that checks them."""
 
     claims: tuple[WatchedClaim, ...]
     text: str
 
 
 def watched(program: core.Program, slack: Fraction) -> Watched:
-    """The claims of a program, with so much slack but for summaries."""
+    """Compile the claims of a program, with a slack (in metres) except for summaries."""
     return _Gathering(program, slack).watched()
 
 
@@ -188,7 +188,7 @@ def _all(conditions: tuple[core.Expr, ...]) -> core.Expr:
 
 
 def _looks(program: core.Program, e: core.Expr, robots: list[core.Variable]) -> Looks | None:
-    """Where a claim looks; None where that is not seen from its text."""
+    """The reads of a claim; None where the text does not determine them."""
     names = PythonNames(program)
     own: list[set[str]] = [set() for _ in robots]
     entries: list[set[str]] = [set() for _ in robots]
@@ -236,7 +236,7 @@ def _below(program: core.Program, part: object) -> Iterator[tuple[object, bool]]
 
 
 def _named(index: core.Expr, positions: dict[int, int], inner: set[int]) -> int | None:
-    """The position among the robots of a claim of the one that an index names."""
+    """The position, among the robots of a claim, of the one that an index names."""
     match index:
         case core.Read(place=core.Place(variable=variable, steps=())):
             if variable.home is Home.BOUND and variable.slot not in inner:
@@ -248,7 +248,7 @@ def _named(index: core.Expr, positions: dict[int, int], inner: set[int]) -> int 
 
 
 class _WatchModule(Module):
-    """A module with one class, that has the claims."""
+    """A module with one class, which has the claims as methods."""
 
     watching = True
 
@@ -271,7 +271,7 @@ class _WatchModule(Module):
         knowledge.in_init = set()
 
     def text(self) -> str:
-        """The text of the module; it is only ever run, so nobody lays it out."""
+        """The text of the module, without formatting, as nobody reads it."""
         body = [*self.types(), *self.functions(), *self.watch()]
         first = "from koord.runtime.watch import Watch"
         return "\n".join([*self.head(body), first, *body]) + "\n"

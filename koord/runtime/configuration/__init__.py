@@ -1,1 +1,1 @@
-"""Configuration files: which robots there are, where, and how they talk. YAML in two forms."""
+"""Configuration files: robots, positions and network, in YAML of two forms."""

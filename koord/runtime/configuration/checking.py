@@ -1,4 +1,4 @@
-"""From a document to a configuration, with every mistake on the way."""
+"""Checking of configuration files, with a diagnostic for every mistake."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ _MISSING = re.compile(r"Object missing required field `([^`]*)`")
 
 @uncollected()
 def load(source: Source) -> RunConfiguration:
-    """The configuration of a text. Raises KoordError with all that is wrong."""
+    """Load a configuration from a text. Raises KoordError with all mistakes."""
     document = read(source)
     checker = _Checker(document)
     form = checker.form()
@@ -85,7 +85,7 @@ class _Checker:
     # --- types ----------------------------------------------------------------------------------
 
     def form(self) -> Form:
-        """The fields with the types that they should have; each is looked at by itself."""
+        """Convert fields to the types that they should have, each by itself."""
         hints = get_type_hints(Form, include_extras=True)
         good: dict[str, Any] = {}
         for name, value in self._document.value.items():
@@ -181,7 +181,7 @@ class _Checker:
         )
 
     def _agents(self, form: Form) -> list[tuple[Agent, Path]]:
-        """The robots by pid, and where each stands in the file."""
+        """The robots by pid, and their places in the file."""
         if form.agents and (form.robot is not None or form.num_robots is not None):
             hint = "`robot`, `device` and `num_robots` are one form, `agents` and `devices` another"
             self._say(("agents",), "the robots are given in two forms", hint)
@@ -195,7 +195,7 @@ class _Checker:
         return [(self._copied(form.robot, pid), ("robot",)) for pid in range(form.num_robots)]
 
     def _copied(self, robot: Agent | None, pid: int) -> Agent:
-        """All robots are as the one described, but for where they begin."""
+        """Copies of the one robot that is described, with different starts."""
         if robot is None:
             return Agent(pid=pid)
         position = robot.position if robot.pid == pid else None
@@ -239,7 +239,7 @@ class _Checker:
         )
 
     def _device(self, form: Form, agent: Agent, path: Path) -> tuple[str, Device, Path]:
-        """The device that a robot runs on, its name, and where it stands."""
+        """The device that a robot runs on, its name, and its place in the file."""
         if form.device is not None:
             name = form.device.bot_name or agent.on_device or "device"
             if agent.on_device not in (None, name):
@@ -258,7 +258,7 @@ class _Checker:
         return name, form.devices[name], ("devices", name)
 
     def _vehicle(self, name: str, device: Device, path: Path) -> Vehicle:
-        """What stands under ``motion`` counts as though it stood with the device itself."""
+        """Make the vehicle of a device; fields under ``motion`` count as the device's own."""
         motion = device.motion if device.motion is not None else Motion()
         where = path if device.planner is not None else (*path, "motion")
         planner = self._planner(device.planner or motion.planner, device.bot_type, where)
@@ -288,7 +288,7 @@ class _Checker:
     def _topic(
         self, topic: Topic | None, port: str, types: tuple[str, ...], path: Path
     ) -> Topic | None:
-        """What is sent on a topic is known; its type may be written with its package."""
+        """Check a topic: its type is known, and may be written with its package."""
         if topic is not None and topic.type.rpartition("/")[2] not in types:
             known = " or ".join(types)
             inside = (*path, port) if (*path, port) in self._document.spans else (*path, "motion")
@@ -297,7 +297,7 @@ class _Checker:
         return topic
 
     def _once(self, path: Path, message: str, hint: str) -> None:
-        """A device is looked at for each robot on it, and is wrong once."""
+        """Report a problem of a device once, though each robot on it is checked."""
         found = problem(self._document.place(path), message, hint)
         if found not in self.problems:
             self.problems.append(found)
@@ -411,7 +411,7 @@ class _Checker:
 
 
 def _planner_named(name: str, type_name: str) -> PlannerName | tuple[str, str]:
-    """The planner of that name for a vehicle, or what is wrong with it and the cure."""
+    """The planner of a name for a vehicle, or a message with the cure."""
     suitable = [one.value for one in VEHICLES[type_name].planners]
     known = ", ".join(suitable)
     if name not in [one.value for one in PlannerName]:
@@ -424,7 +424,7 @@ def _planner_named(name: str, type_name: str) -> PlannerName | tuple[str, str]:
 
 
 def _names_at(type_: Any, path: Path) -> list[str]:
-    """The fields of the form that a path leads to; all forms have names of their own."""
+    """The fields of the form at a path; each form has its own names."""
     form = type_
     for step in path[1:]:
         hints: Mapping[str, Any] = get_type_hints(form) if _is_form(form) else {}

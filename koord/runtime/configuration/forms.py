@@ -1,4 +1,4 @@
-"""What may stand in a configuration file. The JSON Schema is made of these types.
+"""Forms of configuration files, from which their JSON Schema is generated.
 
 There are two published forms: ``robot``, ``device`` and ``num_robots`` (one kind of robot, from the
 paper's listing), and ``agents`` and ``devices``. All else may stand in either.
@@ -31,7 +31,7 @@ Pair = Annotated[list[float], Meta(min_length=2, max_length=2)]
 
 
 class Carrier(Enum):
-    """How datagrams travel."""
+    """The ways to carry datagrams."""
 
     UNICAST = "unicast"
     MULTICAST = "multicast"
@@ -47,7 +47,7 @@ class Topic(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
 
 
 class Motion(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """How a device moves, where that stands by itself so that devices can share it."""
+    """The motion fields of a device, in a form of their own that devices can share."""
 
     motion_automata: list[Name] = []
     planner: Name | None = None
@@ -59,7 +59,7 @@ class Motion(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tr
 
 
 class NoiseForm(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """How far positioning is off in a simulation (standard deviations), and how often it comes."""
+    """The noise of simulated positioning (standard deviations), and its rate."""
 
     position: NotNegative = 0.0  #: m
     heading: NotNegative = 0.0  #: rad
@@ -75,7 +75,7 @@ class WindForm(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=
 
 
 class VisitForm(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """When a robot has reached a place: it stayed so near for so long."""
+    """The visit criterion: a robot has reached a place if it stayed this near for this long."""
 
     epsilon: Positive = 0.2  #: m
     dwell: NotNegative = 0.5  #: s
@@ -90,14 +90,14 @@ class ScannerForm(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
 
 
 class EffortForm(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """How many steps a planner may try."""
+    """The effort of a planner, in steps."""
 
     steps: Annotated[int, Meta(ge=1)] = 1000
     star_steps: Annotated[int, Meta(ge=1)] = 120
 
 
 class SimulationForm(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """How a device is simulated."""
+    """The simulation settings of a device."""
 
     level: Level = Level.FULL
     steering: Steering = Steering.PREDICTIVE  #: of cars
@@ -173,7 +173,7 @@ class PolygonForm(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
 
 
 class ObstacleForm(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """One of the three."""
+    """An obstacle: one of the three forms."""
 
     box: BoxForm | None = None
     disc: DiscForm | None = None
@@ -181,7 +181,7 @@ class ObstacleForm(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_o
 
 
 class WorldForm(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Where robots move, and what is to be done there."""
+    """The world: its bounds, obstacles and tasks."""
 
     bounds: Bounds | None = None
     obstacles: list[ObstacleForm] = []
@@ -192,14 +192,14 @@ class WorldForm(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
 
 
 class MonitorForm(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """What a simulated run is watched for."""
+    """The monitoring settings of a simulated run."""
 
     slack: NotNegative | None = None  #: by how much numbers may be off in properties and contracts
     safety: NotNegative | None = None  #: m, no two robots are to come nearer to each other
 
 
 class NetworkForm(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """How robots talk. ``key`` is shared by them and by nobody else."""
+    """The network settings of robots. ``key`` is their shared secret."""
 
     transport: Carrier | None = None
     port: Port | None = None
@@ -212,7 +212,7 @@ class NetworkForm(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
 
 
 class Form(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """A configuration file of a Koord run."""
+    """The form of a configuration file."""
 
     robot: Agent | None = None
     device: Device | None = None

@@ -1,4 +1,4 @@
-"""A configuration as the runtime wants it: robots by pid, params with their values."""
+"""Run configurations: robots by pid, vehicles, network and params."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from koord.syntax.source import Source, Span
 
 
 class Vehicle(Struct, frozen=True):
-    """What a robot runs on."""
+    """The vehicle that a robot runs on."""
 
     name: str
     type_name: str = "CAR"
@@ -35,12 +35,12 @@ class Vehicle(Struct, frozen=True):
 
     @property
     def type(self) -> VehicleType:
-        """Its row in the table of vehicles."""
+        """The vehicle's row in the table of vehicles."""
         return VEHICLES[self.type_name]
 
 
 class RobotPlace(Struct, frozen=True):
-    """A robot: what it runs on, where it is, and where it listens."""
+    """A robot's place in a run: its vehicle, its start, and its network address."""
 
     pid: int
     vehicle: Vehicle
@@ -53,14 +53,14 @@ class RobotPlace(Struct, frozen=True):
 
 
 class Scatter(Struct, frozen=True):
-    """What the seed of a simulated run decides: where tasks are, and robots begin."""
+    """The parts of a simulated run that its seed decides: places of tasks and starts."""
 
     tasks: int = 0
     start: tuple[Point, Point] | None = None
 
 
 class Talk(Struct, frozen=True):
-    """How robots talk."""
+    """The network settings of a run."""
 
     carrier: Carrier
     port: int
@@ -73,7 +73,7 @@ class Talk(Struct, frozen=True):
 
 
 class RunConfiguration(ByContent, frozen=True):
-    """A run. ``robots[i]`` has pid i."""
+    """The configuration of a run. ``robots[i]`` has pid i."""
 
     ASIDE: ClassVar[frozenset[str]] = frozenset({"document"})
 
@@ -91,11 +91,11 @@ class RunConfiguration(ByContent, frozen=True):
     document: Document = field(default_factory=lambda: Document(Source("", ""), {}))
 
     def place(self, *path: str | int) -> Span:
-        """Where something stands in the file."""
+        """The span of a field in the file."""
         return self.document.place(path)
 
     def word(self, *path: str | int) -> str | None:
-        """What is written there; None if it is in quotes."""
+        """The text of a scalar in the file; None if it is quoted."""
         return self.document.words.get(path)
 
 

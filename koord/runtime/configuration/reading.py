@@ -1,4 +1,4 @@
-"""YAML with the place of every value."""
+"""YAML documents with the place of every value."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _DEEPEST = 50
 
 
 class Document(Struct):
-    """The values of a file, and where they stand."""
+    """A YAML document: its values, and their places in the file."""
 
     source: Source
     value: Any
@@ -41,12 +41,12 @@ class Document(Struct):
 
 
 def problem(span: Span, message: str, hint: str | None = None, code: str = "K931") -> Diagnostic:
-    """What is wrong with a configuration."""
+    """A diagnostic of a configuration."""
     return Diagnostic(code, Severity.ERROR, span, message, hint)
 
 
 def read(source: Source) -> Document:
-    """Raises KoordError if the text is not YAML, or no mapping."""
+    """Parse YAML. Raises KoordError if the text is not YAML, or no mapping."""
     try:
         node = yaml.compose(source.text, Loader=yaml.SafeLoader)
     except yaml.MarkedYAMLError as error:

@@ -1,1 +1,1 @@
-"""Compiled programs on the round-commit protocol: one robot a process."""
+"""Deployment: compiled programs on the round-commit protocol, one process per robot."""

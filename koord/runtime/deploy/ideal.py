@@ -1,4 +1,4 @@
-"""Robots without a platform: points that go where they are told, at a given speed.
+"""Ideal robots without a platform: points that move to their targets at a given speed.
 
 Which port is which is told by its name, as in the library of the language: ``psn`` and ``reached``
 are what a motion module senses, ``path``, ``route``, ``target`` and ``waypoint`` where it is sent.
@@ -30,17 +30,17 @@ _SLACK = 1e-9
 
 
 def unanswered(functions: Mapping[str, Shape]) -> tuple[str, ...]:
-    """The external functions among those that :class:`IdealHost` cannot answer."""
+    """The external functions that :class:`IdealHost` cannot answer."""
     return tuple(name for name in functions if _plain_name(name) not in _LIBRARY)
 
 
 def _plain_name(name: str) -> str:
-    """Of functions with one name all but the first are numbered."""
+    """The library's name of a function: of several with one name all but the first are numbered."""
     return re.sub(r"_\d+$", "", name)
 
 
 class IdealHost:
-    """The host of one robot: its sensors, its library, chance."""
+    """The host of one ideal robot: its sensors, its library, its random choices."""
 
     def __init__(
         self,
@@ -66,7 +66,7 @@ class IdealHost:
         self._path: tuple[Point, ...] = ()
 
     def _place(self, pid: int) -> Point:
-        """A place in the world for each robot, in rows from the low corner."""
+        """Start positions for robots, in rows from the low corner of the world."""
         low, high = self.world.low, self.world.high
         columns = max(1, int((high[0] - low[0] - APART_M) / APART_M))
         row, column = divmod(pid, columns)
@@ -75,7 +75,7 @@ class IdealHost:
     # --- the host of a compiled robot -----------------------------------------------------------
 
     def start(self, robot: int | None, name: str) -> Any:
-        """[INIT]: where it is, tasks somewhere, and otherwise the plainest value there is."""
+        """The start of a variable: the robot's position, a random task, or a default. [INIT]"""
         shape = self._shape(name, shared=robot is None)
         robots = self.robots
         if is_place(name):
@@ -104,7 +104,7 @@ class IdealHost:
         return tuple(values)
 
     def read(self, robot: Robot) -> Mapping[str, Any]:
-        """[ENV-FREE]: δ later. The point has gone on, unless it holds."""
+        """The sensors' readings δ later: the point has moved on, unless it holds. [ENV-FREE]"""
         readings: dict[str, Any] = {}
         for name in robot.SENSORS:
             module, _, port = name.rpartition("_")
@@ -133,7 +133,7 @@ class IdealHost:
     # --- motion ---------------------------------------------------------------------------------
 
     def _goals(self, robot: Robot, module: str) -> tuple[Point, ...]:
-        """The way that the program sends the robot, if it sends it anywhere."""
+        """The goals that the program has set for the robot, or none."""
         for port in _GOALS:
             sent = getattr(robot, f"{module}_{port}", None)
             shape = robot.PORTS.get(f"{module}_{port}")
@@ -161,7 +161,7 @@ class IdealHost:
             self._done += 1
 
     def _as(self, shape: Shape, point: Point) -> Any:
-        """A place as the program has it: a record of two or three, or one number."""
+        """A position in the program's form: a record of two or three floats, or one float."""
         if isinstance(shape, Scalar):
             return point[0]
         if isinstance(shape, Record):
@@ -174,7 +174,7 @@ def _is_task(shape: Shape) -> bool:
 
 
 def is_place(name: str) -> bool:
-    """Whether a port says where the robot is."""
+    """Return whether a port senses the robot's position."""
     return name.endswith(("_psn", "_position"))
 
 
@@ -183,7 +183,7 @@ def _is_set(sent: Any) -> bool:
 
 
 def point_of(sent: Any) -> Point:
-    """Any of the forms of a place as three coordinates."""
+    """Convert a position in any form to three coordinates, in metres."""
     if isinstance(sent, int | float):
         return (float(sent), 0.0, 0.0)
     x, y, *z = sent
@@ -203,13 +203,13 @@ def _find_path(host: IdealHost, start: Any, goal: Any, obstacles: Any = ()) -> A
 
 
 def _path_from_task(host: IdealHost, first: Any, task: Any = None) -> Any:
-    """``getPathFromTask(task)`` or ``getPathFromTask(start, task)``."""
+    """Answer ``getPathFromTask(task)`` or ``getPathFromTask(start, task)``."""
     start, of = (host.position, first) if task is None else (first, task)
     return (tuple(start), tuple(of[0]))
 
 
 def _paths_clear(host: IdealHost, one: Any, other: Any) -> bool:
-    """Whether two paths keep apart, seen at points half as far from each other."""
+    """Return whether two paths keep apart, sampled at half that distance."""
     ours, theirs = _samples(one), _samples(other)
     return all(math.dist(a, b) > APART_M / 2 for a in ours for b in theirs)
 

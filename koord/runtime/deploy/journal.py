@@ -1,4 +1,4 @@
-"""What a robot writes down of itself, so that a crash takes none of it. (R-SNAPSHOT)
+"""Journals: a robot's own state on disk, which survives a crash. (R-SNAPSHOT)
 
 The shared store comes back from the others; a robot's locals, ports and pending proposal are known
 to nobody else. A journal is one file that is replaced whole, so it is never half-written.
@@ -29,7 +29,7 @@ Attributes = tuple[Any, ...]
 
 
 class Page(Struct, frozen=True):
-    """Where a robot was.
+    """The state of a robot in its journal.
 
     It had acted on all rounds before ``round``; ``turns`` environment turns are still to come.
     ``buffers`` are the attributes after each attempt of its last proposal, by event.
@@ -67,7 +67,7 @@ class Journal:
         self._new = path.with_suffix(".new")
 
     def write(self, page: Page) -> None:
-        """Replace what is there. Raises OSError."""
+        """Replace the journal's page. Raises OSError."""
         proposal = None if page.proposal is None else flat_proposal(page.proposal)
         flat = (
             page.program,
@@ -83,7 +83,7 @@ class Journal:
         os.replace(self._new, self.path)
 
     def read(self) -> Page | None:
-        """What is there; None if there is nothing, or nothing that can be used."""
+        """The journal's page; None if it is missing or unusable."""
         try:
             flat = _DECODER.decode(self.path.read_bytes())
             program, round_, status, turns, attributes, position, proposal, buffers = flat
@@ -95,6 +95,6 @@ class Journal:
         return Page(program, round_, status, turns, own, position, made, kept)
 
     def forget(self) -> None:
-        """The run is over: nobody comes back to it."""
+        """Remove the journal: the run is over."""
         self.path.unlink(missing_ok=True)
         self._new.unlink(missing_ok=True)

@@ -1,4 +1,4 @@
-"""All robots of a run as processes on this machine, and the transport that they share."""
+"""Local runs: all robots as processes on this machine, and their shared transport."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _TRIES = 20
 
 
 def plan_of(configuration: RunConfiguration) -> Plan:
-    """Who is where, for UDP."""
+    """The UDP plan of a configuration: addresses and reach."""
     talk = configuration.talk
     addresses = tuple(robot.address for robot in configuration.robots)
     match talk.carrier:
@@ -52,7 +52,7 @@ def plan_of(configuration: RunConfiguration) -> Plan:
 
 
 def local_plan(configuration: RunConfiguration, robots: int) -> Plan:
-    """All robots on this machine, each with a port, whatever addresses they will have outside."""
+    """A plan with all robots on this machine, each with a port of its own."""
     unicast = configuration.talk.carrier is Carrier.UNICAST
     with FORKING:  # else a robot of another thread keeps the sockets that are tried here
         ports = (_FIRST_PORT + secrets.randbelow(_PORTS) for _ in range(_TRIES))
@@ -63,7 +63,7 @@ def local_plan(configuration: RunConfiguration, robots: int) -> Plan:
 
 
 def _are_free(port: int, robots: int) -> bool:
-    """Whether nobody else uses the ports of a plan now."""
+    """Return whether the ports of a plan are free at present."""
     try:
         for address in on_this_machine(robots, port, group=None).addresses:
             with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one:
@@ -74,7 +74,7 @@ def _are_free(port: int, robots: int) -> bool:
 
 
 def hears_itself(port: int) -> bool:
-    """Whether multicast works on this machine's loopback; in some containers it does not."""
+    """Return whether multicast works on this machine's loopback; in some containers it does not."""
     plan = on_this_machine(2, port)
     opened: list[Udp] = []
     try:
@@ -92,7 +92,7 @@ def hears_itself(port: int) -> bool:
 
 
 def transport_of(configuration: RunConfiguration, run: str, pid: int) -> Transport:
-    """The network of one robot. Raises TransportError."""
+    """Open the transport of one robot. Raises TransportError."""
     talk = configuration.talk
     if talk.carrier is Carrier.ZENOH:
         return Routed(run, pid, len(configuration.robots), talk.connect, talk.listen)
@@ -110,7 +110,7 @@ Carry = Callable[[Plan, int], Transport]
 
 
 class Launch(Struct, frozen=True):
-    """What a robot's process needs to know."""
+    """The arguments of a robot's process."""
 
     job: Job
     plan: Plan
@@ -120,7 +120,7 @@ class Launch(Struct, frozen=True):
 
 
 class LocalProcesses(Struct):
-    """The processes, and what they said last."""
+    """The processes of a run, and their last reports."""
 
     launch: Launch
     processes: list[BaseProcess] = field(default_factory=list)
@@ -130,17 +130,17 @@ class LocalProcesses(Struct):
 
     @property
     def alive(self) -> int:
-        """How many processes are running."""
+        """The number of running processes."""
         return sum(process.is_alive() for process in self.processes)
 
     @property
     def died(self) -> tuple[int, ...]:
-        """The robots whose processes have ended otherwise than by themselves."""
+        """The robots whose processes ended abnormally."""
         codes = enumerate(process.exitcode for process in self.processes)
         return tuple(pid for pid, code in codes if code not in (None, 0))
 
     def news(self, timeout_s: float) -> Iterator[tuple[RobotReport, tuple[RoundReport, ...]]]:
-        """What has been said, waiting so long at most for something."""
+        """Yield new reports of processes, waiting at most ``timeout_s`` for the first."""
         open_ends = [end for end in self.ends if not end.closed]
         if not open_ends:
             time.sleep(timeout_s)
@@ -161,7 +161,7 @@ class LocalProcesses(Struct):
 
     @property
     def is_over(self) -> bool:
-        """Whether nobody will say anything more."""
+        """Return whether no process will report anything more."""
         return all(end.closed for end in self.ends)
 
     def stop(self) -> None:
@@ -180,7 +180,7 @@ class LocalProcesses(Struct):
                 process.kill()
 
     def replace(self, pid: int) -> None:
-        """End the process of a robot at once, as a crash would, and start another."""
+        """Kill a robot's process, as a crash would, and start another."""
         self.processes[pid].kill()
         self.processes[pid].join()
         self.ends[pid].close()
@@ -214,7 +214,7 @@ def _started(launch: Launch, pid: int) -> tuple[BaseProcess, Connection]:
 
 
 def _process(arguments: tuple[Launch, int, Connection]) -> BaseProcess:
-    """A process that has all modules already, where the system can do that."""
+    """The process of a robot; where the system supports it, forked with all modules loaded."""
     if "fork" in multiprocessing.get_all_start_methods():
         fork = multiprocessing.get_context("fork")
         return fork.Process(target=_robot, args=arguments, daemon=True)
@@ -222,7 +222,7 @@ def _process(arguments: tuple[Launch, int, Connection]) -> BaseProcess:
 
 
 def _robot(launch: Launch, pid: int, end: Connection) -> None:
-    """The process of one robot. Ctrl-C goes to all of them; the first process tells what to do."""
+    """The main function of a robot's process. Ctrl-C is left to the first process."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
         transport = launch.carry(launch.plan, pid)

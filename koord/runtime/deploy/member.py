@@ -37,21 +37,21 @@ _STORE = msgspec.msgpack.Decoder(
 
 
 class DivergedError(Exception):
-    """The store is not what the decision says that it is: a mistake in koord, or in memory."""
+    """Raised where the store differs from the decision's digest: an error in koord or in memory."""
 
 
 class Platform(Host, Protocol):
-    """The host of a deployed robot: it has a place, and can be told to stay there."""
+    """The host of a deployed robot, which has a position and can be held there."""
 
     position: Point
     holding: bool
 
 
 class Member:
-    """One robot: its program, its copy of the store, its journal."""
+    """A member: a robot with its program, its copy of the store, and its journal."""
 
     def __init__(self, robot: Robot, host: Platform, journal: Journal | None, program: str) -> None:
-        """``program`` is a digest of the program's text, so that no other's journal is read."""
+        """Make a member; ``program`` is the digest that its journal has to have."""
         self.robot = robot
         self.host = host
         self.store = AgreedStore(robot.SHARED, robot.numAgents)
@@ -71,7 +71,7 @@ class Member:
     # --- rounds ---------------------------------------------------------------------------------
 
     def propose(self, round_: int) -> Proposal | None:
-        """Sense, run the first enabled event into a buffer, write that down, and propose it."""
+        """Sense, run the first enabled event into a buffer, write the journal, and propose."""
         before = self._proposal
         if self.mute or round_ < self.round:
             return None
@@ -89,7 +89,7 @@ class Member:
         return made
 
     def _begin(self) -> EventFault | None:
-        """What the allwrite variables hold before any robot's INIT. [INIT]"""
+        """Declare the allwrite variables before any robot's INIT. [INIT]"""
         robot = self.robot
         try:
             robot.declare()
@@ -100,7 +100,7 @@ class Member:
         return None
 
     def _sense(self) -> EventFault | None:
-        """The environment's turns since the last program turn. [ENV-TRANS]"""
+        """Take the environment's turns since the last program turn. [ENV-TRANS]"""
         while self._turns:
             self._turns -= 1
             fault = self.robot.evolve(self.host.read(self.robot))
@@ -109,7 +109,7 @@ class Member:
         return None
 
     def commit(self, entry: LogEntry, kept: Admitted | None) -> None:
-        """Act on what was decided. [SHARED-ASSIGN] [SKIP] [STOP]"""
+        """Act on a decision. [SHARED-ASSIGN] [SKIP] [STOP]"""
         decision = entry.decision
         if decision.fault is not None:
             self._end(decision.fault, kept)
@@ -129,7 +129,7 @@ class Member:
         self.seen(entry, kept)
 
     def _end(self, faulted: Faulted, kept: Admitted | None) -> None:
-        """The run is over; what was written up to the fault is written. [FAULT] [OUTPUT]"""
+        """End the run; output up to a fault is written. [FAULT] [OUTPUT]"""
         self.fault = faulted.fault
         if not self.mute and kept is not None:
             self.output += self.robot.outcome(kept.event)
@@ -148,12 +148,12 @@ class Member:
         self._at(round_ + 1)
 
     def _at(self, round_: int) -> None:
-        """All rounds before this one have been acted on."""
+        """Note that all rounds before this one have been acted on."""
         self.round = round_
         self.robot.status = self.statuses[self.robot.pid]
 
     def _note_statuses(self, decision: Decision) -> None:
-        """[STOP] [END-PROG]"""
+        """Update the statuses of robots. [STOP] [END-PROG]"""
         for taken in decision.ran:
             asked = _STATUSES.get(taken.asked)
             if asked is not None and self.statuses[taken.robot] is not Status.STOPPED:
@@ -162,12 +162,12 @@ class Member:
             self.statuses = [Status.STOPPED] * len(self.statuses)
 
     def has_proposed(self, round_: int) -> bool:
-        """Whether it has run an event for a round, or found that it has none to run."""
+        """Return whether the robot has run an event for a round, or found none to run."""
         return self._proposal is not None and self._proposal.round == round_
 
     @property
     def all_stopped(self) -> bool:
-        """Whether no robot will run an event any more."""
+        """Return whether all robots have stopped."""
         return all(status is Status.STOPPED for status in self.statuses)
 
     def hold(self, reason: Reason | None) -> None:
@@ -176,7 +176,7 @@ class Member:
         self.host.holding = reason is not None
 
     def decided(self, round_: int, proposals: Sequence[Proposal | None]) -> Decision:
-        """The decision of a round, now and then with the digest of the store after it."""
+        """Decide a round, now and then with the digest of the store after it."""
         there = {robot: p for robot, p in enumerate(proposals) if p is not None}
         robots = len(proposals)
         decision = decide(round_, there, rotating(max(round_, 0), robots))
@@ -200,7 +200,7 @@ class Member:
         return encode((self.store.snapshot(), statuses, fault))
 
     def install(self, round_: int, store: bytes, ran: LastRun | None) -> None:
-        """Take over a store; what of the own turn happened is told by ``ran``."""
+        """Replace the store; ``ran`` says which of the robot's own turns happened."""
         snapshot, statuses, fault = _STORE.decode(store)
         self.fault = None if fault is None else fault_of(fault)
         if round_ == INIT_ROUND:
@@ -226,7 +226,7 @@ class Member:
         self._at(round_)
 
     def come_back(self) -> bool:
-        """Go on from the journal. Without one the robot stays mute."""
+        """Resume from the journal. Without one the robot stays mute."""
         page = self._journal.read() if self._journal is not None else None
         if page is None or page.program != self._program:
             self.mute = True
@@ -254,7 +254,7 @@ class Member:
     # --- the journal ----------------------------------------------------------------------------
 
     def _write_down(self) -> None:
-        """Before a proposal is sent, once a round: what becomes of it the others know."""
+        """Write the journal before a proposal is sent, once a round."""
         if self._journal is None or self.mute:
             return
         robot, proposal = self.robot, self._proposal
@@ -292,8 +292,8 @@ class Member:
 
 
 def _nobody(entry: LogEntry, kept: Admitted | None) -> None:
-    """Nobody looks at what was committed."""
+    """The default observer of commits, which ignores them."""
 
 
 def _nothing(entry: LogEntry) -> None:
-    """Nothing is said of a round but what happened in it."""
+    """The default note on a round: none."""

@@ -1,4 +1,4 @@
-"""A deployed run as MCAP: what each robot did in each round. Needs ``koord[record]``."""
+"""Recordings of deployed runs as MCAP. Needs ``koord[record]``."""
 
 from __future__ import annotations
 
@@ -35,13 +35,13 @@ class DeploymentRecord:
         self._file = RecordFile(file)
 
     def describe(self, problem: Problem) -> None:
-        """What the run is a run of."""
+        """Write metadata: the program, robots and settings of the run."""
         facts = {"program": problem.name, "robots": problem.fleet}
         facts |= {"delta_s": str(problem.delta_s), "differing": ", ".join(problem.differing)}
         self._file.describe("koord", facts)
 
     def moments(self, moments: tuple[RoundReport, ...], now_ns: int) -> None:
-        """What a robot did."""
+        """Write the rounds of a robot."""
         for moment in moments:
             said = [{"stream": w.stream, "values": repr(w.values)} for w in moment.output]
             message = {
@@ -55,13 +55,13 @@ class DeploymentRecord:
             self._file.add(f"/robots/{moment.pid}", _ROBOTS, message, now_ns, moment.round)
 
     def status(self, status: RobotReport, now_ns: int) -> None:
-        """How a robot is doing."""
+        """Write the status of a robot."""
         message = to_builtins(status)
         message["holding"] = None if status.holding is None else status.holding.value
         self._file.add("/status", _STATUS, message, now_ns, status.round)
 
     def flush(self) -> None:
-        """Write all that was told; it can be read from then on, also if this process is killed."""
+        """Flush all messages; the file is readable from then on, even if this process is killed."""
         self._file.flush()
 
     def close(self) -> None:

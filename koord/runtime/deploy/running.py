@@ -1,4 +1,4 @@
-"""Running one robot until its run is over, or until it is told to stop."""
+"""The loop of a deployed robot, until its run is over or it is told to stop."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ LINGERING = 8
 
 
 class Job(Struct, frozen=True):
-    """A run, as every robot of it has to know it."""
+    """A run, as all of its robots know it."""
 
     classes: tuple[type[Robot], ...]
     kinds: tuple[int, ...]
@@ -59,12 +59,12 @@ class Job(Struct, frozen=True):
 
     @property
     def program(self) -> str:
-        """What tells programs apart, for journals."""
+        """A digest of the program, for journals."""
         text = repr([(c.SOURCE, c.SHARED, dict(c.LOCALS), dict(c.PORTS)) for c in self.classes])
         return blake2b(text.encode(), digest_size=8).hexdigest()
 
     def journal(self, pid: int) -> Journal | None:
-        """Where a robot writes down where it is."""
+        """The journal of a robot, or None."""
         if self.journals is None:
             return None
         name = blake2b(self.run.encode(), digest_size=6).hexdigest()
@@ -72,7 +72,7 @@ class Job(Struct, frozen=True):
 
 
 class RoundReport(Struct, frozen=True):
-    """What a robot did in a round, for the record."""
+    """The report of a robot on one round: its event, position, output and delay."""
 
     pid: int
     round: int
@@ -107,7 +107,7 @@ Make = Callable[[Job, int], Member]
 
 
 class Runner:
-    """One robot of a run. ``report`` gets its status now and then, ``seen`` each of its rounds."""
+    """A robot of a run. ``report`` gets its status now and then, ``seen`` each of its rounds."""
 
     def __init__(
         self,
@@ -178,7 +178,7 @@ class Runner:
     def run(
         self, is_told_to_stop: Callable[[], bool], report: Callable[[RobotReport], None]
     ) -> RobotReport:
-        """Until the run is over, everybody has stopped, or somebody says so."""
+        """Run until the run is over, all robots have stopped, or ``stop`` is set."""
         self.peer.start()
         next_report = self._clock()
         leave_at: float | None = None

@@ -1,4 +1,4 @@
-"""How a robot is doing, as numbers."""
+"""The status of a robot, as numbers."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class RobotReport(Struct, frozen=True):
 
 
 class Tally(Struct):
-    """What a robot counts while it runs."""
+    """The counters of a robot in a run."""
 
     ran: int = 0
     skipped: int = 0
@@ -49,7 +49,7 @@ class Tally(Struct):
 
 
 def status_of(peer: Peer, member: Member, tally: Tally) -> RobotReport:
-    """How a robot is doing."""
+    """Make the status report of a robot."""
     state = peer.node.state
     fault = member.fault
     return RobotReport(

@@ -1,1 +1,1 @@
-"""All that can happen to a few robots that run the protocol, to a bound."""
+"""Exploration: bounded model checking of the protocol's implementation with a few robots."""

@@ -1,4 +1,4 @@
-"""The invariants of specs/protocol/README.md, said of what was committed and accepted.
+"""The protocol's invariants (specs/protocol/README.md), on committed and accepted entries.
 
 They look at the entries and messages themselves and not at how the machine came by them.
 """
@@ -19,14 +19,14 @@ ProposalOf = Callable[[int, int], Proposal]
 
 
 class BrokenInvariant(Struct, frozen=True):
-    """An invariant that does not hold: its id, and what was seen."""
+    """A violated invariant: its id, and a description."""
 
     claim: str
     story: str
 
 
 def one_winner(entry: LogEntry, proposal_of: ProposalOf) -> Iterable[BrokenInvariant]:
-    """(I-ONE-WINNER)"""
+    """Check that no lock class has two winners in a round. (I-ONE-WINNER)"""
     taken: set[int] = set()
     for robot, attempt in _let_through(entry, proposal_of):
         locks = set() if attempt is None else set(attempt.locks)
@@ -37,7 +37,7 @@ def one_winner(entry: LogEntry, proposal_of: ProposalOf) -> Iterable[BrokenInvar
 
 
 def valid(entry: LogEntry, proposal_of: ProposalOf) -> Iterable[BrokenInvariant]:
-    """(I-VALID)"""
+    """Check that admitted robots proposed what they run, and that others may skip. (I-VALID)"""
     taken: set[int] = set()
     for robot, attempt in _let_through(entry, proposal_of):
         if attempt is None or robot in entry.late:
@@ -61,7 +61,7 @@ def _let_through(entry: LogEntry, proposal_of: ProposalOf) -> Iterable[tuple[int
 
 
 def agree(first: LogEntry, second: LogEntry) -> Iterable[BrokenInvariant]:
-    """(I-AGREE), of two entries committed for one round."""
+    """Check that two entries committed for one round agree. (I-AGREE)"""
     if first != second:
         yield BrokenInvariant(
             "I-AGREE", f"round {first.round}: both {first} and {second} are committed"
@@ -69,7 +69,7 @@ def agree(first: LogEntry, second: LogEntry) -> Iterable[BrokenInvariant]:
 
 
 class Accepted(Struct, frozen=True):
-    """An acknowledgement: in the epoch, this incarnation of this robot held the entry."""
+    """An acknowledgement of an entry, with its epoch, robot and incarnation."""
 
     epoch: int
     robot: int
@@ -79,7 +79,7 @@ class Accepted(Struct, frozen=True):
 def acted_rightly(
     setup: Setup, held: Held, roster: Sequence[int], accepted: Iterable[Accepted]
 ) -> Iterable[BrokenInvariant]:
-    """(I-ACT): ``accepted`` are the acknowledgements of the entry, ``roster`` was in force."""
+    """Check that a commit was justified by ``accepted`` acknowledgements and ``roster``. (I-ACT)"""
     admitted = {admission.robot for admission in held.entry.admitted}
     by_epoch: dict[int, set[int]] = {}
     for one in accepted:
@@ -94,7 +94,10 @@ def acted_rightly(
 
 
 def lasting(state: State, committed: Sequence[Held]) -> Iterable[BrokenInvariant]:
-    """(I-LASTING): ``committed`` with the epochs in which that was first known."""
+    """Check that the coordinator of a later epoch holds each committed entry. (I-LASTING)
+
+    ``committed`` have the epochs in which that was first known.
+    """
     if not isinstance(state.office, Coordinator):
         return
     for held in committed:

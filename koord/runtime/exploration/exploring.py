@@ -1,4 +1,4 @@
-"""Exploring all interleavings, and checking the invariants in each state."""
+"""Exploration of all interleavings, with the invariants checked in each state."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ from koord.runtime.protocol.setup import Setup, Timing
 
 
 class InvariantViolation(Struct, frozen=True):
-    """An invariant that does not hold, and what led to it."""
+    """A violated invariant, with the transitions that lead to it."""
 
     broken: BrokenInvariant
     story: tuple[str, ...]
 
 
 class Explored(Struct, frozen=True):
-    """What was seen."""
+    """The result of an exploration: bounds, counts, and the violation, if any."""
 
     bounds: ExplorationBounds
     states: int
@@ -50,13 +50,13 @@ class Explored(Struct, frozen=True):
 
 
 def explore(bounds: ExplorationBounds, setup: Setup | None = None) -> Explored:
-    """Everything that can happen within the bounds, breadth first, until something is broken."""
+    """Explore all states within the bounds, breadth first, until an invariant is violated."""
     setup = setup if setup is not None else Setup(bounds.robots, Timing.zero())
     return Search(Explorer(setup, bounds)).run()
 
 
 class Search:
-    """A search through all transitions, and what it has seen."""
+    """A search through all transitions, with statistics."""
 
     def __init__(self, explorer: Explorer) -> None:
         self.explorer = explorer
@@ -125,7 +125,7 @@ class Search:
                 yield BrokenInvariant("I-ONE-ENTRY", f"another entry of its epoch: {rival.message}")
 
     def _of_coordinator(self, local: int, world: ProtocolState) -> Iterable[BrokenInvariant]:
-        """(I-LASTING), once for each state and history."""
+        """Check that a coordinator holds all committed entries, once per state. (I-LASTING)"""
         if local == DOWN or (local, world.acted) in self._lasting:
             return
         self._lasting.add((local, world.acted))

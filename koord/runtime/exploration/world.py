@@ -1,4 +1,4 @@
-"""A few robots and a network that may do anything: what can happen next, and what comes of it.
+"""The transition system of a few robots and an adversarial network.
 
 The network is the *set* of messages sent so far. A message in it may arrive at any time, any number
 of times, or never: this is loss, delay, duplication and reordering at once. Timers run down
@@ -51,7 +51,7 @@ _TIMERS = frozenset({Timer.DEADLINE, Timer.SILENCE})
 
 
 class ExplorationBounds(Struct, frozen=True):
-    """How much may happen. Nothing is explored past them; everything is before."""
+    """The bounds of an exploration. Within them it is exhaustive."""
 
     robots: int = 3
     rounds: int = 1  #: besides INIT
@@ -68,7 +68,7 @@ class ExplorationBounds(Struct, frozen=True):
 
 
 class Local(msgspec.Struct, frozen=True):
-    """A robot with what it waits for; ``work`` is the round that it has to propose for."""
+    """A robot's state with its timers; ``work`` is the round that it has to propose for."""
 
     state: State
     timers: frozenset[Timer]
@@ -76,7 +76,7 @@ class Local(msgspec.Struct, frozen=True):
 
 
 class Parcel(msgspec.Struct, frozen=True):
-    """A message on its way."""
+    """A message in transit."""
 
     sender: int
     incarnation: int
@@ -85,7 +85,7 @@ class Parcel(msgspec.Struct, frozen=True):
 
 
 class Act(Enum):
-    """What may happen to a robot besides messages."""
+    """The steps of a robot other than receiving a message."""
 
     WORK = "proposes"
     CRASH = "crashes"
@@ -96,7 +96,7 @@ Cause = int | Timer | Act  #: an ``int`` is the number of the message that arriv
 
 
 class ProtocolState(msgspec.Struct, frozen=True):
-    """Everything: the robots' numbers, the messages' bits, what is used up, what was committed."""
+    """A global state: the robots, the set of messages, used-up bounds, committed entries."""
 
     locals: tuple[int, ...]
     sent: int = 0
@@ -106,7 +106,7 @@ class ProtocolState(msgspec.Struct, frozen=True):
 
 
 class RobotAction(Struct, frozen=True):
-    """What one robot does about one cause."""
+    """The effect of one cause on one robot."""
 
     local: int
     sent: int
@@ -114,7 +114,7 @@ class RobotAction(Struct, frozen=True):
 
 
 class Transition(Struct, frozen=True):
-    """Something that may happen."""
+    """A transition of the global state."""
 
     robot: int
     cause: Cause
@@ -123,7 +123,7 @@ class Transition(Struct, frozen=True):
 
 
 def proposal_of(robot: int, round_: int) -> Proposal:
-    """Robots 0 and 1 want one lock class; all write, so that no two decisions are alike."""
+    """The test program: robots 0 and 1 want one lock class; all write different values."""
     write = Write(0, (robot,), round_)
     if round_ < 0:
         return Proposal(robot, round_, (Attempt(None, (write,)),))
@@ -132,7 +132,7 @@ def proposal_of(robot: int, round_: int) -> Proposal:
 
 
 class Explorer:
-    """The tables, and the transitions that they give."""
+    """The transition tables, and the transitions that they give."""
 
     def __init__(
         self, setup: Setup, bounds: ExplorationBounds, propose: ProposalOf = proposal_of
@@ -152,7 +152,7 @@ class Explorer:
         self._rivals: list[int] = []  #: per message, the bits of those that contradict it
 
     def initial(self) -> ProtocolState:
-        """All robots have been switched on, at once."""
+        """The initial state: all robots have been switched on, at once."""
         world = ProtocolState((DOWN,) * self.setup.robots)
         for robot in range(self.setup.robots):
             started = self._started(fresh(self.setup, robot, spare=1_000))
@@ -160,7 +160,7 @@ class Explorer:
         return self._settled(world) if self.bounds.settled else world
 
     def _settled(self, world: ProtocolState) -> ProtocolState:
-        """The world when everyone has committed INIT, and nothing is on its way any more."""
+        """The state after everyone has committed INIT, with no message in transit."""
         while any(state.round < 0 for state in self.states(world)):
             world = next(
                 transition.world
@@ -170,7 +170,7 @@ class Explorer:
         return replace(world, sent=0)
 
     def transitions(self, world: ProtocolState) -> Iterator[Transition]:
-        """All that may happen next and changes anything."""
+        """Yield all transitions that change the state."""
         for robot, local in enumerate(world.locals):
             if local == DOWN:
                 if world.restarts < self.bounds.restarts:
@@ -193,22 +193,22 @@ class Explorer:
                 yield self.locals[local].state
 
     def sent(self, world: ProtocolState) -> Iterator[Parcel]:
-        """Everything that was ever sent."""
+        """The messages ever sent."""
         return (self.parcels[number] for number in _bits(world.sent))
 
     def acted(self, world: ProtocolState) -> tuple[Held, ...]:
-        """From INIT on, what anybody has ever committed first."""
+        """The entries first committed by any robot, from INIT on."""
         return self._histories[world.acted]
 
     def contradiction(self, before: ProtocolState, after: ProtocolState) -> Parcel | None:
-        """A message sent just now that decides a round otherwise than one of its epoch before."""
+        """A message just sent that contradicts an earlier one of its epoch, or None."""
         for number in _bits(after.sent & ~before.sent):
             if self._rivals[number] & after.sent:
                 return self.parcels[number]
         return None
 
     def tell(self, robot: int, cause: Cause) -> str:
-        """A line for a person."""
+        """Describe a transition in one line."""
         match cause:
             case int(number):
                 parcel = self.parcels[number]
@@ -282,7 +282,7 @@ class Explorer:
         return self._with_work(local, move) if self.bounds.eager else move
 
     def _with_work(self, local: Local, move: RobotAction) -> RobotAction:
-        """The move, and the robot's own proposal with it, if it has one to make."""
+        """The robot's step, followed by its own proposal if one is due."""
         if local.work is None or local.state.round >= self.bounds.rounds:
             return move
         worked = self._worked_out(local, Act.WORK)
@@ -336,7 +336,7 @@ class Explorer:
         return found
 
     def _number(self, local: Local) -> int:
-        """The number of a robot, forgetting what makes no difference to what can happen."""
+        """The number of a robot's state, without details that make no difference."""
         state = replace(local.state, tries=0, holding=None)
         if isinstance(state.office, Coordinator):
             # Having been heard keeps a coordinator in office; so does a timer that does not expire.

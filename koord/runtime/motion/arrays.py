@@ -1,4 +1,4 @@
-"""Names for the types of arrays. Lengths are metres, angles radians, times seconds throughout.
+"""Array types and small array operations. Lengths are metres, angles radians, times seconds.
 
 And what is asked of small arrays thousands of times a second, without what NumPy's own functions
 for it find out first.
@@ -18,14 +18,14 @@ Bools: TypeAlias = NDArray[np.bool_]
 
 
 def lengths(vectors: Floats) -> Floats:
-    """The lengths of vectors ``(n, 3)``, to the last bit those of ``np.linalg.norm``."""
+    """The lengths of vectors ``(n, 3)``, bit-identical to ``np.linalg.norm``."""
     square = vectors * vectors
     found: Floats = np.sqrt(square[:, 0] + square[:, 1] + square[:, 2])
     return found
 
 
 class Products(Struct, frozen=True):
-    """Sums of products of the rows of two arrays, as in cross products and those of quaternions.
+    """Sums of products of rows of two arrays, as in cross products and quaternion products.
 
     Of each row of the answer, and of each product in it: its sign, and whose rows are multiplied.
     Arrays have a row for each row of the answer.
@@ -47,12 +47,12 @@ class Products(Struct, frozen=True):
 
 
 def products(*rows: tuple[tuple[int, int, int], ...]) -> Products:
-    """Of triples ``(sign, row of one, row of the other)``."""
+    """Make products from triples ``(sign, row of one, row of the other)``."""
     signs, ones, others = np.moveaxis(np.array(rows), 2, 0)
     return Products(signs.astype(np.float64)[..., None], ones, others)
 
 
 def bounded(values: Floats, low: Floats | float, high: Floats | float) -> Floats:
-    """Values within bounds: ``np.clip``."""
+    """Clip values to bounds, as ``np.clip``."""
     found: Floats = np.minimum(np.maximum(values, low), high)
     return found

@@ -1,4 +1,4 @@
-"""The motion automaton: what a robot does with what its program tells it. (paper, III-D)
+"""The motion automaton: idle, planning, moving, holding or stopped. (paper, III-D)
 
 One step is a pure function of arrays over robots; a deployed robot runs it with one robot, the
 simulator with thousands. *Visited* is the paper's (II-A): a robot that has stayed within ε_v of the
@@ -20,7 +20,7 @@ _ROUNDING_S = 1e-9
 
 
 class MotionState(IntEnum):
-    """What a robot is doing."""
+    """The states of the motion automaton."""
 
     IDLE = 0  #: nothing to do; it stays where it is
     PLANNING = 1  #: it was given a target and has no path yet; it stays where it is
@@ -30,19 +30,19 @@ class MotionState(IntEnum):
 
 
 class Visit(Struct, frozen=True):
-    """When a place counts as visited."""
+    """The visit criterion: within ``epsilon_m`` of a place for ``dwell_s`` seconds."""
 
     epsilon_m: float = 0.2  #: ε_v
     dwell_s: float = 0.5  #: δ_v
 
     @property
     def leave_m(self) -> float:
-        """A robot that is pushed further away than this has not reached its place any more."""
+        """The distance in metres beyond which a pushed robot has left the place that it reached."""
         return 2 * self.epsilon_m
 
 
 class Automata(Struct, frozen=True):
-    """The states of robots; every array has one entry for each."""
+    """The states of robots' automata; every array has one entry per robot."""
 
     state: Ints
     since_s: Floats  #: since when it is within ε_v of the end without a break; NaN: it is not
@@ -52,7 +52,7 @@ class Automata(Struct, frozen=True):
 
 
 class Orders(Struct, frozen=True):
-    """What came in since the last step: masks over robots. What stands later here counts first."""
+    """Orders since the last step, as masks over robots. Later fields take precedence."""
 
     asked: Bools  #: a target was given, for which a path is to be planned
     routed: Bools  #: a route was given, or planned
@@ -63,7 +63,7 @@ class Orders(Struct, frozen=True):
 
 
 def initial(count: int) -> Automata:
-    """Robots that have not been told anything."""
+    """Automata of robots that have no orders yet."""
     idle = np.full(count, MotionState.IDLE, np.int64)
     no = np.zeros(count, np.bool_)
     return Automata(idle, np.full(count, np.nan), ~no, no, idle)
@@ -77,7 +77,7 @@ def no_orders(count: int) -> Orders:
 def step(
     automata: Automata, orders: Orders, psn: Floats, end: Floats, now_s: float, visit: Visit
 ) -> Automata:
-    """The automata after orders and a measurement at a time.
+    """Step the automata on orders and a measurement at a time.
 
     ``psn`` are the measured positions and ``end`` the ends of the routes, shape ``(count, 3)``.
     """
@@ -120,7 +120,7 @@ def step(
 
 
 def moves(automata: Automata) -> Bools:
-    """Which robots are to follow their routes now; the others stay where they are."""
+    """A mask of the robots that follow their routes now; the others stay where they are."""
     moving: Bools = (automata.state == MotionState.MOVING) | (
         (automata.state == MotionState.IDLE) & automata.has_route
     )

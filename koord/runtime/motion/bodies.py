@@ -1,4 +1,4 @@
-"""Vehicles as data: which types there are, how large each is and what it can do.
+"""Vehicles as data: their types, sizes and limits.
 
 ``VEHICLES`` is the one table of them: configurations, planners, simulations and pages ask it, or a
 body that it has. Sources of the numbers: specs/decisions/0015. No number here needs a library, so
@@ -16,7 +16,7 @@ from msgspec.structs import replace
 
 
 class PlannerName(Enum):
-    """What a configuration may say behind ``planner:``. (paper, III-D and VI-C)"""
+    """The planners' names in configurations. (paper, III-D and VI-C)"""
 
     STRAIGHT = "STRAIGHT"
     RRT_CAR = "RRT_CAR"
@@ -28,12 +28,12 @@ class PlannerName(Enum):
 
     @property
     def optimal(self) -> bool:
-        """Whether it goes on improving a path that it has found."""
+        """Return whether the planner goes on improving a path that it has found."""
         return "STAR" in self.value
 
 
 class Level(Enum):
-    """How much of a vehicle is modelled. (paper, IV-A)"""
+    """The level of detail in the simulation of a vehicle. (paper, IV-A)"""
 
     SIMPLE = "simple"  #: kinematics with limits, in contact with nothing; a drone without attitude
     FULL = "full"  #: what drives on the ground pushes and blocks; drones are rigid bodies
@@ -49,7 +49,7 @@ class Steering(Enum):
 
 
 class Pace(Struct, frozen=True):
-    """How fast a vehicle follows paths, and where it cuts them into legs."""
+    """The speed profile of a vehicle along paths, and the angle at which these are cut."""
 
     cruise_mps: float
     accel_mps2: float
@@ -61,7 +61,7 @@ class Pace(Struct, frozen=True):
 
 
 class Look(Struct, frozen=True):
-    """How a vehicle is drawn."""
+    """The appearance of a vehicle."""
 
     name: str  #: of its drawing in ``sim/page/glyphs.js``; of what has none, a disc is drawn
     is_box: bool = False  #: a box in other tools, else a cylinder
@@ -70,7 +70,7 @@ class Look(Struct, frozen=True):
 
 
 class Body(Protocol):
-    """What other rooms ask of a vehicle. All numbers are of the position that programs see."""
+    """The interface of vehicles. All numbers are about the position that programs see."""
 
     LOOK: ClassVar[Look]
     ON_GROUND: ClassVar[bool]  #: it never leaves the ground
@@ -78,36 +78,36 @@ class Body(Protocol):
 
     @property
     def radius_m(self) -> float:
-        """Of the disc about the position that covers it."""
+        """The radius of the disc about the position that covers the vehicle, in metres."""
         ...
 
     @property
     def inner_radius_m(self) -> float:
-        """Of a disc that it covers, whichever way it points."""
+        """The radius of a disc that the vehicle covers, at any heading, in metres."""
         ...
 
     @property
     def outline_m(self) -> tuple[float, float, float]:
-        """Length, width, and from the position forward to the middle."""
+        """Length, width, and the distance from the position forward to the middle, in metres."""
         ...
 
     @property
     def turning_m(self) -> float:
-        """The radius of the tightest circle it can describe; 0: it can set out in any direction."""
+        """The radius in metres of the tightest turn; 0: it can set out in any direction."""
         ...
 
     @property
     def above_ground_m(self) -> float:
-        """It flies to no goal lower than this above the ground."""
+        """The least height in metres above the ground of goals for flying robots."""
         ...
 
     @property
     def pace(self) -> Pace:
-        """How fast it follows paths."""
+        """The speed profile along paths."""
         ...
 
     def cruising(self, speed_mps: float) -> Body:
-        """The same vehicle, following paths at a speed."""
+        """The same vehicle, with another cruising speed."""
         ...
 
 
@@ -136,7 +136,7 @@ class Car(Struct, frozen=True):
 
     @property
     def middle_m(self) -> float:
-        """From the position forward to the middle of the car."""
+        """The distance in metres from the position forward to the middle of the car."""
         return self.wheelbase_m / 2
 
     @property
@@ -165,7 +165,7 @@ class Car(Struct, frozen=True):
 
 
 class RoundBody(Struct, frozen=True):
-    """What is a disc from above: its parts may be anywhere in it, whatever way it heads."""
+    """A vehicle that is a disc from above, at any heading."""
 
     radius_m: float
 
@@ -240,7 +240,7 @@ class Drone(RoundBody, frozen=True):
 
 
 class IdealBody(RoundBody, frozen=True):
-    """A point that goes exactly where it is told, at one speed."""
+    """An ideal point robot that moves exactly along its path, at one speed."""
 
     LOOK: ClassVar[Look] = Look("point", flies=True)
     ON_GROUND: ClassVar[bool] = False
@@ -260,7 +260,7 @@ class IdealBody(RoundBody, frozen=True):
 
 
 class VehicleType(Struct, frozen=True):
-    """A type of vehicle, as configurations name it."""
+    """A type of vehicle, as named in configurations."""
 
     body: Body  #: as it is where a configuration says nothing else
     planners: tuple[PlannerName, ...]  #: that find paths for it, the one to begin with first
@@ -294,5 +294,5 @@ VEHICLES: dict[str, VehicleType] = {
 
 
 def type_of(body: Body) -> VehicleType:
-    """The row of a body in the table. Raises StopIteration for one that is of none."""
+    """The row of a body in the table. Raises StopIteration for an unknown body."""
     return next(row for row in VEHICLES.values() if type(row.body) is type(body))

@@ -1,4 +1,4 @@
-"""What is wrong with a world and with where robots start in it, as far as geometry tells."""
+"""Geometric checks of a world and of the robots' starts in it."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ MOST_CELLS = 1_000_000
 
 
 class WorldPart(Enum):
-    """What a complaint is about."""
+    """The subjects of complaints about a world."""
 
     BOUNDS = "bounds"
     OBSTACLE = "obstacle"
@@ -32,7 +32,7 @@ class WorldPart(Enum):
 
 
 class WorldFlaw(Struct, frozen=True):
-    """One thing that is wrong: with the ``index``-th obstacle, task or robot."""
+    """A problem with a world: of the ``index``-th obstacle, task or robot."""
 
     part: WorldPart
     index: int
@@ -40,7 +40,7 @@ class WorldFlaw(Struct, frozen=True):
 
 
 def world_complaints(world: World) -> Iterator[WorldFlaw]:
-    """What is wrong with a world by itself."""
+    """Yield the problems of a world by itself."""
     names = ("x", "y", "z")
     for name, low, high in zip(names, world.low, world.high, strict=True):
         if not low < high:
@@ -77,7 +77,7 @@ def world_complaints(world: World) -> Iterator[WorldFlaw]:
 def start_complaints(
     world: World, robots: Sequence[tuple[Body, Point]], apart_m: float = 0.0
 ) -> Iterator[WorldFlaw]:
-    """What is wrong with where robots start; they start more than ``apart_m`` from each other."""
+    """Yield the problems of the robots' starts; they have to be more than ``apart_m`` apart."""
     fields = {flat: field(world, flat=flat) for flat in (False, True)}
     for k, (body, start) in enumerate(robots):
         inside = all(a <= c <= b for a, c, b in zip(world.low, start, world.high, strict=True))
@@ -101,7 +101,7 @@ def start_complaints(
 
 
 def _near_pairs(robots: Sequence[tuple[Body, Point]], apart_m: float) -> Iterator[tuple[int, int]]:
-    """The pairs of robots that may be too near to each other, in order."""
+    """Yield pairs of robots that may be too near to each other, in order."""
     if len(robots) <= _FEW:
         yield from combinations(range(len(robots)), 2)
         return

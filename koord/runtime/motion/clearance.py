@@ -1,4 +1,4 @@
-"""When paths are clear of each other: ``pathsClear``, ``onPath``, ``apart`` on real geometry.
+"""Clearance of paths: ``pathsClear``, ``onPath``, ``apart`` on real geometry.
 
 A robot that follows a path is within ``tracking_m`` of it, one that stays at a point within
 ``resting_m`` of that. Two paths are clear if robots so near to them are still more than
@@ -36,7 +36,7 @@ _ROUNDING_M = 1e-9
 
 
 class Clearance(Struct, frozen=True):
-    """The distances that count."""
+    """The safety distances of robots, in metres."""
 
     safety_m: float = 0.6
     tracking_m: float = 0.2
@@ -44,7 +44,7 @@ class Clearance(Struct, frozen=True):
     ground_m: float = 0.0
 
     def paths_clear(self, one: Path, other: Path) -> bool:
-        """Whether robots that follow two paths keep apart; a path of no points is clear of any."""
+        """Return whether robots that follow two paths keep apart; an empty path is clear of any."""
         if not one or not other:
             return True
         # The order of the two must not show in the last bit of the answer.
@@ -67,7 +67,7 @@ class Clearance(Struct, frozen=True):
         return path_distance(first.points, second.points) > reach
 
     def on_path(self, p: Point, path: Path, slack_m: float = 0.0) -> bool:
-        """Whether a robot at a point is on a path."""
+        """Return whether a robot at a point is on a path."""
         if not path:
             return False
         known = _known(path)
@@ -75,7 +75,7 @@ class Clearance(Struct, frozen=True):
         return point_path(np.array(p), known.points) <= reach + slack_m + _ROUNDING_M
 
     def apart(self, p: Point, q: Point) -> bool:
-        """Whether two robots are at a safe distance."""
+        """Return whether two robots are at a safe distance."""
         return math.dist(p, q) > self.safety_m
 
     def _reach(self, known: _Known) -> float:
@@ -83,13 +83,13 @@ class Clearance(Struct, frozen=True):
 
 
 def clearance_of(bodies: Sequence[Body], tracking_m: float, ground_m: float = 0.0) -> Clearance:
-    """The clearance at which no two bodies touch, whichever way they point."""
+    """The clearance at which no two bodies touch, at any heading."""
     largest = sorted((body.radius_m for body in bodies), reverse=True)[:2]
     return Clearance(sum(largest), tracking_m, min(0.1, tracking_m), ground_m)
 
 
 class _Known(Struct, frozen=True):
-    """What is asked again and again of a path."""
+    """Cached data of a path: its points, extent and shape."""
 
     points: Floats
     low: Point

@@ -1,4 +1,4 @@
-"""How ground vehicles follow routes: where they are on them, how fast to go, how they steer.
+"""Path following of ground vehicles: progress along routes, speed and steering.
 
 While a robot drives, its rate of turning is that of the path, and what brings it back to the path
 (Kanayama et al. 1990, "A stable tracking control method for an autonomous mobile robot")::
@@ -41,7 +41,7 @@ _MISSED_S = 1.0
 
 
 class Measured(Struct, frozen=True):
-    """What vehicles know of themselves: position ``(n, 3)``, heading, and speed (signed)."""
+    """Measured states: position ``(n, 3)`` in m, heading in rad, signed speed in m/s."""
 
     position: Floats
     heading_rad: Floats
@@ -49,7 +49,7 @@ class Measured(Struct, frozen=True):
 
 
 class Legs:
-    """How far a group on the ground is along the legs of its routes, and who has missed an end."""
+    """The progress of ground vehicles along the legs of their routes, and missed ends."""
 
     def __init__(self, group: Group, accel_mps2: float) -> None:
         self.group, self._accel = group, accel_mps2
@@ -59,7 +59,7 @@ class Legs:
         self._waited: Floats = np.zeros(group.count)
 
     def advance(self, robots: Ints, measured: Measured) -> tuple[Ints, Ints, Floats]:
-        """Move ``s`` to where robots are, and on to the next leg.
+        """Advance ``s`` to the robots' positions, and to the next leg.
 
         Returns those of them that are not at the end of their leg, the segments that they are on,
         and what is left of their legs.
@@ -80,20 +80,20 @@ class Legs:
         return robots[goes], k[goes], left[goes]
 
     def pace(self, robots: Ints, last: Floats, left: Floats, dt_s: float) -> Floats:
-        """The speed of travel: as the route allows a moment on, reached at the robots' own pace."""
+        """The target speed a moment ahead on the route, within the robots' acceleration."""
         pace, s = self.group.routes.pace, self.group.s[robots]
         spot = self.group.routes.at(robots, np.minimum(s + last * dt_s, s + left))
         speed: Floats = np.minimum(spot.speed_mps, last + pace.accel_mps2 * dt_s)
         return np.maximum(speed, CREEP_MPS)
 
     def speeds(self, going: Bools, speed: Floats, measured: Measured, dt_s: float) -> Floats:
-        """The speeds of all, of which those that are not going brake."""
+        """The speeds of all robots; those that are not moving brake."""
         slowest = np.abs(measured.speed_mps) - self._accel * dt_s
         self.group.speed[:] = np.where(going, speed, 0.0)
         return np.where(going, speed, np.maximum(slowest, 0.0))
 
     def watch(self, wanted: Bools, going: Bools, dt_s: float) -> None:
-        """Find out who stands at the end of a route that it has not come near enough to."""
+        """Note the robots that stand at a route's end without having come near enough to it."""
         group = self.group
         there = group.automata.reached | ~np.isnan(group.automata.since_s)
         stuck = wanted & ~going & ~there & (group.routes.size > 0)
@@ -103,13 +103,13 @@ class Legs:
 
 
 def stands(measured: Measured, robots: Ints) -> Bools:
-    """Which robots stand, or as good as."""
+    """A mask of the robots that stand still, or nearly."""
     slow: Bools = np.abs(measured.speed_mps[robots]) < CREEP_MPS
     return slow
 
 
 class Driving:
-    """The law of motion of a group of cars. Its answers are speeds and steering angles."""
+    """The motion law of a group of cars: speeds and steering angles."""
 
     def __init__(self, group: Group, steering: Steering, horizon: Horizon = Horizon()) -> None:
         assert isinstance(group.body, Car)
@@ -143,7 +143,7 @@ class Driving:
         return np.column_stack([self.legs.way * inputs[:, 0], inputs[:, 1]])
 
     def _turn_wheels(self, cars: Ints, k: Ints, measured: Measured) -> tuple[Floats, Bools]:
-        """Where the wheels of cars on segments should be, and who begins a leg with others."""
+        """The wheel angles of cars at starts of legs, and the cars that have to turn them first."""
         routes, s = self.group.routes, self.group.s[cars]
         first = (k == 0) | (routes.leg_end[cars, np.maximum(k - 1, 0)] < routes.leg_end[cars, k])
         bend = routes.at(cars, s, k).curvature
@@ -210,7 +210,7 @@ _ASIDE_RAD, _ALONG_RAD = 0.5, 0.03
 
 
 class Turning:
-    """The law of motion of a group. Its answers are the speeds of left and right wheels."""
+    """The motion law of a group of differential drives: wheel speeds."""
 
     def __init__(self, group: Group) -> None:
         assert isinstance(group.body, DifferentialDrive)
@@ -221,7 +221,7 @@ class Turning:
         self._turns: Bools = np.zeros(group.count, np.bool_)
 
     def command(self, measured: Measured, dt_s: float) -> Floats:
-        """The speeds of the wheels for the next step, shape ``(n, 2)``, left ones first."""
+        """The speeds of the wheels for the next step, in m/s, shape ``(n, 2)``, left ones first."""
         group = self.group
         wanted = automaton.moves(group.automata)
         speed, turn = np.zeros(group.count), np.zeros(group.count)
@@ -253,7 +253,7 @@ class Turning:
         return np.column_stack([self._speed - half * self._turn, self._speed + half * self._turn])
 
     def _on_the_spot(self, robots: Ints, aside: Floats, dt_s: float) -> Floats:
-        """Rates at which to turn to the path, so that the wheels can stop there."""
+        """Rates in rad/s of turning on the spot to the path, so that the wheels can stop there."""
         body = self.body
         accel = body.wheel_accel_mps2 / body.track_m  # half of what the wheels can do
         rate = np.minimum(np.sqrt(2 * accel * np.abs(aside)), np.abs(aside) / dt_s)
@@ -264,7 +264,7 @@ class Turning:
     def _along(
         self, robots: Ints, k: Ints, aside: Floats, speed: Floats, measured: Measured
     ) -> Floats:
-        """Rates of turning that keep to the path."""
+        """Rates in rad/s of turning that follow the path."""
         spot = self.group.routes.at(robots, self.group.s[robots], k)
         gap = spot.position[:, :2] - measured.position[robots, :2]
         across = np.cos(spot.course_rad) * gap[:, 1] - np.sin(spot.course_rad) * gap[:, 0]

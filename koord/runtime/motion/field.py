@@ -1,4 +1,4 @@
-"""The free space of a world for a body of some radius: by the point, and by the segment.
+"""Free space of a world for a body with a radius: clearance of points and segments.
 
 A body is an upright cylinder that reaches as far up and down as it does sideways. So a position is
 blocked by an obstacle if it is nearer than the radius sideways, and vertically as well; for robots
@@ -24,7 +24,7 @@ GROUND_ROBOT_M = 0.35
 
 
 class Field(Struct, frozen=True):
-    """The world as a body sees it. ``flat``: the body stays on the ground."""
+    """The free space of a body. ``flat``: the body stays on the ground."""
 
     world: World
     flat: bool
@@ -33,14 +33,14 @@ class Field(Struct, frozen=True):
     footprints: tuple[shapes.Footprint, ...]
 
     def clearance(self, x: float, y: float, z: float) -> float:
-        """How far a position is from the nearest obstacle or wall (a negative number: beyond it).
+        """The distance in metres of a position from the nearest obstacle or wall; negative inside.
 
         The ground is no wall: robots stand on it.
         """
         return min([self.from_edge(x, y, z), *self.apart(x, y, z)])
 
     def from_edge(self, x: float, y: float, z: float) -> float:
-        """How far a position is from the nearest wall of the world."""
+        """The distance in metres of a position from the nearest wall of the world."""
         low, high = self.world.low, self.world.high
         nearest = min(x - low[0], high[0] - x, y - low[1], high[1] - y)
         if not self.flat:
@@ -48,7 +48,7 @@ class Field(Struct, frozen=True):
         return nearest
 
     def apart(self, x: float, y: float, z: float) -> Iterator[float]:
-        """How far a position is from each obstacle."""
+        """Yield the distance in metres of a position from each obstacle."""
         for obstacle, sideways in zip(self.obstacles, self.distances, strict=True):
             apart = sideways(x, y)
             if not self.flat:
@@ -56,14 +56,14 @@ class Field(Struct, frozen=True):
             yield apart
 
     def segments_free(self, starts: Floats, ends: Floats, reach_m: float) -> Bools:
-        """Which segments, shape ``(n, 3)``, a body of that radius can move along, exactly."""
+        """A mask of the segments, shape ``(n, 3)``, along which a body can move, exactly."""
         free = self._inside(starts, reach_m) & self._inside(ends, reach_m)
         for obstacle, where in zip(self.obstacles, self.footprints, strict=True):
             free &= ~self._blocked(starts, ends, obstacle, where, reach_m)
         return free
 
     def path_free(self, path: Floats, reach_m: float) -> bool:
-        """Whether a body of that radius can move along a path of at least one point."""
+        """Return whether a body of that radius can move along a path of at least one point."""
         starts, ends = (path, path) if len(path) == 1 else (path[:-1], path[1:])
         return bool(self.segments_free(starts, ends, reach_m).all())
 
@@ -123,7 +123,7 @@ def field(world: World, *, flat: bool) -> Field:
 
 
 def _sideways(obstacle: Obstacle) -> Callable[[float, float], float]:
-    """The distance of a position from a footprint: 0 or less inside. Planners ask thousands."""
+    """The distance function of a footprint: 0 or less inside. Planners call it often."""
     match obstacle:
         case Disc(centre=(cx, cy), radius_m=radius):
             return lambda x, y: math.hypot(x - cx, y - cy) - radius

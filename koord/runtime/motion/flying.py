@@ -1,4 +1,4 @@
-"""How drones and ideal robots follow their routes, with cascaded control of quadrotors.
+"""Path following of drones and ideal robots; cascaded control of quadrotors.
 
 The position controller asks for an acceleration; the thrust has its size along the body's axis and
 the attitude turns that axis towards it (Mellinger, Kumar 2011). The attitude controller asks for
@@ -36,7 +36,7 @@ _SHARES: Floats = np.array([[1.0], [1.0], [0.4]])
 
 
 class Gains(Struct, frozen=True):
-    """Gains of the loops, from outside to inside; each is several times quicker than the last."""
+    """Gains of the control loops, from outer to inner; each is several times faster."""
 
     position: float = 6.25  #: per s²
     velocity: float = 4.5  #: per s
@@ -49,7 +49,7 @@ class Gains(Struct, frozen=True):
 def acceleration(
     gains: Gains, gap: Floats, speed_gap: Floats, ahead: Floats, drone: Drone
 ) -> Floats:
-    """The acceleration that the position controller asks for, limited; without gravity.
+    """The acceleration that the position controller demands, limited; without gravity. In m/s².
 
     ``gap`` and ``speed_gap`` are reference minus measured, ``ahead`` what is asked for apart from
     them: the acceleration of the reference, and the integral part.
@@ -74,7 +74,7 @@ def axis_and_thrust(wanted: Floats, drone: Drone) -> tuple[Floats, Floats]:
 
 
 def body_rates(gains: Gains, axis: Floats, quaternion: Floats) -> Floats:
-    """The rates, in the body's frame, that turn its axis towards ``axis`` and its nose to +x.
+    """The body rates that turn the body's axis towards ``axis`` and its nose to +x, in rad/s.
 
     The tilt is the shortest turn from the vertical to the axis; it has no yaw.
     """
@@ -88,7 +88,7 @@ def body_rates(gains: Gains, axis: Floats, quaternion: Floats) -> Floats:
 
 
 def _sizes(vectors: Floats) -> Floats:
-    """Of vectors ``(3, n)``, added up in this order for one drone as for many."""
+    """The lengths of vectors ``(3, n)``, added up in the same order for one drone as for many."""
     square = vectors * vectors
     sizes: Floats = np.sqrt(square[0] + square[1] + square[2])
     return sizes
@@ -106,7 +106,7 @@ _LAG_M = 0.5
 
 
 class Reference(Struct, frozen=True):
-    """Where robots are to be, how fast to move and to change that: shape ``(n, 3)`` each."""
+    """Reference states: position, velocity and acceleration, shape ``(n, 3)`` each."""
 
     position: Floats
     velocity: Floats
@@ -114,7 +114,7 @@ class Reference(Struct, frozen=True):
 
 
 class Flying:
-    """The law of motion of a group of robots that can move in every direction."""
+    """The motion law of a group of robots that can move in every direction."""
 
     def __init__(self, group: Group, start: Floats, *, waits: bool = True) -> None:
         self.group = group
@@ -124,8 +124,9 @@ class Flying:
         self._all = np.arange(group.count)
 
     def origin(self, position: Floats) -> Floats:
-        """Where new ways to targets begin: at the reference, which a drone is about to reach, and
-        not where it is measured to be, unless it has been pushed away.
+        """The start of new paths to targets: the reference, which a drone is about to reach.
+
+        A robot that has been pushed away starts where it is measured to be.
         """
         near = lengths(self.rest - position) < _LAG_M
         return np.where(near[:, None], self.rest, position)

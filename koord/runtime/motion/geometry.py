@@ -77,10 +77,10 @@ def point_path(p: Floats, path: Floats) -> float:
 
 
 def length(path: Floats) -> float:
-    """How long a path is."""
+    """The length of a path, in metres."""
     return float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
 
 
 def wrapped(angle: Floats) -> Floats:
-    """Angles brought to [-π, π)."""
+    """Wrap angles to [-π, π)."""
     return (angle + np.pi) % (2 * np.pi) - np.pi

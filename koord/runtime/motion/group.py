@@ -1,4 +1,4 @@
-"""Robots of one kind, their orders and their routes: the motion automata at work.
+"""Groups of robots of one kind: their orders, routes and motion automata.
 
 A route is a path cut into legs where a robot has to turn about. Along it runs its length ``s``. At
 each point there is a greatest speed: none at the end of a leg, at bends as much as their curvature
@@ -31,7 +31,7 @@ _CORNER_RAD = np.radians(25.0)
 
 
 class Spot(Struct, frozen=True):
-    """Where some robots are along their routes: arrays with one entry each."""
+    """Points on robots' routes: arrays with one entry per robot."""
 
     position: Floats  #: (m, 3)
     tangent: Floats  #: (m, 3), the unit vector of travel
@@ -99,13 +99,13 @@ class Routes:
         self.turn[robots], self.curvature[robots], self.way[robots] = 0.0, 0.0, 1.0
 
     def segment(self, robots: Ints, s: Floats) -> Ints:
-        """The segments that robots are on at lengths ``s``."""
+        """The index of the segment that each robot is on at length ``s``."""
         passed = (self.s[robots] <= s[:, None]).sum(1) - 1
         found: Ints = np.maximum(np.minimum(passed, self.size[robots] - 1), 0)
         return found
 
     def at(self, robots: Ints, s: Floats, k: Ints | None = None) -> Spot:
-        """Where robots are at lengths ``s`` of their routes."""
+        """The points of routes at lengths ``s``."""
         k = self.segment(robots, s) if k is None else k
         # Where points and segments lie in arrays that have a row for each robot, from row to row.
         here = robots * self.s.shape[1] + k
@@ -211,7 +211,7 @@ class Routes:
 
 
 class _Bends(Struct, frozen=True):
-    """Of each segment: the course at its start and how much it turns; the curvature at points."""
+    """The course at the start of each segment and its turn; the curvature at points."""
 
     course: Floats
     turn: Floats
@@ -219,7 +219,7 @@ class _Bends(Struct, frozen=True):
 
 
 def _bends(way: Floats, length: Floats, leg: Ints) -> _Bends:
-    """Courses and curvatures of a path, as the circles through neighbouring points have them."""
+    """Courses and curvatures of a path, from the circles through neighbouring points."""
     flat = np.arctan2(way[:, 1], way[:, 0])
     starts, ends = flat.copy(), flat.copy()
     curvature = np.zeros(len(flat) + 1)
@@ -262,7 +262,7 @@ class Group:
         visit: Visit,
         seeds: Sequence[int] | None = None,
     ) -> None:
-        """``seeds`` are the planners', one for each robot."""
+        """Make a group; ``seeds`` are the planners', one for each robot."""
         self.body, self.world, self.planner, self.visit = body, world, planner, visit
         self.count = count
         self.automata = automaton.initial(count)
@@ -317,11 +317,11 @@ class Group:
         self._orders.failed[robot] = False
 
     def hold(self, robot: int) -> None:
-        """Stay where it is until it is released."""
+        """Stay in place until released."""
         self._orders.held[robot], self._orders.released[robot] = True, False
 
     def release(self, robot: int) -> None:
-        """Go on with what it was doing when it was told to hold."""
+        """Resume what was interrupted by holding."""
         self._orders.released[robot], self._orders.held[robot] = True, False
 
     def stop(self, robot: int) -> None:
@@ -372,7 +372,7 @@ class Group:
         return velocity
 
     def _plan_straight(self, robots: Ints, psn: Floats) -> Ints:
-        """Give straight paths where they will do; returns the robots that need a planner."""
+        """Plan straight paths where they are free; return the robots that need a planner."""
         goals = np.array([self.targets[robot] for robot in robots.tolist()])
         fits = np.array(
             [suits(self.body, self.world, self.targets[robot]) for robot in robots.tolist()]

@@ -1,4 +1,4 @@
-"""What to say when a library that motion needs is not installed."""
+"""Diagnostics for libraries of the motion room that are not installed."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ FAST = ("numba",)
 
 
 def missing(library: str, extra: str) -> KoordError:
-    """The error that names a library which cannot be imported, and how to get it. (K950)"""
+    """The error for a library that cannot be imported, and how to install it. (K950)"""
     return KoordError(
         (
             Diagnostic(
@@ -28,7 +28,7 @@ def missing(library: str, extra: str) -> KoordError:
 
 
 def require(libraries: tuple[str, ...], extra: str) -> None:
-    """Raises KoordError for the libraries that are not installed, before anything is begun."""
+    """Check that libraries are installed. Raises KoordError for those that are not."""
     absent = [name for name in libraries if find_spec(name) is None]
     if absent:
         raise missing(", ".join(absent), extra)

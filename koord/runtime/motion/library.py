@@ -1,4 +1,4 @@
-"""The library's functions of paths and maps, on real geometry. (prelude.krd)
+"""The library's functions on paths and maps, with real geometry. (prelude.krd)
 
 A scan is what a scanner reports: first where it stood, then where each of its beams ended, which
 is at an obstacle if it is nearer than the scanner's range. A map has a truth value for each cell
@@ -57,7 +57,7 @@ def scan_to_map(grid: Grid, scan: Sequence[Point], range_m: float) -> dict[int, 
 def frontier(
     grid: Grid, known: Mapping[int, bool], near: Point, draw: np.random.Generator
 ) -> Point:
-    """A point where the known part of the world ends; ``near`` itself if it ends nowhere.
+    """A point on the boundary of the known part of the world; ``near`` itself if there is none.
 
     It is the middle of a free cell beside an unknown one: one of the nearest by way of free cells,
     away from walls if that can be.
@@ -82,7 +82,7 @@ def obstacle_points(grid: Grid, known: Mapping[int, bool], height_m: float) -> t
 
 
 def occupied(world: World) -> frozenset[int]:
-    """The cells in which something stands: what a complete map should say."""
+    """The cells that contain an obstacle: the contents of a complete map."""
     grid = world.grid
     found = set()
     footprints = [shapes.footprint(obstacle) for obstacle in world.obstacles]
@@ -94,7 +94,7 @@ def occupied(world: World) -> frozenset[int]:
 
 
 def _distances(grid: Grid, known: Mapping[int, bool], near: Point) -> dict[int, int]:
-    """The free cells that can be come to, by how many steps away they are."""
+    """The reachable free cells, with their distances in steps."""
     here = grid.cell(near[0], near[1])
     if here is None or known.get(here, True):
         free = [cell for cell, there in known.items() if not there]
@@ -116,7 +116,7 @@ def _square(centre: tuple[float, float], near: Point) -> float:
 
 
 def _cells(grid: Grid, origin: Floats, unit: Floats, length: Floats) -> list[int]:
-    """The cells that beams pass through, as far as points an eighth of a cell apart show."""
+    """The cells that beams pass through, sampled at an eighth of a cell."""
     spacing = grid.cell_m / 8
     along = np.arange(0.0, float(length.max(initial=0.0)), spacing)
     at = origin + unit[:, None] * along[None, :, None]
@@ -141,14 +141,14 @@ _SAME_HEADING_RAD = 0.05
 
 
 class Chart(Struct, frozen=True):
-    """How maps are drawn: their cells, and how far the scanners reach that they are drawn from."""
+    """The parameters of maps: the grid, and the range of scanners in metres."""
 
     grid: Grid
     range_m: float = 4.0
 
 
 class _Kept(Struct, frozen=True):
-    """What was planned from a pose, and in which round; None: no way was found."""
+    """A cached plan: its pose and round; None: no path was found."""
 
     pose: Pose
     path: Path | None
@@ -195,7 +195,7 @@ class Library:
         self.begin_round()
 
     def begin_round(self) -> None:
-        """Let every robot plan again."""
+        """Begin a round, in which every robot may plan again."""
         self._round += 1
         for robot in self._robots.values():
             robot.left = self.plans_per_round
@@ -203,37 +203,37 @@ class Library:
     # --- paths ----------------------------------------------------------------------------------
 
     def find_path(self, robot: int, start: Point, goal: Point) -> Path:
-        """``findPath(start, goal)``: from start to goal, around what stands in the world."""
+        """Answer ``findPath(start, goal)``: a path around the world's obstacles."""
         return self._planned(robot, start, goal) or ()
 
     def find_path_around(
         self, robot: int, start: Point, goal: Point, obstacles: Sequence[Point]
     ) -> Path:
-        """``findPath(start, goal, obstacles)``: around the points as well."""
+        """Answer ``findPath(start, goal, obstacles)``: a path around the points as well."""
         if not obstacles:
             return self.find_path(robot, start, goal)
         return self._plan(self._robots[robot], self._pose_at(robot, start), goal, obstacles) or ()
 
     def path_from_task(self, robot: int, target: Point) -> Path:
-        """``getPathFromTask(task)``: from where the robot is to the task."""
+        """Answer ``getPathFromTask(task)``: a path from the robot's position to the task."""
         return self.find_path(robot, self.pose(robot).position, target)
 
     def will_collide(self, robot: int, target: Point) -> bool:
-        """``willCollide(task)``: whether the robot finds no way to a task."""
+        """Answer ``willCollide(task)``: whether the robot finds no path to a task."""
         return self._planned(robot, self.pose(robot).position, target) is None
 
     # --- maps -----------------------------------------------------------------------------------
 
     def scan_to_map(self, scan: Sequence[Point]) -> dict[int, bool]:
-        """``scanToMap(scan)``: the cells that a scan saw."""
+        """Answer ``scanToMap(scan)``: the cells that a scan saw."""
         return scan_to_map(self.chart.grid, scan, self.chart.range_m)
 
     def pick_frontier(self, robot: int, known: Mapping[int, bool], near: Point) -> Point:
-        """``pickFrontierPos(known, near)``."""
+        """Answer ``pickFrontierPos(known, near)``."""
         return frontier(self.chart.grid, known, near, self._draw[robot])
 
     def find_obstacles(self, known: Mapping[int, bool]) -> tuple[Point, ...]:
-        """``findObs(known)``: a point in each occupied cell."""
+        """Answer ``findObs(known)``: a point in each occupied cell."""
         return obstacle_points(self.chart.grid, known, self.clearance.ground_m)
 
     # --- inside ---------------------------------------------------------------------------------

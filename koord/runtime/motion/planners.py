@@ -1,4 +1,4 @@
-"""The planners by the names that configurations give them. OMPL is loaded where it is needed."""
+"""Planners by their names in configurations. OMPL is loaded where it is needed."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ def planner(
     effort: PlanningEffort = PlanningEffort(),
     avoid_m: float = 0.25,
 ) -> Planner:
-    """The planner of that name. Raises KoordError if it needs a library that is not installed.
+    """The planner of a name. Raises KoordError if it needs a library that is not installed.
 
     ``avoid_m`` is the radius of what stands at a point to avoid.
     """

@@ -1,4 +1,4 @@
-"""Path planners by their names. (paper, III-D and VI-C)
+"""The interface of path planners, and the straight-line planner. (paper, III-D and VI-C)
 
 A planner is made for a world and a body, and asked for paths. It answers with points, the first of
 which is the start and the last the goal, or with None: no way was found. It never answers with a
@@ -26,21 +26,21 @@ _ON_PLANE_M = 0.05
 
 
 class Pose(Struct, frozen=True):
-    """Where a robot is, and where it points (counter-clockwise from the x axis)."""
+    """The pose of a robot: position in metres, heading counter-clockwise from the x axis in rad."""
 
     position: Point
     heading_rad: float = 0.0
 
 
 class PlanningEffort(Struct, frozen=True):
-    """How long a planner may try: in steps, not in time, so that a seed repeats a run."""
+    """The effort of a planner in steps, not in time, so that a seed repeats a run."""
 
     steps: int = 1000
     star_steps: int = 120  #: of planners that go on improving
 
 
 class Hindrance(Enum):
-    """Why a robot does not go where it is to go."""
+    """Reasons why a robot does not go to its goal."""
 
     OUTSIDE = "that is outside of the world's bounds"
     ABOVE_GROUND = "that is above the ground, which it never leaves"
@@ -55,7 +55,7 @@ class Hindrance(Enum):
 
 
 class Plight(Struct, frozen=True):
-    """A robot stays where it is: what hinders it, and where it was to go, if anybody said."""
+    """A robot that stays in place: the hindrance, and its goal, if one was set."""
 
     hindrance: Hindrance
     goal: Point | None = None
@@ -72,7 +72,7 @@ class Plight(Struct, frozen=True):
 
 
 class Touched(NamedTuple):
-    """Something that a vehicle touches: another vehicle, an obstacle, or the edge of the world."""
+    """A contact of a vehicle: with another vehicle, an obstacle, or the edge of the world."""
 
     what: Hindrance
     number: int = 0  #: of the obstacle, or of the vehicle among those that are ``others``
@@ -90,7 +90,7 @@ class Planner(Protocol):
 
 
 def hindrance(body: Body, world: World, goal: Point) -> Hindrance | None:
-    """Why robots of that kind may not go to a point at all; None: they may."""
+    """The reason why robots of that kind may never go to a point; None if they may."""
     if not all(a <= c <= b for a, c, b in zip(world.low, goal, world.high, strict=True)):
         return Hindrance.OUTSIDE
     if body.ON_GROUND:
@@ -100,12 +100,12 @@ def hindrance(body: Body, world: World, goal: Point) -> Hindrance | None:
 
 
 def suits(body: Body, world: World, goal: Point) -> bool:
-    """Whether robots of that kind may go to a point at all: inside, on the plane or above it."""
+    """Return whether robots of that kind may go to a point: inside, on the plane or above it."""
     return hindrance(body, world, goal) is None
 
 
 class Ground(Struct, frozen=True):
-    """What planners know: the world, the body, and the radius of what stands at points to avoid."""
+    """The planning problem: world, body, and the radius in m of what stands at avoided points."""
 
     world: World
     body: Body
@@ -124,7 +124,7 @@ class Ground(Struct, frozen=True):
 
 
 class Straight(Struct, frozen=True):
-    """The straight line, where nothing is in the way."""
+    """The planner of straight lines, where nothing is in the way."""
 
     ground: Ground
 

@@ -33,7 +33,7 @@ except ImportError as error:
 
 
 class Weights(Struct, frozen=True):
-    """What errors and inputs cost."""
+    """The weights of errors and inputs in the cost function."""
 
     along: float = 0.05
     across: float = 6.0
@@ -45,7 +45,7 @@ class Weights(Struct, frozen=True):
 
 
 class Predictive:
-    """The controllers of ``count`` cars. The solver of a car is made when it is first needed."""
+    """The predictive controllers of ``count`` cars. A car's solver is made on first use."""
 
     def __init__(
         self,
@@ -70,7 +70,7 @@ class Predictive:
     def inputs(
         self, cars: Ints, error: Floats, course: Course, way: Floats, last: Floats
     ) -> Floats:
-        """Speed of travel and steering angle for the cars with these numbers, shape ``(m, 2)``.
+        """Speeds of travel and steering angles for the cars with these numbers, shape ``(m, 2)``.
 
         ``error`` is ``(m, 3)``, ``way`` is -1 for cars that drive backwards, ``last`` the inputs
         that are in effect, ``(m, 2)``.
@@ -110,7 +110,7 @@ class Predictive:
     def _predicted(
         self, error: Floats, course: Course, way: Floats, reference: Floats
     ) -> tuple[Floats, Floats]:
-        """Errors at the ends of the steps: as they come of themselves, and per input.
+        """Predicted errors at the ends of the steps: the free response, and the gain per input.
 
         Shapes ``(m, 3 steps)`` and ``(m, 3 steps, 2 steps)``.
         """

@@ -1,4 +1,4 @@
-"""What controllers of cars follow, and the cheap one: pure pursuit. (Coulter 1992)
+"""Pure pursuit steering of cars, and the course that controllers follow. (Coulter 1992)
 
 It steers along the circle to a point further on. All arrays have one entry for each car.
 """
@@ -18,7 +18,7 @@ _AHEAD_M = 0.35
 
 
 def look_ahead(speed_mps: Floats) -> Floats:
-    """How far along its route a car looks."""
+    """The look-ahead distance along the route, in metres."""
     return np.maximum(_AHEAD_M, _AHEAD_S * speed_mps)
 
 
@@ -42,14 +42,14 @@ def steering(curvature: Floats, way: Floats, car: Car) -> Floats:
 
 
 class Horizon(Struct, frozen=True):
-    """How far a controller looks: so many steps of so long."""
+    """The horizon of a controller: a number of steps and their length in seconds."""
 
     steps: int = 8
     step_s: float = 0.1
 
 
 class Course(Struct, frozen=True):
-    """What cars are to follow, from now on: arrays ``(m, steps)``.
+    """The course that cars are to follow from now on: arrays ``(m, steps)``.
 
     They may go more slowly than told, to keep to the path, but not more slowly than ``slowest``.
     """

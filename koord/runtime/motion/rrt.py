@@ -58,7 +58,7 @@ _chance = Lock()
 
 
 def _new_lock() -> None:
-    """A process that was forked has none of the threads that may hold the lock."""
+    """Replace the lock in a forked process, which has none of the threads that may hold it."""
     global _chance
     _chance = Lock()
 
@@ -80,7 +80,7 @@ def _one_at_a_time(plan: Callable[Given, Made]) -> Callable[Given, Made]:
 
 
 class SpacePlanner(Struct, frozen=True):
-    """Paths for what can set out in every direction: trees in R³, or in the plane of the ground."""
+    """A planner for bodies that set out in any direction: RRT in R³, or on the ground plane."""
 
     ground: Ground
     effort: PlanningEffort
@@ -122,7 +122,7 @@ class SpacePlanner(Struct, frozen=True):
 
 
 class CurvePlanner(Struct, frozen=True):
-    """Paths that a car can drive, forwards and backwards: trees of Reeds–Shepp curves."""
+    """A planner for cars, forwards and backwards: RRT on Reeds–Shepp curves."""
 
     ground: Ground
     effort: PlanningEffort
@@ -132,7 +132,7 @@ class CurvePlanner(Struct, frozen=True):
     def plan(
         self, start: Pose, goal: Point, seed: int, avoid: Sequence[Point] = ()
     ) -> Floats | None:
-        """A path of points 0.15 m apart; where the car turns about, there is a point as well."""
+        """Plan a path of points 0.15 m apart, with a point wherever the car reverses."""
         body, world = self.ground.body, self.ground.world
         if not suits(body, world, goal):
             return None
@@ -162,7 +162,7 @@ class CurvePlanner(Struct, frozen=True):
 
 
 def _bounded(space: Any, world: World, axes: int) -> Any:
-    """The space, within the world."""
+    """The state space with the bounds of the world."""
     bounds = base.RealVectorBounds(axes)
     for axis in range(axes):
         bounds.setLow(axis, world.low[axis])
@@ -172,7 +172,7 @@ def _bounded(space: Any, world: World, axes: int) -> Any:
 
 
 class _Query(Struct):
-    """One question to OMPL: a space, what is valid in it, and how long to try."""
+    """A planning query for OMPL: a space, its validity check, and a limit of steps."""
 
     space: Any
     valid: Callable[[Any], bool]
@@ -229,7 +229,7 @@ class _Query(Struct):
 
 
 def _leaving(free: Field, start: Point, reach_m: float) -> Callable[[float, float, float], bool]:
-    """Whether a position has enough clearance: the reach, or near the start what it has there."""
+    """A check that a position has clearance: the reach, or near the start what it has there."""
     at_start = free.clearance(*start) - 1e-3
     if at_start >= reach_m:
         return lambda x, y, z: free.clearance(x, y, z) > reach_m
@@ -245,7 +245,7 @@ def _leaving(free: Field, start: Point, reach_m: float) -> Callable[[float, floa
 
 
 def car_fits(free: Field, body: Body, start: Pose) -> Callable[[Any], bool]:
-    """Whether a car fits at a state: two discs cover it, half its length apart."""
+    """A check that a car fits at a state: two discs cover it, half its length apart."""
     length, width, middle = body.outline_m
     half = length / 4
     reach = math.hypot(half, width / 2) + MARGIN_M
@@ -276,13 +276,13 @@ def _place(state: Any, position: Point, heading_rad: float) -> None:
 
 
 def _pinned(points: Floats, start: Point, goal: Point) -> Floats:
-    """The path with exactly the start and the goal at its ends."""
+    """The path with its ends set to exactly the start and the goal."""
     points[0], points[-1] = start, goal
     return points
 
 
 def spaced(fine: Floats) -> Floats:
-    """Points of a curve ``(k, 3)`` of x, y, heading: evenly spaced between its turns about.
+    """Points of a curve ``(k, 3)`` of x, y, heading: evenly spaced between its reversals.
 
     Where the car turns about (drives on the other way), its path has a cusp, and that is kept.
     """

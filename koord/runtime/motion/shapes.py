@@ -20,7 +20,7 @@ Footprint: TypeAlias = "tuple[shapely.Geometry, float]"
 
 
 def footprint(obstacle: Obstacle) -> Footprint:
-    """The ground that an obstacle covers, exactly."""
+    """The exact footprint of an obstacle on the ground."""
     match obstacle:
         case Box() | Polygon():
             shape = shapely.Polygon(obstacle.corners)
@@ -33,7 +33,7 @@ def footprint(obstacle: Obstacle) -> Footprint:
 
 
 def fault(polygon: Polygon) -> str | None:
-    """What is wrong with the corners of a polygon: that edges cross, say. None if nothing is."""
+    """The problem with a polygon's corners, such as crossing edges; None if there is none."""
     if len(set(polygon.corners)) < 3:
         return "a polygon needs three corners"
     shape = shapely.Polygon(polygon.corners)
@@ -41,7 +41,7 @@ def fault(polygon: Polygon) -> str | None:
 
 
 def touched(starts: Floats, ends: Floats, where: Footprint, reach_m: float) -> Bools:
-    """Which of the flat segments, shape ``(n, 2)``, come within reach of a footprint."""
+    """A mask of the flat segments, shape ``(n, 2)``, that come within reach of a footprint."""
     shape, around = where
     lines = shapely.linestrings(_rounded(np.stack([starts, ends], axis=1)))
     found: Bools = shapely.dwithin(lines, shape, reach_m + around)
@@ -49,7 +49,7 @@ def touched(starts: Floats, ends: Floats, where: Footprint, reach_m: float) -> B
 
 
 def flat_paths_within(one: Floats, other: Floats, reach_m: float) -> bool:
-    """Whether two flat paths, shape ``(k, 2)``, come as close to each other as that."""
+    """Return whether two flat paths, shape ``(k, 2)``, come within reach of each other."""
     return bool(shapely.dwithin(_line(one), _line(other), reach_m))
 
 
@@ -59,12 +59,12 @@ def _line(path: Floats) -> shapely.Geometry:
 
 
 def _rounded(points: Floats) -> Floats:
-    """The points without what is so small that its square vanishes: GEOS divides by such."""
+    """Round away components so small that their squares vanish: GEOS divides by such."""
     return np.round(points, 12)
 
 
 def overlaps(where: Footprint, centre: tuple[float, float], side_m: float) -> bool:
-    """Whether a footprint covers some of a square, and not only its edge."""
+    """Return whether a footprint covers part of a square, and not only its edge."""
     shape, around = where
     half = side_m / 2 - 1e-9
     (x, y) = centre

@@ -91,7 +91,7 @@ class Grid(Struct, frozen=True):
 
 
 class World(Struct, frozen=True):
-    """Where robots move. The defaults are the 7 × 8 × 3 m arena of the paper (VI-B).
+    """A world. The defaults are the 7 × 8 × 3 m arena of the paper (VI-B).
 
     The plane that cars drive on is ``low[2]``.
     """

@@ -1,4 +1,4 @@
-"""Committing an entry, and going on to the next round: the only place where a robot acts."""
+"""Commits of entries, and the step to the next round: the only place where a robot acts."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from koord.runtime.protocol.state import Coordinator, Retired, StepContext
 
 
 def commit(turn: StepContext, held: Held) -> None:
-    """Act on the entry of the robot's round, which a majority is known to hold. (R-COMMIT)"""
+    """Commit the entry of the robot's round, which a majority is known to hold. (R-COMMIT)"""
     state = turn.state
     entry = held.entry
     assert (entry.round, entry.previous) == (state.round, state.chain)
@@ -34,7 +34,7 @@ def _kept(entry: LogEntry, pid: int) -> Admitted | None:
 
 
 def _roster(roster: tuple[int, ...], entry: LogEntry) -> tuple[int, ...]:
-    """Who is admitted counts from here on. (R-ADMIT)"""
+    """The roster after an entry: admitted robots count from here on. (R-ADMIT)"""
     if not entry.admitted:
         return roster
     changed = list(roster)
@@ -61,7 +61,7 @@ def _end_if_over(turn: StepContext, entry: LogEntry) -> None:
 
 
 def end(turn: StepContext) -> None:
-    """There are no more rounds; whoever is behind is still answered."""
+    """End the run for this robot; it still answers robots that are behind."""
     turn.change(ended=True)
     for timer in (Timer.DEADLINE, Timer.HOLD, Timer.SILENCE):
         turn.disarm(timer)
@@ -69,7 +69,7 @@ def end(turn: StepContext) -> None:
 
 
 def retire(turn: StepContext) -> None:
-    """Another robot has this one's pid. (R-ADMIT)"""
+    """Retire: another robot has this one's pid. (R-ADMIT)"""
     turn.take(Retired())
     turn.hold(Reason.TWICE)
     for timer in Timer:
@@ -78,7 +78,7 @@ def retire(turn: StepContext) -> None:
 
 
 def go_on(turn: StepContext, pause_s: float) -> None:
-    """Begin the round that is open now, unless the robot has yet to catch up. (R-BEGIN)"""
+    """Begin the open round, unless the robot has yet to catch up. (R-BEGIN)"""
     state = turn.state
     if isinstance(state.office, Retired):
         return
@@ -101,7 +101,7 @@ def go_on(turn: StepContext, pause_s: float) -> None:
 
 
 def _clear_desk(turn: StepContext, desk: Coordinator, pause_s: float) -> None:
-    """The coordinator's desk for a new round. (R-OPEN)"""
+    """Reset the coordinator's state for a new round. (R-OPEN)"""
     setup = turn.setup
     roster = turn.state.roster
     turn.take(

@@ -1,4 +1,4 @@
-"""The coordinator's work: gathering proposals, deciding, counting who holds the entry."""
+"""The coordinator: gathers proposals, decides, and counts acknowledgements."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from koord.runtime.protocol.state import Coordinator, State, StepContext
 
 
 def take_office(turn: StepContext) -> None:
-    """Elected: send the tentative entry again, or say that the round is open. (R-OFFICE)"""
+    """Take office after an election: resend the tentative entry, or open the round. (R-OFFICE)"""
     setup = turn.setup
     desk = Coordinator((None,) * setup.robots, began=turn.now)
     turn.take(desk)
@@ -41,7 +41,7 @@ def take_office(turn: StepContext) -> None:
 
 
 def gather(turn: StepContext, proposal: Proposal) -> None:
-    """A proposal for the open round; the first of a robot counts. (R-OPEN)"""
+    """Gather a proposal for the open round; the first of a robot counts. (R-OPEN)"""
     desk = turn.state.office
     assert isinstance(desk, Coordinator)
     if desk.proposals[proposal.robot] is None:
@@ -67,7 +67,7 @@ def on_propose(turn: StepContext, sender: int, message: Propose) -> None:
 
 
 def decide_if_ready(turn: StepContext) -> None:
-    """(R-DECIDE)"""
+    """Decide the round if all needed proposals are there. (R-DECIDE)"""
     state, setup = turn.state, turn.setup
     desk = state.office
     if not isinstance(desk, Coordinator) or state.tentative is not None or state.ended:
@@ -81,7 +81,7 @@ def decide_if_ready(turn: StepContext) -> None:
 
 
 def overdue(turn: StepContext) -> None:
-    """The deadline for proposals is over. (R-DECIDE)"""
+    """Decide after the deadline for proposals. (R-DECIDE)"""
     desk = turn.state.office
     if isinstance(desk, Coordinator):
         turn.take(replace(desk, overdue=True))
@@ -99,13 +99,13 @@ def owed(turn: StepContext) -> frozenset[int]:
 
 
 def _admissions(turn: StepContext, desk: Coordinator) -> tuple[Admission, ...]:
-    """Who is let in again; a majority of others must be left to agree to it. (R-ADMIT)"""
+    """The robots to admit again; a majority of others has to remain. (R-ADMIT)"""
     most = turn.setup.robots - turn.setup.majority
     return tuple(Admission(robot, incarnation) for robot, incarnation in desk.guests[:most])
 
 
 def _put_forward(turn: StepContext, entry: LogEntry) -> None:
-    """Hold an entry in the own epoch, and ask all others to. (R-DECIDE) (R-OFFICE)"""
+    """Accept an entry in the own epoch, and send it to all others. (R-DECIDE) (R-OFFICE)"""
     state = turn.state
     turn.change(tentative=Held(state.promised, entry, digest(entry)))
     turn.disarm(Timer.DEADLINE)
@@ -115,7 +115,7 @@ def _put_forward(turn: StepContext, entry: LogEntry) -> None:
 
 
 def on_acknowledge(turn: StepContext, sender: int, incarnation: int, message: Acknowledge) -> None:
-    """(R-MAJORITY)"""
+    """Handle an Acknowledge. (R-MAJORITY)"""
     state = turn.state
     if message.round < state.round:
         if message.again:
@@ -129,7 +129,7 @@ def on_acknowledge(turn: StepContext, sender: int, incarnation: int, message: Ac
 
 
 def _say_committed(turn: StepContext, to: int, message: Acknowledge) -> None:
-    """The robot's Committed was lost."""
+    """Send Committed again to a robot that has not heard it."""
     state = turn.state
     if isinstance(state.office, Coordinator) and any(
         held.digest == message.digest for held in state.log
@@ -140,7 +140,7 @@ def _say_committed(turn: StepContext, to: int, message: Acknowledge) -> None:
 
 
 def _count(turn: StepContext, robot: int, incarnation: int) -> None:
-    """One more robot holds the tentative entry. (R-MAJORITY)"""
+    """Count one more robot that holds the tentative entry. (R-MAJORITY)"""
     state = turn.state
     desk, held = state.office, state.tentative
     assert isinstance(desk, Coordinator)
@@ -158,12 +158,12 @@ def _count(turn: StepContext, robot: int, incarnation: int) -> None:
 
 
 def _pause(turn: StepContext, desk: Coordinator) -> float:
-    """What is left of the round; a round that took too long is not made up for. (R-BEGIN)"""
+    """The rest of the round in seconds; overtime is not made up for. (R-BEGIN)"""
     return max(0.0, desk.began + turn.setup.timing.delta_s - turn.now)
 
 
 def on_hello(turn: StepContext, sender: int, incarnation: int, message: Hello) -> None:
-    """A robot is back. (R-REJOIN) (R-ADMIT)"""
+    """Handle a Hello: a robot is back. (R-REJOIN) (R-ADMIT)"""
     state = turn.state
     desk = state.office
     if (message.empty and isinstance(desk, Coordinator)) or state.ended:
@@ -176,7 +176,7 @@ def on_hello(turn: StepContext, sender: int, incarnation: int, message: Hello) -
 
 
 def resend(turn: StepContext) -> None:
-    """Ask again who has not answered. (R-AGAIN)"""
+    """Send again to robots that have not answered. (R-AGAIN)"""
     state, setup = turn.state, turn.setup
     desk = state.office
     assert isinstance(desk, Coordinator)
@@ -192,7 +192,7 @@ def resend(turn: StepContext) -> None:
 
 
 def _ask_again(turn: StepContext, whom: list[int], message: Decide | Open) -> None:
-    """One message to all, if they are many, or if the others have heard nothing for a while."""
+    """Send one message to all if many are missing, or if the others heard nothing for a while."""
     if len(whom) > turn.setup.robots // 2 or turn.state.tries > 0:
         turn.tell(message)
         return
@@ -201,7 +201,7 @@ def _ask_again(turn: StepContext, whom: list[int], message: Decide | Open) -> No
 
 
 def check_majority(turn: StepContext) -> bool:
-    """Whether a majority was heard since this was asked last. (R-SILENCE)"""
+    """Return whether a majority was heard since the last check. (R-SILENCE)"""
     state = turn.state
     desk = state.office
     assert isinstance(desk, Coordinator)
@@ -213,7 +213,7 @@ def check_majority(turn: StepContext) -> bool:
 
 
 def note(turn: StepContext, sender: int) -> None:
-    """A robot was heard."""
+    """Note that a robot was heard."""
     desk = turn.state.office
     if isinstance(desk, Coordinator) and sender not in desk.heard:
         turn.take(replace(desk, heard=desk.heard | {sender}))

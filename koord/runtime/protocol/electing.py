@@ -1,4 +1,4 @@
-"""How a majority finds itself a coordinator. (R-SILENCE) … (R-OVERRULED)"""
+"""Elections of a coordinator by a majority. (R-SILENCE) … (R-OVERRULED)"""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from koord.runtime.protocol.state import (
 
 
 def silence(turn: StepContext) -> None:
-    """(R-SILENCE)"""
+    """Handle silence: no coordinator was heard in time. (R-SILENCE)"""
     state = turn.state
     match state.office:
         case Follower(leader=None) | Canvassing() | Candidate():
@@ -45,7 +45,7 @@ def silence(turn: StepContext) -> None:
 
 
 def canvass(turn: StepContext) -> None:
-    """Ask who would have this robot as coordinator. (R-CANVASS)"""
+    """Canvass: ask who would support this robot as coordinator. (R-CANVASS)"""
     state, setup = turn.state, turn.setup
     standing = isinstance(state.office, Canvassing)
     epoch = setup.epoch_above(state.seen, state.pid)
@@ -58,13 +58,13 @@ def canvass(turn: StepContext) -> None:
 
 
 def _budget(turn: StepContext, epoch: int) -> float:
-    """Not the same for two robots, so that they do not go on disturbing each other."""
+    """The waiting time, different for each robot, so that rivals do not collide repeatedly."""
     timing, setup = turn.setup.timing, turn.setup
     return timing.silence_s / 2 + timing.slot_s * ((turn.state.pid + epoch) % setup.robots)
 
 
 def on_canvass(turn: StepContext, sender: int, message: Canvass) -> None:
-    """(R-CANVASS)"""
+    """Handle a Canvass. (R-CANVASS)"""
     state = turn.state
     if message.epoch <= state.promised:
         turn.send(sender, Overruled(state.promised))
@@ -87,7 +87,7 @@ def on_canvass(turn: StepContext, sender: int, message: Canvass) -> None:
 
 
 def on_support(turn: StepContext, sender: int, incarnation: int, message: Support) -> None:
-    """(R-STAND)"""
+    """Handle a Support. (R-STAND)"""
     state = turn.state
     office = state.office
     if not isinstance(office, Canvassing) or office.epoch != message.epoch:
@@ -112,7 +112,7 @@ def _stand_if_supported(turn: StepContext) -> None:
 
 
 def on_candidacy(turn: StepContext, sender: int, message: Candidacy) -> None:
-    """(R-VOTE)"""
+    """Handle a Candidacy. (R-VOTE)"""
     state, setup = turn.state, turn.setup
     epoch = message.epoch
     if setup.coordinator(epoch) != sender or epoch < state.promised:
@@ -132,7 +132,7 @@ def on_candidacy(turn: StepContext, sender: int, message: Candidacy) -> None:
 
 
 def on_vote(turn: StepContext, sender: int, incarnation: int, message: Vote) -> None:
-    """(R-OFFICE)"""
+    """Handle a Vote. (R-OFFICE)"""
     state = turn.state
     if isinstance(state.office, Candidate) and message.epoch == state.promised:
         _count(turn, sender, incarnation)
@@ -151,7 +151,7 @@ def _count(turn: StepContext, robot: int, incarnation: int) -> None:
 
 
 def on_overruled(turn: StepContext, message: Overruled) -> None:
-    """(R-OVERRULED)"""
+    """Handle an Overruled. (R-OVERRULED)"""
     state = turn.state
     turn.hear(message.epoch)
     if message.epoch > state.promised and isinstance(state.office, Coordinator | Candidate):
@@ -161,7 +161,7 @@ def on_overruled(turn: StepContext, message: Overruled) -> None:
 
 
 def resend(turn: StepContext) -> None:
-    """Ask again who has not answered. (R-AGAIN)"""
+    """Send again to robots that have not answered. (R-AGAIN)"""
     state = turn.state
     match state.office:
         case Canvassing(epoch=epoch):

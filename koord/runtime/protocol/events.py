@@ -1,4 +1,4 @@
-"""What happens to the machine, and what it wants done."""
+"""Events and effects of the protocol machine."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from koord.runtime.protocol.messages import LastRun, LogEntry, Message
 
 
 class Timer(Enum):
-    """A robot has one of each; arming it anew forgets the old time."""
+    """The timers of a robot, one of each; arming it anew replaces the old time."""
 
     DEADLINE = "deadline"  #: the coordinator waits for proposals no longer (R-DECIDE)
     RESEND = "resend"  #: what is not answered is sent again (R-AGAIN)
@@ -20,7 +20,7 @@ class Timer(Enum):
 
 
 class Reason(Enum):
-    """Why a robot holds its position."""
+    """The reasons why a robot holds its position."""
 
     NO_COORDINATOR = "no coordinator is heard"
     NO_MAJORITY = "fewer than a majority answer"
@@ -35,13 +35,13 @@ class Reason(Enum):
 
 
 class Started(msgspec.Struct, frozen=True):
-    """The robot has been switched on. Comes once, first."""
+    """Event: the robot has been switched on. Comes once, first."""
 
     now: float
 
 
 class Received(msgspec.Struct, frozen=True):
-    """A message of another robot."""
+    """Event: a message of another robot has arrived."""
 
     now: float
     sender: int
@@ -50,21 +50,21 @@ class Received(msgspec.Struct, frozen=True):
 
 
 class Expired(msgspec.Struct, frozen=True):
-    """A timer that was armed has run down."""
+    """Event: an armed timer has expired."""
 
     now: float
     timer: Timer
 
 
 class Proposed(msgspec.Struct, frozen=True):
-    """The robot has run its event into a buffer, as asked for by Begin."""
+    """Event: the robot has run its event into a buffer, as Begin demands."""
 
     now: float
     proposal: Proposal
 
 
 class StoreShown(msgspec.Struct, frozen=True):
-    """The answer to ShowStore: the store before the round, as bytes."""
+    """Event: the answer to ShowStore, the store before the round as bytes."""
 
     now: float
     to: int
@@ -79,27 +79,27 @@ Event = Started | Received | Expired | Proposed | StoreShown
 
 
 class Send(msgspec.Struct, frozen=True):
-    """A message to one robot."""
+    """Effect: send a message to one robot."""
 
     to: int
     message: Message
 
 
 class Tell(msgspec.Struct, frozen=True):
-    """A message to all other robots."""
+    """Effect: send a message to all other robots."""
 
     message: Message
 
 
 class Begin(msgspec.Struct, frozen=True):
-    """In so many seconds: sense, run an event into a buffer, and propose it. (R-BEGIN)"""
+    """Effect: after a delay, sense, run an event into a buffer, and propose it. (R-BEGIN)"""
 
     round: int
     after_s: float
 
 
 class Commit(msgspec.Struct, frozen=True):
-    """Act: apply the writes. With ``kept`` the buffer is kept, otherwise thrown away. (R-COMMIT)
+    """Effect: apply the writes. With ``kept`` the buffer is kept, otherwise discarded. (R-COMMIT)
 
     A robot that is back may find that it was let through with what it proposed before the crash.
     """
@@ -109,7 +109,7 @@ class Commit(msgspec.Struct, frozen=True):
 
 
 class Install(msgspec.Struct, frozen=True):
-    """Replace the store by a snapshot's. (R-SNAPSHOT)
+    """Effect: replace the store by a snapshot's. (R-SNAPSHOT)
 
     ``ran`` is what this robot last ran, according to the others: a buffer for that round is kept.
     """
@@ -120,34 +120,34 @@ class Install(msgspec.Struct, frozen=True):
 
 
 class ShowStore(msgspec.Struct, frozen=True):
-    """Another robot needs the store as it is now: StoreShown has it."""
+    """Effect: another robot needs the store as it is now; StoreShown answers."""
 
     to: int
 
 
 class Hold(msgspec.Struct, frozen=True):
-    """Come to a safe stop and stay there. (R-HOLD)"""
+    """Effect: come to a safe stop and stay there. (R-HOLD)"""
 
     reason: Reason
 
 
 class Resume(msgspec.Struct, frozen=True):
-    """Go on."""
+    """Effect: go on after Hold."""
 
 
 class RunEnded(msgspec.Struct, frozen=True):
-    """The run is over: a fault, the last round, or another robot with this pid."""
+    """Effect: the run is over, by a fault, the last round, or another robot with this pid."""
 
 
 class Arm(msgspec.Struct, frozen=True):
-    """Expired has to come in so many seconds, unless the timer is armed again before."""
+    """Effect: arm a timer; Expired comes after so many seconds unless it is armed again."""
 
     timer: Timer
     after_s: float
 
 
 class Disarm(msgspec.Struct, frozen=True):
-    """Expired must not come."""
+    """Effect: disarm a timer."""
 
     timer: Timer
 

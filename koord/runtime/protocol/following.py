@@ -1,4 +1,4 @@
-"""A robot that hears a coordinator: holding entries, acknowledging, committing, catching up."""
+"""Followers: accept entries, acknowledge, commit, and catch up."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ BATCH = 8
 
 
 def follow(turn: StepContext, sender: int, epoch: int) -> bool:
-    """Take the sender for the coordinator of its epoch, unless a higher one is promised."""
+    """Follow the sender as the coordinator of its epoch, unless a higher one is promised."""
     state, setup = turn.state, turn.setup
     if epoch < state.promised:
         turn.send(sender, Overruled(state.promised))
@@ -43,7 +43,7 @@ def follow(turn: StepContext, sender: int, epoch: int) -> bool:
 
 
 def propose(turn: StepContext, proposal: Proposal) -> None:
-    """The robot's own proposal has been worked out. (R-BEGIN)"""
+    """Send the robot's own proposal, which is ready. (R-BEGIN)"""
     state = turn.state
     if state.mine is not None or proposal.round != state.round or state.ended:
         return  # the round was decided meanwhile: the buffer is thrown away
@@ -55,7 +55,7 @@ def propose(turn: StepContext, proposal: Proposal) -> None:
 
 
 def on_decide(turn: StepContext, sender: int, message: Decide) -> None:
-    """(R-ACCEPT)"""
+    """Handle a Decide. (R-ACCEPT)"""
     if not follow(turn, sender, message.epoch):
         return
     entry = message.entry
@@ -81,7 +81,9 @@ def on_decide(turn: StepContext, sender: int, message: Decide) -> None:
 
 
 def on_committed(turn: StepContext, sender: int, message: Committed) -> None:
-    """(R-COMMIT). True whatever its epoch; but only a current one says who coordinates."""
+    """Handle a Committed, true in any epoch; only a current one names the coordinator.
+    (R-COMMIT)
+    """
     if message.epoch >= turn.state.promised:
         follow(turn, sender, message.epoch)
     state = turn.state
@@ -96,7 +98,7 @@ def on_committed(turn: StepContext, sender: int, message: Committed) -> None:
 
 
 def on_open(turn: StepContext, sender: int, message: Open) -> None:
-    """The coordinator lacks this robot's proposal. (R-OWED)"""
+    """Handle an Open: the coordinator lacks this robot's proposal. (R-OWED)"""
     if not follow(turn, sender, message.epoch):
         return
     _commit_if_chained(turn, message.round, message.chain, message.epoch)
@@ -108,7 +110,7 @@ def on_open(turn: StepContext, sender: int, message: Open) -> None:
 
 
 def _commit_if_chained(turn: StepContext, round_: int, previous: bytes, epoch: int) -> None:
-    """An entry that the coordinator goes on after is committed. (R-COMMIT)"""
+    """Commit the tentative entry if the coordinator's history continues it. (R-COMMIT)"""
     held = turn.state.tentative
     if held is not None and held.digest == previous and round_ == held.round + 1:
         commit(turn, Held(max(epoch, held.epoch), held.entry, held.digest))
@@ -119,7 +121,7 @@ def _commit_if_chained(turn: StepContext, round_: int, previous: bytes, epoch: i
 
 
 def fall_behind(turn: StepContext, teacher: int, target: int) -> None:
-    """Rounds up to ``target`` are committed that this robot does not hold. (R-ASK)"""
+    """Ask for committed rounds up to ``target`` that this robot does not hold. (R-ASK)"""
     state = turn.state
     if target <= state.target and state.is_behind:
         return  # asked already
@@ -129,7 +131,7 @@ def fall_behind(turn: StepContext, teacher: int, target: int) -> None:
 
 
 def teach(turn: StepContext, to: int, round_: int) -> None:
-    """Send what is committed from a round on. (R-ASK) (R-TEACH)"""
+    """Send the committed entries from a round on. (R-ASK) (R-TEACH)"""
     state = turn.state
     if round_ >= state.round:
         return
@@ -143,7 +145,9 @@ def teach(turn: StepContext, to: int, round_: int) -> None:
 
 
 def on_history(turn: StepContext, sender: int, message: History) -> None:
-    """(R-COMMIT). Raising the promise keeps a coordinator of old from going on after it."""
+    """Handle a History. Raising the promise keeps an old coordinator from continuing it.
+    (R-COMMIT)
+    """
     state = turn.state
     entry = message.entry
     if entry.round != state.round or entry.previous != state.chain:
@@ -157,7 +161,7 @@ def on_history(turn: StepContext, sender: int, message: History) -> None:
 
 
 def on_snapshot(turn: StepContext, sender: int, message: Snapshot) -> None:
-    """(R-SNAPSHOT)"""
+    """Handle a Snapshot. (R-SNAPSHOT)"""
     state = turn.state
     rejoining = isinstance(state.office, Rejoining)
     if message.round <= state.round and not rejoining:
@@ -186,7 +190,7 @@ def on_snapshot(turn: StepContext, sender: int, message: Snapshot) -> None:
 
 
 def _learn_epoch(turn: StepContext, epoch: int) -> None:
-    """What is true by a higher epoch's majority ends every lower office."""
+    """Step down from any lower office on learning of a higher epoch's majority."""
     state = turn.state
     if epoch > state.promised:
         turn.promise(epoch)
@@ -198,7 +202,7 @@ def _learn_epoch(turn: StepContext, epoch: int) -> None:
 
 
 def resend(turn: StepContext) -> None:
-    """A follower's question was not answered. (R-AGAIN)"""
+    """Send a follower's question again. (R-AGAIN)"""
     state = turn.state
     question = _unanswered(state)
     if question is None:
@@ -225,7 +229,7 @@ def rejoin(turn: StepContext) -> None:
 
 
 def is_back(turn: StepContext, round_: int) -> bool:
-    """Whether a first start turns out to be none. (R-FRESH)"""
+    """Return whether a supposedly first start is a restart. (R-FRESH)"""
     state = turn.state
     if round_ > INIT_ROUND and state.round == INIT_ROUND and state.mine is None:
         return state.incarnation != state.spare and state.tentative is None

@@ -1,4 +1,4 @@
-"""``step``: what a robot does about one event."""
+"""The protocol machine: ``step``, one robot's reaction to one event."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ from koord.runtime.protocol.state import (
 
 
 def step(setup: Setup, state: State, event: Event) -> tuple[State, tuple[Effect, ...]]:
-    """The state after an event, and what is wanted done, in this order. Pure."""
+    """Return the state after an event, and the effects in order. Pure."""
     if isinstance(state.office, Retired):
         return state, ()
     turn = StepContext(setup, state, event.now)
@@ -93,7 +93,7 @@ def _propose(turn: StepContext, event: Proposed) -> None:
 
 
 def _show(turn: StepContext, event: StoreShown) -> None:
-    """(R-SNAPSHOT)"""
+    """Send the store that was shown as a snapshot, if it is still current. (R-SNAPSHOT)"""
     state = turn.state
     if event.round == state.round:
         snapshot = Snapshot(
@@ -210,7 +210,7 @@ def _resend(turn: StepContext) -> None:
 
 
 def _why(state: State) -> Reason:
-    """Why a commit is overdue, as far as this robot can know."""
+    """The reason why a commit is overdue, as far as this robot can know."""
     match state.office:
         case Rejoining():
             return Reason.REJOINING

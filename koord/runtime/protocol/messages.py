@@ -1,4 +1,4 @@
-"""The messages of the protocol, and the entries that they carry: what became of a round."""
+"""Messages of the protocol, and the log entries that they carry."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ FIRST_INCARNATION = 0
 
 
 class Admission(msgspec.Struct, frozen=True):
-    """A robot that is back counts again, in a new incarnation. (R-ADMIT)"""
+    """An admission: a robot that is back counts again, in a new incarnation. (R-ADMIT)"""
 
     robot: int
     incarnation: int
@@ -50,7 +50,7 @@ def digest(entry: LogEntry) -> bytes:
 
 
 class Held(msgspec.Struct, frozen=True):
-    """An entry that a robot holds, and the epoch in which it took it."""
+    """An entry that a robot holds, and the epoch in which it accepted it."""
 
     epoch: int
     entry: LogEntry
@@ -62,14 +62,14 @@ class Held(msgspec.Struct, frozen=True):
 
 
 class LastRun(msgspec.Struct, frozen=True):
-    """The last round in which a robot was let through, and the event that it ran."""
+    """The last round in which a robot was admitted, and the event that it ran."""
 
     round: int
     event: int | None
 
 
 class Position(msgspec.Struct, frozen=True, order=True):
-    """How much a robot holds: the round of its last entry, and how surely. (R-VOTE)
+    """The position of a robot in the log: the round of its last entry, and its epoch. (R-VOTE)
 
     ``epoch`` is that in which it accepted its last entry, COMMITTED if that is committed.
     """
@@ -88,20 +88,20 @@ COMMITTED = 2**62
 
 
 class Propose(msgspec.Struct, frozen=True):
-    """What the sender would do in the round. (R-BEGIN)"""
+    """Message: the sender's proposal for the round. (R-BEGIN)"""
 
     proposal: Proposal
 
 
 class Decide(msgspec.Struct, frozen=True):
-    """What became of the round, if a majority takes it. (R-DECIDE)"""
+    """Message: the decision of the round, if a majority accepts it. (R-DECIDE)"""
 
     epoch: int
     entry: LogEntry
 
 
 class Acknowledge(msgspec.Struct, frozen=True):
-    """The sender holds the entry. ``again``: and has not heard that it is committed. (R-ACCEPT)"""
+    """Message: the sender holds the entry. ``again``: it knows of no commit yet. (R-ACCEPT)"""
 
     epoch: int
     round: int
@@ -110,7 +110,9 @@ class Acknowledge(msgspec.Struct, frozen=True):
 
 
 class Committed(msgspec.Struct, frozen=True):
-    """A majority holds the entry: act. The next round begins in ``pause_s``. (R-MAJORITY)"""
+    """Message: a majority holds the entry; act. The next round begins in ``pause_s``.
+    (R-MAJORITY)
+    """
 
     epoch: int
     round: int
@@ -119,7 +121,7 @@ class Committed(msgspec.Struct, frozen=True):
 
 
 class Open(msgspec.Struct, frozen=True):
-    """The round is open, on the history with this digest: who has not proposed, do. (R-OWED)"""
+    """Message: the round is open, on the history with this digest; propose now. (R-OWED)"""
 
     epoch: int
     round: int
@@ -127,13 +129,13 @@ class Open(msgspec.Struct, frozen=True):
 
 
 class Ask(msgspec.Struct, frozen=True):
-    """The sender lacks what was committed from this round on. (R-ASK)"""
+    """Message: the sender lacks what was committed from this round on. (R-ASK)"""
 
     round: int
 
 
 class History(msgspec.Struct, frozen=True):
-    """An entry that is committed, in this epoch or a lower one. ``last`` of what was asked for."""
+    """Message: a committed entry, of this epoch or a lower one; ``last`` of those asked for."""
 
     epoch: int
     entry: LogEntry
@@ -141,7 +143,7 @@ class History(msgspec.Struct, frozen=True):
 
 
 class Snapshot(msgspec.Struct, frozen=True):
-    """Everything agreed on before ``round``. (R-SNAPSHOT)"""
+    """Message: the agreed state before ``round``. (R-SNAPSHOT)"""
 
     epoch: int
     round: int
@@ -153,39 +155,39 @@ class Snapshot(msgspec.Struct, frozen=True):
 
 
 class Canvass(msgspec.Struct, frozen=True):
-    """Would you have me as coordinator of this epoch? (R-CANVASS)"""
+    """Message: the sender asks for support as coordinator of this epoch. (R-CANVASS)"""
 
     epoch: int
     position: Position
 
 
 class Support(msgspec.Struct, frozen=True):
-    """The sender hears no coordinator either. Promises nothing. (R-CANVASS)"""
+    """Message: the sender hears no coordinator either. Promises nothing. (R-CANVASS)"""
 
     epoch: int
 
 
 class Candidacy(msgspec.Struct, frozen=True):
-    """Asks for the promise of an epoch. (R-STAND)"""
+    """Message: the sender asks for the promise of an epoch. (R-STAND)"""
 
     epoch: int
     position: Position
 
 
 class Vote(msgspec.Struct, frozen=True):
-    """The sender hears no lower epoch from now on. (R-VOTE)"""
+    """Message: the sender accepts no lower epoch from now on. (R-VOTE)"""
 
     epoch: int
 
 
 class Overruled(msgspec.Struct, frozen=True):
-    """The sender has promised a higher epoch, this one. (R-OVERRULED)"""
+    """Message: the sender has promised a higher epoch, this one. (R-OVERRULED)"""
 
     epoch: int
 
 
 class Hello(msgspec.Struct, frozen=True):
-    """The sender is back. ``empty``: and knows nothing, so needs a snapshot. (R-REJOIN)"""
+    """Message: the sender is back. ``empty``: it needs a snapshot. (R-REJOIN)"""
 
     empty: bool
 

@@ -1,4 +1,4 @@
-"""What all robots of a run know of it, and do not change."""
+"""The fixed parameters of a protocol run."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def decided(round_: int, proposals: Sequence[Proposal | None]) -> Decision:
 
 
 class Timing(Struct, frozen=True):
-    """How long to wait for what, in seconds. Safety depends on none of these."""
+    """Timeouts in seconds. Safety depends on none of these."""
 
     delta_s: float  #: the length of a round; 0: as fast as it goes
     patience_s: float  #: how long the coordinator waits for proposals
@@ -31,7 +31,7 @@ class Timing(Struct, frozen=True):
 
     @staticmethod
     def of(delta_s: float, robots: int, unhurried_s: float = 0.1) -> Timing:
-        """What suits rounds of this length. Many robots on one machine answer one after another.
+        """Timeouts for rounds of this length. Many robots on one machine answer one after another.
 
         Rounds without a length are waited for as if they were ``unhurried_s`` long.
         """
@@ -47,12 +47,12 @@ class Timing(Struct, frozen=True):
 
     @staticmethod
     def zero() -> Timing:
-        """No durations at all, for those who let timers run down whenever they like."""
+        """Timeouts of zero, for exploration, where timers expire at any time."""
         return Timing(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 class Setup(Struct, frozen=True):
-    """The run: how many robots, how they wait, who must be heard."""
+    """The parameters of a run: number of robots, timeouts, and robots that must be heard."""
 
     robots: int
     timing: Timing
@@ -79,5 +79,5 @@ class Setup(Struct, frozen=True):
         return epoch + 1 + (robot - self.coordinator(epoch + 1)) % self.robots
 
     def distance(self, robot: int, epoch: int) -> int:
-        """How many robots come before this one to succeed the coordinator of an epoch."""
+        """The number of robots before this one in the succession of an epoch's coordinator."""
         return self.epoch_above(epoch, robot) - epoch - 1

@@ -1,4 +1,4 @@
-"""What a robot knows, and one step of the machine. The table of specs/protocol/README.md."""
+"""The state of the protocol machine, and the context of one step. See specs/protocol/README.md."""
 
 from __future__ import annotations
 
@@ -32,26 +32,26 @@ from koord.runtime.protocol.setup import Setup
 
 
 class Follower(msgspec.Struct, frozen=True):
-    """Hears a coordinator, or (None) nobody."""
+    """Office: follows a coordinator, or (None) knows of none."""
 
     leader: int | None
 
 
 class Canvassing(msgspec.Struct, frozen=True):
-    """Asks who would have it as coordinator of an epoch. (R-CANVASS)"""
+    """Office: asks who would support it as coordinator of an epoch. (R-CANVASS)"""
 
     epoch: int
     supporters: frozenset[int]
 
 
 class Candidate(msgspec.Struct, frozen=True):
-    """Has promised itself its epoch, and gathers votes. (R-STAND)"""
+    """Office: has promised itself its epoch, and gathers votes. (R-STAND)"""
 
     voters: frozenset[int]
 
 
 class Coordinator(msgspec.Struct, frozen=True):
-    """Decides rounds in its epoch. (R-OPEN)
+    """Office: decides rounds in its epoch. (R-OPEN)
 
     ``heard`` since it was last asked whether a majority is (R-SILENCE); ``overdue``: the deadline
     for proposals is over; ``guests`` are to be admitted; ``began``: when the round began.
@@ -66,18 +66,18 @@ class Coordinator(msgspec.Struct, frozen=True):
 
 
 class Rejoining(msgspec.Struct, frozen=True):
-    """Is back, and waits for a snapshot. (R-REJOIN)"""
+    """Office: is back after a crash, and waits for a snapshot. (R-REJOIN)"""
 
 
 class Retired(msgspec.Struct, frozen=True):
-    """Another robot has its pid. It says and does nothing any more. (R-ADMIT)"""
+    """Office: another robot has its pid; it says and does nothing any more. (R-ADMIT)"""
 
 
 Office = Follower | Canvassing | Candidate | Coordinator | Rejoining | Retired
 
 
 class State(msgspec.Struct, frozen=True):
-    """All that one robot knows."""
+    """The state of one robot in the protocol."""
 
     pid: int
     incarnation: int
@@ -99,7 +99,7 @@ class State(msgspec.Struct, frozen=True):
 
     @property
     def is_voter(self) -> bool:
-        """Whether its acknowledgements and votes count."""
+        """Return whether the robot's acknowledgements and votes count."""
         return self.roster[self.pid] == self.incarnation
 
     @property
@@ -124,7 +124,7 @@ class State(msgspec.Struct, frozen=True):
         return Position(self.round - 1, COMMITTED)
 
     def counts(self, robot: int, incarnation: int) -> bool:
-        """Whether a vote or an acknowledgement counts. (R-MAJORITY) (R-OFFICE)
+        """Return whether a vote or an acknowledgement counts. (R-MAJORITY) (R-OFFICE)
 
         Who is about to be admitted by the tentative entry counts in neither incarnation.
         """
@@ -136,7 +136,7 @@ class State(msgspec.Struct, frozen=True):
 
 
 def fresh(setup: Setup, pid: int, spare: int) -> State:
-    """A robot that is switched on for the first time in this run."""
+    """The state of a robot that is switched on for the first time in this run."""
     office: Office = Follower(setup.coordinator(0))
     if pid == setup.coordinator(0):
         office = Coordinator((None,) * setup.robots)
@@ -144,7 +144,7 @@ def fresh(setup: Setup, pid: int, spare: int) -> State:
 
 
 def returning(setup: Setup, pid: int, incarnation: int) -> State:
-    """A robot that has been in this run before. ``incarnation`` is above all that it had."""
+    """The state of a robot that is back. ``incarnation`` is above all that it had."""
     return _new(setup, pid, incarnation, incarnation, Rejoining())
 
 
@@ -164,7 +164,7 @@ MOST_DOUBLINGS = 2
 
 
 class StepContext:
-    """Lives as long as one call of ``step``; nobody else sees it."""
+    """The state and effects of one call of ``step``."""
 
     __slots__ = ("effects", "now", "setup", "state")
 
@@ -224,7 +224,7 @@ class StepContext:
         self.arm(Timer.RESEND, self.setup.timing.resend_s * 2**tries)
 
     def watch_leader(self) -> None:
-        """The coordinator was heard: start anew to wait for silence. (R-SILENCE)"""
+        """Restart the timer of silence: the coordinator was heard. (R-SILENCE)"""
         self.arm(Timer.SILENCE, self.setup.timing.silence_s)
 
     def hear(self, epoch: int) -> None:
@@ -233,13 +233,13 @@ class StepContext:
             self.change(seen=epoch)
 
     def promise(self, epoch: int) -> None:
-        """Accept from no epoch below this one any more. Whoever held a lower one steps down."""
+        """Accept from no epoch below this one any more, and step down from a lower office."""
         self.hear(epoch)
         if epoch > self.state.promised:
             self.change(promised=epoch)
 
     def follow_nobody(self) -> None:
-        """Step down, and wait for someone to stand; for how long depends on the pid. (R-SILENCE)"""
+        """Step down, and wait for a candidate; the time depends on the pid. (R-SILENCE)"""
         state, setup = self.state, self.setup
         self.take(Follower(None))
         self.disarm(Timer.DEADLINE)

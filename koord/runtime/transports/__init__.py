@@ -1,1 +1,1 @@
-"""How datagrams travel. All transports pass the same tests: tests/runtime/test_transports.py."""
+"""Transports of datagrams. All pass the same tests: tests/runtime/test_transports.py."""

@@ -1,4 +1,4 @@
-"""Zenoh: a routed network, for fleets across hops and sites. Needs the extra ``koord[zenoh]``."""
+"""The Zenoh transport: a routed network, for fleets across sites. Needs ``koord[zenoh]``."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Routed:
         connect: tuple[str, ...] = (),
         listen: tuple[str, ...] = (),
     ) -> None:
-        """Raises TransportError."""
+        """Open a session. Raises TransportError."""
         try:
             import zenoh
         except ImportError as error:
@@ -56,7 +56,7 @@ class Routed:
         self._session.declare_subscriber(self._mine, self._came)
 
     def _came(self, sample: Any) -> None:
-        """Runs in a thread of zenoh's."""
+        """Receive a datagram, in a thread of zenoh's."""
         if str(sample.key_expr) != self._all:
             self._inbox.put(sample.payload.to_bytes())
 

@@ -1,4 +1,4 @@
-"""What a node needs of a network; and a network within one process."""
+"""The interface of transports, and a network within one process."""
 
 from __future__ import annotations
 
@@ -9,26 +9,26 @@ from msgspec import Struct
 
 
 class Transport(Protocol):
-    """Carries datagrams of up to 1,400 bytes, or loses them. Nothing more is promised.
+    """A transport: it carries datagrams of up to 1,400 bytes, or loses them.
 
     Sending never waits and never fails: what cannot be sent is lost.
     """
 
     def send(self, to: int, datagram: bytes) -> None:
-        """To one robot."""
+        """Send to one robot."""
 
     def tell(self, datagram: bytes) -> None:
-        """To all other robots."""
+        """Send to all other robots."""
 
     def receive(self, timeout_s: float) -> list[bytes]:
-        """What has come; if nothing has, wait for something for so long at most."""
+        """Return datagrams that have arrived; if there are none, wait at most ``timeout_s``."""
 
     def close(self) -> None:
         """Nothing comes any more. May be called twice."""
 
 
 class TransportError(Exception):
-    """A network that cannot be used, with what could be done about it."""
+    """Raised for a network that cannot be used, with a cure."""
 
     def __init__(self, message: str, hint: str = "") -> None:
         super().__init__(message)
@@ -40,7 +40,7 @@ class TransportError(Exception):
 
 
 class Hub:
-    """All inboxes of a run."""
+    """A network within one process: the inboxes of all robots of a run."""
 
     def __init__(self, robots: int) -> None:
         self.robots = robots
@@ -48,12 +48,12 @@ class Hub:
         self.inboxes: list[deque[bytes]] = [deque() for _ in range(self.robots)]
 
     def transport(self, pid: int) -> InProcess:
-        """A robot's end."""
+        """Make one robot's transport."""
         return InProcess(self, pid)
 
 
 class InProcess(Struct):
-    """One robot's end. Waiting is pointless: nobody else moves meanwhile."""
+    """One robot's transport on a hub. It never waits, as nobody else moves meanwhile."""
 
     hub: Hub
     pid: int

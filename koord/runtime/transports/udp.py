@@ -1,4 +1,4 @@
-"""UDP: to a list of addresses, or once to a multicast group or a broadcast address."""
+"""The UDP transport: unicast to a list of addresses, multicast or broadcast."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _BATCH = 256
 
 
 class Delivery(Enum):
-    """How a datagram gets to all."""
+    """The ways in which a datagram reaches all robots."""
 
     EACH = "unicast"  #: once for each robot
     GROUP = "multicast"  #: once, to a group that all have joined
@@ -30,7 +30,7 @@ class Delivery(Enum):
 
 
 class Plan(Struct, frozen=True):
-    """Who is where. ``shared`` is the group's or the broadcast address, unless all get their own.
+    """The addresses of robots. ``shared`` is the group's or broadcast address, if there is one.
 
     ``interface`` is the address of the network card for multicast.
     """
@@ -42,7 +42,7 @@ class Plan(Struct, frozen=True):
 
 
 def on_this_machine(robots: int, port: int, *, group: str | None = "239.255.75.1") -> Plan:
-    """One port per robot on loopback; without a group each is sent to by itself."""
+    """A plan with one port per robot on loopback; without a group each is sent to by itself."""
     addresses = tuple(("127.0.0.1", port + 1 + pid) for pid in range(robots))
     if group is None:
         return Plan(addresses)
@@ -53,7 +53,7 @@ class Udp:
     """One robot's sockets."""
 
     def __init__(self, plan: Plan, pid: int) -> None:
-        """Raises TransportError."""
+        """Open the sockets. Raises TransportError."""
         self.sent = 0
         self.unsent = 0  #: the kernel would not take them
         self._plan = plan
@@ -69,7 +69,7 @@ class Udp:
         self._by_number = {one.fileno(): one for one in self._sockets}
 
     def _joined(self, shared: Address) -> socket.socket:
-        """A socket that hears what is sent to all; the own one is made able to send to them."""
+        """Open a socket that receives what is sent to all, and enable the own one to send that."""
         try:
             if self._plan.reach is Delivery.GROUP:
                 card = socket.inet_aton(self._plan.interface)
@@ -138,7 +138,7 @@ class Udp:
 
 
 def _bound(address: Address, *, several: bool = False) -> socket.socket:
-    """A socket that hears an address, shared with others if ``several``. Raises TransportError."""
+    """Bind a socket to an address, shared with others if ``several``. Raises TransportError."""
     made = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     try:
         made.setblocking(False)

@@ -1,4 +1,4 @@
-"""The bodies of messages: one kind and one type for each, checked by msgspec while it reads."""
+"""Bodies of messages: one kind and one type each, checked by msgspec on decoding."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ from koord.runtime.protocol.messages import (
 
 
 class MessageKind(IntEnum):
-    """The kind of a message, as the frame names it. Numbers are never used again."""
+    """The kinds of messages in frames. Numbers are never reused."""
 
     PROPOSE = 1
     DECIDE = 2
@@ -90,13 +90,13 @@ def _decoder(kind: MessageKind) -> msgspec.msgpack.Decoder[Any]:
 
 
 def kind_and_body(message: Message) -> tuple[MessageKind, bytes]:
-    """What goes into frames."""
+    """Encode a message to its kind and body."""
     kind, flat = _flat(message)
     return kind, encode(flat)
 
 
 def message_of(kind: int, body: bytes, robots: int) -> Message | None:
-    """The message of a body that was put together; None if it is none."""
+    """Decode a message from a whole body; None if it is malformed."""
     try:
         known = MessageKind(kind)
         message = _message(known, _decoder(known).decode(body))
@@ -195,7 +195,7 @@ def _entry(flat: FlatEntry) -> LogEntry:
 
 
 def _fits(message: Message, robots: int) -> bool:
-    """Whether the robots that a message names exist, so that nobody looks them up in vain."""
+    """Return whether the robots that a message names exist."""
     match message:
         case Decide(entry=entry) | History(entry=entry):
             named = [taken.robot for taken in entry.decision.ran]

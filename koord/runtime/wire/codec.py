@@ -1,4 +1,4 @@
-"""Messages to datagrams, in pieces where they are large, and datagrams to messages."""
+"""The codec of messages as datagrams, with large ones in pieces."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ MOST_BYTES = 16 << 20
 
 
 def cut(body: bytes) -> list[bytes]:
-    """A message's body in pieces that fit. Raises ValueError if it is too long for any number."""
+    """Cut a message's body into pieces that fit. Raises ValueError if there would be too many."""
     pieces = [body[at : at + ROOM] for at in range(0, len(body), ROOM)] or [b""]
     if len(pieces) > MOST_PIECES:
         raise ValueError(f"a message of {len(body)} bytes is too long to be sent")
@@ -37,7 +37,7 @@ class Unfinished(Struct):
 
 
 class Assembly:
-    """All unfinished messages of all senders; the oldest give way."""
+    """The unfinished messages of all senders; the oldest are dropped first."""
 
     __slots__ = ("_size", "_unfinished", "dropped", "most_bytes")
 
@@ -49,11 +49,11 @@ class Assembly:
 
     @property
     def size(self) -> int:
-        """The bytes held."""
+        """The bytes held by unfinished messages."""
         return self._size
 
     def add(self, frame: Frame) -> bytes | Drop | None:
-        """The whole body if this was the last piece that was missing; None if some still are."""
+        """Add a piece; return the whole body if it was the last one missing, else None."""
         pieces, piece = frame.pieces, frame.piece
         if not piece < pieces <= MOST_PIECES or frame.number < piece:
             return Drop.FRAGMENT
@@ -86,14 +86,14 @@ _MASK = (1 << WIDTH) - 1
 
 
 class Window(Struct):
-    """The datagrams of one sender: the newest number, and a bit for each of those before it."""
+    """A replay window of one sender: the newest number, and a bit for each of those before it."""
 
     incarnation: int = 0
     newest: int = -1
     seen: int = 0
 
     def is_new(self, incarnation: int, number: int) -> bool:
-        """Whether this was not seen before; from now on it was."""
+        """Return whether a datagram's number is new, and mark it as seen."""
         if incarnation != self.incarnation:
             if incarnation < self.incarnation:
                 return False
@@ -124,7 +124,7 @@ class Letter(Struct):
 
 
 class RunKey(Struct, frozen=True):
-    """What all robots of a run share: its id, its key, how many they are."""
+    """The identity of a run: its id, its key, and the number of robots."""
 
     id: str
     key: bytes
@@ -132,7 +132,7 @@ class RunKey(Struct, frozen=True):
 
 
 class DatagramWriter:
-    """What one robot sends."""
+    """The sender's side of the wire format for one robot."""
 
     __slots__ = ("_number", "_pid", "_seal")
 
@@ -156,7 +156,7 @@ class DatagramWriter:
 
 
 class DatagramReader:
-    """What one robot receives. ``read`` never raises, whatever the bytes."""
+    """The receiver's side of the wire format. ``read`` never raises, whatever the bytes."""
 
     __slots__ = ("_assembly", "_pid", "_robots", "_seal", "_windows", "drops", "round")
 
@@ -170,7 +170,7 @@ class DatagramReader:
         self._assembly = assembly if assembly is not None else Assembly()
 
     def read(self, datagram: bytes) -> Letter | None:
-        """The message that a datagram completes, if it does; what is dropped is counted."""
+        """Read a datagram; return the message that it completes, if any. Drops are counted."""
         frame = self._seal.take_off(datagram, self._robots, self._pid)
         if isinstance(frame, Drop):
             self.drops[frame] += 1

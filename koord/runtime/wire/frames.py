@@ -1,4 +1,4 @@
-"""The frame around a piece of a message: who sent it, which piece it is, and the proof.
+"""Frames: the header and the proof around a piece of a message.
 
     name 1 | version 1 | kind 1 | sender 2 | incarnation 8 | number 8 | round 4 | piece 2 | pieces 2
     … | proof 16
@@ -47,7 +47,7 @@ class Frame(Struct):
 
 
 def session_key(shared_key: bytes, run: str) -> bytes:
-    """The key of one run: datagrams of another run are as good as forged."""
+    """The key of one run, so that datagrams of other runs fail authentication."""
     longest = blake2b.MAX_KEY_SIZE
     if len(shared_key) > longest:
         shared_key = blake2b(shared_key).digest()
@@ -56,7 +56,7 @@ def session_key(shared_key: bytes, run: str) -> bytes:
 
 
 class Seal:
-    """Frames to datagrams and back, for one run."""
+    """The codec of frames as authenticated datagrams, for one run."""
 
     __slots__ = ("_keyed",)
 
@@ -64,7 +64,7 @@ class Seal:
         self._keyed = blake2b(digest_size=PROOF_BYTES, key=key)
 
     def put_on(self, frame: Frame) -> bytes:
-        """The datagram of a frame."""
+        """Encode a frame as a datagram."""
         plain = (
             _HEADER.pack(
                 NAME,
@@ -84,7 +84,7 @@ class Seal:
         return plain + proof.digest()
 
     def take_off(self, datagram: bytes, robots: int, me: int) -> Frame | Drop:
-        """The frame of a datagram, or why it is none. The cheapest questions come first."""
+        """Decode a datagram to a frame, or the reason for dropping it. Cheap checks come first."""
         size = len(datagram)
         if not _SHORTEST <= size <= LONGEST:
             return Drop.SIZE
@@ -107,7 +107,7 @@ class Seal:
 
 
 class Drop(Enum):
-    """Every datagram that is not a message for this robot is one of these."""
+    """The reasons for dropping a datagram."""
 
     SIZE = "too short or too long"
     NOT_KOORD = "of another protocol"
