@@ -183,7 +183,7 @@ def engine_of(engine: Engine | str, *, every_n: bool) -> Engine:
         if installed() is None:
             raise ArgumentError(
                 "engine",
-                "abc: there is no abc here (Debian: apt-get install berkeley-abc); "
+                "abc is not here (Debian: apt-get install berkeley-abc); "
                 "`engine='bits'` needs none",
             )
     return found
