@@ -1,1 +1,1 @@
-"""Whether what runs is what the rules allow: runs of compiled programs, judged by the reference."""
+"""Refinement: runs of compiled programs, checked against the reference semantics."""

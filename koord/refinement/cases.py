@@ -1,4 +1,4 @@
-"""A run to be judged, as data; and a smaller one that fails as well."""
+"""Test cases of refinement as data, and their reduction to smaller failing ones."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _LARGEST = 120
 
 
 class SchedulePolicy(Enum):
-    """How a schedule is made."""
+    """The kinds of schedules of a case."""
 
     DEPLOYED = "deployed"  #: rotating rank, first enabled event, no skips
     RANDOM = "random"  #: any order, any enabled event, now and then a skip
@@ -44,7 +44,7 @@ class SchedulePolicy(Enum):
 
 
 class Target(Enum):
-    """What runs a compiled program."""
+    """The ways to run a compiled program."""
 
     ENGINE = "engine"  #: all robots in one process, without messages
     NETWORK = "network"  #: deployed robots on a simulated network, in virtual time
@@ -68,7 +68,7 @@ class ProgramFamily(Enum):
 
 
 class Case(Struct, frozen=True):
-    """A run that is determined: the same case gives the same run, but for processes."""
+    """A test case: it determines the run, except for real processes."""
 
     system: System
     sources: Sources
@@ -81,7 +81,7 @@ class Case(Struct, frozen=True):
 
 
 class Tried(Struct, frozen=True):
-    """What became of a case. ``crash`` is the story of a compiled program that fell over."""
+    """The result of a case. ``crash`` is the traceback of a compiled program that raised."""
 
     case: Case
     judged: Judged | None = None
@@ -94,12 +94,12 @@ class Tried(Struct, frozen=True):
 
     @property
     def failed(self) -> bool:
-        """Whether the run is not one of the semantics."""
+        """Return whether the run is not one of the semantics."""
         return bool(self.crash) or self.refused is not None
 
 
 def tried(case: Case, of: Compiled | None = None) -> Tried:
-    """Compile (unless that was done before), run, and judge."""
+    """Compile (unless that was done before), run, and judge a case."""
     try:
         ran = _run(case, of if of is not None else ready(case.system.program))
     except Exception:  # whatever a wrongly compiled program does is what is looked for
@@ -128,7 +128,7 @@ def of_program(
     target: Target = Target.ENGINE,
     faults: Faults = CALM,
 ) -> Iterator[Case]:
-    """Cases of one program: with the systems in turn, every third as it would be deployed."""
+    """Yield cases of one program: systems in turn, every third as deployed."""
     for number, system in enumerate(systems):
         policy = SchedulePolicy.RANDOM if number % 3 else SchedulePolicy.DEPLOYED
         seed = seeds.randrange(_SEEDS)
@@ -138,7 +138,7 @@ def of_program(
 def generated(
     seed: int, rounds: int, target: Target = Target.ENGINE, faults: Faults = CALM
 ) -> Case:
-    """The case of a generated program; everything about it hangs on the seed.
+    """The case of a generated program, determined by the seed.
 
     Properties and assumptions are left out: they say nothing to what runs, and looking for a start
     that meets a random assumption would take most of the time.
@@ -157,7 +157,7 @@ def generated(
 def all_generated(
     seeds: Random, rounds: int, target: Target = Target.ENGINE, faults: Faults = CALM
 ) -> Iterator[Case]:
-    """Generated cases without end."""
+    """Yield generated cases without end."""
     while True:
         yield generated(seeds.randrange(_SEEDS), rounds, target, faults)
 
@@ -171,7 +171,7 @@ TRIES = 400
 def ever_smaller(
     failing: Tried, attempt: Callable[[Case], Tried], *, programs: bool, tries: int = TRIES
 ) -> Iterator[Tried]:
-    """Failing cases, each smaller than the one before, found by taking parts away one at a time.
+    """Yield failing cases, each smaller than the one before, by removing parts one at a time.
 
     With ``programs`` parts of the program are taken away, too: only where it is nobody's text.
     """
@@ -253,7 +253,7 @@ def _smaller_events(event: core.Event) -> Iterator[core.Event]:
 
 
 def _smaller_blocks(block: core.Block) -> Iterator[core.Block]:
-    """The block without one of its statements, or with a smaller one."""
+    """Yield the block without one of its statements, or with a smaller one."""
     for number, statement in enumerate(block):
         before, after = block[:number], block[number + 1 :]
         yield (*before, *after)

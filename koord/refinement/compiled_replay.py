@@ -1,4 +1,4 @@
-"""Recorded runs, run again by compiled programs, configuration by configuration. [RERUN]
+"""Replay of recorded runs by compiled programs, configuration by configuration. [RERUN]
 
 What the reference semantics says of a run is worth something on the road only if the program that
 drives there does the same. So a counterexample is given to the compiled program as well: the same
@@ -59,7 +59,7 @@ _TOO_LARGE = "a number is larger than any double"
 
 
 class Departure(Struct, frozen=True):
-    """Where a compiled program does something else. ``round`` is -1 for INIT.
+    """The first difference of a compiled program from a run. ``round`` is -1 for INIT.
 
     ``changes`` has what the recording says as ``old``, and what the program did as ``new``.
     """
@@ -74,7 +74,7 @@ Rerun: TypeAlias = "Departure | Unjudged | None"
 
 
 def rerun(trace: Trace, made: Compiled | None = None, budget: Budget = ENDLESS) -> Rerun:
-    """Where the compiled program departs from a run, or mends by rounding what the run breaks.
+    """Replay a run: its first difference, or the violation that rounding mends; None if neither.
 
     Raises OutOfBudgetError, between two rounds.
     """
@@ -95,13 +95,13 @@ def rerun(trace: Trace, made: Compiled | None = None, budget: Budget = ENDLESS) 
 
 
 def _rounds(trace: Trace) -> bool:
-    """Whether a program may depart because its floats are doubles."""
+    """Return whether a program may differ only because its floats are doubles."""
     types = (getattr(node, "type", None) for node in nodes(trace.system.program))
     return trace.numbers is Numbers.EXACT and FLOAT in types
 
 
 class _DepartedError(Exception):
-    """Carries the departure out of the run."""
+    """Raised with the difference, to end the replay."""
 
     def __init__(self, departure: Departure) -> None:
         super().__init__(departure.reason)
@@ -109,7 +109,7 @@ class _DepartedError(Exception):
 
 
 class _Nobody:
-    """The host of what nobody recorded.
+    """A host for queries that were not recorded.
 
     A robot that asks it meets a fault. That need not be the end: an urgent event, which obliges a
     robot, is tried even where the robot runs another one.
@@ -143,7 +143,7 @@ def _unheard(what: str) -> FaultError:
 
 
 class _Rerun:
-    """A run under way."""
+    """A replay in progress."""
 
     def __init__(self, trace: Trace, made: Compiled, nobody: _Nobody) -> None:
         self.trace, self.made, self.nobody = trace, made, nobody
@@ -179,7 +179,7 @@ class _Rerun:
         self.check_outputs()
 
     def check_turns(self, number: int, round_: Round, decision: Decision) -> None:
-        """Whoever ran what was recorded: a guard may be false where floats are rounded."""
+        """Check that the recorded events ran: guards may be false where floats are rounded."""
         _, events = schedule_of(decision, self.trace.system.robots)
         for robot in round_.order:
             recorded, ran = round_.events[robot], events[robot]
@@ -192,7 +192,7 @@ class _Rerun:
                 raise _DepartedError(Departure(number, reason))
 
     def check_outputs(self) -> None:
-        """What was written to streams, in the same order."""
+        """Check that the same output was written to streams, in the same order."""
         made, recorded = tuple(self.made.emitted(self.fleet.shown)), self.trace.outputs
         for one, other in zip_longest(made, recorded):
             if one is None or other is None or not self._is_same_output(one, other):
@@ -208,7 +208,7 @@ class _Rerun:
         return same_output(made, recorded)
 
     def compare(self, number: int, inside: Round | None = None) -> None:
-        """Compare what came after a round, or where the run ended ``inside`` one."""
+        """Compare the configuration after a round, or at the end of a run ``inside`` one."""
         recorded = self.trace.configurations[number + 1]
         ended = self.fleet.ended
         if ended is not None and ended.fault.place == _NOT_RECORDED:
@@ -230,7 +230,7 @@ class _Rerun:
             raise _DepartedError(Departure(number, "it comes to another configuration", told))
 
     def judged(self) -> Departure | Unjudged | None:
-        """What the run breaks on exact numbers, asked of the program's own numbers."""
+        """Judge the violation of the exact run on the program's own numbers."""
         found = judged(self.trace, self.passed)
         if not isinstance(found, Mended):
             return found
@@ -244,7 +244,7 @@ class _Rerun:
 def _states(
     found: Iterable[RobotState[Constant]], recorded: Iterable[RobotState[Constant]]
 ) -> tuple[RobotState[Constant], ...]:
-    """Robots inside a round: what they hold as was found, what they are at as was recorded."""
+    """Robots inside a round: their own variables as found, their events as recorded."""
     return tuple(
         replace(a, status=b.status, ran=b.ran, turn=b.turn)
         for a, b in zip(found, recorded, strict=True)
@@ -254,7 +254,7 @@ def _states(
 def _within(
     found: Configuration[Constant], recorded: Configuration[Constant], order: Iterable[int]
 ) -> Configuration[Constant]:
-    """The recorded configuration with all that a runtime knows inside a round."""
+    """The recorded configuration reduced to what a runtime knows inside a round."""
     robots = list(recorded.robots)
     for robot in order:
         seen = found.robots[robot]

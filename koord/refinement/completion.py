@@ -1,4 +1,4 @@
-"""Answers that a recording lacks, added to a trace. [EXTERNAL] [REPLAY]
+"""Completion of traces by answers that only the rules ask for. [EXTERNAL] [REPLAY]
 
 A robot asks its library what its program asks. A summary may mention further functions
 (``result == pathsClear(b, a)``), and so may an assumption or a contract: the rules look at these,
@@ -45,7 +45,7 @@ Library: TypeAlias = Callable[[core.External, tuple[Concrete, ...], int | None],
 
 
 def with_summaries(trace: Trace, library: Library | None = None) -> Trace:
-    """The trace with the answers that its summaries and assumptions want, of a library of its own.
+    """Complete a trace with the answers that summaries and assumptions need, of its own library.
 
     A trace that breaks a rule before that is returned as far as it was looked at: replay will say
     where. Raises KoordError where no answer is found that its own summary allows.
@@ -60,11 +60,11 @@ def with_summaries(trace: Trace, library: Library | None = None) -> Trace:
 
 
 class PutOffError(Exception):
-    """A library does not answer a question now: its answer would be another afterwards."""
+    """Raised where a library defers an answer, as it would change afterwards."""
 
 
 class Completing:
-    """Adds to a run, from INIT on and round by round, the answers that only the rules want.
+    """The completion of a run, from INIT on and round by round.
 
     Once the run has broken a rule (which replay finds, too), has ended in a fault, or once the
     library has put off a question, the rest of it stays as it is.
@@ -77,11 +77,11 @@ class Completing:
         self._last: Configuration[Constant] | None = None  #: None: nothing more is looked at
 
     def remember(self, answers: tuple[Answer, ...]) -> None:
-        """Note what functions answered somewhere in the run."""
+        """Record the answers of functions anywhere in the run."""
         self._asking.remember(answers)
 
     def opening(self, opening: Opening) -> Opening:
-        """The opening with all answers. Raises KoordError."""
+        """Complete the opening. Raises KoordError."""
         self.remember(opening.answers)
         starts = RecordedInputs(starts=opening.starts)
         inputs = CompletedInputs(starts, opening.answers, self._asking.missing)
@@ -100,7 +100,7 @@ class Completing:
         return replace(opening, answers=tuple(inputs.answers))
 
     def round(self, round_: Round) -> Round:
-        """The next round with all answers. Raises KoordError."""
+        """Complete the next round. Raises KoordError."""
         if self._last is None:
             return round_
         self.remember(round_.answers)
@@ -141,7 +141,7 @@ def program_turns(
 
 
 def _mentioned(program: core.Program) -> frozenset[int]:
-    """The sites of the calls that stand in summaries and contracts, and in what these call."""
+    """The sites of calls in summaries and contracts, and in the functions these call."""
     summaries = tuple((function.requires, function.ensures) for function in program.externals)
     modules = (module for agent in program.agents for module in agent.modules)
     contracts = tuple(module.contracts for module in modules)
@@ -166,7 +166,7 @@ def _sensors(system: System, robot: int) -> list[core.Port]:
 
 
 class _Asking:
-    """What is known of external functions in the whole run, and whom to ask for more."""
+    """The known answers of external functions in the whole run, and the library for others."""
 
     def __init__(self, system: System, library: Library | None) -> None:
         self.system = system
@@ -199,7 +199,7 @@ class _Asking:
         function: core.External | None,
         arguments: tuple[Concrete, ...],
     ) -> Concrete | None:
-        """What only the rules ask. Models choose the least; programs have chosen."""
+        """Answer a query that only the rules make. Models choose the least value."""
         if function is None:
             return arguments[0] if phase is Phase.ENV else None
         if phase in (Phase.INIT, Phase.PROG) and key[0] not in self.sites:
@@ -209,7 +209,7 @@ class _Asking:
     def readings(
         self, configuration: Configuration[Constant], given: tuple[Reading, ...]
     ) -> tuple[Reading, ...]:
-        """The readings of a round, with what sensors read that nobody looked at made up."""
+        """The readings of a round, with values made up for sensors that nobody read."""
         system, sampled = self.system, self.sampled
         told = {(reading.robot, reading.slot) for reading in given}
         sampled.readings = {}
@@ -231,7 +231,7 @@ Ask: TypeAlias = Callable[
 
 
 class CompletedInputs:
-    """Inputs of one round: what was recorded, and answers that are asked for beyond that."""
+    """The inputs of a round: recorded ones, and answers obtained beyond these."""
 
     def __init__(self, others: RecordedInputs, answers: Iterable[Answer], ask: Ask) -> None:
         self.others = others  #: starts and readings

@@ -1,5 +1,6 @@
-"""Runs of deployed robots, judged like those of the engine: the protocol in virtual time, and
-processes that talk over UDP on this machine. (R-COMMIT)
+"""Runs of deployed robots, checked like those of the engine. (R-COMMIT)
+
+They run on the protocol in virtual time, or as processes that talk over UDP on this machine.
 
 Both are the robots of ``koord deploy``: the same protocol, wire, journal and program. Only what
 carries their messages differs, and where the time comes from.
@@ -62,11 +63,11 @@ Starts = Mapping[tuple[int | None, str], Any]
 
 
 class StuckError(Exception):
-    """Robots do not get on, though nothing hinders them any more."""
+    """Raised where robots make no progress, though nothing hinders them any more."""
 
 
 class BrokenError(Exception):
-    """A robot's process fell over."""
+    """Raised where a robot's process crashed."""
 
 
 class Expedition(Struct, frozen=True):
@@ -82,7 +83,7 @@ class Expedition(Struct, frozen=True):
 
     @property
     def is_seeded(self) -> bool:
-        """Whether hosts make up what they say: nobody wrote the program, or it needs a platform."""
+        """Return whether hosts answer at random: the program is generated, or needs a platform."""
         functions = [unanswered(program.EXTERNALS) for program in self.made.classes]
         return not self.sources.program.text or any(functions)
 
@@ -90,7 +91,7 @@ class Expedition(Struct, frozen=True):
         return SeededHost(self.system, self.made.names, str(self.seed), pid)
 
     def job(self, journals: Path, pace_s: float) -> Job:
-        """The run as `koord deploy` has it."""
+        """The run in the form of ``koord deploy``."""
         robots = self.system.robots
         configuration = load_configuration(
             Source("generated.yaml", f"num_robots: {robots}\nseed: {self.seed}\n")
@@ -102,13 +103,13 @@ class Expedition(Struct, frozen=True):
         return Job(classes, kinds, configuration, key, run, delta_s, pace_s, self.rounds, journals)
 
     def starts(self) -> Starts:
-        """Raises KoordError where no starts are found that meet the assumptions."""
+        """Find starts that meet the assumptions. Raises KoordError if there are none."""
         return settled_starts(self.system, self.made.names, self.seed)
 
     def member(
         self, job: Job, pid: int, starts: Starts, tell: Callable[[Told], None]
     ) -> InstrumentedRobot:
-        """A robot that tells what it does. What is deployed has the host that it will have."""
+        """Make a robot that reports its actions. A deployed program has its real host."""
         made = self.made
         program = job.classes[job.kinds[pid]]
         body: Platform
@@ -133,7 +134,7 @@ class Expedition(Struct, frozen=True):
 
 
 class _Crew:
-    """Switches robots on, and keeps what they told, also before a crash."""
+    """The robots of a run, with their reports, also from before a crash."""
 
     def __init__(self, expedition: Expedition, job: Job, starts: Starts) -> None:
         self.expedition = expedition
@@ -156,7 +157,7 @@ class _Crew:
 
 
 def over_network(expedition: Expedition) -> CompiledRun:
-    """A run over a simulated network: a storm, and then a calm until it is over.
+    """Run over a simulated network: a storm, and then a calm until the run is over.
 
     Raises StuckError, DisagreementError.
     """
@@ -194,7 +195,7 @@ def _is_over(network: Network) -> bool:
 
 
 def _over_the_wire(robots: int) -> Callable[[Message], Message]:
-    """What comes of a message that is written and read."""
+    """A function that encodes and decodes a message, as the wire does."""
 
     def carry(message: Message) -> Message:
         read = message_of(*kind_and_body(message), robots)
@@ -208,7 +209,7 @@ def _over_the_wire(robots: int) -> Callable[[Message], Message]:
 
 
 def over_udp(expedition: Expedition) -> CompiledRun:
-    """A run of processes that talk over UDP, on a network as bad as the faults say.
+    """Run processes over UDP, with injected network faults.
 
     Raises StuckError, BrokenError, DisagreementError, TransportError.
     """
@@ -242,7 +243,7 @@ def over_udp(expedition: Expedition) -> CompiledRun:
 
 
 def _watch(fleet: LocalProcesses, faults: Faults, draw: Random) -> None:
-    """Until the run is over; robots are killed now and then, and come back at once."""
+    """Watch processes until the run is over; robots are killed and restarted now and then."""
     begun = looked_at = time.monotonic()
     over_at: float | None = None
     while not fleet.is_over:
@@ -272,14 +273,14 @@ def _watch(fleet: LocalProcesses, faults: Faults, draw: Random) -> None:
 
 
 def spare(fleet: LocalProcesses) -> int:
-    """How many robots may die, so that a majority is left that knows everything."""
+    """The number of robots that may crash so that a majority remains that knows everything."""
     robots = len(fleet.processes)
     voters = sum(status.is_voter and status.round >= 0 for status in fleet.statuses.values())
     return voters - (robots // 2 + 1)
 
 
 def written_to(path: Path) -> Callable[[Told], None]:
-    """Writes each thing at once, so that it outlives the process."""
+    """A function that writes each report at once, so that it outlives the process."""
     file = path.open("ab", buffering=0)
 
     def tell(told: Told) -> None:
@@ -289,7 +290,7 @@ def written_to(path: Path) -> Callable[[Told], None]:
 
 
 def read_from(path: Path) -> Iterator[Told]:
-    """What was written whole, by processes of our own."""
+    """Yield the complete reports in a file of our own processes."""
     if not path.exists():
         return
     with path.open("rb") as file:

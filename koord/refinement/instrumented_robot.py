@@ -1,4 +1,4 @@
-"""Deployed robots that tell what they did, so that it can be judged. [RECORDING]
+"""Instrumented robots: deployed robots that report their actions, to be judged. [RECORDING]
 
 A robot tells as things happen, in values of the semantics, and before anybody else can know of
 them: so what a robot did that is killed is known as well.
@@ -35,65 +35,65 @@ GAVE_UP = "gave up"
 
 
 class Began(Struct, frozen=True):
-    """What an arbitrary variable started with."""
+    """Report: the start of an arbitrary variable."""
 
     start: Start
 
 
 class Undeclared(Struct, frozen=True):
-    """A shared variable's start is a fault. [INIT]"""
+    """Report: the start of a shared variable is a fault. [INIT]"""
 
 
 class TurnAnswers(Struct, frozen=True):
-    """What a round's turn was answered; INIT's round is -1."""
+    """Report: an answer in a round's turn; INIT's round is -1."""
 
     round: int
     answer: Answer
 
 
 class Sensed(Struct, frozen=True):
-    """What a sensor read at the end of a round."""
+    """Report: a sensor's reading at the end of a round."""
 
     round: int
     reading: Reading
 
 
 class Stood(Struct, frozen=True):
-    """The robot as it was when a round began."""
+    """Report: the robot's state when a round began."""
 
     round: int
     robot: RobotState[Constant]
 
 
 class Stumbled(Struct, frozen=True):
-    """The robot's model of the environment faulted at the end of a round."""
+    """Report: the robot's environment model faulted at the end of a round."""
 
     round: int
     fault: EventFault
 
 
 class Acted(Struct, frozen=True):
-    """A decision that the robot acted on."""
+    """Report: a decision that the robot acted on."""
 
     decision: Decision
 
 
 class Kept(Struct, frozen=True):
-    """The robot was let through in a round, and wrote this to streams."""
+    """Report: the robot was admitted in a round, with its output."""
 
     round: int
     written: tuple[Written[Constant], ...]
 
 
 class Coordinated(Struct, frozen=True):
-    """The robot decided a round, as coordinator, at a time of this machine's clock."""
+    """Report: the robot decided a round as coordinator, at a time of this machine's clock."""
 
     round: int
     at_s: float
 
 
 class GaveUp(Struct, frozen=True):
-    """The robot's host has found no values that the program allows, or they became too large."""
+    """Report: the robot's host found no values that the program allows, or too large ones."""
 
     why: tuple[Diagnostic, ...]  #: nothing, if values became too large
 
@@ -116,7 +116,7 @@ Told: TypeAlias = (
 
 
 class Witness(TracingHost):
-    """The host of a deployed robot, which tells what that does, in values of the semantics.
+    """The host of a deployed robot, which reports to the judge in values of the semantics.
 
     ``starts`` are those that do not hang on the host, by robot and attribute.
     """
@@ -182,11 +182,11 @@ class Witness(TracingHost):
 
 
 class GaveUpError(Exception):
-    """A robot cannot go on, and nothing that is checked is to blame."""
+    """Raised where a robot cannot go on, and nothing under test is to blame."""
 
 
 class InstrumentedRobot(Member):
-    """A deployed robot that tells what it does.
+    """A deployed robot that reports its actions.
 
     It gives up if its host does, or if a value is larger than ``largest``. Raises GaveUpError.
     """
@@ -261,7 +261,7 @@ class InstrumentedRobot(Member):
         super()._end(faulted, kept)
 
     def _tell_output(self, event: int | None) -> None:
-        """What a robot wrote before a crash its journal does not know."""
+        """Report output from before a crash, which the journal does not have."""
         if self._proposal is not None and self._proposal is not self._from_journal:
             self._witness.kept(self._proposal.round, self.robot, event)
 
@@ -270,7 +270,7 @@ class InstrumentedRobot(Member):
         super().forget()
 
     def finish(self) -> None:
-        """The environment's turn after the last round, for whoever wants to see the end."""
+        """Take the environment's turn after the last round, to observe the final state."""
         if self.mute or self.fault is not None or self.round == INIT_ROUND:
             return
         try:

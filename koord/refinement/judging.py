@@ -1,4 +1,4 @@
-"""The judge: is a run of a compiled program one of the semantics? [REPLAY]"""
+"""The judge of refinement: is a run of a compiled program one of the semantics? [REPLAY]"""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from koord.traces.trace import Trace
 
 
 class Judged(Struct, frozen=True):
-    """What the judge found: how many steps were right, and the first that is not, if any."""
+    """The judgement on a run: the steps that are right, and the first that is not, if any."""
 
     trace: Trace
     replayed: Replayed
@@ -65,7 +65,7 @@ def _elsewhere(step: Step, place: str) -> Refused | None:
 
 
 def completed(trace: Trace) -> Trace:
-    """A trace that ends in a fault, with all that evaluation asks for behind it.
+    """Complete a trace that ends in a fault with all that evaluation asks for behind it.
 
     Evaluation by the rules is total: it goes on behind a fault, with answers that have no meaning.
     A program that runs ends at once. So answers that are missing in the last step are made up.

@@ -1,4 +1,4 @@
-"""Recorded runs, run again by compiled programs: a host and a schedule that do as was recorded.
+"""Replaying hosts: a host and a schedule that repeat a recorded run for compiled programs.
 
 What the run left open comes from the recording, exact numbers as the nearest doubles. What nobody
 recorded is asked of another host.
@@ -27,7 +27,7 @@ from koord.traces.trace import BEFORE_ROUNDS, Trace
 
 
 def as_given(value: Concrete, type_: Type) -> Any:
-    """A recorded value as a host gives it to a robot, floats as doubles."""
+    """Convert a recorded value for a robot, with floats as doubles."""
     return _doubles(to_plain(value), type_)
 
 
@@ -47,7 +47,7 @@ def _doubles(value: Any, type_: Type) -> Any:
 
 
 class ReplayingHost:
-    """The host of a run that was recorded; ``round`` is the one that is open."""
+    """The host of a recorded run; ``round`` is the open one."""
 
     def __init__(self, trace: Trace, names: PythonNames, other: Host) -> None:
         self.trace, self.other = trace, other
@@ -115,14 +115,14 @@ class ReplayingHost:
 
 
 class RecordedSchedule(Struct):
-    """The schedule of a run that was recorded."""
+    """The schedule of a recorded run."""
 
     rounds: tuple[Round, ...]
     first: tuple[int, ...]
     open: int = field(default=0)
 
     def order(self, round_: int, robots: int) -> tuple[int, ...]:
-        """Those who had no turn any more in a round that was cut have none."""
+        """The order of a round; robots without a turn in a cut round are left out."""
         self.open = round_
         return self.first if round_ < 0 else self.rounds[round_].order
 
@@ -137,13 +137,13 @@ class RecordedSchedule(Struct):
         return True
 
     def _event(self, robot: int) -> int | None:
-        """Who had no turn any more in a round that was cut ran nothing."""
+        """The event of a robot; None if it had no turn in a cut round."""
         round_ = self.rounds[self.open]
         return round_.events[robot] if robot in round_.order else None
 
 
 def places(trace: Trace) -> list[list[Point]]:
-    """Where robots are before each round, and at the end. Those that have no place form a row."""
+    """The robots' positions before each round, and at the end; robots without one form a row."""
     return [
         [_place(trace, number, robot) for robot in range(trace.system.robots)]
         for number in range(len(trace.configurations))

@@ -1,4 +1,4 @@
-"""What rounding makes of a recorded run: exact numbers as doubles, and what these still break.
+"""Rounding of recorded runs: exact numbers as doubles, and the violations that remain. [RERUN]
 
 A counterexample is a run on exact numbers. A compiled program comes to the same states up to
 rounding, and that may be enough to mend what is broken: ``x != 0.3`` holds of 0.30000000000000004.
@@ -34,7 +34,7 @@ ROUNDING = 1e-9
 
 
 class Passed(Struct):
-    """What a compiled program came through while it was given a run, on doubles."""
+    """The configurations of a compiled program that repeats a run, on doubles."""
 
     #: After INIT and after each whole round.
     ends: list[Configuration[Constant]] = field(default_factory=list)
@@ -45,19 +45,19 @@ class Passed(Struct):
 
 
 class Mended(Struct, frozen=True):
-    """On doubles the run does not break what it says."""
+    """The result that the run violates nothing on doubles."""
 
     reason: str
 
 
 class Unjudged(Struct, frozen=True):
-    """The states are the same up to rounding, and nobody knows what is broken on doubles."""
+    """The result that states agree up to rounding, but doubles leave the violation unjudged."""
 
     reason: str
 
 
 def judged(trace: Trace, passed: Passed) -> Mended | Unjudged | None:
-    """Whether a run that breaks something on exact numbers does so on doubles; None if it does."""
+    """Judge whether a violation on exact numbers remains on doubles; None if it does."""
     violation = trace.violation
     if trace.recording.loop is not None:
         return _lasso(trace, passed, violation)
@@ -74,7 +74,7 @@ def judged(trace: Trace, passed: Passed) -> Mended | Unjudged | None:
 
 
 def _lasso(trace: Trace, passed: Passed, violation: Violation | None) -> Mended | None:
-    """Whether it closes, is fair, and breaks what it says. [LASSO]"""
+    """Judge whether a lasso closes, is fair, and breaks its property on doubles. [LASSO]"""
     stated = None if violation is None else _stated(trace, violation)
     flaw = flaw_of(trace.system, trace.recording, passed.ends, stated, DOUBLES)
     return None if flaw is None else Mended(f"on doubles, {flaw.reason}")
@@ -157,7 +157,7 @@ def _answers(of: Opening | Round) -> tuple[Answer, ...]:
 
 
 def as_doubles(recorded: Configuration[Constant]) -> Configuration[Constant]:
-    """The nearest doubles for exact numbers that are none."""
+    """Convert exact numbers to the nearest doubles."""
 
     def all_of(storages: tuple[Storage[Constant], ...]) -> tuple[Storage[Constant], ...]:
         return tuple(map(storage, storages))
@@ -197,7 +197,7 @@ def _double(one: Value[Constant]) -> Value[Constant]:
 def unrounded(
     recorded: Configuration[Constant], found: Configuration[Constant]
 ) -> Configuration[Constant]:
-    """What was found, with the recorded numbers for floats that are so up to rounding."""
+    """The found configuration, with recorded numbers for floats that equal them up to rounding."""
 
     def robot(a: RobotState[Constant], b: RobotState[Constant]) -> RobotState[Constant]:
         locals_, ports = _all(a.locals, b.locals), _all(a.ports, b.ports)
@@ -233,7 +233,7 @@ def _storage(recorded: Storage[Constant], found: Storage[Constant]) -> Storage[C
 def unrounded_values(
     recorded: tuple[Value[Constant], ...], found: tuple[Value[Constant], ...]
 ) -> tuple[Value[Constant], ...]:
-    """Item by item; what one has more than the other is the found one's."""
+    """Match item by item; surplus items are the found ones."""
     return (*map(_value, recorded, found), *found[len(recorded) :])
 
 

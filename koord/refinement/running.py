@@ -30,7 +30,7 @@ from koord.traces.trace import Emitted, Numbers, Sources, Trace
 
 
 class Compiled(Struct, frozen=True):
-    """A program, and the classes that were compiled from it."""
+    """A program, and the classes compiled from it."""
 
     program: core.Program
     names: PythonNames
@@ -39,7 +39,7 @@ class Compiled(Struct, frozen=True):
     places: dict[str, core.Output]
 
     def emitted(self, shown: Iterable[Shown]) -> Iterator[Emitted]:
-        """What a fleet wrote to streams, as traces have it."""
+        """Yield the output of a fleet, in the form of traces."""
         for one in shown:
             robot = None if one.round == INIT_ROUND else one.robot
             for written in one.written:
@@ -47,7 +47,7 @@ class Compiled(Struct, frozen=True):
 
 
 def ready(program: core.Program) -> Compiled:
-    """Compile a program and load what was made of it."""
+    """Compile a program and load its classes."""
     names = PythonNames(program)
     outputs = {
         place_of(names, node.span): node for node in nodes(program) if isinstance(node, core.Output)
@@ -56,13 +56,13 @@ def ready(program: core.Program) -> Compiled:
 
 
 def place_of(names: PythonNames, span: Span) -> str:
-    """How compiled programs name a place: without the file where it is their own."""
+    """The place of a span in compiled programs: without the file where it is their own."""
     where = f"{span.line}:{span.column}"
     return where if span.file == names.file else f"{span.file}:{where}"
 
 
 class CompiledRun(Struct, frozen=True):
-    """A run as a trace, and what it ended with: a place of a fault, a reason to stop early."""
+    """A run as a trace, with its end: the place of a fault, or a reason to stop early."""
 
     trace: Trace
     fault_place: str | None = None
@@ -70,7 +70,7 @@ class CompiledRun(Struct, frozen=True):
 
 
 def schedule_of(decision: Decision, robots: int) -> tuple[tuple[int, ...], tuple[int | None, ...]]:
-    """A round's order and events as recordings have them: those that skip come last."""
+    """A round's order and events for a recording: robots that skip come last."""
     events: list[int | None] = [None] * robots
     for taken in decision.ran:
         events[taken.robot] = taken.event
@@ -84,13 +84,13 @@ def schedule_of(decision: Decision, robots: int) -> tuple[tuple[int, ...], tuple
 
 
 def opening_order(decision: Decision, robots: int) -> tuple[int, ...]:
-    """The order of INIT; those that it did not come to are last."""
+    """The order of INIT; robots that it did not reach come last."""
     order, _ = schedule_of(decision, robots)
     return (*order, *(i for i in range(robots) if i not in order))
 
 
 def ended_in(trace: Trace, ended: Ended | None) -> CompiledRun:
-    """A run that ended in a fault, or in none."""
+    """The end of a run, with or without a fault."""
     if ended is None:
         return CompiledRun(trace)
     *before, last = trace.configurations
@@ -99,7 +99,7 @@ def ended_in(trace: Trace, ended: Ended | None) -> CompiledRun:
 
 
 class _Recorder(Struct):
-    """Gathers the recording of a run from what its fleet and its host did."""
+    """The recording of a run, gathered from its fleet and its host."""
 
     host: SampledHost
     opening: Opening = field(default=Opening(()))

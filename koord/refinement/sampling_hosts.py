@@ -1,4 +1,4 @@
-"""Hosts that answer by chance, such that assumptions, contracts and summaries hold."""
+"""Hosts with random answers that satisfy assumptions, contracts and summaries."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from koord.traces.trace import Numbers
 
 
 class SampledHost:
-    """The host of a whole fleet; what it answers is found, and recorded, with the reference.
+    """The host of a whole fleet; its answers are found, and recorded, with the reference.
 
     Which answers are asked for, and with which arguments, is up to the program that runs.
     """
@@ -39,11 +39,11 @@ class SampledHost:
         self.inputs = inputs
 
     def settle_start(self, order: tuple[int, ...]) -> None:
-        """Choose starts that the assumptions allow. Raises KoordError if none are found. [INIT]"""
+        """Find starts that the assumptions allow. Raises KoordError if none are found. [INIT]"""
         settled_start(DOUBLES, self.system, self.inputs, order)
 
     def settle_readings(self, configuration: Configuration[Constant]) -> None:
-        """Choose readings that the contracts allow. Raises KoordError if there are none."""
+        """Find readings that the contracts allow. Raises KoordError if there are none."""
         settle_readings(DOUBLES, self.system, configuration, self.inputs)
 
     # --- what programs ask ------------------------------------------------------------------------
@@ -94,12 +94,12 @@ def settled_starts(
 
 
 class _ByQuestion(SampledInputs):
-    """Answers that hang on the seed and the question alone, so that all processes agree."""
+    """Answers determined by the seed and the query, so that all processes agree."""
 
     seed: str = ""
 
     def around(self, robot: int | None, type_: Type) -> list[Concrete]:
-        """What the robot holds; what everybody has to answer alike hangs on nobody."""
+        """Values that the robot holds; none where the answer has to be equal for all robots."""
         return [] if robot is None else super().around(robot, type_)
 
     def ask(
@@ -120,7 +120,7 @@ class _ByQuestion(SampledInputs):
 
 
 class SeededHost:
-    """The host of one robot among several processes: all that it says hangs on a seed.
+    """The host of one robot among several processes, determined by a seed.
 
     What all robots have to see alike (starts of shared variables, mathematical functions) hangs on
     nothing else. Contracts are kept; who looks after assumptions passes ``starts``.
@@ -164,7 +164,7 @@ class SeededHost:
     def answer(
         self, function: core.External, arguments: tuple[Concrete, ...], robot: int | None
     ) -> Concrete:
-        """What any robot's host of this seed answers. Raises KoordError."""
+        """The answer of any robot's host with this seed. Raises KoordError."""
         return self._inputs.ask(function, arguments, robot, {})
 
     def choose(self, turn: Turn, robot: int, key: Key, low: Any, high: Any) -> Any:

@@ -1,4 +1,4 @@
-"""From what the robots of a run told to a trace of the whole. [TRACE]
+"""Merging of robots' reports to a trace of the whole run. [TRACE]
 
 Each robot tells its own part, and who was switched off tells nothing. What nobody saw is filled in:
 a sensor that nobody looked at reads what its contract allows; the state and the output of a robot
@@ -53,11 +53,11 @@ from koord.traces.trace import Emitted, Numbers, Sources, Trace
 
 
 class DisagreementError(Exception):
-    """Two robots acted on different decisions of one round, or began differently."""
+    """Raised where two robots acted on different decisions of a round, or started differently."""
 
 
 class _Heard(Struct):
-    """What all robots told, by what it is about. Of what was told twice the last counts."""
+    """The reports of all robots, by subject. Of duplicates the last counts."""
 
     decisions: dict[int, Decision] = field(default_factory=dict)
     starts: dict[tuple[Home, int, int | None], Start] = field(default_factory=dict)
@@ -109,7 +109,7 @@ def gathered(
     rounds: int | None = None,
     library: Library | None = None,
 ) -> CompiledRun:
-    """The run that the robots tell of, of at most so many rounds. ``told[i]`` is by robot i.
+    """Merge reports to a run of at most so many rounds. ``told[i]`` is by robot i.
 
     ``library`` answers what only the rules ask; without one the reference's does.
 
@@ -131,7 +131,7 @@ class _Gathering(Struct):
     library: Library | None
 
     def ran(self) -> CompiledRun:
-        """The run as a trace. What the last round left open may be missing in it."""
+        """The run as a trace. Inputs of the last round may be missing."""
         heard, system = self.heard, self.system
         first = heard.decisions.get(INIT_ROUND)
         if first is None:
@@ -163,7 +163,7 @@ class _Gathering(Struct):
         return CompiledRun(trace, None if fault is None else fault[1].place, heard.gave_up)
 
     def _begin_the_rest(self) -> None:
-        """What robots did not come to begin with, because INIT ended in a fault."""
+        """Fill in the starts that robots did not reach, because INIT ended in a fault."""
         program, starts = self.system.program, self.heard.starts
         wanted: list[tuple[int | None, core.Declaration]] = [(None, e) for e in program.allwrite]
         for pid in range(self.system.robots):
@@ -179,7 +179,7 @@ class _Gathering(Struct):
     # --- rounds -----------------------------------------------------------------------------------
 
     def _is_whole(self, number: int, decision: Decision) -> bool:
-        """Whether the environment's turn of a round is known to have been."""
+        """Return whether the environment's turn of a round is known to have happened."""
         if decision.fault is not None:
             return decision.fault.event is not None
         return any((number + 1, i) in self.heard.stood for i in range(self.system.robots)) or any(
@@ -187,7 +187,7 @@ class _Gathering(Struct):
         )
 
     def _fault_of(self, decision: Decision) -> tuple[int | None, Found] | None:
-        """Whose fault a round ends in, and which."""
+        """The fault that a round ends in, and its robot."""
         faulted = decision.fault
         if faulted is None:
             return None
@@ -206,13 +206,13 @@ class _Gathering(Struct):
         return tuple(self.heard.answers.get(number, {}).values())
 
     def _readings(self, number: int) -> tuple[Reading, ...]:
-        """What sensors read at the end of a round, where anyone looked."""
+        """The reported readings at the end of a round."""
         return tuple(self.heard.readings.get(number, {}).values())
 
     # --- what the whole went through --------------------------------------------------------------
 
     def _seen(self, trace: Trace, fault: tuple[int | None, Found] | None) -> Trace:
-        """The trace with the configurations and the output that were seen."""
+        """The trace with the reported configurations and output."""
         configurations: list[Configuration[Constant]] = []
         outputs: list[Emitted] = []
         last: Step | None = None
@@ -234,7 +234,7 @@ class _Gathering(Struct):
         return replace(trace, configurations=tuple(configurations), outputs=tuple(outputs))
 
     def _configuration(self, step: Step) -> Configuration[Constant]:
-        """The configuration after a step, the robots as they saw themselves where they did."""
+        """The configuration after a step, with the robots' states as reported."""
         by_rules = step.configuration
         seen = [self.heard.stood.get((step.round + 1, i)) for i in range(len(by_rules.robots))]
         robots = tuple(a or b for a, b in zip(seen, by_rules.robots, strict=True))
@@ -242,7 +242,7 @@ class _Gathering(Struct):
         return replace(by_rules, robots=robots, store=store, fault=None)
 
     def _outputs(self, step: Step) -> Iterator[Emitted]:
-        """What a step wrote, as told by the robot that took it."""
+        """Yield the output of a step, as reported by its robot."""
         if step.rule == "INIT":
             for pid in self._who_began():
                 told = self.heard.written.get((INIT_ROUND, pid), ())
@@ -254,7 +254,7 @@ class _Gathering(Struct):
         yield from (Emitted(step.round, step.robot, written) for written in told)
 
     def _who_began(self) -> Iterator[int]:
-        """Who was let through in INIT, in order, and who faulted."""
+        """Yield the robots admitted in INIT, in order, and the one that faulted."""
         decision = self.heard.decisions[INIT_ROUND]
         yield from (taken.robot for taken in decision.ran)
         if decision.fault is not None:

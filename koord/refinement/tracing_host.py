@@ -1,4 +1,4 @@
-"""Runs on any host as traces: a host that hears what another answers, and writes it down. [TRACE]
+"""Tracing hosts: runs on any host as traces, by observing its answers. [TRACE]
 
 A simulator's host knows a world, and nothing of recordings. What only the rules ask, because a
 summary, a contract or an assumption mentions it, is asked of the same host when the run is over.
@@ -31,7 +31,7 @@ Tell: TypeAlias = Callable[[Turn, Start | Reading | Answer], None]
 
 
 class TracingHost:
-    """A host that answers as another does, and tells of each start, reading and answer.
+    """A host that forwards to another, and reports each start, reading and answer.
 
     ``shapes`` are those of the answers of external functions.
     """
@@ -69,13 +69,13 @@ class TracingHost:
         return value
 
     def answer(self, external: core.External, answer: Any) -> Concrete:
-        """An answer of a function that a host gave."""
+        """Record a host's answer of a function."""
         shape, robots = self.shapes[external.name], self.translation.system.robots
         return to_value(from_plain(shape, answer, robots), external.result.type)
 
 
 class TracedFleet(TracingHost):
-    """The host of a whole fleet. The run that it heard is :meth:`ran`.
+    """The tracing host of a whole fleet. The recorded run is :meth:`ran`.
 
     ``world`` is who answers what only the rules ask: in the end the same host.
     """
@@ -110,17 +110,17 @@ class TracedFleet(TracingHost):
 
     @property
     def is_begun(self) -> bool:
-        """Whether INIT is over."""
+        """Return whether INIT is over."""
         return bool(self._configurations)
 
     def begun(self, decision: Decision, fleet: RoundEngine) -> None:
-        """INIT is over."""
+        """Record the end of INIT."""
         order = opening_order(decision, self.system.robots)
         self._opening = Opening(order, tuple(self._starts.values()), self._taken())
         self._configurations.append(self.translation.configuration(fleet))
 
     def round(self, decision: Decision, fleet: RoundEngine) -> None:
-        """A round is over, or cut by a fault."""
+        """Record the end of a round, or its cut by a fault."""
         order, events = schedule_of(decision, self.system.robots)
         cut = decision.fault is not None
         readings = () if cut else tuple(self._readings)
@@ -137,7 +137,7 @@ class TracedFleet(TracingHost):
         *,
         whole: bool = False,
     ) -> Trace:
-        """The run up to the last round that is over; to its end, if that is the ``whole`` run.
+        """The run up to the last finished round; to its end, if that is the ``whole`` run.
 
         ``shapes`` are those of the answers of functions that no robot asks. Raises KoordError.
         """
@@ -157,7 +157,7 @@ class TracedFleet(TracingHost):
         )
 
     def ran(self, fleet: RoundEngine, sources: Sources, shapes: Mapping[str, Shape]) -> CompiledRun:
-        """The run, with the answers that the rules ask for. Raises KoordError."""
+        """The run, completed by the answers that the rules ask for. Raises KoordError."""
         trace = self.so_far(fleet, sources, shapes, whole=True)
         if self._completing.put_off:
             bare = replace(trace, recording=Recording(self._opening, tuple(self._rounds)))
@@ -173,7 +173,7 @@ class TracedFleet(TracingHost):
     def _library(
         self, external: core.External, arguments: tuple[Concrete, ...], robot: int | None
     ) -> Concrete:
-        """What the host answers to what only the rules ask."""
+        """The host's answer to a query that only the rules make."""
         given = tuple(map(to_plain, arguments))
         answer = self.world.ask(Turn.ENV, robot or 0, (), external.name, given)
         return self.answer(external, answer)
@@ -181,7 +181,7 @@ class TracedFleet(TracingHost):
     def _lasting(
         self, external: core.External, arguments: tuple[Concrete, ...], robot: int | None
     ) -> Concrete:
-        """The same while the run goes on: of functions whose answers change nothing of it."""
+        """The same while the run goes on: for functions whose answers do not influence it."""
         if external.kind is not core.ExternalKind.FUNCTION:
             raise PutOffError
         return self._library(external, arguments, robot)

@@ -1,4 +1,4 @@
-"""What the runtime has, as the semantics has it, and back: values, questions, configurations."""
+"""Translation between values of the runtime and of the semantics."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ PHASES = {Turn.INIT: Phase.INIT, Turn.PROG: Phase.PROG, Turn.ENV: Phase.ENV}
 
 
 def to_value(value: Any, type_: Type) -> Concrete:
-    """A value of the runtime, or one that a host gave, as one of the semantics."""
+    """Convert a value of the runtime, or of a host, to one of the semantics."""
     match type_:
         case RecordType(fields=fields):
             pairs = zip(value, fields, strict=True)
@@ -45,7 +45,7 @@ def to_value(value: Any, type_: Type) -> Concrete:
 
 
 def to_plain(value: Concrete) -> Any:
-    """A value of the semantics as a host gives it to a compiled program."""
+    """Convert a value of the semantics to a host's, for a compiled program."""
     match value:
         case Rec(fields=parts):
             return tuple(map(to_plain, parts))
@@ -58,13 +58,13 @@ def to_plain(value: Concrete) -> Any:
 
 
 def to_written(written: Output, statement: core.Output) -> Written[Constant]:
-    """What a statement wrote to a stream, with the types of what it wrote."""
+    """Convert the output of a statement, with the types of its values."""
     types = tuple(value.type for value in statement.values)
     return Written(written.stream, tuple(map(to_value, written.values, types)), types)
 
 
 def to_storage(value: Any, type_: Type, robots: int) -> Storage[Constant]:
-    """What an attribute holds as what a variable holds: atoms that are set or unset. [ATOM]"""
+    """Convert an attribute's value to storage: atoms that are set or unset. [ATOM]"""
     match type_:
         case RecordType(fields=fields):
             pairs = zip(value, fields, strict=True)
@@ -78,12 +78,12 @@ def to_storage(value: Any, type_: Type, robots: int) -> Storage[Constant]:
 
 
 def to_fault(found: proposals.EventFault, robot: int | None) -> Fault:
-    """A fault that a robot met; its place is only known as the runtime names it."""
+    """Convert a fault; its place is known by the runtime's name only."""
     return Fault(found.kind, robot, NOWHERE, found.detail)
 
 
 class Translation:
-    """Attributes, questions and states of a system's robots, as the semantics has them. [CONFIG]"""
+    """Translation of attributes, queries and states of a system's robots. [CONFIG]"""
 
     def __init__(self, system: System, names: PythonNames) -> None:
         self.system = system
@@ -93,16 +93,16 @@ class Translation:
     # --- what hosts are asked -------------------------------------------------------------------
 
     def declaration(self, robot: int | None, name: str) -> core.Declaration:
-        """The variable behind an attribute; ``robot`` is None for what all write."""
+        """The declaration of an attribute; ``robot`` is None for allwrite variables."""
         return self._declared[None if robot is None else self.system.kinds[robot], name]
 
     def start(self, robot: int | None, name: str, value: Any) -> Start:
-        """What an attribute starts with."""
+        """The recorded start of an attribute."""
         variable = self.declaration(robot, name).variable
         return Start(variable.home, variable.slot, robot, to_value(value, started_type(variable)))
 
     def attribute(self, start: Start) -> str:
-        """The attribute that starts so."""
+        """The attribute of a recorded start."""
         kind = None if start.robot is None else self.system.kinds[start.robot]
         return next(
             name
@@ -117,14 +117,14 @@ class Translation:
         return {self.names.attribute(port.declaration.variable, kind): port for port in ports}
 
     def reading(self, robot: int, name: str, value: Any) -> Reading:
-        """What the sensor behind an attribute reads."""
+        """The recorded reading of the sensor of an attribute."""
         variable = self.declaration(robot, name).variable
         return Reading(robot, variable.slot, to_value(value, variable.type))
 
     def question(
         self, function: str, arguments: Iterable[Any]
     ) -> tuple[core.External, tuple[Concrete, ...]]:
-        """An external function, and what it is asked about."""
+        """The external function of a query, and its arguments."""
         external = self.system.program.external(function)
         pairs = zip(arguments, external.parameters, strict=True)
         return external, tuple(to_value(value, parameter.type) for value, parameter in pairs)
@@ -138,7 +138,7 @@ class Translation:
         return Configuration(robots, store, fleet.round)
 
     def robot(self, robot: Running) -> Robot[Constant]:
-        """The state of one robot; its copy of the shared variables is what it holds of them."""
+        """The state of one robot, with its copy of the shared variables."""
         agent = self.system.agent(robot.pid)
         kind = self.system.kinds[robot.pid]
         held = vars(robot)
@@ -173,7 +173,7 @@ class Translation:
 
 
 def started_type(variable: core.Variable) -> Type:
-    """The type of what one robot starts with; of an allread variable, of its own entry."""
+    """The type of an attribute's start; for an allread variable, of its own entry."""
     if variable.home is core.Home.ALLREAD:
         assert isinstance(variable.type, ArrayType)
         return variable.type.element
@@ -183,7 +183,7 @@ def started_type(variable: core.Variable) -> Type:
 def _declared(
     program: core.Program, names: PythonNames
 ) -> Iterator[tuple[tuple[int | None, str], core.Declaration]]:
-    """The variables that may start arbitrary, by kind and attribute."""
+    """The variables that may start arbitrarily, by kind and attribute."""
     for entry in program.allwrite:
         yield (None, names.attribute(entry.variable, None)), entry
     for kind, agent in enumerate(program.agents):

@@ -1,4 +1,4 @@
-"""How large a world is of which nobody has said it: what is in program and configuration has room.
+"""Default bounds of a world: large enough for all places in program and configuration.
 
 Nothing is made up: where it is not even said where robots begin, bounds are asked for.
 """
@@ -29,7 +29,7 @@ _ROOM_M, _ABOVE_M = 3.0, 1.0
 
 
 def world_of(configuration: RunConfiguration, landmarks: Sequence[Point] | None) -> World:
-    """The world of a configuration, with the bounds that it gives, or with room for all places.
+    """The world of a configuration, with its bounds, or bounds with room for all places.
 
     ``landmarks`` are the places that a program names, None if it moves nobody. Raises KoordError if
     bounds are to be asked for. (K931)
@@ -47,7 +47,7 @@ def world_of(configuration: RunConfiguration, landmarks: Sequence[Point] | None)
 
 
 def widened(world: World, places: Sequence[Point]) -> World:
-    """A world as large as it is, or so large that places have room."""
+    """A world enlarged where needed, so that places have room."""
     if not places:
         return world
     room = around(world, places)
@@ -58,14 +58,14 @@ def widened(world: World, places: Sequence[Point]) -> World:
 
 
 def moves(program: core.Program) -> bool:
-    """Whether a program sends robots anywhere, or asks for ways."""
+    """Return whether a program sends robots anywhere, or asks for paths."""
     ports = (port.declaration.variable.name for agent in program.agents for port in agent.ports)
     asked = (plain_name(external.name) for external in program.externals)
     return not GOALS.isdisjoint(ports) or not WAYS.isdisjoint(asked)
 
 
 def around(world: World, places: Iterable[Point]) -> World:
-    """A world in which there is room around places."""
+    """A world with room around places."""
     xs, ys, zs = zip(*places, strict=True)
     low = (min(xs) - MARGIN_M, min(ys) - MARGIN_M, min(0.0, *zs))
     high = (max(xs) + MARGIN_M, max(ys) + MARGIN_M, max(low[2] + _ROOM_M, max(zs) + _ABOVE_M))
@@ -73,7 +73,7 @@ def around(world: World, places: Iterable[Point]) -> World:
 
 
 def places_of(program: core.Program) -> Iterator[Point]:
-    """The places that a program names: positions whose coordinates are numbers."""
+    """The places that a program names: positions with constant coordinates."""
     own = tuple(f for f in program.functions if f.span.file != LIBRARY)
     for node in nodes(replace(program, functions=own, externals=())):
         if isinstance(node, core.MakeRecord) and node.type == POS:

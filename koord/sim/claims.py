@@ -1,4 +1,4 @@
-"""What a program claims, watched while it runs.
+"""Monitors of a program's claims in a simulated run.
 
 Invariants are looked at after the robots' events and at the end of each round. Contracts are about
 the world as it is, at every tick: not only about what robots are told at the end of a round. All
@@ -41,7 +41,7 @@ _MOST_AT_A_TICK = 200
 
 
 class _Stated(Struct):
-    """A claim about robots, and for which of them it is known not to hold."""
+    """A claim about robots, and the robots for which it is known not to hold."""
 
     claim: WatchedClaim
     robots: tuple[Sequence[int], ...]
@@ -50,7 +50,7 @@ class _Stated(Struct):
 
 
 class _Changes:
-    """What has changed of robots and of what they share, from look to look.
+    """Changes of robots and shared variables between checks.
 
     Values of compiled programs never change (decision record 0012), so what is the same object as
     before is the same value.
@@ -75,7 +75,7 @@ class _Changes:
         self._changed: dict[str, deque[set[int]]] = {}
 
     def note(self, robots: Sequence[Robot], values: Mapping[str, Any]) -> None:
-        """Look at robots, and at what they share."""
+        """Record the present values of robots and shared variables."""
         self.look += 1
         held = [vars(robot) for robot in robots]
         for name in self.own:
@@ -97,7 +97,7 @@ class _Changes:
         self._changed.setdefault(name, deque(maxlen=_LOOKS)).append(changed)
 
     def since(self, look: int, claim: WatchedClaim) -> set[int] | None:
-        """The robots of which a claim sees something else than at a look; None: it may be any."""
+        """The robots whose reads of a claim changed since a check; None: it may be any."""
         count = self.look - look
         if count > _LOOKS or claim.looks is None:
             return None
@@ -112,7 +112,7 @@ class _Changes:
 
 
 class Watching:
-    """Looks at the claims of a run. ``looked`` counts them, each time that they were looked at."""
+    """A monitor of the claims of a run. ``looked`` counts the checks of each claim."""
 
     def __init__(self, watched: Watched, run: Simulation) -> None:
         kinds = run.cast.kinds
@@ -134,7 +134,9 @@ class Watching:
                 self._stated[claim.sort].append(_Stated(claim, whose))
 
     def look(self, moment: WatchPoint, run: Simulation) -> Iterator[BrokenClaim]:
-        """The claims that do not hold now. [PROP-INVARIANT] [PROP-ROUND]"""
+        """Check invariants: return the claims that do not hold now.
+        [PROP-INVARIANT] [PROP-ROUND]
+        """
         engine = run.engine
         if engine.ended is not None:
             return
@@ -152,7 +154,7 @@ class Watching:
                     )
 
     def glance(self, run: Simulation) -> Iterator[BrokenClaim]:
-        """The contracts that the world does not keep now. [PROP-CONTRACT]"""
+        """Check contracts: return those that the world does not keep now. [PROP-CONTRACT]"""
         if not any(self._contracts):
             return
         fleet = run.fleet
@@ -180,7 +182,7 @@ class Watching:
     # --- inside ---------------------------------------------------------------------------------
 
     def _in_turn(self, robots: Sequence[Robot]) -> Sequence[Robot]:
-        """The robots whose contracts are looked at now."""
+        """The robots whose contracts are checked now."""
         count = len(robots)
         if count <= _MOST_AT_A_TICK:
             return robots
@@ -193,7 +195,7 @@ class Watching:
         self.looked[name] = self.looked.get(name, 0) + 1
 
     def _broken(self, stated: _Stated) -> list[tuple[int, ...]]:
-        """The robots for which a claim does not hold; one that holds for all has none.
+        """The robots for which a claim does not hold; none for a claim that holds for all.
 
         What nothing has changed of since it was last looked at is as it was.
         """
@@ -214,7 +216,7 @@ class Watching:
 
 
 class Checked:
-    """A host whose every answer is held against the summary that the program gives of its function.
+    """A host that checks every answer against the function's summary in the program.
 
     It may stand between a program and its host from the beginning; :meth:`hold` says against what.
     """
@@ -228,7 +230,7 @@ class Checked:
         self._now_s: Callable[[], float] = lambda: 0.0
 
     def hold(self, watched: Watched, run: Simulation) -> None:
-        """Hold all answers against the summaries of a program, before a run begins."""
+        """Check all answers against the summaries of a program, before a run begins."""
         self._watch = watch_of(watched, run)
         self._summaries = {c.function: c for c in watched.claims if c.sort is WatchedKind.SUMMARY}
         self._now_s = lambda: run.fleet.now_s
@@ -261,17 +263,17 @@ class Checked:
         return answer
 
     def look(self, moment: WatchPoint, run: Simulation) -> Iterator[BrokenClaim]:
-        """The summaries that were not met since this was asked last. [EXTERNAL]"""
+        """The summaries violated since the last call. [EXTERNAL]"""
         broken, self._broken = self._broken, []
         yield from broken
 
     def glance(self, run: Simulation) -> Iterator[BrokenClaim]:
-        """Nothing is asked between rounds."""
+        """Return no claims: summaries are not checked between rounds."""
         yield from ()
 
 
 def watch_of(watched: Watched, run: Simulation) -> Watch:
-    """What looks at a run for its claims; the host knows what it may ask."""
+    """Make the monitor of a run's claims; the run's host answers its queries."""
     (made,) = loaded(watched.text)
     assert issubclass(made, Watch)
     run.host.watches = (*run.host.watches, made)
@@ -284,7 +286,7 @@ def _shown(value: object) -> str:
 
 
 def _measured(one: type[Robot]) -> Iterator[tuple[str, Shape | None]]:
-    """The sensors of a robot that say where it is, each with its shape, or whether it is there."""
+    """The sensors of a robot for its position or for ``reached``, each with its shape."""
     for name in one.SENSORS:
         port = name.rpartition("_")[2]
         if port in ("psn", "position"):
@@ -302,7 +304,7 @@ def _robots(kinds: Sequence[int], agent: int | None) -> Sequence[int]:
 def _tuples(
     robots: tuple[Sequence[int], ...], changed: set[int] | None
 ) -> Iterator[tuple[int, ...]]:
-    """The tuples of robots; only those with one in them that has changed, if that is known."""
+    """The tuples of robots; only those with a changed robot, if the changes are known."""
     if changed is None or not robots:
         yield from product(*robots)
     elif len(robots) == 1:

@@ -1,4 +1,4 @@
-"""What makes simulated robots less than perfect: noise, slow positioning, delay, wind. All seeded.
+"""Disturbances of simulated robots: noise, slow positioning, delay and wind, all seeded.
 
 Each robot has a generator of its own, spawned from one seed, so what happens to a robot does not
 depend on how many others there are.
@@ -18,7 +18,7 @@ _BLOCK = 64
 
 
 class Positioning(Struct, frozen=True):
-    """How well robots know where they are: the standard deviations, and how often they are told.
+    """The quality of positioning: standard deviations and the rate of fixes.
 
     The defaults are those of motion capture: exact, and new at every step of control.
     """
@@ -29,7 +29,7 @@ class Positioning(Struct, frozen=True):
 
 
 class Wind(Struct, frozen=True):
-    """Wind as drones feel it: a mean, and gusts that come and go (an Ornstein–Uhlenbeck process).
+    """Wind on drones: a mean and gusts (an Ornstein–Uhlenbeck process), in m/s.
 
     Gusts have the standard deviation ``gust_mps`` along each axis and die down with ``calm_s``.
     """
@@ -40,7 +40,7 @@ class Wind(Struct, frozen=True):
 
 
 class Disturbances(Struct, frozen=True):
-    """All of them, as a configuration gives them for a kind of robot."""
+    """All disturbances of a kind of robot, as in the configuration."""
 
     positioning: Positioning = Positioning()
     actuation_delay_s: float = 0.0
@@ -48,7 +48,7 @@ class Disturbances(Struct, frozen=True):
 
 
 class Normals:
-    """Standard normal numbers for ``len(seeds)`` robots, ``width`` at each step."""
+    """Generators of standard normal numbers for ``len(seeds)`` robots, ``width`` per step."""
 
     def __init__(self, seeds: list[np.random.SeedSequence], width: int) -> None:
         self._sources = [np.random.default_rng(seed) for seed in seeds]
@@ -56,7 +56,7 @@ class Normals:
         self._next = _BLOCK
 
     def draw(self) -> Floats:
-        """The next numbers, shape ``(n, width)``."""
+        """Draw the next numbers, shape ``(n, width)``."""
         if self._next == _BLOCK:
             for source, block in zip(self._sources, self._block, strict=True):
                 source.standard_normal(out=block)
@@ -67,7 +67,7 @@ class Normals:
 
 
 class Gusts:
-    """The wind at ``n`` robots."""
+    """The gusts of wind at ``n`` robots."""
 
     def __init__(self, wind: Wind, seeds: list[np.random.SeedSequence]) -> None:
         self.wind = wind
@@ -76,7 +76,7 @@ class Gusts:
         self._normals = Normals(seeds, 3) if wind.gust_mps > 0 else None
 
     def blow(self, dt_s: float) -> Floats:
-        """The wind for the next step, shape ``(n, 3)``."""
+        """The wind in m/s for the next step, shape ``(n, 3)``."""
         if self._normals is not None:
             fade = math.exp(-dt_s / self.wind.calm_s)
             fresh = self.wind.gust_mps * math.sqrt(1 - fade * fade)
@@ -85,7 +85,7 @@ class Gusts:
 
 
 class Fixes:
-    """The positions and headings that robots are told."""
+    """The fixes of robots: measured positions and headings."""
 
     def __init__(
         self,
@@ -102,7 +102,7 @@ class Fixes:
         self._last: tuple[Floats, Floats] | None = None
 
     def read(self, position: Floats, heading_rad: Floats, now_s: float) -> tuple[Floats, Floats]:
-        """What robots are told at a time: a new fix if one is due, else the last one again."""
+        """The fixes at a time: new ones if due, else the last ones again."""
         if self._last is not None and now_s < self._due_s - 1e-9:
             return self._last
         while self._period and self._due_s <= now_s + 1e-9:
@@ -116,13 +116,13 @@ class Fixes:
 
 
 class Delay:
-    """A line in which commands wait for ``steps`` steps of control."""
+    """A delay line, in which commands wait for ``steps`` steps of control."""
 
     def __init__(self, steps: int, at_first: Floats) -> None:
         self._line = [at_first.copy() for _ in range(steps)]
 
     def pass_on(self, command: Floats) -> Floats:
-        """Put a command in, take the one out that is due."""
+        """Put a command in, and return the one that is due."""
         if not self._line:
             return command
         self._line.append(command.copy())

@@ -1,4 +1,4 @@
-"""The fleet: all simulated robots of a run, and the time that passes for them.
+"""The fleet: all simulated robots of a run, and their clock.
 
 Time is counted in ticks of control and moves on when it is told to: nothing here waits, and nothing
 reads a clock. Equal seeds and equal orders give equal runs.
@@ -33,7 +33,7 @@ _STATES = tuple(MotionState)
 
 
 class Placed(Struct, frozen=True):
-    """A robot at the start of a run."""
+    """A robot at the start of a run: model, position in metres, heading in rad."""
 
     model: DeviceModel
     start: Point
@@ -41,7 +41,7 @@ class Placed(Struct, frozen=True):
 
 
 class Sensed(NamedTuple):
-    """The motion sensors of a robot: what its program reads."""
+    """The motion sensors of a robot, as its program reads them."""
 
     psn: Point
     heading_rad: float
@@ -53,7 +53,7 @@ class Sensed(NamedTuple):
 
 
 class Fleet:
-    """Robots in a world; those of one model run together. Robots are numbered as they are given.
+    """A fleet of robots in a world; those of one model run together. Robots are numbered in order.
 
     With ``only`` one of them is simulated, as it would be among the others, and nobody else is
     there: so each process of a run simulates its own robot.
@@ -90,7 +90,7 @@ class Fleet:
         return self.ticks * TICK_S
 
     def advance_to(self, time_s: float, watch: Callable[[Fleet], None] | None = None) -> None:
-        """Let time pass in whole ticks, up to a time; ``watch`` is called after every tick."""
+        """Advance in whole ticks up to a time in seconds; ``watch`` is called after every tick."""
         last = math.floor(time_s / TICK_S + 1e-6)
         while self.ticks < last:
             for members, _ in self._squads:
@@ -102,7 +102,7 @@ class Fleet:
     def stage(
         self, time_s: float, place: Callable[[float], Floats], watch: Callable[[Fleet], None]
     ) -> None:
-        """Let time pass, and put robots where they are at each: only points can be put anywhere."""
+        """Advance, and place robots at each tick; only point robots can be placed."""
         last = math.floor(time_s / TICK_S + 1e-6)
         while self.ticks < last:
             self.ticks += 1
@@ -115,28 +115,28 @@ class Fleet:
     # --- orders ---------------------------------------------------------------------------------
 
     def follow(self, robot: int, path: Sequence[Point]) -> None:
-        """Have a robot follow a path; one without points leaves it where it is."""
+        """Let a robot follow a path, shape ``(k, 3)``; an empty one leaves it where it is."""
         members, row = self._at(robot)
         position, heading = members.fixes(self.now_s)
         members.group.follow(row, as_path(path), float(heading[row]), position[row])
 
     def go_to(self, robot: int, target: Point) -> None:
-        """Have a robot find a path to a target and follow it."""
+        """Let a robot find a path to a target and follow it."""
         members, row = self._at(robot)
         members.group.go_to(row, target)
 
     def hold(self, robot: int) -> None:
-        """Have a robot stay where it is until it is released."""
+        """Let a robot stay where it is until released."""
         members, row = self._at(robot)
         members.group.hold(row)
 
     def release(self, robot: int) -> None:
-        """Have a robot go on with what it was doing when it was told to hold."""
+        """Let a robot resume what holding interrupted."""
         members, row = self._at(robot)
         members.group.release(row)
 
     def stop(self, robot: int) -> None:
-        """Have a robot stop for good."""
+        """Stop a robot for good."""
         members, row = self._at(robot)
         members.group.stop(row)
 
@@ -166,25 +166,25 @@ class Fleet:
         return known if self._only is None else known * len(self.robots)
 
     def positions(self) -> Floats:
-        """Where the robots are, shape ``(n, 3)``."""
+        """The positions of robots in metres, shape ``(n, 3)``."""
         return self._gathered(lambda members: members.truth()[0], 3)
 
     def headings(self) -> Floats:
-        """Where the robots point, shape ``(n,)``."""
+        """The headings of robots in rad, shape ``(n,)``."""
         found = np.empty(len(self.robots))
         for members, numbers in self._squads:
             found[numbers] = members.truth()[1]
         return found
 
     def reached(self) -> Bools:
-        """Which robots have reached what they were told to."""
+        """A mask of the robots that have reached their goals."""
         found = np.empty(len(self.robots), np.bool_)
         for members, numbers in self._squads:
             found[numbers] = members.group.automata.reached
         return found
 
     def attitudes(self) -> Floats:
-        """Their attitudes as unit quaternions, w first, shape ``(n, 4)``."""
+        """The attitudes of robots as unit quaternions, w first, shape ``(n, 4)``."""
         return self._gathered(lambda members: members.attitude(), 4)
 
     def path(self, robot: int) -> Floats:
@@ -193,7 +193,7 @@ class Fleet:
         return members.group.path(row)
 
     def touched(self, robot: int) -> tuple[tuple[Hindrance, int], ...]:
-        """What a robot's vehicle touches: which robot, which obstacle, or the edge of the world."""
+        """The contacts of a robot's vehicle: with robots, obstacles, or the edge of the world."""
         members, row = self._at(robot)
         of = {id(members.vehicles): numbers for members, numbers in self._squads}
         found = [
@@ -203,7 +203,7 @@ class Fleet:
         return tuple(sorted(found, key=lambda one: (_HINDRANCES.index(one[0]), one[1])))
 
     def paths_given(self) -> Ints:
-        """How many paths each robot was given to follow, shape ``(n,)``."""
+        """The number of paths that each robot was given, shape ``(n,)``."""
         found = np.empty(len(self.robots), np.int64)
         for members, numbers in self._squads:
             found[numbers] = members.group.routes.given

@@ -1,4 +1,4 @@
-"""The simulated world as the host of compiled programs: their sensors, actuators and library.
+"""The simulated world as the host of compiled programs: sensors, actuators and library.
 
 A round's environment turn has two parts: :meth:`Hosted.pass_time` hands the robots' actuators to
 the fleet and lets δ pass; then every robot reads its sensors. Which port is which is told by its
@@ -90,7 +90,7 @@ class Hosted:
         time_s: float,
         watch: Callable[[Fleet], None] | None = None,
     ) -> None:
-        """Hand over what robots were told since last time, then let time pass up to ``time_s``."""
+        """Pass new orders of robots to the fleet, then advance to ``time_s`` seconds."""
         for robot in robots:
             held, sent = vars(robot), self._sent[robot.pid]
             for name, shape in self._goals[robot.KIND]:
@@ -104,7 +104,7 @@ class Hosted:
     # --- the host of compiled robots ------------------------------------------------------------
 
     def start(self, robot: int | None, name: str) -> Any:
-        """[INIT]: where a robot is, the world's tasks, and else the plainest value there is."""
+        """The start of a variable: the robot's position, the world's tasks, or a default. [INIT]"""
         shape, robots = self._shape(robot, name), len(self.kinds)
         if robot is not None and name.rpartition("_")[2] in ("psn", "position"):
             return placed(shape, self.sensed[robot].psn)
@@ -113,7 +113,7 @@ class Hosted:
         return default(shape, robots)
 
     def read(self, robot: Robot) -> Mapping[str, Any]:
-        """[ENV-FREE]: what the sensors of a robot say at the end of the round."""
+        """The readings of a robot's sensors at the end of the round. [ENV-FREE]"""
         sensed = self.sensed[robot.pid]
         readings: dict[str, Any] = {}
         for name, shape, port in self._sensors[self.kinds[robot.pid]]:
@@ -135,7 +135,7 @@ class Hosted:
     def ask(
         self, turn: Turn, robot: int, key: Key, function: str, arguments: tuple[Any, ...]
     ) -> Any:
-        """[EXTERNAL]: the answers of the library, on real geometry."""
+        """Answer a call of the library, with real geometry. [EXTERNAL]"""
         library, clearance = self.library, self.library.clearance
         result = self._result(robot, function)
         match plain_name(function), arguments:
@@ -170,7 +170,7 @@ class Hosted:
                 raise LookupError(function)
 
     def choose(self, turn: Turn, robot: int, key: Key, low: Any, high: Any) -> Any:
-        """[CHOOSE]: any value between, by the robot's own chance."""
+        """Choose a value between the bounds, by the robot's own generator. [CHOOSE]"""
         draw = self._draw[robot]
         return draw.uniform(low, high) if isinstance(low, float) else draw.randint(low, high)
 
@@ -192,7 +192,7 @@ class Hosted:
         return scanner.scan(sensed.psn, sensed.heading_rad, self._noise[robot])
 
     def _result(self, robot: int, function: str) -> Shape:
-        """The shape of the answer; properties may ask what robots do not."""
+        """The shape of an answer; properties may call functions that robots do not."""
         for program in (self.classes[self.kinds[robot]], *self.watches):
             if function in program.EXTERNALS:
                 return program.EXTERNALS[function]
@@ -221,19 +221,19 @@ class Hosted:
 
 
 def plain_name(function: str) -> str:
-    """The name of a function in the text: of functions with one name all but the first count."""
+    """The name of a function in the text: later ones of several with one name are numbered."""
     return re.sub(r"_\d+$", "", function)
 
 
 def _goals(one: type[Robot]) -> Iterator[tuple[str, Shape]]:
-    """The actuators of a robot that send it somewhere."""
+    """The actuators of a robot that set its goal."""
     for name, shape in one.PORTS.items():
         if name.rpartition("_")[2] in GOALS and name not in one.SENSORS:
             yield name, shape
 
 
 def _is_task(shape: Shape) -> bool:
-    """A task is a record that begins with a place."""
+    """Return whether a shape is a task: a record that begins with a position."""
     return isinstance(shape, Record) and bool(shape.fields) and isinstance(shape.fields[0], Record)
 
 
@@ -242,7 +242,7 @@ def _is_set(place: Any) -> bool:
 
 
 def placed(shape: Shape, point: Point) -> Any:
-    """A place as a program has it: a record of two or three coordinates, or one number."""
+    """Convert a position to the program's form: a record of two or three floats, or one float."""
     if isinstance(shape, Scalar):
         return point[0]
     assert isinstance(shape, Record)
@@ -257,7 +257,7 @@ def _point(place: Any) -> Point:
 
 
 def _drawn(shape: Shape, seen: Mapping[int, bool]) -> Any:
-    """A map as a program has it: cell to whether it is occupied, or what each cell is."""
+    """Convert a map to the program's form: cell to occupied, or the state of each cell."""
     if not isinstance(shape, Array):
         return dict(seen)
     cells = (seen.get(cell) for cell in range(shape.size))
@@ -265,7 +265,7 @@ def _drawn(shape: Shape, seen: Mapping[int, bool]) -> Any:
 
 
 def _cell(shape: Shape, there: bool | None) -> Any:
-    """What a cell is: unknown (None), free or occupied, in the words of an enumeration."""
+    """The state of a cell (None: unknown) as a Boolean, or as a member of an enumeration."""
     if not isinstance(shape, Enumeration):
         return bool(there)
     names = shape.members
@@ -277,7 +277,7 @@ def _cell(shape: Shape, there: bool | None) -> Any:
 
 
 def _known(cells: Any) -> dict[int, bool]:
-    """What a program's map says; of an enumeration the first member is unknown, the second free."""
+    """The known cells of a program's map; of an enumeration, member 0 is unknown, 1 free."""
     if isinstance(cells, Mapping):
         return dict(cells)
     return {cell: state > 1 for cell, state in enumerate(cells) if state}

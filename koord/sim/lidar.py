@@ -1,4 +1,4 @@
-"""A scanner that turns in the plane: where its beams end in a world."""
+"""A planar lidar scanner: the end points of its beams in a world."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from koord.runtime.motion.world import Box, Disc, Point, Polygon, World
 
 
 class Lidar(Struct, frozen=True):
-    """A scanner: how many beams, evenly around, how far they reach, how much they are off."""
+    """The parameters of a scanner: number of beams, range and noise in metres."""
 
     beams: int = 180
     range_m: float = 4.0
@@ -47,7 +47,7 @@ class Scanner:
     def scan(
         self, position: Point, heading_rad: float, draw: np.random.Generator | None = None
     ) -> tuple[Point, ...]:
-        """Where the scanner stands, then where each beam ends; the first points ahead.
+        """Scan: the scanner's position, then each beam's end point; the first beam points ahead.
 
         Beams that meet nothing end at the scanner's range.
         """
@@ -64,7 +64,7 @@ class Scanner:
         return position, *((x, y, z) for x, y in ends.tolist())
 
     def _edges(self, here: Floats, beams: Floats) -> Floats:
-        """How far beams come until they cross an edge."""
+        """The lengths of beams up to the first edge that they cross, in metres."""
         gap = self._starts - here
         cross = beams[:, :1] * self._along[:, 1] - beams[:, 1:] * self._along[:, 0]
         level = np.abs(cross) < 1e-12
@@ -76,7 +76,7 @@ class Scanner:
         return found
 
     def _rounds(self, here: Floats, beams: Floats) -> Floats:
-        """How far beams come until they meet a disc."""
+        """The lengths of beams up to the first disc that they meet, in metres."""
         gap = self._discs[:, :2] - here
         along = beams @ gap.T
         inside = self._discs[:, 2] ** 2 - (gap**2).sum(1) + along**2

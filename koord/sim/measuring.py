@@ -1,4 +1,4 @@
-"""Measures of a run: distances, separation, waiting, events and skips, tasks, times."""
+"""Metrics of a run: distances, separation, waiting, events and skips, tasks, times."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _ROOM_M = 0.5
 
 
 class Nearest(Struct, frozen=True):
-    """The two robots that are nearest to each other."""
+    """The two robots that are nearest to each other, and their distance in metres."""
 
     distance_m: float
     one: int
@@ -36,14 +36,14 @@ class Nearest(Struct, frozen=True):
 
 
 class Nearby:
-    """The nearest pair of robots that move: most need not be looked at again each time."""
+    """An incremental search for the nearest pair, which skips most pairs of moving robots."""
 
     def __init__(self) -> None:
         #: Where robots were when it was last seen who is near to whom, and how far was looked then.
         self._seen: tuple[Floats, Ints, float] | None = None
 
     def nearest(self, positions: Floats) -> Nearest | None:
-        """The same as :func:`nearest`."""
+        """The nearest pair, as :func:`nearest` finds it."""
         if len(positions) <= _FEW:
             return nearest(positions)
         if self._seen is not None:
@@ -60,7 +60,7 @@ class Nearby:
 
 
 def nearest(positions: Floats) -> Nearest | None:
-    """The nearest pair among positions ``(n, 3)``, of several the first; None: there is none."""
+    """The nearest pair among positions ``(n, 3)``, of several the first; None if there is none."""
     n = len(positions)
     if n < 2:
         return None
@@ -74,7 +74,7 @@ def nearest(positions: Floats) -> Nearest | None:
 
 
 def _neighbours(positions: Floats, room_m: float) -> Ints:
-    """Pairs, shape ``(k, 2)``: all that are no further apart than the nearest and some room more.
+    """Pairs, shape ``(k, 2)``, that are at most a margin further apart than the nearest one.
 
     Each robot is held against the next, the one after that, and so on, along the axis on which
     they are spread the most.
@@ -105,7 +105,7 @@ _OWNERS = ("assignedTo", "assignId", "carrier")
 
 
 class Near(Struct, frozen=True):
-    """The smallest separation of a run, and when it was."""
+    """The least separation of a run, in metres, with its robots and time."""
 
     distance_m: float
     robots: tuple[int, int]
@@ -113,7 +113,7 @@ class Near(Struct, frozen=True):
 
 
 class OfRobot(Struct, frozen=True):
-    """What a robot came to. ``waited_s``: it had nowhere to go, and had not stopped."""
+    """The metrics of a robot. ``waited_s``: it had no goal, and had not stopped."""
 
     distance_m: float
     waited_s: float
@@ -124,14 +124,14 @@ class OfRobot(Struct, frozen=True):
 
 
 class OfTask(Struct, frozen=True):
-    """A task: who had it, and when that robot came there. None: not yet."""
+    """The metrics of a task: its owner, and the time of the owner's visit. None: not yet."""
 
     robot: int | None
     visited_s: float | None
 
 
 class Figures(Struct, frozen=True):
-    """What a run came to. ``messages`` are those that robots would have sent for it. (R-ROUND)"""
+    """The metrics of a run. ``messages`` are those that its protocol would have sent. (R-ROUND)"""
 
     rounds: int
     time_s: float
@@ -147,7 +147,9 @@ class Figures(Struct, frozen=True):
 
     @property
     def tasks_s(self) -> float | None:
-        """When the last task was visited; None while there are any left, or if there are none."""
+        """The time in seconds of the last task's visit; None while some remain, or if none
+        exist.
+        """
         times = [task.visited_s for task in self.tasks]
         known = [time for time in times if time is not None]
         return max(known) if known and len(known) == len(times) else None
@@ -158,7 +160,7 @@ class Figures(Struct, frozen=True):
 
 
 class Gauge:
-    """Measures a run while it goes on."""
+    """The measurement of a run in progress."""
 
     def __init__(self, fleet: Fleet, engine: Engine, recorder: RunLogger, scene: Scene) -> None:
         self.fleet, self.engine, self.recorder, self.scene = fleet, engine, recorder, scene
@@ -176,16 +178,16 @@ class Gauge:
 
     @property
     def tasks(self) -> int:
-        """How many tasks there are."""
+        """The number of tasks."""
         return len(self._owner)
 
     @property
     def visited(self) -> int:
-        """How many of them were visited."""
+        """The number of visited tasks."""
         return sum(time is not None for time in self._visited)
 
     def tick(self) -> Nearest | None:
-        """A tick of the fleet is over. The answer is the pair of robots that is nearest now."""
+        """Record the end of a tick; return the pair of robots that is nearest now."""
         here = self.fleet.positions()
         gap = here - self._last
         self._distance += np.sqrt(np.einsum("ij,ij->i", gap, gap))
@@ -196,7 +198,7 @@ class Gauge:
         return near
 
     def events(self, decision: Decision, deeds: Deeds) -> None:
-        """The robots' events of a round are over; ``deeds`` are what they did."""
+        """Record the end of the robots' events of a round; ``deeds`` are their events."""
         self._events[[taken.robot for taken in decision.ran]] += 1
         skipped = list(decision.skipped)
         self._skips[skipped] += deeds[skipped] != Idle.STOPPED
@@ -204,7 +206,7 @@ class Gauge:
         self._note_assigned()
 
     def round(self, sensed: Sequence[Sensed]) -> None:
-        """A round is over, and its robots know this of themselves."""
+        """Record the end of a round, with the robots' sensors."""
         robots = zip(sensed, self.engine.robots, strict=True)
         waits = [s.state is MotionState.IDLE and r.status is not Status.STOPPED for s, r in robots]
         self._waited += np.array(waits, np.int64)
@@ -212,7 +214,7 @@ class Gauge:
             self._note_visits(self._tasks)
 
     def figures(self, digest: str) -> Figures:
-        """What the run has come to."""
+        """The metrics of the run so far."""
         n, delta_s = len(self.scene.robots), self.scene.delta_s
         robots = tuple(
             OfRobot(
@@ -269,7 +271,7 @@ class Gauge:
 
 
 class _TaskList(Struct):
-    """The shared list of tasks of a program: its name, and where in a task its owner stands."""
+    """The shared list of tasks of a program: its name, and the owner's position in a task."""
 
     name: str
     owner: int

@@ -1,4 +1,4 @@
-"""Watching a simulated run for its recording.
+"""Observation of a simulated run for its recording.
 
 What has changed is found by identity: values of compiled programs never change (decision record
 0012), so one that is the same object as before is the same value.
@@ -96,7 +96,7 @@ def header_of(
 
 
 class Observer:
-    """Feeds a recorder with what a run does: ticks of the fleet, and rounds of the engine."""
+    """An observer that feeds a recorder with the ticks of a fleet and the rounds of an engine."""
 
     def __init__(self, recorder: RunLogger, engine: Engine, fleet: Fleet) -> None:
         self.recorder, self.engine, self.fleet = recorder, engine, fleet
@@ -114,12 +114,12 @@ class Observer:
         self._tilts = bool(header.tilting)
 
     def begun(self, decision: Decision) -> None:
-        """INIT is over."""
+        """Record the end of INIT."""
         self.tick(self.fleet)
         self.round(decision, deeds_of(decision, self.engine.robots))
 
     def tick(self, fleet: Fleet, separation_m: float = math.nan) -> None:
-        """A tick of control is over. ``separation_m`` is that of the two nearest robots."""
+        """Record the end of a tick. ``separation_m`` is that of the two nearest robots."""
         now_s = fleet.now_s
         if not self.recorder.is_due(now_s):
             return
@@ -134,7 +134,7 @@ class Observer:
             self._given = given
 
     def round(self, decision: Decision, deeds: Deeds) -> None:
-        """A decision was acted on; the environment has not had its turn yet."""
+        """Record a round after its decision, before the environment's turn."""
         number = decision.round
         time_s = max(number, 0) * self.recorder.recording.header.delta_s
         changes: list[LoggedChange] = []
@@ -146,7 +146,7 @@ class Observer:
         self.recorder.round(number, time_s, deeds, changes, [*_said(shown)])
 
     def end(self, words: str) -> None:
-        """The run is over: how it ended, and how things stand in the round that it ended in."""
+        """Record the end of the run, with its reason and the last values."""
         number, recording = self.engine.round, self.recorder.recording
         changes = [*self._shared_changes(), *self._own_changes()]
         ended_within = bool(recording.rounds) and recording.rounds[-1].number == number
@@ -166,7 +166,9 @@ class Observer:
         self.recorder.end(words)
 
     def _own_changes(self) -> list[LoggedChange]:
-        """Asked for in every round, of every variable of every robot: it has to be quick."""
+        """Yield the changed variables of a robot. Called for each robot in each round: has to be
+        fast.
+        """
         changes = []
         for robot, own, were in zip(self.engine.robots, self._own, self._were, strict=True):
             values = vars(robot)
@@ -197,7 +199,7 @@ class Observer:
 
 
 def deeds_of(decision: Decision, robots: Sequence[Robot]) -> Deeds:
-    """What robots did in a round that was decided; in INIT, nothing."""
+    """The event, or kind of idleness, of each robot in a decided round; in INIT all are skips."""
     deeds = np.full(len(robots), int(Idle.SKIPPED), np.int16)
     if decision.round == INIT_ROUND:
         return deeds
@@ -210,7 +212,7 @@ def deeds_of(decision: Decision, robots: Sequence[Robot]) -> Deeds:
 
 
 def _plain_of(shape: Shape) -> Callable[[Any], Plain]:
-    """:func:`to_plain` for one shape, with nothing left to find out each time."""
+    """A version of :func:`to_plain` specialised to one shape."""
     match shape:
         case Scalar() | Enumeration():
             return _as_it_is
@@ -229,14 +231,14 @@ def _flat(value: Any) -> Plain:
 
 
 def _plain_element(shape: Shape) -> Callable[[Any], Plain] | None:
-    """The same for an element of a list or array; None for what has no elements."""
+    """The same for an element of a list or array; None for shapes without elements."""
     if isinstance(shape, Array | PerRobot | ListOf):
         return _plain_of(shape.element)
     return None
 
 
 def _own(one: type[Robot]) -> Iterator[LoggedVariable]:
-    """What a robot has for itself, but for where it is and what it scans: poses say that."""
+    """Yield a robot's own variables, except its position and scans, which poses record."""
     for name, shape in one.LOCALS.items():
         yield LoggedVariable(name, LoggedHome.LOCAL, shape)
     for name, shape in one.PORTS.items():
@@ -249,7 +251,7 @@ def _own(one: type[Robot]) -> Iterator[LoggedVariable]:
 
 
 def _is_measured(shape: Shape) -> bool:
-    """Whether values of a shape are made of lengths, which change with every measurement."""
+    """Return whether values of a shape are lengths only, which change with every measurement."""
     match shape:
         case Scalar(kind=kind):
             return kind is ScalarKind.FLOAT

@@ -1,4 +1,4 @@
-"""A recording as a few bytes that a page can read: what is new since some point of it.
+"""Packing of recordings: compact binary increments that the page reads.
 
 A pack is the length of a JSON document (four bytes, the least first), the document, and behind it
 *planes* of numbers, which the document names (``planes``: name, offset, length). Positions are
@@ -57,7 +57,7 @@ _UNKNOWN_MM = 0xFFFF
 
 
 def pack(recording: RunLog, since: LogSizes, until: LogSizes) -> bytes:
-    """What was recorded between two points; the header if it is from the beginning."""
+    """Pack the part of a recording between two points; with the header if it is the first."""
     header = recording.header
     rounds = recording.rounds[since.rounds : until.rounds]
     document: dict[str, Any] = {
@@ -97,13 +97,13 @@ def pack(recording: RunLog, since: LogSizes, until: LogSizes) -> bytes:
 
 
 def step_m(world: World) -> float:
-    """The step that positions in a world are kept in."""
+    """The resolution in metres of packed positions in a world."""
     span = max(high - low for low, high in zip(world.low, world.high, strict=True))
     return max(_STEP_M, span * 1.2 / _STEPS)
 
 
 def middle(world: World) -> tuple[float, ...]:
-    """Where positions are counted from."""
+    """The origin of packed positions, in metres."""
     return tuple((low + high) / 2 for low, high in zip(world.low, world.high, strict=True))
 
 
@@ -130,7 +130,7 @@ def _poses(recording: RunLog, first: int, last: int) -> dict[str, bytes]:
 
 
 def _tilts(tilts: NDArray[np.float32]) -> bytes:
-    """Roll and pitch of those that tilt, as they follow each other in time."""
+    """The roll and pitch of tilting robots over time."""
     whole = np.round(tilts * (TILT / (2 * np.pi))).astype(np.int64)
     return _split(_differences(whole.transpose(2, 1, 0)))
 
@@ -160,13 +160,13 @@ def _steps(points: NDArray[np.float32], world: World) -> NDArray[np.int64]:
 
 
 def _differences(whole: NDArray[np.int64]) -> NDArray[np.int64]:
-    """First differences along the last axis; the first one is the number itself."""
+    """First differences along the last axis; the first number stays itself."""
     found: NDArray[np.int64] = np.diff(whole, axis=-1, prepend=0)
     return found
 
 
 def _split(whole: NDArray[np.int64]) -> bytes:
-    """All low bytes, then all high bytes."""
+    """Split 16-bit numbers: all low bytes, then all high bytes."""
     short = (whole & 0xFFFF).astype("<u2").reshape(-1)
     return (short & 0xFF).astype(np.uint8).tobytes() + (short >> 8).astype(np.uint8).tobytes()
 
@@ -185,7 +185,7 @@ def _joined(document: dict[str, Any], planes: dict[str, bytes]) -> bytes:
 
 
 def described(header: Header) -> dict[str, Any]:
-    """The header as JSON has it."""
+    """The header as JSON."""
     world = header.world
     return {
         "program": header.program,
@@ -247,7 +247,7 @@ def _variable(variable: LoggedVariable) -> dict[str, Any]:
 
 
 def shape_of(shape: Shape) -> Any:
-    """A shape as JSON has it: what a value needs to be told in the words of its program."""
+    """A shape as JSON, by which the page prints values in the words of the program."""
     match shape:
         case Scalar(kind=kind):
             return kind.value
@@ -269,7 +269,7 @@ def shape_of(shape: Shape) -> Any:
 
 
 def _map(header: Header) -> dict[str, Any] | None:
-    """The shared variable that is a map of the world's cells, and how it is to be read."""
+    """The shared variable that is a map of the world's cells, and its encoding."""
     number = map_variable(header)
     if number is None:
         return None
@@ -296,7 +296,7 @@ def _ms(time_s: float) -> int:
 
 
 def _rounded(value: Plain) -> Any:
-    """A value as JSON has it, without digits that nobody looks at."""
+    """A value as JSON, rounded to significant digits."""
     if isinstance(value, float):
         # What is no number has no JSON either.
         return round(value, _DIGITS) if abs(value) < 1e300 else str(value)

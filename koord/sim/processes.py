@@ -1,4 +1,4 @@
-"""A simulated robot in a process of its own, and the run that is made out of what robots tell.
+"""Distributed simulation: robots in processes of their own, and the run made of reports.
 
 What a process does not have is the others: they are heard of, and not met. Where no two vehicles
 touch, a robot moves as it does among the others in one process, to the last bit. A robot tells all
@@ -32,7 +32,7 @@ from koord.sim.scene import Scene
 
 
 class Tick(Struct, frozen=True):
-    """Where a vehicle is when a tick of control is over."""
+    """The state of a vehicle at the end of a tick of control."""
 
     position: Point
     heading_rad: float
@@ -43,7 +43,7 @@ class Tick(Struct, frozen=True):
 
 
 class EnvironmentStep(Struct, frozen=True):
-    """The environment's turn of one robot: how it moved, and what it read at the end of it."""
+    """The environment's turn of one robot: its movement, and its sensors at the end."""
 
     ticks: tuple[Tick, ...]
     sensed: Sensed
@@ -55,7 +55,7 @@ Question: TypeAlias = tuple[Turn, int | None, Key]
 
 
 class RoundStory(Struct):
-    """What a robot tells of a round: all that its program left open since it told last.
+    """A robot's report on a round: all inputs of its program since the last report.
 
     ``ran`` are the robots that were let through, in the order in which they were, and
     ``had_an_event`` is whether this one had run an event that it wanted to be let through with.
@@ -88,7 +88,7 @@ class SimulatedBody:
 
     @property
     def holding(self) -> bool:
-        """Whether the robot was told to stay where it is."""
+        """Return whether the robot is held in place."""
         return self._holding
 
     @holding.setter
@@ -99,11 +99,11 @@ class SimulatedBody:
 
     @property
     def sensed(self) -> Sensed:
-        """What the robot knows of itself."""
+        """The motion sensors of the robot."""
         return self._vehicle.sensed[self._pid]
 
     def told(self) -> RoundStory:
-        """All that there is to tell since the last time."""
+        """The report of all inputs since the last one."""
         told, self._told = self._told, RoundStory()
         return told
 
@@ -149,7 +149,7 @@ class SimulatedBody:
 
 
 class RobotMaker(Struct, frozen=True):
-    """Makes the robots of a run, each where its process is."""
+    """A factory of the robots of a run, called in each robot's process."""
 
     cast: Cast
     scene: Scene
@@ -178,7 +178,7 @@ class RobotMaker(Struct, frozen=True):
 
 
 class Followed(Simulation):
-    """A run whose robots are elsewhere: :meth:`hear` what they tell, then :meth:`rounds`."""
+    """A simulation reconstructed from reports: :meth:`hear` takes them, :meth:`rounds` runs on."""
 
     def __init__(
         self,
@@ -207,13 +207,13 @@ class Followed(Simulation):
         )
 
     def hear(self, moments: Iterable[RoundReport]) -> None:
-        """What a robot tells, its rounds in order."""
+        """Take a robot's reports, its rounds in order."""
         for moment in moments:
             assert isinstance(moment.told, RoundStory)
             self._memory.add(moment.pid, moment.round, moment.told)
 
     def rounds(self, *, is_over: bool = False) -> Iterator[Decision]:
-        """The rounds that all have told of by now, INIT first.
+        """Yield the rounds that all robots have reported by now, INIT first.
 
         Of a run that ``is_over`` the end of the last round may stay untold.
         """
@@ -240,7 +240,7 @@ class Followed(Simulation):
 
 
 class _Memory:
-    """What was told and has not been followed yet. ``round`` is the one that is."""
+    """The reports not yet reconstructed. ``round`` is the next one."""
 
     def __init__(self, robots: int) -> None:
         self.round = INIT_ROUND
@@ -259,11 +259,11 @@ class _Memory:
         self.starts.update(told.starts)
 
     def is_decided(self, number: int) -> bool:
-        """Whether all have told what was decided in a round."""
+        """Return whether all robots have reported the decision of a round."""
         return len(self._told.get(number, ())) == self._robots
 
     def is_ended(self, number: int) -> bool:
-        """Whether all have told how a round ended."""
+        """Return whether all robots have reported the end of a round."""
         return len(self._turns.get(number, ())) == self._robots
 
     def told(self, robot: int) -> RoundStory:
@@ -279,7 +279,7 @@ class _Memory:
         return self._answers[robot, self.round, turn, key]
 
     def forget(self) -> None:
-        """The round has been followed."""
+        """Drop the reports of a reconstructed round."""
         before = self.round - 1
         for past in (self._told, self._turns):
             past.pop(before, None)
@@ -288,7 +288,7 @@ class _Memory:
 
 
 class _Answers:
-    """The host that answers as was answered there. What only claims ask another host answers."""
+    """The host that answers as reported. Queries of claims alone go to another host."""
 
     def __init__(self, memory: _Memory, other: Host) -> None:
         self._memory, self._other = memory, other
@@ -311,7 +311,7 @@ class _Answers:
 
 
 class _Imposed:
-    """The schedule that came about there."""
+    """The schedule as reported."""
 
     def __init__(self, memory: _Memory) -> None:
         self._memory = memory
@@ -331,7 +331,7 @@ class _Imposed:
 
 
 class _Vehicles(Fleet):
-    """Vehicles that are where they were told to be, in the order in which it is told."""
+    """A fleet whose vehicles are placed as reported."""
 
     def __init__(self, scene: Scene) -> None:
         super().__init__(scene.world, scene.robots, scene.seed)
@@ -341,7 +341,7 @@ class _Vehicles(Fleet):
         self._paths = {robot: np.zeros((0, 3)) for robot in range(len(scene.robots))}
 
     def place(self, ticks: Sequence[Tick]) -> None:
-        """A tick of control is over for everybody."""
+        """Place all vehicles for a tick of control."""
         self.ticks += 1
         self._positions = np.array([tick.position for tick in ticks])
         self._headings = np.array([tick.heading_rad for tick in ticks])

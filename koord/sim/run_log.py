@@ -1,9 +1,9 @@
-"""The hash of a run: who ran which event in each round, and where robots were, to the last bit.
+"""Recordings of simulated runs: one type of data, from which all files and pictures are made.
 
-What a simulated run leaves behind: one type of data that all files and pictures are made of.
-
-A :class:`Header` says what is known before a run begins; the rest of a :class:`RunLog` grows at
-its end only, so that it can be read while the run goes on. A run feeds a :class:`RunLogger`.
+A :class:`Header` says what is known before a run begins; the rest of a :class:`RunLog` grows at its
+end only, so that it can be read while the run goes on. A run feeds a :class:`RunLogger`. The
+:class:`Digest` is a hash of a run: who ran which event in each round, and where robots were, to the
+last bit.
 """
 
 from __future__ import annotations
@@ -38,18 +38,20 @@ def events_of(decision: Decision, robots: int) -> Ints:
 
 
 class Digest:
-    """Rounds in order; of each what robots did, and where they were when it was decided."""
+    """A hash of a run, round by round: the robots' events, and their positions when it was
+    decided.
+    """
 
     def __init__(self) -> None:
         self._hash = hashlib.sha256()
 
     def note(self, round_: int, events: Ints) -> None:
-        """What robots ran in a round, by the position of the event, shape ``(n,)``."""
+        """Hash the robots' events in a round, by position of the event, shape ``(n,)``."""
         self._hash.update(np.int64(round_).tobytes())
         self._hash.update(events.tobytes())
 
     def place(self, positions: Floats) -> None:
-        """Where robots were, shape ``(n, 3)``."""
+        """Hash the robots' positions, shape ``(n, 3)``."""
         self._hash.update(np.ascontiguousarray(positions, dtype=np.float64).tobytes())
 
     def hexdigest(self) -> str:
@@ -76,7 +78,7 @@ _FEW, _KEPT_PER_S = 100, 1_000
 
 
 class LoggedHome(Enum):
-    """Where a variable of a program lives."""
+    """The homes of a program's variables."""
 
     ALLREAD = "allread"
     ALLWRITE = "allwrite"
@@ -86,7 +88,7 @@ class LoggedHome(Enum):
 
 
 class Idle(IntEnum):
-    """What a robot did in a round that ran no event."""
+    """The kinds of idleness of a robot that ran no event in a round."""
 
     SKIPPED = -1  #: nothing was enabled, or it was not willing
     BLOCKED = -2  #: it had an event to run, and another robot was in its lock class
@@ -94,7 +96,7 @@ class Idle(IntEnum):
 
 
 class TaskState(IntEnum):
-    """How far a task is."""
+    """The states of a task."""
 
     OPEN = 0
     ASSIGNED = 1
@@ -102,7 +104,7 @@ class TaskState(IntEnum):
 
 
 class LoggedRobot(Struct, frozen=True):
-    """A robot as it is drawn. ``agent`` is the position of its kind in ``Header.agents``."""
+    """A robot's appearance. ``agent`` is the position of its kind in ``Header.agents``."""
 
     name: str
     agent: int
@@ -123,7 +125,7 @@ class LoggedVariable(Struct, frozen=True):
 
 
 class LoggedAgent(Struct, frozen=True):
-    """A kind of robot of the program: its events and what it has for itself, by position."""
+    """A kind of robot of the program: its events and its own variables, by position."""
 
     name: str
     events: tuple[str, ...]
@@ -131,7 +133,7 @@ class LoggedAgent(Struct, frozen=True):
 
 
 class Header(Struct, frozen=True):
-    """What is known of a run before it begins."""
+    """The data of a run that are known before it begins."""
 
     program: str  #: its file's name
     text: str
@@ -147,7 +149,7 @@ class Header(Struct, frozen=True):
 
     @property
     def sample_s(self) -> float:
-        """How often poses are kept."""
+        """The interval in seconds at which poses are recorded."""
         return next(rate for most, rate in _RATES_S if len(self.robots) <= most)
 
     @property
@@ -157,13 +159,13 @@ class Header(Struct, frozen=True):
 
     @property
     def values_s(self) -> float:
-        """How often changes of variables are kept; 0: in every round."""
+        """The interval in seconds at which changes of variables are recorded; 0: every round."""
         count = len(self.robots)
         return 0.0 if count <= _FEW else count / _KEPT_PER_S
 
 
 class LoggedChange(NamedTuple):
-    """A variable, or one element of it (``part``), has a new value."""
+    """A new value of a variable, or of one element of it (``part``)."""
 
     robot: int  #: or SHARED
     variable: int
@@ -172,7 +174,7 @@ class LoggedChange(NamedTuple):
 
 
 class LoggedOutput(NamedTuple):
-    """What a robot wrote to a stream."""
+    """A robot's output to a stream."""
 
     robot: int
     stream: str
@@ -193,7 +195,7 @@ class LoggedRound(Struct, frozen=True):
 
 
 class LoggedPath(NamedTuple):
-    """A robot has a new path, shape ``(k, 3)``; an empty one: it has none any more."""
+    """A robot's new path, shape ``(k, 3)``; an empty one: it has none any more."""
 
     time_s: float
     robot: int
@@ -201,7 +203,7 @@ class LoggedPath(NamedTuple):
 
 
 class TaskChange(Struct, frozen=True):
-    """A task has come further."""
+    """A new state of a task."""
 
     time_s: float
     task: int
@@ -220,7 +222,7 @@ class LoggedViolation(Struct, frozen=True):
 
 
 class Still(NamedTuple):
-    """A robot was seen to stand still although it is to go somewhere: since when, and why."""
+    """A robot that stands still although it has a goal: since when, and why."""
 
     time_s: float
     robot: int
@@ -229,7 +231,7 @@ class Still(NamedTuple):
 
 
 class LogSizes(NamedTuple):
-    """How much of a run is recorded."""
+    """A point in a recording: the number of entries of each kind."""
 
     times: int = 0
     rounds: int = 0
@@ -241,7 +243,7 @@ class LogSizes(NamedTuple):
 
 
 class RunLog(Struct):
-    """A run. Everything but the header grows at its end; nothing that stands in it changes."""
+    """The recording of a run. It grows at its end only; entries never change."""
 
     header: Header
     times_s: array[float] = field(default_factory=lambda: array("d"))
@@ -256,7 +258,7 @@ class RunLog(Struct):
     ending: str | None = None  #: how the run ended, in words; None: it has not yet
 
     def since(self, start: LogSizes) -> RunLog:
-        """What was recorded after so much."""
+        """The part of the recording after a point."""
         return RunLog(
             self.header,
             self.times_s[start.times :],
@@ -271,7 +273,7 @@ class RunLog(Struct):
 
     @property
     def sizes(self) -> LogSizes:
-        """How much is recorded by now."""
+        """The present end of the recording."""
         return LogSizes(
             len(self.times_s),
             len(self.rounds),
@@ -333,7 +335,7 @@ def map_variable(header: Header) -> int | None:
 
 
 class RunLogger:
-    """What a run feeds. Times never go back."""
+    """A recorder, which a run feeds. Times never decrease."""
 
     def __init__(self, header: Header) -> None:
         self.recording = RunLog(header)
@@ -341,7 +343,7 @@ class RunLogger:
         self._tilting = np.array(header.tilting, np.int64)
 
     def is_due(self, time_s: float) -> bool:
-        """Whether a sample is wanted now; between samples nothing need be worked out."""
+        """Return whether a sample is due; between samples no values need be computed."""
         return time_s >= self._next_s - 1e-9
 
     def sample(
@@ -352,7 +354,7 @@ class RunLogger:
         separation_m: float = math.nan,
         attitudes: Floats | None = None,
     ) -> None:
-        """Where robots are, shapes ``(n, 3)`` and ``(n,)``, and how near the nearest two are.
+        """Record positions ``(n, 3)``, yaw ``(n,)``, and the distance of the nearest two robots.
 
         ``attitudes``, shape ``(n, 4)``, are wanted where robots tilt.
         """
@@ -374,16 +376,16 @@ class RunLogger:
         changes: Sequence[LoggedChange] = (),
         said: Sequence[LoggedOutput] = (),
     ) -> None:
-        """What robots did, and what is different since the last round."""
+        """Record a round: the robots' events, and the changes since the last round."""
         done = LoggedRound(number, time_s, deeds, tuple(changes), tuple(said))
         self.recording.rounds.append(done)
 
     def path(self, time_s: float, robot: int, points: Floats) -> None:
-        """A robot is to follow a path, shape ``(k, 3)``."""
+        """Record a robot's new path, shape ``(k, 3)``."""
         self.recording.paths.append(LoggedPath(time_s, robot, points.astype(np.float32)))
 
     def task(self, time_s: float, task: int, state: TaskState, robot: int) -> None:
-        """A task was assigned to a robot, or done by it."""
+        """Record that a task was assigned to a robot, or done by it."""
         self.recording.tasks.append(TaskChange(time_s, task, state, robot))
 
     def violation(
@@ -394,15 +396,15 @@ class RunLogger:
         robots: Sequence[int] = (),
         place: Point | None = None,
     ) -> None:
-        """A claim was broken by some robots at a place."""
+        """Record a violated claim, with robots and place."""
         self.recording.violations.append(
             LoggedViolation(time_s, claim, words, tuple(robots), place)
         )
 
     def standing(self, time_s: float, robot: int, since_s: float, words: str) -> None:
-        """A robot stands still, and why."""
+        """Record a robot that stands still, and why."""
         self.recording.still.append(Still(time_s, robot, since_s, words))
 
     def end(self, words: str) -> None:
-        """How the run ended. Nothing comes after it."""
+        """Record the reason for the end of the run. Nothing comes after it."""
         self.recording.ending = words

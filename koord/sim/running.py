@@ -1,4 +1,4 @@
-"""A simulated run: rounds of a compiled program, and a world in which time passes between them.
+"""Simulated runs: rounds of a compiled program, in a world where time passes between them.
 
 Nothing here reads a clock or waits: the time of a run is virtual. Equal seeds, programs and scenes
 give equal runs, and equal :attr:`Figures.digest`.
@@ -41,7 +41,7 @@ _KEPT_ROUNDS = 5
 
 
 class Ending(Enum):
-    """How a run ended."""
+    """The reasons for the end of a run."""
 
     STOPPED = "all robots have stopped"
     STILL = "nothing changes any more"
@@ -54,7 +54,7 @@ class Ending(Enum):
 
 
 class BrokenClaim(Struct, frozen=True):
-    """A claim that does not hold: what, when, whose, where; ``sort`` is what it is."""
+    """A claim that does not hold: its name, kind (``sort``), time, robots and place."""
 
     claim: str
     time_s: float
@@ -65,7 +65,7 @@ class BrokenClaim(Struct, frozen=True):
 
 
 class WatchPoint(Enum):
-    """When claims are looked at."""
+    """The points of a round at which claims are checked."""
 
     BEGUN = "after INIT"
     EVENTS = "after the robots' events"
@@ -73,21 +73,21 @@ class WatchPoint(Enum):
 
 
 class Claims(Protocol):
-    """What a program claims of its runs. ``looked`` says how often each claim was looked at."""
+    """A monitor of claims. ``looked`` counts the checks of each claim."""
 
     looked: dict[str, int]
 
     def look(self, moment: WatchPoint, run: Simulation) -> Iterator[BrokenClaim]:
-        """The claims that do not hold now."""
+        """Return the claims that do not hold now."""
         ...
 
     def glance(self, run: Simulation) -> Iterator[BrokenClaim]:
-        """The claims that do not hold of the world, at a tick between two rounds."""
+        """Return the claims that the world violates, at a tick between two rounds."""
         ...
 
 
 class Cast(Struct, frozen=True):
-    """A compiled program, and which robot is of which kind.
+    """A compiled program, with the kind of each robot.
 
     ``differing`` is each value that is not the text's, in words.
     """
@@ -113,7 +113,7 @@ class Simulation:
         fleet: Fleet | None = None,
         supplied: Callable[[Host], Host] | None = None,
     ) -> None:
-        """``heard`` may put itself between the program and its host; ``fleet`` is the scene's.
+        """Make a run; ``heard`` may wrap the program's host; ``fleet`` is by default the scene's.
 
         ``supplied`` makes of the world's host one that answers what no world does.
         """
@@ -160,7 +160,7 @@ class Simulation:
 
     @property
     def time_s(self) -> float:
-        """The time at which the open round began."""
+        """The time in seconds at which the open round began."""
         return self.engine.round * self.scene.delta_s
 
     @property
@@ -169,7 +169,7 @@ class Simulation:
 
     @uncollected()
     def begin(self) -> Decision:
-        """INIT."""
+        """Run INIT."""
         decision = self.engine.begin()
         self.observer.begun(decision)
         self._note(decision)
@@ -178,7 +178,7 @@ class Simulation:
         return decision
 
     def round(self) -> Decision:
-        """The robots' events, then the environment's turn, δ long."""
+        """Run a round: the robots' events, then the environment's turn, δ long."""
         engine = self.engine
         decision = engine.program_turns(self.schedule)
         deeds = deeds_of(decision, engine.robots)
@@ -199,16 +199,16 @@ class Simulation:
 
     @property
     def goes_on(self) -> bool:
-        """Whether the environment has its turn in the open round."""
+        """Return whether the environment has its turn in the open round."""
         return True
 
     def pass_time(self) -> None:
-        """Let δ pass in the world, which robots have told what to do."""
+        """Let δ pass in the world, under the robots' orders."""
         until_s = (self.engine.round + 1) * self.scene.delta_s
         self.host.pass_time(self.engine.robots, until_s, self.tick)
 
     def end(self, ending: Ending) -> None:
-        """Nothing comes after this."""
+        """End the run; nothing comes after this."""
         self.ending = ending
         if ending is not Ending.PLAYED:
             self.standing = self.watchman.standing(self.engine.robots, _STILL_S)
@@ -219,12 +219,12 @@ class Simulation:
         self.observer.end(ending.value + more)
 
     def figures(self) -> Figures:
-        """What the run came to."""
+        """The metrics of the run."""
         return self.gauge.figures(self._digest.hexdigest())
 
     @property
     def looked(self) -> dict[str, int]:
-        """How often each claim was looked at."""
+        """The number of checks of each claim."""
         return {name: count for claims in self.claims for name, count in claims.looked.items()}
 
     @property
@@ -232,7 +232,7 @@ class Simulation:
         return self.engine.ended
 
     def tick(self, fleet: Fleet) -> None:
-        """A tick of the fleet is over."""
+        """Record the end of a tick of the fleet."""
         near = self.gauge.tick()
         self.observer.tick(fleet, near.distance_m if near is not None else float("nan"))
         if near is not None and near.distance_m < self.scene.safety_m:
@@ -265,7 +265,7 @@ class Simulation:
                 self._break(broken)
 
     def _break(self, broken: BrokenClaim) -> None:
-        """Of a claim that stays broken for the same robots the first time is told."""
+        """Report broken claims; one that stays broken for the same robots is reported once."""
         key = (broken.claim, broken.robots)
         if key in self._told:
             return
@@ -292,7 +292,7 @@ class Simulation:
             self.end(Ending.STILL)
 
     def _is_still(self) -> bool:
-        """Whether nobody moves, and no variable has changed for a while, but for measurements."""
+        """Return whether nobody moves, and no variable but measurements has changed for a while."""
         if any(s.state in (MotionState.MOVING, MotionState.PLANNING) for s in self.host.sensed):
             self._still, self._before = 0, None
             return False
@@ -303,18 +303,18 @@ class Simulation:
 
 
 def still_words(count: int) -> str:
-    """So many robots stand still."""
+    """Describe how many robots stand still."""
     return f"{count} robot{' stands' if count == 1 else 's stand'} still that should go"
 
 
 def _held(robot: Robot) -> dict[str, Any]:
-    """What a robot holds, without what it measures."""
+    """The values of a robot's variables, except its sensors."""
     sensors = robot.SENSORS
     return {name: value for name, value in vars(robot).items() if name not in sensors}
 
 
 def run(simulation: Simulation, time_s: float) -> Iterator[Decision]:
-    """The rest of a run that has begun, up to a time: what was decided in each round."""
+    """Run on up to a time, and yield each round's decision."""
     with uncollected():
         while simulation.ending is None:
             if simulation.time_s > time_s - 1e-9:

@@ -1,4 +1,4 @@
-"""Scenes: what a configuration makes of a simulated run, and what the seed decides.
+"""Scenes: simulated runs made from configurations and a seed.
 
 Every mistake is told with its place in the file. (K931)
 """
@@ -64,7 +64,7 @@ class Scene(Struct, frozen=True):
 
     @property
     def safety_m(self) -> float:
-        """No two robots are to come nearer to each other; 0: they may."""
+        """The least distance in metres that robots have to keep; 0: none."""
         return self.clearance.safety_m
 
 
@@ -74,7 +74,7 @@ def scene(
     robots: int | None = None,
     landmarks: Sequence[Point] | None = None,
 ) -> Scene:
-    """The scene of a configuration, with another seed or another number of robots.
+    """Make the scene of a configuration, with another seed or number of robots if given.
 
     ``landmarks`` are the places that a program names, None if it moves nobody. Of more robots than
     the configuration has, those to come are like the first. Raises KoordError.
@@ -157,7 +157,7 @@ def _model(vehicle: Vehicle) -> DeviceModel:
 
 
 def _unplanned(configuration: RunConfiguration, vehicle: Vehicle) -> Iterator[Diagnostic]:
-    """A device that is described, and of which it is not said how it plans its paths."""
+    """Yield a problem if a device is described without a planner."""
     path = vehicle.path
     described = bool(path) and path[0] in ("device", "devices")
     if vehicle.planner is None and described and path in configuration.document.spans:
@@ -177,7 +177,7 @@ def _starts(
     clearance: Clearance,
     draw: np.random.Generator,
 ) -> list[Point]:
-    """Where robots begin: where they are told to, else somewhere apart from the others."""
+    """The start positions of robots: as configured, else random, apart from the others."""
     starts: list[Point | None] = [
         None if place.position is None else _on_plane(place.position, body, world)
         for place, body in zip(places, bodies, strict=True)
@@ -201,7 +201,7 @@ def _starts(
 
 
 def _on_plane(position: Point, body: Body, world: World) -> Point:
-    """Two coordinates are enough for where a robot begins: it begins on the ground."""
+    """A start from two coordinates: on the ground."""
     x, y, z = position
     return x, y, max(z, world.ground) if body.ON_GROUND else z
 
@@ -214,7 +214,7 @@ def _free_place(
     apart_m: float,
     draw: np.random.Generator,
 ) -> Point | None:
-    """Somewhere in a box, or on the ground of the world, apart from all that are there already."""
+    """A random place in a box, or on the ground of the world, apart from those taken."""
     low, high = box if box is not None else inner(world)
     flat = body.ON_GROUND
     free = field(world, flat=flat)
@@ -230,7 +230,7 @@ def _free_place(
 
 
 def inner(world: World) -> tuple[Point, Point]:
-    """The ground of the world but for what is near to its walls."""
+    """The ground of the world without a margin at its walls."""
     margin = [min(_FROM_WALLS_M, (b - a) / 4) for a, b in zip(world.low, world.high, strict=True)]
     (x0, y0, z), (x1, y1, _) = world.low, world.high
     dx, dy, _ = margin
@@ -244,7 +244,7 @@ def _scattered(
     clearance: Clearance,
     draw: np.random.Generator,
 ) -> list[Point]:
-    """Tasks anywhere in the world: for each robot in turn one that it can do.
+    """Random tasks in the world: for each robot in turn one that it can do.
 
     Those in the air are so high that who waits there is clear of all that drive below, and tasks
     are so far apart, if there is room, that who waits at one is clear of who comes to another:
@@ -277,7 +277,7 @@ def _scattered(
 
 
 def _refuse(configuration: RunConfiguration, complaints: Any, places: Sequence[RobotPlace]) -> None:
-    """Raises KoordError for what geometry complains of, each with its place in the file."""
+    """Refuse a scene with geometric problems. Raises KoordError, with places in the file."""
     problems = []
     for complaint in complaints:
         match complaint.part:

@@ -41,7 +41,7 @@ PLAN_MOST = 4
 
 
 class DeviceModel(Struct, frozen=True):
-    """How robots of a device are simulated, as a configuration describes it: they make a squad."""
+    """The simulation model of a device, as in the configuration. Its robots make a squad."""
 
     body: Body
     planner: PlannerName
@@ -53,7 +53,7 @@ class DeviceModel(Struct, frozen=True):
 
 
 class Engines:
-    """What all vehicles of a run share: they touch one another whatever devices they are of.
+    """The physics engines that all vehicles of a run share, so that they can touch each other.
 
     An engine is made when the first vehicle wants it. Raises KoordError if its library is missing.
     """
@@ -63,7 +63,7 @@ class Engines:
 
     @cached_property
     def floor(self) -> Floor:
-        """Contact in the plane, for what drives at level ``full``."""
+        """Contact in the plane, for vehicles of level ``full`` that drive."""
         from koord.sim.vehicles.contact import Floor
 
         return Floor(self.world)
@@ -77,7 +77,7 @@ class Engines:
 
 
 class SquadSetup(Struct, frozen=True):
-    """What a squad is made of: robots at rest at positions ``start``, shape ``(n, 3)``."""
+    """The parameters of a squad: robots at rest at positions ``start``, shape ``(n, 3)``."""
 
     model: DeviceModel
     group: Group
@@ -88,16 +88,16 @@ class SquadSetup(Struct, frozen=True):
     engines: Engines
 
     def delay(self, at_first: Floats) -> Delay:
-        """The line in which commands wait, with what robots are told to do at first."""
+        """The delay line of commands, filled with initial ones."""
         delay_s = self.model.disturbances.actuation_delay_s
         return Delay(round(delay_s / (STEPS * STEP_S)), at_first)
 
 
 class Touching(Protocol):
-    """Vehicles that may touch something; those of most levels pass through everything."""
+    """Vehicles that may have contacts; those of most levels pass through everything."""
 
     def touched(self, number: int) -> tuple[Touched, ...]:
-        """What one of them touches."""
+        """The contacts of a vehicle."""
         ...
 
 
@@ -107,24 +107,24 @@ class Squad(Protocol):
     group: Group
 
     def tick(self, now_s: float) -> None:
-        """One step of control at a time, and the movement until the next."""
+        """Make one step of control, and the movement until the next."""
         ...
 
     def fixes(self, now_s: float) -> tuple[Floats, Floats]:
-        """The positions ``(n, 3)`` and headings that robots are told."""
+        """The measured positions ``(n, 3)`` and headings."""
         ...
 
     def truth(self) -> tuple[Floats, Floats]:
-        """The positions ``(n, 3)`` and headings that robots have."""
+        """The true positions ``(n, 3)`` and headings."""
         ...
 
     def attitude(self) -> Floats:
-        """Unit quaternions ``(n, 4)``, w first."""
+        """The attitudes as unit quaternions ``(n, 4)``, w first."""
         ...
 
     @property
     def vehicles(self) -> Touching:
-        """What its robots drive or fly."""
+        """The vehicles of the robots."""
         ...
 
 
@@ -155,7 +155,7 @@ class Wheeled(Touching, Protocol):
 
     @property
     def position(self) -> Floats:
-        """Shape ``(n, 3)``."""
+        """The positions in metres, shape ``(n, 3)``."""
         ...
 
     @property
@@ -163,16 +163,16 @@ class Wheeled(Touching, Protocol):
 
     @property
     def speed(self) -> Floats:
-        """Along the heading."""
+        """The speeds along the heading, in m/s."""
         ...
 
     def advance(self, command: Floats, dt_s: float, steps: int) -> None:
-        """Go on for some steps with commands, shape ``(n, 2)``."""
+        """Advance some steps under commands, shape ``(n, 2)``."""
         ...
 
 
 def wheeled(setup: SquadSetup, told: Rolling, hull: Hull) -> Wheeled:
-    """Vehicles on wheels at the level of their device; ``told`` is how they move alone."""
+    """Vehicles on wheels at the level of their device; ``told`` is their model without contact."""
     match setup.model.level:
         case Level.SIMPLE:
             return told
@@ -199,7 +199,7 @@ class Tracker(Protocol):
 
 
 class WheeledSquad:
-    """Vehicles on the ground under a tracker, which acts at every ``every``-th tick."""
+    """A squad of ground vehicles under a tracker, which acts at every ``every``-th tick."""
 
     def __init__(
         self, setup: SquadSetup, vehicles: Wheeled, tracker: Tracker, every: int = 1
@@ -232,6 +232,6 @@ class WheeledSquad:
 
 
 def upright(heading_rad: Floats) -> Floats:
-    """The attitudes of what stands upright: unit quaternions ``(n, 4)``, w first."""
+    """The attitudes of upright robots: unit quaternions ``(n, 4)``, w first."""
     zero = np.zeros_like(heading_rad)
     return np.column_stack([np.cos(heading_rad / 2), zero, zero, np.sin(heading_rad / 2)])

@@ -1,4 +1,4 @@
-"""Runs whose robots are put where they were: a recorded run, played in the world."""
+"""Staged runs: a recorded run replayed in the world, with robots placed as recorded."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _MARGIN_M = 1.0
 
 
 class Staged(Simulation):
-    """A run in which time moves robots from place to place, and nothing else does.
+    """A run in which robots are placed from round to round, and do not move by themselves.
 
     ``places[k]`` are those before round k, shape ``(n, 3)``; the last are those at the end.
     ``turned`` is told which round is open. A run that is ``cut`` ends before the environment's turn
@@ -70,7 +70,7 @@ class Staged(Simulation):
         return decision
 
     def tick(self, fleet: Fleet) -> None:
-        """Where robots are between two rounds nobody has recorded, so no claim is about that."""
+        """Observe a tick without checking claims: positions between rounds are not recorded."""
         near = self.gauge.tick()
         self.observer.tick(fleet, near.distance_m if near is not None else math.nan)
 
@@ -88,7 +88,7 @@ class Staged(Simulation):
 
 
 def _scene(places: Sequence[Sequence[Point]], delta_s: float) -> Scene:
-    """A world as large as is needed, without anything in it, and points for robots."""
+    """An empty world, as large as needed, with point robots."""
     every = np.array([point for one in places for point in one])
     low, high = every.min(0) - _MARGIN_M, every.max(0) + _MARGIN_M
     (x0, y0, z0), (x1, y1, z1) = low.tolist(), high.tolist()

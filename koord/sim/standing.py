@@ -1,4 +1,4 @@
-"""Robots that stand still although they are to go somewhere: who, since when, and why.
+"""Detection of robots that stand still although they have a goal: who, since when, and why.
 
 There are three ways to be stuck. A robot was told to go, and its vehicle cannot: that shows at
 once. Or it is on its way and gets no further, because something blocks it: that shows after a
@@ -30,7 +30,7 @@ _BLOCKED_S, _BLOCKED_M = 5.0, 0.05
 
 
 class StandingRobot(Struct, frozen=True):
-    """A robot that stands still."""
+    """A robot that stands still, since when, and why."""
 
     robot: int
     since_s: float
@@ -39,7 +39,7 @@ class StandingRobot(Struct, frozen=True):
 
 
 class Watchman:
-    """Looks after robots that stand still. ``still_s`` is how long nobody has moved by now."""
+    """A detector of robots that stand still. ``still_s`` is how long nobody has moved by now."""
 
     def __init__(self, world: World, bodies: Sequence[Body]) -> None:
         self.now_s = self.still_s = 0.0
@@ -51,7 +51,7 @@ class Watchman:
         self._lingers: list[tuple[Point, float] | None] = [None] * len(bodies)
 
     def hear(self, host: Host) -> Host:
-        """A host that answers as another, and is heard."""
+        """Wrap a host, so that its answers are observed."""
         return _Heard(host, self)
 
     def round(
@@ -63,7 +63,7 @@ class Watchman:
         places: Sequence[Point],
         touched: Callable[[int], Sequence[tuple[Hindrance, int]]],
     ) -> Iterator[StandingRobot]:
-        """A round is over: who stands still since then.
+        """Record the end of a round; return the robots that stand still since then.
 
         ``places`` are where robots truly are, and ``touched`` is what a robot's vehicle touches.
         """
@@ -92,7 +92,9 @@ class Watchman:
         self.still_s = 0.0 if moves else self.still_s + (ended_s - began_s)
 
     def standing(self, robots: Sequence[Robot], still_s: float) -> tuple[StandingRobot, ...]:
-        """All that stand still by now; those that wait for a way only if all have for so long."""
+        """All robots that stand still by now; those that wait for a path only if all have for
+        long.
+        """
         found = dict(self._stuck)
         if self.still_s >= still_s - 1e-9:
             for pid, robot in enumerate(robots):
@@ -101,7 +103,7 @@ class Watchman:
         return tuple(found[pid] for pid in sorted(found))
 
     def answered(self, robot: int, function: str, arguments: tuple[Any, ...], answer: Any) -> None:
-        """A program has asked the world."""
+        """Record an answer to a program."""
         name = plain_name(function)
         if name in WAYS:
             self._way(robot, _goal(name, arguments), is_found=len(answer) > 0)
@@ -114,7 +116,9 @@ class Watchman:
     def _lingers_since(
         self, pid: int, sensed: Sensed, place: Point, began_s: float
     ) -> float | None:
-        """Since when a robot that is on its way gets no further; None: it does, or not for long."""
+        """The time since which a moving robot has made no progress; None if it has, or not for
+        long.
+        """
         known = self._lingers[pid]
         if sensed.state is not MotionState.MOVING or sensed.short_m < _BLOCKED_M:
             self._lingers[pid] = None
@@ -132,7 +136,7 @@ class Watchman:
             wants[goal] = wants.get(goal, (self.now_s, 0.0))[0], self.now_s
 
     def _waiting(self, pid: int) -> Iterator[StandingRobot]:
-        """Whether a robot waits for a way: for a path that is clear, if it finds any."""
+        """Yield a robot that waits for a path: none is clear, or none is found."""
         unclear, recently = self._unclear[pid], self.now_s - _ASKS_S - 1e-9
         if unclear is not None and unclear[1] >= recently:
             yield _standing(pid, unclear[0], Plight(Hindrance.NOT_CLEAR))
@@ -147,7 +151,7 @@ class Watchman:
 
 
 class _Heard(Struct):
-    """A host whose answers to programs are heard; what only claims ask is not."""
+    """A host whose answers to programs are observed; those to claims alone are not."""
 
     host: Host
     watchman: Watchman
@@ -175,7 +179,7 @@ def _standing(pid: int, since_s: float, plight: Plight, more: str = "") -> Stand
 
 
 def _no_headway(touched: Sequence[tuple[Hindrance, int]]) -> Plight:
-    """Of a robot that gets no further: what it touches is known, and no more than that."""
+    """The reason for a lack of progress: the contacts of the robot, if it has any."""
     if not touched:
         return Plight(Hindrance.NO_HEADWAY)
     return Plight(touched[0][0], by=" and ".join(_called(*one) for one in touched))
@@ -192,7 +196,7 @@ def _called(what: Hindrance, number: int) -> str:
 
 
 def _goal(name: str, arguments: tuple[Any, ...]) -> Point:
-    """Where a way was to lead: a place, or that of a task."""
+    """The goal of a path query: a position, or that of a task."""
     if name == "getPathFromTask":
         x, y, z = arguments[-1][0]
     else:

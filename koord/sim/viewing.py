@@ -1,4 +1,4 @@
-"""The page that shows a run: one file that loads nothing, or the same served while it goes on.
+"""The page of a run: one HTML file that loads nothing, or the same page served live.
 
 The page is the one that a finished run is kept in; what it shows comes as packs
 (:mod:`koord.sim.packing`) in a stream of server-sent events, to each browser from the beginning.
@@ -36,18 +36,18 @@ _SCRIPTS = (
 
 
 def page_of(recording: RunLog) -> bytes:
-    """A run as one HTML file."""
+    """Export a run as one HTML file."""
     packed = zlib.compress(pack(recording, LogSizes(), recording.sizes))
     return _page(recording.header.program, base64.b64encode(packed).decode())
 
 
 def live_page(program: str) -> bytes:
-    """A page without a run, which asks the server that it came from for one."""
+    """A page without a run, which asks its server for one."""
     return _page(program, "")
 
 
 class PartPage:
-    """The page of a run while it goes on: what is new is written behind it, pack after pack.
+    """The page of a run in progress: new packs are appended to the file.
 
     Browsers show such a file up to where it was cut off.
     """
@@ -57,7 +57,7 @@ class PartPage:
         file.write(_page(recording.header.program, "packs"))
 
     def grow(self) -> None:
-        """Write what is new."""
+        """Write the new part of the run."""
         now = self._recording.sizes
         if now != self._kept:
             packed = base64.b64encode(pack(self._recording, self._kept, now))
@@ -90,12 +90,12 @@ _PERIOD_S = 0.2
 
 
 class _Server(ThreadingHTTPServer):
-    """Browsers come and go, and break connections off: that is nobody's mistake."""
+    """An HTTP server that ignores connections broken off by browsers."""
 
     daemon_threads = True
 
     def handle_error(self, request: Any, client_address: Any) -> None:
-        """Nothing: the run goes on, and another request is answered anew."""
+        """Ignore errors of single requests: the run goes on."""
 
 
 class Live:
@@ -105,7 +105,7 @@ class Live:
     """
 
     def __init__(self, recording: RunLog, port: int = 0) -> None:
-        """``port`` 0 is any that is free."""
+        """Make a server; ``port`` 0 is any free port."""
         self._recording = recording
         self._over = threading.Event()
         self._watching = 0
@@ -120,7 +120,7 @@ class Live:
                 live._answer(self, page)
 
             def log_message(self, format: str, *arguments: Any) -> None:
-                """Nothing: what is said to users is said by the command line."""
+                """Log nothing: messages to users come from the command line."""
 
         self._server = _Server((_HOST, port), Handler)
         self._thread = threading.Thread(target=self._serve, name="live page", daemon=True)
@@ -140,7 +140,7 @@ class Live:
         self._thread.join()
 
     def wait_for_watchers(self, patience_s: float) -> None:
-        """Wait until every browser that watches has the end of the run."""
+        """Wait until every watching browser has the end of the run."""
         with self._change:
             self._change.wait_for(lambda: self._watching == 0, patience_s)
 
@@ -195,7 +195,7 @@ class Live:
 
 
 class Throttle:
-    """Keeps simulated time from passing quicker than so many times that of the wall."""
+    """A throttle that keeps simulated time below a multiple of real time."""
 
     def __init__(self, factor: float) -> None:
         self._factor, self._began = factor, time.monotonic()

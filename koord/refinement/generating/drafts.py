@@ -1,4 +1,4 @@
-"""What a generator carries along: chance, names, and what is in scope where it writes."""
+"""Drafts: the state of a program generator, with its random choices, names and scopes."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ T = TypeVar("T")
 
 
 class ReadScope(IntEnum):
-    """What a function's body may read, and so where it may be called."""
+    """The reads that a function's body may have, which limit where it may be called."""
 
     NOTHING = 0  #: its parameters: from everywhere
     SHARED = 1  #: the store too: from events and properties
@@ -27,7 +27,7 @@ class ReadScope(IntEnum):
 
 
 class Draft(Struct):
-    """A program as it grows: its chance, its counters, and what may be called so far."""
+    """A program under construction: random generator, counters, and functions so far."""
 
     random: Random
     profile: Profile
@@ -40,17 +40,17 @@ class Draft(Struct):
     _name: int = 0
 
     def span(self) -> Span:
-        """A place of its own for each node, so that faults can be told apart."""
+        """A distinct span for each node, so that faults can be told apart."""
         self._line += 1
         return Span("generated", self._line, 1, self._line, 2)
 
     def site(self) -> int:
-        """A number for one call or choice."""
+        """A fresh number for a call or choice."""
         self._site += 1
         return self._site
 
     def name(self, prefix: str) -> str:
-        """A name that nothing else has."""
+        """A fresh name."""
         self._name += 1
         return f"{prefix}{self._name}"
 
@@ -68,7 +68,7 @@ class Draft(Struct):
         return self.random.choices([option for _, option in options], weights)[0]
 
     def type(self) -> Type:
-        """A type for a variable."""
+        """A random type for a variable."""
         return self.pick(self.palette.all)
 
     def scalar(self) -> Type:
@@ -81,14 +81,14 @@ class Slots(Struct):
     used: int = 0
 
     def fresh(self, draft: Draft, type_: Type) -> core.Variable:
-        """A bound variable with a slot of its own."""
+        """A fresh bound variable."""
         variable = core.Variable(Home.BOUND, self.used, draft.name("b"), type_)
         self.used += 1
         return variable
 
 
 class Context(Struct):
-    """Where an expression or a statement is to stand.
+    """The context of a generated expression or statement: the variables in scope.
 
     ``bound`` are the bound variables that hold a value there. In a property, ``robots`` are those
     that range over robots, with their agent kind (None: any); then locals and ports need one.
@@ -117,7 +117,7 @@ class Context(Struct):
     constant: bool = False  #: only what a loop's bound may be built from
 
     def inner(self) -> Context:
-        """A context for a block inside: what it binds is unknown outside."""
+        """A context for an inner block, whose bindings are unknown outside."""
         return Context(
             draft=self.draft,
             slots=self.slots,

@@ -37,7 +37,7 @@ _TEXTS = ("", "go", "stop")
 
 
 def expression(c: Context, type_: Type, depth: int) -> core.Expr:
-    """An expression of a type. An array may stand where a list is asked for."""
+    """A random expression of a type. An array may stand where a list is asked for."""
     makers: list[tuple[float, Maker]] = [
         (1.0, lambda: literal(c, type_, depth)),
         (2.5, lambda: _read(c, type_, depth)),
@@ -56,7 +56,7 @@ def expression(c: Context, type_: Type, depth: int) -> core.Expr:
 
 
 def literal(c: Context, type_: Type, depth: int) -> core.Expr:
-    """A constant, or a record, list or map written out."""
+    """A constant, or a literal of a record, list or map."""
     draft, span = c.draft, c.draft.span()
     match type_:
         case IntType():
@@ -93,7 +93,7 @@ def literal(c: Context, type_: Type, depth: int) -> core.Expr:
 
 
 def key(c: Context, above: Type, depth: int) -> core.Expr:
-    """A key into a map: mostly a simple one, so that keys are met again."""
+    """A key into a map: mostly a simple one, so that keys recur."""
     assert isinstance(above, MapType)
     if c.draft.profile.finite or c.draft.chance(0.7):
         return literal(c, above.key, 0)
@@ -115,7 +115,7 @@ def _array_as_list(c: Context, type_: ListType, depth: int) -> core.Expr | None:
 
 
 def readable(c: Context, type_: Type, depth: int) -> core.Place | None:
-    """A place of a type that may be read, if there is one."""
+    """A readable place of a type, if there is one."""
     daring = c.draft.chance(c.draft.profile.faulty)
     found = [
         (variable, path, False)
@@ -139,7 +139,7 @@ def readable(c: Context, type_: Type, depth: int) -> core.Place | None:
 
 
 def _is_in_reach(c: Context, variable: core.Variable) -> bool:
-    """In a property, locals and ports are those of some robot that is named."""
+    """Return whether a place is readable: in a property, locals and ports need a named robot."""
     if not c.in_property or variable.home not in (Home.LOCAL, Home.PORT):
         return True
     return bool(c.robots)
@@ -168,7 +168,7 @@ def step(c: Context, stage: Stage, depth: int) -> core.Step:
 
 
 def index(c: Context, above: Type, depth: int) -> core.Expr:
-    """An index into an array or list: mostly one that may well exist."""
+    """An index into an array or list, mostly within its bounds."""
     draft = c.draft
     if draft.chance(draft.profile.faulty):
         return expression(c, INT, depth - 1)
@@ -194,7 +194,7 @@ def index(c: Context, above: Type, depth: int) -> core.Expr:
 
 
 def _within(c: Context, size: int, depth: int) -> core.Expr:
-    """Some computed index that an array of that size has."""
+    """A computed index that is within the bounds of an array of that size."""
     computed = expression(c, INT, depth - 1)
     limit = core.Const(size, INT, span=c.draft.span())
     return core.Binary(BinaryOp.MOD, computed, limit, INT, span=c.draft.span())
@@ -343,7 +343,7 @@ def _on_bools(c: Context, depth: int) -> list[tuple[float, Maker]]:
 
 
 def divisor(c: Context, type_: Type, depth: int) -> core.Expr:
-    """Mostly a constant that is not zero."""
+    """A divisor: mostly a constant that is not zero."""
     draft = c.draft
     if draft.chance(draft.profile.faulty * 2):
         return expression(c, type_, depth)
@@ -353,7 +353,7 @@ def divisor(c: Context, type_: Type, depth: int) -> core.Expr:
 
 
 def choose(c: Context, type_: Type, depth: int) -> core.Expr:
-    """``choose``: mostly of a small range that is not empty."""
+    """A ``choose``: mostly with a small range that is not empty."""
     draft = c.draft
     site = draft.site()
     if draft.chance(draft.profile.faulty):

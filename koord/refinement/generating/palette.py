@@ -1,4 +1,4 @@
-"""How large a generated program is, its types, and the paths from variables to their parts."""
+"""Palettes of generated programs: sizes, types, and paths from variables to their parts."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ class Palette(Struct, frozen=True):
 
 
 def palette(random: Random, *, finite: bool) -> Palette:
-    """A few named types, and containers of them."""
+    """Make a palette: a few named types, and containers of them."""
     colour = EnumType("Colour", ("red", "green", "blue")[: random.randint(2, 3)])
     scalars: list[Type] = [INT, BOOL, colour]
     if not finite:
@@ -122,7 +122,7 @@ def _keyed(key: Type, value: Type) -> MapType:
 
 
 class Way(Enum):
-    """How a step leads to a part."""
+    """The kinds of steps to a part."""
 
     FIELD = "field"
     INDEX = "index"
@@ -130,7 +130,7 @@ class Way(Enum):
 
 
 class Stage(Struct, frozen=True):
-    """One step of a path: ``above`` is the type it starts from, ``type`` the one it leads to."""
+    """A step of a path: ``above`` is the type it starts from, ``type`` the one it leads to."""
 
     way: Way
     above: Type
@@ -176,7 +176,7 @@ def typed_paths(type_: Type) -> tuple[tuple[Path, Type], ...]:
 
 
 def is_sure(path: Path) -> bool:
-    """Whether the place is there whatever lists and maps hold."""
+    """Return whether the place exists for all lengths of lists and keys of maps."""
     return all(
         stage.way is Way.FIELD or (stage.way is Way.INDEX and isinstance(stage.above, ArrayType))
         for stage in path

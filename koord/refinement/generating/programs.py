@@ -72,7 +72,7 @@ def _lock_classes(
 def _assumptions(
     draft: Draft, shared: list[core.Variable], agents: tuple[core.Agent, ...]
 ) -> tuple[core.Assumption, ...]:
-    """What arbitrary integers start with, and now and then something else."""
+    """Assumptions that bound arbitrary integers, and now and then others."""
     made = []
     for kind, agent in enumerate(agents):
         entries = [*agent.locals, *(port.declaration for port in agent.ports)]
@@ -85,7 +85,7 @@ def _assumptions(
 
 
 def _small(draft: Draft, variable: core.Variable, kind: int) -> core.Assumption:
-    """``forall i: 0 <= v@i and v@i <= high``"""
+    """The assumption ``forall i: 0 <= v@i and v@i <= high``."""
     robot = core.Variable(Home.BOUND, 0, "i", INT)
     of_robot = core.Read(core.Place(robot, span=draft.span()), span=draft.span())
     read = core.Read(core.Place(variable, robot=of_robot, span=draft.span()), span=draft.span())
@@ -151,7 +151,7 @@ def _initial(c: Context, type_: Type) -> core.Expr | Start:
 
 
 def is_finite(type_: Type, *, ints: bool) -> bool:
-    """Whether a type has few values; integers count where something bounds them."""
+    """Return whether a type has few values; integers count where something bounds them."""
     match type_:
         case BoolType() | EnumType():
             return True
@@ -238,7 +238,7 @@ def _likely(draft: Draft, c: Context, result: core.Variable) -> core.Expr:
 
 
 class _Agent:
-    """One kind of robot in the making."""
+    """A kind of robot under construction."""
 
     def __init__(
         self, draft: Draft, kind: int, shared: list[core.Variable], classes: dict[int, int]

@@ -94,7 +94,7 @@ def _domain(c: Context) -> tuple[core.QuantifierDomain, Type, int | None]:
 
 
 def _atoms(c: Context) -> core.Expr:
-    """What a statement says under its quantifiers."""
+    """The body of a statement under its quantifiers."""
     draft = c.draft
     if c.robots and draft.chance(0.25):
         place = core.Place(draft.pick(c.robots)[0], span=draft.span())
@@ -130,7 +130,7 @@ def contract(draft: Draft, ports: list[core.Port], own: list[core.Port]) -> core
 
 
 def _bounds(draft: Draft, own: list[core.Port]) -> list[tuple[core.BinaryOp, core.Expr, core.Expr]]:
-    """``low <= port'`` and ``port' <= high`` for the integer sensors."""
+    """The promises ``low <= port'`` and ``port' <= high`` for integer sensors."""
     bounds: list[tuple[core.BinaryOp, core.Expr, core.Expr]] = []
     for port in own:
         if port.direction is core.Direction.SENSOR and port.declaration.variable.type == INT:

@@ -63,7 +63,7 @@ def _return(c: Context, result: Type) -> core.Stmt:
 
 
 def _guarded(c: Context, leaving: core.Stmt) -> core.Stmt:
-    """``break`` and ``return`` mostly stand under a condition."""
+    """A ``break`` or ``return``, mostly under a condition."""
     if c.draft.chance(0.15):
         return leaving
     condition = expression(c, BOOL, c.draft.profile.depth - 1)
@@ -84,7 +84,7 @@ def _assign(c: Context, depth: int) -> list[core.Stmt]:
 
 
 def _bind(c: Context, depth: int) -> list[core.Stmt]:
-    """A local of the body: bound from here on in this block."""
+    """A local of the body, bound from here on in this block."""
     variable = c.slots.fresh(c.draft, c.draft.type())
     value = expression(c, variable.type, depth)
     c.bound.append(variable)
@@ -93,7 +93,7 @@ def _bind(c: Context, depth: int) -> list[core.Stmt]:
 
 
 def _on_list(c: Context, depth: int) -> list[core.Stmt]:
-    """Append, remove or pop; a key of a map is put in or removed."""
+    """An append, remove or pop; or a key of a map is set or removed."""
     if c.draft.chance(0.3):
         return _on_map(c, depth)
     place = growing(c, depth)
@@ -174,7 +174,7 @@ def _for_range(c: Context, nesting: int) -> core.Stmt:
 
 
 def _over_robots(c: Context) -> core.Stmt:
-    """A loop over all robots in which each trip may do the same thing."""
+    """A loop over all robots in which each trip may do the same."""
     draft, inner = c.draft, c.inner()
     variable = inner.slots.fresh(draft, INT)
     inner.bound.append(variable)
@@ -241,7 +241,7 @@ def _for_each(c: Context, nesting: int) -> list[core.Stmt]:
 
 
 def _atomic(c: Context, nesting: int) -> core.Stmt:
-    """An atomic block: of the class of the allwrite variables that it may write."""
+    """An atomic block of the class of the allwrite variables that it may write."""
     draft = c.draft
     inner = c.inner()
     inner.atomic = draft.pick(sorted({*c.classes.values(), 0}))
@@ -265,7 +265,7 @@ def _signal(c: Context, depth: int) -> core.Stmt:
 
 
 class FunctionType(Struct, frozen=True):
-    """What a function takes and gives."""
+    """The signature of a function."""
 
     parameters: tuple[Type, ...]
     result: Type
@@ -334,7 +334,7 @@ def growing(c: Context, depth: int) -> core.Place | None:
 
 
 def _may_write(c: Context, variable: core.Variable) -> bool:
-    """Inside an atomic block, the allwrite variables of its class only."""
+    """Return whether a variable may be written: in an atomic block, only those of its class."""
     if variable.home is not Home.ALLWRITE or c.atomic is None:
         return True
     return c.classes.get(variable.slot) == c.atomic

@@ -1,1 +1,1 @@
-"""What a recording of a run is written to, besides the page: one file for each form."""
+"""Exports of recorded runs to files other than the page: one module per format."""

@@ -1,4 +1,4 @@
-"""A run as MCAP: transforms, a scene, events, variables and a log.
+"""Export of a run to MCAP: transforms, a scene, events, variables and a log.
 
 Transforms, scene and log have the well-known schemas of the Foxglove viewers (``foxglove.…``, JSON
 encoding), so that these draw them; the rest is JSON with schemas of its own. Times are nanoseconds
@@ -50,7 +50,7 @@ _HUES = (
 
 
 def mcap_of(recording: RunLog) -> bytes:
-    """A run as an MCAP file."""
+    """Export a run as an MCAP file."""
     raw = io.BytesIO()
     file = _begun(recording, raw)
     _add(file, [*_scenery(recording.header), *_messages(recording)])
@@ -59,7 +59,7 @@ def mcap_of(recording: RunLog) -> bytes:
 
 
 class PartRecord:
-    """An MCAP file that is written while the run goes on, and can be read up to where it ends."""
+    """An MCAP file that is written while the run goes on, and is readable up to its end."""
 
     def __init__(self, recording: RunLog, file: IO[bytes]) -> None:
         self._recording, self._kept = recording, LogSizes()
@@ -67,7 +67,7 @@ class PartRecord:
         _add(self._file, _scenery(recording.header))
 
     def grow(self) -> None:
-        """Write what is new."""
+        """Write the new part of the run."""
         now = self._recording.sizes
         _add(self._file, _messages(self._recording.since(self._kept)))
         self._kept = now
@@ -100,7 +100,7 @@ _Timed = tuple[float, str, tuple[str, Message], Message, int]
 
 
 def _scenery(header: Header) -> Iterator[_Timed]:
-    """What is there from the beginning."""
+    """Yield the messages of the initial scene."""
     entities = [*_world(header), *_vehicles(header), *_tasks(header)]
     yield 0.0, "/scene", SCENE, _scene(entities), 0
 
@@ -286,7 +286,7 @@ def _path(planned: LoggedPath) -> Message:
 
 
 def _seldom(paths: list[LoggedPath]) -> Iterator[LoggedPath]:
-    """Without straight paths that come soon after the last."""
+    """Drop straight paths that come soon after the last."""
     last: dict[int, float] = {}
     for planned in paths:
         since = planned.time_s - last.get(planned.robot, -math.inf)
@@ -319,7 +319,7 @@ def _entity(name: str, frame: str = _WORLD, time_s: float = 0.0, **parts: list[M
 def _lines(
     points: list[Message], shade: tuple[float, float, float], *, pairs: bool = False
 ) -> Message:
-    """A line through points; ``pairs``: one between every two of them."""
+    """Lines through points; ``pairs``: one between every two of them."""
     return {
         "type": 2 if pairs else 0,
         **_placed(0.0, 0.0, 0.0),
@@ -341,7 +341,7 @@ def _vector(x: float, y: float, z: float) -> Message:
 
 
 def _fine(value: float) -> float:
-    """With as many digits as anybody can see: a turn to a tenth of a degree."""
+    """Round a number to visible digits: a turn to a tenth of a degree."""
     return round(value, 3) or 0
 
 

@@ -1,4 +1,4 @@
-"""Pictures of a run: positions against time, and how a map grew. Needs ``koord[plot]``."""
+"""Plots of a run: positions against time, and the growth of a map. Needs ``koord[plot]``."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ _UNKNOWN, _FREE, _OCCUPIED = 0, 1, 2
 
 
 def plot_of(recording: RunLog, form: str) -> bytes:
-    """A picture in a form (``.png``, ``.svg``, ``.pdf``).
+    """Plot a run in a format (``.png``, ``.svg``, ``.pdf``).
 
     x, y and, where somebody flies, z against time: cars solid, drones dashed (paper, VI-B).
 
@@ -104,7 +104,7 @@ def _against_time(axes: Axes, recording: RunLog, component: int) -> None:
 
 
 def maps_of(recording: RunLog, number: int) -> list[tuple[float, NDArray[np.int8]]]:
-    """A map at some times from the beginning to the end: the cells ``(rows, columns)``."""
+    """Samples of a map over time: the cells, shape ``(rows, columns)``."""
     header = recording.header
     rounds = recording.rounds
     if not rounds:

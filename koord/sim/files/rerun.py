@@ -1,4 +1,4 @@
-"""A run as a recording for the Rerun viewer (``.rrd``). Needs ``koord[export]``."""
+"""Export of a run to the Rerun viewer (``.rrd``). Needs ``koord[export]``."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _TIMELINE = "time"
 
 
 def rrd_of(recording: RunLog) -> bytes:
-    """A run in Rerun's form; times are seconds on the timeline ``time``."""
+    """Export a run in Rerun's format; times are seconds on the timeline ``time``."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "run.rrd"
         drawn = PartRrd(recording, path)
@@ -34,7 +34,7 @@ def rrd_of(recording: RunLog) -> bytes:
 
 
 class PartRrd:
-    """A file of Rerun's form that grows while the run goes on, and can be read up to its end."""
+    """A Rerun file that grows while the run goes on, and is readable up to its end."""
 
     def __init__(self, recording: RunLog, path: Path) -> None:
         import rerun
@@ -54,7 +54,7 @@ class PartRrd:
             self._stream.log("log", rerun.TextLog(line, level="INFO"))
 
     def grow(self) -> None:
-        """Write what is new."""
+        """Write the new part of the run."""
         now = self._recording.sizes
         self._add(self._recording.since(self._kept))
         self._kept = now
@@ -153,7 +153,7 @@ def _draw_paths(rerun: Any, stream: Any, recording: RunLog) -> None:
 
 
 def _tell(rerun: Any, stream: Any, recording: RunLog) -> None:
-    """Events, output and violations as text."""
+    """Log events, output and violations as text."""
     header = recording.header
     for done in recording.rounds:
         words = [*_events(header, done.deeds.tolist())]

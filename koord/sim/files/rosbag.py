@@ -1,4 +1,4 @@
-"""A run as a rosbag2 folder, for ROS 2 tools. Needs ``koord[export]``; no ROS need be installed.
+"""Export of a run to a rosbag2 folder, for ROS 2 tools. Needs ``koord[export]``, but no ROS.
 
 Topics: ``/tf``; ``/robots/<i>/pose`` for each robot; ``/scene``, markers for obstacles, tasks and
 robots; ``/events``, what robots ran, and ``/violations``, as JSON in strings.
@@ -36,7 +36,7 @@ _Timed = tuple[int, str, Any]
 
 
 def rosbag_of(recording: RunLog, name: str) -> dict[str, bytes]:
-    """The files of a rosbag2 folder of a name."""
+    """Export a run as the files of a rosbag2 folder."""
     with tempfile.TemporaryDirectory() as parent:
         folder = Path(parent) / name
         bag = _Bag(recording, folder)
@@ -46,14 +46,14 @@ def rosbag_of(recording: RunLog, name: str) -> dict[str, bytes]:
 
 
 class PartBag:
-    """A rosbag2 folder that is written while the run goes on, whole each time that it has grown."""
+    """A rosbag2 folder that is written while the run goes on, complete after each write."""
 
     def __init__(self, recording: RunLog, folder: Path) -> None:
         self._recording, self._kept = recording, LogSizes()
         self._bag = _Bag(recording, folder)
 
     def grow(self) -> None:
-        """Write what is new."""
+        """Write the new part of the run."""
         now = self._recording.sizes
         self._bag.add(self._recording, self._kept)
         self._kept = now
@@ -64,7 +64,7 @@ class PartBag:
 
 
 class _Bag:
-    """A rosbag2 folder that is being written; a topic is known from its first message on."""
+    """A rosbag2 folder that is being written; a topic is registered with its first message."""
 
     def __init__(self, recording: RunLog, folder: Path) -> None:
         from rosbags.rosbag2 import StoragePlugin, Writer
@@ -77,7 +77,7 @@ class _Bag:
         self._write(_Messages(recording, self._store.types).scenery())
 
     def add(self, recording: RunLog, start: LogSizes) -> None:
-        """What was recorded after so much."""
+        """Add the messages of a recording after a point."""
         self._write(_Messages(recording.since(start), self._store.types).all())
 
     def _write(self, messages: Iterable[_Timed]) -> None:
@@ -90,7 +90,7 @@ class _Bag:
             writer.write(connections[topic], time_ns, raw)
 
     def flush(self) -> None:
-        """Write all that was added: the folder is whole then, whatever becomes of this process.
+        """Flush all messages: the folder is complete then, even if this process is killed.
 
         The library writes what says what is in a bag only where it closes one, so a copy does it.
         """
@@ -103,7 +103,7 @@ class _Bag:
 
 
 class _Open:
-    """A storage that stays open when it is closed: what was written is committed."""
+    """A storage that stays open when it is closed: its writes are committed."""
 
     def __init__(self, storage: Any) -> None:
         self.path, self._storage = storage.path, storage
@@ -120,14 +120,14 @@ class _Messages:
         self._types = types
 
     def scenery(self) -> Iterator[_Timed]:
-        """What is there from the beginning."""
+        """Yield the messages of the initial scene."""
         yield 0, "/scene", self._markers([*self._world(), *self._robots(), *self._tasks()])
         if self.header.differing:
             text = json.dumps({"differing": self.header.differing})
             yield 0, "/events", self._make("std_msgs/msg/String", text)
 
     def all(self) -> Iterator[_Timed]:
-        """What was recorded."""
+        """Yield the messages of the recording."""
         for time_s, poses in zip(self.recording.times_s, self.recording.poses, strict=True):
             yield from self._poses(time_s, poses.tolist(), turns_of(poses).tolist())
         for change in self.recording.tasks:
@@ -260,14 +260,14 @@ class _Messages:
 
 
 def _body(robot: LoggedRobot) -> tuple[int, tuple[float, float, float], tuple[float, float, float]]:
-    """The kind, the place and the size of a robot's marker in its own frame."""
+    """The type, pose and size of a robot's marker in its own frame."""
     if robot.look.is_box:
         return _CUBE, (robot.middle_m, 0.0, 0.08), (robot.length_m, robot.width_m, 0.16)
     return _CYLINDER, (0.0, 0.0, 0.0), (2 * robot.radius_m, 2 * robot.radius_m, 0.1)
 
 
 def _ran(header: Header, deeds: list[int]) -> dict[str, str]:
-    """By robot, the events that ran."""
+    """The events that ran, by robot."""
     return {
         str(k): header.agents[header.robots[k].agent].events[deed]
         for k, deed in enumerate(deeds)

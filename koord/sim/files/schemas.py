@@ -1,4 +1,4 @@
-"""JSON in an MCAP file: schemas of messages, by names that viewers know, and values of programs."""
+"""JSON messages in MCAP files: schemas under names that viewers know, and encoded values."""
 
 from __future__ import annotations
 
@@ -133,7 +133,7 @@ _DIGITS = 4
 
 
 def named(shape: Shape, plain: Any) -> Any:
-    """A plain value as JSON that can be read without the program."""
+    """Convert a plain value to JSON that is readable without the program."""
     if plain is None:
         return None
     match shape:
@@ -152,5 +152,5 @@ def named(shape: Shape, plain: Any) -> Any:
 
 
 def rounded(number: float) -> float | str:
-    """A number without digits that nobody looks at; what is none has no JSON, and becomes text."""
+    """Round a number to significant digits; infinities and NaN become text, as JSON lacks them."""
     return round(number, _DIGITS) if math.isfinite(number) else str(number)

@@ -1,4 +1,4 @@
-"""A run in three dimensions as one HTML file that loads nothing. Needs ``koord[view]``.
+"""Export of a run to a 3D page: one HTML file that loads nothing. Needs ``koord[view]``.
 
 The viewer is viser's own, with the recorded scene put into its page.
 """
@@ -40,7 +40,7 @@ _TRAIL_POINTS = 400
 
 
 def space_of(recording: RunLog) -> bytes:
-    """A run in three dimensions, as a page."""
+    """Export a run in three dimensions, as an HTML page."""
     import viser
 
     with contextlib.ExitStack() as stack:
@@ -64,7 +64,7 @@ def space_of(recording: RunLog) -> bytes:
 
 
 def _play(scene: Any, serializer: Any, robots: list[Any], recording: RunLog) -> None:
-    """Poses, tasks and violations, one after the other in time."""
+    """Record poses, tasks and violations in order of time."""
     changes = list(recording.tasks)
     broken = list(recording.violations)
     shown_s = 0.0
@@ -150,14 +150,14 @@ def _prism(obstacle: Obstacle, world: World) -> tuple[Floats, Any]:
 
 
 def _draw_task(scene: Any, header: Header, number: int, state: TaskState) -> None:
-    """A ball; drawn again it replaces what was there. States differ in size too."""
+    """Draw a task as a ball; redrawing replaces it. States differ in size too."""
     radius = {TaskState.OPEN: 0.1, TaskState.ASSIGNED: 0.14, TaskState.DONE: 0.06}[state]
     place = header.world.tasks[number]
     scene.add_icosphere(f"/tasks/{number}", radius, color=_TASKS[state], position=place)
 
 
 def _draw_robot(scene: Any, header: Header, number: int) -> Any:
-    """A robot about its frame, which is moved later."""
+    """Draw a robot about its frame, which is moved later."""
     robot, colour = header.robots[number], _HUES[number % len(_HUES)]
     name = f"/robots/{number}"
     frame = scene.add_frame(name, show_axes=False)

@@ -1,1 +1,1 @@
-"""Models of vehicles, arrays over all vehicles of a kind. Sources: specs/decisions/0015."""
+"""Vehicle models, as arrays over all vehicles of a kind. Sources: specs/decisions/0015."""

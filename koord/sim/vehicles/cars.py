@@ -67,7 +67,7 @@ class Bicycles(Rolling):
         self.steering = self.steering + bounded(turned - self.steering, -most, most)
 
     def described(self, name: str, at: Point, heading_rad: float) -> mjcf.Described:
-        """Its frame lies on the ground below the middle of its rear axle."""
+        """The MJCF of a car. Its frame lies on the ground below the middle of its rear axle."""
         car = self.car
         mass_kg = car.mass_kg - 4 * mjcf.WHEEL_KG
         body = [*mjcf.chassis(name, at, heading_rad, mass_kg, car.outline_m)]
@@ -99,5 +99,5 @@ class Bicycles(Rolling):
 
 
 def track_m(car: Car) -> float:
-    """From the middle of a wheel to that of the other on its axle."""
+    """The track in metres: the distance between the middles of the wheels of an axle."""
     return car.width_m - mjcf.TYRE_M

@@ -1,4 +1,4 @@
-"""The quadrotors of :mod:`.quadrotors`, drone by drone in machine code: the level ``fast``.
+"""Compiled kernels of :mod:`.quadrotors`, drone by drone: the level ``fast``.
 
 By numba, the one file that imports it. The arithmetic is the same, operation by operation; a test
 holds both to equal results.
@@ -48,7 +48,7 @@ class CompiledQuadrotors(Quadrotors):
 
 
 def _constants(drone: Drone, gains: Gains) -> Floats:
-    """In the order in which the kernel unpacks them."""
+    """The constants in the order in which the kernel unpacks them."""
     return np.array(
         [
             gains.position,

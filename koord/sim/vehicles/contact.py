@@ -42,8 +42,9 @@ _WALL_M = 0.05
 
 
 class Floor:
-    """Obstacles and the walls around a world, and all vehicles among them. Time passes for all of
-    them when all have been told what to do.
+    """A plane with obstacles, walls and vehicles in contact.
+
+    Time passes for all vehicles when all have their commands.
     """
 
     def __init__(self, world: World) -> None:
@@ -59,7 +60,7 @@ class Floor:
         self._add_world(world)
 
     def join(self, vehicles: Colliding, bodies: list[int]) -> None:
-        """Vehicles, by the numbers of their bodies; there are no more when time begins to pass."""
+        """Add vehicles, by the numbers of their bodies; not after time has begun to pass."""
         first = len(self._numbers)
         self._numbers |= {body: first + k for k, body in enumerate(bodies)}
         self._parts.append((vehicles, slice(first, len(self._numbers))))
@@ -67,7 +68,7 @@ class Floor:
         self._force = np.zeros((len(self._numbers) + 1, 3))
 
     def advance(self, dt_s: float, steps: int) -> None:
-        """Some vehicles know what to do in the next steps; with the last that do they are made."""
+        """Give commands to some vehicles; with the last ones the steps are made."""
         self._told += 1
         if self._told < len(self._parts):
             return
@@ -84,7 +85,7 @@ class Floor:
             vehicles.show(state[rows])
 
     def touched(self, body: pymunk.Body) -> tuple[Touched, ...]:
-        """What a vehicle touches."""
+        """The contacts of a vehicle."""
         found: dict[Touched, None] = {}
 
         def note(arbiter: pymunk.Arbiter) -> None:
@@ -96,7 +97,7 @@ class Floor:
         return tuple(found)
 
     def know(self, shape: pymunk.Shape, as_what: Touched) -> None:
-        """Whose shape it is."""
+        """Register the owner of a shape."""
         self._known[shape] = as_what
 
     def _read(self) -> Floats:
@@ -148,16 +149,16 @@ class Colliding:
         return self.model.speed
 
     def advance(self, command: Floats, dt_s: float, steps: int) -> None:
-        """Go on for some steps with commands, shape ``(n, 2)``."""
+        """Advance some steps under commands, shape ``(n, 2)``."""
         self._command = command
         self._floor.advance(dt_s, steps)
 
     def touched(self, number: int) -> tuple[Touched, ...]:
-        """What one of them touches."""
+        """The contacts of a vehicle."""
         return self._floor.touched(self._bodies[number])
 
     def push(self, state: Floats, force: Floats, dt_s: float) -> None:
-        """The forces of engine and tyres for the next step, into an array ``(n, 3)``.
+        """Write the forces of engine and tyres for the next step into an array ``(n, 3)``.
 
         ``state`` has positions, angles, velocities and rates of the bodies: ``(n, 6)``.
         """
@@ -177,7 +178,7 @@ class Colliding:
         force[:, 2] = held * (turn - state[:, 5]) * (self._inertia / dt_s)
 
     def show(self, state: Floats) -> None:
-        """Where the bodies are now."""
+        """Set the positions of the vehicles from the bodies' states."""
         model, middle = self.model, self._hull.middle_m
         model.position[:, 0] = state[:, 0] - middle * np.cos(state[:, 2])
         model.position[:, 1] = state[:, 1] - middle * np.sin(state[:, 2])
@@ -203,7 +204,7 @@ class Colliding:
 
 
 def _ahead(state: Floats) -> Floats:
-    """The part of velocities along the vehicles, which is the speed of their axles."""
+    """The component of velocities along the vehicles: the speed of their axles."""
     speed: Floats = np.cos(state[:, 2]) * state[:, 3] + np.sin(state[:, 2]) * state[:, 4]
     return speed
 

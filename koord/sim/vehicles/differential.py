@@ -60,7 +60,7 @@ class Differentials(Rolling):
         return rate
 
     def described(self, name: str, at: Point, heading_rad: float) -> mjcf.Described:
-        """Its frame lies on the ground below the middle of its axle."""
+        """The MJCF of a robot. Its frame lies on the ground below the middle of its axle."""
         body = self.body
         mass_kg = body.mass_kg - 2 * mjcf.WHEEL_KG
         parts = [*mjcf.chassis(name, at, heading_rad, mass_kg, body.outline_m, is_disc=True)]

@@ -160,12 +160,12 @@ class PhysicalDrones(Quadrotors):
 
 
 def _rotor_arm_m(drone: Drone) -> float:
-    """How far a rotor is from the axes through the middle."""
+    """The distance in metres of a rotor from the axes through the middle."""
     return _ROTOR_SHARE * drone.radius_m / math.sqrt(2)
 
 
 def _rotor_twist_m(drone: Drone) -> float:
-    """A rotor's torque about its axis, per thrust: hovering, it can just be what a drone has."""
+    """A rotor's torque about its axis per thrust, in metres: in hovering, the drone's yaw torque."""
     return drone.torque_nm[2] / (drone.mass_kg * GRAVITY)
 
 

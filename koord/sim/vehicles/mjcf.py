@@ -44,7 +44,7 @@ class Described(Struct, frozen=True):
 
 
 def coordinates(model: Any, names: Iterable[str]) -> tuple[Ints, Ints]:
-    """Where in a model of MuJoCo the coordinates and velocities of free bodies begin."""
+    """The addresses, in MuJoCo's arrays, of the positions and velocities of free bodies."""
     bodies = [model.body(name) for name in names]
     qpos = [model.joint(body.jntadr[0]).qposadr[0] for body in bodies]
     return np.array(qpos), np.array([body.dofadr[0] for body in bodies])
@@ -61,7 +61,7 @@ def chassis(
     outline_m: tuple[float, float, float],
     is_disc: bool = False,
 ) -> Iterator[str]:
-    """The beginning of a body on wheels: length, width, and from its frame to its middle."""
+    """The beginning of a body on wheels: length, width, and the offset of its middle, in metres."""
     length, width, middle = outline_m
     turn = numbers(math.cos(heading_rad / 2), 0, 0, math.sin(heading_rad / 2))
     half = (length / 2, width / 2, (_BODY_HIGH_M - _BODY_LOW_M) / 2)
@@ -98,7 +98,7 @@ def ball(x: float, radius_m: float) -> str:
 
 
 def engine(name: str, on: str, mass_kg: float, accel_mps2: float) -> str:
-    """A motor that brings so much mass to the speed commanded; ``on`` is what it turns."""
+    """A motor that accelerates a mass to the commanded speed; ``on`` is what it turns."""
     most = _ENGINE_RESERVE * mass_kg * accel_mps2 * WHEEL_M
     gain = mass_kg * WHEEL_M**2 / _ENGINE_S
     return f'<velocity name="{name}" {on} kv="{gain!r}" forcerange="{-most!r} {most!r}"/>'

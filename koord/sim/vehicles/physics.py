@@ -1,4 +1,4 @@
-"""Vehicles as jointed bodies among all that is solid: the level ``mujoco``.
+"""Physics with MuJoCo: vehicles as jointed bodies, in contact with everything: ``mujoco``.
 
 MuJoCo moves them: wheels that roll and slip, an engine behind a differential, rotors that lag,
 contact of everybody with everybody and with the world. What they are told is what vehicles of the
@@ -48,28 +48,28 @@ class Physical(Protocol):
 
     @property
     def names(self) -> list[str]:
-        """What their bodies are called."""
+        """The names of the vehicles' bodies."""
         ...
 
     def described(self) -> Iterable[mjcf.Described]:
-        """Each of them, as the text that the model is made of."""
+        """The MJCF of each vehicle."""
         ...
 
     def settle(self, model: Any, data: Any) -> None:
-        """The model is made: find out where in it the vehicles are."""
+        """Look up the vehicles in the compiled model."""
         ...
 
     def act(self, data: Any, dt_s: float) -> None:
-        """Drive motors and rotors for the next step."""
+        """Set the motors and rotors for the next step."""
         ...
 
     def look(self, data: Any) -> None:
-        """Find out where the vehicles are."""
+        """Read the states of the vehicles."""
         ...
 
 
 class Arena:
-    """A world with vehicles of any kinds in it; time passes when all of them have been told."""
+    """A world with vehicles of any kinds; time passes when all have their commands."""
 
     def __init__(self, world: World) -> None:
         self.world = world
@@ -79,7 +79,7 @@ class Arena:
         self._made: tuple[Any, Any] | None = None
 
     def join(self, part: Physical, kind: str, count: int) -> list[str]:
-        """More vehicles; there are none when time begins to pass. Returns names for them."""
+        """Add vehicles, not after time has begun to pass; return their names."""
         assert self._made is None
         self._parts.append(part)
         first = self._counts.get(kind, 0)
@@ -87,7 +87,7 @@ class Arena:
         return [f"{kind}{first + k}" for k in range(count)]
 
     def advance(self, part: Physical, dt_s: float, steps: int) -> None:
-        """Vehicles know what to do in the next steps; with the last that know it they are made."""
+        """Give commands to some vehicles; with the last ones the steps are made."""
         self._told.add(id(part))
         if len(self._told) < len(self._parts):
             return
@@ -102,7 +102,7 @@ class Arena:
                 one.look(data)
 
     def touched(self, name: str) -> tuple[Touched, ...]:
-        """What the vehicle of that name touches, but for the floor."""
+        """The contacts of a named vehicle, except the floor."""
         model, data = self._running()
         known = {
             one: Touched(Hindrance.ROBOT, k, part)
@@ -140,7 +140,7 @@ class PhysicalWheels:
     flies = False
 
     def __init__(self, told: Rolling, arena: Arena) -> None:
-        """``told`` stand where the vehicles do, and are told what they are."""
+        """Make vehicles; ``told`` are their models without contact, at the same places."""
         self.position: Floats = told.position.copy()
         self.heading: Floats = told.heading.copy()
         self.speed: Floats = np.zeros(len(told.heading))
@@ -150,12 +150,12 @@ class PhysicalWheels:
         self.names = arena.join(self, told.NAME, len(told.heading))
 
     def advance(self, command: Floats, dt_s: float, steps: int) -> None:
-        """Go on for some steps with commands, shape ``(n, 2)``."""
+        """Advance some steps under commands, shape ``(n, 2)``."""
         self._command = command
         self._arena.advance(self, dt_s, steps)
 
     def touched(self, number: int) -> tuple[Touched, ...]:
-        """What one of them touches."""
+        """The contacts of a vehicle."""
         return self._arena.touched(self.names[number])
 
     def described(self) -> Iterator[mjcf.Described]:
@@ -185,7 +185,7 @@ class PhysicalWheels:
 
 
 def _of_world(name: str) -> Touched | None:
-    """Something that stands in the world, by its name; None for the floor."""
+    """The owner of a geometry of the world, by its name; None for the floor."""
     what, *number = name.split() or [""]
     if what == EDGE:
         return Touched(Hindrance.EDGE)
@@ -193,7 +193,7 @@ def _of_world(name: str) -> Touched | None:
 
 
 def model_of(world: World, vehicles: Iterable[mjcf.Described]) -> str:
-    """A world with vehicles in it."""
+    """Compile the MuJoCo model of a world with vehicles."""
     bodies: list[str] = []
     tendons: list[str] = []
     actuators: list[str] = []

@@ -1,4 +1,4 @@
-"""Points that are where they are to be: at every level the same."""
+"""Ideal points, which are at their reference: the same at every level."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class PointSquad:
         self._heading = np.where(moving, course, self._heading)
 
     def put(self, position: Floats) -> None:
-        """Be somewhere, from one moment to the next; shape ``(n, 3)``."""
+        """Place the points, shape ``(n, 3)``."""
         self.flying.rest = position.copy()
 
     def fixes(self, now_s: float) -> tuple[Floats, Floats]:

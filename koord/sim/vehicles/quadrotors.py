@@ -85,7 +85,7 @@ class Quadrotors:
         self._torque = np.array(drone.torque_nm)[:, None]
 
     def touched(self, number: int) -> tuple[Touched, ...]:
-        """What one of them touches: at this level nothing."""
+        """The contacts of a drone: none at this level."""
         return ()
 
     def advance(self, reference: Reference, wind: Floats, dt_s: float, steps: int) -> None:
@@ -145,7 +145,7 @@ def position_control(
     drone: Drone,
     dt_s: float,
 ) -> Floats:
-    """The acceleration asked for, ``(3, n)``; the integral part goes on by a step."""
+    """The acceleration demanded, ``(3, n)``; the integral part advances by a step."""
     gap = goal - s.position
     steady = s.steady + (gains.integral * dt_s) * gap
     s.steady = np.minimum(np.maximum(steady, -gains.windup_mps2), gains.windup_mps2)
@@ -153,7 +153,7 @@ def position_control(
 
 
 def turned(attitude: Floats, rates: Floats, dt_s: float) -> Floats:
-    """Attitudes after turning at rates for a step, of unit length again."""
+    """Attitudes after rotation at body rates for a step, normalised."""
     after = attitude + _TURNING.of(attitude, rates * (0.5 * dt_s))
     square = after * after
     unit: Floats = after / np.sqrt(square[0] + square[1] + square[2] + square[3])
@@ -163,7 +163,7 @@ def turned(attitude: Floats, rates: Floats, dt_s: float) -> Floats:
 def move(
     s: FlightState, force: Floats, air: Floats, drone: Drone, ground_m: float, dt_s: float
 ) -> None:
-    """Velocity, then position, a step later; the ground holds what sinks onto it."""
+    """Integrate velocity, then position, by a step; the ground stops sinking drones."""
     drag = drone.drag_kgps / drone.mass_kg
     s.velocity = s.velocity + dt_s * (force - drag * (s.velocity - air))
     s.position = s.position + dt_s * s.velocity

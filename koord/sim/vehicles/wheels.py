@@ -1,4 +1,4 @@
-"""What vehicles on wheels have in common: how they move with nothing in their way, and hulls."""
+"""The base of wheeled vehicles: motion without contact, and hulls."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Rolling(ABC):
         self.speed: Floats = np.zeros(len(start))  #: along the heading
 
     def advance(self, command: Floats, dt_s: float, steps: int) -> None:
-        """Go on for some steps with commands, shape ``(n, 2)``."""
+        """Advance some steps under commands, shape ``(n, 2)``."""
         for _ in range(steps):
             self.actuate(command, dt_s)
             turn = self.turning()
@@ -42,28 +42,28 @@ class Rolling(ABC):
         self.heading = wrapped(self.heading)
 
     def touched(self, number: int) -> tuple[Touched, ...]:
-        """What one of them touches: at this level nothing."""
+        """The contacts of a vehicle: none at this level."""
         return ()
 
     @abstractmethod
     def take(self, speed: Floats, turn: Floats) -> None:
-        """Go on from the speeds and the rates of turning that contact has left."""
+        """Continue from the speeds and yaw rates that contact has left."""
 
     @abstractmethod
     def actuate(self, command: Floats, dt_s: float) -> None:
-        """Speeds a step later, within the limits."""
+        """The speeds a step later, within the limits."""
 
     @abstractmethod
     def turning(self) -> Floats:
-        """How fast they turn, rad/s."""
+        """The yaw rates in rad/s."""
 
     @abstractmethod
     def described(self, name: str, at: Point, heading_rad: float) -> mjcf.Described:
-        """One of them for MuJoCo; its motors are called by its name and theirs."""
+        """The MJCF of a vehicle; its motors are named after it."""
 
     @abstractmethod
     def controls(self) -> Floats:
-        """What their motors are told, shape ``(n, motors)``."""
+        """The commands of the motors, shape ``(n, motors)``."""
 
 
 class Hull(Struct, frozen=True):
@@ -77,7 +77,7 @@ class Hull(Struct, frozen=True):
 
     @property
     def inertia_kgm2(self) -> float:
-        """About the vertical, of a body that is as dense everywhere."""
+        """The moment of inertia about the vertical, for uniform density."""
         if self.is_disc:
             return self.mass_kg * self.length_m**2 / 8
         return self.mass_kg * (self.length_m**2 + self.width_m**2) / 12
