@@ -1,4 +1,4 @@
-"""What a body asks of all robots at once, where there may be any number of them. [T-EVERY-N]
+"""Bodies on all robots at once, where their number is open. [T-EVERY-N]
 
 Statements about all robots are given to the solver as such: with quantifiers over their numbers.
 """
@@ -16,7 +16,7 @@ from koord.syntax.core import Home, ListOp, QuantifierKind
 
 
 def is_robot(body: RunningBody, index: Term) -> Term:
-    """Whether a number is that of a robot."""
+    """The condition that a number is that of a robot."""
     if index is body.robot or index in body.here or index.value == 0:
         return body.t.truth(True)
     return body.v.is_robot(index)
@@ -26,7 +26,7 @@ def is_robot(body: RunningBody, index: Term) -> Term:
 
 
 def is_open(body: RunningBody, domain: core.QuantifierDomain) -> bool:
-    """Whether there is no list of what a quantifier ranges over."""
+    """Return whether a quantifier's domain cannot be listed."""
     if body.v.robots is not None:
         return False
     match domain:
@@ -41,7 +41,7 @@ def is_open(body: RunningBody, domain: core.QuantifierDomain) -> bool:
 
 
 def quantified(body: RunningBody, e: core.Quantified) -> Term:
-    """A quantifier over robots, or over numbers up to one that hangs on theirs. [E-QUANT]"""
+    """Evaluate a quantifier over robots, or up to a number that depends on theirs. [E-QUANT]"""
     v, type_ = body.v, e.variable.type
     low, high, universal = v.t.integer(0), v.count, e.quantifier is QuantifierKind.FORALL
     item: Callable[[Term], Value] = lambda index: index  # noqa: E731
@@ -74,8 +74,9 @@ def over(
     *,
     universal: bool,
 ) -> Term:
-    """Whether something holds of all (of some) integers of a range. What is decided by a lesser one
-    is not looked at, and cannot fault.
+    """The condition that a Boolean holds of all (or some) integers of a range.
+
+    Values after a deciding smaller one are not evaluated, and cannot fault.
     """
     t, v = body.t, body.v
 
@@ -102,7 +103,7 @@ def over(
 
 
 def of_all(body: RunningBody, e: core.Builtin, family: Family) -> Term:
-    """``any``, ``all``, ``min``, ``max`` of an array over all robots. [E-LIST]"""
+    """Evaluate ``any``, ``all``, ``min``, ``max`` of an array over all robots. [E-LIST]"""
     t, v = body.t, body.v
 
     def at(index: Term) -> Term:
@@ -131,7 +132,7 @@ def of_all(body: RunningBody, e: core.Builtin, family: Family) -> Term:
 
 
 def named(body: RunningBody, place: core.Place, number: Term) -> Storage:
-    """``v@i``: the variable of the robot that the number names. [PROP-READ]"""
+    """Evaluate ``v@i``: the variable of the robot with a number. [PROP-READ]"""
     crowd, world, t = body.crowd, body.world, body.t
     assert crowd is not None
     assert place.robot is not None
@@ -156,7 +157,7 @@ def named(body: RunningBody, place: core.Place, number: Term) -> Storage:
 
 
 def of_robot(body: RunningBody, e: core.Ran | core.Stopped) -> Term:
-    """Whether a robot ran an event, or is stopped; false if there is none. [PROP-RAN]"""
+    """The condition that a robot ran an event, or is stopped; false if there is none. [PROP-RAN]"""
     crowd, world, t = body.crowd, body.world, body.t
     assert crowd is not None
     number = body.condition(e.robot)

@@ -1,4 +1,4 @@
-"""One running body: its memory, and what it found out under the condition of its path.
+"""Running bodies: memory, with faults and legality under the condition of the path.
 
 Statements are guarded commands: each changes memory where its path holds and leaves it elsewhere.
 Reads are from the memory of the robot that runs; writes to shared variables go to that memory and
@@ -29,7 +29,7 @@ Rules: TypeAlias = (
 
 
 class RunningBody:
-    """One running body. ``robot`` is who runs it, None in a property."""
+    """A running body. ``robot`` is the robot that runs it, None in a property."""
 
     def __init__(
         self, world: Instance, values: Values, robot: Term | None, memory: Memory, rules: Rules
@@ -60,14 +60,14 @@ class RunningBody:
         self.closed = memory.state is not None
 
     def apart(self) -> RunningBody:
-        """A body that nobody runs and that knows of no configuration."""
+        """A body without a robot and without a configuration."""
         return RunningBody(self.world, self.v, None, Memory(), self.rules)
 
     # --- paths ----------------------------------------------------------------------------------
 
     @contextmanager
     def where(self, condition: Term) -> Iterator[None]:
-        """Go on under a further condition."""
+        """Continue under a further condition."""
         outer = self.path
         self.path = self.t.both(outer, condition)
         yield
@@ -75,7 +75,7 @@ class RunningBody:
 
     @contextmanager
     def among(self, index: Term, low: Term, high: Term) -> Iterator[None]:
-        """Go on with a number of this range; it may be that of a robot, surely."""
+        """Continue with a number of a range, which may be known to be that of a robot."""
         sure = low.value is not None and low.value >= 0 and high is self.v.count
         self.here += [index] if sure else []
         yield
@@ -88,7 +88,7 @@ class RunningBody:
             self.faults.append(Fault(when, what, span))
 
     def require(self, holds: Term) -> None:
-        """Something that answers satisfy, if they are asked for."""
+        """Record a condition that answers satisfy, if they are asked for."""
         # Behind a fault nothing is asked.
         going_on = self.t.conjunction([self.outside, self.path, self.t.negation(self.faulted())])
         needed = self.t.implies(going_on, holds)
@@ -106,7 +106,7 @@ class RunningBody:
         return value
 
     def statement(self, e: core.Expr) -> Term:
-        """Whether a statement holds: true, and evaluated without a fault."""
+        """The condition that a statement is true and evaluates without a fault."""
         faults, self.faults = self.faults, []
         outer, self.path = (self.path, self.outside), self.t.truth(True)
         self.outside = self.t.truth(True)
@@ -115,11 +115,11 @@ class RunningBody:
         return holds
 
     def value(self, e: core.Expr) -> Value:
-        """The value of an expression; faults are noted and evaluation goes on."""
+        """Evaluate an expression; faults are recorded, and evaluation goes on."""
         return self.evaluator(self, e)
 
     def run(self, block: core.Block) -> None:
-        """Run statements; what left the block does not go on."""
+        """Run statements; paths that left the block do not go on."""
         self.runner(self, block)
 
     # --- configurations -------------------------------------------------------------------------
@@ -139,7 +139,7 @@ class RunningBody:
 
     @property
     def crowd(self) -> Crowd | None:
-        """The configuration that a property is about, if there may be any number of robots."""
+        """The configuration of a property, if the number of robots is open."""
         return self.memory.state if isinstance(self.memory.state, Crowd) else None
 
     def everyone(self) -> range:

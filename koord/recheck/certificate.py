@@ -1,4 +1,4 @@
-"""Certificates as they are read: nothing in a file is believed before it is looked at.
+"""Reading of certificates: a file is not trusted before it is checked.
 
 What it means, together with its program, is worked out in ``opening.py``.
 """
@@ -32,7 +32,7 @@ _LONGEST_FRACTION = 4 * MOST_PLACES
 
 
 class Conjunct(Struct, frozen=True):
-    """A part of the invariant: its text, and over how many rounds it is inductive.
+    """A conjunct of the invariant: its text, and the number of rounds over which it is inductive.
 
     ``everyone``: it is one of those that are inductive for every number of robots.
     """
@@ -44,7 +44,7 @@ class Conjunct(Struct, frozen=True):
 
 
 class Claimed(Struct, frozen=True):
-    """What a certificate says to hold; ``everyone``: for every number of robots."""
+    """A claim in a certificate; ``everyone``: for every number of robots."""
 
     name: str
     kind: ClaimKind
@@ -53,14 +53,14 @@ class Claimed(Struct, frozen=True):
 
 
 class Given(Struct, frozen=True):
-    """A script that came with the certificate."""
+    """A script of SMT-LIB that came with the certificate."""
 
     name: str
     smt2: str
 
 
 class Certificate(Struct, frozen=True):
-    """What a certificate says."""
+    """The contents of a certificate."""
 
     name: str
     program: Source
@@ -80,7 +80,7 @@ class Certificate(Struct, frozen=True):
 
 
 class _Reader(Struct, frozen=True):
-    """A part of the document, with its place in it."""
+    """A part of the document, with its path."""
 
     file: str
     path: str
@@ -134,7 +134,7 @@ class _Reader(Struct, frozen=True):
 
 
 def read(raw: bytes, name: str) -> Certificate:
-    """The certificate in a file. Raises KoordError (K940, K941)."""
+    """Read the certificate in a file. Raises KoordError (K940, K941)."""
     try:
         document = json.loads(raw.decode("utf-8"))
     except (ValueError, RecursionError) as error:
@@ -179,7 +179,7 @@ def _source(reader: _Reader) -> Source:
 
 
 def _certified(reader: _Reader, part: str) -> str:
-    """A text that its digest is of."""
+    """A text whose digest has been checked."""
     text = reader.field(part).text()
     if digest_of(text) != reader.field("sha256").text():
         what = f"{reader.path}.{part}"
@@ -252,7 +252,7 @@ _WORD = re.compile(r"[^\W\d]\w*\Z")
 
 
 def _invariant(reader: _Reader) -> tuple[Conjunct, ...]:
-    """The conjuncts, of which a name tells one from the others."""
+    """The conjuncts, with unique names."""
     conjuncts: dict[str, Conjunct] = {}
     for part in reader.items():
         made = _conjunct(part)

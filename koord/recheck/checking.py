@@ -1,4 +1,4 @@
-"""A certificate rechecked: every obligation made anew and put to the other solver."""
+"""The recheck of a certificate: every obligation is made anew and given to the other solver."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ SECOND_OPINION_S = 10.0
 
 
 class RecheckOutcome(Enum):
-    """Whether a certificate holds what it promises."""
+    """The outcome of a recheck."""
 
     CONFIRMED = "confirmed"  #: every obligation is met
     REFUTED = "refuted"  #: an obligation is not: the invariant does not prove itself
@@ -50,7 +50,7 @@ class RecheckOutcome(Enum):
 
 
 class Opinion(Struct, frozen=True):
-    """What the solver says of a script that came with the certificate, and why it says no more."""
+    """The solver's answer on a script that came with the certificate, with a reason."""
 
     name: str
     answer: SolverAnswer
@@ -58,7 +58,7 @@ class Opinion(Struct, frozen=True):
 
 
 class CheckedPart(Struct, frozen=True):
-    """What became of the obligations about some robots, or about any number of them.
+    """The result of the obligations about some robots, or about any number of them.
 
     ``span`` is the construct that is not rechecked.
     """
@@ -70,12 +70,12 @@ class CheckedPart(Struct, frozen=True):
 
     @property
     def hollow(self) -> tuple[str, ...]:
-        """Why less is shown than it seems: nothing satisfies what was supposed."""
+        """The reasons why less is shown than it seems: unsatisfiable hypotheses."""
         return tuple(dict.fromkeys(one.hollow for one in self.settled if one.hollow))[:1]
 
 
 class Rechecked(Struct, frozen=True):
-    """The verdict, what it is about, and what it rests on.
+    """The verdict of a recheck, its subject, and its premises.
 
     ``everyone`` is about every number of robots, where that is claimed; ``here`` about those of the
     certificate, where that is not all that is claimed, or not shown.
@@ -96,12 +96,12 @@ class Rechecked(Struct, frozen=True):
 
     @property
     def hollow(self) -> tuple[str, ...]:
-        """Why less is shown than it seems."""
+        """The reasons why less is shown than it seems."""
         parts = (part for part in (self.everyone, self.here) if part is not None)
         return tuple(dict.fromkeys(why for part in parts for why in part.hollow))
 
     def shown(self) -> tuple[tuple[Statement, ...], tuple[Statement, ...]]:
-        """What is confirmed, for every number of robots and for those of the certificate."""
+        """The confirmed statements, for every number of robots and for the certificate's."""
         everyone: tuple[Statement, ...] = ()
         here: tuple[Statement, ...] = ()
         if self.outcome is not RecheckOutcome.REFUTED:
@@ -160,7 +160,7 @@ def recheck(
 def _argued(
     certificate: Certificate, it: Opened, work: _Work
 ) -> tuple[CheckedPart | None, CheckedPart | None]:
-    """What becomes of the claims for every number of robots, and of those for these robots."""
+    """Settle the claims for every number of robots, and those for the certificate's."""
     everyone = here = None
     if it.everyone is not None:
         everyone = _part(_for_everyone(it.everyone, work))
@@ -172,7 +172,7 @@ def _argued(
 
 
 def _part(settling: Iterator[Discharged]) -> CheckedPart:
-    """What becomes of obligations, one after the other."""
+    """Settle obligations one after the other."""
     settled: list[Discharged] = []
     try:
         for one in settling:
@@ -192,7 +192,7 @@ def _part(settling: Iterator[Discharged]) -> CheckedPart:
 
 
 def _for_everyone(it: InductiveArgument, work: _Work) -> Iterator[Discharged]:
-    """The obligations for every number of robots."""
+    """Settle the obligations for every number of robots."""
     values = Values(Terms(), None, it.world.sealed)
     looked = False
     with work.session() as session:
@@ -209,7 +209,7 @@ def _for_everyone(it: InductiveArgument, work: _Work) -> Iterator[Discharged]:
 
 @contextmanager
 def _named(obligation: Obligation) -> Iterator[None]:
-    """While this lasts, a solver that ends does so in the name of an obligation."""
+    """Within the context, a solver that crashes does so in the name of an obligation."""
     try:
         yield
     except SolverEndedError as error:
@@ -221,7 +221,7 @@ _FEW = (1, 2, 3)
 
 
 def _refuted_by_few(it: InductiveArgument, work: _Work) -> Iterator[Discharged]:
-    """What holds for every number of robots holds for a few; if it does not, that refutes it."""
+    """Settle the claims for a few robots: failure there refutes them for every number."""
     if len(it.world.program.agents) > 1:
         return
     for robots in _FEW:
@@ -265,7 +265,7 @@ def _joined(
 
 
 class _Pass(Struct):
-    """One way through the obligations, and back to those that were too much at first."""
+    """A pass through the obligations, with a second attempt at those too hard at first."""
 
     it: InductiveArgument
     session: SolverSession
@@ -290,7 +290,7 @@ class _Pass(Struct):
             yield one
 
     def _derives(self, obligations: Obligations, settling: Settling, name: str) -> bool:
-        """Whether the claim that is open follows from the others, so that they alone count."""
+        """Return whether an open claim follows from the others, so that only they count."""
         claims = self.it.claims
         claim = next((c for c in claims if c.name == name and c.stated is not None), None)
         if claim is None or name in self._derived:
@@ -309,7 +309,7 @@ class _Pass(Struct):
 
 
 def _read(certificate: Certificate, work: _Work) -> list[tuple[str, Harmless]]:
-    """The scripts of a certificate. Raises KoordError (K941) that names each that is none."""
+    """Read the scripts of a certificate. Raises KoordError (K941) with each that is none."""
     scripts: list[tuple[str, Harmless]] = []
     problems: list[Diagnostic] = []
     for given in certificate.given:

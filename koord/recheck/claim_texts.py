@@ -1,4 +1,4 @@
-"""What is claimed of a program, said in full: nothing that is confirmed is a name alone.
+"""Claims as texts: every confirmed claim is stated in full, not by its name.
 
 What is asked of every program is told by kind and subject; what the program states by its name in
 the program's text. A file cannot call a claim what it likes.
@@ -26,7 +26,7 @@ INVARIANTS = (PropertyKind.INVARIANT, PropertyKind.AT_ROUND)
 
 
 class Statement(Struct, frozen=True):
-    """A claim as it is meant: ``text`` is Koord, or what is asked of every program in words."""
+    """A claim with its text: Koord, or words for claims about every program."""
 
     claimed: Claimed
     text: str
@@ -34,7 +34,7 @@ class Statement(Struct, frozen=True):
 
 
 class PremiseKind(Enum):
-    """What a proof may use and does not show."""
+    """The kinds of premises."""
 
     ASSUMPTION = "assumption"
     CONTRACT = "contract"
@@ -42,7 +42,7 @@ class PremiseKind(Enum):
 
 
 class Premise(Struct, frozen=True):
-    """Something that is relied on; ``text`` is Koord, empty if it is the library's."""
+    """A premise; ``text`` is Koord, empty if it is the library's."""
 
     kind: PremiseKind
     name: str
@@ -58,7 +58,7 @@ NO_FAULT = (
 
 
 def name_of(kind: ClaimKind, subject: str, name: str) -> str:
-    """What a claim is called: ``name`` counts for statements of the program alone."""
+    """The name of a claim: ``name`` counts for statements of the program only."""
     match kind:
         case ClaimKind.STATEMENT:
             return name
@@ -74,7 +74,7 @@ def name_of(kind: ClaimKind, subject: str, name: str) -> str:
 def statements(
     certificate: Certificate, program: core.Program, sections: Sequence[ast.Section]
 ) -> tuple[Statement, ...]:
-    """What a certificate claims. Raises KoordError (K941) where it says what it cannot mean."""
+    """The claims of a certificate. Raises KoordError (K941) for claims that cannot be meant."""
     if not certificate.claims:
         raise _damage(certificate, "nothing is claimed")
     found: dict[tuple[ClaimKind, str], Statement] = {}
@@ -89,7 +89,7 @@ def statements(
 
 
 def _check_name(certificate: Certificate, claimed: Claimed) -> None:
-    """What a claim is called follows from what it is."""
+    """Check that a claim's name follows from its kind and subject. Raises KoordError."""
     kind, subject = claimed.kind, claimed.subject
     if subject and kind in (ClaimKind.STATEMENT, ClaimKind.FAULT):
         about = (
@@ -139,14 +139,14 @@ def _statement(
 def invariants(
     program: core.Program, sections: Sequence[ast.Section]
 ) -> Iterator[tuple[core.Property, str]]:
-    """The statements of a program about configurations, each with its text."""
+    """The invariants of a program, each with its text."""
     made = [p for p in program.properties if p.kind in INVARIANTS]
     for property_, section in zip(made, stated(sections, ast.Invariant), strict=True):
         yield property_, section.text
 
 
 def _check_left_out(certificate: Certificate, program: core.Program) -> None:
-    """What is named as not covered is something that can be asked of the program."""
+    """Check that claims listed as not covered are claims about the program. Raises KoordError."""
     known = {p.name for p in program.properties} | {name_of(ClaimKind.FAULT, "", "")}
     known |= {name_of(ClaimKind.LOST_UPDATE, d.variable.name, "") for d in program.allwrite}
     known |= {name_of(ClaimKind.CONTRACT, c.name, "") for _, c in _contracts(program)}
@@ -158,7 +158,7 @@ def _check_left_out(certificate: Certificate, program: core.Program) -> None:
 
 
 def premises(program: core.Program, sections: Sequence[ast.Section]) -> tuple[Premise, ...]:
-    """All that the program assumes and is promised."""
+    """All assumptions, contracts and summaries of the program."""
     found = [
         Premise(PremiseKind.ASSUMPTION, made.name, section.text, made.span)
         for made, section in zip(program.assumptions, stated(sections, ast.Assume), strict=True)

@@ -1,4 +1,4 @@
-"""What is claimed, and what has to be shown for it: goals that follow from hypotheses."""
+"""Claims and their obligations: goals that have to follow from hypotheses."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from koord.syntax.types import EnumType, Type
 
 
 class ClaimKind(Enum):
-    """Why something is claimed."""
+    """The kinds of claims, by their origin."""
 
     STATEMENT = "property"  #: a statement about configurations
     FAULT = "fault"
@@ -26,7 +26,7 @@ class ClaimKind(Enum):
 
 
 class Claim(Struct, frozen=True):
-    """What is to be shown; ``subject`` is the variable of a lost update, or the contract.
+    """A claim; ``subject`` is the variable of a lost update, or the contract.
 
     ``depth`` is over how many rounds it is inductive.
     """
@@ -43,7 +43,7 @@ class Claim(Struct, frozen=True):
 
 
 class Goal(Struct, frozen=True):
-    """``holds`` has to follow; ``legal`` is what the answers satisfy that it asks for."""
+    """A goal: ``holds`` has to follow, ``legal`` is assumed of the answers in it."""
 
     claim: str
     legal: Term
@@ -51,7 +51,7 @@ class Goal(Struct, frozen=True):
 
 
 class ShownTerm(Struct, frozen=True):
-    """A part of a configuration, or a choice, to be shown in a counterexample."""
+    """A part of a configuration, or a choice, for display in a counterexample."""
 
     what: str
     term: Term
@@ -59,7 +59,7 @@ class ShownTerm(Struct, frozen=True):
 
 
 class Entailment(Struct, frozen=True):
-    """From the hypotheses each goal follows. ``shown`` is what to tell of a counterexample.
+    """An entailment: each goal has to follow from the hypotheses. ``shown`` is for counterexamples.
 
     ``names`` are numbers of robots that it is about, where there is any number of them.
     """
@@ -71,7 +71,7 @@ class Entailment(Struct, frozen=True):
 
 
 class Obligation(Struct, frozen=True):
-    """Something to be shown, in one way or another: the first attempts are quick, and know less.
+    """An obligation with attempts at it: the first are quick, and use fewer hypotheses.
 
     A counterexample to the last attempt is one to the obligation. Attempts are made when asked for.
     ``hollow`` is what it means if nothing satisfies the hypotheses: less is shown than it seems.
@@ -88,7 +88,7 @@ NO_END = "no round can end: nothing satisfies the contracts"
 
 
 class History(Struct, frozen=True):
-    """A configuration at the start of a round, and all that is known of how it came about."""
+    """A configuration at the start of a round, with facts about its history."""
 
     state: State
     facts: tuple[Term, ...]
@@ -97,7 +97,7 @@ class History(Struct, frozen=True):
 def stated(
     turns: Turns, state: State | Crowd, claims: Iterable[Claim], *, between_rounds: bool
 ) -> list[Goal]:
-    """The claims that are statements, of a configuration."""
+    """The claims that are statements about configurations."""
     goals = []
     for claim in claims:
         if claim.stated is not None and (between_rounds or not claim.at_round):

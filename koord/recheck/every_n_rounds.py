@@ -1,4 +1,4 @@
-"""The program turns of a round of any number of robots: who has run what so far. [T-EVERY-N]
+"""Prefixes of a round of any number of robots: the events that have run so far. [T-EVERY-N]
 
 The counterpart of ``rounds.py``.
 """
@@ -23,7 +23,7 @@ Moves = list[list[Anyone[EventTurn]]]
 
 
 class Gathering(Struct, frozen=True):
-    """The beginning of a round: ``state`` is what it has led to. ``facts`` say that it is legal."""
+    """A prefix of a round: ``state`` is its result. ``facts`` say that it is legal."""
 
     start: Crowd
     moves: Moves  #: by kind, by event: what any robot of the kind may do
@@ -41,7 +41,7 @@ class Gathering(Struct, frozen=True):
         return self.runs(robot, -1)
 
     def enters(self, lock: int, robot: Term) -> Term:
-        """Whether a robot has run an event that entered the class."""
+        """The condition that a robot has run an event that entered the class."""
         t, crowds = self.crowds.v.t, self.crowds
         found = []
         for kind in crowds.kinds:
@@ -60,7 +60,7 @@ class Gathering(Struct, frozen=True):
     def skips_legally(
         self, but: Term | None = None, mover: EventTurn | None = None
     ) -> Iterator[Term]:
-        """Who ran nothing by the end of the round was obliged by nothing. [SKIP]
+        """Yield the conditions that robots that ran nothing were allowed to skip. [SKIP]
 
         ``mover`` is what one more robot, ``but``, runs on top.
         """
@@ -78,7 +78,9 @@ class Gathering(Struct, frozen=True):
                 yield crowds.all_of(kind, robot, t.disjunction([stopped, *moved, free]))
 
     def not_obliged(self, turn: EventTurn, mover: EventTurn | None) -> Term:
-        """There are answers with which ``pre`` does not hold, or a class of the event is taken."""
+        """The condition that an event does not oblige: ``pre`` may fail, or a class of it is
+        taken.
+        """
         t = self.crowds.v.t
         taken = [self.taken(lock) for lock in turn.event.lock_classes]
         if mover is not None:
@@ -89,14 +91,14 @@ class Gathering(Struct, frozen=True):
 
 
 def off(crowds: Crowds, turn: EventTurn) -> Term:
-    """Whether there are answers with which ``pre`` does not hold."""
+    """The condition that ``pre`` does not hold for some answers."""
     t = crowds.v.t
     faulted = t.disjunction(fault.when for fault in turn.guard_faults)
     return t.both(turn.guard_legal, t.either(t.negation(turn.enabled), faulted))
 
 
 def stopped_together(crowds: Crowds, state: Crowd) -> tuple[Term, Crowd]:
-    """Whether no robot is running, and the configuration with all stopped. [END-PROG]"""
+    """The condition that no robot is running, and the configuration with all stopped. [END-PROG]"""
     v, t = crowds.v, crowds.v.t
     with v.within() as robot:
         idle = t.conjunction(
@@ -113,7 +115,7 @@ def stopped_together(crowds: Crowds, state: Crowd) -> tuple[Term, Crowd]:
 
 
 def may_run(crowds: Crowds, start: Crowd, robot: Term, turn: EventTurn) -> Term:
-    """A robot may select an event, as far as it alone is concerned. [SELECT]"""
+    """The condition that a robot may select an event, as far as it alone is concerned. [SELECT]"""
     t = crowds.v.t
     return t.conjunction(
         [
@@ -126,14 +128,14 @@ def may_run(crowds: Crowds, start: Crowd, robot: Term, turn: EventTurn) -> Term:
 
 
 class Gathered(Struct):
-    """Makes the beginning of a round."""
+    """A builder of prefixes of a round."""
 
     crowds: Crowds
     start: Crowd
     moves: Moves
 
     def gathering(self) -> Gathering:
-        """Any legal beginning of a round, the whole of it included."""
+        """Any legal prefix of a round, up to the whole of it."""
         crowds, v, t = self.crowds, self.crowds.v, self.crowds.v.t
         chosen = crowds.said(lambda blank: v.symbol("has run", INT), t.put)
         facts: list[Term] = []
@@ -170,7 +172,7 @@ class Gathered(Struct):
         return Gathering(self.start, self.moves, state, tuple(facts), winners, crowds, chosen.of)
 
     def _moved(self, chosen: Anyone[Term]) -> Callable[[int, Term], Robot]:
-        """A robot after the event that it ran, or as it was. [END-EVENT] [SKIP]"""
+        """A robot after the event that it ran, or unchanged. [END-EVENT] [SKIP]"""
         crowds, t, s = self.crowds, self.crowds.v.t, self.crowds.s
 
         def robot(kind: int, k: Term) -> Robot:
@@ -198,7 +200,7 @@ class Gathered(Struct):
         return Store(allread, allwrite)
 
     def _entries(self, round_: Gathering, slot: int, storage: Storage) -> Many:
-        """Each entry as its robot left it. [T-SNAPSHOT] [ALLREAD]"""
+        """Allread entries, each as its robot left it. [T-SNAPSHOT] [ALLREAD]"""
         assert isinstance(storage, Many)
 
         def at(k: Term) -> Storage:
@@ -211,8 +213,10 @@ class Gathered(Struct):
     def _shared(
         self, round_: Gathering, d: core.Declaration, storage: Storage, facts: list[Term]
     ) -> Storage:
-        """What blocks of one class write is as its winner left it, any other atom as the one that
-        wrote it last; a variable with lists in it is anything, if it is written. [T-COMMIT]
+        """An allwrite variable after the prefix. [T-COMMIT]
+
+        Writes in blocks of one class are the winner's; any other atom is as its last writer left
+        it; a variable with lists in it is anything, if it is written.
         """
         crowds, slot = self.crowds, d.variable.slot
         if not any(self._writes(move.said, slot) for mine in self.moves for move in mine):
@@ -278,7 +282,7 @@ class Gathered(Struct):
         return any(_is_to(w, Home.ALLWRITE, slot) for w in turn.writes)
 
     def _wrote(self, round_: Gathering, slot: int, robot: Term) -> Term:
-        """Whether a robot has written a variable."""
+        """The condition that a robot has written a variable."""
         crowds, t = self.crowds, self.crowds.v.t
         return t.disjunction(
             t.conjunction(
@@ -294,7 +298,7 @@ class Gathered(Struct):
     def _written_by(
         self, round_: Gathering, robot: Term, home: Home, slot: int, storage: Storage
     ) -> Storage:
-        """A variable with what one robot has written of it."""
+        """A variable with the writes of one robot."""
         crowds, t = self.crowds, self.crowds.v.t
         for kind, mine in enumerate(self.moves):
             for position, move in enumerate(mine):
@@ -327,6 +331,6 @@ def _below(crowds: Crowds, type_: Type, way: Sequence[int]) -> tuple[Type, list[
 
 
 def _only(round_: Gathering, lock: int, winner: Term, robot: Term) -> Term:
-    """Whoever enters a class is its winner."""
+    """The facts that a robot that enters a class is its winner."""
     t = round_.crowds.v.t
     return t.implies(round_.enters(lock, robot), t.equal(robot, winner))

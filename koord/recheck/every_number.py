@@ -1,4 +1,4 @@
-"""What has to be shown for claims to hold in every round, of any number of robots. [T-EVERY-N]
+"""Obligations for claims in every round, of any number of robots. [T-EVERY-N]
 
 The obligations are those of ``obligations.py``, of a robot of whatever number in place of each.
 """
@@ -35,7 +35,7 @@ from koord.syntax.core import Home
 
 
 class EveryNumber:
-    """All obligations of some claims about a program with any number of robots."""
+    """All obligations of claims about a program with any number of robots."""
 
     def __init__(
         self,
@@ -74,7 +74,7 @@ class EveryNumber:
         return Entailment((*facts, *taken(known)), tuple(goals))
 
     def _anything(self, opening: Begun) -> tuple[Crowd, list[Term]]:
-        """Any configuration, but for what nobody ever writes: that is as INIT left it."""
+        """An arbitrary configuration, with variables that are never written as INIT left them."""
         t = self.v.t
         state = self.crowds.anything_like(opening.state, self.world.written, "")
         facts = [*opening.facts]
@@ -133,7 +133,7 @@ class StepObligations(Struct, dict=True):
 
     @cached_property
     def known(self) -> list[Term]:
-        """What holds at the start of the round."""
+        """The facts at the start of the round."""
         goals = self._stated(self.start, between_rounds=True)
         return [*self.begun[1], *taken(goals)]
 
@@ -156,11 +156,11 @@ class StepObligations(Struct, dict=True):
 
     @cached_property
     def loose(self) -> Crowd:
-        """Any configuration that shares with the start of the round what no event writes."""
+        """An arbitrary configuration that agrees with the round's start where no event writes."""
         return self.crowds.anything_like(self.start, self.world.moved, " inside")
 
     def _one(self, name: str, kind: int) -> tuple[Term, Term]:
-        """Some robot of a kind, and that it is one."""
+        """A robot of a kind, with the fact that it is one."""
         robot = self.v.symbol(name, INT)
         return robot, self.crowds.is_one(robot, kind)
 
@@ -181,13 +181,13 @@ class StepObligations(Struct, dict=True):
         yield Obligation(name, tuple(attempts))
 
     def _no_fault(self, robot: Term, is_one: Term, turn: EventTurn) -> Entailment:
-        """A fault needs one robot only. [T-FAULT]"""
+        """The obligation that no turn faults, for one robot. [T-FAULT]"""
         awake = self.t.negation(self.start.robot(turn.robot, robot).stopped)
         goals = [_sound(self.t, fault, turn.legal) for fault in turn.faults]
         return Entailment((*self.known, is_one, awake), tuple(goals), names=(robot,))
 
     def _loosely(self, robot: Term, is_one: Term, turn: EventTurn) -> Entailment:
-        """Of what the other robots have done only the claims are known, and the locks."""
+        """The step after others' turns, of which only the claims and the locks are known."""
         t, before, inside, s = self.t, self.start, self.loose, self.s
         program, agent = self.world.program, self.world.program.agents[turn.robot]
         facts = [is_one, *taken(self._stated(inside))]
@@ -218,7 +218,7 @@ class StepObligations(Struct, dict=True):
         return Entailment((*self.known, *facts), tuple(self._stated(after)), names=(robot,))
 
     def _exactly(self, robot: Term, is_one: Term, turn: EventTurn) -> Entailment:
-        """The other robots have done what they can do at the start of the round."""
+        """The step after others' turns, which are those possible at the start of the round."""
         round_, t = self.gathering, self.t
         facts = [is_one, *round_.facts, *self.inside, round_.ran_none(robot)]
         for lock, entered in turn.entered.items():
@@ -245,7 +245,7 @@ class StepObligations(Struct, dict=True):
         return Crowd(robot, state.store)
 
     def _moved(self, state: Crowd, mover: Term, turn: EventTurn) -> Crowd:
-        """One more robot has run an event."""
+        """The step of one more robot."""
         t, s = self.t, self.s
         agent = self.world.program.agents[turn.robot]
 
@@ -259,7 +259,7 @@ class StepObligations(Struct, dict=True):
 
     @cached_property
     def inside(self) -> list[Term]:
-        """What is assumed of the configuration before the last step.
+        """The facts assumed of the configuration before the last step.
 
         Where nobody has run yet it is the one that the round started in, but for who ran what in
         the round before.
@@ -276,7 +276,7 @@ class StepObligations(Struct, dict=True):
     # --- turns that run nothing -----------------------------------------------------------------
 
     def _quiet(self) -> Iterator[Obligation]:
-        """Skips that can be seen: the first turn of a round, and the last."""
+        """Observable skips: the first turn of a round, and the last."""
         if self.world.mentions(core.Ran):
             yield Obligation("a first turn in which a robot skips", (self._first_skip,))
         if self.world.asks():
@@ -306,7 +306,7 @@ class StepObligations(Struct, dict=True):
     # --- pairs of robots ------------------------------------------------------------------------
 
     def _updates(self) -> Iterator[Obligation]:
-        """No two robots write one location in the round, of whom one updates it."""
+        """The obligation that no robot's update meets another's write in the round."""
         flat = [move for mine in self.moves for move in mine]
         for mine in flat:
             names = set(updated(mine.said.event.effect))

@@ -1,4 +1,4 @@
-"""Expressions of a body as terms, calls of external functions included. [EXTERNAL]"""
+"""Expressions of a body as terms, with calls of external functions. [EXTERNAL]"""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from koord.syntax.walk import nodes
 
 
 def answer(body: RunningBody, e: core.ExternalCall) -> Value:
-    """Any answer that the summary allows; the same to the same question. [EXTERNAL]"""
+    """An answer that the summary allows; equal for equal arguments. [EXTERNAL]"""
     function = body.world.program.external(e.function)
     if any(contains(v.type, MapType) for v in (function.result, *function.parameters)):
         # What is supposed of all maps would be supposed of those that are none.
@@ -59,7 +59,7 @@ def answer(body: RunningBody, e: core.ExternalCall) -> Value:
 def _summary(
     body: RunningBody, function: core.External, arguments: Sequence[Value], answer: Value
 ) -> tuple[Term, Term]:
-    """What a function requires, and what it promises of an answer."""
+    """The conditions that a function requires, and that it promises of an answer."""
     outer, body.bound = (
         body.bound,
         [
@@ -81,7 +81,7 @@ def _summary(
 
 
 def _promise_always(asking: RunningBody, function: core.External) -> bool:
-    """Suppose the summary of all questions at once, where any number of robots may ask.
+    """Assert the summary for all arguments at once, where the number of robots is open.
 
     A mathematical function keeps it for all arguments, asked for or not. [EXTERNAL] Not where
     one is a list that is looked into: there it is supposed of each question.
@@ -123,17 +123,17 @@ def _looks_inside(body: RunningBody, promise: core.Expr) -> bool:
 
 
 def _is_long(type_: Type, v: Values) -> bool:
-    """Whether there are lists in a value that are sequences to the solver."""
+    """Return whether a value contains lists that are sequences in SMT."""
     return any(isinstance(atom, GrowingType) and atom not in v.sealed for atom in atoms(type_))
 
 
 def who(robot: Term | None) -> str:
-    """Who runs, as a part of the name of an unknown."""
+    """The robot as a part of an unknown's name."""
     return "a robot" if robot is None or robot.value is None else robot.head
 
 
 def value(body: RunningBody, e: core.Expr) -> Value:
-    """The value of an expression; faults are noted and evaluation goes on."""
+    """Evaluate an expression; faults are recorded, and evaluation goes on."""
     t = body.t
     match e:
         case core.Const():
@@ -277,7 +277,7 @@ def _builtin(body: RunningBody, e: core.Builtin) -> Value:
 
 
 def _map(body: RunningBody, e: core.MakeMap) -> Value:
-    """Of two entries with one key the later counts. [E-MAP]"""
+    """Evaluate a map literal: of two entries with one key the later counts. [E-MAP]"""
     assert isinstance(e.type, MapType)
     made = maps.empty(body.v, e.type)
     for key, value in e.entries:
@@ -286,7 +286,7 @@ def _map(body: RunningBody, e: core.MakeMap) -> Value:
 
 
 def _call(body: RunningBody, e: core.Call) -> Value:
-    """A call of a function defined in Koord: its body, with variables of its own. [E-CALL]"""
+    """Call a function defined in Koord: its body, with variables of its own. [E-CALL]"""
     function = body.world.program.function(e.function)
     arguments: list[Storage | None] = [
         body.s.stored(body.value(a), p.type)
@@ -316,7 +316,7 @@ def _choose(body: RunningBody, e: core.Choose) -> Value:
 
 
 def _common(e: core.Binary) -> Type:
-    """The type in which two sides are compared: an array and a list are compared as lists."""
+    """The type in which two sides are compared: an array and a list as lists."""
     if isinstance(e.left.type, ArrayType):
         return e.right.type
     return e.left.type

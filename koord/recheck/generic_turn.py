@@ -1,4 +1,4 @@
-"""Turns of any robot of any number of them: worked out once, for a number that is left open.
+"""Generic turns: the turn of a robot whose number is a variable, computed once.
 
 By T-SNAPSHOT a turn is a function of the robot's own part and of its number. So what robot 7 does
 is what the unknown one does, with 7 in its place; and what is new on the way (answers, readings) is
@@ -39,7 +39,7 @@ T = TypeVar("T")
 
 
 class Anyone(Struct, Generic[T]):
-    """Something about one robot, ``blank`` being its number; ``of`` says it of another."""
+    """A statement about one robot with the number ``blank``; ``of`` says it of another."""
 
     blank: Term
     said: T
@@ -53,7 +53,7 @@ class Anyone(Struct, Generic[T]):
 
 
 class Replacing(Struct, frozen=True):
-    """Puts a term in the place of a variable in all that is known of a robot."""
+    """A substitution of a term for a variable in all facts about a robot."""
 
     s: Storages
 
@@ -112,7 +112,7 @@ class Replacing(Struct, frozen=True):
 
 
 class Begun(Struct, frozen=True):
-    """What INIT gives of any number of robots; each of ``faults`` is that somebody has it."""
+    """INIT of any number of robots; each of ``faults`` is that some robot has it."""
 
     state: Crowd
     facts: tuple[Term, ...]
@@ -120,7 +120,7 @@ class Begun(Struct, frozen=True):
 
 
 class Crowds(Struct, frozen=True):
-    """Works out turns of any robot, and configurations of any number of them."""
+    """A builder of turns and configurations of any number of robots."""
 
     world: Instance
     turns: Turns
@@ -138,17 +138,17 @@ class Crowds(Struct, frozen=True):
         return range(len(self.world.program.agents))
 
     def said(self, said: Callable[[Term], T], put: Callable[[T, Term, Term], T]) -> Anyone[T]:
-        """Work something out for a robot of whatever number."""
+        """Compute a statement for a robot with a variable as its number."""
         blank = self.v.t.blank()
         with self.v.scoped((blank,)):
             return Anyone(blank, said(blank), put)
 
     def is_one(self, robot: Term, kind: int) -> Term:
-        """Whether a number is that of a robot of a kind."""
+        """The condition that a number is that of a robot of a kind."""
         return self.v.t.both(self.v.is_robot(robot), self.world.is_of(self.v, robot, kind))
 
     def all_of(self, kind: int, robot: Term, fact: Term) -> Term:
-        """Something of all robots of a kind; ``robot`` is free in it."""
+        """A condition for all robots of a kind; ``robot`` is free in it."""
         return self.v.t.for_all([robot], self.v.t.implies(self.is_one(robot, kind), fact))
 
     # --- INIT -----------------------------------------------------------------------------------
@@ -193,12 +193,12 @@ class Crowds(Struct, frozen=True):
         return tuple(self.s.of(x, old, new) for x in entries)
 
     def _after_init(self, d: core.Declaration, storage: Storage) -> Storage:
-        """What several robots may write in INIT is anything."""
+        """A shared variable after INIT: if several robots may write it, any value."""
         like = self.s.loosened(storage, d.variable.type)
         return self.s.anything(f"{d.variable.name} after INIT", d.variable.type, like)
 
     def _by_kind(self, type_: object, entry: Callable[[int, Term], Storage]) -> Many:
-        """An allread variable, of whose elements each is as its robot has it. [T-SNAPSHOT]"""
+        """An allread variable, each element as its robot has it. [T-SNAPSHOT]"""
         assert isinstance(type_, ArrayType)
         element = type_.element
 
@@ -218,7 +218,7 @@ class Crowds(Struct, frozen=True):
     # --- any configuration ----------------------------------------------------------------------
 
     def anything_like(self, state: Crowd, changed: frozenset[Key], suffix: str) -> Crowd:
-        """Any configuration that differs from one in some variables only."""
+        """An arbitrary configuration that agrees with another, except in some variables."""
         program = self.world.program
 
         def of(d: core.Declaration, home: Home, kind: int, like: Storage) -> Storage:

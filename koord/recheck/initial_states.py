@@ -1,4 +1,4 @@
-"""What a certificate means: its program, what is claimed of it, and the invariant beside it.
+"""Opening of certificates: the program, the claims about it, and the invariant.
 
 The invariant is parsed as Koord, beside the program; the claims are taken from the program.
 """
@@ -24,7 +24,7 @@ from koord.syntax.source import Source
 
 
 class Meant(Struct, frozen=True):
-    """What a certificate is about: the problem, what is claimed of it, and what that rests on."""
+    """The subject of a certificate: the problem, the claims, and the premises."""
 
     problem: Problem
     statements: tuple[Statement, ...]
@@ -33,7 +33,7 @@ class Meant(Struct, frozen=True):
 
 
 class InductiveArgument(Struct, frozen=True):
-    """Claims that prove themselves, about some robots or any number of them."""
+    """Claims that are inductive together, for some robots or any number of them."""
 
     world: Instance
     #: The invariant's conjuncts, and what is claimed beside statements about configurations.
@@ -43,7 +43,7 @@ class InductiveArgument(Struct, frozen=True):
 
 
 class Opened(Struct, frozen=True):
-    """A certificate with its program: what to recheck, for its robots and for every number."""
+    """A certificate with its program: the arguments for its robots and for every number."""
 
     here: InductiveArgument
     everyone: InductiveArgument | None
@@ -53,7 +53,7 @@ _OF_PROPERTIES = (ast.Assume, ast.Invariant, ast.FunDef, ast.ParamDecl)
 
 
 def meant(certificate: Certificate) -> Meant:
-    """What a certificate is about. Raises KoordError (K940, K941) if it contradicts itself."""
+    """The subject of a certificate. Raises KoordError (K940, K941) for contradictions."""
     name = certificate.name
     sources = (certificate.program, *certificate.properties)
     sections: list[ast.Section] = []
@@ -80,7 +80,7 @@ def meant(certificate: Certificate) -> Meant:
 
 
 def opened(certificate: Certificate, about: Meant) -> Opened:
-    """The program with the invariant. Raises KoordError, and NotRecheckedError."""
+    """Elaborate the program with the invariant. Raises KoordError, and NotRecheckedError."""
     own = [(f"stated {k}", s) for k, s in enumerate(stated(about.sections, ast.Invariant))]
     conjuncts = [_parsed(certificate.name, conjunct) for conjunct in certificate.invariant]
     agents = {None, *(agent.name for agent in about.problem.program.agents)}
@@ -104,7 +104,7 @@ def opened(certificate: Certificate, about: Meant) -> Opened:
 
 
 def _check_given(certificate: Certificate, world: Instance) -> None:
-    """The scripts that belong to a proof are all there."""
+    """Check that the scripts of a proof are complete. Raises KoordError."""
     turns = ["the program turns", "the environment's turn"]
     inside = world.urgent() or (world.asks() and world.mentions(core.Stopped))
     there = {given.name for given in certificate.given}
@@ -124,7 +124,7 @@ def _check_given(certificate: Certificate, world: Instance) -> None:
 def _argument(
     certificate: Certificate, world: Instance, names: Sequence[str], *, everyone: bool
 ) -> InductiveArgument:
-    """The claims and the invariant; ``everyone``: those for every number of robots alone."""
+    """The claims and the invariant; ``everyone``: only those for every number of robots."""
     by_name = {p.name: p for p in world.program.properties}
     own = {given: by_name[f"stated {k}"] for k, given in enumerate(names)}
     conjuncts = [
@@ -151,7 +151,7 @@ def _argument(
 
 
 def _parsed(name: str, conjunct: Conjunct) -> Stated[ast.Invariant]:
-    """The one invariant that a text holds."""
+    """Parse the one invariant in a text."""
     place = f"{name}: invariant {conjunct.name}"
     parsed = parse(Source(place, conjunct.text))
     _stop_at_errors(name, place, parsed.diagnostics)

@@ -1,4 +1,4 @@
-"""Obligations about any number of robots, settled for the few that they name. [T-EVERY-N]
+"""Instantiation: obligations about any number of robots, settled for named robots. [T-EVERY-N]
 
 First everything is said of few names, then of more, and what is still open is put to the solver
 with its quantifiers. What refutes a counterexample does so for every number of robots; what nothing
@@ -37,14 +37,14 @@ _EXACT_S = 5.0
 
 
 class _Case(Struct):
-    """A part of a goal, and the goal."""
+    """A conjunct of a goal."""
 
     goal: Goal
     holds: Term
 
 
 class _Try:
-    """One attempt at an obligation."""
+    """An attempt at an obligation."""
 
     def __init__(
         self, settling: Settling, attempt: Entailment, seconds: float, done: set[str]
@@ -57,7 +57,7 @@ class _Try:
         self.grounding = Grounding(self.settling.values)
 
     def cases(self) -> list[_Case]:
-        """What has to follow, part by part."""
+        """The conjuncts of the goals that have to follow."""
         v = self.settling.values
         known = {id(part) for fact in self.attempt.hypotheses for part in conjuncts(v.t, fact)}
         cases = [
@@ -75,12 +75,12 @@ class _Try:
 
     @property
     def given(self) -> list[Term]:
-        """What is known. What answers satisfy that any claim asks for, they satisfy."""
+        """The hypotheses, with the legality of the answers in all goals."""
         legal = [goal.legal for goal in self.attempt.goals]
         return [*self.settling.values.ranges, *self.attempt.hypotheses, *legal, *self.shown]
 
     def with_names(self, cases: Sequence[_Case], more: int) -> list[_Case]:
-        """What does not follow from what is said of the names, and of so many more."""
+        """The cases that do not follow from instances for the names, and some more names."""
         names = self.grounding.names
         before = len(names)
         if more and cases:
@@ -91,14 +91,14 @@ class _Try:
         return self._open(cases)
 
     def with_quantifiers(self, cases: Sequence[_Case]) -> list[_Case]:
-        """What does not follow for the solver, either, given everything as it is said of all."""
+        """The cases that do not follow for the solver either, given quantified hypotheses."""
         if not cases:
             return []
         with self.settling.pushed(self.given):
             return [case for case in cases if not self._follows(case)]
 
     def _name(self, terms: Sequence[Term], more: int) -> None:
-        """So many more names, of those that what is said so far brings up."""
+        """Add names, from the terms that occur in the instances so far."""
         names, v = self.grounding.names, self.settling.values
         ends = (v.t.integer(0), v.t.minus(v.count, v.t.integer(1)))
         names += [end for end in ends if end not in names]
@@ -107,7 +107,7 @@ class _Try:
         names += plainest(found, more)
 
     def _open(self, cases: Sequence[_Case]) -> list[_Case]:
-        """The cases that do not follow from what is said of the names."""
+        """The cases that do not follow from the instances for the names."""
         settling, grounding = self.settling, self.grounding
         left = []
         facts = [grounding.said(fact) for fact in self.given]
@@ -130,7 +130,7 @@ class _Try:
 
 
 def settled(settling: Settling, obligation: Obligation) -> Discharged:
-    """An obligation about any number of robots: met, or open."""
+    """Settle an obligation about any number of robots: proved, or open."""
     *quick, exact = [attempt() for attempt in obligation.attempts]
     if _at_once(settling, exact):
         return Discharged(obligation.name, SolverAnswer.UNSAT)
@@ -154,7 +154,7 @@ def settled(settling: Settling, obligation: Obligation) -> Discharged:
 
 
 def _at_once(settling: Settling, attempt: Entailment) -> bool:
-    """Whether all goals follow, as the solver finds out quickly."""
+    """Return whether all goals follow, within a short time limit."""
     t, goals = settling.values.t, attempt.goals
     denied = t.negation(t.conjunction(goal.holds for goal in goals))
     if denied.value is False:
@@ -172,7 +172,7 @@ _MOST_INSTANCES = 20_000
 
 
 class Grounding(Struct):
-    """Says statements of names. What does not hold of all fails of a witness, which is a symbol."""
+    """A grounding of statements for names, with Skolem constants for negated ones."""
 
     v: Values
     names: list[Term] = field(default_factory=list)
@@ -186,7 +186,7 @@ class Grounding(Struct):
     _kept: list[Term] = field(default_factory=list)
 
     def denied(self, goal: Term) -> Term:
-        """That a statement does not hold: it fails of some witnesses, the same for each goal."""
+        """The negation of a statement, with Skolem constants, the same for each goal."""
         t, used = self.v.t, 0
         pending, denied = [goal], []
         while pending:
@@ -210,11 +210,11 @@ class Grounding(Struct):
         return self._denials[name]
 
     def denied_of(self) -> list[Term]:
-        """The numbers of which goals were denied so far."""
+        """The Skolem constants of the goals negated so far."""
         return [witness for witness in self._denials.values() if witness.sort == INT]
 
     def said(self, term: Term, *, holds: bool = True) -> Term:
-        """What a statement (or its negation) says of the names."""
+        """The instances of a statement (or its negation) for the names."""
         t = self.v.t
         match term.head, term.args:
             case "not", [a]:
@@ -231,7 +231,7 @@ class Grounding(Struct):
                 return plain if holds else t.negation(plain)
 
     def definitions(self) -> list[Term]:
-        """What Booleans mean that stand for statements about all numbers."""
+        """The definitions of Booleans that stand for quantified statements."""
         t, found, done = self.v.t, [], 0
         while done < len(self._atoms):
             for term, atom in list(self._atoms.values())[done:]:
@@ -241,7 +241,7 @@ class Grounding(Struct):
         return found
 
     def _named(self, term: Term) -> Term:
-        """The term with a Boolean for each statement about all numbers that stands deep in it."""
+        """The term with a Boolean in place of each quantified statement inside it."""
 
         def instead(node: Term) -> Term | None:
             if not self._has_quantifier(node):
@@ -284,7 +284,7 @@ class Grounding(Struct):
         return self.said(body, holds=False)
 
     def _is_sayable(self, term: Term) -> bool:
-        """Whether a statement is about all numbers, and about nothing that is left open."""
+        """Return whether a statement is a closed quantifier over integers."""
         return not self.v.t.free(term) and all(b.sort == INT for b in term.binders)
 
     def _has_quantifier(self, term: Term) -> bool:
@@ -304,7 +304,7 @@ class Grounding(Struct):
 
 
 def numbers(v: Values, terms: Iterable[Term]) -> Iterator[Term]:
-    """The terms that are used as numbers of robots: what functions of such numbers are asked of."""
+    """The terms that are used as numbers of robots: arguments of functions of robots."""
     seen: set[int] = set()
     given: set[int] = set()
     pending = list(terms)
@@ -322,7 +322,7 @@ def numbers(v: Values, terms: Iterable[Term]) -> Iterator[Term]:
 
 
 def plainest(names: Sequence[Term], most: int) -> list[Term]:
-    """The names that are written most simply."""
+    """The names with the simplest terms."""
     return sorted(names, key=_size)[:most]
 
 

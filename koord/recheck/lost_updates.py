@@ -1,4 +1,4 @@
-"""Where one robot's update of a variable meets another robot's write. [LOST-UPDATE]"""
+"""Lost updates: a robot's update of a variable meets another robot's write. [LOST-UPDATE]"""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from koord.syntax.walk import nodes, statements
 
 
 def meeting(turns: Turns, prefix: Prefix, name: str) -> Term:
-    """Whether two robots write one location of the variable, and the event of one updates it."""
+    """The condition that two robots write one location of a variable that one of them updates."""
     t = turns.v.t
     flat = [choice for mine in prefix.choices for choice in mine]
     found = []
@@ -38,7 +38,7 @@ def _shared(w: Write) -> bool:
 
 
 def overlap(v: Values, a: Write, b: Write) -> Term:
-    """Whether both are made, to locations one of which is a prefix of the other."""
+    """The condition that two writes happen, to locations one of which is a prefix of the other."""
     t, same = v.t, [a.when, b.when]
     for x, y in zip(a.locations, b.locations, strict=False):
         if isinstance(x, Field) or isinstance(y, Field):
@@ -73,13 +73,13 @@ def updated(effect: core.Block) -> Iterator[str]:
 
 
 def _keeps_the_rest(place: core.Place) -> bool:
-    """Whether a write of a place writes an entry of a shared map, most of it as it was read."""
+    """Return whether a write keeps the rest of a shared map's entry as it was read."""
     keys = [n for n, step in enumerate(place.steps, 1) if isinstance(step, core.KeyStep)]
     return place.variable.home is Home.ALLWRITE and keys != [] and keys[0] < len(place.steps)
 
 
 def _flows(effect: core.Block) -> set[tuple[core.Variable, core.Variable]]:
-    """Pairs of variables: the first is given values that are computed from the second."""
+    """Pairs of variables with a flow: the first is computed from the second."""
     pairs: set[tuple[core.Variable, core.Variable]] = set()
     for s in statements(effect):
         match s:

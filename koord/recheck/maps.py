@@ -1,4 +1,4 @@
-"""Maps as terms: what each key has, in an array of SMT, and how many keys there are. [E-MAP]
+"""Maps as SMT arrays from keys to optional values, with the number of keys. [E-MAP]
 
 An array may have infinitely many entries, and a number that does not fit them: there are more maps
 to the solver than there are. The order of keys is no part of it, and nothing goes through a map.
@@ -19,18 +19,18 @@ def empty(v: Sorts, type_: MapType) -> Term:
 
 
 def count(v: Sorts, value: Term, type_: MapType) -> Term:
-    """How many keys there are."""
+    """The number of keys."""
     return v.t.op(part_name(type_, "count"), [value], INT)
 
 
 def has(v: Sorts, value: Term, key: Value, type_: MapType) -> Term:
-    """Whether there is a key."""
+    """The condition that a map has a key."""
     found = _found(v, value, key, type_)
     return v.t.op(f"(_ is {part_name(type_, 'some')})", [found], BOOL)
 
 
 def at(v: Sorts, value: Term, key: Value, type_: MapType) -> Value:
-    """What a key has; some value if it is not there."""
+    """The value of a key; some value if the key is not there."""
     found = _found(v, value, key, type_)
     held = v.t.op(part_name(type_, "value"), [found], v.sort(type_.value))
     return v.unpack(held, type_.value)
@@ -45,13 +45,13 @@ def with_entry(v: Sorts, value: Term, key: Value, new: Value, type_: MapType) ->
 
 
 def without(v: Sorts, value: Term, key: Value, type_: MapType) -> Term:
-    """The map without a key, which there is."""
+    """The map without a key that it has."""
     fewer = v.t.minus(count(v, value, type_), v.t.integer(1))
     return _made(v, type_, _stored(v, value, key, _none(v, type_), type_), fewer)
 
 
 def bounds(v: Sorts, value: Term, type_: MapType) -> Term:
-    """What a map satisfies because it is one."""
+    """The facts that hold of any map."""
     return v.t.at_most(v.t.integer(0), count(v, value, type_))
 
 

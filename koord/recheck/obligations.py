@@ -1,4 +1,4 @@
-"""What has to be shown, one obligation per step of a robot; and the solver that is asked.
+"""Obligations for claims about a fixed number of robots, one per robot's step, and their check.
 
 The argument that these are enough is T-PER-EVENT of ``specs/certificates/README.md``.
 """
@@ -40,7 +40,7 @@ from koord.syntax.types import EnumType
 
 
 class Obligations:
-    """All obligations of some claims about a program."""
+    """All obligations of claims about a program."""
 
     def __init__(
         self,
@@ -89,7 +89,7 @@ class Obligations:
             )
 
     def derivation(self, claim: Claim, others: Sequence[Claim]) -> Obligation:
-        """That a claim follows from others, in whatever configuration."""
+        """The entailment of a claim by others, in any configuration."""
         name = f"{claim.name} follows from the other claims"
         return Obligation(name, (partial(self._implied, claim, tuple(others)),))
 
@@ -119,7 +119,7 @@ class Obligations:
         return Entailment((*opening.facts, *sound), tuple(goals), shown)
 
     def _anything(self, first: History) -> History:
-        """Any configuration, but for what nobody ever writes: that is as INIT left it."""
+        """An arbitrary configuration, with variables that are never written as INIT left them."""
         t, facts = self.v.t, []
         state = self.rounds.anything_like(first.state, self.world.written, "")
         for i, robot in enumerate(state.robots):
@@ -148,12 +148,12 @@ class Obligations:
                     yield (home, kind, slot), storage
 
     def _followed(self, past: History, assumed: Sequence[Claim]) -> History:
-        """The same, with what is assumed at the start of a round."""
+        """The history, with the claims assumed at the start of a round."""
         goals = self.rounds.goals(past.state, assumed, between_rounds=True)
         return History(past.state, (*past.facts, *taken(goals)))
 
     def _extended(self, past: History, assumed: Sequence[Claim], label: str) -> History:
-        """What a whole round leads to, in which everything that is assumed held."""
+        """The history extended by a whole round in which all assumptions held."""
         prefix, end, facts = self.rounds.ended(past, assumed, label)
         evolution = self.turns.environment(end)
         t = self.v.t
@@ -166,7 +166,7 @@ class Obligations:
     def _round(
         self, past: History, assumed: Sequence[Claim], asked: Sequence[Claim], label: str
     ) -> Iterator[Obligation]:
-        """Everything that one more step of a round may break."""
+        """Yield the obligations of one more step of a round."""
         round_ = RoundObligations(self.rounds, past, assumed, asked, label)
         for i in range(len(self.world.kinds)):
             for position in range(len(self.world.agent(i).events)):
@@ -177,7 +177,7 @@ class Obligations:
 
 
 def _has_unknown(storage: Storage) -> bool:
-    """Whether anything below is not a constant."""
+    """Return whether anything below is not a constant."""
     if not isinstance(storage, Cell):
         assert isinstance(storage, tuple)
         return any(_has_unknown(below) for below in storage)
@@ -201,7 +201,7 @@ _MOST_QUICK_FAILS = 2
 
 
 class Discharged(Struct, frozen=True):
-    """What became of an obligation: ``claim`` is the goal that does not follow, or is not known to.
+    """The result of an obligation: ``claim`` is the goal that does not follow, or may not.
 
     ``state`` is the solver's counterexample, in the words of the program.
     """
@@ -215,7 +215,7 @@ class Discharged(Struct, frozen=True):
 
 
 class Settling(Struct):
-    """Puts obligations to one session."""
+    """The check of obligations in one solver session."""
 
     values: Values
     session: SolverSession
@@ -226,7 +226,7 @@ class Settling(Struct):
     _quick_fails: int = 0
 
     def weighed(self, one: Discharged, obligation: Obligation) -> Discharged:
-        """The same, with what it means that it is met by nothing, if that is soon found out."""
+        """The result, with a note if the hypotheses are soon found unsatisfiable."""
         if not obligation.hollow or one.answer is not SolverAnswer.UNSAT:
             return one
         with self.pushed([*self.values.ranges, *obligation.attempts[0]().hypotheses]):
@@ -245,7 +245,7 @@ class Settling(Struct):
         return self.exactly(obligation.name, exact())
 
     def exactly(self, name: str, attempt: Entailment, without: Sequence[str] = ()) -> Discharged:
-        """One attempt; the claims in ``without`` are shown elsewhere."""
+        """Check one attempt; the claims in ``without`` are shown elsewhere."""
         return self._tried(name, attempt, without)
 
     def _tried(
@@ -284,7 +284,7 @@ class Settling(Struct):
     def _one_by_one(
         self, name: str, attempt: Entailment, goals: Sequence[Goal], proved: list[Goal]
     ) -> Discharged:
-        """Each goal by itself; what follows is known for the rest."""
+        """Check goals one by one; those that follow are hypotheses for the rest."""
         left = list(goals)
         while True:
             waiting = []
@@ -304,7 +304,7 @@ class Settling(Struct):
             left = waiting
 
     def _alone(self, name: str, attempt: Entailment, goal: Goal) -> Discharged:
-        """One goal, case by case."""
+        """Check one goal, case by case."""
         for case in conjuncts(self.values.t, goal.holds):
             with self.pushed([self.values.t.negation(case)]):
                 answer = self._check()
@@ -320,7 +320,7 @@ class Settling(Struct):
 
     @contextmanager
     def pushed(self, facts: Sequence[Term]) -> Iterator[None]:
-        """Assert something for a while."""
+        """Within the context, assert facts."""
         self.session.tell(["(push 1)", *self._asserted(facts)])
         try:
             yield
@@ -328,11 +328,11 @@ class Settling(Struct):
             self.session.tell(["(pop 1)"])
 
     def tell(self, facts: Sequence[Term]) -> None:
-        """Assert something until what was pushed last is taken back."""
+        """Assert a fact in the present context."""
         self.session.tell(self._asserted(facts))
 
     def check(self, seconds: float) -> SolverAnswer:
-        """Whether what is asserted can hold."""
+        """Check whether the assertions are satisfiable."""
         left = min(seconds, self.deadline())
         if left <= 0:
             return SolverAnswer.UNKNOWN
@@ -375,12 +375,12 @@ class Settling(Struct):
 
 
 def _parts(term: Term) -> tuple[Term, ...]:
-    """The parts of a conjunction as it is written."""
+    """The operands of a conjunction."""
     return term.args if term.head == "and" else (term,)
 
 
 def conjuncts(t: Terms, term: Term) -> list[Term]:
-    """Terms that hold together if and only if this one does: ``a or (b and c)`` is two of them."""
+    """Terms whose conjunction is equivalent to this one: ``a or (b and c)`` is two of them."""
     if term.head == "and":
         return [part for arg in term.args for part in conjuncts(t, arg)]
     if term.head == "or":

@@ -17,7 +17,7 @@ from koord.syntax.types import MapType, QueueType, Type
 
 
 def read(body: RunningBody, place: core.Place) -> Value:
-    """Every read is from the robot's own memory. [LOOKUP]"""
+    """Read a place from the robot's own memory. [LOOKUP]"""
     storage, type_ = root(body, place), place.variable.type
     steps = list(place.steps)
     while steps and not isinstance(storage, Cell):
@@ -67,7 +67,7 @@ def part(body: RunningBody, value: Value, type_: Type, steps: Sequence[core.Step
 
 
 def located(body: RunningBody, step: core.Step, type_: Type) -> Location:
-    """Where a step leads from a value of a type."""
+    """Evaluate a step into a value of a type to a location."""
     match step:
         case core.FieldStep(position=position):
             return Field(position)
@@ -102,7 +102,7 @@ def root(body: RunningBody, place: core.Place) -> Storage:
 
 
 def of_named(body: RunningBody, place: core.Place) -> Storage:
-    """``v@i``: the variable of the robot that the number names. [PROP-READ]"""
+    """Evaluate ``v@i``: the variable of the robot with a number. [PROP-READ]"""
     assert place.robot is not None
     number, type_ = body.condition(place.robot), place.variable.type
     if body.crowd is not None:
@@ -163,7 +163,7 @@ def held_in(body: RunningBody, home: Home) -> list[Storage] | list[Storage | Non
 def check_place(
     body: RunningBody, place: core.Place, storage: Storage, locations: Sequence[Location]
 ) -> None:
-    """A place exists for writing, or the step that fails is a fault. [S-ASSIGN]"""
+    """Check that a place exists for writing; the first step that fails is a fault. [S-ASSIGN]"""
     type_, value = place.variable.type, None
     for k, (step, location) in enumerate(zip(place.steps, locations, strict=True)):
         if value is None and isinstance(storage, Cell):
@@ -195,7 +195,7 @@ def check_place(
 def entry_in(
     body: RunningBody, storage: Storage, place: core.Place, locations: Sequence[Location]
 ) -> Value:
-    """What storage has at locations that lead to an entry, which is there."""
+    """The value of storage at locations that lead to an existing entry."""
     type_, value = place.variable.type, None
     for step, location in zip(place.steps, locations, strict=False):
         if value is None and isinstance(storage, Cell):
@@ -217,7 +217,7 @@ def entry_in(
 
 
 def removed(body: RunningBody, s: core.Remove) -> None:
-    """The first equal element goes, if there is one, or the key. [S-REMOVE]"""
+    """Remove the first equal element, if there is one, or the key. [S-REMOVE]"""
     wanted = body.value(s.value)
     whole = read(body, s.place)
     if isinstance(s.place.type, MapType):
@@ -232,7 +232,7 @@ def removed(body: RunningBody, s: core.Remove) -> None:
 
 
 def popped(body: RunningBody, s: core.Pop) -> None:
-    """The first of a queue goes, or the last of a list. [S-POP]"""
+    """Pop the first element of a queue, or the last of a list. [S-POP]"""
     t, type_ = body.t, s.place.type
     whole = read(body, s.place)
     length = body.v.length(whole)

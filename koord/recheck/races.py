@@ -13,7 +13,7 @@ from koord.syntax.types import Type, is_flat
 
 
 class WrittenPart(Struct, frozen=True):
-    """What one robot writes, where ``when`` holds."""
+    """The writes of one robot, under the condition ``when``."""
 
     robot: int
     when: Term
@@ -21,7 +21,7 @@ class WrittenPart(Struct, frozen=True):
 
 
 def made(s: Storages, store: Store, writes: Iterable[Write], when: Term) -> Store:
-    """The store with a robot's writes made one after the other: ``S ⊕ W``."""
+    """Apply a robot's writes one after the other: ``S ⊕ W``."""
     allread, allwrite = list(store.allread), list(store.allwrite)
     for w in writes:
         kept = allread if w.variable.home is Home.ALLREAD else allwrite
@@ -35,7 +35,7 @@ def _written(s: Storages, storage: Storage, w: Write, when: Term) -> Storage:
 
 
 class Racing(Struct):
-    """Joins the writes of several robots. Of those to one atom the one of greatest rank counts.
+    """A join of several robots' writes: in each atom the one of greatest rank wins.
 
     ``exclusive`` are the allwrite variables that one robot at most writes. Ranks are unknown and
     distinct; they are made when first needed.
@@ -71,7 +71,7 @@ class Racing(Struct):
     def _won(
         self, storage: Storage, type_: Type, writes: Sequence[tuple[WrittenPart, Write]]
     ) -> Storage:
-        """Each atom as the last of its writers leaves it."""
+        """Each atom as its last writer leaves it."""
         by_robot: dict[int, Storage] = {}
         for part, w in writes:
             before = by_robot.get(part.robot)
@@ -121,7 +121,7 @@ class Racing(Struct):
     def _any(
         self, storage: Storage, type_: Type, writes: Sequence[tuple[WrittenPart, Write]]
     ) -> Storage:
-        """Lists that several robots may write: anything, where one of them does."""
+        """Lists that several robots may write: any value, where one of them does."""
         t = self.s.v.t
         written = t.disjunction(t.both(part.when, w.when) for part, w in writes)
         name = f"{writes[0][1].variable.name} after a race"

@@ -1,4 +1,4 @@
-"""The program turns of a round: which robots have run what so far, and what that makes of it all.
+"""Prefixes of a round: the events that robots have run so far, and their result.
 
 ``q`` is a configuration inside a round that started in ``c``: some robots have run an event, the
 others have not (or have skipped, which looks alike). Everything that a robot did it did on ``c``.
@@ -28,7 +28,7 @@ class EventChoice(Struct, frozen=True):
 
 
 class Prefix(Struct, frozen=True):
-    """The beginning of a round: ``state`` is what it has led to. ``facts`` say that it is legal."""
+    """A prefix of a round: ``state`` is its result. ``facts`` say that it is legal."""
 
     start: State
     choices: tuple[tuple[EventChoice, ...], ...]  #: by robot, by event
@@ -41,14 +41,14 @@ class Prefix(Struct, frozen=True):
 
 
 class Rounds(Struct, frozen=True):
-    """Builds the parts of rounds, and says what is claimed of their configurations."""
+    """A builder of rounds, and of the claims about their configurations."""
 
     turns: Turns
 
     # --- robots that have moved -----------------------------------------------------------------
 
     def prefix(self, start: State, label: str) -> Prefix:
-        """Any legal beginning of a round from ``start``, the whole of it included."""
+        """Any legal prefix of a round from ``start``, up to the whole of it."""
         world, v = self.turns.world, self.turns.v
         t = v.t
         facts: list[Term] = []
@@ -76,7 +76,9 @@ class Rounds(Struct, frozen=True):
         return Prefix(start, tuple(choices), State(robots, store), (*facts, *racing.facts))
 
     def may_run(self, start: State, turn: EventTurn) -> Term:
-        """The robot may select the event, as far as it alone is concerned. [SELECT]"""
+        """The condition that a robot may select an event, as far as it alone is concerned.
+        [SELECT]
+        """
         t = self.turns.v.t
         return t.conjunction(
             [
@@ -88,7 +90,7 @@ class Rounds(Struct, frozen=True):
         )
 
     def _one_winner_each(self, choices: Sequence[Sequence[EventChoice]]) -> list[Term]:
-        """No two robots enter one lock class. [ATOMIC]"""
+        """The fact that no two robots enter one lock class. [ATOMIC]"""
         t = self.turns.v.t
         facts: list[Term] = []
         for lock in self.turns.world.program.lock_classes:
@@ -105,11 +107,11 @@ class Rounds(Struct, frozen=True):
         )
 
     def taken(self, prefix: Prefix, lock: int) -> Term:
-        """Whether one of the robots that ran has entered the class."""
+        """The condition that one of the robots that ran has entered the class."""
         return self.turns.v.t.disjunction(self._enters(mine, lock) for mine in prefix.choices)
 
     def _moved(self, own: Robot, mine: Sequence[EventChoice]) -> Robot:
-        """A robot after the event that it ran, or as it was. [END-EVENT] [SKIP]"""
+        """A robot after the event that it ran, or unchanged. [END-EVENT] [SKIP]"""
         merged = Robot(own.locals, own.ports, own.asked, own.stopped, self.turns.v.t.integer(-1))
         for choice in mine:
             agent, after = self.turns.world.agent(choice.turn.robot), choice.turn.after
@@ -119,7 +121,9 @@ class Rounds(Struct, frozen=True):
     # --- the end of the program turns -----------------------------------------------------------
 
     def stopped_together(self, state: State) -> tuple[Term, State]:
-        """Whether no robot is running, and the configuration with all stopped. [END-PROG]"""
+        """The condition that no robot is running, and the configuration with all stopped.
+        [END-PROG]
+        """
         t = self.turns.v.t
         idle = t.conjunction([t.either(r.asked, r.stopped) for r in state.robots])
         robots = tuple(
@@ -131,7 +135,7 @@ class Rounds(Struct, frozen=True):
     def skips_legally(
         self, prefix: Prefix, *, mover: EventTurn | None = None, nobody_moved: bool = False
     ) -> list[Term]:
-        """Robot by robot: if it ran nothing by the end of the round, nothing obliged it. [SKIP]
+        """Per robot, the condition that it was allowed to skip if it ran nothing. [SKIP]
 
         ``mover`` runs on top of the prefix. With ``nobody_moved`` each says whether that robot may
         be the first to move, and skip.
@@ -154,7 +158,9 @@ class Rounds(Struct, frozen=True):
     def _not_obliged(
         self, prefix: Prefix, turn: EventTurn, mover: EventTurn | None, nobody_moved: bool
     ) -> Term:
-        """There are answers with which ``pre`` does not hold, or a class of the event is taken."""
+        """The condition that an event does not oblige: ``pre`` may fail, or a class of it is
+        taken.
+        """
         t = self.turns.v.t
         faulted = t.disjunction(fault.when for fault in turn.guard_faults)
         off = t.both(turn.guard_legal, t.either(t.negation(turn.enabled), faulted))
@@ -170,7 +176,7 @@ class Rounds(Struct, frozen=True):
     def ended(
         self, past: History, assumed: Sequence[Claim], label: str
     ) -> tuple[Prefix, State, list[Term]]:
-        """The end of the program turns of a round, and what is known of it."""
+        """The end of a round's program turns, with facts about it."""
         prefix = self.prefix(past.state, label or "the round")
         facts = self.skips_legally(prefix)
         _, end = self.stopped_together(prefix.state)
@@ -180,7 +186,7 @@ class Rounds(Struct, frozen=True):
     # --- configurations --------------------------------------------------------------------------
 
     def anything_like(self, state: State, changed: frozenset[Key], suffix: str) -> State:
-        """Any configuration that differs from one in some variables only."""
+        """An arbitrary configuration that agrees with another, except in some variables."""
         program, v, world = self.turns.world.program, self.turns.v, self.turns.world
 
         def of(d: core.Declaration, home: Home, kind: int, like: Storage, at: str) -> Storage:
@@ -221,7 +227,7 @@ class Rounds(Struct, frozen=True):
     def goals(
         self, state: State, claims: Iterable[Claim], *, between_rounds: bool = False
     ) -> list[Goal]:
-        """Statements that are to hold in a configuration."""
+        """Statements as goals in a configuration."""
         return stated(self.turns, state, claims, between_rounds=between_rounds)
 
     def parts(self, state: State, suffix: str = "") -> Iterator[ShownTerm]:

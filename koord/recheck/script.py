@@ -1,4 +1,4 @@
-"""Scripts of SMT-LIB 2: terms as text, and the scripts of others made harmless."""
+"""Scripts of SMT-LIB 2: printing of terms, and sanitising of foreign scripts."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from koord.recheck.terms import Term
 
 
 class Script(Struct):
-    """Writes terms, with shared parts named once. What it has named stays named.
+    """A printer of terms, with shared subterms named once. Names persist.
 
     A part in which variables of quantifiers are free is named as a function of these.
     """
@@ -21,7 +21,7 @@ class Script(Struct):
     _count: int = 0
 
     def text(self, term: Term) -> tuple[list[str], str]:
-        """Definitions that are needed first, and the term in their words."""
+        """The definitions needed, and the text of the term."""
         definitions: list[str] = []
         written: dict[int, str] = {}
         for node in _inside_out(term, self._names):
@@ -48,7 +48,7 @@ class Script(Struct):
         return f"({node.head} {args})"
 
     def _free_in(self, node: Term) -> dict[str, str]:
-        """The variables that are free in a term whose parts were asked about before, with sorts."""
+        """The free variables of a term, with sorts; its parts were visited before."""
         known = self._free.get(id(node))
         if known is None:
             known = {head: sort for a in node.args for head, sort in self._free[id(a)].items()}
@@ -61,7 +61,7 @@ class Script(Struct):
 
 
 def _inside_out(term: Term, known: dict[int, str]) -> Iterator[Term]:
-    """Every part before what it is part of."""
+    """Yield every subterm before the terms that contain it."""
     done: set[int] = set()
     pending: list[tuple[Term, bool]] = [(term, False)]
     while pending:
@@ -97,18 +97,18 @@ _NOT_TEXT = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff]")
 
 
 class NotACommandError(Exception):
-    """A script that is anything else than declarations, assertions and one question."""
+    """Raised for a script with commands beyond declarations, assertions and one query."""
 
 
 class Harmless(Struct, frozen=True):
-    """The logic that a script names, if it does, and its declarations and assertions."""
+    """A sanitised script: its logic, if it names one, and its declarations and assertions."""
 
     logic: str
     commands: tuple[str, ...]
 
 
 def harmless(text: str) -> Harmless:
-    """What a script declares and asserts. Raises NotACommandError."""
+    """Sanitise a script. Raises NotACommandError."""
     if _NOT_TEXT.search(text):
         raise NotACommandError("it is not text")
     logic, kept, names, heads = "", [], set[str](), set[str]()
@@ -150,7 +150,7 @@ def _name(text: str) -> str:
 
 
 def _commands(text: str) -> Iterator[str]:
-    """The parts of a text in outermost parentheses."""
+    """The top-level parenthesised parts of a text."""
     depth = start = k = 0
     while k < len(text):
         letter = text[k]

@@ -1,4 +1,4 @@
-"""The other solver: the only file that knows cvc5. It is given text, as anyone could give it.
+"""The solver cvc5, in a process of its own: the only file that uses it.
 
 It runs in a process of its own: whatever it does, be it to crash, the one that asks goes on.
 """
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 
 class SolverAnswer(Enum):
-    """What a solver says of a question."""
+    """The answer of a solver to a query."""
 
     SAT = "sat"
     UNSAT = "unsat"
@@ -36,15 +36,15 @@ class SolverAnswer(Enum):
 
 
 class MissingSolverError(Exception):
-    """cvc5 is not installed."""
+    """Raised where cvc5 is not installed."""
 
 
 class TextError(Exception):
-    """A text that cvc5 cannot read."""
+    """Raised for a text that cvc5 cannot read."""
 
 
 class SolverEndedError(Exception):
-    """cvc5 ended in the middle of a question, as if it crashed: nothing more is known of it."""
+    """Raised where cvc5 ended during a query, as by a crash; its state is lost."""
 
 
 def _cvc5() -> ModuleType:
@@ -56,7 +56,7 @@ def _cvc5() -> ModuleType:
 
 
 def version() -> str:
-    """Which cvc5 it is. Raises MissingSolverError."""
+    """The version of cvc5. Raises MissingSolverError."""
     found = getattr(_cvc5(), "__version__", "")
     return f"cvc5 {found}".strip()
 
@@ -80,7 +80,7 @@ _GRACE_S = 20.0
 
 
 class SolverSession(Struct):
-    """One run of cvc5, fed with commands. Inside a ``with``, at whose end it is over."""
+    """A session with cvc5, fed with commands. It is closed at the end of a ``with``."""
 
     _process: BaseProcess
     _line: Connection
@@ -93,7 +93,7 @@ class SolverSession(Struct):
     def start(
         seed: int = 0, logic: str = _ALL, waiting: Callable[[], None] = lambda: None
     ) -> SolverSession:
-        """Raises MissingSolverError."""
+        """Start a session. Raises MissingSolverError."""
         _cvc5()  # whoever is forked from this process has it then
         can_fork = "fork" in multiprocessing.get_all_start_methods()
         context = multiprocessing.get_context("fork" if can_fork else "spawn")
@@ -122,11 +122,11 @@ class SolverSession(Struct):
             self._line.close()
 
     def tell(self, commands: Iterable[str]) -> None:
-        """Have commands run that print nothing, before the next question."""
+        """Queue commands without output, to run before the next query."""
         self._untold += commands
 
     def ask(self, commands: Iterable[str], within_s: float | None = None) -> str:
-        """Run commands; what they print.
+        """Run commands and return their output.
 
         Raises TextError, SolverEndedError, and what is raised by who is asked while it waits.
         """
@@ -154,12 +154,12 @@ class SolverSession(Struct):
         return str(said)
 
     def allow(self, seconds: float) -> None:
-        """How long a question may take from here on."""
+        """Set the time limit of later queries, in seconds."""
         self.tell([f"(set-option :tlimit-per {max(1, int(seconds * 1000))})"])
         self._question_s = seconds + _GRACE_S
 
     def check(self) -> SolverAnswer:
-        """Whether what is asserted can hold."""
+        """Check whether the assertions are satisfiable."""
         said = self.ask(["(check-sat)"], self._question_s).split()
         return (
             SolverAnswer(said[-1])
@@ -168,7 +168,7 @@ class SolverSession(Struct):
         )
 
     def values(self, terms: Sequence[str]) -> list[str]:
-        """What the model says of terms, after ``sat``."""
+        """The values of terms in the model, after ``sat``."""
         found = []
         for term in terms:
             said = self.ask([f"(get-value ({term}))"], _GRACE_S).strip()
@@ -193,7 +193,7 @@ def _value(said: str) -> str:
 
 
 def plain(value: str) -> str:
-    """``(- 5)`` as -5, ``(/ 1 2)`` as 1/2, ``1.0`` as 1; anything else as it is."""
+    """Rewrite ``(- 5)`` as -5, ``(/ 1 2)`` as 1/2, ``1.0`` as 1; leave anything else."""
     value = re.sub(r"\(/ (\(- )?(\d+)(?:\.0)?\)? (\d+)(?:\.0)?\)", _fraction, value)
     value = re.sub(r"\(- (\d+(?:/\d+)?)(?:\.0)?\)", r"-\1", value)
     return re.sub(r"\b(\d+)\.0\b", r"\1", value)
@@ -205,13 +205,13 @@ def _fraction(match: re.Match[str]) -> str:
 
 
 def read(script: Harmless, waiting: Callable[[], None]) -> None:
-    """Have cvc5 read a script that someone else wrote. Raises what a session's ``ask`` raises."""
+    """Check that cvc5 can read a foreign script. Raises what a session's ``ask`` raises."""
     with SolverSession.start(0, script.logic or _ALL, waiting) as session:
         session.ask(script.commands, _GRACE_S)
 
 
 def answer_of(script: Harmless, seconds: float, waiting: Callable[[], None]) -> SolverAnswer:
-    """What cvc5 says of such a script. Raises what :func:`read` raises."""
+    """The answer of cvc5 to a foreign script. Raises what a session's ``ask`` raises."""
     with SolverSession.start(0, script.logic or _ALL, waiting) as session:
         session.ask(script.commands, _GRACE_S)
         session.allow(seconds)
@@ -222,7 +222,7 @@ def answer_of(script: Harmless, seconds: float, waiting: Callable[[], None]) -> 
 
 
 def _serve(line: Connection, others: Connection | None, seed: int) -> None:
-    """Run commands and say what they print, until nobody asks any more."""
+    """Run commands and send their output, until the session ends."""
     if others is not None:
         others.close()  # or the end of the one that asks would not be noticed
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the one that asks
@@ -258,7 +258,7 @@ class _Solver(Struct):
         return _Solver(solver, parser, symbols, cvc5.InputLanguage.SMT_LIB_2_6)
 
     def told(self, text: str) -> tuple[str, str]:
-        """What commands print, and what is wrong with them."""
+        """The output of commands, and the error message if there is one."""
         said = []
         try:
             self._parser.setStringInput(self._language, text, "obligations")
@@ -275,7 +275,7 @@ def _brief(text: str) -> str:
 
 
 def _end(code: int) -> str:
-    """How a process ended."""
+    """Describe the end of a process."""
     if code < 0:
         name = signal.Signals(-code).name if -code in set(signal.Signals) else str(-code)
         return f"crashed ({name})"

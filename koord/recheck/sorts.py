@@ -1,4 +1,4 @@
-"""Sorts of SMT-LIB for the types of Koord, and whole values as single terms of them.
+"""Sorts of SMT-LIB for Koord's types, and values packed into single terms.
 
 A record or an array is a tuple of its parts; a scalar is a term. A list whose length is written in
 the text is a tuple of its elements as well; any other list is one term of a sort ``(Seq …)``, of
@@ -35,7 +35,7 @@ from koord.syntax.types import (
 
 
 class Family(Struct, frozen=True):
-    """An array with an element for each robot, of whom there may be any number."""
+    """An array over the robots of an open number, as a function of the number."""
 
     at: Callable[[Term], Value]
 
@@ -47,7 +47,7 @@ _AS_ONE = "an array over all robots as one value is not rechecked for every numb
 
 
 class NotRecheckedError(Exception):
-    """A construct that this checker has no account of. ``span`` is its place in the text."""
+    """Raised for a construct that this checker does not support. ``span`` is its place."""
 
     def __init__(self, reason: str, span: Span = NOWHERE) -> None:
         super().__init__(reason)
@@ -56,7 +56,7 @@ class NotRecheckedError(Exception):
 
 
 class Sorts(Struct):
-    """Declares sorts as they are met, for so many robots; None is any number of them."""
+    """The declared sorts, for a number of robots; None is any number."""
 
     t: Terms
     robots: int | None
@@ -73,7 +73,7 @@ class Sorts(Struct):
     # --- types ----------------------------------------------------------------------------------
 
     def size(self, type_: ArrayType) -> int:
-        """How many elements there are. Raises NotRecheckedError if that is open."""
+        """The number of elements. Raises NotRecheckedError if that is open."""
         if type_.size is not Robots.ALL:
             return type_.size
         if self.robots is None:
@@ -81,7 +81,7 @@ class Sorts(Struct):
         return self.robots
 
     def parts(self, type_: Type) -> list[tuple[str, Type]] | None:
-        """Labels and types of what a value is made of, or None for scalars and lists."""
+        """Labels and types of the parts of a value, or None for scalars and lists."""
         match type_:
             case RecordType(fields=fields):
                 return [(f".{name}", part) for name, part in fields]
@@ -124,7 +124,7 @@ class Sorts(Struct):
         return whole
 
     def declare(self, name: str, text: str) -> None:
-        """Declare something, if it was not yet."""
+        """Declare a symbol, unless it is declared."""
         if name not in self._functions:
             self._functions.add(name)
             self.declarations.append(text)
@@ -175,7 +175,7 @@ class Sorts(Struct):
             yield from self.leaves(part, part_type)
 
     def pack(self, value: Value, type_: Type) -> Term:
-        """A value as one term."""
+        """Pack a value into one term."""
         if isinstance(value, Term):
             return value
         if isinstance(value, Family):
@@ -198,7 +198,7 @@ class Sorts(Struct):
         return self.t.op(quoted(f"{show(type_)}!make"), packed, sort)
 
     def unpack(self, term: Term, type_: Type) -> Value:
-        """The tree of a term; lists stay terms."""
+        """Unpack a term into a tree; lists stay terms."""
         parts = self.parts(type_)
         if parts is None:
             return term
@@ -214,7 +214,7 @@ class Sorts(Struct):
 
 
 def entry_sort(type_: MapType) -> str:
-    """The sort of what a map has for a key: nothing, or a value."""
+    """The sort of a map's optional value."""
     return quoted(f"{show(type_)} entry!")
 
 

@@ -31,7 +31,7 @@ _PLAIN = core.Assign | core.If | core.ForRange | core.ForEach | core.Break | cor
 
 
 class LoopTerms(Struct):
-    """A loop from ``low`` up to ``high``; ``over``: what it goes through, its key's variable."""
+    """A summary of a loop over ``[low, high)``; ``over``: its collection, its key's variable."""
 
     body: RunningBody
     low: Term
@@ -43,7 +43,7 @@ class LoopTerms(Struct):
     _blanks: list[Term] = field(default_factory=list)
 
     def run(self) -> None:
-        """Do to the body's memory what the loop does. [S-FOR] [S-FOREACH] [S-BREAK]"""
+        """Apply the loop to the body's memory. [S-FOR] [S-FOREACH] [S-BREAK]"""
         body, t, v = self.body, self.body.t, self.body.v
         changed = self._changed()
         before = [places.storage_of(body, variable) for variable in changed]
@@ -94,7 +94,7 @@ class LoopTerms(Struct):
         return [variable for variable in found if variable not in inner]
 
     def _blank(self, storage: Storage) -> Storage:
-        """Storage of the same shape of whose scalars nothing is known."""
+        """Storage of the same shape with unknown scalars."""
         if isinstance(storage, Many) or (isinstance(storage, Cell) and not _is_plain(storage)):
             raise self._refused("changes more than scalars")
         if isinstance(storage, Cell):
@@ -106,7 +106,7 @@ class LoopTerms(Struct):
     def _once(
         self, trip: Term, inside: Term, memory: Sequence[tuple[core.Variable, Storage]]
     ) -> tuple[list[Storage], Term, Term, Storage | None]:
-        """The variables after a trip, when it returns, when it breaks out, and what it returns."""
+        """The variables after one trip, with the conditions of return and break, and the result."""
         body = self.body
         item: Value = trip
         if self.over is not None:
@@ -121,7 +121,7 @@ class LoopTerms(Struct):
         return [places.storage_of(body, variable) for variable, _ in memory], left, broken, result
 
     def _keep(self, trip: Term, earlier: Term, faults: int, legal: int) -> None:
-        """What was noted in one trip, of all trips that come about."""
+        """Generalise the faults and legality of one trip to all trips that happen."""
         body, t = self.body, self.body.t
         for position, fault in enumerate(body.faults[faults:], start=faults):
             if self._mentions(fault.when):
@@ -137,7 +137,7 @@ class LoopTerms(Struct):
     # --- all trips ------------------------------------------------------------------------------
 
     def _return(self, trip: Term, here: Term, earlier: Term, result: Storage | None) -> None:
-        """The first trip that returns counts. [T-LOOP]"""
+        """Summarise returns: the first trip that returns counts. [T-LOOP]"""
         body, t = self.body, self.body.t
         returns = t.exists([trip], here)
         first = body.v.symbol("first trip", INT)
@@ -163,7 +163,7 @@ class LoopTerms(Struct):
         return tuple(self._summed_up(o, w, n, trip) for o, w, n in zip(old, was, new, strict=True))
 
     def _scalar(self, old: Term, was: Term, new: Term, trip: Term) -> Term:
-        """What all trips make of a scalar. [T-LOOP]"""
+        """The value of a scalar after all trips. [T-LOOP]"""
         t = self.body.t
         if new is was:
             return old
@@ -184,7 +184,7 @@ class LoopTerms(Struct):
         raise self._refused("changes a number in a way that hangs on earlier trips")
 
     def _added(self, new: Term, was: Term) -> Term | None:
-        """What is added to the old value to give the new one, as it is written."""
+        """The addend that gives the new value from the old one, by the form of the term."""
         t = self.body.t
         if new is was:
             return t.minus(was, was)
@@ -205,7 +205,7 @@ class LoopTerms(Struct):
         return None
 
     def _best(self, new: Term, was: Term) -> tuple[Term, Term, bool] | None:
-        """When a value is taken, which, and whether for being the lesser: as it is written."""
+        """Match a minimum or maximum: the condition, the value, and whether it is the lesser."""
         t = self.body.t
         if new.head != "ite":
             return None
@@ -236,7 +236,7 @@ class LoopTerms(Struct):
         return None
 
     def _extreme(self, old: Term, trip: Term, takes: Term, value: Term, lesser: bool) -> Term:
-        """The least (greatest) of the old value and of those that are taken."""
+        """The least (greatest) of the old value and of those that trips take."""
         t, body = self.body.t, self.body
         best = body.v.symbol("least" if lesser else "greatest", old.sort)
 
@@ -291,12 +291,12 @@ def _returns(body: RunningBody, when: Term, result: Storage | None) -> None:
 
 
 def body(world: Instance, values: Values, robot: Term | None, memory: Memory) -> RunningBody:
-    """A body that a robot runs; nobody in a property."""
+    """Make a body that a robot runs; None in a property."""
     return RunningBody(world, values, robot, memory, (expressions.value, run))
 
 
 def run(body: RunningBody, block: core.Block) -> None:
-    """The statements in order; what left the block does not go on."""
+    """Run statements in order; paths that left the block do not go on."""
     outer = body.path
     for s in block:
         execute(body, s)
@@ -361,7 +361,7 @@ def execute(body: RunningBody, s: core.Stmt) -> None:
 
 
 def is_open(body: RunningBody, bound: core.Expr) -> bool:
-    """Whether the bound of a loop is not a number, since that of robots is open."""
+    """Return whether a loop's bound is not constant, as the number of robots is open."""
     return body.v.robots is None and body.condition(bound).value is None
 
 
@@ -372,7 +372,7 @@ def go_through(
     variable: core.Variable,
     block: core.Block,
 ) -> None:
-    """One trip after the other, until one breaks out. [S-FOR] [S-FOREACH] [S-BREAK]"""
+    """Run the trips one after the other, until one breaks. [S-FOR] [S-FOREACH] [S-BREAK]"""
     body.broke.append(body.t.truth(False))
     outer = body.path
     for number, value in trips:

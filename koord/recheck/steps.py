@@ -1,4 +1,4 @@
-"""The obligations of one round: what one more step of it may break."""
+"""Obligations of one more step of a round."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from koord.syntax import core
 
 
 class RoundObligations(Struct, dict=True):
-    """The obligations of one round. ``within`` says which, where it is not any round."""
+    """The obligations of one round. ``within`` selects the round, where it is not any."""
 
     of: Rounds
     past: History
@@ -88,13 +88,13 @@ class RoundObligations(Struct, dict=True):
         yield Obligation(name, tuple(attempts))
 
     def _no_fault(self, turn: EventTurn) -> Entailment:
-        """A fault needs one robot only. [T-FAULT]"""
+        """The obligation that no turn faults, for one robot. [T-FAULT]"""
         awake = self.t.negation(self.past.state.robots[turn.robot].stopped)
         goals = [sound(self.of.turns, fault, turn.legal) for fault in turn.faults]
         return self._attempt([awake], goals, self.shown)
 
     def _event_exactly(self, turn: EventTurn) -> Entailment:
-        """The other robots have done what they can do on ``c``."""
+        """The step after others' turns, which are those possible on ``c``."""
         prefix, t = self.prefix, self.t
         facts = [*prefix.facts, *self.inside, prefix.ran_none(turn.robot, self.of.turns)]
         for lock, entered in turn.entered.items():
@@ -115,7 +115,7 @@ class RoundObligations(Struct, dict=True):
         return self._attempt(facts, goals, (*self.shown, *self.chosen))
 
     def _event_loosely(self, turn: EventTurn) -> Entailment:
-        """Of what the other robots have done only the claims are known, and the locks."""
+        """The step after others' turns, of which only the claims and the locks are known."""
         state, i = self.loose, turn.robot
         before, t = self.past.state, self.t
         robots = (*state.robots[:i], before.robots[i], *state.robots[i + 1 :])
@@ -142,7 +142,7 @@ class RoundObligations(Struct, dict=True):
         return self._attempt(facts, self.of.goals(after, self.asked), ())
 
     def _moved(self, state: State, turn: EventTurn) -> tuple[Term | None, State]:
-        """One more robot has run an event.
+        """The step of one more robot.
 
         Where it can be seen, also whether it was the last to move, which ends the program turns.
         """
@@ -165,7 +165,7 @@ class RoundObligations(Struct, dict=True):
 
     @cached_property
     def inside(self) -> list[Term]:
-        """What is assumed of the configuration before the last step.
+        """The facts assumed of the configuration before the last step.
 
         Where nobody has run yet it is the one that the round started in, but for who ran what in
         the round before.
@@ -179,13 +179,13 @@ class RoundObligations(Struct, dict=True):
 
     @cached_property
     def loose(self) -> State:
-        """Any configuration that shares with the start of the round what no event writes."""
+        """An arbitrary configuration that agrees with the round's start where no event writes."""
         return self.of.anything_like(self.past.state, self.world.moved, " inside")
 
     # --- turns that run nothing -----------------------------------------------------------------
 
     def quiet(self) -> Iterator[Obligation]:
-        """Skips that can be seen: the first turn of a round, and the last."""
+        """Observable skips: the first turn of a round, and the last."""
         if self.world.mentions(core.Ran):
             name = f"a first turn in which a robot skips{self.within}"
             yield Obligation(name, (self._first_skip,))
@@ -210,7 +210,7 @@ class RoundObligations(Struct, dict=True):
     # --- pairs of robots ------------------------------------------------------------------------
 
     def updates(self) -> Iterator[Obligation]:
-        """No two robots write one location in the round, of whom one updates it."""
+        """The obligation that no robot's update meets another's write in the round."""
         if any(claim.kind is ClaimKind.LOST_UPDATE for claim in self.asked):
             yield Obligation(f"updates in one round{self.within}", (self._updates,))
 

@@ -1,4 +1,4 @@
-"""What variables hold: trees of atoms, each set or unset.
+"""Storage of variables: trees of atoms, each set or unset.
 
 Configurations are made of them, and so is what a running body reads and writes.
 """
@@ -20,14 +20,14 @@ from koord.syntax.types import MapType, Type
 
 
 class Cell(Struct, frozen=True):
-    """An atom. The value of an unset one is any value."""
+    """An atom. Where it is not set, its value is arbitrary."""
 
     is_set: Term
     value: Value
 
 
 class Many(Struct, frozen=True):
-    """What an array over all robots holds, of whom there may be any number."""
+    """Storage of an array over the robots of an open number."""
 
     at: Callable[[Term], Storage]
 
@@ -53,7 +53,7 @@ Location: TypeAlias = "Field | Term | AtKey"
 
 
 class Robot(Struct, frozen=True):
-    """One robot's own part of a configuration. ``ran`` is its event's position, -1 for none."""
+    """A robot's own part of a configuration. ``ran`` is its event's position, -1 for none."""
 
     locals: tuple[Storage, ...]
     ports: tuple[Storage, ...]
@@ -70,14 +70,14 @@ class Store(Struct, frozen=True):
 
 
 class State(Struct, frozen=True):
-    """A configuration in what properties read."""
+    """The part of a configuration that properties read."""
 
     robots: tuple[Robot, ...]
     store: Store
 
 
 class Crowd(Struct, frozen=True):
-    """A configuration of any number of robots; ``robot`` gives that of a kind with a number."""
+    """A configuration of any number of robots; ``robot`` gives the one of a kind with a number."""
 
     robot: Callable[[int, Term], Robot]
     store: Store
@@ -93,19 +93,19 @@ class Write(Struct, frozen=True):
 
 
 class Fault(Struct, frozen=True):
-    """Something that goes wrong where ``when`` holds."""
+    """A fault under the condition ``when``."""
 
     when: Term
     what: str
     span: Span
 
     def of(self, when: Term) -> Fault:
-        """The same under another condition."""
+        """The same fault under another condition."""
         return Fault(when, self.what, self.span)
 
 
 class Memory(Struct):
-    """What a body reads and writes: M and cp of a robot, or in a property a configuration."""
+    """The memory of a body: M and cp of a robot, or in a property a configuration."""
 
     locals: list[Storage] = field(default_factory=list)
     ports: list[Storage] = field(default_factory=list)
@@ -117,7 +117,7 @@ class Memory(Struct):
 
 
 class Frame(Struct):
-    """A running function: where it has returned, and what."""
+    """The frame of a function call: whether it has returned, and its result."""
 
     result: Storage
     type: Type | None
@@ -125,7 +125,7 @@ class Frame(Struct):
 
 
 class Storages(Struct, frozen=True):
-    """Reads, writes and merges storage."""
+    """Operations on storage: read, write, merge."""
 
     v: Values
 
@@ -153,7 +153,7 @@ class Storages(Struct, frozen=True):
         )
 
     def anything(self, name: str, type_: Type, like: Storage) -> Storage:
-        """Any state of a variable, in which every atom is set that is surely set in ``like``."""
+        """An arbitrary storage, with every atom set that is surely set in ``like``."""
         if isinstance(like, Many):
             element = self.v.element(type_)
             return self.many(lambda index: self.anything(f"{name}[]", element, like.at(index)))
@@ -187,7 +187,7 @@ class Storages(Struct, frozen=True):
         )
 
     def read(self, storage: Storage, type_: Type) -> tuple[Value, Term]:
-        """What storage holds, and whether every atom of it is set."""
+        """The value of storage, and the condition that every atom of it is set."""
         if isinstance(storage, Many):
             element = self.v.element(type_)
             whole = self.v.every(lambda index: self.read(storage.at(index), element)[1])
@@ -202,7 +202,7 @@ class Storages(Struct, frozen=True):
     def below(
         self, storage: tuple[Storage, ...] | Many, location: Location, type_: Type
     ) -> Storage:
-        """A part of a tree; some part if there is none."""
+        """A part of a tree; any part if it does not exist."""
         if isinstance(storage, Many):
             assert isinstance(location, Term)
             return storage.at(location)
@@ -262,7 +262,7 @@ class Storages(Struct, frozen=True):
         new: Value,
         guard: Term,
     ) -> Storage:
-        """Storage with a part replaced, where the guard holds. What is not there is not written."""
+        """Replace a part of storage where the guard holds. A missing part is not written."""
         if guard.value is False:
             return storage
         if isinstance(storage, Cell) and locations:
@@ -306,13 +306,13 @@ class Storages(Struct, frozen=True):
         return Many(at)
 
     def many(self, element: Callable[[Term], Storage]) -> Many:
-        """Storage of which one element is worked out, for whatever number."""
+        """Storage from one element, computed for a variable number."""
         with self.v.scoped((*self.v.scope, blank := self.v.t.blank())):
             one = element(blank)
         return Many(lambda index: self.of(one, blank, index))
 
     def of(self, storage: Storage, old: Term, new: Term) -> Storage:
-        """Storage with a term in the place of a variable."""
+        """Substitute a term for a variable in storage."""
         if isinstance(storage, Cell):
             return Cell(self.v.t.put(storage.is_set, old, new), self.v.put(storage.value, old, new))
         if isinstance(storage, Many):
@@ -320,7 +320,7 @@ class Storages(Struct, frozen=True):
         return tuple(self.of(part, old, new) for part in storage)
 
     def same(self, a: Storage, b: Storage, type_: Type) -> Term:
-        """Whether two variables hold the same."""
+        """The condition that two variables have equal storage."""
         if a is b:
             return self.v.t.truth(True)
         if isinstance(a, Cell):

@@ -60,7 +60,7 @@ def fixed_range(body: RunningBody, low: core.Expr, high: core.Expr) -> range:
 
 
 def every_value(body: RunningBody, e: core.Quantified, type_: Type) -> Term:
-    """A mathematical quantifier, in a summary."""
+    """Evaluate a quantifier over all values of a type, in a summary."""
     assert e.quantifier is QuantifierKind.FORALL
     if contains(type_, MapType):
         raise NotRecheckedError("statements about all maps are not rechecked", e.span)
@@ -75,7 +75,7 @@ def every_value(body: RunningBody, e: core.Quantified, type_: Type) -> Term:
 
 
 def binder(body: RunningBody, name: str, type_: Type, binders: list[Term]) -> Value:
-    """A value of variables of a quantifier, which are added to the others."""
+    """Introduce bound variables for a value of a quantifier."""
     parts = body.v.parts(type_)
     if parts is not None:
         return tuple(binder(body, name + label, part, binders) for label, part in parts)
@@ -85,7 +85,7 @@ def binder(body: RunningBody, name: str, type_: Type, binders: list[Term]) -> Va
 
 
 def of_robots(body: RunningBody, number: core.Expr, holds: Sequence[Term]) -> Term:
-    """Whether something holds of the robot that the number names; false if there is none."""
+    """The condition that holds of the robot with a number; false if there is none."""
     index = body.condition(number)
     return body.t.disjunction(
         body.t.both(body.t.equal(index, body.t.integer(i)), x) for i, x in enumerate(holds)
@@ -103,7 +103,7 @@ _MOST_DEGREE = 3
 
 
 def total(v: Values, low: Term, high: Term, index: Term, part: Term) -> Term:
-    """The sum of ``part``, in which ``index`` is free, from ``low`` up to and without ``high``."""
+    """The sum of ``part``, in which ``index`` is free, for indices in ``[low, high)``."""
     t = v.t
     for known in v.sums:
         if (known.low, known.high, t.put(known.part, known.index, index)) == (low, high, part):
@@ -128,7 +128,7 @@ def _every(t: Terms, one: Sum, holds: Term) -> Term:
 
 
 def _alone(t: Terms, one: Sum) -> Iterator[Term]:
-    """Where all parts are nothing, or a polynomial of their number, or at most that."""
+    """Yield axioms of one sum: all parts are zero, or a polynomial, or at most that."""
     nothing = t.minus(one.part, one.part)
     yield t.implies(_every(t, one, t.equal(one.part, nothing)), t.equal(one.total, nothing))
     ahead = t.at_most(one.low, one.high)
@@ -145,7 +145,7 @@ def _alone(t: Terms, one: Sum) -> Iterator[Term]:
 
 
 def _compared(t: Terms, one: Sum, two: Sum) -> Term:
-    """Sums that differ in one part differ by what that part does."""
+    """Axioms of two sums: if they differ in one part, the sums differ as that part does."""
     changed, index = t.bound(0), t.bound(1)
 
     def at(s: Sum, k: Term) -> Term:
@@ -163,7 +163,7 @@ def _compared(t: Terms, one: Sum, two: Sum) -> Term:
 
 
 def _polynomials(t: Terms, one: Sum) -> Iterator[tuple[Term, tuple[Fraction, ...]]]:
-    """Pieces of the part that are polynomials of its number, with those that sum them up."""
+    """Polynomials of the index in the part, with their sums."""
     seen: set[int] = set()
     pending = [one.part]
     while pending:
@@ -180,9 +180,7 @@ def _polynomials(t: Terms, one: Sum) -> Iterator[tuple[Term, tuple[Fraction, ...
 
 
 def _is_polynomial(piece: Term, index: Term) -> bool:
-    """Whether a term is written with sums and products of its number and of constants, of degree
-    at most ``_MOST_DEGREE``.
-    """
+    """Return whether a term is a polynomial of its index of degree at most ``_MOST_DEGREE``."""
     return _degree(piece, index) <= _MOST_DEGREE
 
 

@@ -1,4 +1,4 @@
-"""Terms of SMT-LIB 2, shared and folded as they are made.
+"""Terms of SMT-LIB 2, hash-consed, with constants folded.
 
 A term is known by identity: the same term made twice is the same object. Constants are folded, so
 whatever does not depend on an unknown never reaches the solver.
@@ -35,7 +35,7 @@ def quoted(name: str) -> str:
 
 
 class Terms(Struct):
-    """Makes terms; one instance per script."""
+    """A builder of terms; one instance per script."""
 
     _known: dict[tuple[object, ...], Term] = field(default_factory=dict)
     _free: dict[int, frozenset[str]] = field(default_factory=dict)
@@ -78,7 +78,7 @@ class Terms(Struct):
         return self.integer(int(value)) if sort == INT else self.real(Fraction(value))
 
     def op(self, head: str, args: Sequence[Term], sort: str) -> Term:
-        """Any other operation, of which nothing is known here."""
+        """Apply an operation that is not interpreted here."""
         return self._make(head, tuple(args), sort)
 
     # --- Booleans -------------------------------------------------------------------------------
@@ -147,7 +147,7 @@ class Terms(Struct):
         return self._make("=", (a, b), BOOL)
 
     def for_all(self, binders: Sequence[Term], body: Term) -> Term:
-        """Binders that the body does not mention are left out."""
+        """A universal quantifier, without binders that the body does not mention."""
         free = self.free(body)
         kept = tuple(b for b in binders if b.head in free)
         if not kept or body.value is not None:
@@ -162,11 +162,11 @@ class Terms(Struct):
     # --- variables of quantifiers ---------------------------------------------------------------
 
     def bound(self, level: int, sort: str = INT) -> Term:
-        """The variable of a quantifier inside so many others: one statement is one term."""
+        """The bound variable of a quantifier at a nesting depth: equal statements are one term."""
         return self._make(quoted(f"?{sort} {level}"), (), sort)
 
     def blank(self, sort: str = INT) -> Term:
-        """A variable that no quantifier has."""
+        """A fresh variable that no quantifier binds."""
         self._blanks += 1
         return self._make(quoted(f"?blank {self._blanks}"), (), sort)
 
@@ -191,7 +191,7 @@ class Terms(Struct):
         return found
 
     def put(self, term: Term, old: Term, new: Term) -> Term:
-        """The term with another one in the place of a variable, folded anew."""
+        """Substitute a term for a variable, folding anew."""
         if old is new or old.head not in self.free(term):
             return term
         known = self._put.setdefault((id(old), id(new)), {id(old): new})
@@ -209,7 +209,7 @@ class Terms(Struct):
     def rebuilt(
         self, term: Term, known: dict[int, Term], instead: Callable[[Term], Term | None]
     ) -> Term:
-        """The term with others in the place of some of its parts, folded anew.
+        """Substitute terms for parts of a term, folding anew.
 
         ``instead`` says what stands for a part; None where its own parts are to be looked at.
         ``known`` keeps what came of each part, by its id.
@@ -231,7 +231,7 @@ class Terms(Struct):
         return known[id(term)]
 
     def _renamed(self, node: Term) -> Term:
-        """The same quantifier over variables that nobody else has."""
+        """The quantifier with fresh bound variables."""
         (body,), fresh = node.args, []
         for b in node.binders:
             fresh.append(self.blank(b.sort))
@@ -312,7 +312,7 @@ class Terms(Struct):
         return b if b.value == 0 or a.value == 1 else self._make("*", (a, b), a.sort)
 
     def quotient(self, a: Term, b: Term) -> Term:
-        """Of reals. By zero it is some number: the fault is noted elsewhere."""
+        """Divide reals. By zero it is some number; the fault is recorded elsewhere."""
         if a.value is not None and b.value:
             return self.real(Fraction(a.value) / Fraction(b.value))
         if b.value:
@@ -320,7 +320,7 @@ class Terms(Struct):
         return self._make("/", (a, b), REAL)
 
     def floored(self, a: Term, b: Term) -> Term:
-        """Of integers, rounded down; SMT-LIB's ``div`` rounds down for positive divisors only."""
+        """Divide integers, rounding down; SMT-LIB's ``div`` does so for positive divisors only."""
         if a.value is not None and b.value:
             return self.integer(int(a.value) // int(b.value))
         if b.value is not None and b.value > 0:

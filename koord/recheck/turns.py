@@ -31,7 +31,7 @@ from koord.syntax.types import INT, ArrayType
 
 
 class EventTurn(Struct, frozen=True):
-    """What one event of one robot does, if it runs.
+    """The effect of one event of one robot, if it runs.
 
     ``robot`` is its number, or its kind where it is any robot of any number of them.
 
@@ -53,7 +53,7 @@ class EventTurn(Struct, frozen=True):
 
 
 class Initialisation(Struct, frozen=True):
-    """What INIT gives: a configuration, what holds of it, and what may go wrong on the way."""
+    """The result of INIT: a configuration, with facts and faults."""
 
     state: State
     facts: tuple[Term, ...]
@@ -61,7 +61,7 @@ class Initialisation(Struct, frozen=True):
 
 
 class Evolution(Struct, frozen=True):
-    """What the environment's turn gives; ``promises`` are contracts that models have to keep."""
+    """The result of the environment's turn; ``promises`` are contracts that models have to keep."""
 
     state: State
     facts: tuple[Term, ...]
@@ -70,7 +70,7 @@ class Evolution(Struct, frozen=True):
 
 
 class Evolved(Struct, frozen=True):
-    """One robot after the environment's turn, with what holds of it and what may go wrong."""
+    """A robot after the environment's turn, with facts and faults."""
 
     robot: Robot
     facts: tuple[Term, ...]
@@ -79,7 +79,7 @@ class Evolved(Struct, frozen=True):
 
 
 class Turns(Struct, frozen=True):
-    """Works out turns."""
+    """A builder of turns."""
 
     world: Instance
     v: Values
@@ -115,7 +115,7 @@ class Turns(Struct, frozen=True):
         return Initialisation(state, tuple(facts), tuple(faults))
 
     def declared(self) -> tuple[RunningBody, Store]:
-        """The store before robots begin, and the body that made it."""
+        """The store before any robot's INIT, and the body that made it."""
         program = self.world.program
         allread = [self.s.unset(d.variable.type) for d in program.allread]
         allwrite = [self.s.unset(d.variable.type) for d in program.allwrite]
@@ -125,7 +125,7 @@ class Turns(Struct, frozen=True):
         return shared, Store(tuple(allread), tuple(shared.memory.allwrite))
 
     def initial(self, agent: core.Agent, robot: Term, name: str, base: Store) -> RunningBody:
-        """What a robot does in INIT; ``name`` is what its unknowns are called after."""
+        """Run a robot's INIT; ``name`` is a prefix of its unknowns' names."""
         memory = Memory(
             [self.s.unset(d.variable.type) for d in agent.locals],
             [self.s.unset(p.declaration.variable.type) for p in agent.ports],
@@ -162,7 +162,7 @@ class Turns(Struct, frozen=True):
         storages[variable.slot] = self.s.stored(value, variable.type)
 
     def _start_own(self, body: RunningBody, entry: core.Declaration, robot: str) -> None:
-        """The robot's own entry of an allread variable: a write like any other. [ALLREAD]"""
+        """Write the robot's own entry of an allread variable. [ALLREAD]"""
         variable = entry.variable
         assert isinstance(variable.type, ArrayType)
         element = variable.type.element
@@ -178,14 +178,14 @@ class Turns(Struct, frozen=True):
     # --- program turns --------------------------------------------------------------------------
 
     def turn(self, state: State, robot: int, position: int) -> EventTurn:
-        """One event of a robot, on a configuration at the start of a round. [EVENT-TRANS]"""
+        """Run one event of a robot, on a configuration at the start of a round. [EVENT-TRANS]"""
         agent, number = self.world.agent(robot), self.v.t.integer(robot)
         return self.attempt(agent, number, robot, state.robots[robot], state.store, position)
 
     def attempt(
         self, agent: core.Agent, pid: Term, robot: int, own: Robot, store: Store, position: int
     ) -> EventTurn:
-        """One event of a robot of a kind, whose number is ``pid``. [ATOMIC]"""
+        """Run one event of a robot of a kind, whose number is ``pid``. [ATOMIC]"""
         event, t = agent.events[position], self.v.t
         memory = Memory([*own.locals], [*own.ports], [*store.allread], [*store.allwrite])
         body = statements.body(self.world, self.v, pid, memory)
@@ -218,7 +218,9 @@ class Turns(Struct, frozen=True):
     # --- the environment's turn -----------------------------------------------------------------
 
     def environment(self, state: State) -> Evolution:
-        """Ports evolve, each robot's by itself. [ENV-TRANS] [ENV-MODEL] [ENV-FREE]"""
+        """Take the environment's turn: each robot's ports separately.
+        [ENV-TRANS] [ENV-MODEL] [ENV-FREE]
+        """
         facts: list[Term] = []
         faults: list[Fault] = []
         promises: list[tuple[str, int, Term]] = []
@@ -233,7 +235,7 @@ class Turns(Struct, frozen=True):
         return Evolution(after, tuple(facts), tuple(faults), tuple(promises))
 
     def evolved(self, agent: core.Agent, robot: Term, name: str, own: Robot) -> Evolved:
-        """One robot's ports."""
+        """The ports of one robot after the environment's turn."""
         facts: list[Term] = []
         promises: list[tuple[str, Term]] = []
         memory = Memory(ports=[*own.ports], after=[*own.ports])
@@ -268,7 +270,7 @@ class Turns(Struct, frozen=True):
                 memory.after[variable.slot] = self.s.stored(read, variable.type)
 
     def _kept(self, body: RunningBody, contract: core.Contract) -> Term:
-        """``requires`` before implies ``ensures`` after. [ENV-CONTRACT]"""
+        """The condition that ``requires`` before implies ``ensures`` after. [ENV-CONTRACT]"""
         t = self.v.t
         body.bound = [None] * contract.bound
         required = t.conjunction([body.statement(e) for e in contract.requires])
@@ -277,7 +279,7 @@ class Turns(Struct, frozen=True):
     # --- statements about configurations --------------------------------------------------------
 
     def holds(self, state: State | Crowd, condition: core.Expr, bound: int) -> tuple[Term, Term]:
-        """Whether a statement holds in a configuration; and what the answers in it satisfy."""
+        """The condition that a statement holds in a configuration; the legality of its answers."""
         memory = Memory([], [], [*state.store.allread], [*state.store.allwrite], None, state)
         body = statements.body(self.world, self.v, None, memory)
         body.bound = [None] * bound

@@ -1,4 +1,4 @@
-"""Values of Koord as terms: unknown ones, and what expressions make of them."""
+"""Operations on values as terms."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from koord.syntax.types import (
 
 
 class Sum(Struct, frozen=True):
-    """``total`` is the sum of ``part``, in which ``index`` is free, from ``low`` up to ``high``."""
+    """A term for a sum: ``total`` is the sum of ``part`` over ``index`` in ``[low, high)``."""
 
     total: Term
     low: Term
@@ -35,7 +35,7 @@ class Sum(Struct, frozen=True):
 
 
 class Values(Sorts):
-    """Makes and combines values."""
+    """A builder of values, with the axioms of its fresh symbols."""
 
     #: What every unknown satisfies by its type.
     ranges: list[Term] = field(default_factory=list)
@@ -62,7 +62,7 @@ class Values(Sorts):
 
     @contextmanager
     def scoped(self, scope: tuple[Term, ...]) -> Iterator[None]:
-        """While this lasts, all that is new is a function of these."""
+        """Within the context, fresh symbols are functions of some variables."""
         outer, self.scope = self.scope, scope
         try:
             yield
@@ -71,7 +71,7 @@ class Values(Sorts):
 
     @contextmanager
     def within(self, sort: str = INT) -> Iterator[Term]:
-        """The variable of a quantifier around what is worked out meanwhile."""
+        """Within the context, a fresh bound variable of a quantifier."""
         variable = self.t.bound(len(self.scope), sort)
         while variable in self.scope:
             variable = self.t.blank(sort)
@@ -81,11 +81,11 @@ class Values(Sorts):
     # --- making ---------------------------------------------------------------------------------
 
     def text(self, text: str) -> Term:
-        """A string as a number: strings are compared for equality, and nothing else."""
+        """Encode a string as a number: strings are only compared for equality."""
         return self.t.integer(self._strings.setdefault(text, len(self._strings)))
 
     def default(self, type_: Type) -> Value:
-        """Some value, to go on with after a fault."""
+        """Some value, to continue with after a fault."""
         if isinstance(type_, ArrayType) and self.is_family(type_):
             element = self.default(type_.element)
             return Family(lambda index: element)
@@ -120,7 +120,7 @@ class Values(Sorts):
         return self.t.symbol(full, sort)
 
     def fresh(self, name: str, type_: Type, length: int | None = None) -> Value:
-        """Any value of a type; ``length`` is that of a list, if it is known."""
+        """A fresh value of a type; ``length`` is that of a list, if it is known."""
         if isinstance(type_, ArrayType) and self.is_family(type_):
             return self.family(lambda index: self.fresh(f"{name}[]", type_.element, length))
         parts = self.parts(type_)
@@ -133,13 +133,13 @@ class Values(Sorts):
         return made
 
     def family(self, element: Callable[[Term], Value]) -> Family:
-        """A family of which one element is worked out, for whatever number."""
+        """A family from one element, computed for a variable number."""
         with self.scoped((*self.scope, blank := self.t.blank())):
             one = element(blank)
         return Family(lambda index: self.put(one, blank, index))
 
     def put(self, value: Value, old: Term, new: Term) -> Value:
-        """The value with a term in the place of a variable."""
+        """Substitute a term for a variable in a value."""
         if isinstance(value, Term):
             return self.t.put(value, old, new)
         if isinstance(value, Family):
@@ -147,7 +147,7 @@ class Values(Sorts):
         return tuple(self.put(part, old, new) for part in value)
 
     def bounds(self, term: Term, type_: Type) -> list[Term]:
-        """What a term satisfies because it is of a type."""
+        """The facts that hold of any term of a type."""
         if isinstance(type_, MapType):
             return [maps.bounds(self, term, type_)]
         if not isinstance(type_, EnumType):
@@ -208,7 +208,7 @@ class Values(Sorts):
     # --- lists and arrays -----------------------------------------------------------------------
 
     def every(self, holds: Callable[[Term], Term]) -> Term:
-        """Whether something holds of all robots, by their numbers."""
+        """The condition that a Boolean holds of all robots, by their numbers."""
         with self.within() as index:
             return self.t.for_all([index], self.t.implies(self.is_robot(index), holds(index)))
 
@@ -216,7 +216,7 @@ class Values(Sorts):
         return self.t.both(self.t.at_most(self.t.integer(0), index), self.t.less(index, self.count))
 
     def kind(self, index: Term, kinds: int) -> Term:
-        """Which of so many kinds a robot is of, where there is any number of robots."""
+        """The kind of a robot, where the number of robots is open."""
         if "|kind()|" not in self._functions:
             with self.within() as robot:
                 its = self.function("kind", [robot], INT)
@@ -227,7 +227,7 @@ class Values(Sorts):
         return self.function("kind", [index], INT)
 
     def length(self, value: Value, type_: Type | None = None) -> Term:
-        """How many elements or keys there are; maps need their type."""
+        """The number of elements or keys; maps need their type."""
         if isinstance(type_, MapType):
             assert isinstance(value, Term)
             return maps.count(self, value, type_)
@@ -238,12 +238,12 @@ class Values(Sorts):
         return self.t.op("seq.len", [value], INT)
 
     def inside(self, value: Value, index: Term) -> Term:
-        """Whether there is such an element."""
+        """The condition that an index is in range."""
         t = self.t
         return t.both(t.at_most(t.integer(0), index), t.less(index, self.length(value)))
 
     def at(self, value: Value, index: Term, type_: Type) -> Value:
-        """An element of a list or array; some value if there is none."""
+        """An element of a list or array; any value if it does not exist."""
         element = self.element(type_)
         if isinstance(value, Family):
             return value.at(index)
@@ -262,7 +262,7 @@ class Values(Sorts):
         return found_value
 
     def with_element(self, value: Value, index: Term, new: Value, type_: Type) -> Value:
-        """The list with one element replaced; the same if there is no such element."""
+        """The list with one element replaced; unchanged if it does not exist."""
         element = self.element(type_)
         if isinstance(value, Term):
             sort = value.sort
@@ -296,7 +296,7 @@ class Values(Sorts):
         return self.t.op("seq.++", [whole, tail], whole.sort)
 
     def without(self, value: Value, position: Term, type_: Type) -> Value:
-        """The list without one element, which there is."""
+        """The list without one element that exists."""
         t, whole = self.t, self.pack(value, type_)
         zero, one = t.integer(0), t.integer(1)
         length = self.length(whole)
@@ -306,13 +306,13 @@ class Values(Sorts):
         return t.op("seq.++", [head, tail], whole.sort)
 
     def position(self, value: Value, wanted: Value, type_: Type) -> Term:
-        """Where the first equal element is; negative if there is none."""
+        """The index of the first equal element; negative if there is none."""
         whole = self.pack(value, type_)
         unit = self.pack((wanted,), type_)
         return self.t.op("seq.indexof", [whole, unit, self.t.integer(0)], INT)
 
     def least(self, items: tuple[Value, ...], *, greatest: bool) -> Term:
-        """By folding from the left."""
+        """The minimum or maximum, by folding from the left."""
 
         def better(best: Term, item: Term) -> Term:
             pair = (best, item) if greatest else (item, best)

@@ -1,4 +1,4 @@
-"""What is rechecked: a program with so many robots, and what can be read off its text."""
+"""Instances: a program with its robots, and facts of its text."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Key = tuple[Home, int, int]
 
 
 class Instance:
-    """A program, which kind each robot is of, and the length of a round in seconds.
+    """A program, the kind of each robot, and the length of a round in seconds.
 
     Without ``kinds`` there is any number of robots, each of any kind.
     """
@@ -41,11 +41,11 @@ class Instance:
 
     @property
     def robots(self) -> int | None:
-        """How many robots there are; None is any number."""
+        """The number of robots; None is any number."""
         return len(self.kinds) or None
 
     def is_of(self, v: Values, index: Term, kind: int) -> Term:
-        """Whether a robot is of a kind, where there is any number of robots."""
+        """The condition that a robot is of a kind, where the number of robots is open."""
         if len(self.program.agents) == 1:
             return v.t.truth(True)
         return v.t.equal(v.kind(index, len(self.program.agents)), v.t.integer(kind))
@@ -54,7 +54,7 @@ class Instance:
         return self.program.agents[self.kinds[robot]]
 
     def slot_of(self, kind: int, variable: core.Variable) -> int | None:
-        """Where robots of a kind keep a local or port of that name. [PROP-READ]"""
+        """The slot of a local or port of a name in robots of a kind. [PROP-READ]"""
         agent = self.program.agents[kind]
         own = agent.locals if variable.home is Home.LOCAL else _ports(agent)
         here = [d.variable for d in own if d.variable.name == variable.name]
@@ -80,17 +80,17 @@ class Instance:
         return classes.pop() if len(classes) == 1 else None
 
     def mentions(self, kind: type) -> bool:
-        """Whether a property has such a node in it."""
+        """Return whether a property contains a node of a class."""
         return any(isinstance(node, kind) for node in nodes(self.program.properties))
 
     @property
     def promised(self) -> bool:
-        """Whether contracts say what the environment may do."""
+        """Return whether contracts restrict the environment."""
         modules = [module for agent in self.program.agents for module in agent.modules]
         return any(m.contracts for m in modules if m.environment is None)
 
     def asks(self) -> bool:
-        """Whether some robot may call ``trystop``."""
+        """Return whether some robot may call ``trystop``."""
         bodies = tuple((agent.init, agent.events) for agent in self.program.agents)
         return any(isinstance(node, core.TryStop) for node in nodes(bodies))
 
@@ -119,14 +119,14 @@ def _places(block: core.Block, lock: int | None) -> Iterator[tuple[core.Place, i
 
 
 def _by_events(program: core.Program) -> Iterator[tuple[Key, core.Place | None]]:
-    """Variables that events may change, each with the place; None where a list's length may."""
+    """The variables that events may change, each with the place; None where a list's length may."""
     for kind, agent in enumerate(program.agents):
         for event in agent.events:
             yield from _by_block(kind, event.effect)
 
 
 def _written(program: core.Program) -> Iterator[tuple[Key, core.Place | None]]:
-    """Variables that may change after INIT, alike; the environment's turn included."""
+    """The variables that may change after INIT, by events or the environment's turn."""
     yield from _by_events(program)
     for kind, agent in enumerate(program.agents):
         for module in agent.modules:
@@ -148,19 +148,19 @@ def _by_block(kind: int, block: core.Block) -> Iterator[tuple[Key, core.Place | 
 
 
 def _list_changes(block: core.Block) -> set[core.Place]:
-    """The places whose lists become longer or shorter in a block."""
+    """The places whose lists change their length in a block."""
     kinds = core.Append | core.Remove | core.Pop
     return {node.place for node in nodes(block) if isinstance(node, kinds)}
 
 
 def _may_meet(place: core.Place, fields: Sequence[int]) -> bool:
-    """Whether a place may be a part of what some fields lead to, or the other way round."""
+    """Return whether a place and a path of fields may overlap."""
     own = [step.position for step in place.steps if isinstance(step, core.FieldStep)]
     return all(x == y for x, y in zip(own, fields, strict=False))
 
 
 def _in_list(place: core.Place) -> bool:
-    """Whether a place is an element of a list, or in one: then the list keeps its length."""
+    """Return whether a place is inside a list, so that writing to it keeps the length."""
     type_ = place.variable.type
     for step in place.steps:
         if isinstance(type_, GrowingType | MapType):
@@ -173,7 +173,7 @@ def _in_list(place: core.Place) -> bool:
 
 
 def _sealed(program: core.Program) -> frozenset[Type]:
-    """Types of lists into which nothing looks but what summaries promise."""
+    """Types of lists whose elements and lengths only summaries read."""
     types = {type_ for node in nodes(program) if (type_ := _list_type(node)) is not None}
     duties = tuple(external.requires for external in program.externals)
     looked = {t for node in nodes((replace(program, externals=()), duties)) for t in opened(node)}
@@ -188,7 +188,7 @@ def _list_type(node: object) -> Type | None:
 
 
 def opened(node: object) -> Iterator[Type]:
-    """The types of lists whose elements or length this node asks for."""
+    """The types of lists whose elements or length a node reads."""
     match node:
         case core.Place(variable=variable, steps=steps):
             yield from (variable.type, *(step.type for step in steps[:-1])) if steps else ()

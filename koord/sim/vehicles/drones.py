@@ -165,7 +165,7 @@ def _rotor_arm_m(drone: Drone) -> float:
 
 
 def _rotor_twist_m(drone: Drone) -> float:
-    """A rotor's torque about its axis per thrust, in metres: in hovering, the drone's yaw torque."""
+    """A rotor's torque per thrust, in metres: the drone's yaw torque when hovering."""
     return drone.torque_nm[2] / (drone.mass_kg * GRAVITY)
 
 
