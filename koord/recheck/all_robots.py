@@ -9,10 +9,10 @@ from collections.abc import Callable
 
 from koord.recheck.body import RunningBody
 from koord.recheck.sorts import Family, Value
-from koord.recheck.storage import Storage
+from koord.recheck.storage import Robot
 from koord.recheck.terms import INT, Term
 from koord.syntax import core
-from koord.syntax.core import Home, ListOp, QuantifierKind
+from koord.syntax.core import ListOp, QuantifierKind
 
 
 def is_robot(body: RunningBody, index: Term) -> Term:
@@ -131,43 +131,27 @@ def of_all(body: RunningBody, e: core.Builtin, family: Family) -> Term:
 # --- robots by number -----------------------------------------------------------------------------
 
 
-def named(body: RunningBody, place: core.Place, number: Term) -> Storage:
-    """Evaluate ``v@i``: the variable of the robot with a number. [PROP-READ]"""
-    crowd, world, t = body.crowd, body.world, body.t
-    assert crowd is not None
-    assert place.robot is not None
-    type_ = place.variable.type
-    found: Storage | None = None
-    there = []
-    for kind in range(len(world.program.agents)):
-        slot = world.slot_of(kind, place.variable)
-        if slot is None:
-            continue
-        robot = crowd.robot(kind, number)
-        own = (robot.locals if place.variable.home is Home.LOCAL else robot.ports)[slot]
-        here = world.is_of(body.v, number, kind)
-        # The last one needs no condition: there is no such robot otherwise, which is a fault.
-        found = own if found is None else body.s.merge(here, own, found, type_)
-        there.append(here)
-    everywhere = len(there) == len(world.program.agents)
-    kinds = t.truth(True) if everywhere else t.disjunction(there)
-    right = t.both(is_robot(body, number), kinds)
-    body.fault_unless(right, "no such robot", place.robot.span)
-    return body.s.unset(type_) if found is None else found
+def candidates(body: RunningBody, number: Term) -> list[tuple[int, Term, Robot]]:
+    """The robots that a number may name: of a kind, if so, that one."""
+    crowd, world = body.crowd, body.world
+    if crowd is not None:
+        kinds = range(len(world.program.agents))
+        return [(k, world.is_of(body.v, number, k), crowd.robot(k, number)) for k in kinds]
+    robots = zip(world.kinds, body.state().robots, strict=True)
+    return [
+        (kind, body.t.equal(number, body.t.integer(i)), robot)
+        for i, (kind, robot) in enumerate(robots)
+    ]
 
 
 def of_robot(body: RunningBody, e: core.Ran | core.Stopped) -> Term:
     """The condition that a robot ran an event, or is stopped; false if there is none. [PROP-RAN]"""
-    crowd, world, t = body.crowd, body.world, body.t
-    assert crowd is not None
-    number = body.condition(e.robot)
-    found = []
-    for kind in range(len(world.program.agents)):
-        robot = crowd.robot(kind, number)
-        if isinstance(e, core.Stopped):
-            holds = robot.stopped
-        else:
-            mine = [position for k, position in e.events if k == kind]
-            holds = t.disjunction(t.equal(robot.ran, t.integer(p)) for p in mine)
-        found.append(t.both(world.is_of(body.v, number, kind), holds))
-    return t.both(is_robot(body, number), t.disjunction(found))
+    t, number, found = body.t, body.condition(e.robot), []
+    for kind, here, robot in candidates(body, number):
+        holds = robot.stopped
+        if isinstance(e, core.Ran):
+            positions = [position for k, position in e.events if k == kind]
+            holds = t.disjunction(t.equal(robot.ran, t.integer(p)) for p in positions)
+        found.append(t.both(here, holds))
+    there = t.truth(True) if body.crowd is None else is_robot(body, number)
+    return t.both(there, t.disjunction(found))

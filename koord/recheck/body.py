@@ -15,7 +15,16 @@ from contextlib import contextmanager
 from typing import TypeAlias
 
 from koord.recheck.sorts import NotRecheckedError, Value
-from koord.recheck.storage import Crowd, Fault, Frame, Memory, State, Storage, Storages, Write
+from koord.recheck.storage import (
+    Fault,
+    Frame,
+    Memory,
+    ParameterisedState,
+    State,
+    Storage,
+    Storages,
+    Write,
+)
 from koord.recheck.terms import Term, Terms
 from koord.recheck.values import Values
 from koord.recheck.world import Instance
@@ -138,9 +147,9 @@ class RunningBody:
         return self.memory.state
 
     @property
-    def crowd(self) -> Crowd | None:
+    def crowd(self) -> ParameterisedState | None:
         """The configuration of a property, if the number of robots is open."""
-        return self.memory.state if isinstance(self.memory.state, Crowd) else None
+        return self.memory.state if isinstance(self.memory.state, ParameterisedState) else None
 
     def everyone(self) -> range:
         return range(len(self.world.kinds))

@@ -7,7 +7,7 @@ from enum import Enum
 
 from msgspec import Struct
 
-from koord.recheck.storage import Cell, Crowd, Fault, State, Storage
+from koord.recheck.storage import Cell, Fault, ParameterisedState, State, Storage
 from koord.recheck.terms import Term
 from koord.recheck.turns import Turns
 from koord.recheck.values import Values
@@ -95,7 +95,11 @@ class History(Struct, frozen=True):
 
 
 def stated(
-    turns: Turns, state: State | Crowd, claims: Iterable[Claim], *, between_rounds: bool
+    turns: Turns,
+    state: State | ParameterisedState,
+    claims: Iterable[Claim],
+    *,
+    between_rounds: bool,
 ) -> list[Goal]:
     """The claims that are statements about configurations."""
     goals = []
@@ -106,14 +110,20 @@ def stated(
     return goals
 
 
+def fault_name(fault: Fault) -> str:
+    """What the absence of a fault is called."""
+    return f"no fault ({fault.what}, {fault.span.line}:{fault.span.column})"
+
+
 def sound(turns: Turns, fault: Fault, legal: Term | None = None) -> Goal:
+    """That a fault does not come about."""
     t = turns.v.t
-    place = f"{fault.span.line}:{fault.span.column}"
     known = t.truth(True) if legal is None else legal
-    return Goal(f"no fault ({fault.what}, {place})", known, t.negation(fault.when))
+    return Goal(fault_name(fault), known, t.negation(fault.when))
 
 
-def taken(goals: Iterable[Goal]) -> list[Term]:
+def as_facts(goals: Iterable[Goal]) -> list[Term]:
+    """What is known where goals hold."""
     return [term for goal in goals for term in (goal.legal, goal.holds)]
 
 

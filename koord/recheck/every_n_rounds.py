@@ -9,28 +9,29 @@ from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 
 from msgspec import Struct
+from msgspec.structs import replace
 
-from koord.recheck.generic_turn import Anyone, Crowds
+from koord.recheck.generic_turn import ParameterisedTurns, PerRobot
 from koord.recheck.races import made
-from koord.recheck.storage import Cell, Crowd, Many, Robot, Storage, Store, Write
+from koord.recheck.storage import Cell, Many, ParameterisedState, Robot, Storage, Store, Write
 from koord.recheck.terms import INT, Term
 from koord.recheck.turns import EventTurn
 from koord.syntax import core
 from koord.syntax.core import Home
 from koord.syntax.types import RecordType, Type, is_flat
 
-Moves = list[list[Anyone[EventTurn]]]
+Moves = list[list[PerRobot[EventTurn]]]
 
 
-class Gathering(Struct, frozen=True):
+class ParameterisedPrefix(Struct, frozen=True):
     """A prefix of a round: ``state`` is its result. ``facts`` say that it is legal."""
 
-    start: Crowd
+    start: ParameterisedState
     moves: Moves  #: by kind, by event: what any robot of the kind may do
-    state: Crowd
+    state: ParameterisedState
     facts: tuple[Term, ...]
     winners: dict[int, Term]  #: of each lock class the one that may have entered it
-    crowds: Crowds
+    crowds: ParameterisedTurns
     ran: Callable[[Term], Term]  #: by robot: the position of the event that it has run, or -1
 
     def runs(self, robot: Term, position: int) -> Term:
@@ -67,37 +68,20 @@ class Gathering(Struct, frozen=True):
         t, crowds = self.crowds.v.t, self.crowds
         for kind in crowds.kinds:
             for move in self.moves[kind]:
-                turn, robot = move.said, move.blank
+                turn, robot = move.known, move.blank
                 if not turn.event.urgent:
                     continue
                 stopped = self.start.robot(kind, robot).stopped
                 moved = [t.negation(self.ran_none(robot))]
                 if but is not None:
                     moved.append(t.equal(robot, but))
-                free = self.not_obliged(turn, mover)
+                free = crowds.turns.not_obliged(turn, self.taken, mover)
                 yield crowds.all_of(kind, robot, t.disjunction([stopped, *moved, free]))
 
-    def not_obliged(self, turn: EventTurn, mover: EventTurn | None) -> Term:
-        """The condition that an event does not oblige: ``pre`` may fail, or a class of it is
-        taken.
-        """
-        t = self.crowds.v.t
-        taken = [self.taken(lock) for lock in turn.event.lock_classes]
-        if mover is not None:
-            taken += [
-                mover.entered[lock] for lock in turn.event.lock_classes if lock in mover.entered
-            ]
-        return t.disjunction([off(self.crowds, turn), *taken])
 
-
-def off(crowds: Crowds, turn: EventTurn) -> Term:
-    """The condition that ``pre`` does not hold for some answers."""
-    t = crowds.v.t
-    faulted = t.disjunction(fault.when for fault in turn.guard_faults)
-    return t.both(turn.guard_legal, t.either(t.negation(turn.enabled), faulted))
-
-
-def stopped_together(crowds: Crowds, state: Crowd) -> tuple[Term, Crowd]:
+def stopped_together(
+    crowds: ParameterisedTurns, state: ParameterisedState
+) -> tuple[Term, ParameterisedState]:
     """The condition that no robot is running, and the configuration with all stopped. [END-PROG]"""
     v, t = crowds.v, crowds.v.t
     with v.within() as robot:
@@ -109,69 +93,48 @@ def stopped_together(crowds: Crowds, state: Crowd) -> tuple[Term, Crowd]:
 
     def after(kind: int, k: Term) -> Robot:
         own = state.robot(kind, k)
-        return Robot(own.locals, own.ports, own.asked, t.either(own.stopped, idle), own.ran)
+        return replace(own, stopped=t.either(own.stopped, idle))
 
-    return idle, Crowd(after, state.store)
-
-
-def may_run(crowds: Crowds, start: Crowd, robot: Term, turn: EventTurn) -> Term:
-    """The condition that a robot may select an event, as far as it alone is concerned. [SELECT]"""
-    t = crowds.v.t
-    return t.conjunction(
-        [
-            t.negation(start.robot(turn.robot, robot).stopped),
-            turn.enabled,
-            *(t.negation(fault.when) for fault in turn.faults),
-            turn.legal,
-        ]
-    )
+    return idle, ParameterisedState(after, state.store)
 
 
-class Gathered(Struct):
+class PrefixBuilder(Struct):
     """A builder of prefixes of a round."""
 
-    crowds: Crowds
-    start: Crowd
+    crowds: ParameterisedTurns
+    start: ParameterisedState
     moves: Moves
 
-    def gathering(self) -> Gathering:
+    def gathering(self) -> ParameterisedPrefix:
         """Any legal prefix of a round, up to the whole of it."""
         crowds, v, t = self.crowds, self.crowds.v, self.crowds.v.t
-        chosen = crowds.said(lambda blank: v.symbol("has run", INT), t.put)
+        chosen = crowds.per_robot(lambda blank: v.symbol("has run", INT))
         facts: list[Term] = []
         for kind, mine in enumerate(self.moves):
             known = [
-                t.at_most(t.integer(-1), chosen.said),
-                t.less(chosen.said, t.integer(len(mine))),
+                t.at_most(t.integer(-1), chosen.known),
+                t.less(chosen.known, t.integer(len(mine))),
             ]
             facts.append(crowds.all_of(kind, chosen.blank, t.conjunction(known)))
             for position, move in enumerate(mine):
                 runs = t.equal(chosen.of(move.blank), t.integer(position))
-                may = may_run(crowds, self.start, move.blank, move.said)
+                own = self.start.robot(kind, move.blank)
+                may = crowds.turns.may_run(own, move.known)
                 facts.append(crowds.all_of(kind, move.blank, t.implies(runs, may)))
         winners = {
             lock.index: v.symbol(f"winner of lock {lock.index}", INT)
             for lock in crowds.world.program.lock_classes
         }
-        unknown = Store((), ())
-        made_ = Gathering(
-            self.start,
-            self.moves,
-            Crowd(self._moved(chosen), unknown),
-            (),
-            winners,
-            crowds,
-            chosen.of,
-        )
+        state = ParameterisedState(self._moved(chosen), Store((), ()))
+        made_ = ParameterisedPrefix(self.start, self.moves, state, (), winners, crowds, chosen.of)
         for lock, winner in winners.items():
             facts.append(v.is_robot(winner))
             # One robot at most enters a class. [T-ONE-WINNER]
             facts.append(v.every(partial(_only, made_, lock, winner)))
         store = self._store(made_, facts)
-        state = Crowd(made_.state.robot, store)
-        return Gathering(self.start, self.moves, state, tuple(facts), winners, crowds, chosen.of)
+        return replace(made_, state=replace(state, store=store), facts=tuple(facts))
 
-    def _moved(self, chosen: Anyone[Term]) -> Callable[[int, Term], Robot]:
+    def _moved(self, chosen: PerRobot[Term]) -> Callable[[int, Term], Robot]:
         """A robot after the event that it ran, or unchanged. [END-EVENT] [SKIP]"""
         crowds, t, s = self.crowds, self.crowds.v.t, self.crowds.s
 
@@ -187,7 +150,7 @@ class Gathered(Struct):
 
     # --- the store ------------------------------------------------------------------------------
 
-    def _store(self, round_: Gathering, facts: list[Term]) -> Store:
+    def _store(self, round_: ParameterisedPrefix, facts: list[Term]) -> Store:
         program = self.crowds.world.program
         allread = tuple(
             self._entries(round_, slot, storage)
@@ -199,7 +162,7 @@ class Gathered(Struct):
         )
         return Store(allread, allwrite)
 
-    def _entries(self, round_: Gathering, slot: int, storage: Storage) -> Many:
+    def _entries(self, round_: ParameterisedPrefix, slot: int, storage: Storage) -> Many:
         """Allread entries, each as its robot left it. [T-SNAPSHOT] [ALLREAD]"""
         assert isinstance(storage, Many)
 
@@ -211,7 +174,7 @@ class Gathered(Struct):
         return Many(at)
 
     def _shared(
-        self, round_: Gathering, d: core.Declaration, storage: Storage, facts: list[Term]
+        self, round_: ParameterisedPrefix, d: core.Declaration, storage: Storage, facts: list[Term]
     ) -> Storage:
         """An allwrite variable after the prefix. [T-COMMIT]
 
@@ -219,7 +182,7 @@ class Gathered(Struct):
         it; a variable with lists in it is anything, if it is written.
         """
         crowds, slot = self.crowds, d.variable.slot
-        if not any(self._writes(move.said, slot) for mine in self.moves for move in mine):
+        if not any(self._writes(move.known, slot) for mine in self.moves for move in mine):
             return storage
         lock = crowds.world.guarding(slot)
         if lock is not None:
@@ -232,18 +195,17 @@ class Gathered(Struct):
             race = crowds.s.anything(f"{d.variable.name} after a race", d.variable.type, like)
             return crowds.s.merge(nobody, storage, race, d.variable.type)
         unset = crowds.s.unset(d.variable.type)
-        marks = crowds.said(
-            lambda blank: self._written_by(round_, blank, Home.ALLWRITE, slot, unset),
-            crowds.s.of,
+        marks = crowds.per_robot(
+            lambda blank: self._written_by(round_, blank, Home.ALLWRITE, slot, unset)
         )
         return self._atoms(round_, d, storage, marks, (), facts)
 
     def _atoms(
         self,
-        round_: Gathering,
+        round_: ParameterisedPrefix,
         d: core.Declaration,
         storage: Storage,
-        marks: Anyone[Storage],
+        marks: PerRobot[Storage],
         way: tuple[int, ...],
         facts: list[Term],
     ) -> Storage:
@@ -281,7 +243,7 @@ class Gathered(Struct):
     def _writes(self, turn: EventTurn, slot: int) -> bool:
         return any(_is_to(w, Home.ALLWRITE, slot) for w in turn.writes)
 
-    def _wrote(self, round_: Gathering, slot: int, robot: Term) -> Term:
+    def _wrote(self, round_: ParameterisedPrefix, slot: int, robot: Term) -> Term:
         """The condition that a robot has written a variable."""
         crowds, t = self.crowds, self.crowds.v.t
         return t.disjunction(
@@ -290,13 +252,13 @@ class Gathered(Struct):
             )
             for kind, mine in enumerate(self.moves)
             for p, move in enumerate(mine)
-            if self._writes(move.said, slot)
+            if self._writes(move.known, slot)
             for w in move.of(robot).writes
             if _is_to(w, Home.ALLWRITE, slot)
         )
 
     def _written_by(
-        self, round_: Gathering, robot: Term, home: Home, slot: int, storage: Storage
+        self, round_: ParameterisedPrefix, robot: Term, home: Home, slot: int, storage: Storage
     ) -> Storage:
         """A variable with the writes of one robot."""
         crowds, t = self.crowds, self.crowds.v.t
@@ -318,7 +280,7 @@ def _is_to(w: Write, home: Home, slot: int) -> bool:
     return w.variable.home is home and w.variable.slot == slot
 
 
-def _below(crowds: Crowds, type_: Type, way: Sequence[int]) -> tuple[Type, list[int]]:
+def _below(crowds: ParameterisedTurns, type_: Type, way: Sequence[int]) -> tuple[Type, list[int]]:
     """The type of a part, and the fields on the way to it."""
     fields = []
     for k in way:
@@ -330,7 +292,7 @@ def _below(crowds: Crowds, type_: Type, way: Sequence[int]) -> tuple[Type, list[
     return type_, fields
 
 
-def _only(round_: Gathering, lock: int, winner: Term, robot: Term) -> Term:
+def _only(round_: ParameterisedPrefix, lock: int, winner: Term, robot: Term) -> Term:
     """The facts that a robot that enters a class is its winner."""
     t = round_.crowds.v.t
     return t.implies(round_.enters(lock, robot), t.equal(robot, winner))

@@ -5,10 +5,9 @@ The obligations are those of ``obligations.py``, of a robot of whatever number i
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import cached_property, partial
 
-from msgspec import Struct
 from msgspec.structs import replace
 
 from koord.recheck.claims import (
@@ -19,19 +18,21 @@ from koord.recheck.claims import (
     Entailment,
     Goal,
     Obligation,
+    as_facts,
+    fault_name,
     stated,
 )
-from koord.recheck.every_n_rounds import Gathered, Gathering, Moves, may_run, off, stopped_together
-from koord.recheck.generic_turn import Anyone, Begun, Crowds
-from koord.recheck.lost_updates import overlap, updated
+from koord.recheck.claims import sound as without_fault
+from koord.recheck.every_n_rounds import Moves, ParameterisedPrefix, PrefixBuilder, stopped_together
+from koord.recheck.generic_turn import ParameterisedInit, ParameterisedTurns, PerRobot
+from koord.recheck.lost_updates import meeting, updated
 from koord.recheck.races import made
-from koord.recheck.storage import Crowd, Fault, Many, Robot, Storages
-from koord.recheck.terms import BOOL, INT, Term, Terms
+from koord.recheck.storage import Many, ParameterisedState, Robot
+from koord.recheck.terms import BOOL, INT, Term
 from koord.recheck.turns import EventTurn, Turns
 from koord.recheck.values import Values
 from koord.recheck.world import Instance
 from koord.syntax import core
-from koord.syntax.core import Home
 
 
 class EveryNumber:
@@ -49,31 +50,31 @@ class EveryNumber:
         self.v = v
         self.consequences = consequences
         self.turns = Turns(self.world, self.v)
-        self.crowds = Crowds(self.world, self.turns)
+        self.crowds = ParameterisedTurns(self.world, self.turns)
 
     def __iter__(self) -> Iterator[Obligation]:
         t, opening = self.v.t, self.crowds.opening()
         sound = [t.negation(fault.when) for fault in opening.faults]
         if any(claim.kind is ClaimKind.FAULT for claim in self.claims):
-            goals = [_sound(t, fault) for fault in opening.faults]
+            goals = [without_fault(self.turns, fault) for fault in opening.faults]
             yield _once("initiation: no fault", Entailment(opening.facts, tuple(goals)))
         goals = stated(self.turns, opening.state, self.claims, between_rounds=True)
         starts = Entailment((*opening.facts, *sound), tuple(goals))
         yield replace(_once("initiation", starts), hollow=NO_START)
-        yield from StepObligations(self, self._anything(opening))
+        yield from StepObligations(self.crowds, self.claims, *self._anything(opening))
         for property_ in self.consequences:
             claim = Claim(property_.name, ClaimKind.STATEMENT, property_)
             name = f"the invariant implies {claim.name}"
             yield Obligation(name, (partial(self._implied, claim, opening),))
 
-    def _implied(self, claim: Claim, opening: Begun) -> Entailment:
+    def _implied(self, claim: Claim, opening: ParameterisedInit) -> Entailment:
         state, facts = self._anything(opening)
         at_round = claim.at_round
         known = stated(self.turns, state, self.claims, between_rounds=at_round)
         goals = stated(self.turns, state, [claim], between_rounds=at_round)
-        return Entailment((*facts, *taken(known)), tuple(goals))
+        return Entailment((*facts, *as_facts(known)), tuple(goals))
 
-    def _anything(self, opening: Begun) -> tuple[Crowd, list[Term]]:
+    def _anything(self, opening: ParameterisedInit) -> tuple[ParameterisedState, list[Term]]:
         """An arbitrary configuration, with variables that are never written as INIT left them."""
         t = self.v.t
         state = self.crowds.anything_like(opening.state, self.world.written, "")
@@ -88,11 +89,19 @@ class EveryNumber:
         return state, facts
 
 
-class StepObligations(Struct, dict=True):
+class StepObligations:
     """The obligations of one step of a round, from any configuration with the invariant."""
 
-    of: EveryNumber
-    begun: tuple[Crowd, list[Term]]
+    def __init__(
+        self,
+        crowds: ParameterisedTurns,
+        claims: Sequence[Claim],
+        start: ParameterisedState,
+        facts: Sequence[Term],
+    ) -> None:
+        self.crowds, self.claims, self.start, self.facts = crowds, claims, start, facts
+        self.turns, self.world = crowds.turns, crowds.world
+        self.s, self.v, self.t = crowds.s, crowds.v, crowds.v.t
 
     def __iter__(self) -> Iterator[Obligation]:
         for kind in self.crowds.kinds:
@@ -103,42 +112,14 @@ class StepObligations(Struct, dict=True):
             yield from self._updates()
         yield from self._environment()
 
-    @property
-    def world(self) -> Instance:
-        return self.of.world
-
-    @property
-    def claims(self) -> Sequence[Claim]:
-        return self.of.claims
-
-    @property
-    def crowds(self) -> Crowds:
-        return self.of.crowds
-
-    @property
-    def v(self) -> Values:
-        return self.of.v
-
-    @property
-    def t(self) -> Terms:
-        return self.of.v.t
-
-    @property
-    def s(self) -> Storages:
-        return self.crowds.s
-
-    @property
-    def start(self) -> Crowd:
-        return self.begun[0]
-
     @cached_property
     def known(self) -> list[Term]:
         """The facts at the start of the round."""
         goals = self._stated(self.start, between_rounds=True)
-        return [*self.begun[1], *taken(goals)]
+        return [*self.facts, *as_facts(goals)]
 
-    def _stated(self, state: Crowd, *, between_rounds: bool = False) -> list[Goal]:
-        return stated(self.of.turns, state, self.claims, between_rounds=between_rounds)
+    def _stated(self, state: ParameterisedState, *, between_rounds: bool = False) -> list[Goal]:
+        return stated(self.turns, state, self.claims, between_rounds=between_rounds)
 
     @cached_property
     def moves(self) -> Moves:
@@ -151,11 +132,11 @@ class StepObligations(Struct, dict=True):
         ]
 
     @cached_property
-    def gathering(self) -> Gathering:
-        return Gathered(self.crowds, self.start, self.moves).gathering()
+    def gathering(self) -> ParameterisedPrefix:
+        return PrefixBuilder(self.crowds, self.start, self.moves).gathering()
 
     @cached_property
-    def loose(self) -> Crowd:
+    def loose(self) -> ParameterisedState:
         """An arbitrary configuration that agrees with the round's start where no event writes."""
         return self.crowds.anything_like(self.start, self.world.moved, " inside")
 
@@ -170,7 +151,7 @@ class StepObligations(Struct, dict=True):
         move = self.moves[kind][position]
         agents = self.world.program.agents
         whose = f" of {agents[kind].name}" if len(agents) > 1 else ""
-        name = f"event {move.said.event.name}{whose}"
+        name = f"event {move.known.event.name}{whose}"
         robot, is_one = self._one(f"who runs {name}", kind)
         turn = move.of(robot)
         if any(claim.kind is ClaimKind.FAULT for claim in self.claims):
@@ -183,14 +164,14 @@ class StepObligations(Struct, dict=True):
     def _no_fault(self, robot: Term, is_one: Term, turn: EventTurn) -> Entailment:
         """The obligation that no turn faults, for one robot. [T-FAULT]"""
         awake = self.t.negation(self.start.robot(turn.robot, robot).stopped)
-        goals = [_sound(self.t, fault, turn.legal) for fault in turn.faults]
+        goals = [without_fault(self.turns, fault, turn.legal) for fault in turn.faults]
         return Entailment((*self.known, is_one, awake), tuple(goals), names=(robot,))
 
     def _loosely(self, robot: Term, is_one: Term, turn: EventTurn) -> Entailment:
         """The step after others' turns, of which only the claims and the locks are known."""
         t, before, inside, s = self.t, self.start, self.loose, self.s
         program, agent = self.world.program, self.world.program.agents[turn.robot]
-        facts = [is_one, *taken(self._stated(inside))]
+        facts = [is_one, *as_facts(self._stated(inside))]
         own, its = before.robot(turn.robot, robot), inside.robot(turn.robot, robot)
         ports = [port.declaration for port in agent.ports]
         for declarations, old, new in (
@@ -213,7 +194,7 @@ class StepObligations(Struct, dict=True):
             lock = self.world.guarding(d.variable.slot)
             if lock is not None and lock in turn.entered:
                 facts.append(t.implies(turn.entered[lock], s.same(x, y, d.variable.type)))
-        facts.append(may_run(self.crowds, before, robot, turn))
+        facts.append(self.turns.may_run(own, turn))
         after = self._moved(inside, robot, turn)
         return Entailment((*self.known, *facts), tuple(self._stated(after)), names=(robot,))
 
@@ -223,7 +204,7 @@ class StepObligations(Struct, dict=True):
         facts = [is_one, *round_.facts, *self.inside, round_.ran_none(robot)]
         for lock, entered in turn.entered.items():
             facts.append(t.implies(entered, t.negation(round_.taken(lock))))
-        facts.append(may_run(self.crowds, self.start, robot, turn))
+        facts.append(self.turns.may_run(self.start.robot(turn.robot, robot), turn))
         after = self._moved(round_.state, robot, turn)
         if self.world.asks():
             # END-PROG comes with the last turn of a round.
@@ -233,7 +214,7 @@ class StepObligations(Struct, dict=True):
         names = (robot, *round_.winners.values())
         return Entailment((*self.known, *facts), tuple(self._stated(after)), names=names)
 
-    def _ended(self, state: Crowd, last: Term) -> Crowd:
+    def _ended(self, state: ParameterisedState, last: Term) -> ParameterisedState:
         """The configuration after END-PROG, if the last robot has moved."""
         _, ended = stopped_together(self.crowds, state)
 
@@ -242,9 +223,9 @@ class StepObligations(Struct, dict=True):
             stopped = self.t.ite(last, ended.robot(kind, k).stopped, own.stopped)
             return replace(own, stopped=stopped)
 
-        return Crowd(robot, state.store)
+        return ParameterisedState(robot, state.store)
 
-    def _moved(self, state: Crowd, mover: Term, turn: EventTurn) -> Crowd:
+    def _moved(self, state: ParameterisedState, mover: Term, turn: EventTurn) -> ParameterisedState:
         """The step of one more robot."""
         t, s = self.t, self.s
         agent = self.world.program.agents[turn.robot]
@@ -255,7 +236,7 @@ class StepObligations(Struct, dict=True):
                 return own
             return s.merge_robots(t.equal(k, mover), turn.after, own, agent)
 
-        return Crowd(robot, made(s, state.store, turn.writes, t.truth(True)))
+        return ParameterisedState(robot, made(s, state.store, turn.writes, t.truth(True)))
 
     @cached_property
     def inside(self) -> list[Term]:
@@ -264,7 +245,7 @@ class StepObligations(Struct, dict=True):
         Where nobody has run yet it is the one that the round started in, but for who ran what in
         the round before.
         """
-        facts = taken(self._stated(self.gathering.state))
+        facts = as_facts(self._stated(self.gathering.state))
         if not self.world.mentions(core.Ran):
             return facts
         t = self.t
@@ -291,10 +272,10 @@ class StepObligations(Struct, dict=True):
         skipping = []
         for kind in self.crowds.kinds:
             one, is_one = self._one("who skips", kind)
-            free = [off(self.crowds, m.of(one)) for m in self.moves[kind] if m.said.event.urgent]
+            free = [self.turns.off(m.of(one)) for m in self.moves[kind] if m.known.event.urgent]
             may = t.either(self.start.robot(kind, one).stopped, t.conjunction(free))
             skipping.append(t.both(is_one, may))
-        goals = self._stated(Crowd(robot, self.start.store))
+        goals = self._stated(ParameterisedState(robot, self.start.store))
         return Entailment((*self.known, t.disjunction(skipping)), tuple(goals))
 
     def _last_skip(self) -> Entailment:
@@ -309,23 +290,24 @@ class StepObligations(Struct, dict=True):
         """The obligation that no robot's update meets another's write in the round."""
         flat = [move for mine in self.moves for move in mine]
         for mine in flat:
-            names = set(updated(mine.said.event.effect))
+            names = set(updated(mine.known.event.effect))
             asked = [
                 c for c in self.claims if c.kind is ClaimKind.LOST_UPDATE and c.subject in names
             ]
             for other in flat if asked else ():
-                name = f"updates of {mine.said.event.name} and {other.said.event.name}"
+                name = f"updates of {mine.known.event.name} and {other.known.event.name}"
                 yield Obligation(name, (partial(self._update, mine, other, asked),))
 
     def _update(
-        self, mine: Anyone[EventTurn], other: Anyone[EventTurn], asked: Sequence[Claim]
+        self, mine: PerRobot[EventTurn], other: PerRobot[EventTurn], asked: Sequence[Claim]
     ) -> Entailment:
         t = self.t
         facts, pair = [], []
         for number, move in enumerate((mine, other)):
-            robot, is_one = self._one(f"writer {number}", move.said.robot)
+            robot, is_one = self._one(f"writer {number}", move.known.robot)
             turn = move.of(robot)
-            facts += [is_one, may_run(self.crowds, self.start, robot, turn)]
+            own = self.start.robot(turn.robot, robot)
+            facts += [is_one, self.turns.may_run(own, turn)]
             pair.append((robot, turn))
         (one, a), (two, b) = pair
         facts.append(t.negation(t.equal(one, two)))
@@ -333,21 +315,7 @@ class StepObligations(Struct, dict=True):
             if lock in b.entered:
                 facts.append(t.negation(t.both(entered, b.entered[lock])))
         goals = [
-            Goal(
-                claim.name,
-                t.truth(True),
-                t.negation(
-                    t.disjunction(
-                        overlap(self.v, x, y)
-                        for x in a.writes
-                        for y in b.writes
-                        if x.variable == y.variable
-                        and x.variable.home is Home.ALLWRITE
-                        and x.variable.name == claim.subject
-                    )
-                ),
-            )
-            for claim in asked
+            Goal(c.name, t.truth(True), t.negation(meeting(self.v, a, b, c.subject))) for c in asked
         ]
         return Entailment((*self.known, *facts), tuple(goals), names=(one, two))
 
@@ -362,59 +330,47 @@ class StepObligations(Struct, dict=True):
         hollow = NO_END if self.world.promised else ""
         yield Obligation(name, tuple(partial(self._evolved, end) for end in ways), hollow)
 
-    def _end_loosely(self) -> tuple[Crowd, list[Term]]:
-        return self.loose, taken(self._stated(self.loose))
+    def _end_loosely(self) -> tuple[ParameterisedState, list[Term]]:
+        return self.loose, as_facts(self._stated(self.loose))
 
-    def _end_exactly(self) -> tuple[Crowd, list[Term]]:
+    def _end_exactly(self) -> tuple[ParameterisedState, list[Term]]:
         round_ = self.gathering
         _, end = stopped_together(self.crowds, round_.state)
         facts = [*round_.facts, *round_.skips_legally()]
-        return end, [*facts, *taken(self._stated(end))]
+        return end, [*facts, *as_facts(self._stated(end))]
 
-    def _no_fault_after(self, end: Callable[[], tuple[Crowd, list[Term]]]) -> Entailment:
+    def _no_fault_after(
+        self, end: Callable[[], tuple[ParameterisedState, list[Term]]]
+    ) -> Entailment:
         state, facts = end()
         goals = []
         for kind, one in enumerate(self.crowds.evolved(state)):
-            legal = [self.crowds.all_of(kind, one.blank, fact) for fact in one.said.facts]
-            for fault in one.said.faults:
+            legal = [self.crowds.all_of(kind, one.blank, fact) for fact in one.known.facts]
+            for fault in one.known.faults:
                 never = self.crowds.all_of(kind, one.blank, self.t.negation(fault.when))
-                goals.append(Goal(_words(fault), self.t.conjunction(legal), never))
+                goals.append(Goal(fault_name(fault), self.t.conjunction(legal), never))
         return Entailment((*self.known, *facts), tuple(goals))
 
-    def _evolved(self, end: Callable[[], tuple[Crowd, list[Term]]]) -> Entailment:
+    def _evolved(self, end: Callable[[], tuple[ParameterisedState, list[Term]]]) -> Entailment:
         t = self.t
         state, facts = end()
         evolved = self.crowds.evolved(state)
         for kind, one in enumerate(evolved):
-            calm = [t.negation(fault.when) for fault in one.said.faults]
-            facts += [self.crowds.all_of(kind, one.blank, x) for x in (*one.said.facts, *calm)]
-        after = Crowd(lambda kind, k: evolved[kind].of(k).robot, state.store)
+            calm = [t.negation(fault.when) for fault in one.known.faults]
+            facts += [self.crowds.all_of(kind, one.blank, x) for x in (*one.known.facts, *calm)]
+        after = ParameterisedState(lambda kind, k: evolved[kind].of(k).robot, state.store)
         goals = self._stated(after, between_rounds=True)
         for claim in self.claims:
             if claim.kind is ClaimKind.CONTRACT:
                 kept = [
                     self.crowds.all_of(kind, one.blank, promise)
                     for kind, one in enumerate(evolved)
-                    for name, promise in one.said.promises
+                    for name, promise in one.known.promises
                     if name == claim.subject
                 ]
                 goals.append(Goal(claim.name, t.truth(True), t.conjunction(kept)))
         return Entailment((*self.known, *facts), tuple(goals))
 
 
-def taken(goals: Iterable[Goal]) -> list[Term]:
-    """Goals as facts."""
-    return [term for goal in goals for term in (goal.legal, goal.holds)]
-
-
 def _once(name: str, attempt: Entailment) -> Obligation:
     return Obligation(name, (lambda: attempt,))
-
-
-def _words(fault: Fault) -> str:
-    return f"no fault ({fault.what}, {fault.span.line}:{fault.span.column})"
-
-
-def _sound(t: Terms, fault: Fault, legal: Term | None = None) -> Goal:
-    known = t.truth(True) if legal is None else legal
-    return Goal(_words(fault), known, t.negation(fault.when))

@@ -165,14 +165,8 @@ def value(body: RunningBody, e: core.Expr) -> Value:
             return _choose(body, e)
         case core.Quantified():
             return sums.quantified(body, e)
-        case core.Ran() | core.Stopped() if body.crowd is not None:
+        case core.Ran() | core.Stopped():
             return all_robots.of_robot(body, e)
-        case core.Ran():
-            return sums.of_robots(body, e.robot, [sums.ran(body, e, i) for i in body.everyone()])
-        case core.Stopped():
-            return sums.of_robots(
-                body, e.robot, [body.state().robots[i].stopped for i in body.everyone()]
-            )
         case core.MakeMap():
             return _map(body, e)
     assert_never(e)

@@ -7,37 +7,36 @@ from collections.abc import Iterator
 from koord.recheck.rounds import Prefix
 from koord.recheck.storage import AtKey, Field, Write
 from koord.recheck.terms import Term
-from koord.recheck.turns import Turns
+from koord.recheck.turns import EventTurn, Turns
 from koord.recheck.values import Values
 from koord.syntax import core
 from koord.syntax.core import Home
 from koord.syntax.walk import nodes, statements
 
 
-def meeting(turns: Turns, prefix: Prefix, name: str) -> Term:
+def lost(turns: Turns, prefix: Prefix, name: str) -> Term:
     """The condition that two robots write one location of a variable that one of them updates."""
     t = turns.v.t
     flat = [choice for mine in prefix.choices for choice in mine]
-    found = []
-    for mine in flat:
-        if name not in set(updated(mine.turn.event.effect)):
-            continue
-        for other in flat:
-            if other.turn.robot == mine.turn.robot:
-                continue
-            both = t.both(mine.runs, other.runs)
-            for a in mine.turn.writes:
-                for b in other.turn.writes:
-                    if a.variable.name == b.variable.name == name and _shared(a) and _shared(b):
-                        found.append(t.both(both, overlap(turns.v, a, b)))
-    return t.disjunction(found)
+    return t.disjunction(
+        t.conjunction([mine.runs, other.runs, meeting(turns.v, mine.turn, other.turn, name)])
+        for mine in flat
+        if name in set(updated(mine.turn.event.effect))
+        for other in flat
+        if other.turn.robot != mine.turn.robot
+    )
 
 
-def _shared(w: Write) -> bool:
-    return w.variable.home is Home.ALLWRITE
+def meeting(v: Values, one: EventTurn, other: EventTurn, name: str) -> Term:
+    """Whether two turns write one location of an allwrite variable."""
+    mine, theirs = (
+        [w for w in turn.writes if w.variable.home is Home.ALLWRITE and w.variable.name == name]
+        for turn in (one, other)
+    )
+    return v.t.disjunction(_overlap(v, a, b) for a in mine for b in theirs)
 
 
-def overlap(v: Values, a: Write, b: Write) -> Term:
+def _overlap(v: Values, a: Write, b: Write) -> Term:
     """The condition that two writes happen, to locations one of which is a prefix of the other."""
     t, same = v.t, [a.when, b.when]
     for x, y in zip(a.locations, b.locations, strict=False):

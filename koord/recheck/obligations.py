@@ -22,8 +22,8 @@ from koord.recheck.claims import (
     History,
     Obligation,
     ShownTerm,
+    as_facts,
     sound,
-    taken,
 )
 from koord.recheck.rounds import Rounds
 from koord.recheck.script import Script
@@ -97,7 +97,7 @@ class Obligations:
         opening = self.turns.opening()
         past = self._anything(History(opening.state, opening.facts))
         at_round = claim.at_round
-        facts = taken(self.rounds.goals(past.state, others, between_rounds=at_round))
+        facts = as_facts(self.rounds.goals(past.state, others, between_rounds=at_round))
         goals = self.rounds.goals(past.state, [claim], between_rounds=at_round)
         return Entailment((*past.facts, *facts), tuple(goals), tuple(self.rounds.parts(past.state)))
 
@@ -150,7 +150,7 @@ class Obligations:
     def _followed(self, past: History, assumed: Sequence[Claim]) -> History:
         """The history, with the claims assumed at the start of a round."""
         goals = self.rounds.goals(past.state, assumed, between_rounds=True)
-        return History(past.state, (*past.facts, *taken(goals)))
+        return History(past.state, (*past.facts, *as_facts(goals)))
 
     def _extended(self, past: History, assumed: Sequence[Claim], label: str) -> History:
         """The history extended by a whole round in which all assumptions held."""

@@ -44,26 +44,29 @@ def check_index(body: RunningBody, index: Term, storage: Storage, span: Span) ->
 
 def part(body: RunningBody, value: Value, type_: Type, steps: Sequence[core.Step]) -> Value:
     for step in steps:
-        location = located(body, step, type_)
-        if isinstance(location, Field):
-            assert isinstance(value, tuple)
-            value = value[location.position]
-        elif isinstance(location, AtKey):
-            assert isinstance(value, Term)
-            body.fault_unless(
-                maps.has(body.v, value, location.key, location.type), "no such key", step.span
-            )
-            value = maps.at(body.v, value, location.key, location.type)
-        else:
-            there = (
-                all_robots.is_robot(body, location)
-                if isinstance(value, Family)
-                else body.v.inside(value, location)
-            )
-            body.fault_unless(there, "index out of range", step.span)
-            value = body.v.at(value, location, type_)
+        value = _below(body, value, located(body, step, type_), type_, step.span)
         type_ = step.type
     return value
+
+
+def _below(
+    body: RunningBody, value: Value, location: Location, type_: Type, span: Span | None
+) -> Value:
+    """The part of a value at a location; that there is one is asked where a span is given."""
+    if isinstance(location, Field):
+        assert isinstance(value, tuple)
+        return value[location.position]
+    if isinstance(location, AtKey):
+        assert isinstance(value, Term)
+        if span is not None:
+            there = maps.has(body.v, value, location.key, location.type)
+            body.fault_unless(there, "no such key", span)
+        return maps.at(body.v, value, location.key, location.type)
+    if span is not None:
+        of_all = isinstance(value, Family)
+        there = all_robots.is_robot(body, location) if of_all else body.v.inside(value, location)
+        body.fault_unless(there, "index out of range", span)
+    return body.v.at(value, location, type_)
 
 
 def located(body: RunningBody, step: core.Step, type_: Type) -> Location:
@@ -105,21 +108,21 @@ def of_named(body: RunningBody, place: core.Place) -> Storage:
     """Evaluate ``v@i``: the variable of the robot with a number. [PROP-READ]"""
     assert place.robot is not None
     number, type_ = body.condition(place.robot), place.variable.type
-    if body.crowd is not None:
-        return all_robots.named(body, place, number)
     found: Storage = body.s.unset(type_)
     there: list[Term] = []
-    for i in reversed(body.everyone()):
-        slot = body.world.slot_of(body.world.kinds[i], place.variable)
-        if slot is None:
-            continue
-        here = body.t.equal(number, body.t.integer(i))
-        robot = body.state().robots[i]
-        own = robot.locals if place.variable.home is Home.LOCAL else robot.ports
-        # The last one needs no condition: there is no such robot otherwise, which is a fault.
-        found = body.s.merge(here, own[slot], found, type_) if there else own[slot]
-        there.append(here)
-    body.fault_unless(body.t.disjunction(there), "no such robot", place.robot.span)
+    for kind, here, robot in reversed(all_robots.candidates(body, number)):
+        slot = body.world.slot_of(kind, place.variable)
+        if slot is not None:
+            own = (robot.locals if place.variable.home is Home.LOCAL else robot.ports)[slot]
+            # The last one needs no condition: there is no such robot otherwise, which is a fault.
+            found = body.s.merge(here, own, found, type_) if there else own
+            there.append(here)
+    right = body.t.disjunction(there)
+    if body.crowd is not None:
+        if len(there) == len(body.world.program.agents):
+            right = body.t.truth(True)
+        right = body.t.both(all_robots.is_robot(body, number), right)
+    body.fault_unless(right, "no such robot", place.robot.span)
     return found
 
 
@@ -171,19 +174,8 @@ def check_place(
             body.fault_unless(storage.is_set, what, place.span)
             value = storage.value
         if value is not None:
-            if isinstance(location, Field):
-                assert isinstance(value, tuple)
-                value = value[location.position]
-            elif isinstance(location, AtKey):
-                assert isinstance(value, Term)
-                if k + 1 < len(locations):
-                    there = maps.has(body.v, value, location.key, location.type)
-                    body.fault_unless(there, "no such key", step.span)
-                value = maps.at(body.v, value, location.key, location.type)
-            else:
-                there = body.v.inside(value, location)
-                body.fault_unless(there, "index out of range", step.span)
-                value = body.v.at(value, location, type_)
+            is_new = isinstance(location, AtKey) and k + 1 == len(locations)
+            value = _below(body, value, location, type_, None if is_new else step.span)
         else:
             assert not isinstance(storage, Cell)
             if isinstance(location, Term):
@@ -203,14 +195,8 @@ def entry_in(
         if value is None:
             assert not isinstance(storage, Cell)
             storage = body.s.below(storage, location, type_)
-        elif isinstance(location, Field):
-            assert isinstance(value, tuple)
-            value = value[location.position]
-        elif isinstance(location, AtKey):
-            assert isinstance(value, Term)
-            value = maps.at(body.v, value, location.key, location.type)
         else:
-            value = body.v.at(value, location, type_)
+            value = _below(body, value, location, type_, None)
         type_ = step.type
     assert value is not None
     return value

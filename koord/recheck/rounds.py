@@ -7,17 +7,17 @@ others have not (or have skipped, which looks alike). Everything that a robot di
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from functools import partial
 
 from msgspec import Struct
+from msgspec.structs import replace
 
-from koord.recheck.claims import Claim, Goal, History, ShownTerm, parts, stated, taken
+from koord.recheck.claims import Claim, Goal, History, ShownTerm, as_facts, parts, stated
 from koord.recheck.races import Racing, WrittenPart
-from koord.recheck.storage import Robot, State, Storage, Store
-from koord.recheck.terms import BOOL, INT, Term, Terms
+from koord.recheck.storage import Robot, State
+from koord.recheck.terms import BOOL, Term, Terms
 from koord.recheck.turns import EventTurn, Turns
 from koord.recheck.world import Key
-from koord.syntax import core
-from koord.syntax.core import Home
 
 
 class EventChoice(Struct, frozen=True):
@@ -58,7 +58,7 @@ class Rounds(Struct, frozen=True):
             for position, event in enumerate(world.agent(i).events):
                 turn = self.turns.turn(start, i, position)
                 runs = v.symbol(f"{i} runs {event.name} in {label}", BOOL)
-                facts.append(t.implies(runs, self.may_run(start, turn)))
+                facts.append(t.implies(runs, self.turns.may_run(start.robots[i], turn)))
                 mine.append(EventChoice(turn, runs))
             facts += _at_most_one(t, [choice.runs for choice in mine])
             choices.append(tuple(mine))
@@ -74,20 +74,6 @@ class Rounds(Struct, frozen=True):
         store = racing.joined(start.store, parts)
         robots = tuple(self._moved(start.robots[i], mine) for i, mine in enumerate(choices))
         return Prefix(start, tuple(choices), State(robots, store), (*facts, *racing.facts))
-
-    def may_run(self, start: State, turn: EventTurn) -> Term:
-        """The condition that a robot may select an event, as far as it alone is concerned.
-        [SELECT]
-        """
-        t = self.turns.v.t
-        return t.conjunction(
-            [
-                t.negation(start.robots[turn.robot].stopped),
-                turn.enabled,
-                *(t.negation(fault.when) for fault in turn.faults),
-                turn.legal,
-            ]
-        )
 
     def _one_winner_each(self, choices: Sequence[Sequence[EventChoice]]) -> list[Term]:
         """The fact that no two robots enter one lock class. [ATOMIC]"""
@@ -126,10 +112,7 @@ class Rounds(Struct, frozen=True):
         """
         t = self.turns.v.t
         idle = t.conjunction([t.either(r.asked, r.stopped) for r in state.robots])
-        robots = tuple(
-            Robot(r.locals, r.ports, r.asked, t.either(r.stopped, idle), r.ran)
-            for r in state.robots
-        )
+        robots = tuple(replace(r, stopped=t.either(r.stopped, idle)) for r in state.robots)
         return idle, State(robots, state.store)
 
     def skips_legally(
@@ -143,35 +126,18 @@ class Rounds(Struct, frozen=True):
         t = self.turns.v.t
         facts = []
         for i, mine in enumerate(prefix.choices):
-            free = [
-                self._not_obliged(prefix, choice.turn, mover, nobody_moved)
-                for choice in mine
-                if choice.turn.event.urgent
-            ]
+            urgent = [choice.turn for choice in mine if choice.turn.event.urgent]
+            if nobody_moved:
+                free = [self.turns.off(turn) for turn in urgent]
+            else:
+                taken = partial(self.taken, prefix)
+                free = [self.turns.not_obliged(turn, taken, mover) for turn in urgent]
             may_skip = t.either(prefix.start.robots[i].stopped, t.conjunction(free))
             if nobody_moved:
                 facts.append(may_skip)
             elif mover is None or mover.robot != i:
                 facts.append(t.implies(prefix.ran_none(i, self.turns), may_skip))
         return facts
-
-    def _not_obliged(
-        self, prefix: Prefix, turn: EventTurn, mover: EventTurn | None, nobody_moved: bool
-    ) -> Term:
-        """The condition that an event does not oblige: ``pre`` may fail, or a class of it is
-        taken.
-        """
-        t = self.turns.v.t
-        faulted = t.disjunction(fault.when for fault in turn.guard_faults)
-        off = t.both(turn.guard_legal, t.either(t.negation(turn.enabled), faulted))
-        if nobody_moved:
-            return off
-        taken = [self.taken(prefix, lock) for lock in turn.event.lock_classes]
-        if mover is not None:
-            taken += [
-                mover.entered[lock] for lock in turn.event.lock_classes if lock in mover.entered
-            ]
-        return t.disjunction([off, *taken])
 
     def ended(
         self, past: History, assumed: Sequence[Claim], label: str
@@ -180,49 +146,18 @@ class Rounds(Struct, frozen=True):
         prefix = self.prefix(past.state, label or "the round")
         facts = self.skips_legally(prefix)
         _, end = self.stopped_together(prefix.state)
-        facts += taken(self.goals(end, assumed))
+        facts += as_facts(self.goals(end, assumed))
         return prefix, end, facts
 
     # --- configurations --------------------------------------------------------------------------
 
     def anything_like(self, state: State, changed: frozenset[Key], suffix: str) -> State:
         """An arbitrary configuration that agrees with another, except in some variables."""
-        program, v, world = self.turns.world.program, self.turns.v, self.turns.world
-
-        def of(d: core.Declaration, home: Home, kind: int, like: Storage, at: str) -> Storage:
-            key = (home, kind, d.variable.slot)
-            if key not in changed:
-                return like
-            if key in world.rewritten:
-                like = self.turns.s.loosened(like, d.variable.type)
-            return self.turns.s.anything(f"{d.variable.name}{at}{suffix}", d.variable.type, like)
-
-        def shared(
-            home: Home, declarations: tuple[core.Declaration, ...], kept: tuple[Storage, ...]
-        ) -> tuple[Storage, ...]:
-            pairs = zip(declarations, kept, strict=True)
-            return tuple(of(d, home, 0, like, "") for d, like in pairs)
-
-        robots = []
-        for i, own in enumerate(state.robots):
-            kind, agent, at = world.kinds[i], world.agent(i), f"@{i}"
-            ports = [port.declaration for port in agent.ports]
-            locals_ = zip(agent.locals, own.locals, strict=True)
-            both = zip(ports, own.ports, strict=True)
-            robots.append(
-                Robot(
-                    tuple(of(d, Home.LOCAL, kind, like, at) for d, like in locals_),
-                    tuple(of(d, Home.PORT, kind, like, at) for d, like in both),
-                    v.symbol(f"asked{at}{suffix}", BOOL) if world.asks() else own.asked,
-                    v.symbol(f"stopped{at}{suffix}", BOOL) if world.stops() else own.stopped,
-                    v.symbol(f"ran{at}{suffix}", INT) if world.mentions(core.Ran) else own.ran,
-                )
-            )
-        store = Store(
-            shared(Home.ALLREAD, program.allread, state.store.allread),
-            shared(Home.ALLWRITE, program.allwrite, state.store.allwrite),
+        kinds, any_robot = self.turns.world.kinds, self.turns.any_robot
+        robots = tuple(
+            any_robot(own, kinds[i], changed, f"@{i}{suffix}") for i, own in enumerate(state.robots)
         )
-        return State(tuple(robots), store)
+        return State(robots, self.turns.any_store(state.store, changed, suffix))
 
     def goals(
         self, state: State, claims: Iterable[Claim], *, between_rounds: bool = False

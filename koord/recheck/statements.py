@@ -300,11 +300,16 @@ def run(body: RunningBody, block: core.Block) -> None:
     outer = body.path
     for s in block:
         execute(body, s)
-        left = [*body.broke[-1:], *([body.frame.returned] if body.frame else [])]
-        body.path = body.t.both(outer, body.t.negation(body.t.disjunction(left)))
+        body.path = _going_on(body, outer)
         if body.path.value is False:
             break
     body.path = outer
+
+
+def _going_on(body: RunningBody, outer: Term) -> Term:
+    """The path of what neither broke out of the loop nor returned."""
+    left = [*body.broke[-1:], *([body.frame.returned] if body.frame else [])]
+    return body.t.both(outer, body.t.negation(body.t.disjunction(left)))
 
 
 def execute(body: RunningBody, s: core.Stmt) -> None:
@@ -336,7 +341,12 @@ def execute(body: RunningBody, s: core.Stmt) -> None:
         case core.Break():
             body.broke[-1] = t.either(body.broke[-1], body.path)
         case core.Return():
-            leave(body, s)
+            assert body.frame is not None
+            result = None
+            if s.value is not None:
+                assert body.frame.type is not None
+                result = body.s.stored(body.value(s.value), body.frame.type)
+            _returns(body, body.path, result)
         case core.Atomic():
             entered = body.entered.get(s.lock_class, t.truth(False))
             body.entered[s.lock_class] = t.either(entered, body.path)
@@ -376,8 +386,7 @@ def go_through(
     body.broke.append(body.t.truth(False))
     outer = body.path
     for number, value in trips:
-        left = [body.broke[-1], *([body.frame.returned] if body.frame else [])]
-        body.path = body.t.both(outer, body.t.negation(body.t.disjunction(left)))
+        body.path = _going_on(body, outer)
         if body.path.value is False:
             break
         if key is not None and number is not None:
@@ -386,13 +395,3 @@ def go_through(
         run(body, block)
     body.broke.pop()
     body.path = outer
-
-
-def leave(body: RunningBody, s: core.Return) -> None:
-    frame = body.frame
-    assert frame is not None
-    if s.value is not None:
-        assert frame.type is not None
-        result = body.s.stored(body.value(s.value), frame.type)
-        frame.result = body.s.merge(body.path, result, frame.result, frame.type)
-    frame.returned = body.t.either(frame.returned, body.path)

@@ -17,10 +17,10 @@ from koord.recheck.claims import (
     History,
     Obligation,
     ShownTerm,
+    as_facts,
     sound,
-    taken,
 )
-from koord.recheck.lost_updates import meeting
+from koord.recheck.lost_updates import lost
 from koord.recheck.races import made
 from koord.recheck.rounds import Prefix, Rounds
 from koord.recheck.storage import State, Store
@@ -110,7 +110,7 @@ class RoundObligations(Struct, dict=True):
             facts.append(t.either(last, t.disjunction(others)))
             legal = t.conjunction(self.of.skips_legally(prefix, mover=turn))
             facts.append(t.implies(last, legal))
-        facts.append(self.of.may_run(prefix.start, turn))
+        facts.append(self.of.turns.may_run(prefix.start.robots[turn.robot], turn))
         goals = self.of.goals(after, self.asked)
         return self._attempt(facts, goals, (*self.shown, *self.chosen))
 
@@ -137,8 +137,8 @@ class RoundObligations(Struct, dict=True):
             allwrite.append(self.of.turns.s.merge(alone, old, x, d.variable.type))
         inside = State(robots, Store(allread, tuple(allwrite)))
         _, after = self._moved(inside, turn)
-        facts = taken(self.of.goals(inside, self.assumed))
-        facts.append(self.of.may_run(before, turn))
+        facts = as_facts(self.of.goals(inside, self.assumed))
+        facts.append(self.of.turns.may_run(before.robots[turn.robot], turn))
         return self._attempt(facts, self.of.goals(after, self.asked), ())
 
     def _moved(self, state: State, turn: EventTurn) -> tuple[Term | None, State]:
@@ -170,7 +170,7 @@ class RoundObligations(Struct, dict=True):
         Where nobody has run yet it is the one that the round started in, but for who ran what in
         the round before.
         """
-        facts = taken(self.of.goals(self.prefix.state, self.assumed))
+        facts = as_facts(self.of.goals(self.prefix.state, self.assumed))
         if not self.world.mentions(core.Ran):
             return facts
         t = self.t
@@ -220,7 +220,7 @@ class RoundObligations(Struct, dict=True):
             Goal(
                 claim.name,
                 t.truth(True),
-                t.negation(meeting(self.of.turns, self.prefix, claim.subject)),
+                t.negation(lost(self.of.turns, self.prefix, claim.subject)),
             )
             for claim in self.asked
             if claim.kind is ClaimKind.LOST_UPDATE
@@ -239,7 +239,7 @@ class RoundObligations(Struct, dict=True):
         yield Obligation(name, tuple(partial(self._evolved, end) for end in ways), hollow)
 
     def _end_loosely(self) -> tuple[State, list[Term]]:
-        return self.loose, taken(self.of.goals(self.loose, self.assumed))
+        return self.loose, as_facts(self.of.goals(self.loose, self.assumed))
 
     def _end_exactly(self) -> tuple[State, list[Term]]:
         prefix, end, facts = self.of.ended(self.past, self.assumed, self.label)

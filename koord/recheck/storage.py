@@ -6,9 +6,10 @@ Configurations are made of them, and so is what a running body reads and writes.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TypeAlias
+from typing import Any, TypeAlias, TypeVar, cast
 
 from msgspec import Struct, field
+from msgspec.structs import replace
 
 from koord.recheck import maps
 from koord.recheck.sorts import Family, Value
@@ -18,8 +19,14 @@ from koord.syntax import core
 from koord.syntax.source import Span
 from koord.syntax.types import MapType, Type
 
+T = TypeVar("T")
 
-class Cell(Struct, frozen=True):
+
+class OfRobot(Struct, frozen=True):
+    """Something that hangs on a robot's number: see :meth:`Storages.of`."""
+
+
+class Cell(OfRobot, frozen=True):
     """An atom. Where it is not set, its value is arbitrary."""
 
     is_set: Term
@@ -41,7 +48,7 @@ class Field(Struct, frozen=True):
     position: int
 
 
-class AtKey(Struct, frozen=True):
+class AtKey(OfRobot, frozen=True):
     """A step to the entry of a map."""
 
     key: Value
@@ -52,7 +59,7 @@ class AtKey(Struct, frozen=True):
 Location: TypeAlias = "Field | Term | AtKey"
 
 
-class Robot(Struct, frozen=True):
+class Robot(OfRobot, frozen=True):
     """A robot's own part of a configuration. ``ran`` is its event's position, -1 for none."""
 
     locals: tuple[Storage, ...]
@@ -76,14 +83,14 @@ class State(Struct, frozen=True):
     store: Store
 
 
-class Crowd(Struct, frozen=True):
+class ParameterisedState(Struct, frozen=True):
     """A configuration of any number of robots; ``robot`` gives the one of a kind with a number."""
 
     robot: Callable[[int, Term], Robot]
     store: Store
 
 
-class Write(Struct, frozen=True):
+class Write(OfRobot, frozen=True):
     """A write to a shared variable, where ``when`` holds."""
 
     when: Term
@@ -92,7 +99,7 @@ class Write(Struct, frozen=True):
     value: Value
 
 
-class Fault(Struct, frozen=True):
+class Fault(OfRobot, frozen=True):
     """A fault under the condition ``when``."""
 
     when: Term
@@ -113,7 +120,7 @@ class Memory(Struct):
     allwrite: list[Storage] = field(default_factory=list)
     after: list[Storage] | None = None  #: ports after the environment's turn, while it runs
     #: In a property: the configuration that it is about.
-    state: State | Crowd | None = None
+    state: State | ParameterisedState | None = None
 
 
 class Frame(Struct):
@@ -311,13 +318,26 @@ class Storages(Struct, frozen=True):
             one = element(blank)
         return Many(lambda index: self.of(one, blank, index))
 
-    def of(self, storage: Storage, old: Term, new: Term) -> Storage:
-        """Substitute a term for a variable in storage."""
-        if isinstance(storage, Cell):
-            return Cell(self.v.t.put(storage.is_set, old, new), self.v.put(storage.value, old, new))
-        if isinstance(storage, Many):
-            return Many(lambda index: self.of(storage.at(index), old, new))
-        return tuple(self.of(part, old, new) for part in storage)
+    def of(self, known: T, old: Term, new: Term) -> T:
+        """Substitute a term for a variable in storage, or in all facts about a robot."""
+
+        def put(part: Any) -> Any:
+            match part:
+                case Term() | Family():
+                    return self.v.put(part, old, new)
+                case Many(at=at):
+                    return Many(lambda index: put(at(index)))
+                case tuple():
+                    return tuple(map(put, part))
+                case dict():
+                    return {key: put(value) for key, value in part.items()}
+                case OfRobot():
+                    fields = {name: put(getattr(part, name)) for name in part.__struct_fields__}
+                    return replace(part, **fields)
+                case _:
+                    return part
+
+        return cast("T", put(known))
 
     def same(self, a: Storage, b: Storage, type_: Type) -> Term:
         """The condition that two variables have equal storage."""

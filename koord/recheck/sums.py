@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from fractions import Fraction
 from itertools import pairwise
 from math import factorial, lcm
@@ -82,20 +82,6 @@ def binder(body: RunningBody, name: str, type_: Type, binders: list[Term]) -> Va
     symbol = body.t.symbol(f"?{name}", body.v.sort(type_))
     binders.append(symbol)
     return symbol
-
-
-def of_robots(body: RunningBody, number: core.Expr, holds: Sequence[Term]) -> Term:
-    """The condition that holds of the robot with a number; false if there is none."""
-    index = body.condition(number)
-    return body.t.disjunction(
-        body.t.both(body.t.equal(index, body.t.integer(i)), x) for i, x in enumerate(holds)
-    )
-
-
-def ran(body: RunningBody, e: core.Ran, robot: int) -> Term:
-    position = body.state().robots[robot].ran
-    positions = [p for kind, p in e.events if kind == body.world.kinds[robot]]
-    return body.t.disjunction(body.t.equal(position, body.t.integer(p)) for p in positions)
 
 
 #: Parts are recognised as polynomials of their number up to this degree.

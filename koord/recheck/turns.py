@@ -6,15 +6,18 @@ round. It is worked out there once, wherever in the round it then takes place.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from msgspec import Struct
 
 from koord.recheck import places, statements
 from koord.recheck.body import RunningBody
 from koord.recheck.races import Racing, WrittenPart
 from koord.recheck.storage import (
-    Crowd,
     Fault,
     Memory,
+    OfRobot,
+    ParameterisedState,
     Robot,
     State,
     Storage,
@@ -22,15 +25,16 @@ from koord.recheck.storage import (
     Store,
     Write,
 )
-from koord.recheck.terms import Term
+from koord.recheck.terms import BOOL, Term
+from koord.recheck.terms import INT as NUMBER
 from koord.recheck.values import Values
-from koord.recheck.world import Instance
+from koord.recheck.world import Instance, Key
 from koord.syntax import core
-from koord.syntax.core import Direction, Start
+from koord.syntax.core import Direction, Home, Start
 from koord.syntax.types import INT, ArrayType
 
 
-class EventTurn(Struct, frozen=True):
+class EventTurn(OfRobot, frozen=True):
     """The effect of one event of one robot, if it runs.
 
     ``robot`` is its number, or its kind where it is any robot of any number of them.
@@ -69,7 +73,7 @@ class Evolution(Struct, frozen=True):
     promises: tuple[tuple[str, int, Term], ...]
 
 
-class Evolved(Struct, frozen=True):
+class Evolved(OfRobot, frozen=True):
     """A robot after the environment's turn, with facts and faults."""
 
     robot: Robot
@@ -215,6 +219,80 @@ class Turns(Struct, frozen=True):
             dict(body.entered),
         )
 
+    def may_run(self, own: Robot, turn: EventTurn) -> Term:
+        """The condition that a robot may select an event, as far as it alone is concerned.
+
+        [SELECT]
+        """
+        t = self.v.t
+        sound = [t.negation(fault.when) for fault in turn.faults]
+        return t.conjunction([t.negation(own.stopped), turn.enabled, *sound, turn.legal])
+
+    def off(self, turn: EventTurn) -> Term:
+        """The condition that ``pre`` does not hold for some answers."""
+        t = self.v.t
+        faulted = t.disjunction(fault.when for fault in turn.guard_faults)
+        return t.both(turn.guard_legal, t.either(t.negation(turn.enabled), faulted))
+
+    def not_obliged(
+        self, turn: EventTurn, taken: Callable[[int], Term], mover: EventTurn | None
+    ) -> Term:
+        """The condition that an event does not oblige: ``pre`` may fail, or a class of it is taken.
+
+
+        [SKIP] ``mover`` is what one more robot runs on top of those that took classes.
+        """
+        locks = [taken(lock) for lock in turn.event.lock_classes]
+        if mover is not None:
+            mine = mover.entered
+            locks += [mine[lock] for lock in turn.event.lock_classes if lock in mine]
+        return self.v.t.disjunction([self.off(turn), *locks])
+
+    # --- any configuration ----------------------------------------------------------------------
+
+    def any_store(self, store: Store, changed: frozenset[Key], label: str) -> Store:
+        """An arbitrary store that agrees with another, except in some variables."""
+        program = self.world.program
+
+        def of(
+            home: Home, declarations: tuple[core.Declaration, ...], kept: tuple[Storage, ...]
+        ) -> tuple[Storage, ...]:
+            pairs = zip(declarations, kept, strict=True)
+            return tuple(self._any((home, 0), d, like, changed, label) for d, like in pairs)
+
+        return Store(
+            of(Home.ALLREAD, program.allread, store.allread),
+            of(Home.ALLWRITE, program.allwrite, store.allwrite),
+        )
+
+    def any_robot(self, own: Robot, kind: int, changed: frozenset[Key], label: str) -> Robot:
+        """An arbitrary robot that agrees with another, except in some variables and its status."""
+        world, v, agent = self.world, self.v, self.world.program.agents[kind]
+        locals_ = zip(agent.locals, own.locals, strict=True)
+        ports = zip(agent.ports, own.ports, strict=True)
+        return Robot(
+            tuple(self._any((Home.LOCAL, kind), d, x, changed, label) for d, x in locals_),
+            tuple(self._any((Home.PORT, kind), p.declaration, x, changed, label) for p, x in ports),
+            v.symbol(f"asked{label}", BOOL) if world.asks() else own.asked,
+            v.symbol(f"stopped{label}", BOOL) if world.stops() else own.stopped,
+            v.symbol(f"ran{label}", NUMBER) if world.mentions(core.Ran) else own.ran,
+        )
+
+    def _any(
+        self,
+        where: tuple[Home, int],
+        d: core.Declaration,
+        like: Storage,
+        changed: frozenset[Key],
+        label: str,
+    ) -> Storage:
+        key = (*where, d.variable.slot)
+        if key not in changed:
+            return like
+        if key in self.world.rewritten:
+            like = self.s.loosened(like, d.variable.type)
+        return self.s.anything(f"{d.variable.name}{label}", d.variable.type, like)
+
     # --- the environment's turn -----------------------------------------------------------------
 
     def environment(self, state: State) -> Evolution:
@@ -278,7 +356,9 @@ class Turns(Struct, frozen=True):
 
     # --- statements about configurations --------------------------------------------------------
 
-    def holds(self, state: State | Crowd, condition: core.Expr, bound: int) -> tuple[Term, Term]:
+    def holds(
+        self, state: State | ParameterisedState, condition: core.Expr, bound: int
+    ) -> tuple[Term, Term]:
         """The condition that a statement holds in a configuration; the legality of its answers."""
         memory = Memory([], [], [*state.store.allread], [*state.store.allwrite], None, state)
         body = statements.body(self.world, self.v, None, memory)
