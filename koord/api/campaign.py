@@ -1,4 +1,4 @@
-"""Many simulated runs, each with a seed of its own: figures with intervals of confidence."""
+"""Campaigns: many simulated runs with different seeds; metrics with confidence intervals."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _CONFIDENCE = 0.95
 
 
 class CampaignRequest(Struct, frozen=True):
-    """Which runs are to be made, how, and what is kept of them."""
+    """The request for a campaign: its runs, how to make them, and the files to keep."""
 
     runs: int = 1  #: of each value
     jobs: int = 1  #: at a time, in processes
@@ -45,7 +45,7 @@ class CampaignRequest(Struct, frozen=True):
     plot: str | None = None
 
     def check(self) -> None:
-        """Whether all of it can be made, before long work is done.
+        """Check that the campaign can be made, before long work is done.
 
         Raises KoordError, and ArgumentError.
         """
@@ -61,7 +61,7 @@ class CampaignRequest(Struct, frozen=True):
 
 
 class Campaign(Result, frozen=True, kw_only=True):
-    """What the runs of a campaign came to, in the order of the values and seeds."""
+    """The results of a campaign's runs, in the order of the values and seeds."""
 
     program: str
     swept: str  #: what differs between groups of runs
@@ -70,7 +70,7 @@ class Campaign(Result, frozen=True, kw_only=True):
 
     @property
     def ok(self) -> bool:
-        """Whether all runs were made, and in none was anything broken or stuck."""
+        """Return whether all runs were made, and none broke a claim or got stuck."""
         return not self.interrupted and not any(row.is_bad or row.stuck for row in self.runs)
 
     def groups(self) -> dict[str, tuple[Row, ...]]:
@@ -81,7 +81,7 @@ class Campaign(Result, frozen=True, kw_only=True):
         return {value: tuple(rows) for value, rows in found.items()}
 
     def common(self) -> str:
-        """δ and what else is not as in the text, where that is the same for all runs."""
+        """The settings that are the same for all runs: δ, and others that differ from the text."""
         values = {row.values for row in self.runs}
         return f", {values.pop()}" if len(values) == 1 else ""
 
@@ -111,14 +111,14 @@ class Campaign(Result, frozen=True, kw_only=True):
 
 
 class CampaignBegun(Progress, frozen=True, kw_only=True):
-    """So many runs are there already, of so many."""
+    """Progress: a campaign begins; ``known`` of its ``runs`` are done already."""
 
     known: int
     runs: int
 
 
 class RunOver(Progress, frozen=True, kw_only=True):
-    """One more run is over; ``done`` of ``runs`` are."""
+    """Progress: a run is over; ``done`` of ``runs`` are."""
 
     row: Row
     done: int
@@ -186,7 +186,7 @@ def make_campaign(
     progress: Listener | None = None,
     cancellation: Cancellation | None = None,
 ) -> Campaign:
-    """As :func:`campaign`, of what is known to suit and has a seed. Raises KoordError."""
+    """As :func:`campaign`, for a checked request with a seed. Raises KoordError."""
     tell, is_cancelled = heard_by(progress), asker(cancellation)
     orders = list(_orders(wanted, request))
     numbers = {order.key: number for number, order in enumerate(orders)}
@@ -225,7 +225,7 @@ def make_campaign(
 
 
 def _check_sweep(orders: Sequence[Order]) -> None:
-    """Whether a run can begin with each of the values that are swept, before any does.
+    """Check that a run can begin with each of the swept values, before any does.
 
     Raises KoordError.
     """
@@ -236,7 +236,7 @@ def _check_sweep(orders: Sequence[Order]) -> None:
 
 
 def _identity(wanted: FitRequest, request: CampaignRequest) -> str:
-    """What makes runs with one seed and one swept value the same: the campaign, as a few digits."""
+    """A digest of a campaign: runs with equal digest, seed and swept value are equal."""
     configuration = wanted.configuration
     said = (
         __version__,
@@ -286,7 +286,7 @@ def _robots(value: ParamValue) -> int:
 
 
 def mean_and_reach(values: Sequence[float]) -> tuple[float, float]:
-    """The mean, and how far the interval of confidence reaches to either side (Student's t)."""
+    """The mean, and half the width of its confidence interval (Student's t)."""
     n = len(values)
     if n < 2:
         return fmean(values), math.nan
@@ -297,7 +297,7 @@ def mean_and_reach(values: Sequence[float]) -> tuple[float, float]:
 
 
 def mean_words(values: Sequence[float]) -> str:
-    """The mean, with an interval of 95 % if there are several values."""
+    """The mean in words, with an interval of 95 % if there are several values."""
     if not values:
         return "-"
     mean, reach = mean_and_reach(values)
@@ -305,7 +305,7 @@ def mean_words(values: Sequence[float]) -> str:
 
 
 def _draw(path: str, campaign: Campaign) -> None:
-    """Means and intervals of times, distances and separations. Raises KoordError."""
+    """Plot means and intervals of times, distances and separations. Raises KoordError."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(9, 3.2), layout="constrained")

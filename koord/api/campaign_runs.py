@@ -33,7 +33,7 @@ _FAULT = "fault"
 
 
 class Row(Struct, frozen=True):
-    """What a run came to: a line of the CSV file."""
+    """The result of a run: a line of the CSV file."""
 
     swept: str
     robots: int
@@ -59,22 +59,24 @@ class Row(Struct, frozen=True):
 
     @property
     def key(self) -> tuple[str, int]:
-        """What tells the runs of a campaign apart."""
+        """The key of a run in its campaign."""
         return self.swept, self.seed
 
     @property
     def taken_s(self) -> float | None:
-        """When the last task was visited (None: not all are), or the run over if it has none."""
+        """The time of the last task's visit (None: not all are visited); without tasks, of the
+        run.
+        """
         return self.tasks_s if self.tasks else self.time_s
 
     @property
     def is_done(self) -> bool:
-        """Whether all tasks were visited, and no fault ended the run."""
+        """Return whether all tasks were visited, and no fault ended the run."""
         return self.tasks_done == self.tasks and self.ending != _FAULT
 
     @property
     def is_bad(self) -> bool:
-        """Whether a claim was broken, or a fault ended the run."""
+        """Return whether a claim was broken, or a fault ended the run."""
         return self.broken > 0 or self.ending == _FAULT
 
 
@@ -83,7 +85,7 @@ _COLUMNS = ["campaign", *Row.__struct_fields__]
 
 
 class RunFile:
-    """The lines of a campaign of this name, which can be read after each."""
+    """The CSV file of a campaign, which is readable after each line."""
 
     def __init__(self, path: str, campaign: str, *, resumes: bool) -> None:
         self.rows: tuple[Row, ...] = ()  #: of runs that were made before
@@ -98,7 +100,7 @@ class RunFile:
             self._file.close()
 
     def begin(self, wanted: Collection[tuple[str, int]]) -> None:
-        """Look at what is there of the wanted runs. Nothing is written yet. Raises KoordError."""
+        """Read the finished runs among the wanted ones. Writes nothing yet. Raises KoordError."""
         there = self._there()
         self.rows = tuple(row for row in there or () if row.key in wanted)
         if self._resumes and there is None:
@@ -112,7 +114,7 @@ class RunFile:
             self.rows = ()
 
     def add(self, row: Row) -> None:
-        """A run has ended: its line is written at once, and as a whole. Raises KoordError."""
+        """Write the line of a run at once, and as a whole. Raises KoordError."""
         if self._file is None:
             write_atomically(self._path, self._written(self.rows))
         try:
@@ -123,14 +125,14 @@ class RunFile:
             raise refusal("K903", self._path, f"cannot be written: {error.strerror}") from None
 
     def finish(self, rows: Sequence[Row]) -> None:
-        """All runs are there: put them in order. Raises KoordError."""
+        """Sort the lines when all runs are there. Raises KoordError."""
         if os.path.isfile(self._path):
             write_atomically(self._path, self._written(rows))
 
     # --- inside ---------------------------------------------------------------------------------
 
     def _there(self) -> list[Row] | None:
-        """The runs that stand in the file; None if it is not of this campaign."""
+        """The runs in the file; None if it is not of this campaign."""
         if not os.path.isfile(self._path):
             return []
         text = read_written(self._path).decode("utf-8", "replace")
@@ -163,7 +165,7 @@ def _lines(lines: Sequence[Sequence[object]]) -> bytes:
 
 
 def _row(cells: dict[str, str]) -> Row:
-    """Raises ValidationError."""
+    """Parse a line. Raises ValidationError."""
     given = {
         name: None if cell == "" and _HINTS.get(name) is not str else cell
         for name, cell in cells.items()
@@ -179,7 +181,7 @@ _CONNECT_S = 10
 
 
 class Order(Struct, frozen=True):
-    """A run that is to be made. ``swept`` is the value of what is swept."""
+    """A run to make. ``swept`` is the value of the swept parameter."""
 
     request: FitRequest
     rounds: int | None
@@ -189,7 +191,7 @@ class Order(Struct, frozen=True):
 
     @property
     def key(self) -> tuple[str, int]:
-        """What tells the runs of a campaign apart."""
+        """The key of a run in its campaign."""
         assert self.request.seed is not None
         return self.swept, self.request.seed
 
@@ -197,7 +199,7 @@ class Order(Struct, frozen=True):
 def rows_of(
     orders: Sequence[Order], jobs: int, cluster: str | None, is_enough: Callable[[], bool]
 ) -> Generator[Row, None, None]:
-    """The rows of runs as they come: so many at a time, or as many as a cluster has workers.
+    """Yield the rows of runs as they finish, with a number of workers, or a cluster's.
 
     Raises KoordError.
     """
@@ -220,7 +222,7 @@ def rows_of(
 def _in_processes(
     orders: Sequence[Order], jobs: int, is_enough: Callable[[], bool]
 ) -> Generator[Row | Refusal | None, None, None]:
-    """So many runs at a time on this machine."""
+    """Make runs in processes of this machine, some at a time."""
     # A fresh interpreter for each worker: libraries with threads do not survive a fork.
     context = get_context("spawn")
     line, ours = context.Pipe(duplex=False)
@@ -242,7 +244,7 @@ def _in_processes(
 
 
 def _begin_worker(line: Connection) -> None:
-    """Ctrl-C is for the process that asks, and no worker outlives it, or its interest."""
+    """Set up a worker: it ignores Ctrl-C, and ends with the process that made it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
     def end() -> None:
@@ -255,7 +257,7 @@ def _begin_worker(line: Connection) -> None:
 def _on_cluster(
     orders: Sequence[Order], address: str, is_enough: Callable[[], bool]
 ) -> Generator[Row | Refusal | None, None, None]:
-    """As many runs at a time as a Dask cluster has workers. Raises KoordError."""
+    """Make runs on the workers of a Dask cluster. Raises KoordError."""
     import distributed
 
     engine: Any = distributed  # it says nothing of its types
@@ -292,7 +294,7 @@ def _on_worker(order: Order) -> Row | Refusal | None:
 
 
 def _tried(order: Order, is_enough: Callable[[], bool] = lambda: False) -> Row | Refusal | None:
-    """As :func:`row_of`; what is wrong is told as data, which comes back from other processes."""
+    """As :func:`row_of`; diagnostics are returned as data, which other processes can send."""
     try:
         return row_of(order, is_enough)
     except KoordError as error:
@@ -300,7 +302,7 @@ def _tried(order: Order, is_enough: Callable[[], bool] = lambda: False) -> Row |
 
 
 def row_of(order: Order, is_enough: Callable[[], bool] = lambda: False) -> Row | None:
-    """Make a run; None if it was enough before its end. Raises KoordError."""
+    """Make a run; None if it was cancelled before its end. Raises KoordError."""
     fitted = fit(order.request)
     made = simulation(fitted, Simulation, keep_going=True, check_summaries=order.check_summaries)
     began = time.perf_counter()

@@ -1,4 +1,4 @@
-"""Certificates: what was shown for all rounds, in a file for others to check."""
+"""Certificates: proofs for all rounds, in a file for others to check."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 class Certificate(Result, frozen=True):
-    """What proofs consist of; ``not_covered`` are claims that hold and are not in it, and why."""
+    """A certificate; ``not_covered`` are claims that hold and are not in it, with reasons."""
 
     document: dict[str, Any]
     not_covered: Mapping[str, str]
@@ -43,7 +43,7 @@ def certify(
     progress: Listener | None = None,
     cancellation: Cancellation | None = None,
 ) -> Certificate | None:
-    """The certificate of the claims that a report shows in all rounds; None if there are none.
+    """Make the certificate of the claims that a report shows in all rounds; None if there are none.
 
     It takes up to ``timeout_s`` seconds. Raises :class:`koord.CancelledError` after
     ``cancellation``.

@@ -1,4 +1,4 @@
-"""Compiling: a program as Python, for robots to run."""
+"""Compilation of programs to Python."""
 
 from __future__ import annotations
 

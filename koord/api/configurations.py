@@ -1,4 +1,4 @@
-"""Is this a configuration that robots can be run with?"""
+"""Checking of configurations, alone and with a program."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from koord.syntax.source import Source
 
 
 class ConfigurationReport(Result, frozen=True):
-    """What is wrong with a configuration, by itself and for a program."""
+    """The diagnostics of a configuration, by itself and for a program."""
 
     name: str
     configuration: RunConfiguration | None  #: None if it cannot be read
@@ -26,12 +26,12 @@ class ConfigurationReport(Result, frozen=True):
 
     @property
     def errors(self) -> tuple[Diagnostic, ...]:
-        """What has to be mended before robots can be run."""
+        """The errors, which prevent a run."""
         return tuple(d for d in self.diagnostics if d.severity is Severity.ERROR)
 
     @property
     def ok(self) -> bool:
-        """Whether robots can be run with it."""
+        """Return whether robots can be run with it."""
         return not self.errors
 
     def to_dict(self) -> dict[str, object]:
@@ -39,7 +39,7 @@ class ConfigurationReport(Result, frozen=True):
         return diagnostics_dict(self.diagnostics)
 
     def summary(self) -> str:
-        """The configuration in a line. It has to be one that can be read."""
+        """The configuration in one line. It has to be readable."""
         assert self.configuration is not None
         robots = self.configuration.robots
         vehicles = sorted({robot.vehicle.type_name for robot in robots})
@@ -57,7 +57,7 @@ class ConfigurationReport(Result, frozen=True):
 
 
 def check_configuration(text: Text, program: Loadable | None = None) -> ConfigurationReport:
-    """Everything that is wrong with a configuration, and with a program for it.
+    """Check a configuration, and a program with it; return all diagnostics.
 
     ``text`` is the name of a file, or a text. Without a program, the one beside the file counts, if
     there is one of its name. Mistakes are data: nothing is raised for them.
@@ -87,7 +87,7 @@ def check_configuration(text: Text, program: Loadable | None = None) -> Configur
 
 
 def check_start(fitted: Fitted) -> None:
-    """Whether a run may begin as program and configuration have it. Raises KoordError. (K934)
+    """Check that a run may begin with program and configuration. Raises KoordError. (K934)
 
     Without the libraries that simulated worlds are made with, nobody can tell.
     """
@@ -109,7 +109,7 @@ def _name(program: Loadable) -> str:
 
 
 def _check_alone(configuration: RunConfiguration) -> None:
-    """All that can be seen of a configuration without a program. Raises KoordError."""
+    """Check a configuration without a program. Raises KoordError."""
     params(configuration)
     if can_be_placed():
         from koord.sim.scene import scene

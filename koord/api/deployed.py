@@ -1,4 +1,4 @@
-"""How the robots of a deployed run are doing, and how they ended."""
+"""The status of robots in a deployed run, and its result."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 class Deployed(Result, frozen=True, kw_only=True):
-    """How each robot of a deployed run ended, by its pid."""
+    """The result of a deployed run: the last status of each robot, by pid."""
 
     problem: Problem
     statuses: Mapping[int, RobotReport]
@@ -32,7 +32,7 @@ class Deployed(Result, frozen=True, kw_only=True):
     def of(
         cls, job: Job, problem: Problem, statuses: Mapping[int, RobotReport], *, interrupted: bool
     ) -> Deployed:
-        """What robots have said last."""
+        """Make the result from the robots' last reports."""
         return cls(
             problem=problem,
             statuses=dict(statuses),
@@ -44,19 +44,19 @@ class Deployed(Result, frozen=True, kw_only=True):
 
     @property
     def in_trouble(self) -> bool:
-        """Whether a fault ended the run, or a robot could not go on."""
+        """Return whether a fault ended the run, or a robot could not go on."""
         return any(one.fault or one.trouble for one in self.statuses.values())
 
     @property
     def is_complete(self) -> bool:
-        """Whether the rounds were done, or all robots have stopped."""
+        """Return whether the rounds were done, or all robots have stopped."""
         states = self.statuses.values()
         done = [one.is_over or one.all_stopped or self.rounds is None for one in states]
         return bool(done) and all(done)
 
     @property
     def ok(self) -> bool:
-        """Whether all went as it was asked for."""
+        """Return whether the run was completed without trouble or interruption."""
         return self.is_complete and not self.in_trouble and not self.interrupted
 
     def to_dict(self) -> dict[str, object]:
@@ -97,20 +97,20 @@ class Deployed(Result, frozen=True, kw_only=True):
 
 
 class FleetHeard(Progress, frozen=True, kw_only=True):
-    """How the robots of a run are doing, by their pids."""
+    """Progress: the status of the robots of a run, by pid."""
 
     statuses: Mapping[int, RobotReport]
     rounds: int | None  #: that are to be done; None: until somebody ends it
 
     @classmethod
     def of(cls, statuses: Mapping[int, RobotReport], rounds: int | None) -> FleetHeard:
-        """What robots have said by now."""
+        """Make the progress from the robots' reports so far."""
         first = max((0, *(status.round for status in statuses.values())))
         said = f"round {first}, {len(statuses)} robots heard"
         return cls(said, round=first, statuses=dict(statuses), rounds=rounds)
 
     def lags(self) -> dict[int, int]:
-        """How many rounds each robot is behind, as far as old reports can tell."""
+        """The number of rounds by which each robot is behind, as far as old reports can tell."""
         statuses = self.statuses.values()
         from koord.runtime.deploy.running import REPORT_S
 

@@ -1,4 +1,4 @@
-"""Run a program on a robot, or on processes of this machine for all robots."""
+"""Deployment: a program on one robot, or on processes of this machine for all robots."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ _WAIT_S = 0.2
 
 
 class DeployRequest(Struct, frozen=True):
-    """How a program is to be deployed. ``pid`` None: all robots, as processes on this machine."""
+    """The request for a deployment. ``pid`` None: all robots, as processes on this machine."""
 
     pid: int | None = None
     rounds: int | None = None
@@ -102,7 +102,7 @@ def deploy(
 
 
 def job_of(fitted: Fitted, request: DeployRequest) -> Job:
-    """What each robot has to know of the run. Raises KoordError."""
+    """The run as its robots know it. Raises KoordError."""
     check_start(fitted)
     configuration, classes = fitted.configuration, loaded(compiled(fitted.program.core))
     assert configuration.delta_s is not None
@@ -152,7 +152,7 @@ def deploy_fitted(
     progress: Listener | None = None,
     cancellation: Cancellation | None = None,
 ) -> Deployed:
-    """As :func:`deploy`, of a run that is prepared. Raises KoordError."""
+    """As :func:`deploy`, for a prepared run. Raises KoordError."""
     deployment = _Deployment(job, fitted.problem, request, heard_by(progress), asker(cancellation))
     try:
         deployed = _all(deployment) if request.pid is None else _one(deployment, request.pid)
@@ -162,7 +162,7 @@ def deploy_fitted(
 
 
 class _Deployment(Struct, frozen=True):
-    """A run that is prepared, who hears of it, and who ends it."""
+    """A prepared run, with its listener and its cancellation."""
 
     job: Job
     problem: Problem
@@ -175,12 +175,12 @@ class _Deployment(Struct, frozen=True):
         return None if path is None else _Recorder(path, self.problem, stack)
 
     def ended(self, statuses: Mapping[int, RobotReport]) -> Deployed:
-        """What robots have said last."""
+        """Make the result from the robots' last reports."""
         return Deployed.of(self.job, self.problem, statuses, interrupted=self.is_cancelled())
 
 
 def _one(of: _Deployment, pid: int) -> Deployed:
-    """One robot, in this process."""
+    """Run one robot, in this process."""
     job, request = of.job, of.request
     if not 0 <= pid < job.robots:
         story = f"there is no robot {pid}"
@@ -210,7 +210,7 @@ def _one(of: _Deployment, pid: int) -> Deployed:
 
 
 def _all(of: _Deployment) -> Deployed:
-    """All robots, each in a process."""
+    """Run all robots, each in a process."""
     job, request, tell, is_stopping = of.job, of.request, of.tell, False
     with ExitStack() as stack:
         if request.state is not None:
@@ -238,7 +238,7 @@ def _all(of: _Deployment) -> Deployed:
 
 @contextmanager
 def _noting(job: Job, path: str, of: Iterable[int] = ()) -> Iterator[Job]:
-    """The run with a folder of journals, made if need be.
+    """The run with a folder of journals, which is made if need be.
 
     A start that is refused leaves none: neither the folder nor journals ``of`` these robots, of
     which this is the first start. Raises KoordError.
@@ -263,7 +263,7 @@ def _noting(job: Job, path: str, of: Iterable[int] = ()) -> Iterator[Job]:
 
 
 class _Recorder:
-    """The record of a run, begun when it is sure that it is not refused, with all told by then."""
+    """The record of a run, begun once the run is accepted, with all earlier reports."""
 
     def __init__(self, path: str, problem: Problem, stack: ExitStack) -> None:
         self._path, self._problem, self._stack = path, problem, stack
@@ -273,7 +273,7 @@ class _Recorder:
     def hear(
         self, news: Iterable[tuple[RobotReport, tuple[RoundReport, ...]]], *, is_sure: bool
     ) -> None:
-        """Write down what robots told."""
+        """Record the reports of robots."""
         self._early += news
         if not is_sure:
             return

@@ -1,4 +1,4 @@
-"""Programs laid out anew, the stories of diagnostics, and the JSON Schemas of koord's files."""
+"""Formatting of programs, stories of diagnostics, and JSON Schemas of koord's files."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from koord.syntax.printing.program import format_source
 
 
 def format(text: Text) -> str:
-    r"""The text of a program, laid out as ``koord fmt`` does; comments stay.
+    r"""Format the text of a program, as ``koord fmt`` does; comments stay.
 
     Raises :class:`koord.KoordError` for errors of syntax.
 
@@ -30,8 +30,9 @@ def format(text: Text) -> str:
 
 
 def explain(code: str) -> Story:
-    """What there is to be said of a code: title, story, a program that yields it and one that does
-    not. Raises :class:`koord.ArgumentError` if there is no such code.
+    """The story of a diagnostic: title, text, a program that yields it and one that does not.
+
+    Raises :class:`koord.ArgumentError` if there is no such code.
 
     >>> koord.explain("K201").title
     """
@@ -44,7 +45,7 @@ def explain(code: str) -> Story:
 
 
 def codes() -> Mapping[str, Story]:
-    """Every code that there is, in order, with its story."""
+    """Every code of a diagnostic, in order, with its story."""
     return entries()
 
 
@@ -78,7 +79,7 @@ GENERATED = ("diagnostics", "recheck", "replay", "trace")
 
 
 def generated(document: str) -> dict[str, Any]:
-    """The JSON Schema of a document, made of the structs that it is written from."""
+    """Generate the JSON Schema of a document from the structs that it is written from."""
     from msgspec.json import schema_components
 
     from koord.api import forms

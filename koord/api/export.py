@@ -1,4 +1,4 @@
-"""Exporting: the claims about a program as a problem, in a file for other tools."""
+"""Export of a program's claims as a problem for other tools."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ class Exported(Result, frozen=True):
 
 
 class Wanted(Struct, frozen=True):
-    """What is to be written: of a program with its robots, in which form, how far.
+    """The request for an export: program, robots, form and bounds.
 
     ``module`` is the name of a module of TLA+; None: one that is made of the program's.
     """
@@ -74,7 +74,7 @@ class Wanted(Struct, frozen=True):
 
     @property
     def comment(self) -> str:
-        """What the file says of itself."""
+        """The comment at the head of the file."""
         problem = self.program.problem(self.system.kinds, self.system.delta_s)
         return f"{visible(str(problem))}, by koord {__version__}"
 
@@ -93,7 +93,7 @@ def export(
     progress: Listener | None = None,
     cancellation: Cancellation | None = None,
 ) -> Exported:
-    """The claims about a program as a problem for other tools; nothing is verified.
+    """Export the claims about a program for other tools; nothing is verified.
 
     ``form`` is ``"aiger"`` (``binary`` or as text), ``"vmt"``, ``"smt2"``, which asks about so many
     ``rounds``, or ``"tla"``, a module of that name. ``robots``, ``delta_s`` and ``properties`` are
@@ -125,7 +125,7 @@ def export(
 def exported(
     wanted: Wanted, tell: Callable[[str], None], interrupted: Callable[[], bool]
 ) -> Exported:
-    """As :func:`export`, of what is wanted. Raises KeyboardInterrupt if it is ``interrupted``."""
+    """As :func:`export`, for a request. Raises KeyboardInterrupt if it is ``interrupted``."""
     _check_names(wanted)
 
     def work(tell: Teller) -> Exported:
@@ -143,7 +143,7 @@ def exported(
 
 
 def _check_names(wanted: Wanted) -> None:
-    """Something has to be in the file. Raises ArgumentError."""
+    """Check that some claim is in the file. Raises ArgumentError."""
     from koord.verify.claims import claims_of, liveness_of
 
     names = wanted.properties
@@ -156,7 +156,7 @@ def _check_names(wanted: Wanted) -> None:
 
 
 def _written(wanted: Wanted) -> Exported:
-    """The file, and what it says more loosely. Raises KoordError, and OutOfBudgetError."""
+    """The file, and its over-approximations. Raises KoordError, and OutOfBudgetError."""
     from koord.verify.effort import Deadline
 
     deadline = Deadline.after(wanted.timeout_s)
@@ -188,7 +188,7 @@ def _module(wanted: Wanted, system: System) -> bytes:
 
 
 def _left_out(wanted: Wanted) -> Iterator[str]:
-    """What the file does not ask."""
+    """Yield the reasons why claims are not in the file."""
     from koord.verify.claims import ClaimKind, claims_of, liveness_of
 
     names = wanted.properties
@@ -205,7 +205,7 @@ def _left_out(wanted: Wanted) -> Iterator[str]:
 
 
 def _with_others(error: KoordError, wanted: Wanted) -> KoordError:
-    """A refusal with what does take the program, as far as that is soon found out."""
+    """A refusal that names exports which do take the program, as far as a short trial tells."""
     taken, unclear = list[str](), False
     for forms in (("smt2",), ("aiger", "vmt"), ("tla",)):
         if wanted.form not in forms:
@@ -226,7 +226,7 @@ def _with_others(error: KoordError, wanted: Wanted) -> KoordError:
 
 
 def _takes(form: str, wanted: Wanted) -> bool | None:
-    """Whether an export takes a program; None if that is not soon found out."""
+    """Return whether an export takes a program; None if a short trial does not tell."""
     rounds = min(1, wanted.rounds)
     trial = replace(wanted, form=form, rounds=rounds, timeout_s=_TRIED_S, module=None, binary=False)
     try:

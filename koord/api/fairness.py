@@ -1,4 +1,4 @@
-"""Why a run without end is fair, and what would exclude it."""
+"""Explanations of fair lassos, and expectations that would exclude them."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from koord.verify.verdicts import Counterexample, Verdict
 
 
 class Fair(Struct, frozen=True):
-    """Why a lasso is fair, and expectations under which it is not."""
+    """The reasons that a lasso is fair, and expectations under which it is not."""
 
     why: Excuses
     excluding: tuple[str, ...]
@@ -29,7 +29,7 @@ def fairness_of(
     found: Counterexample,
     left_s: float | None,
 ) -> Fair | None:
-    """What is to be said of a counterexample; None if it ends. ``left_s``: the seconds left."""
+    """Explain a counterexample; None if it is no lasso. ``left_s``: the seconds left."""
     stated = verdict.claim.stated
     if found.recording.loop is None or stated is None:
         return None
@@ -43,7 +43,7 @@ def fairness_of(
 
 
 def fairness_dict(fair: Fair) -> dict[str, object]:
-    """The same as plain data; rounds count from 1."""
+    """The explanation as plain data; rounds count from 1."""
     return {
         "rounds": list(fair.why.rounds),
         "robots": [

@@ -1,4 +1,4 @@
-"""What no world answers: variables that start anyhow, sensors of no vehicle, functions left open.
+"""The fallback host of simulated runs: starts, sensors and functions that no world answers.
 
 They are found as for `koord run`: by chance, with the run's seed, such that assumptions, contracts
 and summaries hold.
@@ -19,7 +19,7 @@ from koord.syntax.system import System
 
 
 class FallbackHost(Struct):
-    """A host that answers by chance what another, the world, knows nothing of."""
+    """A host that answers at random the queries that another, the world, cannot."""
 
     world: Host
     system: System
@@ -57,7 +57,7 @@ class FallbackHost(Struct):
 
 
 class Fallback(Struct, frozen=True):
-    """Makes the fallback hosts of a run. All say the same, in whichever process they are."""
+    """A factory of the fallback hosts of a run, which agree in all processes."""
 
     system: System
     seed: int
@@ -65,7 +65,7 @@ class Fallback(Struct, frozen=True):
 
     @classmethod
     def of(cls, system: System, seed: int, *, starts: bool) -> Fallback:
-        """With ``starts``, variables start as assumptions ask for.
+        """Make a host; with ``starts``, variables start as assumptions require.
 
         Raises KoordError where no such starts are found.
         """

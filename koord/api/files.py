@@ -1,4 +1,4 @@
-"""Reading and writing the user's files: every way this can fail is a diagnostic."""
+"""Reading and writing of users' files: every failure is a diagnostic."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _OURS = "metadata.yaml"
 
 
 class InputFile(Struct, frozen=True):
-    """A file as it was read: its bytes, to see what would change, and its text to work on."""
+    """A file as it was read: its bytes and its text."""
 
     path: str
     raw: bytes
@@ -37,7 +37,7 @@ def read_program(path: str) -> InputFile:
 
 
 def input_file(path: str, name: str, raw: bytes) -> InputFile:
-    """What was read, as text, spoken of by that name. Raises KoordError if it is no text."""
+    """Decode a file, under the given name. Raises KoordError if it is no text."""
     try:
         text = raw.decode("utf-8")
     except UnicodeDecodeError as error:
@@ -46,7 +46,7 @@ def input_file(path: str, name: str, raw: bytes) -> InputFile:
 
 
 def read_written(path: str) -> bytes:
-    """As :func:`read_bytes`, of what koord writes itself: a file may be as large as it is.
+    """As :func:`read_bytes`, for files that koord writes: there is no limit of size.
 
     Of a pipe, whose end nobody knows, so much is read as of any input. Raises KoordError.
     """
@@ -55,12 +55,12 @@ def read_written(path: str) -> bytes:
 
 
 def read_bytes(path: str) -> bytes:
-    """The bytes of a file. Raises KoordError."""
+    """Read the bytes of a file. Raises KoordError."""
     return _read(path, LARGEST_FILE)
 
 
 def _read(path: str, largest: int | None) -> bytes:
-    """The bytes of a file of at most so many. Raises KoordError."""
+    """Read the bytes of a file up to a limit of size. Raises KoordError."""
     name = visible(path)
     try:
         with open(path, "rb") as file:
@@ -70,12 +70,12 @@ def _read(path: str, largest: int | None) -> bytes:
 
 
 def unreadable(name: str, error: OSError | ValueError) -> KoordError:
-    """Why a file cannot be read."""
+    """Make the error that a file cannot be read."""
     return refusal("K901", name, f"cannot be read: {_reason(error)}")
 
 
 def read_all(file: BinaryIO, name: str, largest: int | None) -> bytes:
-    """What is left of an open file of at most so many bytes. Raises KoordError and OSError."""
+    """Read the rest of an open file up to a limit of size. Raises KoordError and OSError."""
     raw = file.read(-1 if largest is None else largest + 1)
     if largest is not None and len(raw) > largest:
         limit = f"it is larger than {largest // 2**20} MiB"
@@ -84,7 +84,7 @@ def read_all(file: BinaryIO, name: str, largest: int | None) -> bytes:
 
 
 def write_atomically(path: str, data: bytes) -> None:
-    """Put ``data`` into a file so that no reader, and no crash, ever sees half of it.
+    """Write ``data`` to a file atomically: no reader, and no crash, ever sees half of it.
 
     An existing file keeps its mode, and a symbolic link goes on pointing to it. What is no
     regular file (``/dev/stdout``, a pipe) is simply written. Raises KoordError.
@@ -100,7 +100,7 @@ def write_atomically(path: str, data: bytes) -> None:
 
 
 def check_writable(path: str, read: Iterable[str] = ()) -> None:
-    """Raise KoordError if ``path`` can be seen not to be writable, before long work is done.
+    """Raise KoordError if ``path`` is evidently not writable, before long work is done.
 
     What is ``read`` by the same command is nobody's to replace.
     """
@@ -122,7 +122,7 @@ def check_writable(path: str, read: Iterable[str] = ()) -> None:
 
 
 def check_folder(path: str) -> None:
-    """Raise KoordError if ``path`` can be seen to be no place for a folder of files of ours."""
+    """Raise KoordError if ``path`` is evidently no place for a folder of files of ours."""
     target = Path(os.path.realpath(path))
     reason = None
     if target.exists() and not (target / _OURS).is_file():
@@ -136,7 +136,7 @@ def check_folder(path: str) -> None:
 
 
 def write_folder(path: str, files: Mapping[str, bytes]) -> None:
-    """Make a folder of files, which is there as a whole or not at all.
+    """Write a folder of files atomically: as a whole or not at all.
 
     One that was written like this before is replaced. Raises KoordError.
     """
@@ -180,12 +180,12 @@ def _replace(target: Path, data: bytes) -> None:
 
 
 def _private(name: str, flags: int) -> int:
-    """Opens a file that nobody else may read yet."""
+    """Open a file that nobody else may read yet."""
     return os.open(name, flags, 0o600)
 
 
 def _beside(target: Path) -> Path:
-    """A new name in the folder of a file that is to be there as a whole."""
+    """A temporary name in the folder of a file that is written atomically."""
     return target.parent / f".{target.name[:100]}.{secrets.token_hex(8)}"
 
 

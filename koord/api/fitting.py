@@ -1,4 +1,4 @@
-"""A program and a configuration together: the one check of both, for all that takes them.
+"""Fitting: the check of a program and a configuration together.
 
 What can be wrong with a configuration by itself is found where it is read. Here it is seen whether
 it suits a program: params, kinds of robots, planners, and where robots and tasks are.
@@ -65,7 +65,7 @@ Configurable: TypeAlias = RunConfiguration | Text | None
 
 
 class FitRequest(Struct, frozen=True):
-    """What is to be run, and with which configuration (None: the plainest that suits the program).
+    """A request to run a program with a configuration (None: the plainest that suits the program).
 
     ``robots`` is another number of robots than the configuration's, ``delta_s`` another length of a
     round in seconds, ``seed`` what places hang on that nobody gives; None means as configured, or
@@ -92,7 +92,7 @@ class Fitted(Struct, frozen=True):
 
     @property
     def scene(self) -> Scene:
-        """Robots and tasks in their world, for who has the libraries for it."""
+        """Robots and tasks in their world; it needs the simulation's libraries."""
         assert self.placed is not None, "who simulates has what scenes are made with"
         return self.placed
 
@@ -104,7 +104,7 @@ class Fitted(Struct, frozen=True):
 
     @property
     def problem(self) -> Problem:
-        """What a run is a run of."""
+        """The program with its robots and settings: the subject of a run."""
         return self.program.problem(self.kinds, self.delta_s)
 
 
@@ -116,7 +116,7 @@ def fit_request(
     seed: int | None,
     delta_s: Seconds,
 ) -> FitRequest:
-    """What is to be run, as functions of the API are asked for it. Raises KoordError."""
+    """Make a request from the arguments of an API function. Raises KoordError."""
     chosen = {name: exact(value) for name, value in (params or {}).items()}
     properties: tuple[Source, ...] = ()
     if isinstance(program, Program):
@@ -132,24 +132,24 @@ def fit_request(
 
 
 def read_configuration(text: Text) -> RunConfiguration:
-    """The configuration in a file or a text. Raises KoordError with every mistake."""
+    """Read a configuration from a file or a text. Raises KoordError with every mistake."""
     return load_configuration(source_of(text))
 
 
 def beside(path: str, suffix: str) -> str | None:
-    """The file that lies beside another and has its name, but for how it ends, if there is one."""
+    """The file next to another with the same name and another suffix, if it exists."""
     other = Path(path).with_suffix(suffix)
     return str(other) if other.is_file() and str(other) != path else None
 
 
 def can_be_placed() -> bool:
-    """Whether the libraries are there that look at where things are."""
+    """Return whether the libraries are installed that check positions."""
     return all(find_spec(name) is not None for name in SIM)
 
 
 @uncollected()
 def fit(request: FitRequest) -> Fitted:
-    """Program and configuration together. Raises KoordError with all that does not suit."""
+    """Fit program and configuration. Raises KoordError with all that does not suit."""
     found: list[Diagnostic] = []
     try:
         return _fitted(request, found)
@@ -160,7 +160,7 @@ def fit(request: FitRequest) -> Fitted:
 
 
 def _fitted(request: FitRequest, found: list[Diagnostic]) -> Fitted:
-    """As :func:`fit`; what is found on the way is added, and raised are errors beside it."""
+    """As :func:`fit`; findings are added to a list, and other errors raised."""
     given = request.configuration
     chosen = dict(request.params)
     places: dict[str, Span] = {}
@@ -193,7 +193,7 @@ def _fitted(request: FitRequest, found: list[Diagnostic]) -> Fitted:
 
 
 def _elaborated(request: FitRequest, chosen: Settings) -> Program:
-    """The program with these values. Raises KoordError."""
+    """Elaborate the program with these values. Raises KoordError."""
     report = checked(request.source, chosen, request.properties)
     if report.program is None:
         none = () if report.errors else (no_program(request.source.name),)
@@ -204,7 +204,7 @@ def _elaborated(request: FitRequest, chosen: Settings) -> Program:
 def _sizes(
     request: FitRequest, program: core.Program, chosen: Mapping[str, ParamValue], tasks: int
 ) -> dict[str, ParamValue]:
-    """The param that says how many tasks there are, if nobody has set it: as many as there are.
+    """The param for the number of tasks, unless it is set, with the configuration's number.
 
     Which one it is shows when it is changed.
     """
@@ -224,7 +224,7 @@ def _sizes(
 def _scene(
     configuration: RunConfiguration, program: core.Program, request: FitRequest
 ) -> Scene | None:
-    """Robots and tasks in their world; None where the libraries for that are not installed."""
+    """Robots and tasks in their world; None where the libraries are not installed."""
     if not can_be_placed():
         return None
     from koord.sim.bounds import moves, places_of
@@ -235,7 +235,7 @@ def _scene(
 
 
 def _default(program: core.Program, robots: int | None) -> RunConfiguration:
-    """Cars and drones in turn, or what the kinds of robots of a program are called after.
+    """The default configuration: cars and drones in turn, or as the kinds' names suggest.
 
     Without a number, there are the robots that the program states, or the usual ones.
     """
@@ -260,7 +260,7 @@ def _default(program: core.Program, robots: int | None) -> RunConfiguration:
 def _with_tasks(
     configuration: RunConfiguration, program: core.Program, *, sized: bool
 ) -> RunConfiguration:
-    """Tasks for a program that has a list of them, if the configuration has none."""
+    """Add tasks for a program that has a list of them, if the configuration has none."""
     size, scatter = task_count(program), configuration.scatter
     if size is None or scatter.tasks or (configuration.world and configuration.world.tasks):
         return configuration
@@ -271,7 +271,7 @@ def _with_tasks(
 def _with_delta(
     configuration: RunConfiguration, program: core.Program, delta_s: Fraction | None
 ) -> RunConfiguration:
-    """With δ: as asked for, or as the configuration says, or as the program states."""
+    """Set δ: as requested, or as the configuration says, or as the program states."""
     if delta_s is not None:
         return replace(configuration, delta_s=float(delta_s))
     if configuration.delta_s is None:
@@ -282,7 +282,7 @@ def _with_delta(
 def _unlike(
     configuration: RunConfiguration, program: core.Program, kinds: Sequence[int] | None
 ) -> tuple[Diagnostic, ...]:
-    """Warnings where a configuration is another instance than the program is meant for. It wins.
+    """Warn where a configuration differs from the program's instance. The configuration wins.
 
     ``kinds`` are those of its robots, or None where it is not the configuration that says how many
     there are.
@@ -309,7 +309,7 @@ def _unlike(
 def _kinds(
     program: core.Program, roles: Sequence[str | None], file: str
 ) -> tuple[tuple[int, ...], tuple[Diagnostic, ...]]:
-    """Of which kind each robot is: as a configuration says, or dealt round; and what is wrong."""
+    """The kind of each robot: as configured, or dealt round-robin; with diagnostics."""
     names = [agent.name for agent in program.agents]
     if all(role is None for role in roles):
         return dealt(program, len(roles)).kinds, ()
@@ -331,7 +331,7 @@ def _kinds(
 
 
 def task_count(program: core.Program) -> int | None:
-    """How many tasks a program has a list of; 0 for a list of any length, None without a list.
+    """The length of a program's list of tasks; 0 for any length, None without a list.
 
     That of a list whose length an assumption fixes is known.
     """
@@ -347,5 +347,5 @@ def task_count(program: core.Program) -> int | None:
 
 
 def _is_task(type_: Type) -> bool:
-    """A task is a record that begins with a place."""
+    """Return whether a type is a task: a record that begins with a position."""
     return isinstance(type_, RecordType) and bool(type_.fields) and type_.fields[0][1] == POS

@@ -1,4 +1,4 @@
-"""The forms of JSON that commands print: what `koord schema` describes is made of these structs."""
+"""Forms of the JSON that commands print: structs from which ``koord schema`` is generated."""
 
 from __future__ import annotations
 
@@ -40,14 +40,14 @@ VALUES: dict[str, Any] = {
 
 
 class Form(Struct, forbid_unknown_fields=True):
-    """An object without further fields."""
+    """A JSON object that allows no further fields."""
 
 
 # --- what something is said about -----------------------------------------------------------------
 
 
 class InText(Form):
-    """What the text states of them; null where it states nothing."""
+    """The settings that the text states; null where it states none."""
 
     robots: FromOne | None
     kinds: list[str] | None
@@ -60,7 +60,7 @@ class Parameter(Form):
 
 
 class Problem(Form):
-    """What is said is about the program with these robots and values."""
+    """The program with these robots and values, which the answer is about."""
 
     robots: Annotated[FromOne | None, Meta(description="How many; null for every number of them.")]
     kinds: Annotated[
@@ -114,7 +114,7 @@ class CompiledDifference(Form):
 
 
 class Departure(Form):
-    """Where the compiled program does something else."""
+    """The first difference of the compiled program from the run."""
 
     round: Round
     reason: Told
@@ -122,7 +122,7 @@ class Departure(Form):
 
 
 class Compiled(Form):
-    """What the compiled program does of the same run."""
+    """The run of the compiled program on the same schedule and inputs."""
 
     agrees: bool
     departs: Departure | None
@@ -133,7 +133,7 @@ class Compiled(Form):
 
 
 class Replay(Form):
-    """What `koord replay --json` prints. Rounds count from 0, as in traces; -1 is the start."""
+    """The answer of `koord replay --json`. Rounds count from 0, as in traces; -1 is the start."""
 
     version: Version
     program: Annotated[str, Meta(description="The name of the program's file.")]
@@ -168,7 +168,7 @@ def _words(*words: str) -> Meta:
 
 
 class Place(Form):
-    """Where it begins; null where it stands in no text."""
+    """The beginning of a place in a text; null for none."""
 
     file: str
     line: Natural
@@ -232,7 +232,7 @@ class Script(Form):
 
 
 class Recheck(Form):
-    """What `koord recheck --json` prints. What the verdicts mean: specs/certificates/README.md."""
+    """The answer of `koord recheck --json`. For the verdicts see specs/certificates/README.md."""
 
     version: Annotated[
         Literal[3], Meta(description="Changes when readers of this object have to change.")
@@ -310,9 +310,7 @@ class Diagnostic(Form):
 
 
 class Diagnostics(Form):
-    """What `koord check --json` prints, and every other command with --json when its input has
-    errors.
-    """
+    """The answer of `koord check --json`, and of other commands with --json for wrong input."""
 
     version: Version
     errors: Annotated[Natural, Meta(description="How many diagnostics are errors.")]

@@ -1,4 +1,4 @@
-"""Files that grow while a run goes on, beside those that are made of it when it is over.
+"""Growing files: written while a run goes on, and replaced by whole ones at its end.
 
 They are there if the process is killed, up to the last second of the wall; when the run is kept as
 a whole they are removed.
@@ -24,17 +24,17 @@ PERIOD_S = 1.0
 
 
 class GrowingFile(Protocol):
-    """What grows, and has to be closed."""
+    """A file that grows, and has to be closed."""
 
     def grow(self) -> None:
-        """Write what is new."""
+        """Write the new part."""
 
     def close(self) -> None:
-        """Nothing more is written."""
+        """Close the file."""
 
 
 class Growing:
-    """The files of one run: :meth:`add` them, and :meth:`grow` them while it goes on."""
+    """The growing files of one run: :meth:`add` them, and :meth:`grow` them while it goes on."""
 
     def __init__(self, period_s: float | None = None) -> None:
         self._period_s = PERIOD_S if period_s is None else period_s
@@ -62,7 +62,7 @@ class Growing:
                 remove_part(path)
 
     def add(self, path: str, begun: Callable[[BinaryIO], Callable[[], None]]) -> None:
-        """A file beside ``path``, if that is to be a file.
+        """Add a growing file beside ``path``, if that is to be a file.
 
         ``begun`` writes its beginning, and gives what writes behind it. Raises KoordError.
         """
@@ -77,7 +77,7 @@ class Growing:
             raise _unwritable(error) from None
 
     def add_own(self, path: str, begun: Callable[[Path], GrowingFile]) -> None:
-        """As :meth:`add`, of what sees to its file, or folder, itself. Raises KoordError."""
+        """As :meth:`add`, for files or folders that manage themselves. Raises KoordError."""
         here = Path(part_of(path))
         try:
             if here.exists():  # that of a run that was killed
@@ -92,7 +92,7 @@ class Growing:
         self._files.append(part.grow)
 
     def grow(self) -> None:
-        """Write what is new, if it is time. Raises KoordError."""
+        """Write the new parts, if it is time. Raises KoordError."""
         if time.monotonic() < self._next_s:
             return
         self._has_grown = True
@@ -105,12 +105,12 @@ class Growing:
 
 
 def part_of(path: str) -> str:
-    """Where a file grows while the run goes on."""
+    """The name of a file while the run goes on."""
     return str(Path(path).with_suffix(f".part{Path(path).suffix}"))
 
 
 def remove_part(path: str) -> None:
-    """The file is there as a whole now."""
+    """Remove the growing file: the whole one is there now."""
     part = part_of(path)
     with suppress(OSError):
         if os.path.isdir(part):

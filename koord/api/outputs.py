@@ -1,4 +1,4 @@
-"""What is kept of a simulated run: a page to look at, files for other tools, pictures."""
+"""Outputs of a simulated run: a page, files for other tools, pictures."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 class OutputFormat(Struct, frozen=True):
-    """A form of file, or of folder, to keep a run in: the libraries for it, and their extra."""
+    """A format of files, or folders, for a run: the libraries that it needs, and their extra."""
 
     make: Callable[[RunLog, str], bytes | Mapping[str, bytes]]
     libraries: tuple[str, ...]
@@ -117,13 +117,13 @@ _PATIENCE_S = 3.0
 
 
 class PageServed(Progress, frozen=True, kw_only=True):
-    """The page of a run that goes on can be looked at, at this address."""
+    """Progress: the page of a run is served at this address."""
 
     address: str
 
 
 class Outputs(Struct, frozen=True):
-    """What is kept of a run, each as a file: ``record`` and ``plot`` in the form of their endings.
+    """The outputs of a run as files: ``record`` and ``plot`` in the format of their suffixes.
 
     ``live`` serves the page on this machine while the run goes on; ``pace`` is how many times as
     quickly as on the wall time may pass at most (None: with ``live`` once, else without limit).
@@ -139,11 +139,11 @@ class Outputs(Struct, frozen=True):
 
     @property
     def speed(self) -> float | None:
-        """The pace that is kept; None: no limit."""
+        """The pace to keep; None: no limit."""
         return self.pace or (1.0 if self.live else None)
 
     def check(self) -> None:
-        """Whether all of it can be made, before long work is done.
+        """Check that all outputs can be made, before long work is done.
 
         Raises KoordError, and ArgumentError for endings that no form has.
         """
@@ -157,7 +157,7 @@ class Outputs(Struct, frozen=True):
                 check_writable(path)
 
     def files(self) -> Iterator[tuple[str, OutputFormat]]:
-        """Every file but the trace, with its form. Raises ArgumentError."""
+        """Yield every file but the trace, with its format. Raises ArgumentError."""
         if self.html is not None:
             yield self.html, _form("view", self.view, self.view, _VIEWS)
         for path in self.record:
@@ -183,7 +183,7 @@ def growing(
     *,
     paced: bool = True,
 ) -> Iterator[Callable[[float], None]]:
-    """While this goes on the run can be watched, and what is kept of it grows.
+    """Within the context, the run can be watched, and its files grow.
 
     What comes out is to be called with the simulated time when a round is over: it keeps the pace
     that is asked for, unless the run is ``paced`` by others. Raises KoordError.
@@ -225,7 +225,7 @@ def _trace(tracing: Tracing, simulation: Simulation, file: BinaryIO) -> Callable
 def _served(
     outputs: Outputs, recording: RunLog, tell: Listener, *, paced: bool
 ) -> Iterator[Callable[[float], None]]:
-    """Keeps the pace, and serves the page if that is asked for. Raises KoordError."""
+    """Keep the pace, and serve the page if requested. Raises KoordError."""
     pace: Callable[[float], None] = _unhurried
     if outputs.speed is not None and paced:
         from koord.sim.viewing import Throttle
@@ -250,11 +250,11 @@ def _served(
 
 
 def _unhurried(time_s: float) -> None:
-    """Without a pace time passes as it does."""
+    """Keep no pace."""
 
 
 def keep(outputs: Outputs, recording: RunLog) -> tuple[str, ...]:
-    """Write all that is asked for, each file whole or not at all; the files' names.
+    """Write all outputs, each file whole or not at all; return their names.
 
     Raises KoordError.
     """

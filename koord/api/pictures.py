@@ -1,4 +1,4 @@
-"""Pictures of many runs, in files."""
+"""Plots of many runs."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def check_drawable(path: str) -> None:
-    """Raises ArgumentError before any work is done if no picture can come of it."""
+    """Check that a plot can be made, before any work. Raises ArgumentError."""
     try:
         from matplotlib.backends.backend_agg import FigureCanvasAgg
     except ImportError:
@@ -31,7 +31,7 @@ def check_drawable(path: str) -> None:
 
 
 def keep_figure(path: str, figure: Figure) -> None:
-    """Write a picture, in the form that the file's name ends in. Raises KoordError."""
+    """Write a plot, in the format of the file's suffix. Raises KoordError."""
     form = Path(path).suffix.removeprefix(".").lower()
     # Without a date, so that equal results give equal files.
     undated = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(form)
@@ -41,7 +41,7 @@ def keep_figure(path: str, figure: Figure) -> None:
 
 
 def draw_sweep(path: str, problem: Problem, points: Sequence[VerifyReport]) -> None:
-    """Time against the number of robots, as a picture. Raises KoordError."""
+    """Plot time against the number of robots. Raises KoordError."""
     from matplotlib.figure import Figure
     from matplotlib.ticker import MaxNLocator
 

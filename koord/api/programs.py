@@ -1,4 +1,4 @@
-"""Programs: from a file or a text to what is run and verified, with all mistakes on the way."""
+"""Loading and checking of programs from files or texts."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ Value: TypeAlias = "int | float | Fraction | bool | str | Iterable[Value]"
 
 
 class Program(Struct, frozen=True, repr_omit_defaults=True):
-    """A program without errors: its text, what it means, and how it was read.
+    """A program without errors: its text, its core program, and its settings.
 
     ``settings`` are the values of its params, ``properties`` the files of further properties,
     ``warnings`` what may be wrong all the same.
@@ -48,12 +48,13 @@ class Program(Struct, frozen=True, repr_omit_defaults=True):
 
     @property
     def sources(self) -> tuple[Source, ...]:
-        """All text that it was made of."""
+        """All texts that it was made of."""
         return (self.source, *self.properties)
 
     def problem(self, kinds: tuple[int, ...] | None, delta_s: Fraction | None) -> Problem:
-        """What is said of it with such robots (None: with every number of them) and such a round
-        (None: as it states).
+        """The program with robots (None: every number of them) and a round's length.
+
+        A ``delta_s`` of None is the length that the program states.
         """
         names = tuple(source.name for source in self.sources)
         delta_s = self.core.instance.used_delta_s if delta_s is None else delta_s
@@ -71,7 +72,7 @@ Loadable: TypeAlias = Program | Text
 
 
 class CheckReport(Result, frozen=True):
-    """What is wrong with a text; ``program`` is None if it has errors, or properties alone."""
+    """The diagnostics of a text; ``program`` is None if it has errors, or properties alone."""
 
     source: Source
     properties: tuple[Source, ...]
@@ -80,12 +81,12 @@ class CheckReport(Result, frozen=True):
 
     @property
     def errors(self) -> tuple[Diagnostic, ...]:
-        """What has to be mended before the program can be used."""
+        """The errors, which prevent the use of the program."""
         return tuple(d for d in self.diagnostics if d.severity is Severity.ERROR)
 
     @property
     def warnings(self) -> tuple[Diagnostic, ...]:
-        """What may be wrong."""
+        """The warnings."""
         return tuple(d for d in self.diagnostics if d.severity is Severity.WARNING)
 
     def to_dict(self) -> dict[str, object]:
@@ -106,7 +107,7 @@ class CheckReport(Result, frozen=True):
 def load(
     text: Text, *, params: Mapping[str, Value] | None = None, properties: Iterable[Text] = ()
 ) -> Program:
-    """The program in a file, or in a text: ``koord.Source("name.krd", "…")``.
+    """Load the program in a file, or in a text: ``koord.Source("name.krd", "…")``.
 
     ``params`` are values of its params, by name: numbers (a float is the decimal that it is
     written as), Booleans, texts, names of members of enumerations, lists of these.
@@ -129,7 +130,7 @@ def check(
     properties: Iterable[Text] = (),
     strict: bool = False,
 ) -> CheckReport:
-    """Everything that is wrong with a program, or with a file of properties.
+    """Check a program, or a file of properties; return all diagnostics.
 
     The arguments are those of :func:`load`; with ``strict`` warnings are errors. Raises
     :class:`koord.KoordError` only where a file cannot be read.
@@ -146,7 +147,7 @@ def check(
 
 
 def checked(source: Source, settings: Settings, properties: tuple[Source, ...]) -> CheckReport:
-    """As :func:`check`, of texts that are read by now."""
+    """As :func:`check`, for texts."""
     found = texts.load(source, settings, properties)
     program = None
     if found.program is not None:
@@ -155,7 +156,7 @@ def checked(source: Source, settings: Settings, properties: tuple[Source, ...]) 
 
 
 def program_of(given: Loadable) -> Program:
-    """A program, loaded if it is not. Raises KoordError."""
+    """A program, loaded if need be. Raises KoordError."""
     return given if isinstance(given, Program) else load(given)
 
 
@@ -167,7 +168,7 @@ def source_of(text: Text) -> Source:
 
 
 def exact(value: Value) -> ParamValue:
-    """A value of a param as the semantics has it. Raises ArgumentError for what is none."""
+    """Convert a param's value to one of the semantics. Raises ArgumentError for invalid ones."""
     match value:
         case bool() | int() | str() | Fraction():
             return value
@@ -179,7 +180,7 @@ def exact(value: Value) -> ParamValue:
 
 
 def no_program(name: str) -> Diagnostic:
-    """There is nothing to work on in the file of that name."""
+    """The diagnostic of a file without a program."""
     return Diagnostic(
         "K904",
         Severity.ERROR,

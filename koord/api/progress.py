@@ -1,4 +1,4 @@
-"""How work tells what it is doing, how it is ended from elsewhere, and in how many processes."""
+"""Progress and cancellation of calls, and the number of processes."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from msgspec import Struct
 
 
 class Progress(Struct, frozen=True):
-    """What is being done now: ``bmc, round 3 of 20``.
+    """Progress of a call, as a message: ``bmc, round 3 of 20``.
 
     ``round`` and ``time_s`` are set by runs of robots: the rounds that are over, and the seconds
     of the run.
@@ -27,7 +27,7 @@ Listener: TypeAlias = Callable[[Progress], None]
 
 
 class Cancellation:
-    """Ends calls that it is given to, from another thread.
+    """A cancellation of calls, from another thread.
 
     They stop within a second or so, and answer with what they know by then::
 
@@ -41,33 +41,33 @@ class Cancellation:
         self._requested = False
 
     def cancel(self) -> None:
-        """End the calls. To ask twice is the same as to ask once."""
+        """Cancel the calls. A second call has no effect."""
         self._requested = True
 
     @property
     def requested(self) -> bool:
-        """Whether somebody has asked for the end."""
+        """Return whether the calls have been cancelled."""
         return self._requested
 
 
 class CancelledError(Exception):
-    """A call was cancelled before there was anything to answer."""
+    """Raised where a call was cancelled before it had anything to return."""
 
 
 def heard_by(listener: Listener | None) -> Listener:
-    """What work tells its progress to; nobody hears it where nobody wants to."""
+    """The listener of a call; one that ignores progress if it is None."""
     return (lambda progress: None) if listener is None else listener
 
 
 def teller(listener: Listener | None) -> Callable[[str], None]:
-    """What engines tell their progress to: words, which the listener hears as :class:`Progress`."""
+    """A function for engines' messages, which the listener hears as :class:`Progress`."""
     if listener is None:
         return lambda text: None
     return lambda text: listener(Progress(text))
 
 
 def asker(cancellation: Cancellation | None, timeout_s: float | None = None) -> Callable[[], bool]:
-    """What engines ask whether to stop: when somebody cancels, or so many seconds from now."""
+    """A function that tells engines whether to stop: on cancellation, or after a time."""
     if timeout_s is not None:
         ends_at, cancelled = time.monotonic() + timeout_s, asker(cancellation)
         return lambda: cancelled() or time.monotonic() >= ends_at
@@ -77,7 +77,7 @@ def asker(cancellation: Cancellation | None, timeout_s: float | None = None) -> 
 
 
 def ended(cancellation: Cancellation | None, doing: str) -> CancelledError | TimeoutError:
-    """What is raised if a call was to stop before there was anything to answer."""
+    """The exception of a call that ended before it had anything to return."""
     if cancellation is not None and cancellation.requested:
         return CancelledError(doing)
     return TimeoutError(f"the time was up {doing}")
@@ -88,6 +88,6 @@ MOST_JOBS = 1_000
 
 
 def cores() -> int:
-    """How many processes can work at the same time, where the system has only some cores for us."""
+    """The number of processes that can work in parallel, by the cores that the system allows."""
     ours = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
     return min(ours or 1, MOST_JOBS)

@@ -1,5 +1,6 @@
-"""Check the round-commit protocol itself: in all interleavings of three robots to a bound, and on
-simulated networks with every fault.
+"""The check of the round-commit protocol itself: explorations and simulated networks.
+
+All interleavings of three robots are explored to a bound; simulated networks have every fault.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ _ROBOTS = (3, 4, 5, 7)
 
 
 class ProtocolCheck(Result, frozen=True):
-    """What was explored, and how the runs on simulated networks went."""
+    """The results of the explorations, and of the runs on simulated networks."""
 
     explored: Mapping[str, Explored]
     runs: tuple[Weathered, ...]
@@ -38,7 +39,7 @@ class ProtocolCheck(Result, frozen=True):
 
     @property
     def broken(self) -> list[str]:
-        """Every invariant that does not hold."""
+        """The violated invariants."""
         found = [
             f"{what}: {one.violation.broken.claim}: {one.violation.broken.story}"
             for what, one in self.explored.items()
@@ -52,7 +53,7 @@ class ProtocolCheck(Result, frozen=True):
 
     @property
     def ok(self) -> bool:
-        """Whether all was checked, and every invariant held."""
+        """Return whether everything was checked, and every invariant held."""
         return not self.broken and not self.interrupted
 
     def to_dict(self) -> dict[str, object]:

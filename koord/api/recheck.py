@@ -1,4 +1,4 @@
-"""Rechecking: the obligations of a certificate are settled by another solver."""
+"""Rechecking of certificates by another solver."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ RECHECK_VERSION: Final = 3
 
 
 class RecheckReport(Result, frozen=True):
-    """What another solver says of a certificate."""
+    """The result of a recheck."""
 
     certificate: Certificate
     found: Rechecked
@@ -40,22 +40,22 @@ class RecheckReport(Result, frozen=True):
 
     @property
     def confirmed(self) -> bool:
-        """Whether all that is claimed follows."""
+        """Return whether all claims are confirmed."""
         return self.outcome is RecheckOutcome.CONFIRMED
 
     @property
     def vacuous(self) -> tuple[str, ...]:
-        """What makes the claims say less than they seem to."""
+        """The reasons why the claims say less than they seem to."""
         return tuple(self.found.hollow)
 
     @property
     def sha256(self) -> str:
-        """The digest of the text in the certificate."""
+        """The digest of the program's text in the certificate."""
         return digest_of(self.certificate.program.text)
 
     @property
     def reason(self) -> str:
-        """Why it is refuted, or unknown."""
+        """The reason for a refutation, or for an unknown outcome."""
         return self.found.reason
 
     def to_dict(self) -> dict[str, object]:
@@ -133,7 +133,7 @@ def recheck(
     progress: Listener | None = None,
     cancellation: Cancellation | None = None,
 ) -> RecheckReport:
-    """Settle the obligations of a certificate, or of one in a file, with another solver.
+    """Recheck the obligations of a certificate, or of one in a file, with another solver.
 
     ``program`` is the text that it has to be about. It takes up to ``timeout_s`` seconds; ``seed``
     is of the solver.
@@ -163,7 +163,7 @@ def recheck(
 
 
 def read_about(raw: bytes, name: str, program: Source | None) -> Certificate:
-    """The certificate in a file, which has to be about a program if one is given.
+    """Read the certificate in a file, which has to be about a program if one is given.
 
     Raises KoordError.
     """
@@ -182,7 +182,7 @@ def rechecked(
     tell: Callable[[str], None],
     waiting: Callable[[], None] = lambda: None,
 ) -> RecheckReport:
-    """As :func:`recheck`, of a certificate that is read by now."""
+    """As :func:`recheck`, for a certificate."""
     try:
         found = settle(certificate, timeout_s, seed, tell, waiting)
         return RecheckReport(certificate, found, version())
@@ -193,7 +193,7 @@ def rechecked(
 
 
 def _place(span: Span) -> forms.Place | None:
-    """A place in the text; None for what stands in none."""
+    """A place in the text; None if there is none."""
     if span.file == NOWHERE.file:
         return None
     return forms.Place(span.file, span.line, span.column)

@@ -1,4 +1,4 @@
-"""Are runs in a simulated world runs of the rules?"""
+"""Refinement of simulated runs: are they runs of the semantics?"""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _SHARE = 50
 
 
 class SimulatedRuns(Result, frozen=True):
-    """What the simulated runs of a program came to, judged by the rules."""
+    """The result of a program's simulated runs, judged by the reference."""
 
     program: str
     values: str = ""  #: δ, and each value that is not the text's
@@ -34,7 +34,7 @@ class SimulatedRuns(Result, frozen=True):
 
     @property
     def ok(self) -> bool:
-        """Whether no run was refused."""
+        """Return whether no run was refused."""
         return self.refused is None
 
     def to_dict(self) -> dict[str, object]:
@@ -81,7 +81,7 @@ def judge_simulated(
     progress: Listener | None = None,
     cancellation: Cancellation | None = None,
 ) -> SimulatedRuns:
-    """As :func:`refine_simulated`, of a request that has a seed. Raises KoordError."""
+    """As :func:`refine_simulated`, for a request with a seed. Raises KoordError."""
     tell, is_cancelled = heard_by(progress), asker(cancellation)
     assert wanted.seed is not None
     found = SimulatedRuns(wanted.source.name)
@@ -96,7 +96,7 @@ def judge_simulated(
 def _judged(
     wanted: FitRequest, rounds: int, save: str | None, before: SimulatedRuns
 ) -> SimulatedRuns:
-    """One more run."""
+    """Make and judge one more run."""
     fitted = fit(wanted)
     tracing = Tracing(fitted)
     made = simulation(fitted, Simulation, keep_going=True, tracing=tracing.hear)

@@ -1,4 +1,4 @@
-"""Does what runs do what the rules allow?"""
+"""Refinement: are runs of compiled programs runs of the semantics?"""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ _TRIES_OVER_UDP = 10
 
 
 class RefineRequest(Struct, frozen=True):
-    """Which runs are to be made of programs; without any, of generated ones.
+    """The request for refinement: runs to make of programs, or of generated ones.
 
     ``target`` None: on all of them, on those that take long the fewer. ``case`` is the seed of the
     one generated program that is to be run. ``save`` is the folder for a run that is refused.
@@ -71,19 +71,19 @@ class RefineRequest(Struct, frozen=True):
 
     @property
     def targets(self) -> tuple[Target, ...]:
-        """Where programs run. A generated one that was kept did so on the engine, or is told."""
+        """The targets on which programs run; a kept generated case runs on the engine only."""
         if self.target is not None:
             return (self.target,)
         return (Target.ENGINE,) if self.case is not None else tuple(Target)
 
     def check(self) -> None:
-        """Whether a run that is refused can be kept. Raises KoordError."""
+        """Check that a refused run can be saved. Raises KoordError."""
         if self.save is not None:
             check_writable(str(Path(self.save) / "refinement"))
 
 
 class TargetRuns(Struct, frozen=True):
-    """What runs did on a target. Runs that gave up found no values that the program allows."""
+    """The totals of runs on a target. Runs that gave up found no values that the program allows."""
 
     target: Target
     runs: int = 0
@@ -94,7 +94,7 @@ class TargetRuns(Struct, frozen=True):
     gave_up: int = 0
 
     def plus(self, one: Tried) -> TargetRuns:
-        """With one more run."""
+        """The totals with one more run."""
         if one.judged is None or one.ran is None:
             return replace(self, runs=self.runs + 1)
         rounds = one.ran.trace.recording.rounds
@@ -110,7 +110,7 @@ class TargetRuns(Struct, frozen=True):
 
 
 class Refinement(Result, frozen=True):
-    """Whether runs of compiled programs are runs of the rules."""
+    """The result of refinement."""
 
     programs: tuple[str, ...]  #: those that were run, with δ and each value that is not the text's
     targets: tuple[TargetRuns, ...]
@@ -119,7 +119,7 @@ class Refinement(Result, frozen=True):
 
     @property
     def ok(self) -> bool:
-        """Whether all runs were made, and none was refused."""
+        """Return whether all runs were made, and none was refused."""
         return self.failure is None and not self.interrupted
 
     def to_dict(self) -> dict[str, object]:
@@ -157,13 +157,13 @@ class Refinement(Result, frozen=True):
 
 
 class RunJudged(Progress, frozen=True, kw_only=True):
-    """One more run was made and judged."""
+    """Progress: one more run was made and judged."""
 
     runs: TargetRuns
 
 
 class RunRefused(Progress, frozen=True, kw_only=True):
-    """A run is none of the rules; it is kept, and smaller ones are looked for."""
+    """Progress: a run was refused; it is kept, and smaller ones are searched for."""
 
     refused: RefusedRun
 
@@ -182,7 +182,7 @@ def refine(
     progress: Listener | None = None,
     cancellation: Cancellation | None = None,
 ) -> Refinement:
-    """Run compiled programs, and ask of each run whether it is one of the rules.
+    """Run compiled programs, and judge each run by the reference semantics.
 
     ``programs`` are one program or several; without any, programs are generated, or the one of the
     seed ``case``. There are ``runs`` of each with up to so many ``rounds`` of ``delta_s`` seconds:
@@ -226,7 +226,7 @@ def refine_loaded(
     progress: Listener | None = None,
     cancellation: Cancellation | None = None,
 ) -> Refinement:
-    """As :func:`refine`, of programs that are loaded. Raises KoordError."""
+    """As :func:`refine`, for loaded programs. Raises KoordError."""
     request.check()
     tell, is_cancelled = heard_by(progress), asker(cancellation)
     everything = {target: TargetRuns(target) for target in request.targets}
@@ -247,7 +247,7 @@ def refine_loaded(
 
 
 def about_of(program: Program, request: RefineRequest) -> str:
-    """A program that is run, with δ and each value that is not the text's."""
+    """A program with its robots, δ, and each value that is not the text's."""
     problem = program.problem(None, request.delta_s)
     return f"{problem.name}: {', '.join(problem.values)}"
 
@@ -263,7 +263,7 @@ def _target(name: str) -> Target:
 
 
 class _Run(Struct, frozen=True):
-    """What became of a run, its place among those of its program, and what that was compiled to."""
+    """A run with its result, its number, and the compiled program."""
 
     outcome: Tried
     number: int
@@ -272,7 +272,7 @@ class _Run(Struct, frozen=True):
 
 
 def _all(request: RefineRequest, programs: tuple[Program, ...]) -> Iterator[_Run]:
-    """Every run, as it is made."""
+    """Yield every run, as it is made."""
     faults, most, targets = NETWORKS[request.faults], request.rounds, request.targets
     if request.case is not None:
         yield _Run(tried(generated(request.case, most, targets[0], faults)), 1)
@@ -293,7 +293,7 @@ def _all(request: RefineRequest, programs: tuple[Program, ...]) -> Iterator[_Run
 
 
 def _systems(program: core.Program, delta_s: Fraction | None) -> Iterator[System]:
-    """The program with the robots that it states; else with one number of them after the other."""
+    """Yield systems: the program with its stated robots, or with one number after the other."""
     stated = program.instance
     fleets = [AS_STATED] if stated.kinds else [FleetSize(total) for total in _ROBOTS]
     return (system_of(program, fleet, delta_s) for fleet in cycle(fleets))
@@ -302,7 +302,7 @@ def _systems(program: core.Program, delta_s: Fraction | None) -> Iterator[System
 def _made_smaller(
     found: RefusedRun, of: _Run, save: str | None, is_cancelled: Callable[[], bool]
 ) -> RefusedRun:
-    """A run that fails as well, as small as one is found until that is cancelled.
+    """A smaller run that fails as well, searched for until cancelled.
 
     Of a program that was compiled once for all runs, the program stays as it is.
     """
@@ -323,7 +323,7 @@ def _made_smaller(
 
 
 def _again(request: RefineRequest, one: _Run) -> str:
-    """The command that makes a run again: the last of so many, on one target alone."""
+    """The command that repeats a run: the last of a number, on one target."""
     case = one.outcome.case
     words = ["koord", "check-refinement"]
     if one.program is None:

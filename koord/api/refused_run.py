@@ -1,4 +1,4 @@
-"""A run that the rules refuse: how it is kept, what it says, and how it is run again."""
+"""Refused runs: how they are kept, described and repeated."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _SHOWN = 8
 
 
 class RefusedRun(Struct, frozen=True):
-    """A run that is none of the rules; ``path`` is the file that it is kept in, if it is."""
+    """A run that the rules refuse; ``path`` is the file that it is kept in, if it is."""
 
     outcome: Tried
     again: str  #: the command that runs it again, as it was found
@@ -28,18 +28,18 @@ class RefusedRun(Struct, frozen=True):
 
     @property
     def case(self) -> Case:
-        """What was run."""
+        """The case of the run."""
         return self.outcome.case
 
     @property
     def problem(self) -> Problem:
-        """What it is a run of."""
+        """The program with its robots and settings: the subject of the run."""
         case = self.case
         texts = tuple(source.name for source in case.sources.texts)
         return Problem(texts, case.system.program, case.system.kinds, case.system.delta_s)
 
     def kept(self, folder: str | None) -> RefusedRun:
-        """The same in a file of that folder, in place of the one that it was in.
+        """The run kept in a file of another folder.
 
         Kept is a trace, or, of a generated program, what was made of it. Raises KoordError.
         """
@@ -58,7 +58,7 @@ class RefusedRun(Struct, frozen=True):
         return RefusedRun(self.outcome, self.again, path)
 
     def smaller(self, outcome: Tried) -> RefusedRun:
-        """A smaller run that is refused as well, with what is known of the first one."""
+        """A smaller refused run, with the facts of the first one."""
         return RefusedRun(outcome, self.again, self.path)
 
     def to_dict(self) -> dict[str, object]:
@@ -79,7 +79,7 @@ class RefusedRun(Struct, frozen=True):
         }
 
     def lines(self) -> Iterator[str]:
-        """The first step that the rules do not allow."""
+        """Describe the first step that the rules do not allow."""
         refused = self.outcome.refused
         if refused is None:
             yield "the compiled program fell over:"
@@ -100,7 +100,7 @@ class RefusedRun(Struct, frozen=True):
                 yield f"  round {count}: order {list(round_.order)}, events [{events}]"
 
     def _story(self) -> str:
-        """The run in full: program, what it was compiled to, schedule, first wrong step."""
+        """Describe the run in full: program, compiled program, schedule, first wrong step."""
         case = self.case
         parts = [
             f"{self.again}  # as it was found; what follows may be made smaller",

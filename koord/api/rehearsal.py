@@ -1,4 +1,4 @@
-"""A recorded run, such as a counterexample, played in the world."""
+"""Rehearsal: a recorded run, such as a counterexample, replayed in the simulated world."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def rehearse(
     progress: Listener | None = None,
     cancellation: Cancellation | None = None,
 ) -> Simulated:
-    """Play the run that a trace of the program holds: a file of these bytes and of that name.
+    """Rehearse the run of a trace file of the program, given by its bytes and name.
 
     Raises KoordError.
     """

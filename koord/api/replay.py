@@ -1,4 +1,4 @@
-"""Check a trace rule by rule and name its first illegal step; rerun it on compiled programs."""
+"""Replay of traces by the rules, and by compiled programs."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 
 def compiled_form(departure: Rerun, first: int) -> forms.Compiled:
-    """It as JSON has it; rounds count from ``first``, and the one before is the start."""
+    """The result of the compiled program as JSON; rounds count from ``first``, after the start."""
     from koord.refinement.rounding import Unjudged
 
     if departure is None:
@@ -49,7 +49,7 @@ REPLAY_VERSION: Final = 1
 
 
 class ReplayReport(Result, frozen=True):
-    """Whether every step of a trace is legal; if not, which is the first that is not, and why.
+    """The result of a replay: the numbers of legal steps and rounds, and the first illegal step.
 
     If ``compared``, the compiled program ran it as well, and ``departure`` is where it did
     something else; None: it did the same.
@@ -62,17 +62,17 @@ class ReplayReport(Result, frozen=True):
 
     @property
     def legal(self) -> bool:
-        """Whether every step is one that the rules allow."""
+        """Return whether every step is legal."""
         return self.found.refused is None
 
     @property
     def refused(self) -> Refused | None:
-        """The first step that is not right: the rule that it breaks, and how."""
+        """The first step that is wrong, with the rule that it breaks, or None."""
         return self.found.refused
 
     @property
     def agrees(self) -> bool:
-        """Whether the compiled program, if it was asked, came to the same states."""
+        """Return whether the compiled program, if compared, came to the same states."""
         if self.departure is None:
             return True
         from koord.refinement.compiled_replay import Departure
@@ -81,7 +81,7 @@ class ReplayReport(Result, frozen=True):
 
     @property
     def rounds(self) -> int:
-        """How many rounds are right."""
+        """The number of legal rounds."""
         return self.found.rounds
 
     def to_dict(self) -> dict[str, object]:
@@ -133,7 +133,7 @@ def _refusal(refused: Refused) -> forms.Refusal:
 
 
 def load_trace(path: str | os.PathLike[str], *, program: Text | None = None) -> Trace:
-    """The trace in a file, in koord's form or in ITF.
+    """Load the trace in a file, in koord's form or in ITF.
 
     ``program`` is a text to read it with, instead of the one that it holds. Of a file that ends in
     the middle the rounds that are whole are read. Raises :class:`koord.KoordError` for what is no
@@ -156,7 +156,7 @@ def replay(
     progress: Listener | None = None,
     cancellation: Cancellation | None = None,
 ) -> ReplayReport:
-    """Check a trace rule by rule; it may be the name of a file.
+    """Replay a trace rule by rule; it may be the name of a file.
 
     ``program`` is a text to replay it with, instead of the one that it holds. ``slack`` is by how
     much floats may be off in assumptions and contracts (as the trace says: traces of vehicles say
@@ -193,7 +193,7 @@ def replayed(
     compiled: bool = False,
     budget: Budget = ENDLESS,
 ) -> ReplayReport:
-    """As :func:`replay`; each step that is right is ``shown``. Raises OutOfBudgetError."""
+    """As :func:`replay`; ``shown`` is called with each legal step. Raises OutOfBudgetError."""
     if slack is not None:
         recorded = replace(recorded, slack=slack)
     found = judge(_loosened(recorded, budget), shown)
@@ -205,7 +205,7 @@ def replayed(
 
 
 def _loosened(recorded: Recorded, budget: Budget) -> Recorded:
-    """The trace, of a program whose assumptions and contracts have the trace's slack."""
+    """The trace with the trace's slack in the program's assumptions and contracts."""
     program = recorded.system.program
     if recorded.slack:
         from koord.runtime.compile.slack import loosened

@@ -1,4 +1,4 @@
-"""What all results have in common: data, JSON text, a table for notebooks; and wrong arguments."""
+"""The base of results: plain data, JSON text, tables for notebooks; and argument errors."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ DIAGNOSTICS_VERSION: Final = 1
 
 
 class Result(Struct, frozen=True):
-    """What a function of the public API answers: values that never change."""
+    """The base of the public API's results, which are immutable."""
 
     def to_dict(self) -> dict[str, object]:
         """The result as plain data, in the form that the command's ``--json`` prints."""
@@ -29,7 +29,7 @@ class Result(Struct, frozen=True):
 
 
 class ArgumentError(KoordError):
-    """An argument of a function does not fit the program, or the other arguments."""
+    """Raised for an argument that does not fit the program, or the other arguments."""
 
     def __init__(self, argument: str, message: str) -> None:
         place = whole_file(argument)
@@ -42,7 +42,7 @@ class ArgumentError(KoordError):
 
 
 def html_table(heading: str, columns: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
-    """A table for a notebook; whatever stands in its cells is text."""
+    """A table for a notebook; the text of its cells is escaped."""
 
     def row(tag: str, cells: Sequence[object]) -> str:
         inside = "".join(f"<{tag}>{escape(str(cell))}</{tag}>" for cell in cells)

@@ -1,4 +1,4 @@
-"""The robots that are asked about, with their program, as a system."""
+"""Robots of a request, with their program, as a system."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from koord.syntax.system import System, dealt
 
 
 class FleetSize(Struct, frozen=True):
-    """How many robots: a number of them, or a number of each kind (``Car=2,Drone=1``).
+    """The number of robots of a request, in all or of each kind (``Car=2,Drone=1``).
 
     ``any_number`` stands for every number of them: ``total`` is then no more than an example.
     ``as_stated`` is what is meant where nothing is said: what the program states, or else
@@ -44,7 +44,7 @@ Seconds: TypeAlias = float | Fraction | None
 
 
 def fleet_of(robots: Robots) -> FleetSize:
-    """The fleet that somebody asks for. Raises ArgumentError where there can be none."""
+    """Parse the number of robots. Raises ArgumentError for an invalid one."""
     match robots:
         case None:
             return AS_STATED
@@ -75,7 +75,7 @@ def delta_of(seconds: Seconds) -> Fraction | None:
 
 
 def exact_number(argument: str, number: float | Fraction) -> Fraction:
-    """A number exactly, a float as the decimal that it is written as. Raises ArgumentError."""
+    """Convert a number exactly, a float by its decimal notation. Raises ArgumentError."""
     try:
         return Fraction(repr(number) if isinstance(number, float) else number)
     except ValueError:
@@ -83,7 +83,7 @@ def exact_number(argument: str, number: float | Fraction) -> Fraction:
 
 
 def system_of(program: core.Program, fleet: FleetSize, delta_s: Fraction | None) -> System:
-    """The program with its robots; without a δ, with that which it states, or the usual one.
+    """The program with its robots; δ is by default the one that it states, or the usual one.
 
     Raises ArgumentError for kinds it does not have, and KoordError where it is too much for so many
     robots.

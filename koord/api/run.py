@@ -1,4 +1,4 @@
-"""Running: a program by the rules of the semantics, step by step."""
+"""Runs of a program by the rules of the semantics, step by step."""
 
 from __future__ import annotations
 
@@ -31,14 +31,14 @@ Name = TypeVar("Name", bound=Enum)
 
 
 class Policy(Enum):
-    """Which of the allowed steps is taken."""
+    """The scheduling policy of a run."""
 
     FIRST = "first"  #: the first enabled event in the order of the program, as robots do
     RANDOM = "random"  #: any allowed step, by the seed
 
 
 class Ending(Struct, frozen=True):
-    """Where a run has come to."""
+    """The end of a run, or its present state."""
 
     system: System
     configuration: Configuration[Constant]
@@ -50,7 +50,7 @@ class Ending(Struct, frozen=True):
 
     @staticmethod
     def of(run: Run, violation: Violation | None, *, interrupted: bool = False) -> Ending:
-        """Where a run is now."""
+        """The present state of a run."""
         return Ending(
             run.system,
             run.configuration,
@@ -63,17 +63,17 @@ class Ending(Struct, frozen=True):
 
     @property
     def fault(self) -> Fault | None:
-        """The fault that ended it."""
+        """The fault that ended the run, or None."""
         return self.configuration.fault
 
     @property
     def broken(self) -> bool:
-        """Whether it ended in a fault, or in the violation of a claim."""
+        """Return whether the run ended in a fault, or in the violation of a claim."""
         return self.fault is not None or self.violation is not None
 
     @property
     def place(self) -> Span | None:
-        """The place in the text that is to blame."""
+        """The place in the text of the fault or violated claim."""
         program, violation = self.system.program, self.violation
         if self.fault is not None:
             return self.fault.span
@@ -94,22 +94,22 @@ class RunReport(Result, frozen=True):
 
     @property
     def rounds(self) -> int:
-        """How many rounds are over."""
+        """The number of finished rounds."""
         return self.ending.rounds
 
     @property
     def fault(self) -> Fault | None:
-        """The fault that ended it."""
+        """The fault that ended the run, or None."""
         return self.ending.fault
 
     @property
     def violation(self) -> Violation | None:
-        """The claim that it broke."""
+        """The claim that the run broke, or None."""
         return self.ending.violation
 
     @property
     def interrupted(self) -> bool:
-        """Whether it was ended from elsewhere."""
+        """Return whether the run was cancelled."""
         return self.ending.interrupted
 
     def to_dict(self) -> dict[str, object]:
@@ -130,7 +130,7 @@ class RunReport(Result, frozen=True):
 
 
 class RunSession(Struct):
-    """A run by a policy that is going on; ``tracer`` gathers its trace, if there is one."""
+    """A run by a policy in progress; ``tracer`` gathers its trace, if there is one."""
 
     program: Program
     system: System
@@ -141,7 +141,7 @@ class RunSession(Struct):
     _kept: RunState | None = None
 
     def steps(self) -> Iterator[TakenStep]:
-        """Make the run. A step that is half done when it is ended does not count.
+        """Yield the steps of the run. A step that is cancelled halfway does not count.
 
         Raises KoordError where an assumption, a contract or a summary cannot be met, and
         CancelledError where it is ended before there is a start.
@@ -164,11 +164,11 @@ class RunSession(Struct):
 
     @property
     def ending(self) -> Ending:
-        """Where it has come to."""
+        """The present state of the run."""
         return Ending.of(self.play.run, self.play.violation, interrupted=self.interrupted)
 
     def recorded(self) -> Recorded:
-        """The trace of it so far."""
+        """The trace of the run so far."""
         assert self.tracer is not None
         play = self.play
         return self.tracer.trace(
@@ -180,7 +180,7 @@ class RunSession(Struct):
         )
 
     def part(self, file: BinaryIO) -> Callable[[], None]:
-        """Begin a file that its trace grows in; what comes out writes what is new behind it."""
+        """Begin a growing file of the trace; return a function that appends the new part."""
         part, tracer = GrowingTrace(file), self.tracer
 
         def grow() -> None:
@@ -242,7 +242,7 @@ def run(
 
 
 class HowToRun(Struct, frozen=True):
-    """How many rounds are run, and how."""
+    """The options of a run: rounds, policy, numbers and trace."""
 
     rounds: int
     policy: Policy = Policy.FIRST
@@ -253,7 +253,7 @@ class HowToRun(Struct, frozen=True):
 def session_of(
     program: Program, system: System, how: HowToRun, seed: int, cancelled: Callable[[], bool] | None
 ) -> RunSession:
-    """A run that is to be made; who never cancels it says None."""
+    """Prepare a run; ``cancellation`` may be None."""
     rng = Random(seed)
     # A trace outlives whoever is asked whether to go on.
     heard = system if cancelled is None else replace(system, budget=Budget(cancelled))

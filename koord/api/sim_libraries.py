@@ -1,4 +1,4 @@
-"""Importing this raises KoordError where libraries are missing that worlds are simulated with."""
+"""A guard module: importing it raises KoordError where simulation libraries are missing."""
 
 from koord.runtime.motion.libraries import SIM, require
 

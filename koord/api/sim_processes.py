@@ -1,4 +1,4 @@
-"""A simulated run with a process for each robot, over UDP, as time goes by."""
+"""Simulated runs with a process for each robot, over UDP, in real time."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def simulate_processes(
     progress: Listener | None,
     cancellation: Cancellation | None,
 ) -> Simulated:
-    """Run the robots, each in a process, and follow what they tell. Raises KoordError."""
+    """Run the robots, each in a process, and follow their reports. Raises KoordError."""
     followed = simulation(
         fitted,
         Followed,
@@ -95,7 +95,7 @@ def simulate_processes(
 
 
 class _Follower(Struct):
-    """Makes the rounds of a run out of what its processes tell.
+    """The reconstruction of a run's rounds from its processes' reports.
 
     ``late`` is how many proposals came too late for their rounds, of those that were told of.
     """
@@ -108,7 +108,7 @@ class _Follower(Struct):
     late: int = 0
 
     def rounds(self) -> Iterator[Decision]:
-        """All rounds of all robots, until their run is over. Raises TransportError."""
+        """Yield all rounds, until the run is over. Raises TransportError."""
         fleet, followed, is_cancelled = self.fleet, self.followed, asker(self.cancellation)
         is_stopped = False
         self.tell(FleetHeard.of({}, self.deployment.rounds))

@@ -1,4 +1,4 @@
-"""What a simulated run is of, what it came to, and what is told while it goes on."""
+"""Reports of simulated runs: their subject, results and progress."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class Setup(Struct, frozen=True):
 
 
 def setup_of(fitted: Fitted) -> Setup:
-    """What is run."""
+    """The subject of a run."""
     configuration, scene, core = fitted.configuration, fitted.scene, fitted.program.core
     is_file = configuration.name != NO_FILE
     return Setup(
@@ -65,7 +65,7 @@ def setup_of(fitted: Fitted) -> Setup:
 
 
 class Processes(Struct, frozen=True):
-    """How the robots of a simulated run ended, each of which was a process."""
+    """The results of robots that ran in processes."""
 
     robots: Deployed
     late: int  #: proposals that came too late for their rounds
@@ -73,12 +73,12 @@ class Processes(Struct, frozen=True):
 
     @property
     def in_trouble(self) -> bool:
-        """Whether a robot could not go on."""
+        """Return whether a robot could not go on."""
         return bool(self.died) or any(one.trouble for one in self.robots.statuses.values())
 
 
 class Simulated(Result, frozen=True, kw_only=True):
-    """What a simulated run came to. Times are simulated seconds, but for ``wall_s``."""
+    """The result of a simulated run. Times are simulated seconds, except ``wall_s``."""
 
     setup: Setup
     ending: Ending
@@ -97,8 +97,8 @@ class Simulated(Result, frozen=True, kw_only=True):
 
     @property
     def ok(self) -> bool:
-        """Whether the run was not interrupted, and nothing was broken, refused, in a fault, stuck
-        or in trouble.
+        """Return whether the run was completed, and nothing was broken, refused, faulty or
+        stuck.
         """
         wrong = self.broken or self.fault or self.standing or self.refused
         trouble = self.processes is not None and self.processes.in_trouble
@@ -131,7 +131,7 @@ class Simulated(Result, frozen=True, kw_only=True):
         }
 
     def page(self) -> bytes:
-        """The run as one HTML file that loads nothing from elsewhere: a map and a timeline."""
+        """The run as a self-contained HTML file: a map and a timeline."""
         from koord.sim.viewing import page_of
 
         return page_of(self.recording)
@@ -165,7 +165,7 @@ def _standing(one: StandingRobot) -> dict[str, Any]:
 
 
 def report_of(fitted: Fitted, setup: Setup, simulation: Simulation, wall_s: float) -> Simulated:
-    """What a run that is over came to."""
+    """Make the result of a finished run."""
     assert simulation.ending is not None
     return Simulated(
         setup=setup,
@@ -186,25 +186,25 @@ def report_of(fitted: Fitted, setup: Setup, simulation: Simulation, wall_s: floa
 
 
 class SimulationBegun(Progress, frozen=True, kw_only=True):
-    """The run begins."""
+    """Progress: the run begins."""
 
     setup: Setup
 
 
 class StandsStill(Progress, frozen=True, kw_only=True):
-    """A robot is seen to stand still that is to go somewhere."""
+    """Progress: a robot stands still although it has a goal."""
 
     standing: StandingRobot
 
 
 class SimulationOver(Progress, frozen=True, kw_only=True):
-    """The run is over; its files are written next."""
+    """Progress: the run is over; its files are written next."""
 
     simulated: Simulated
 
 
 def round_over(simulation: Simulation) -> Progress:
-    """How far a run has come."""
+    """Make the progress of a run after a round."""
     figures, time_s = simulation.gauge, simulation.time_s
     said = f"{time_s:.1f} s simulated"
     if figures.tasks:
@@ -213,5 +213,5 @@ def round_over(simulation: Simulation) -> Progress:
 
 
 def standing_words(one: StandingRobot) -> str:
-    """Who stands still, since when, and why."""
+    """Describe a robot that stands still, since when, and why."""
     return f"robot {one.robot} stands still since {one.since_s:.1f} s: {one.words}"

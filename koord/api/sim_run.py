@@ -1,4 +1,4 @@
-"""A simulation from INIT to its end: what is told on the way, judged and kept."""
+"""A simulation from INIT to its end: reported, judged and kept."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _MOST_TOLD = 24
 
 
 class SimulationRequest(Struct, frozen=True):
-    """How a program is to be simulated, and what is kept of it. None: as suits the program."""
+    """The request for a simulation: limits, and outputs to keep. None: as suits the program."""
 
     rounds: int | None = None
     duration_s: float | None = None
@@ -84,7 +84,7 @@ def conclude(
     tracing: Tracing | None,
     tell: Listener,
 ) -> Simulated:
-    """Judge and keep a run that is over. Raises KoordError where a file cannot be written."""
+    """Judge and keep a finished run. Raises KoordError where a file cannot be written."""
     if tracing is not None:
         from koord.api.traces import complete_trace
 

@@ -1,4 +1,4 @@
-"""From a program in a scene to a simulation of it, with all that it claims watched."""
+"""Setup of simulations: a program in a scene, with monitors of its claims."""
 
 from __future__ import annotations
 
@@ -41,12 +41,12 @@ def cast(fitted: Fitted) -> Cast:
 
 
 def slack(fitted: Fitted) -> Fraction:
-    """By how many metres numbers may be off in claims."""
+    """The slack of claims in metres."""
     return Fraction(repr(fitted.scene.slack_m))
 
 
 def fallback(fitted: Fitted) -> Callable[[Host], Host] | None:
-    """What answers what no world does, if the program leaves that open. Raises KoordError."""
+    """The fallback host for queries that no world answers, if there are any. Raises KoordError."""
     program = fitted.program.core
     starts = bool(program.assumptions) and not _is_placed(program)
     if not starts and not unanswered(program):
@@ -67,7 +67,7 @@ def simulation(
     check_summaries: bool = False,
     tracing: Callable[[Host, Host], Host] | None = None,
 ) -> Run:
-    """The program in its scene, with all that it claims watched, summaries if asked for.
+    """Make the simulation of a program in its scene, with monitors; of summaries if requested.
 
     ``kind`` is a Simulation, or one that other processes make; ``tracing`` makes of the host of the
     program, and of the world's, the one that is to be heard instead. Raises KoordError.
@@ -92,14 +92,14 @@ def simulation(
 
 
 def watch(simulation: Simulation, program: core.Program, slack: Fraction) -> Watched:
-    """Have all that a program claims watched in a run, with so much slack."""
+    """Monitor all claims of a program in a run, with a slack in metres."""
     claims = watched(program, slack)
     simulation.claims.append(Watching(claims, simulation))
     return claims
 
 
 def limit_s(fitted: Fitted, rounds: int | None, time_s: float | None) -> float:
-    """How long a run may take in simulated seconds: as asked for, or as suits the program."""
+    """The time limit in simulated seconds: as requested, or as suits the program."""
     given = [] if rounds is None else [rounds * fitted.scene.delta_s]
     given += [] if time_s is None else [time_s]
     if given:
@@ -110,7 +110,7 @@ def limit_s(fitted: Fitted, rounds: int | None, time_s: float | None) -> float:
 
 
 def unanswered(program: core.Program) -> tuple[str, ...]:
-    """The functions and sensors of a program that nothing in a simulated world answers."""
+    """The functions and sensors of a program that no simulated world answers."""
     functions = (plain_name(function.name) for function in program.externals)
     ports = (
         agent.ports[position]
@@ -132,14 +132,14 @@ def unanswered(program: core.Program) -> tuple[str, ...]:
 
 
 def check_can_begin(fitted: Fitted) -> None:
-    """Whether a run may begin as program and configuration have it. Raises KoordError. (K934)"""
+    """Check that a run may begin with program and configuration. Raises KoordError. (K934)"""
     begun = simulation(fitted, Simulation)
     begun.begin()
     check_begun(fitted, begun)
 
 
 def check_begun(fitted: Fitted, simulation: Simulation) -> None:
-    """Raises KoordError if a run did not begin as the program assumes. (K934)"""
+    """Check that a run began as the program assumes. Raises KoordError. (K934)"""
     configuration = fitted.configuration
     problems = []
     for broken in simulation.broken:
@@ -162,7 +162,7 @@ def check_begun(fitted: Fitted, simulation: Simulation) -> None:
 
 
 def _cure(fitted: Fitted) -> str:
-    """What to do if a run does not begin as it should."""
+    """The hint for a run that cannot begin."""
     if not _is_placed(fitted.program.core):
         return "give the variables that it speaks of an initial value"
     if fitted.configuration.name == NO_FILE:
@@ -171,6 +171,6 @@ def _cure(fitted: Fitted) -> str:
 
 
 def _is_placed(program: core.Program) -> bool:
-    """Whether a program speaks of where robots or tasks are, of which worlds say how it starts."""
+    """Return whether a program reads positions or tasks, whose starts a world determines."""
     names = {port.declaration.variable.name for agent in program.agents for port in agent.ports}
     return not names.isdisjoint(SENSED) or task_count(program) is not None

@@ -1,4 +1,4 @@
-"""Simulated runs as traces of the semantics, and judging them."""
+"""Tracing of simulated runs, and their judgement by the semantics."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ from koord.traces.trace import Trace
 
 
 class Tracing:
-    """Writes a run down while it goes on.
+    """A tracer of a run in progress.
 
     Vehicles keep contracts with slack, and so the rules that judge them have it, too.
     """
 
     def __init__(self, fitted: Fitted) -> None:
-        """Raises KoordError where the program is too much for the reference."""
+        """Make a tracer. Raises KoordError where the program is too large for the reference."""
         self.program, self.slack = fitted.program, slack(fitted)
         core = fitted.program.core
         found = excesses(core, fitted.kinds)
@@ -39,44 +39,44 @@ class Tracing:
         self._hearing: TracedFleet | None = None
 
     def hear(self, host: Host, world: Host) -> Host:
-        """The host that a run is to have instead of another, of a ``world``."""
+        """Wrap a host of a ``world``, to record its answers."""
         self._hearing = TracedFleet(self._made, self.system, host, world)
         return self._hearing
 
     @property
     def is_begun(self) -> bool:
-        """Whether INIT is over."""
+        """Return whether INIT is over."""
         return self._hearing is not None and self._hearing.is_begun
 
     def begun(self, decision: Decision, simulation: Simulation) -> None:
-        """INIT is over."""
+        """Record the end of INIT."""
         assert self._hearing is not None
         self._hearing.begun(decision, simulation.engine)
 
     def round(self, decision: Decision, simulation: Simulation) -> None:
-        """A round is over."""
+        """Record the end of a round."""
         assert self._hearing is not None
         self._hearing.round(decision, simulation.engine)
 
     def ran(self, simulation: Simulation) -> CompiledRun:
-        """The run, as far as it got. Raises KoordError."""
+        """The run so far. Raises KoordError."""
         assert self._hearing is not None
         sources = sources_of(self.program)
         return self._hearing.ran(simulation.engine, sources, self._shapes(simulation))
 
     def so_far(self, simulation: Simulation) -> Trace:
-        """The trace of a run that goes on, up to the last round that is over. Raises KoordError."""
+        """The trace of a run in progress, up to the last finished round. Raises KoordError."""
         assert self._hearing is not None
         sources = sources_of(self.program)
         heard = self._hearing.so_far(simulation.engine, sources, self._shapes(simulation))
         return self._as_written(heard)
 
     def judged(self, ran: CompiledRun) -> Judged:
-        """What the reference says of a run."""
+        """Judge a run by the reference."""
         return judge(ran)
 
     def trace(self, ran: CompiledRun) -> Trace:
-        """The trace of a run, of the program as it is written, and with the slack that it had."""
+        """The trace of a run, with the program as written and its slack."""
         return self._as_written(ran.trace)
 
     def _as_written(self, trace: Trace) -> Trace:
@@ -85,6 +85,6 @@ class Tracing:
 
     @staticmethod
     def _shapes(simulation: Simulation) -> dict[str, Shape]:
-        """Those of the answers that are asked for in a simulation and by no robot."""
+        """The shapes of answers that only the simulation asks for."""
         watches = simulation.host.watches
         return {name: shape for one in watches for name, shape in one.EXTERNALS.items()}

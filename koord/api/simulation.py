@@ -1,4 +1,4 @@
-"""Run a program in a simulated world."""
+"""Simulation: a program in a simulated world."""
 
 from __future__ import annotations
 
@@ -98,7 +98,7 @@ def simulate_fitted(
     progress: Listener | None = None,
     cancellation: Cancellation | None = None,
 ) -> Simulated:
-    """As :func:`simulate`, of a program that a configuration suits. Raises KoordError."""
+    """As :func:`simulate`, for a fitted program. Raises KoordError."""
     tracing = None
     if request.outputs.trace is not None:
         from koord.api.sim_trace import Tracing

@@ -1,4 +1,4 @@
-"""Running by hand: the caller picks the next robot and event, and may take it back."""
+"""Stepping: runs in which the caller picks each robot and event, with undo."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from koord.traces.trace import Numbers, Violation, assembled
 
 
 class Option(Struct, frozen=True):
-    """A turn that could be next: of a robot, with one of its events or with none.
+    """A possible next turn: of a robot, with one of its events or a skip.
 
     What ``loses`` would enter a lock that is taken, and cannot be made.
     """
@@ -28,12 +28,12 @@ class Option(Struct, frozen=True):
 
     @property
     def robot(self) -> int:
-        """Whose turn it is."""
+        """The robot of the turn."""
         return self.move.robot
 
 
 class Shift(Struct, frozen=True):
-    """A step that was made, with the moment before it."""
+    """A step that was made, with the state before it."""
 
     before: RunState
     taken: TakenStep
@@ -55,23 +55,23 @@ class Stepper(Struct):
 
     @property
     def run(self) -> Run:
-        """The run as it is now."""
+        """The run in its present state."""
         return self.session.play.run
 
     def begin(self) -> Step:
-        """Begin the run. Raises KoordError where no start meets what is assumed."""
+        """Begin the run. Raises KoordError where no start meets the assumptions."""
         return self._noted(self.run.begin())
 
     @property
     def is_over(self) -> bool:
-        """Whether no step can follow: a fault, a violation, the last round, nobody goes on."""
+        """Return whether no step can follow: a fault, a violation, the last round, all stopped."""
         if self.violation is not None or self.run.configuration.fault is not None:
             return True
         begun = len(self.run.waiting) < self.run.system.robots
         return not begun and (self.run.round >= self.rounds or self.run.all_stopped)
 
     def options(self) -> tuple[Option, ...]:
-        """The turns that could be next; none where the environment's turn is next."""
+        """The possible next turns; none where the environment's turn is next."""
         return tuple(Option(move, self._name(move), self.run.loses(move)) for move in self._moves())
 
     def _moves(self) -> Iterator[ProgramTurn]:
@@ -92,14 +92,14 @@ class Stepper(Struct):
         return self._shift(moment, TakenStep(step))
 
     def finish_round(self) -> Iterator[Shift]:
-        """Let the robots that have not had their turn move as the runtime would."""
+        """Let the remaining robots of the round move as the runtime would."""
         policy = First()
         while self.run.waiting and not self.is_over:
             moment = self.run.moment
             yield self._shift(moment, take(self.run, policy.move(self.run, self.run.waiting)))
 
     def evolve(self) -> Shift:
-        """The environment's turn, which ends the round."""
+        """Take the environment's turn, which ends the round."""
         moment = self.run.moment
         return self._shift(moment, TakenStep(self.run.evolve()))
 
@@ -114,7 +114,7 @@ class Stepper(Struct):
         return step
 
     def undo(self) -> bool:
-        """Go back to before the last program turn, also across the end of a round.
+        """Undo the last program turn, also across the end of a round.
 
         Whether there was one.
         """
@@ -129,11 +129,11 @@ class Stepper(Struct):
 
     @property
     def ending(self) -> Ending:
-        """Where the run has come to."""
+        """The present state of the run."""
         return Ending.of(self.run, self.violation)
 
     def trace(self) -> Trace:
-        """The run so far."""
+        """The trace of the run so far."""
         recording = self.run.recording(checks=self.violation is not None)
         sources, run = sources_of(self.program), self.run
         return Trace(
@@ -150,7 +150,7 @@ def step(
     numbers: Numbers | str = Numbers.EXACT,
     seed: int = 0,
 ) -> Stepper:
-    """A run by hand, begun. The arguments are those of :func:`koord.run`, and so are the errors.
+    """Begin a run by hand. The arguments are those of :func:`koord.run`, and so are the errors.
 
     >>> stepper = koord.step("task.krd", robots=2)
     """

@@ -1,4 +1,4 @@
-"""A recorded run, and the files that hold one: their forms, and the program they belong to."""
+"""Traces in the public API, and their files."""
 
 from __future__ import annotations
 
@@ -38,17 +38,17 @@ class Trace(Result, frozen=True):
 
     @property
     def rounds(self) -> int:
-        """How many rounds there are; the last one may be broken off."""
+        """The number of rounds; the last one may be cut."""
         return len(self.recorded.recording.rounds)
 
     @property
     def robots(self) -> int:
-        """How many robots there are."""
+        """The number of robots."""
         return self.recorded.system.robots
 
     @property
     def violation(self) -> Violation | None:
-        """What the run breaks, if it ends for that."""
+        """The violation in which the run ends, or None."""
         return self.recorded.violation
 
     def to_dict(self) -> dict[str, object]:
@@ -57,7 +57,7 @@ class Trace(Result, frozen=True):
         return found
 
     def encoded(self) -> bytes:
-        """The bytes of a file."""
+        """Encode as the bytes of a file."""
         from koord.traces.codec import encode
 
         return encode(self.recorded)
@@ -112,18 +112,18 @@ ITF_SUFFIX = ".itf.json"
 
 
 def sources_of(loaded: Program) -> Sources:
-    """The texts and settings of a program, as a trace holds them."""
+    """The texts and settings of a program, in the form of traces."""
     chosen = loaded.settings
     return Sources(loaded.source, loaded.properties, tuple(chosen.params.items()), chosen.tasks)
 
 
 def write_trace(path: str, trace: Recorded) -> None:
-    """Write a trace, in the form that the file's name asks for. Raises KoordError."""
+    """Write a trace, in the format of the file's suffix. Raises KoordError."""
     write_atomically(path, _encoded(path, trace))
 
 
 def complete_trace(path: str, trace: Recorded) -> None:
-    """As :func:`write_trace`, of a run whose trace has grown beside it. Raises KoordError."""
+    """As :func:`write_trace`, for a run whose trace has grown beside it. Raises KoordError."""
     part = Path(part_of(path))
     if path.endswith(ITF_SUFFIX) or not part.is_file():
         write_trace(path, trace)
@@ -132,11 +132,11 @@ def complete_trace(path: str, trace: Recorded) -> None:
 
 
 class UnreadableTraceError(Exception):
-    """A trace would not be legal when it is read again: a mistake of koord's own."""
+    """Raised where a trace would not be legal when read again: an error in koord itself."""
 
 
 def write_counterexample(path: str, trace: Recorded) -> None:
-    """Write a trace as ``write_trace`` does, once it was read back and replayed.
+    """Write a trace as ``write_trace`` does, after it was read back and replayed.
 
     Raises KoordError; and UnreadableTraceError, without a file, where a replay would refuse it.
     """
@@ -160,7 +160,7 @@ def _encoded(path: str, trace: Recorded) -> bytes:
 
 
 def read_trace(raw: bytes, name: str, program: Source | None) -> Recorded:
-    """The trace in a file of either form. Raises KoordError.
+    """Read the trace in a file of either format. Raises KoordError.
 
     ``program``, if given, replaces the text that the trace holds. Of a file that ends in the
     middle the rounds that are whole are read, and the trace is ``cut_off``.
@@ -191,7 +191,7 @@ def read_trace(raw: bytes, name: str, program: Source | None) -> Recorded:
 
 
 def _of_another(diagnostic: Diagnostic, program: Source) -> Diagnostic:
-    """What looks damaged may be right for the program that the trace was made with."""
+    """A diagnostic that suggests that the trace belongs to another program."""
     if diagnostic.code != "K913":
         return diagnostic
     hint = f"the trace may be of another program than {program.name}: leave out `program=`"
@@ -199,7 +199,7 @@ def _of_another(diagnostic: Diagnostic, program: Source) -> Diagnostic:
 
 
 def _elaborated(sources: Sources) -> core.Program:
-    """The program that the user named. Raises KoordError with its errors."""
+    """Elaborate the program that the user named. Raises KoordError with its errors."""
     settings = Settings(dict(sources.params), sources.tasks)
     elaborated = elaborate(sources.program, settings, sources.properties)
     if elaborated.program is not None:

@@ -1,4 +1,4 @@
-"""Verdicts: the answer to a claim, the runs that break it, what is told beside."""
+"""Verdicts in the public API: answers to claims, with counterexamples and details."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ _KINDS = {
 
 
 class Parts(Struct):
-    """What is told beside verdicts: a part that fails is named, and costs nothing else."""
+    """Optional parts of a report: one that fails is recorded, and the others go on."""
 
     tell: Callable[[Failure], None] = lambda failure: None
     failures: list[Failure] = field(default_factory=list)
@@ -83,32 +83,32 @@ class Verdict(Result, frozen=True):
 
     @property
     def outcome(self) -> Outcome:
-        """Whether it holds, is violated, or nobody knows."""
+        """The outcome: holds, violated or unknown."""
         return self.found.outcome
 
     @property
     def holds(self) -> bool:
-        """Whether it is known to hold; see ``rounds``."""
+        """Return whether the claim is known to hold; see ``rounds``."""
         return self.outcome is Outcome.HOLDS
 
     @property
     def rounds(self) -> int | None:
-        """Through how many rounds it is known to hold; None: in all, if it ``holds``."""
+        """The number of rounds through which it is known to hold; None: in all, if it ``holds``."""
         return self.found.rounds
 
     @property
     def engine(self) -> Engine:
-        """What gave the answer."""
+        """The engine that gave the answer."""
         return self.found.engine
 
     @property
     def reason(self) -> str:
-        """Why nobody knows."""
+        """The reason for an unknown outcome."""
         return self.found.reason
 
     @property
     def seconds(self) -> float:
-        """For how long the answer was looked for, in seconds of the wall."""
+        """The time spent on the answer, in seconds of wall time."""
         return self.found.seconds
 
     @property
@@ -118,7 +118,7 @@ class Verdict(Result, frozen=True):
 
     @property
     def counterexamples(self) -> tuple[Trace, ...]:
-        """The different ways to break it that were found."""
+        """The different counterexamples that were found."""
         first = self.found.counterexample
         runs = () if first is None else (first, *self.found.others)
         return tuple(Trace(self._own(run)) for run in runs)
@@ -130,7 +130,7 @@ class Verdict(Result, frozen=True):
         return trace_of(sources_of(self.program), self.system, self.found.claim, run)
 
     def _own(self, run: Counterexample) -> Recorded:
-        """The same as a trace of the program as it is.
+        """The counterexample as a trace of the program as written.
 
         Traces have the ends of rounds: of what happens in between it has the run in which it does.
         """
@@ -143,7 +143,7 @@ class Verdict(Result, frozen=True):
         return traced(sources, self.shadows.original, Numbers.EXACT, recording, None)
 
     def rerun(self, run: Counterexample) -> Rerun:
-        """Where the compiled program departs from a counterexample, if it does."""
+        """Rerun a counterexample on the compiled program: its first difference, if there is one."""
         from koord.refinement.compiled_replay import rerun
 
         return rerun(self.recorded(run))
@@ -155,19 +155,20 @@ class Verdict(Result, frozen=True):
 
     @property
     def obstacles(self) -> tuple[str, ...]:
-        """What stands in the way of an answer, and what would help, in words."""
+        """The obstacles to an answer, and their cures, in words."""
         return tuple(obstacles.lines(self.found.obstacles, self.name))
 
     def instant(self, run: Counterexample) -> Fraction | None:
-        """When in the environment's turn a claim about the time between ends of rounds breaks, in
-        seconds from its start.
+        """The instant in the environment's turn at which a claim about instants breaks.
+
+        In seconds from the turn's start; None for other claims.
         """
         from koord.verify.instants import instant_of
 
         return instant_of(run.recording)
 
     def fairness(self, run: Counterexample) -> Fair | None:
-        """Why a counterexample without end is fair; None of one that ends."""
+        """Explain why a lasso is fair; None for a counterexample that ends."""
         if run.recording.loop is None:
             return None
         from koord.api.fairness import fairness_of
@@ -176,7 +177,7 @@ class Verdict(Result, frozen=True):
         return fairness_of(self.program, self.system, self.found, run, left_s)
 
     def steps(self, run: Counterexample) -> Iterator[Step]:
-        """A counterexample step by step, run by the reference semantics once more."""
+        """Yield the steps of a counterexample, executed by the reference semantics."""
         from koord.semantics.recordings import execute
 
         return execute(Numbers.EXACT.domain, self.system, run.recording)
@@ -184,17 +185,17 @@ class Verdict(Result, frozen=True):
     def left_behind(
         self, first: Configuration[Constant], last: Configuration[Constant]
     ) -> tuple[str, ...]:
-        """The places of auxiliary variables to which a loop does not come back."""
+        """The places of auxiliary variables to which a loop does not return."""
         from koord.traces.lassos import left_behind
 
         return left_behind(self.system, first, last)
 
     def to_dict(self) -> dict[str, object]:
-        """One of the claims of :meth:`VerifyReport.to_dict`."""
+        """The verdict as plain data: one of the claims of :meth:`VerifyReport.to_dict`."""
         return self.document(Parts())
 
     def document(self, parts: Parts) -> dict[str, object]:
-        """The same; ``parts`` hears of what fails beside the verdict."""
+        """The verdict as plain data; ``parts`` records failures of its details."""
         found = self.found
         first, others, ways = found.counterexample, found.others, found.ways
         return {

@@ -1,4 +1,4 @@
-"""Verifying: a verdict on each property of a program, on one system or on several at a time.
+"""Verification: a verdict on each property of a program, on one system or several.
 
 Solvers work in processes of their own, so that calls in several threads know nothing of each other
 ([0036](../../specs/decisions/0036-threads-verify-in-processes.md)).
@@ -55,7 +55,7 @@ _NEEDED = (
 
 
 class Engine(Enum):
-    """How a verdict is found."""
+    """The engine to use."""
 
     AUTO = "auto"  #: induction, then whichever of the others fits the program
     ABC = "abc"  #: the same as bits, but that abc looks for proofs, if it is installed
@@ -74,7 +74,7 @@ _ENGINES = {
 
 
 class Question(Struct, frozen=True):
-    """A program with robots, about which verdicts are wanted; ``every_n``: any number of robots."""
+    """A verification query: a program with robots; ``every_n``: any number of them."""
 
     program: Program
     system: System
@@ -82,7 +82,7 @@ class Question(Struct, frozen=True):
 
 
 class Options(Struct, frozen=True, kw_only=True):
-    """How verdicts are looked for. ``ends_at`` is when all has to end, by `time.monotonic`."""
+    """The options of a verification. ``ends_at`` is its deadline, as of `time.monotonic`."""
 
     rounds: int = 20
     engine: Engine = Engine.AUTO
@@ -97,12 +97,12 @@ class Options(Struct, frozen=True, kw_only=True):
 
     @property
     def left_s(self) -> float | None:
-        """What is left of the time for everything together; None: no limit."""
+        """The seconds left until the deadline; None: no limit."""
         return None if self.ends_at is None else max(0.0, self.ends_at - time.monotonic())
 
     @property
     def bounds(self) -> Bounds:
-        """How far engines look, from now on."""
+        """The bounds of engines, from now on."""
         from koord.verify.verdicts import Bounds
 
         return Bounds(self.rounds, self.left_s, self.max_violations, self.property_timeout_s)
@@ -126,7 +126,7 @@ def verify(
     progress: Listener | None = None,
     cancellation: Cancellation | None = None,
 ) -> VerifyReport:
-    """A verdict on each property of a program, and a run for each that is violated.
+    """Verify each property of a program; return verdicts, with a run for each violated one.
 
     ``robots`` is how many there are, how many of each kind (``{"Car": 2, "Drone": 1}``), or
     ``"any"`` for every number of them; ``delta_s`` how long a round takes, in seconds. Without
@@ -169,7 +169,7 @@ def verify(
 
 
 def engine_of(engine: Engine | str, *, every_n: bool) -> Engine:
-    """The engine that is asked for. Raises ArgumentError if it is not there, or does not fit."""
+    """The engine of a request. Raises ArgumentError if it is missing, or does not fit."""
     try:
         found = Engine(engine)
     except ValueError:
@@ -195,7 +195,7 @@ def verify_each(
     tell: Callable[[str], None],
     interrupted: Callable[[], bool],
 ) -> Iterator[VerifyReport]:
-    """The verdicts on some systems, in order.
+    """Yield the verdicts on some systems, in order.
 
     Several are asked about in processes of their own, ``options.jobs`` at a time. Once it is
     ``interrupted`` the answers are what is known by then, and there may be fewer of them.
@@ -229,7 +229,7 @@ def verify_each(
 
 
 def check_loadable() -> None:
-    """Raise MemoryError where Z3 would crash while it is loaded, for want of memory.
+    """Raise MemoryError if there is too little memory to load Z3, which would crash.
 
     Another process tries it, which is done only where memory is limited.
     """
@@ -255,7 +255,7 @@ def check_loadable() -> None:
 
 
 def load_for_threads() -> None:
-    """Where there are other threads, load what processes will need before one is forked.
+    """If there are other threads, load the modules that processes need before one is forked.
 
     A module that another thread is loading at that moment would never be there in the process.
     """
@@ -273,7 +273,7 @@ def _load_engines() -> None:
 def in_process(
     work: Callable[[Teller], T], tell: Callable[[str], None], interrupted: Callable[[], bool]
 ) -> T:
-    """Work with a solver, in a process of its own.
+    """Run work with a solver in a process of its own.
 
     Raises what the work raises, KeyboardInterrupt if it is ``interrupted``, and MemoryError where
     the process dies.
@@ -289,14 +289,14 @@ def in_process(
 
 
 def _named(question: Question, questions: Sequence[Question]) -> str:
-    """What tells a system from others that are asked about."""
+    """The name of a system among others in progress messages."""
     if len({id(each.program) for each in questions}) == len(questions):
         return question.system.program.name
     return f"{question.system.robots} robots"
 
 
 def _unanswered(question: Question, options: Options, end: str) -> VerifyReport:
-    """What is known if the process of a system died."""
+    """The report for a system whose process died."""
     from koord.api.verify_report import VerifyReport
     from koord.verify.claims import claims_of, liveness_of
     from koord.verify.engine_names import Engine
@@ -319,7 +319,7 @@ def _answer(
     tell: Callable[[str], None],
     interrupted: Callable[[], bool],
 ) -> VerifyReport:
-    """The verdicts on one system: if any number of robots is asked for, an example of them."""
+    """The report on one system: if any number of robots is asked for, on an example."""
     from koord.api.verdicts import Parts
     from koord.api.verify_report import VerifyReport
     from koord.verify.claims import claims_of, liveness_of
@@ -395,7 +395,7 @@ def _rests_on(
     tell: Callable[[str], None],
     interrupted: Callable[[], bool],
 ) -> ProofCore | None:
-    """What the proofs rest on; None where somebody ended the search for this."""
+    """The proof core of a report; None where the search was cancelled."""
     from koord.verify.proof_core import proof_core
 
     bounds, seed = options.bounds, options.seed
@@ -410,7 +410,7 @@ def _rests_on(
 
 
 def check_names(wanted: Sequence[str], known: Sequence[str]) -> None:
-    """A misspelt name must not pass for a verdict. Raises ArgumentError."""
+    """Check that properties exist: a misspelt name must not pass. Raises ArgumentError."""
     for word in wanted:
         if word not in known:
             listed = ", ".join(known)

@@ -1,4 +1,4 @@
-"""The answer to a verification: the verdicts, and what was found on the way.
+"""Reports of verifications: verdicts, vacuities and other findings.
 
 Of a claim about whole runs there is as well what a lasso has to come back to all the same: where it
 does not, more than the slice is asked.
@@ -37,8 +37,9 @@ if TYPE_CHECKING:
 
 
 class Cones(Struct, frozen=True):
-    """By claim the variables, ports and events outside of its cone, and, for one about whole runs,
-    those of them that a lasso has to come back to.
+    """By claim, the variables, ports and events outside of its cone of influence.
+
+    For a liveness claim also those of them to which a lasso has to return.
     """
 
     left_out: dict[str, list[str]]
@@ -46,7 +47,7 @@ class Cones(Struct, frozen=True):
 
 
 def cones_of(system: System, report: Report) -> Cones:
-    """What the claims of a report cannot depend on."""
+    """The parts that the claims of a report do not depend on."""
     slices = Slices(system)
     return Cones(_left_out(slices, report), _returned_to(slices, report))
 
@@ -91,7 +92,7 @@ VERDICTS_VERSION = 1
 
 
 class VerifyReport(Result, frozen=True):
-    """The verdicts on one program with its robots, and what was found on the way.
+    """The verdicts on one program with its robots, and other findings.
 
     ``between`` and ``shadows`` are there if instants between the ends of rounds were asked about,
     ``rests_on`` if it was asked what the proofs need. ``failed`` is what failed beside verdicts.
@@ -126,12 +127,12 @@ class VerifyReport(Result, frozen=True):
 
     @property
     def holds(self) -> bool:
-        """Whether every claim holds."""
+        """Return whether every claim holds."""
         return self.outcome is Outcome.HOLDS
 
     @property
     def vacuities(self) -> tuple[Vacuity, ...]:
-        """What makes verdicts say less than they seem to."""
+        """The vacuities: reasons why verdicts say less than they seem to."""
         return self.report.vacuities
 
     @property
@@ -142,19 +143,19 @@ class VerifyReport(Result, frozen=True):
 
     @property
     def not_looked_at(self) -> tuple[str, ...]:
-        """Of what nobody knows whether it ever happens: looking for that was given up."""
+        """The events and suppositions whose reachability is unknown, as the search was given up."""
         from koord.verify.vacuity.analysis import words
 
         return tuple(words(each.what, each.subject) for each in self.report.unlooked)
 
     @property
     def interrupted(self) -> bool:
-        """Whether it was ended before everything was known."""
+        """Return whether the verification was cancelled before it was complete."""
         return self.report.interrupted
 
     @property
     def seconds(self) -> float:
-        """For how long it took, in seconds of the wall."""
+        """The duration in seconds of wall time."""
         return self.report.seconds
 
     @property
@@ -166,7 +167,7 @@ class VerifyReport(Result, frozen=True):
 
     @property
     def invariants(self) -> str:
-        """The invariants that were found for proofs, as a file of properties; "" if none were."""
+        """The inferred invariants, as a file of properties; "" if there are none."""
         found = self.at_ends
         if not found.found:
             return ""
@@ -180,14 +181,14 @@ class VerifyReport(Result, frozen=True):
 
     @property
     def problem(self) -> Problem:
-        """What the verdicts are about."""
+        """The program with its robots and settings: the subject of the verdicts."""
         system = self.system
         kinds = None if self.report.every_n else system.kinds
         return self.program.problem(kinds, system.delta_s)
 
     @property
     def report(self) -> Report:
-        """What engines answered, of ends of rounds and of what is between them."""
+        """The engines' report, on ends of rounds and on instants between them."""
         if self.between is None:
             return self.at_ends
         return replace(
@@ -200,17 +201,17 @@ class VerifyReport(Result, frozen=True):
 
     @property
     def cones(self) -> Cones:
-        """What each claim cannot depend on."""
+        """The parts that each claim does not depend on."""
         return cones_of(self.system, self.report)
 
     @property
     def is_vacuous(self) -> bool:
-        """Whether it is certain that verdicts say less than they seem to."""
+        """Return whether some vacuity is certain."""
         return self.report.is_vacuous
 
     @property
     def asks_nothing_between(self) -> bool:
-        """Whether instants were asked about, and there is nothing to be said of them."""
+        """Return whether instants were asked about, but no claim is about them."""
         shadows = self.shadows
         return shadows is not None and not shadows.names and not shadows.unsaid
 
@@ -229,11 +230,11 @@ class VerifyReport(Result, frozen=True):
 
     @property
     def failures(self) -> tuple[Failure, ...]:
-        """What engines ran into, and what is told beside verdicts."""
+        """The failures of engines, and of optional parts of the report."""
         return (*self.report.failures, *self.failed)
 
     def document(self, parts: Parts) -> dict[str, object]:
-        """One of the reports of :meth:`to_dict`; ``parts`` hears of what fails besides."""
+        """The report as plain data: one of :meth:`to_dict`; ``parts`` records details that fail."""
         report, problem = self.report, self.problem
         document: dict[str, object] = {
             "program": problem.texts[0],
@@ -287,7 +288,7 @@ def reports_dict(documents: Iterable[dict[str, object]]) -> dict[str, object]:
 
 
 def failure_dict(failure: Failure) -> dict[str, object]:
-    """What failed, as plain data."""
+    """A failure as plain data."""
     return {"who": failure.who, "what": failure.what, "place": failure.where or None}
 
 

@@ -1,4 +1,4 @@
-"""The values of flags: each is checked here, with a message that says what would have been right.
+"""Converters of flags: each checks a value, with a message that says what would be right.
 
 The functions are argparse ``type=`` converters: they raise ``ArgumentTypeError``, which ends as
 ``koord verify: error: argument --robots: …`` and exit code 2. A command may raise it too, where
@@ -101,7 +101,7 @@ def seconds(text: str) -> float:
 
 
 def pace(text: str) -> float:
-    """How many seconds of a run go by in one of the clock on the wall."""
+    """Parse the pace: seconds of a run per second of wall time."""
     return _measure(text, text, "")
 
 
@@ -137,7 +137,7 @@ def number(text: str) -> Fraction:
 
 
 def _number(text: str) -> int | Fraction | None:
-    """The number that is written; None if it is none. One that is out of range is refused."""
+    """Parse a number; None if the text is none. One that is out of range is refused."""
     try:
         return read_number(text)
     except NumberOutOfRangeError as error:
@@ -328,6 +328,6 @@ def add_trace(parser: argparse.ArgumentParser, what: str) -> None:
 
 
 def check_files(paths: Iterable[str]) -> None:
-    """Standard input can be read once only. Raises ArgumentTypeError."""
+    """Check that standard input is read once only. Raises ArgumentTypeError."""
     if list(paths).count(DASH) > 1:
         raise ArgumentTypeError("- (standard input) is named twice")

@@ -25,7 +25,7 @@ from koord.cli.terminal import Paint, style_of, visible
 
 
 def campaign_request(arguments: argparse.Namespace) -> CampaignRequest:
-    """Raises ArgumentTypeError and KoordError before long work is done."""
+    """Make the request of a campaign. Raises ArgumentTypeError and KoordError, before long work."""
     of_one = ("trace", "record", "processes", "live", "pace")
     given = [f"--{name}" for name in of_one if getattr(arguments, name)]
     if given:
@@ -56,7 +56,7 @@ def campaign_request(arguments: argparse.Namespace) -> CampaignRequest:
 def campaign(
     arguments: argparse.Namespace, wanted: FitRequest, request: CampaignRequest, first_seed: int
 ) -> int:
-    """Make the runs, tell of them, and return the exit code. Raises KoordError."""
+    """Make the runs, report on them, and return the exit code. Raises KoordError."""
     with Interruption() as interruption, LiveLine(sys.stderr) as line:
 
         def show(told: Progress) -> None:

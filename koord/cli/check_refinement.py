@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 
 
 def check_protocol_alone(arguments: argparse.Namespace) -> int:
-    """Check, tell, and return the exit code."""
+    """Check the protocol, print the result, and return the exit code."""
     from koord.api.protocol_check import check_protocol
 
     checked = check_protocol(runs=arguments.runs, seed=arguments.seed, faults=arguments.faults)
@@ -73,7 +73,7 @@ def _show_protocol(checked: ProtocolCheck, network: str) -> None:
 
 
 def check_worlds(arguments: argparse.Namespace) -> int:
-    """Simulate programs, judge their runs, tell of them, and return the exit code.
+    """Simulate programs, judge and report their runs, and return the exit code.
 
     Raises KoordError, also where no world can be simulated for want of libraries.
     """
@@ -267,7 +267,7 @@ def _show(found: Refinement) -> None:
 
 
 def _line(totals: TargetRuns, *, failed: bool) -> str:
-    """What runs on a target did."""
+    """Describe the totals of runs on a target."""
     counted = f"{totals.target.value}: {totals.runs} {_many('run', totals.runs)}, {totals.rounds} "
     counted += f"{_many('round', totals.rounds)}, {totals.steps} {_many('step', totals.steps)}"
     ends = f"{totals.faults} ended in a fault"

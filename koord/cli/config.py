@@ -44,7 +44,7 @@ def main(arguments: argparse.Namespace) -> int:
 
 
 def check(path: str, program: str | None, report: DiagnosticReport) -> ConfigurationReport | None:
-    """What a file says, and for a program; what is wrong goes to the report."""
+    """Check a configuration, and a program with it; diagnostics go to the report."""
     try:
         found = check_configuration(_text(path), None if program is None else _text(program))
     except KoordError as error:
@@ -56,5 +56,5 @@ def check(path: str, program: str | None, report: DiagnosticReport) -> Configura
 
 
 def _text(path: str) -> str | Source:
-    """A file for the API, or what is on standard input. Raises KoordError."""
+    """A file for the API, or the text of standard input. Raises KoordError."""
     return read_program(path).source if path == DASH else path

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 def fairness_lines(fair: Fair) -> Iterator[str]:
-    """Why the run is fair, and what to write to exclude it."""
+    """Describe why the run is fair, and expectations that would exclude it."""
     yield "  the run is fair, so that nothing forbids it [LASSO]:"
     yield from (f"    {line}" for line in told(fair.why))
     if fair.excluding:
@@ -43,7 +43,7 @@ _WIDEST = 40
 
 
 def rerun_lines(departure: Rerun) -> Iterator[str]:
-    """Whether the compiled program does the same, and where it does not."""
+    """Describe the run of the compiled program, and its first difference."""
     from koord.refinement.rounding import Unjudged  # what it loads only violations need
 
     if departure is None:
@@ -59,7 +59,7 @@ def rerun_lines(departure: Rerun) -> Iterator[str]:
 
 
 def told_apart(changes: Iterable[Change], old: str, new: str) -> Iterator[str]:
-    """The locations that differ, as a table with these headings; nothing if there are none."""
+    """Locations that differ, as a table with these headings; no lines if there are none."""
     rows = [(_location(change), change.old, change.new) for change in changes]
     if not rows:
         return
@@ -76,7 +76,7 @@ def _location(change: Change) -> str:
 
 
 def step_lines(verdict: Verdict, style: Style) -> Iterator[str]:
-    """The step that breaks a claim which may be true all the same."""
+    """Describe the step that breaks a claim, though the claim may be true all the same."""
     system, step = verdict.system, verdict.found.step
     assert step is not None
     name = verdict.name
@@ -102,7 +102,7 @@ def _names(system: System, step: BrokenStep, number: int) -> list[str]:
 
 
 def lines(verdict: Verdict, style: Style) -> Iterator[str]:
-    """The runs that break a claim: a heading, the rounds, and the place in the text."""
+    """Describe the runs that break a claim: a heading, the rounds, and the place in the text."""
     assert verdict.found.counterexample is not None
     shown = [verdict.found.counterexample, *verdict.found.others]
     for number, found in enumerate(shown, start=1):
@@ -137,7 +137,7 @@ def _headline(verdict: Verdict, found: Counterexample) -> str:
 
 
 def _rounds(verdict: Verdict, found: Counterexample, table: RunTable) -> Iterator[str]:
-    """The rounds as ``koord run`` shows them, run by the reference semantics once more."""
+    """The rounds as ``koord run`` shows them, executed by the reference semantics."""
     last: Configuration[Constant] | None = None
     first: Configuration[Constant] | None = None  #: of the rounds that repeat
     steps: list[ShownStep] = []

@@ -108,7 +108,7 @@ def main(arguments: argparse.Namespace) -> int:
 def prepare(
     arguments: argparse.Namespace, request: DeployRequest, report: DiagnosticReport
 ) -> tuple[Fitted, Job] | None:
-    """The run and what robots know of it; what is wrong goes to the report."""
+    """Prepare the run as its robots know it; diagnostics go to the report."""
     wanted = fit_request(arguments, report)
     found = None if wanted is None else fitted(wanted, report)
     if found is None:

@@ -22,7 +22,7 @@ _OTHER_LINES = 4
 
 
 class Board:
-    """A table that is drawn anew while robots run; nothing is drawn where nobody looks."""
+    """A table that is redrawn while robots run; nothing is drawn without a terminal."""
 
     def __init__(self) -> None:
         self._console = Console(stderr=True)
@@ -41,7 +41,7 @@ class Board:
             self._live.stop()
 
     def show(self, heard: FleetHeard) -> None:
-        """How the robots are doing now."""
+        """Show the present status of the robots."""
         now = time.monotonic()
         if self._live is None or now < self._shown_at + 0.2:
             return
@@ -54,7 +54,7 @@ class Board:
 
 
 def table(heard: FleetHeard, rows: int = MOST_ROWS) -> Table:
-    """A row for each robot; where there are too many, first for those of which there is a story."""
+    """A row for each robot; if there are too many, first those with something to report."""
     statuses, lags = heard.statuses, heard.lags()
     title = f"round {heard.round}" + ("" if heard.rounds is None else f" of {heard.rounds}")
     made = Table(title=title, title_justify="left", box=None, pad_edge=False)
@@ -83,7 +83,7 @@ def table(heard: FleetHeard, rows: int = MOST_ROWS) -> Table:
 
 
 def story(status: RobotReport) -> str:
-    """What is to be said of a robot besides."""
+    """The remark on a robot in the table."""
     if status.trouble is not None:
         return f"stopped: {status.trouble}"
     if status.fault is not None:
@@ -101,7 +101,7 @@ def story(status: RobotReport) -> str:
 
 
 def _division(deployed: Deployed) -> str:
-    """How many robots are of which kind, if there are several: `` (2 Car, 1 Drone)``."""
+    """The numbers of robots by kind, if there are several kinds: `` (2 Car, 1 Drone)``."""
     if len(deployed.agents) == 1:
         return ""
     each = (f"{deployed.kinds.count(k)} {name}" for k, name in enumerate(deployed.agents))

@@ -141,7 +141,7 @@ def _walk_on(line: str, left: int, room: int) -> int:
 
 
 def in_flags(message: str) -> str:
-    """A message, with flags for the arguments of the public API that it names: `live=`."""
+    """Replace the public API's arguments in a message by flags: `live=`."""
     return _ARGUMENT.sub(
         lambda found: f"`{_FLAGS[found[1]]} {found[2]}`" if found[2] else _FLAGS[found[1]], message
     )
@@ -160,7 +160,7 @@ def _for_terminal(diagnostic: Diagnostic) -> Diagnostic:
 
 
 class DiagnosticReport(Struct):
-    """The diagnostics of a run, gathered file by file, and the texts they point into."""
+    """The diagnostics of a command, gathered file by file, and the texts they point into."""
 
     strict: bool = False
     diagnostics: list[Diagnostic] = field(default_factory=list)
@@ -203,7 +203,7 @@ class DiagnosticReport(Struct):
 
 
 def report_error(error: KoordError, *, as_json: bool, sources: Iterable[Source] = ()) -> None:
-    """Show what stopped a command: JSON where the answer was to go, text to standard error."""
+    """Show the error that stopped a command: JSON on standard output, text on standard error."""
     report = DiagnosticReport()
     report.add((), *sources)
     report.add(error.diagnostics)

@@ -1,4 +1,4 @@
-"""What an exit code of ``koord`` means; the same for every command."""
+"""Exit codes of ``koord``; the same for every command."""
 
 from __future__ import annotations
 

@@ -23,7 +23,7 @@ def read_program(path: str) -> InputFile:
 
 
 def name_of(path: str) -> str:
-    """What a file is called wherever it is spoken of: nothing in its name acts on a terminal."""
+    """The name of a file in messages, without characters that act on a terminal."""
     return STDIN_NAME if path == DASH else visible(path)
 
 

@@ -21,7 +21,7 @@ from koord.syntax.diagnostics import KoordError
 
 
 class FormatTask(Enum):
-    """What to do with the laid-out text."""
+    """The mode of ``koord fmt``: what to do with the formatted text."""
 
     WRITE = "write"
     CHECK = "check"

@@ -19,7 +19,7 @@ from koord.syntax.source import Source
 
 
 class ReadOptions(Struct, frozen=True):
-    """How programs are to be read: values of their params, and further properties."""
+    """The options for reading programs: values of params, and further properties."""
 
     params: Mapping[str, ParamValue]
     properties: tuple[Source, ...]
@@ -34,7 +34,7 @@ class ReadOptions(Struct, frozen=True):
 def load_programs(
     paths: Iterable[str], reading: ReadOptions, report: DiagnosticReport
 ) -> tuple[Program, ...]:
-    """Load programs to work with; what is wrong goes to the report.
+    """Load programs; diagnostics go to the report.
 
     Left out are those with errors, and files of properties alone, which count as one.
     """
@@ -50,7 +50,7 @@ def load_programs(
 
 
 def check_file(path: str, reading: ReadOptions, report: DiagnosticReport) -> CheckReport | None:
-    """Read and elaborate one file, reporting what is wrong; None if it cannot be read."""
+    """Load and check one file, reporting its diagnostics; None if it cannot be read."""
     try:
         source = read_program(path).source
     except KoordError as error:
@@ -67,7 +67,7 @@ def fit_request(
     robots: int | None = None,
     seed: int | None = None,
 ) -> FitRequest | None:
-    """What the flags ask for; what is wrong with the files goes to the report."""
+    """Make the request from flags; diagnostics of the files go to the report."""
     path = arguments.config
     if path is None and arguments.file != DASH:
         path = beside(arguments.file, ".yaml")
@@ -87,7 +87,7 @@ def fit_request(
 
 
 def fitted(request: FitRequest, report: DiagnosticReport) -> Fitted | None:
-    """Program and configuration together; what does not suit goes to the report."""
+    """Fit program and configuration; diagnostics go to the report."""
     try:
         found = fit(request)
     except ArgumentError:

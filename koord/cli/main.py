@@ -34,7 +34,7 @@ _CODES = {
 
 
 class Endings:
-    """Inside the ``with``, who asks this process to end is heard as Ctrl-C is."""
+    """Within the context, signals that ask the process to end count as Ctrl-C."""
 
     def __init__(self) -> None:
         self.by: int | None = None  #: the signal that ended it
@@ -55,7 +55,7 @@ class Endings:
             signal.signal(number, before)
 
     def code(self, code: int) -> int:
-        """The exit code of the command, which would have been this one."""
+        """The exit code of the command, given the one that it would have had."""
         if self.by is None or code != Exit.INTERRUPTED:
             return code
         return _CODES[self.by]
@@ -95,10 +95,10 @@ exit codes:
 
 
 class Command(Protocol):
-    """What a command's file offers."""
+    """The interface of a command's module."""
 
     def configure(self, parser: argparse.ArgumentParser) -> None:
-        """Say which arguments the command takes."""
+        """Add the command's arguments to its parser."""
 
     def main(self, arguments: argparse.Namespace) -> int:
         """Run the command and return its exit code."""
@@ -295,7 +295,7 @@ _OUTPUT_ERRORS = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, 
 
 
 def _is_of_output(error: OSError) -> bool:
-    """Whether the standard output is to blame; errors of files carry the file's name."""
+    """Return whether the standard output failed; errors of files carry the file's name."""
     return error.filename is None and error.errno in _OUTPUT_ERRORS
 
 
@@ -316,7 +316,7 @@ def _report_internal(error: Exception) -> None:
 
 
 def _limit_of_memory() -> str:
-    """The limit that a process like this one is under, as one that could be raised."""
+    """The memory limit of this process, in a form that could be raised."""
     try:
         from resource import RLIM_INFINITY, RLIMIT_AS, getrlimit
     except ImportError:

@@ -66,7 +66,7 @@ class LiveLine:
         self.clear()
 
     def show(self, text: str) -> None:
-        """Say what is going on. Cheap: it is written with the next tick."""
+        """Set the text of the line. Cheap: it is written with the next tick."""
         self._text = text
 
     def clear(self) -> None:
@@ -137,7 +137,7 @@ class Interruption(Cancellation):
 
 
 class Interrupts(Cancellation):
-    """Ctrl-C ends work whose end takes its time; pressed again it ends it at once."""
+    """Ctrl-C for work that takes time to end; a second one ends it at once."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -157,12 +157,12 @@ class Interrupts(Cancellation):
 
 
 class TimeUpError(Exception):
-    """The time for something is up."""
+    """Raised where the time limit is reached."""
 
 
 @contextmanager
 def time_limit(seconds: float | None) -> Iterator[None]:
-    """Lets work that asks nobody whether to go on end in time: raises TimeUpError inside it.
+    """Within the context, raise TimeUpError at a time limit, for work that checks no deadline.
 
     What is half done by then is lost. Where there are no timers, it takes as long as it takes.
     """

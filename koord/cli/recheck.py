@@ -25,7 +25,7 @@ _SOLVERS = ("cvc5",)
 
 
 class Request(Struct, frozen=True):
-    """Which certificate is to be rechecked, and how the answer is shown."""
+    """The request for a recheck."""
 
     name: str
     raw: bytes
@@ -134,12 +134,12 @@ def _lines(report: RecheckReport, request: Request, style: Style) -> list[str]:
 
 
 def _said(heading: str, statements: Sequence[Statement]) -> list[str]:
-    """Statements in full: Koord, or what is asked of every program in words."""
+    """Print statements in full: Koord, or words for claims about every program."""
     return [heading, *_indented(s.text for s in statements)] if statements else []
 
 
 def _relied_on(premises: Sequence[Premise]) -> list[str]:
-    """What is relied on: assumptions in full, of what is promised the names and places."""
+    """Print premises: assumptions in full, of others the names and places."""
     told = (
         p.text if p.kind is PremiseKind.ASSUMPTION else f"{p.kind.value} {p.name} ({p.span})"
         for p in premises

@@ -29,7 +29,7 @@ from koord.traces.trace import BEFORE_ROUNDS, Trace, Violation, ViolationKind
 
 
 class Request(Struct, frozen=True):
-    """Which trace is to be checked, and how the answer is shown."""
+    """The request for a replay."""
 
     name: str
     raw: bytes
@@ -120,7 +120,7 @@ def _replay(request: Request) -> Exit:
 
 
 class _Shown:
-    """Shows the rounds of a trace while it is replayed."""
+    """A listener that shows the rounds of a trace while it is replayed."""
 
     def __init__(self, trace: Trace) -> None:
         self._rounds = Rounds(RunTable(Names(trace.system), style_of(sys.stdout)))
@@ -134,11 +134,11 @@ class _Shown:
 
 
 def _unseen(step: Step) -> None:
-    """Without --show nobody looks at the steps."""
+    """Ignore a step: without --show nothing is shown."""
 
 
 def verdict(name: str, report: ReplayReport, style: Style) -> Iterator[str]:
-    """What a replay found, in words."""
+    """Describe the result of a replay."""
     trace, found, refused = report.trace.recorded, report.found, report.refused
     if refused is None:
         good = style.paint("legal", Paint.ADDED)
@@ -165,7 +165,7 @@ def verdict(name: str, report: ReplayReport, style: Style) -> Iterator[str]:
 
 
 def _end(trace: Trace) -> Iterator[str]:
-    """How the run of a legal trace ends, if not by itself."""
+    """Describe the end of a legal trace, if it is not just the last round."""
     fault = trace.configurations[-1].fault
     if fault is not None:
         whose = "" if fault.robot is None else f" of robot {fault.robot}"
@@ -177,7 +177,7 @@ def _end(trace: Trace) -> Iterator[str]:
 
 
 def _does(violation: Violation) -> str:
-    """What a run that ends in a violation does, in words."""
+    """Describe the violation in which a run ends."""
     name = visible(violation.name)
     match violation.kind:
         case ViolationKind.PROPERTY:

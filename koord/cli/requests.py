@@ -1,4 +1,4 @@
-"""What ``koord verify`` is asked for: its flags as data, and which of them go together."""
+"""Requests of ``koord verify``: its flags as data, and their consistency."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from koord.syntax.content import ByContent
 
 
 class Request(ByContent, frozen=True):
-    """What is to be verified of each program, and within which limits."""
+    """The request for a verification of each program, with its limits."""
 
     ASIDE: ClassVar[frozenset[str]] = frozenset({"asked_at"})
 
@@ -43,12 +43,12 @@ class Request(ByContent, frozen=True):
     asked_at: float = field(default_factory=time.monotonic)
 
     def left_s(self) -> float | None:
-        """What is left of the time for everything together; None: no limit."""
+        """The seconds left until the deadline; None: no limit."""
         return self.options.left_s
 
     @property
     def options(self) -> Options:
-        """How verdicts are looked for."""
+        """The options of the verification."""
         return Options(
             rounds=self.rounds,
             engine=self.engine,
@@ -64,7 +64,7 @@ class Request(ByContent, frozen=True):
 
 
 def request_of(arguments: argparse.Namespace) -> Request:
-    """The request. Raises ArgumentTypeError before any work is done if flags do not go together."""
+    """Make the request. Raises ArgumentTypeError, before any work, if flags do not go together."""
     if arguments.output != DASH:
         raise argparse.ArgumentTypeError("-o says where --export writes to: add --export")
     request = _request(arguments)

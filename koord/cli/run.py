@@ -50,7 +50,7 @@ HELP = """\
 
 
 class Interactive(Struct):
-    """A dialogue about a run by hand. ``play`` holds it; then ``stepper`` is where it has come."""
+    """A dialogue about a run by hand. ``play`` runs it; then ``stepper`` is its state."""
 
     stepper: Stepper
     table: RunTable
@@ -68,7 +68,7 @@ class Interactive(Struct):
                 return
 
     def _ask(self) -> bool:
-        """One question and what follows from it; False to quit."""
+        """Ask one question and act on the answer; False to quit."""
         print()
         print(self.table.heading(self.stepper.run.round))
         options: list[Option] = []
@@ -122,7 +122,7 @@ def _tell(*lines: str) -> None:
 
 
 def _typed(question: str) -> str | None:
-    """What the user types, None at the end of the input."""
+    """The user's input, or None at its end."""
     try:
         return input(question).strip()
     except EOFError:
@@ -135,7 +135,7 @@ _PERIOD_S = 0.05
 
 
 class Request(Struct, frozen=True):
-    """How a program is to be run."""
+    """The request for a run."""
 
     fleet: FleetSize
     rounds: int
@@ -265,7 +265,7 @@ def _by_hand(request: Request, session: Interactive) -> Exit:
     stepper = session.stepper
 
     def keep() -> None:
-        """Steps may be taken back, so it is written anew."""
+        """Write the trace anew, as steps may have been undone."""
         if request.trace is not None:
             write_atomically(part_of(request.trace), stepper.trace().encoded())
 
@@ -302,7 +302,7 @@ def _conclude(loaded: Program, ending: Ending) -> None:
 
 
 def conclusion(loaded: Program, ending: Ending, style: Style) -> Iterator[str]:
-    """How a run ended, with the place in the text that is to blame, if any."""
+    """Describe the end of a run, with the place in the text that is to blame, if any."""
     fault, violation = ending.fault, ending.violation
     yield ""
     if fault is not None:

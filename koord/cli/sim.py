@@ -124,7 +124,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_outputs(parser: argparse.ArgumentParser) -> None:
-    """The flags that say what is kept."""
+    """Add the flags of outputs."""
     parser.add_argument(
         "--html",
         metavar="FILE",
@@ -250,7 +250,7 @@ def _request(arguments: argparse.Namespace) -> SimulationRequest:
 
 
 def _check_single(arguments: argparse.Namespace) -> None:
-    """Whether nothing is asked for that campaigns alone have."""
+    """Refuse flags that only campaigns have. Raises ArgumentTypeError."""
     given = {
         "--csv": arguments.csv is not None,
         "--resume": arguments.resume,
@@ -294,7 +294,7 @@ def _rehearse(arguments: argparse.Namespace) -> int:
 
 
 def _concluded(arguments: argparse.Namespace, simulated: Simulated) -> int:
-    """Tell what was kept, and give the exit code."""
+    """Report the files kept, and return the exit code."""
     from koord.api.sim_report import Ending
 
     if simulated.kept and not arguments.json:

@@ -38,7 +38,7 @@ _MOST_ROWS = 24
 
 
 def heading(setup: Setup) -> str:
-    """What is run."""
+    """The heading of a run: its program, robots and settings."""
     problem = setup.problem
     program, *more = (*problem.texts, *filter(None, [setup.configuration]))
     with_ = f" with {', '.join(more)}" if more else ""
@@ -64,7 +64,7 @@ def heading(setup: Setup) -> str:
 
 
 def report(simulated: Simulated) -> Iterator[str]:
-    """What each robot came to, all of them together, how the run ended, and what was broken."""
+    """Describe each robot's metrics, all together, the end of the run, and broken claims."""
     yield from _drawn(_robots(simulated))
     yield from _drawn(_together(simulated))
     if simulated.processes is not None:
@@ -133,7 +133,7 @@ def _together(simulated: Simulated) -> Table:
 
 
 def _conclusion(simulated: Simulated) -> Iterator[str]:
-    """How the run ended, and what was broken."""
+    """Describe the end of the run, and broken claims."""
     style = style_of(sys.stdout)
     yield ""
     for broken in simulated.broken[:_MOST_ROWS]:
@@ -161,7 +161,7 @@ def _conclusion(simulated: Simulated) -> Iterator[str]:
 
 
 def _standing(simulated: Simulated) -> Iterator[str]:
-    """The robots that stand still, and what can be done."""
+    """Describe the robots that stand still, and cures."""
     style = style_of(sys.stdout)
     for one in simulated.standing[:_MOST_ROWS]:
         yield f"{style.paint('stuck', Paint.ERROR)}: {standing_words(one)}"
@@ -173,7 +173,7 @@ def _standing(simulated: Simulated) -> Iterator[str]:
 
 
 def bounds_words(setup: Setup) -> str:
-    """From where to where a world reaches."""
+    """Describe the bounds of a world."""
     low, high = (f"({', '.join(f'{c:g}' for c in corner)})" for corner in (setup.low, setup.high))
     return f"from {low} to {high}"
 
@@ -207,7 +207,7 @@ class Shown:
         self._stack.close()
 
     def hear(self, told: Progress) -> None:
-        """Show what is told."""
+        """Show the progress."""
         match told:
             case SimulationBegun(setup=setup):
                 self._begin(setup)

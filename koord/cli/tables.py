@@ -1,4 +1,4 @@
-"""Runs as tables, a round at a time: who ran what, what it changed, what it wrote.
+"""Runs as tables, one round at a time: events, changes and output.
 
 round 2, to t = 0.2 s
   0     Add   total: 0 → 0, done: false → true
@@ -38,7 +38,7 @@ ENVIRONMENT = "env"
 
 
 class ShownStep(Struct, frozen=True):
-    """A step of a round as it is to be shown."""
+    """A step of a round, prepared for display."""
 
     step: Step
     before: Configuration[Constant]
@@ -46,7 +46,7 @@ class ShownStep(Struct, frozen=True):
 
 
 class _Row(Struct, frozen=True):
-    """A line of a table: who, what it ran, and the pieces that say what came of it."""
+    """A row of a table: the robots, the event, and its effects."""
 
     who: str
     ran: str
@@ -56,7 +56,7 @@ class _Row(Struct, frozen=True):
 
 
 class RunTable(Struct):
-    """Lays a run out. Rounds in which nothing happens are counted and told together."""
+    """A layout of runs as tables. Idle rounds are counted and shown together."""
 
     names: Names
     style: Style
@@ -79,7 +79,7 @@ class RunTable(Struct):
         yield from self._fault(step)
 
     def configuration(self, configuration: Configuration[Constant]) -> Iterator[str]:
-        """What all variables hold, without a heading."""
+        """Lay out the values of all variables, without a heading."""
         yield from self._laid_out(self._whole(configuration))
 
     def _whole(self, configuration: Configuration[Constant]) -> list[_Row]:
@@ -96,7 +96,7 @@ class RunTable(Struct):
         before: Configuration[Constant],
         after: Configuration[Constant],
     ) -> Iterator[str]:
-        """A round told as a whole: what each robot ran ("" for a skip), and all that changed."""
+        """Lay out a round as a whole: each robot's event ("" for a skip), and all changes."""
         found = list(changes(self.names, before, after))
         rows = []
         for number, event in enumerate(ran):
@@ -235,7 +235,7 @@ class RunTable(Struct):
 
 
 class Rounds:
-    """Prints the steps of a run, round by round, as each round ends."""
+    """A printer of a run's steps, round by round, as each round ends."""
 
     def __init__(self, table: RunTable) -> None:
         self._table = table
@@ -269,7 +269,7 @@ class Rounds:
 
 
 def repeats(recording: Recording) -> str:
-    """Which rounds of a lasso repeat, in words; rounds count from 1."""
+    """Describe the rounds of a lasso that repeat; rounds count from 1."""
     assert recording.loop is not None
     first, last = recording.loop + 1, len(recording.rounds)
     which = f"round {first} repeats" if first == last else f"rounds {first} to {last} repeat"
@@ -283,7 +283,7 @@ def _told(change: Change, of: int | None) -> str:
 
 
 def _held(named: Iterable[Named], storages: Iterable[Storage[Constant]]) -> Iterator[str]:
-    """What variables hold; behind those that hold something, the names of those that do not."""
+    """The values of variables; after those that are set, the names of those that are not."""
     unset = []
     for one, storage in zip(named, storages, strict=True):
         shown = show_storage(storage, one.type)

@@ -1,4 +1,4 @@
-"""What a terminal shows of a text: widths, colours, and nothing that would steer it."""
+"""Terminal output: widths, colours, and escaping of control characters."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ LEAST_WIDTH = 40
 
 
 class Paint(Enum):
-    """How a piece of text stands out, as the parameters of an SGR escape sequence."""
+    """Styles of text, as the parameters of an SGR escape sequence."""
 
     BOLD = "1"
     ERROR = "1;31"
@@ -32,7 +32,7 @@ class Paint(Enum):
 
 
 class Style(Struct, frozen=True):
-    """How output is laid out: its width in cells, and whether it is coloured."""
+    """The layout of output: its width in cells, and whether it is coloured."""
 
     width: int = WIDTH_OF_FILES
     colour: bool = False
@@ -46,7 +46,7 @@ PLAIN = Style()
 
 
 def is_debugging() -> bool:
-    """Whether tracebacks are to be shown, which are for who works on koord itself."""
+    """Return whether to show tracebacks, for developers of koord."""
     return os.environ.get("KOORD_DEBUG", "") not in ("", "0")
 
 
@@ -60,7 +60,7 @@ def style_of(stream: TextIO | None, environment: Mapping[str, str] | None = None
 
 
 def is_terminal(stream: TextIO | None, environment: Mapping[str, str] | None = None) -> bool:
-    """Whether a stream is a terminal that understands escape sequences."""
+    """Return whether a stream is a terminal that understands escape sequences."""
     environment = os.environ if environment is None else environment
     if stream is None or environment.get("TERM") == "dumb":
         return False
@@ -71,7 +71,7 @@ def is_terminal(stream: TextIO | None, environment: Mapping[str, str] | None = N
 
 
 def cells(text: str) -> int:
-    """How many cells of a terminal a visible text takes."""
+    """The number of terminal cells that a visible text takes."""
     if text.isascii():
         return len(text)
     return sum(map(_cells_of_character, text))

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 
 def core_lines(loaded: Program, found: ProofCore, style: Style) -> Iterator[str]:
-    """A table: what is needed, what is not, and what there was no time to leave out."""
+    """A table of premises: needed ones, others, and those not tried in time."""
     if not found.claims:
         yield "  nothing holds in every round, so nothing rests on anything"
         return
@@ -129,7 +129,7 @@ def lines(found: VerifyReport, style: Style) -> Iterator[str]:
 
 
 def _failed(failure: Failure) -> str:
-    """What an engine ran into, in a line."""
+    """Describe a failure of an engine in a line."""
     place = f" ({failure.where})" if failure.where else ""
     mistake = ""
     if failure.where:
@@ -142,7 +142,7 @@ def _failed(failure: Failure) -> str:
 
 
 def _fairly(fairness: tuple[str, ...]) -> str:
-    """Which fairness a proof rests on, in words."""
+    """Describe the fairness that a proof rests on."""
     kinds = [f"to {kind}" for kind in ("robots", "locks") if kind in fairness]
     expected = [name for name in fairness if name not in ("robots", "locks")]
     said = [f"fairness {' and '.join(kinds)}"] if kinds else []
@@ -151,7 +151,7 @@ def _fairly(fairness: tuple[str, ...]) -> str:
 
 
 def _ways(count: int, ways: Ways) -> str:
-    """How many ways there are to break a claim, where fewer were found than were asked for."""
+    """Describe the number of counterexamples, where fewer were found than asked for."""
     found = f"{count} way{'' if count == 1 else 's'} to break it"
     if ways.complete:
         return f"{found}: there is no other within the bound"
@@ -159,7 +159,7 @@ def _ways(count: int, ways: Ways) -> str:
 
 
 def _in_the_way(found: VerifyReport) -> Iterator[str]:
-    """What stands in the way of claims that are unknown, those together that have the same."""
+    """Describe the obstacles of unknown claims; claims with the same ones share an entry."""
     stopped: dict[tuple[bool, tuple[str, ...]], list[str]] = {}
     for verdict in found.verdicts:
         if verdict.obstacles:
@@ -175,7 +175,7 @@ def _in_the_way(found: VerifyReport) -> Iterator[str]:
 
 
 def _given_up(unlooked: Sequence[str], style: Style) -> Iterator[str]:
-    """What may be empty and was not looked at to the end, in a line."""
+    """Describe in a line the goals whose search was given up."""
     label = style.paint("note:", Paint.NOTE)
     some = ", ".join(unlooked[:MOST_SHOWN])
     more = len(unlooked) - MOST_SHOWN
@@ -184,7 +184,7 @@ def _given_up(unlooked: Sequence[str], style: Style) -> Iterator[str]:
 
 
 def _empty(vacuity: Vacuity, style: Style) -> str:
-    """What makes verdicts say less than they seem to, in a line."""
+    """Describe a vacuity in a line."""
     label = style.paint("vacuous:" if vacuity.certain else "warning:", Paint.WARNING)
     what = f"{vacuity.what.value} {vacuity.subject}".rstrip()
     if vacuity.what is Emptiness.SUPPOSITION:
@@ -219,7 +219,7 @@ def _everywhere(report: Report) -> bool:
 
 
 def outcome_of(report: Report) -> str:
-    """The outcome of all claims together, in few words."""
+    """Describe the outcome of all claims together."""
     match report.outcome:
         case Outcome.HOLDS:
             reach = "in every round" if _everywhere(report) else "within the bound"
@@ -237,7 +237,7 @@ def outcome_of(report: Report) -> str:
 
 
 def said(verdict: Verdict) -> str:
-    """The verdict in words, with how far it reaches."""
+    """Describe the verdict, and how far it reaches."""
     match verdict.outcome:
         case Outcome.HOLDS if verdict.claim.kind is ClaimKind.LIVENESS:
             return "holds, under fairness" if verdict.fairness else "holds in every run"
@@ -283,7 +283,7 @@ def _robots(problem: Problem, report: Report) -> str:
 
 
 def heading(problem: Problem, style: Style) -> list[str]:
-    """What stands above the table: what is the same for all numbers of robots."""
+    """The heading above the table: settings that are the same for all numbers of robots."""
     return [
         style.paint(visible(f"{problem.name}: {', '.join(problem.values)}"), Paint.BOLD),
         "",

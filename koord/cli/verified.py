@@ -1,4 +1,4 @@
-"""What was found out is shown, and kept in the files that were asked for."""
+"""Output of ``koord verify``: verdicts on the terminal, and the files that were asked for."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def tell(report: VerifyReport, request: Request, told: list[dict[str, object]]) -> Exit:
-    """Show the verdicts on one system, and keep what is to be kept; with --json add to ``told``."""
+    """Show and keep the verdicts on one system; with --json add them to ``told``."""
     # What verdicts are made of loads Z3, and the other commands start without it.
     from koord.api.verdicts import Parts
     from koord.api.verify_report import failure_dict
@@ -97,7 +97,7 @@ def tell_sweep(
     request: Request,
     told: list[dict[str, object]],
 ) -> Exit:
-    """One number of robots after the other; Ctrl-C ends it with those that are done."""
+    """Report one number of robots after the other; Ctrl-C ends it with those that are done."""
     from koord.api import pictures
     from koord.api.verdicts import Parts
     from koord.api.verify_report import failure_dict
@@ -139,7 +139,7 @@ def _exit(report: VerifyReport) -> Exit:
 
 
 def _keep(report: VerifyReport, path: str) -> None:
-    """Write the trace of the shortest violation; say so if there is none."""
+    """Write the trace of the shortest violation; report if there is none."""
     from koord.api.traces import write_counterexample
 
     shortest = report.counterexample
@@ -150,7 +150,7 @@ def _keep(report: VerifyReport, path: str) -> None:
 
 
 def _save(report: VerifyReport, path: str) -> None:
-    """Write the invariants that were found; say so if there are none."""
+    """Write the inferred invariants; report if there are none."""
     if report.invariants:
         write_atomically(path, report.invariants.encode("utf-8"))
     else:
@@ -158,7 +158,7 @@ def _save(report: VerifyReport, path: str) -> None:
 
 
 def _certify(report: VerifyReport, path: str, timeout_s: float | None) -> None:
-    """Write the certificate of the claims that hold in all rounds; say what is not in it."""
+    """Write the certificate of the claims that hold in all rounds; report what is not in it."""
     from koord.api.certify import certify
 
     made = certify(report, timeout_s=timeout_s)

@@ -44,7 +44,7 @@ if TYPE_CHECKING:
 
 
 def add_export(parser: argparse.ArgumentParser) -> None:
-    """Add the flags."""
+    """Add the flags of ``--export``."""
     parser.add_argument(
         "--export",
         choices=FORMATS,
@@ -60,7 +60,7 @@ def add_export(parser: argparse.ArgumentParser) -> None:
 
 
 def export(arguments: argparse.Namespace) -> int:
-    """Write the claims about one program as a problem."""
+    """Export the claims about one program as a problem."""
     if len(arguments.files) > 1 or len(arguments.robots) > 1 or arguments.robots[0].any_number:
         raise argparse.ArgumentTypeError("--export takes one program and one number of robots")
     output = arguments.output
@@ -103,7 +103,7 @@ def export(arguments: argparse.Namespace) -> int:
 
 
 def _module(output: str) -> str | None:
-    """The name of a module in that file; None: no file says."""
+    """The name of a TLA+ module in a file; None without a file."""
     if output == DASH:
         return None
     path = Path(output)
@@ -128,7 +128,7 @@ def watched(
     *,
     pause: Callable[[float], None] = time.sleep,
 ) -> int:
-    """Do the work now and after each change, until Ctrl-C; the exit code of the last time."""
+    """Repeat the work after each change of the files, until Ctrl-C; return the last exit code."""
     code = 0
     try:
         while True:
@@ -289,7 +289,7 @@ def _once(arguments: argparse.Namespace, request: Request) -> int:
 
 
 def _verified(programs: Sequence[Program], request: Request, told: list[dict[str, object]]) -> Exit:
-    """Verify programs, and show what is found of each as soon as it is known."""
+    """Verify programs, and show the results of each as soon as they are known."""
     from koord.cli.verified import tell, tell_sweep
 
     questions = [
@@ -317,7 +317,7 @@ def _verified(programs: Sequence[Program], request: Request, told: list[dict[str
 
 
 def _answers(questions: Sequence[Question], request: Request) -> Iterator[VerifyReport]:
-    """The verdicts, in order, with a live line while they are looked for."""
+    """The reports, in order, with a live line while they are computed."""
     shown = [LiveLine(None)]
     with Interruption() as interruption:
         answers = verify_each(

@@ -113,7 +113,7 @@ class Rechecked(Struct, frozen=True):
 
 
 class _Work(Struct, frozen=True):
-    """How obligations are settled: with which seed, until when, and who hears of it."""
+    """The seed, deadline and listeners with which obligations are settled."""
 
     seed: int
     ends_at: float  #: as :func:`time.monotonic` counts

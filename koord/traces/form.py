@@ -143,7 +143,7 @@ class Configuration(Form, kw_only=True):
 
 
 class Start(Form):
-    """What an arbitrary variable started with; of an allread variable, the robot's own entry."""
+    """The start of an arbitrary variable; of an allread variable, the robot's own entry."""
 
     home: Home
     variable: str

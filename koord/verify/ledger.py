@@ -58,7 +58,7 @@ class VerificationProblem(Struct, frozen=True):
 
 
 class Reach(Struct, frozen=True):
-    """How far an engine checked an open claim: rounds, the reason to stop, and obstacles.
+    """The reach of an engine on an open claim: rounds, the reason to stop, and the obstacle.
 
     ``rounds`` is the last round through which the claim holds; None: not even INIT is known.
     ``reason`` is empty if it was not asked to go further.

@@ -91,7 +91,7 @@ def verify(
 
 
 class _Verification(Struct, frozen=True):
-    """What is asked about a system, and the means there are to answer it."""
+    """The claims asked about a system, with bounds, deadline and processes to decide them."""
 
     system: System
     bounds: Bounds

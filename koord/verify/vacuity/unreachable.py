@@ -1,7 +1,7 @@
-"""What should be possible and never happens, with the robots given or any number. [PROP-VACUOUS]
+"""Unreachable goals: events and suppositions, for given robots or any number. [PROP-VACUOUS]
 
-Most of it can be proved in no time, by steps that do not ask whether rounds can end. What is left
-is looked for in runs.
+Most goals are quickly proved unreachable, by steps that do not ask whether rounds can end. The
+others are searched for in runs.
 
 What some robots cannot do more of them may be able to. So that something never happens is certain
 only where it is proved for every number; elsewhere it is said of the numbers that were looked at.

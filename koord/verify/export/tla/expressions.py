@@ -91,9 +91,11 @@ _KINDS = {
 
 
 class Scope(Struct, frozen=True):
-    """Where an expression stands: ``memory`` is the text of what the robot sees, ``me`` of its
-    number (empty in properties), ``picks`` of what is chosen in INIT (empty elsewhere), ``bound``
-    of variables that quantifiers bind, by slot. ``blank`` are variables that may be unset.
+    """The context of an expression, as texts in TLA+.
+
+    ``memory`` is the text of what the robot sees, ``me`` of its number (empty in properties),
+    ``picks`` of what is chosen in INIT (empty elsewhere), ``bound`` of variables that quantifiers
+    bind, by slot. ``blank`` are variables that may be unset.
     """
 
     program: core.Program
