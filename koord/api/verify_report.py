@@ -18,6 +18,7 @@ from koord.api.traces import Trace
 from koord.api.verdicts import Parts, Verdict
 from koord.syntax.analysis.auxiliary import Var
 from koord.syntax.core import Direction, Home
+from koord.syntax.printing.quoting import Quoting
 from koord.syntax.problem import Problem
 from koord.syntax.source import visible
 from koord.syntax.system import System
@@ -27,7 +28,7 @@ from koord.verify.failures import Failure
 from koord.verify.reduction.influence import Happens, Part
 from koord.verify.reduction.problems import identity
 from koord.verify.reduction.slicing import Slices
-from koord.verify.verdicts import Bounds, Outcome, Report, Vacuity, as_invariant
+from koord.verify.verdicts import Bounds, Outcome, Report, Vacuity
 from koord.verify.verdicts import Verdict as Found
 
 if TYPE_CHECKING:
@@ -169,15 +170,27 @@ class VerifyReport(Result, frozen=True):
     def invariants(self) -> str:
         """The inferred invariants, as a file of properties; "" if there are none."""
         found = self.at_ends
-        if not found.found:
+        if not found.lemmas:
             return ""
-        problem = self.problem
+        problem, quoting = self.problem, Quoting.of(self.system.program)
         proofs = [verdict for verdict in found.verdicts if verdict.lemmas]
         if all(verdict.engine is Engine.EVERY_N for verdict in proofs):
             problem = replace(problem, kinds=None)
         lines = [f"# Found for {visible(str(problem))}:", "# together they hold in every round."]
-        lines += [as_invariant(f"Found{k}", text) for k, text in enumerate(found.found, start=1)]
+        lines += [quoting.invariant(x, f"Found{k}") for k, x in enumerate(found.lemmas, start=1)]
         return "\n".join(lines) + "\n"
+
+    @property
+    def found_invariants(self) -> tuple[str, ...]:
+        """The invariants that were found for proofs, as Koord; those of the ends of rounds alone
+        begin with ``at round:``.
+        """
+        found: dict[str, None] = {}
+        for verdict in self.verdicts:
+            if verdict.found.lemmas:
+                quoting = Quoting.of(verdict.system.program)
+                found |= dict.fromkeys(map(quoting.invariant, verdict.found.lemmas))
+        return tuple(found)
 
     @property
     def problem(self) -> Problem:
@@ -246,7 +259,7 @@ class VerifyReport(Result, frozen=True):
             "seconds": round(report.seconds, 3),
             "interrupted": report.interrupted,
             "claims": [verdict.document(parts) for verdict in self.verdicts],
-            "found_invariants": list(report.found),
+            "found_invariants": list(self.found_invariants),
             "vacuous": report.is_vacuous,
             "vacuities": [_vacuity(vacuity) for vacuity in report.vacuities],
             "not_looked_at": [

@@ -20,6 +20,7 @@ from koord.syntax.literals import encoded
 from koord.syntax.load import load
 from koord.syntax.parsing.parser import parse
 from koord.syntax.printing.program import stated
+from koord.syntax.printing.quoting import Quoting
 from koord.syntax.source import Source
 from koord.syntax.system import System
 from koord.verify.claims import Claim, ClaimKind, ClaimPhase, claims_of
@@ -31,7 +32,7 @@ from koord.verify.engines.every_n.proving import GENEROUS, infer
 from koord.verify.engines.induction.engine import MAX_DEPTH, PROOF_S
 from koord.verify.engines.induction.proving import prove, step_scripts
 from koord.verify.reduction.abstraction import abstracted
-from koord.verify.verdicts import Outcome, Report, as_invariant
+from koord.verify.verdicts import Outcome, Report
 
 FORMAT = "koord certificate"
 VERSION = 3
@@ -54,9 +55,9 @@ class Texts(Struct, frozen=True):
 
 
 class Lemma(Struct, frozen=True):
-    """A lemma in Koord, found by an engine; ``everyone``: it holds for every number of robots."""
+    """An invariant that was found; ``everyone``: for every number of robots."""
 
-    text: str
+    stated: core.Property
     everyone: bool
 
 
@@ -82,7 +83,7 @@ def shown_by(report: Report) -> ProvedClaims:
     """The claims that a verification has shown for all rounds, with lemmas."""
     settled = [v for v in report.verdicts if v.outcome is Outcome.HOLDS and v.rounds is None]
     holding = [v for v in settled if v.claim.kind is not ClaimKind.LIVENESS]
-    lemmas = (Lemma(text, v.engine is Engine.EVERY_N) for v in holding for text in v.lemmas)
+    lemmas = (Lemma(stated, v.engine is Engine.EVERY_N) for v in holding for stated in v.lemmas)
     return ProvedClaims(
         tuple(v.claim.name for v in holding),
         frozenset(v.claim.name for v in holding if v.engine is Engine.EVERY_N),
@@ -165,7 +166,7 @@ def _argument(
     system: System, texts: Texts, shown: ProvedClaims, deadline: Deadline
 ) -> tuple[System, System, list[tuple[str, Source]], dict[Claim, int]]:
     """The system with its lemmas, the claims of the proof, and the depth of the induction."""
-    found = _found(shown.lemmas)
+    found = _found(system.program, shown.lemmas) if shown.lemmas else []
     if found:
         system = replace(system, program=_with_found(texts, found))
     holding = {*shown.holding, *(name for name, _ in found)}
@@ -191,7 +192,7 @@ def _with_lemmas(
     found = infer(system, left, [*known, *likely], deadline, effort, GENEROUS)
     if not found.proved:
         return None
-    lemmas = [Lemma(claim.name, True) for claim in found.invariants if claim not in known]
+    lemmas = [Lemma(stated, True) for stated in found.lemmas(known)]
     return replace(
         shown,
         everyone=shown.everyone | {claim.name for claim in found.proved},
@@ -199,12 +200,11 @@ def _with_lemmas(
     )
 
 
-def _found(lemmas: Sequence[Lemma]) -> list[tuple[str, Source]]:
-    """Turn lemmas, each with a name, into invariants in Koord."""
-    return [
-        (f"Found{k}", Source(f"found invariant {k}", f"{as_invariant(f'Found{k}', lemma.text)}\n"))
-        for k, lemma in enumerate(lemmas, start=1)
-    ]
+def _found(program: core.Program, lemmas: Sequence[Lemma]) -> list[tuple[str, Source]]:
+    """Turn lemmas, each with a name, into texts: what is proved is what these say."""
+    quoting = Quoting.of(program)
+    named = [(f"Found{k}", lemma.stated) for k, lemma in enumerate(lemmas, start=1)]
+    return [(n, Source(f"found: {n}", f"{quoting.invariant(x, n)}\n")) for n, x in named]
 
 
 def _with_found(texts: Texts, found: Sequence[tuple[str, Source]]) -> core.Program:

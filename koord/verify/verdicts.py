@@ -9,20 +9,13 @@ from msgspec import Struct
 from koord.semantics.configurations import Configuration, Fault
 from koord.semantics.domain import Constant
 from koord.semantics.recordings import Recording
+from koord.syntax import core
 from koord.syntax.source import Span
 from koord.syntax.system import System
 from koord.verify.claims import Claim, ClaimPhase
 from koord.verify.engine_names import Engine
 from koord.verify.failures import Failure
 from koord.verify.obstacles import Obstacle
-
-#: What stands before a found invariant that is one of the ends of rounds alone.
-AT_ROUND = "at round: "
-
-
-def as_invariant(name: str, lemma: str) -> str:
-    """An inferred invariant as a line of Koord."""
-    return f"invariant {name}{' ' if lemma.startswith(AT_ROUND) else ': '}{lemma}"
 
 
 class Outcome(Enum):
@@ -108,7 +101,7 @@ class Verdict(Struct, frozen=True):
     others: tuple[Counterexample, ...] = ()  #: different ones, if more were asked for
     ways: Ways | None = None  #: whether there are still more, if more were asked for
     step: BrokenStep | None = None  #: why a claim that is *unknown* is not inductive
-    lemmas: tuple[str, ...] = ()  #: invariants that were found for the proof, as Koord
+    lemmas: tuple[core.Property, ...] = ()  #: invariants that were found for the proof, unnamed
     unsaid: str = ""  #: why the invariant of a proof is not among the lemmas
     fairness: tuple[str, ...] = ()  #: kinds of it, and expectations, that a proof needs
     obstacles: tuple[Obstacle, ...] = ()  #: what stands in the way, if it is *unknown*
@@ -164,9 +157,9 @@ class Report(Struct, frozen=True):
     unlooked: tuple[Unlooked, ...] = ()
 
     @property
-    def found(self) -> tuple[str, ...]:
-        """The invariants that were found for proofs, as Koord, in order."""
-        return tuple(dict.fromkeys(text for verdict in self.verdicts for text in verdict.lemmas))
+    def lemmas(self) -> tuple[core.Property, ...]:
+        """The invariants that were found for proofs, in order."""
+        return tuple(dict.fromkeys(lemma for verdict in self.verdicts for lemma in verdict.lemmas))
 
     @property
     def is_vacuous(self) -> bool:

@@ -87,6 +87,12 @@ class Quoting(Struct, frozen=True):
         """An expression as a user writes it."""
         return print_expr(self.expr(e))
 
+    def invariant(self, stated: core.Property, name: str = "") -> str:
+        """An invariant as a user writes it, with another name; without one, what stands behind."""
+        at_round = "at round" if stated.kind is core.PropertyKind.AT_ROUND else ""
+        head = " ".join(filter(None, (f"invariant {name}" if name else "", at_round)))
+        return f"{head}: {self.text(stated.condition)}" if head else self.text(stated.condition)
+
     def expr(self, e: core.Expr) -> ast.Expr:
         """The tree of an expression."""
         match e:

@@ -10,6 +10,7 @@ import pytest
 from koord.semantics.domain import EXACT
 from koord.semantics.recordings import Recording, execute
 from koord.syntax import core
+from koord.syntax.printing.quoting import Quoting
 from koord.syntax.system import dealt
 from koord.syntax.types import BOOL, FLOAT, INT, ListType
 from koord.verify.claims import Claim, ClaimKind, ClaimPhase, claims_of
@@ -751,4 +752,7 @@ def test_few_likely_invariants_are_tried_before_states_are_counted() -> None:
     )
     alone, _ = verify(of_text(text), Bounds(rounds=3)).verdicts
     assert (alone.outcome, alone.engine) == (Outcome.HOLDS, Engine.EVERY_N)
-    assert alone.lemmas == ("forall i: inside@i implies owner == i",)
+    (lemma,) = alone.lemmas
+    assert Quoting.of(of_text(text).program).invariant(lemma) == (
+        "forall i: inside@i implies owner == i"
+    )

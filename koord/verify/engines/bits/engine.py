@@ -265,9 +265,7 @@ class _Run:
     ) -> None:
         """Settle claims as holding, with their invariant as lemmas."""
         ledger = self.ledger
-        found = lemmas(
-            ledger.system, self.circuit, question, cubes, claims, ledger.proved(), ledger.deadline
-        )
+        found = lemmas(ledger, self.circuit, question, cubes, claims)
         verdict = Verdict(
             claims[0],
             Outcome.HOLDS,

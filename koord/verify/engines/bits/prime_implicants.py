@@ -14,6 +14,8 @@ from math import perm, prod
 
 from msgspec import Struct
 
+from koord.syntax import core
+from koord.syntax.types import INT
 from koord.verify.effort import Deadline
 from koord.verify.engines.bits import numbers
 from koord.verify.engines.bits.clauses import QUICK, TRUE_SIDE, Clauses
@@ -22,11 +24,8 @@ from koord.verify.engines.bits.graph import FALSE, TRUE
 from koord.verify.engines.bits.ic3 import Cube, SafetyQuery
 from koord.verify.engines.bits.numbers import Number
 from koord.verify.engines.bits.state_decoder import (
-    EQUALS_SIGN,
     OUTSIDE,
     Held,
-    Piece,
-    RobotIndex,
     StateVariable,
 )
 
@@ -49,7 +48,7 @@ class UnsaidError(Exception):
 
 
 class PlaceTable:
-    """The places of a state by name, and the symmetry of its robots."""
+    """The places of a state, and the symmetry of its robots."""
 
     def __init__(
         self, d: BitDomain, places: tuple[StateVariable, ...], groups: tuple[tuple[int, ...], ...]
@@ -58,9 +57,8 @@ class PlaceTable:
         self.places = places
         self.groups = groups
         self._literals: dict[tuple[int, frozenset[Held]], int] = {}
-        self._numbers: dict[tuple[Piece, ...], int] = {
-            place.name: k for k, place in enumerate(self.places)
-        }
+        self._numbers = {_key(place, place.robots): k for k, place in enumerate(self.places)}
+        self._moves: dict[tuple[int, tuple[int, ...]], int] = {}  #: where robots lead from a place
 
     def is_in(self, values: Values) -> int:
         """The literal that a state is in a cube."""
@@ -115,24 +113,30 @@ class PlaceTable:
         return tuple(sorted((self._moved(k, to), self._held(k, held, to)) for k, held in values))
 
     def _moved(self, k: int, to: Mapping[int, int]) -> int:
-        name = tuple(
-            RobotIndex(to.get(piece.number, piece.number))
-            if isinstance(piece, RobotIndex)
-            else piece
-            for piece in self.places[k].name
-        )
-        found = self._numbers.get(name)
-        if found is None and EQUALS_SIGN in name:
-            middle = name.index(EQUALS_SIGN)
-            found = self._numbers.get((*name[middle + 1 :], EQUALS_SIGN, *name[:middle]))
-        if found is None:
-            raise UnsaidError(f"nothing is known of {''.join(map(str, name))}")
-        return found
+        place = self.places[k]
+        robots = tuple(to.get(robot, robot) for robot in place.robots)
+        if (k, robots) not in self._moves:
+            found = self._numbers.get(_key(place, robots))
+            if found is None:
+                raise UnsaidError("nothing is known of what it says of other robots")
+            self._moves[k, robots] = found
+        return self._moves[k, robots]
 
     def _held(self, k: int, held: frozenset[Held], to: Mapping[int, int]) -> frozenset[Held]:
         if not self.places[k].of_robots:
             return held
         return frozenset(to.get(v, v) if isinstance(v, int) else v for v in held)
+
+
+def _key(place: StateVariable, robots: Sequence[int]) -> object:
+    """The expression of a place about such robots; sides of an equality may change places."""
+    match place.of([core.Const(robot, INT) for robot in robots]):
+        case core.Binary(left=left, right=right):
+            return frozenset((left, right))
+        case core.ExternalCall(function=function, arguments=arguments):
+            return function, arguments
+        case expr:
+            return expr
 
 
 def _fewer(place: StateVariable, held: frozenset[Held]) -> frozenset[Held]:

@@ -83,7 +83,7 @@ def _infer(ledger: Ledger, thrift: Thrift, most: int | None) -> None:
     effort, pool = Effort.of_seconds(thrift.seconds), [*known, *likely]
     found = infer(ledger.system, claims, pool, ledger.deadline, effort, thrift, ledger.seed)
     seconds = time.monotonic() - started
-    lemmas = tuple(claim.name for claim in found.invariants if claim not in known)
+    lemmas = found.lemmas(known)
     ledger.settle(
         {
             claim: Verdict(claim, Outcome.HOLDS, Engine.EVERY_N, seconds, lemmas=lemmas)

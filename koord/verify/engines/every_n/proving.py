@@ -7,7 +7,7 @@ whatever was said of whom; what is not proved is *unknown*, never violated.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 from msgspec import Struct
 from msgspec.structs import replace
@@ -109,6 +109,11 @@ class Inferred(Struct, frozen=True):
 
     proved: tuple[Claim, ...]
     invariants: tuple[Claim, ...]
+
+    def lemmas(self, known: Collection[Claim]) -> tuple[core.Property, ...]:
+        """The invariants that nobody knew, without names."""
+        new = (claim.stated for claim in self.invariants if claim not in known)
+        return tuple(replace(stated, name="") for stated in new if stated is not None)
 
 
 def infer(

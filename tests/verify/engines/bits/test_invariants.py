@@ -13,6 +13,7 @@ from koord.cli.main import main
 from koord.cli.verdicts import MOST_SHOWN
 from koord.syntax.elaboration.settings import Settings
 from koord.syntax.load import load
+from koord.syntax.printing.quoting import Quoting
 from koord.syntax.source import Source
 from koord.syntax.system import System
 from koord.verify.claims import claims_of
@@ -22,7 +23,7 @@ from koord.verify.engines.explicit.property_checks import Exhausted, GoalKind
 from koord.verify.engines.explicit.search import survey
 from koord.verify.engines.induction.proving import prove
 from koord.verify.reduction.abstraction import abstracted
-from koord.verify.verdicts import Outcome, as_invariant
+from koord.verify.verdicts import Outcome
 from tests.verify.engines.bits.asking import on_bits
 
 EXAMPLES = Path(__file__).parents[4] / "specs" / "examples"
@@ -30,7 +31,10 @@ EXAMPLES = Path(__file__).parents[4] / "specs" / "examples"
 
 def system_of(text: str, kinds: tuple[int, ...], *found: str, **params: int) -> System:
     """The system of a text, with invariants that were found beside its own."""
-    lines = "".join(as_invariant(f"Found{k}", lemma) + "\n" for k, lemma in enumerate(found))
+    lines = "".join(
+        f"invariant Found{k}{' ' if lemma.startswith('at round: ') else ': '}{lemma}\n"
+        for k, lemma in enumerate(found)
+    )
     sources = (Source("found.krd", lines),) if found else ()
     loaded = load(Source("test.krd", text), Settings(params), sources)
     assert loaded.program is not None, (found, [str(d.message) for d in loaded.diagnostics])
@@ -48,7 +52,8 @@ def proved(text: str, kinds: tuple[int, ...], **params: int) -> tuple[str, ...]:
     verdicts = [ledger.verdict(claim) for claim in ledger.claims]
     assert all(v.outcome is Outcome.HOLDS and v.rounds is None for v in verdicts), verdicts
     assert not any(v.unsaid for v in verdicts), verdicts
-    found = tuple(dict.fromkeys(lemma for v in verdicts for lemma in v.lemmas))
+    lemmas = dict.fromkeys(lemma for v in verdicts for lemma in v.lemmas)
+    found = tuple(map(Quoting.of(ledger.system.program).invariant, lemmas))
     with_them = system_of(text, kinds, *found, **params)
     inductive = prove(
         opaque(with_them),
@@ -299,6 +304,45 @@ Odd:
 
 invariant Once: forall i: left@i <= 2
 """
+
+
+OPAQUE = """
+def fun chosen(int k) -> pos: extern fresh
+def fun free(pos x) -> bool: extern
+def fun clear(pos x, pos y) -> bool: extern
+
+allread:
+    pos[] at = pos(0.0, 0.0, 0.0)
+local:
+    pos a = pos(0.0, 0.0, 0.0)
+    pos b = pos(0.0, 0.0, 0.0)
+    bool has = false
+    bool bad = false
+
+Pick:
+    pre: not has
+    eff:
+        a = chosen(pid)
+        b = chosen(pid)
+        if clear(a, b) and free(a):
+            has = true
+            at[pid] = a
+Use:
+    pre: has
+    eff:
+        has = false
+        if not clear(a, b) or not free(at[pid]) or at[pid] != a: bad = true
+
+invariant Good: forall i: not bad@i
+"""
+
+
+def test_what_nobody_looks_into_is_spoken_of_by_functions() -> None:
+    assert set(proved(OPAQUE, (0, 0))) == {
+        "forall i: has@i implies clear(a@i, b@i)",
+        "forall i: has@i implies at[i] == a@i",
+        "forall i: has@i implies free(at[i])",
+    }
 
 
 #: Who asked to stop no property can say, and the claim needs it.
