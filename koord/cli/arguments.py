@@ -259,7 +259,7 @@ def _whole(text: str, what: str, least: int, most: int) -> int:
 
 
 def add_files(parser: argparse.ArgumentParser, *, several: bool = True) -> None:
-    """The programs to work on; standard input can be read once only."""
+    """Add the argument of programs' files; standard input can be read once only."""
     parser.add_argument(
         "files" if several else "file",
         metavar="FILE",

@@ -52,7 +52,7 @@ def tell(report: VerifyReport, request: Request, told: list[dict[str, object]]) 
 
 
 def _show(report: VerifyReport, request: Request, parts: Parts) -> None:
-    """The verdicts as text, with the runs that break claims."""
+    """Print the verdicts as text, with the runs that break claims."""
     from koord.cli import verdicts
 
     style = style_of(sys.stdout)

@@ -81,7 +81,7 @@ def _summary(
 
 
 def _promise_always(asking: RunningBody, function: core.External) -> bool:
-    """Assert the summary for all arguments at once, where the number of robots is open.
+    """Assert the summary for all arguments, if the number of robots is open; return whether.
 
     A mathematical function keeps it for all arguments, asked for or not. [EXTERNAL] Not where
     one is a list that is looked into: there it is supposed of each question.

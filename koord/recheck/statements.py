@@ -281,7 +281,7 @@ def _tried(
 
 
 def _returns(body: RunningBody, when: Term, result: Storage | None) -> None:
-    """The running function has returned where a condition holds."""
+    """Record that the running function returns where a condition holds."""
     frame = body.frame
     assert frame is not None
     if result is not None:

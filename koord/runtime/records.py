@@ -84,7 +84,7 @@ class RecordFile:
         self._writer.add_metadata(name, values)
 
     def attach(self, name: str, media_type: str, data: bytes) -> None:
-        """A file that belongs to the run."""
+        """Attach a file that belongs to the run."""
         self._writer.add_attachment(0, 0, name, media_type, data)
 
     def flush(self) -> None:

@@ -133,7 +133,7 @@ def at_robot(m: Machine[V], place: core.Place, index: V) -> Storage[V]:
 
 
 def those_at(m: Machine[V], index: V) -> Sequence[tuple[V, Robot[V]]]:
-    """Yield the robots that ``pid`` may name, each with the condition that it does. [PROP-READ]"""
+    """The robots that a number may name, each with the condition that it does. [PROP-READ]"""
     assert m.view is not None
     if m.view.at is not None:
         return m.view.at(index)

@@ -68,7 +68,7 @@ def _go_on(m: Machine[V], block: core.Block, position: list[int]) -> None:
 
 
 def _nothing() -> None:
-    """The empty else branch."""
+    """Do nothing: the empty else branch."""
 
 
 def execute(m: Machine[V], s: core.Stmt) -> None:

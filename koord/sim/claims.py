@@ -134,7 +134,7 @@ class Watching:
                 self._stated[claim.sort].append(_Stated(claim, whose))
 
     def look(self, moment: WatchPoint, run: Simulation) -> Iterator[BrokenClaim]:
-        """Check invariants: return the claims that do not hold now.
+        """Yield the invariants that do not hold now.
         [PROP-INVARIANT] [PROP-ROUND]
         """
         engine = run.engine
@@ -154,7 +154,7 @@ class Watching:
                     )
 
     def glance(self, run: Simulation) -> Iterator[BrokenClaim]:
-        """Check contracts: return those that the world does not keep now. [PROP-CONTRACT]"""
+        """Yield the contracts that the world does not keep now. [PROP-CONTRACT]"""
         if not any(self._contracts):
             return
         fleet = run.fleet
@@ -268,7 +268,7 @@ class Checked:
         yield from broken
 
     def glance(self, run: Simulation) -> Iterator[BrokenClaim]:
-        """Return no claims: summaries are not checked between rounds."""
+        """Yield nothing: summaries are not checked between rounds."""
         yield from ()
 
 

@@ -166,7 +166,7 @@ class Observer:
         self.recorder.end(words)
 
     def _own_changes(self) -> list[LoggedChange]:
-        """Yield the changed variables of a robot. Called for each robot in each round: has to be
+        """The changed variables of a robot. Called for each robot in each round: has to be
         fast.
         """
         changes = []

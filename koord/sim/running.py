@@ -78,11 +78,11 @@ class Claims(Protocol):
     looked: dict[str, int]
 
     def look(self, moment: WatchPoint, run: Simulation) -> Iterator[BrokenClaim]:
-        """Return the claims that do not hold now."""
+        """Yield the claims that do not hold now."""
         ...
 
     def glance(self, run: Simulation) -> Iterator[BrokenClaim]:
-        """Return the claims that the world violates, at a tick between two rounds."""
+        """Yield the claims that the world violates, at a tick between two rounds."""
         ...
 
 

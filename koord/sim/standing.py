@@ -63,7 +63,7 @@ class Watchman:
         places: Sequence[Point],
         touched: Callable[[int], Sequence[tuple[Hindrance, int]]],
     ) -> Iterator[StandingRobot]:
-        """Record the end of a round; return the robots that stand still since then.
+        """Record the end of a round; yield the robots that stand still since then.
 
         ``places`` are where robots truly are, and ``touched`` is what a robot's vehicle touches.
         """

@@ -201,7 +201,7 @@ itf_storage = _FORM.storage
 
 
 def _decimal(value: int) -> str:
-    """Write an integer in decimal, however long: Python's own conversion has a limit."""
+    """Convert an integer to decimal, however long: Python's own conversion has a limit."""
     if value.bit_length() < 10_000:
         return str(value)
     half = 10 ** (value.bit_length() // 7)

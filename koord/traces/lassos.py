@@ -86,7 +86,7 @@ def _flaws(lasso: Lasso, stated: core.Property | None) -> Iterator[Flaw]:
 
 
 def _shape(lasso: Lasso, stated: core.Property | None) -> Iterator[Flaw]:
-    """Check that a lasso has whole rounds and ends where its loop begins. [LIVE-RUN] [AUXILIARY]"""
+    """Yield a flaw unless rounds are whole and the loop closes. [LIVE-RUN] [AUXILIARY]"""
     recording, configurations = lasso.recording, lasso.configurations
     if not 0 <= lasso.begins < len(recording.rounds):
         yield Flaw("LASSO", f"the loop begins in round {lasso.begins + 1}, which there is not")
@@ -131,7 +131,7 @@ def _timeless(configuration: Configuration[Constant]) -> Configuration[Constant]
 
 
 def _unbroken(lasso: Lasso, stated: core.Property) -> Iterator[Flaw]:
-    """Check that the lasso breaks the property, of some robot if it is about each.
+    """Yield a flaw unless the lasso breaks the property, of some robot if it is about each.
     [PROP-LEADS-TO]
     """
     rule = "PROP-EVENTUALLY" if stated.trigger is None else "PROP-LEADS-TO"
@@ -264,7 +264,7 @@ def _guard(
     robot: int,
     event: core.Event,
 ) -> list[tuple[bool, bool]]:
-    """Yield, for each answer, whether a guard holds, and whether it evaluates without a fault."""
+    """For each answer, whether a guard holds, and whether it evaluates without a fault."""
     state = configuration.robots[robot]
     turns = explored(
         lambda chooser: ExploringInputs(system, chooser),

@@ -131,7 +131,7 @@ def show_fraction(value: Fraction) -> str:
 
 
 def _decimal(scaled: int, places: int) -> str:
-    """Write an integer times ``10**-places`` as a decimal."""
+    """Convert an integer times ``10**-places`` to a decimal."""
     sign, whole = ("-" if scaled < 0 else ""), abs(scaled)
     digits = f"{whole % 10**places:0{places}d}".rstrip("0")
     return f"{sign}{whole // 10**places}{'.' if digits else ''}{digits}"

@@ -214,7 +214,7 @@ class _Watch:
         return len(self._acted) - 1
 
     def look(self, network: Network, robot: int | None) -> Iterator[BrokenInvariant]:
-        """Check the invariants after a step, at the robot that took it."""
+        """Yield the invariants broken after a step, at the robot that took it."""
         for sent in network.sent:
             yield from self._read(sent)
         network.sent.clear()
@@ -270,7 +270,7 @@ class _Watch:
         self._rosters.append(tuple(changed))
 
     def at_the_end(self, network: Network, ledgers: Ledgers) -> BrokenInvariant | None:
-        """Check at the end that each robot's own records agree with the decisions about it."""
+        """The violation, if a robot's own records disagree with the decisions about it."""
         for robot, journal in enumerate(ledgers.journals):
             if network.nodes[robot] is None:
                 continue

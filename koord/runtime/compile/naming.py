@@ -160,7 +160,7 @@ def _named_types(program: core.Program) -> Iterator[RecordType | EnumType]:
 
 
 def _parts(program: core.Program) -> tuple[object, ...]:
-    """Yield all parts that are compiled: no properties, contracts, or summaries' promises."""
+    """All parts that are compiled: no properties, contracts, or summaries' promises."""
     agents = tuple(
         (
             *(part for agent in program.agents for part in (agent.locals, agent.ports)),

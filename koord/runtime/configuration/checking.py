@@ -288,7 +288,7 @@ class _Checker:
     def _topic(
         self, topic: Topic | None, port: str, types: tuple[str, ...], path: Path
     ) -> Topic | None:
-        """Check a topic: its type is known, and may be written with its package."""
+        """Check a topic and return it: its type is known, and may be written with its package."""
         if topic is not None and topic.type.rpartition("/")[2] not in types:
             known = " or ".join(types)
             inside = (*path, port) if (*path, port) in self._document.spans else (*path, "motion")

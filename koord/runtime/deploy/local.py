@@ -222,7 +222,7 @@ def _process(arguments: tuple[Launch, int, Connection]) -> BaseProcess:
 
 
 def _robot(launch: Launch, pid: int, end: Connection) -> None:
-    """The main function of a robot's process. Ctrl-C is left to the first process."""
+    """Run a robot as the main function of its process. Ctrl-C is left to the first process."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
         transport = launch.carry(launch.plan, pid)

@@ -247,7 +247,7 @@ class Member:
         return True
 
     def forget(self) -> None:
-        """The run is over."""
+        """Forget the journal: the run is over."""
         if self._journal is not None:
             self._journal.forget()
 
@@ -292,8 +292,8 @@ class Member:
 
 
 def _nobody(entry: LogEntry, kept: Admitted | None) -> None:
-    """The default observer of commits, which ignores them."""
+    """Ignore a commit: the default observer."""
 
 
 def _nothing(entry: LogEntry) -> None:
-    """The default note on a round: none."""
+    """Add nothing to a round's report: the default note."""

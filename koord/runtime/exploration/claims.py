@@ -26,7 +26,7 @@ class BrokenInvariant(Struct, frozen=True):
 
 
 def one_winner(entry: LogEntry, proposal_of: ProposalOf) -> Iterable[BrokenInvariant]:
-    """Check that no lock class has two winners in a round. (I-ONE-WINNER)"""
+    """Yield a violation if a lock class has two winners in a round. (I-ONE-WINNER)"""
     taken: set[int] = set()
     for robot, attempt in _let_through(entry, proposal_of):
         locks = set() if attempt is None else set(attempt.locks)
@@ -37,7 +37,7 @@ def one_winner(entry: LogEntry, proposal_of: ProposalOf) -> Iterable[BrokenInvar
 
 
 def valid(entry: LogEntry, proposal_of: ProposalOf) -> Iterable[BrokenInvariant]:
-    """Check that admitted robots proposed what they run, and that others may skip. (I-VALID)"""
+    """Yield violations: robots that run what they did not propose, or skip wrongly. (I-VALID)"""
     taken: set[int] = set()
     for robot, attempt in _let_through(entry, proposal_of):
         if attempt is None or robot in entry.late:
@@ -61,7 +61,7 @@ def _let_through(entry: LogEntry, proposal_of: ProposalOf) -> Iterable[tuple[int
 
 
 def agree(first: LogEntry, second: LogEntry) -> Iterable[BrokenInvariant]:
-    """Check that two entries committed for one round agree. (I-AGREE)"""
+    """Yield a violation unless two entries committed for one round agree. (I-AGREE)"""
     if first != second:
         yield BrokenInvariant(
             "I-AGREE", f"round {first.round}: both {first} and {second} are committed"
@@ -79,7 +79,7 @@ class Accepted(Struct, frozen=True):
 def acted_rightly(
     setup: Setup, held: Held, roster: Sequence[int], accepted: Iterable[Accepted]
 ) -> Iterable[BrokenInvariant]:
-    """Check that a commit was justified by ``accepted`` acknowledgements and ``roster``. (I-ACT)"""
+    """Yield a violation unless a majority of ``roster`` accepted the entry in one epoch. (I-ACT)"""
     admitted = {admission.robot for admission in held.entry.admitted}
     by_epoch: dict[int, set[int]] = {}
     for one in accepted:
@@ -94,7 +94,7 @@ def acted_rightly(
 
 
 def lasting(state: State, committed: Sequence[Held]) -> Iterable[BrokenInvariant]:
-    """Check that the coordinator of a later epoch holds each committed entry. (I-LASTING)
+    """Yield committed entries that the coordinator of a later epoch lacks. (I-LASTING)
 
     ``committed`` have the epochs in which that was first known.
     """

@@ -125,7 +125,7 @@ class Search:
                 yield BrokenInvariant("I-ONE-ENTRY", f"another entry of its epoch: {rival.message}")
 
     def _of_coordinator(self, local: int, world: ProtocolState) -> Iterable[BrokenInvariant]:
-        """Check that a coordinator holds all committed entries, once per state. (I-LASTING)"""
+        """Yield committed entries that a coordinator lacks, once per state. (I-LASTING)"""
         if local == DOWN or (local, world.acted) in self._lasting:
             return
         self._lasting.add((local, world.acted))

@@ -51,7 +51,7 @@ class Rolling(ABC):
 
     @abstractmethod
     def actuate(self, command: Floats, dt_s: float) -> None:
-        """The speeds a step later, within the limits."""
+        """Update the speeds by a step, within the limits."""
 
     @abstractmethod
     def turning(self) -> Floats:

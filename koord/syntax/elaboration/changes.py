@@ -147,7 +147,7 @@ def _is_own(e: ast.Expr) -> bool:
 
 
 def _own_entry(body: BodyScope, e: ast.Expr, root: ast.Name, place: core.Place) -> bool:
-    """Check that an allread variable is written as ``x[pid] = …``. [ALLREAD]"""
+    """Return whether an allread variable is written as ``x[pid] = …``, else report. [ALLREAD]"""
     if _is_own(e):
         return True
     if _first_index(e) is None:

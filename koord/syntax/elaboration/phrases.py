@@ -144,7 +144,7 @@ def _indexed(known: tuple[str, ...]) -> _Index:
 
 
 def _shortened(name: str) -> set[str]:
-    """Yield a name, and the name without each one of its letters.
+    """The name, and the name without each one of its letters.
 
     Names that differ by a letter more, less or another, or by two that changed places, share one.
     """

@@ -250,7 +250,7 @@ STDOUT = "stdout"
 
 
 def output(body: BodyScope, s: ast.Output) -> core.Block:
-    """Write values to a stream."""
+    """Elaborate a write of values to a stream."""
     values = [body.expr(value) for value in s.values]
     if body.where not in (Where.EFFECT, Where.INIT):
         body.error(

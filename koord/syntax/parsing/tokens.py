@@ -287,7 +287,7 @@ def _foreign(token: Token, report: ErrorLog) -> Token:
 
 
 def _join(name: Token, rest: str) -> None:
-    """A name goes on behind letters that it cannot have: nothing else is to be said of it.
+    """Extend a name by letters that names cannot have: there is one error already.
 
     Beyond a length that no name has its text is cut off, lest a hostile one take long.
     """

@@ -73,7 +73,7 @@ def _head(word: str, name: ast.Ident | None) -> str:
 
 
 def _conditions(w: LineWriter, head: str, word: str, conditions: Sequence[ast.Expr]) -> None:
-    """A head with a condition, or with several below it."""
+    """Write a head with a condition, or with several below it."""
     first = w.head(word, conditions)
     if len(conditions) > 1 or not _on_line(w, head, first, conditions[0]):
         with w.block(head, first):
@@ -82,7 +82,7 @@ def _conditions(w: LineWriter, head: str, word: str, conditions: Sequence[ast.Ex
 
 
 def _conjunction(w: LineWriter, head: str, first: Span, condition: ast.Expr) -> None:
-    """A head with a condition; if it is long, with those below it that must hold together."""
+    """Write a head with a condition; if it is long, with its conjuncts below."""
     if not _on_line(w, head, first, condition):
         with w.block(head, first):
             for part in conjuncts(condition):
@@ -90,7 +90,7 @@ def _conjunction(w: LineWriter, head: str, first: Span, condition: ast.Expr) -> 
 
 
 def _on_line(w: LineWriter, head: str, first: Span, condition: ast.Expr) -> bool:
-    """Write a condition on the line of its head, if there is room for it."""
+    """Write a condition on the line of its head; return whether there was room for it."""
     text = f"{head}: {print_expr(condition)}"
     if len(text) > w.room:
         return False
@@ -128,14 +128,14 @@ def _section(w: LineWriter, section: ast.Section) -> None:
 
 
 def _declarations(w: LineWriter, head: str, first: Span, decls: Sequence[ast.VarDecl]) -> None:
-    """A head with declarations below."""
+    """Write a head with declarations below."""
     with w.block(head, first):
         for decl in decls:
             w.line(declaration(decl), decl.span, decl.span)
 
 
 def _function(w: LineWriter, f: ast.FunDef) -> None:
-    """A function with its body or its summary."""
+    """Write a function with its body or its summary."""
     parameters = ", ".join(map(declaration, f.parameters))
     result = f" -> {print_type(f.result)}" if f.result else ""
     text = f"def fun {f.name.name}({parameters}){result}"
@@ -149,14 +149,14 @@ def _function(w: LineWriter, f: ast.FunDef) -> None:
 
 
 def _summary(w: LineWriter, requires: Sequence[ast.Expr], ensures: Sequence[ast.Expr]) -> None:
-    """A contract, or the summary of an external function."""
+    """Write a contract, or the summary of an external function."""
     for word, conditions in (("requires", requires), ("ensures", ensures)):
         if conditions:
             _conditions(w, word, word, conditions)
 
 
 def _using(w: LineWriter, module: ast.Using) -> None:
-    """A module with its ports, environment and contracts."""
+    """Write a module with its ports, environment and contracts."""
     text = f"using {module.module.name}"
     if not (module.sensors or module.actuators or module.contracts or module.environment):
         w.line(text, module.span)
@@ -174,7 +174,7 @@ def _using(w: LineWriter, module: ast.Using) -> None:
 
 
 def _event(w: LineWriter, event: ast.Event) -> None:
-    """An event with its guard and effect."""
+    """Write an event with its guard and effect."""
     urgent = "urgent " if event.urgent else ""
     with w.block(f"{urgent}{event.name.name}", event.span):
         if event.pre:
@@ -184,7 +184,7 @@ def _event(w: LineWriter, event: ast.Event) -> None:
 
 
 def _property(w: LineWriter, p: ast.Assume | ast.Invariant | ast.Eventually | ast.LeadsTo) -> None:
-    """A statement about the program."""
+    """Write an invariant, assumption or other property."""
     match p:
         case ast.Assume(name=name, condition=condition):
             _conditions(w, _head("assume", name), "assume", [condition])

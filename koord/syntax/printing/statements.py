@@ -223,7 +223,7 @@ class LineWriter:
     # --- statements
 
     def statements(self, block: ast.Block) -> None:
-        """A block; one that is empty cannot be written, and does nothing."""
+        """Write a block; an empty one is written as ``pass``."""
         if not block:
             self.line("pass", NOWHERE)
         for statement in block:

@@ -44,7 +44,7 @@ def who_acts(d: Terms, system: System, options: list[EventOption]) -> list[Term]
 
 
 def one_event_each(d: Terms, system: System, options: list[EventOption]) -> list[Term]:
-    """Require that each robot runs at most one event in a round."""
+    """The constraints that each robot runs at most one event in a round."""
     constraints: list[Term] = []
     for i in range(system.robots):
         mine = [o.chosen for o in options if o.robot == i]
@@ -53,7 +53,7 @@ def one_event_each(d: Terms, system: System, options: list[EventOption]) -> list
 
 
 def one_winner_each(d: Terms, system: System, options: list[EventOption]) -> list[Term]:
-    """Require that at most one robot enters each lock class; losers skip.
+    """The constraints that at most one robot enters each lock class; losers skip.
     [ATOMIC] [T-ONE-WINNER]
     """
     constraints: list[Term] = []
@@ -97,7 +97,8 @@ def obligations(
     options: list[EventOption],
     inputs: SymbolicInputs,
 ) -> list[Term]:
-    """Require that a robot that skips has no urgent event with free classes. [SKIP] [T-ONE-WINNER]
+    """The constraints that skipping robots have no urgent event with free classes. [SKIP]
+    [T-ONE-WINNER]
 
     Who skips writes nothing, so it may as well come last, when all classes are taken.
     """

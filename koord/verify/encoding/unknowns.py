@@ -214,7 +214,7 @@ class Unknowns:
         return d.for_all(variables, d.binary(BinaryOp.IMPLIES, given, holds))
 
     def _axiom(self, external: core.External, promise: core.Expr) -> Term:
-        """Assert a mathematical function's summary for all arguments. [EXTERNAL]"""
+        """The axiom of a mathematical function: its summary for all arguments. [EXTERNAL]"""
         types, slots = [parameter.type for parameter in external.parameters], []
         while isinstance(promise, core.Quantified) and isinstance(promise.domain, core.AllValues):
             # One quantifier over everything is easier for solvers than one inside the other.

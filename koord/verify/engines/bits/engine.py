@@ -230,7 +230,7 @@ class _Run:
     # --- proofs ---------------------------------------------------------------------------------
 
     def _induct(self) -> None:
-        """The largest set of claims that is inductive."""
+        """Settle the largest set of claims that is inductive."""
         circuit = self.circuit
         clauses = self._clauses()
         given = [circuit.held[c] for c in self.ledger.proved() if c in circuit.held]

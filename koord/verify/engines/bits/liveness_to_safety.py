@@ -112,7 +112,7 @@ class Watching(Struct):
         return self.circuit.d
 
     def watched(self, response: Response) -> MonitoredCircuit:
-        """Add the monitors of one response."""
+        """Add the monitors of one response to the circuit, and return it."""
         g = self.d.graph
         name = f"{response.name} pending"
         begun, latch = g.input(name), FALSE
@@ -279,7 +279,7 @@ def settling(g: Graph, latches: Sequence[Latch], required: Sequence[int]) -> lis
 
 
 def settles(of: Counting, deadline: Deadline) -> bool:
-    """Check with another solver, and all constraints, that the settling bits do settle."""
+    """Return whether the settling bits do settle, by another solver with all constraints."""
     clauses = Clauses(of.graph, OTHER, deadline)
     for must in (of.whole, of.pending, *of.given):
         clauses.require(must)

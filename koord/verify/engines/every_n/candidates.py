@@ -146,7 +146,7 @@ class Vocabulary(Struct, frozen=True):
     # --- literals -------------------------------------------------------------------------------
 
     def states(self, robot: core.Expr) -> list[core.Expr]:
-        """Yield atoms on a robot's state: truth values, enumeration members, robots' numbers."""
+        """The atoms on a robot's state: truth values, enumeration members, robots' numbers."""
         found: list[core.Expr] = []
         for term in self.own(robot):
             match term.type:
@@ -228,7 +228,7 @@ class Vocabulary(Struct, frozen=True):
                 yield _binary(BinaryOp.LE, theirs, mine)
 
     def _guards(self, robot: core.Expr) -> list[core.Binary]:
-        """Yield the comparisons of numbers in guards, for a robot."""
+        """The comparisons of numbers in guards, for a robot."""
         found: dict[core.Binary, None] = {}
         for event in self.agent.events:
             for node in nodes(event.guard):

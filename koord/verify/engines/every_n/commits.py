@@ -225,7 +225,7 @@ class Commits(Struct):
     def _nobody_else(
         self, slot: int, place: tuple[int, ...], writer: Term
     ) -> Callable[[Term], Term]:
-        """Assert that if any robot wrote a location, its last writer did."""
+        """A fact, as a function of a robot: if it wrote a location, the last writer did."""
 
         def law(robot: Term) -> Term:
             theirs = self.writes(slot, place, robot)
@@ -234,9 +234,7 @@ class Commits(Struct):
         return law
 
     def _same(self, one: LastWrite, other: LastWrite) -> None:
-        """Assert one order: robots that each wrote both of two locations, and one last, are
-        equal.
-        """
+        """Assert one order: last writers of two locations that each wrote both are one robot."""
         d, (slot, place, writer), (its_slot, its_place, its_writer) = self.world.d, one, other
         both = d.binary(
             BinaryOp.AND,

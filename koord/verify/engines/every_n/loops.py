@@ -428,7 +428,7 @@ _MOST_PARTS = 6
 
 
 def scalars(memory: Memory[Term]) -> list[tuple[Path, Term]]:
-    """Yield all scalars of a memory that can be listed."""
+    """All scalars of a memory that can be listed."""
     found: list[tuple[Path, Term]] = []
     for name in LISTS:
         for slot, storage in enumerate(getattr(memory, name)):

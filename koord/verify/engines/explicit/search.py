@@ -239,7 +239,7 @@ class Search:
     def _entered(
         self, state: State, before: State | None, waiting: list[State]
     ) -> Iterator[_Found]:
-        """Check a new state. [PROP-INVARIANT] [PROP-ROUND]"""
+        """Yield the violations of a new state. [PROP-INVARIANT] [PROP-ROUND]"""
         self._seen[state] = before
         waiting.append(state)
         for claim, each in self._checks.items():
@@ -276,7 +276,7 @@ class Search:
             yield _Found(SearchGoal(GoalKind.FAULT), state, is_behind=True)
 
     def _looked_inside(self, state: State, joint: Joint) -> Iterator[_Found]:
-        """Check configurations between program turns, and before the environment's. [T-PREFIX]"""
+        """Yield the violations between program turns, and before the environment's. [T-PREFIX]"""
         for claim, each in self._inside.items():
             if claim in self._settled:
                 continue
@@ -292,7 +292,7 @@ class Search:
                 yield _Found(SearchGoal(GoalKind.LOST_UPDATE, name), state, is_behind=True)
 
     def _evolved(self, state: State, joint: Joint) -> Iterator[_Found]:
-        """Check for faults of models, and promises that they break."""
+        """Yield the faults of models, and the promises that they break."""
         courses = joint.courses
         all_stop = joint.all_stop
         if not any(course.has_news(all_stop=all_stop) for course in courses):
