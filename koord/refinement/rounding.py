@@ -22,7 +22,7 @@ from koord.semantics.properties import holds_in
 from koord.semantics.recordings import Answer, Opening, Reading, RecordedInputs, Round
 from koord.semantics.rounds import IllegalStepError
 from koord.semantics.storage import Cell, Storage, Tree
-from koord.semantics.values import Rec, Seq, Table, Value
+from koord.semantics.values import Rec, Seq, Table, Value, map_atoms
 from koord.syntax import core
 from koord.traces.lassos import flaw_of
 from koord.traces.replay import update_lost
@@ -178,17 +178,7 @@ def as_doubles(recorded: Configuration[Constant]) -> Configuration[Constant]:
 
 
 def _double(one: Value[Constant]) -> Value[Constant]:
-    match one:
-        case Fraction():
-            return float(one)
-        case Rec(fields=fields):
-            return Rec(tuple(map(_double, fields)))
-        case Seq(length=length, items=items):
-            return Seq(length, tuple(map(_double, items)))
-        case Table(length=length, entries=entries):
-            return Table(length, tuple((_double(k), _double(v)) for k, v in entries))
-        case _:
-            return one
+    return map_atoms(one, lambda x: float(x) if isinstance(x, Fraction) else x)
 
 
 # --- floats, up to rounding ---------------------------------------------------------------------

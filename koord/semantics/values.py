@@ -170,6 +170,20 @@ def map_scalars(value: Value[V], type_: Type, of: Callable[[V, Type], Value[V]])
             return of(value, type_)
 
 
+def map_atoms(value: Value[Any], of: Callable[[Any], Value[Any]]) -> Value[Any]:
+    """The value with something else for each scalar, whatever its type; lengths stay."""
+    match value:
+        case Rec(fields=fields):
+            return Rec(tuple(map_atoms(part, of) for part in fields))
+        case Seq(length=length, items=items):
+            return Seq(length, tuple(map_atoms(item, of) for item in items))
+        case Table(length=length, entries=entries):
+            pairs = ((map_atoms(key, of), map_atoms(held, of)) for key, held in entries)
+            return Table(length, tuple(pairs))
+        case _:
+            return of(value)
+
+
 def merge(d: Domain[V], condition: V, then: Value[V], other: Value[V]) -> Value[V]:
     """Merge two values of one type: ``then`` where the condition holds, ``other`` elsewhere."""
     if then is other:

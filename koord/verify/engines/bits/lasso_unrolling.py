@@ -8,7 +8,7 @@ from typing import cast
 from msgspec.structs import replace
 
 from koord.semantics.recordings import Answer, Concrete, Recording
-from koord.semantics.values import Rec, Seq, Table
+from koord.semantics.values import map_atoms
 from koord.syntax.budget import OutOfBudgetError
 from koord.syntax.system import System
 from koord.verify.claims import ClaimPhase
@@ -38,17 +38,7 @@ def tied(lasso: Recording, names: dict[str, str]) -> Recording:
     """
 
     def called(value: Concrete) -> Concrete:
-        match value:
-            case Rec(fields=parts):
-                return Rec(tuple(map(called, parts)))
-            case Seq(length=length, items=items):
-                return Seq(length, tuple(map(called, items)))
-            case Table(length=length, entries=entries):
-                return Table(length, tuple((called(k), called(v)) for k, v in entries))
-            case str():
-                return names.get(value, value)
-            case _:
-                return value
+        return map_atoms(value, lambda x: names.get(x, x) if isinstance(x, str) else x)
 
     def answered(answer: Answer) -> Answer:
         arguments = tuple(map(called, answer.arguments))

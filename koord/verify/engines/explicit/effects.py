@@ -21,7 +21,7 @@ from koord.syntax.system import Status, System
 from koord.syntax.walk import asks
 from koord.traces.enumeration import ExploringInputs, explored
 from koord.verify.engines.explicit.cells import Cells, Codes
-from koord.verify.engines.explicit.lazy import Decisions, Lazy, Looking, PlaceOf
+from koord.verify.engines.explicit.lazy import Decisions, Looking, PlaceOf
 from koord.verify.engines.explicit.recipes import (
     PartRecipe,
     Recipe,
@@ -284,6 +284,3 @@ def _put(
     for slot, made in changed:
         listed[slot] = cells[slot].numbered(made.form, made.codes(codes))
     return tuple(listed)
-
-
-__all__ = ["Effect", "Effects", "EventOf", "Guard", "Lazy", "asks"]

@@ -19,10 +19,7 @@ from koord.semantics.liveness import Response, expected, locks_of, reads_ran, re
 from koord.semantics.recordings import Recording, Round
 from koord.syntax import core
 from koord.syntax.budget import OutOfBudgetError
-from koord.syntax.source import NOWHERE
 from koord.syntax.system import System
-from koord.traces.enumeration import UnboundedError
-from koord.verify.engines.explicit.cells import MOST_SCALARS, TooLargeError
 from koord.verify.engines.explicit.commits import Commits
 from koord.verify.engines.explicit.fair_cycles import (
     Edge,
@@ -35,11 +32,18 @@ from koord.verify.engines.explicit.fair_cycles import (
     short_loop,
 )
 from koord.verify.engines.explicit.finiteness import NotFinite, not_finite
-from koord.verify.engines.explicit.found_runs import Tracer
+from koord.verify.engines.explicit.found_runs import Tracer, as_it_is
 from koord.verify.engines.explicit.initial_states import openings
 from koord.verify.engines.explicit.joint_transitions import Joint, Joints
-from koord.verify.engines.explicit.limits import OUT_OF_TIME, Limits, Meter
-from koord.verify.engines.explicit.property_checks import Check, Exhausted, OutOfBounds, check
+from koord.verify.engines.explicit.limits import LimitReachedError, Limits, Meter
+from koord.verify.engines.explicit.property_checks import (
+    ENDS,
+    Check,
+    Exhausted,
+    OutOfBounds,
+    check,
+    end_of,
+)
 from koord.verify.engines.explicit.robot_transitions import Menu, Menus
 from koord.verify.engines.explicit.states import State, Vault
 
@@ -110,10 +114,6 @@ class _Lasso(NamedTuple):
         return len(self.stem) + len(self.loop)
 
 
-class _LimitError(Exception):
-    """Raised where a limit is reached."""
-
-
 class _Nodes(Struct):
     """The nodes of the graph. ``owed`` has a bit for each expectation that a node owes."""
 
@@ -165,15 +165,10 @@ class _Search:
         nodes = self._nodes
         try:
             self._build()
-        except _LimitError as limit:
-            end = OutOfBounds(str(limit), len(nodes.states), self._depth)
-        except OutOfBudgetError:
-            return Lively({}, {}, OutOfBounds(OUT_OF_TIME, len(nodes.states), self._depth))
-        except TooLargeError:
-            reached = f"more than {MOST_SCALARS} values in one variable"
-            end = OutOfBounds(reached, len(nodes.states), self._depth)
-        except UnboundedError as unbounded:
-            return Lively({}, {}, NotFinite(str(unbounded), NOWHERE))
+        except ENDS as error:
+            end = end_of(error, len(nodes.states), self._depth)
+            if isinstance(end, NotFinite) or isinstance(error, OutOfBudgetError):
+                return Lively({}, {}, end)
         else:
             end = Exhausted(len(nodes.states), self._depth)
         # What was not looked at any more has no edges, so what is found is there all the same.
@@ -181,8 +176,8 @@ class _Search:
         nodes.asks += [0] * (len(nodes.states) - len(nodes.asks))
         try:
             return self._answered(properties, end)
-        except OutOfBudgetError:
-            return Lively({}, {}, OutOfBounds(OUT_OF_TIME, len(nodes.states), self._depth))
+        except OutOfBudgetError as error:
+            return Lively({}, {}, end_of(error, len(nodes.states), self._depth))
 
     # --- the graph ------------------------------------------------------------------------------
 
@@ -200,7 +195,7 @@ class _Search:
                 self._depth += 1
                 last = len(nodes.states)
             if self._depth == self._meter.limits.rounds:
-                raise _LimitError(f"more than {self._depth} rounds")
+                raise LimitReachedError(f"more than {self._depth} rounds")
             self._tick()
             self._expand(len(nodes.edges))
 
@@ -234,7 +229,7 @@ class _Search:
                 self._system.budget.spend()
                 self._edges += 1
                 if self._most_edges is not None and self._edges > self._most_edges:
-                    raise _LimitError(f"more than {self._most_edges} ways to go on")
+                    raise LimitReachedError(f"more than {self._most_edges} ways to go on")
                 target = self._number((*robots, *shared), nodes.owed[node])
                 _add(found.setdefault(target, []), Edge(target, meets, grants))
         nodes.edges.append(tuple(edge for edges in found.values() for edge in edges))
@@ -258,7 +253,7 @@ class _Search:
     def _tick(self) -> None:
         reached = self._meter.reached(len(self._nodes.states))
         if reached:
-            raise _LimitError(reached)
+            raise LimitReachedError(reached)
         if self._progress is not None and self._meter.is_time_to_tell():
             self._progress(len(self._nodes.states), self._depth)
 
@@ -343,7 +338,7 @@ class _Search:
 
     def _recording(self, lasso: _Lasso) -> Recording:
         nodes = self._nodes
-        tracer = Tracer(self._system, self._vault, self._commits, self._joints, _as_it_is)
+        tracer = Tracer(self._system, self._vault, self._commits, self._joints, as_it_is)
         start = lasso.stem[0][0] if lasso.stem else lasso.entry
         recording = tracer.run([nodes.states[start]])
         taken = [self._round(tracer, node, edge) for node, edge in [*lasso.stem, *lasso.loop]]
@@ -417,7 +412,3 @@ def _add(edges: list[Edge], new: Edge) -> None:
             return
     edges[:] = [e for e in edges if e.meets & ~new.meets or e.grants & ~new.grants]
     edges.append(new)
-
-
-def _as_it_is(robots: tuple[int, ...], shared: tuple[int, ...]) -> State:
-    return (*robots, *shared)

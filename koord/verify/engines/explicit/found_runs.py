@@ -15,7 +15,7 @@ from msgspec.structs import replace
 from koord.semantics.recordings import Answer, Recording, Round
 from koord.syntax.system import System
 from koord.verify.engines.explicit.commits import Commits, StoreOutcome
-from koord.verify.engines.explicit.initial_states import openings
+from koord.verify.engines.explicit.initial_states import Opened, openings
 from koord.verify.engines.explicit.joint_transitions import Joint, Joints
 from koord.verify.engines.explicit.property_checks import Check, GoalKind, SearchGoal
 from koord.verify.engines.explicit.robot_transitions import (
@@ -48,19 +48,17 @@ class Tracer:
         self._joints = joints
         self._representative = representative
 
-    def at_init(self, state: State, *, is_faulted: bool) -> Recording:
-        """The initial configuration for a representative."""
-        for opened in openings(self._system, self._vault, self._commits):
-            if opened.is_faulted is is_faulted and self._is(opened.state, state):
-                return Recording(opened.opening())
-        raise AssertionError("the search has seen a start that there is not")
+    def at_init(self, state: State) -> Recording:
+        """INIT that faults and ends in such a state."""
+        return Recording(self._opened(state, is_faulted=True).opening())
 
     def run(
         self, path: Iterable[State], last: Callable[[State], Iterator[Round]] | None = None
     ) -> Recording:
         """The run along the representatives of a path; ``last`` adds a round after it."""
         first, *others = path
-        recording, state = self._begun(first)
+        opened = self._opened(first, is_faulted=False)
+        recording, state = Recording(opened.opening()), opened.state
         for target in others:
             round_, state = next(
                 (round_, after) for round_, after in self.rounds(state) if self._is(after, target)
@@ -70,10 +68,10 @@ class Tracer:
             recording = replace(recording, rounds=(*recording.rounds, next(last(state))))
         return recording
 
-    def _begun(self, first: State) -> tuple[Recording, State]:
+    def _opened(self, first: State, *, is_faulted: bool) -> Opened:
         for opened in openings(self._system, self._vault, self._commits):
-            if not opened.is_faulted and self._is(opened.state, first):
-                return Recording(opened.opening()), opened.state
+            if opened.is_faulted is is_faulted and self._is(opened.state, first):
+                return opened
         raise AssertionError("the search has seen a start that there is not")
 
     def _is(self, state: State, representative: State) -> bool:
@@ -157,9 +155,7 @@ class Tracer:
 
         def found(state: State) -> Iterator[Round]:
             for joint in self._joints.joints(state, self._joints.menus(state)):
-                entries = [course.entries for course in joint.courses]
-                for chosen in product(*entries):
-                    doings: tuple[Doing, ...] = tuple((entry, None) for entry in chosen)
+                for doings in _program_turns(joint):
                     for end in joint.ends:
                         yield from self._broken(check, joint, end, doings)
 
@@ -198,9 +194,7 @@ class Tracer:
             for joint in self._joints.joints(state, self._joints.menus(state)):
                 if name not in self._lost(joint):
                     continue
-                entries = [course.entries for course in joint.courses]
-                for chosen in product(*entries):
-                    doings: tuple[Doing, ...] = tuple((entry, None) for entry in chosen)
+                for doings in _program_turns(joint):
                     inside = not joint.is_whole
                     yield self._cut(joint, joint.ends[0], doings, inside=inside)
 
@@ -212,12 +206,22 @@ class Tracer:
         return {program.allwrite[slot].variable.name for slot in slots}
 
 
+def as_it_is(robots: tuple[int, ...], shared: tuple[int, ...]) -> State:
+    """A state that only stands for itself."""
+    return (*robots, *shared)
+
+
+def _program_turns(joint: Joint) -> Iterator[tuple[Doing, ...]]:
+    """What all robots may do in a joint course, before the environment's turn."""
+    for chosen in product(*[course.entries for course in joint.courses]):
+        yield tuple((entry, None) for entry in chosen)
+
+
 def _doings(joint: Joint, robot: int, *, every: bool = False) -> Iterator[Doing]:
     """Yield a robot's transitions in a joint course; one for each end that it can have."""
-    course = joint.courses[robot]
-    outcomes = course.stopped if joint.all_stop else course.outcomes
+    outcomes = joint.endings[robot].outcomes
     seen: set[int] = set()
-    for entry, its_outcomes in zip(course.entries, outcomes, strict=True):
+    for entry, its_outcomes in zip(joint.courses[robot].entries, outcomes, strict=True):
         for outcome in its_outcomes:
             if every:
                 yield entry, outcome

@@ -15,7 +15,7 @@ from koord.syntax import core
 from koord.syntax.system import System
 from koord.syntax.walk import nodes
 from koord.verify.engines.explicit.commits import NOTHING, Commits, StoreOutcome
-from koord.verify.engines.explicit.robot_transitions import Menu, Menus, TransitionGroup
+from koord.verify.engines.explicit.robot_transitions import Endings, Menu, Menus, TransitionGroup
 from koord.verify.engines.explicit.states import State, Vault
 
 
@@ -42,13 +42,14 @@ class Joint(Struct, frozen=True):
         pairs = zip(self.courses, robots, strict=True)
         return tuple(course.after_stop(number) for course, number in pairs)
 
+    @property
+    def endings(self) -> list[Endings]:
+        """What the environment's turn may bring to each robot."""
+        return [c.stopped if self.all_stop else c.evolved for c in self.courses]
+
     def successors(self) -> Iterator[tuple[tuple[int, ...], tuple[int, ...]]]:
         """Yield the robots' numbers after the round, with the numbers of the store's contents."""
-        if self.all_stop:
-            after = [course.stopped_ends for course in self.courses]
-        else:
-            after = [course.ends for course in self.courses]
-        robots = list(product(*after))
+        robots = list(product(*[ending.robots for ending in self.endings]))
         for end in self.ends:
             for numbers in robots:
                 yield numbers, end.shared

@@ -39,6 +39,10 @@ class Limits(Struct, frozen=True):
     deadline_s: float | None = None
 
 
+class LimitReachedError(Exception):
+    """A limit is reached; the message says which."""
+
+
 class Meter:
     """A check of the limits. It reads the clock and the memory only now and then."""
 

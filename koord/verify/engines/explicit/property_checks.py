@@ -16,13 +16,24 @@ from koord.semantics.recordings import Recording
 from koord.semantics.storage import Storage, Tree
 from koord.syntax import core
 from koord.syntax.analysis.footprint import Reads, reads_of
+from koord.syntax.budget import OutOfBudgetError
 from koord.syntax.core import Direction, Home
+from koord.syntax.source import NOWHERE
 from koord.syntax.system import System
 from koord.syntax.walk import nodes
-from koord.verify.engines.explicit.cells import CACHE_LIMIT, Cells, Codes, Interner
+from koord.traces.enumeration import UnboundedError
+from koord.verify.engines.explicit.cells import (
+    CACHE_LIMIT,
+    MOST_SCALARS,
+    Cells,
+    Codes,
+    Interner,
+    TooLargeError,
+)
 from koord.verify.engines.explicit.finiteness import NotFinite
 from koord.verify.engines.explicit.lazy import Decisions, Lazy, Looking, PlaceOf
-from koord.verify.engines.explicit.states import State, Vault, nothing, template
+from koord.verify.engines.explicit.limits import OUT_OF_TIME, LimitReachedError
+from koord.verify.engines.explicit.states import State, Vault, filled, nothing, template
 
 
 class GoalKind(Enum):
@@ -61,6 +72,24 @@ class OutOfBounds(Struct, frozen=True):
     reason: str
     states: int
     depth: int | None
+
+
+#: What ends a search before it has looked at everything.
+ENDS = (LimitReachedError, OutOfBudgetError, TooLargeError, UnboundedError)
+
+
+def end_of(error: Exception, states: int, depth: int | None) -> OutOfBounds | NotFinite:
+    """How a search ends that such an error ends."""
+    match error:
+        case UnboundedError():
+            return NotFinite(str(error), NOWHERE)
+        case OutOfBudgetError():
+            reason = OUT_OF_TIME
+        case TooLargeError():
+            reason = f"more than {MOST_SCALARS} values in one variable"
+        case _:
+            reason = str(error)
+    return OutOfBounds(reason, states, depth)
 
 
 class Violated(Struct, frozen=True):
@@ -218,8 +247,8 @@ class Check(Struct):
                 made.append(template(cells, form, variable))
                 variable += 1
             held = iter(made)
-            locals_ = _placed(vault.locals[view.kind], reads.locals, held)
-            ports = _placed(vault.ports[view.kind], reads.ports, held)
+            locals_ = filled(vault.locals[view.kind], reads.locals, held)
+            ports = filled(vault.ports[view.kind], reads.ports, held)
             for slot in reads.arrays:
                 rows[slot][i] = next(held)
             robots.append(Robot(view.kind, locals_, ports, none, view.status, view.ran))
@@ -230,13 +259,6 @@ class Check(Struct):
             variable += 1
         store: Store[Lazy] = Store(tuple(Tree(tuple(row)) for row in rows), tuple(allwrite))
         return Configuration(tuple(robots), store, 0)
-
-
-def _placed(cells: Sequence[Cells], slots: Sequence[int], made: Any) -> tuple[Storage[Lazy], ...]:
-    storages = [nothing(c) for c in cells]
-    for slot in slots:
-        storages[slot] = next(made)
-    return tuple(storages)
 
 
 def check(system: System, vault: Vault, statement: Closed) -> Check:

@@ -16,7 +16,7 @@ from koord.semantics.domain import EXACT, Constant
 from koord.semantics.locations import Mask, joined
 from koord.semantics.storage import Cell, Storage, Tree
 from koord.semantics.turns import Turned
-from koord.semantics.values import Rec, Seq, Table, Value
+from koord.semantics.values import Rec, Seq, Table, Value, map_atoms
 from koord.verify.engines.explicit.cells import Cells, Codes, Scalars
 from koord.verify.engines.explicit.lazy import PlaceOf
 from koord.verify.engines.explicit.states import Vault
@@ -198,16 +198,11 @@ def _has_keys(mask: Mask[Any]) -> bool:
 
 
 def _known(value: Any, scalars: Scalars, codes: Sequence[Codes]) -> Any:
-    """The value with the values of its places."""
-    match value:
-        case PlaceOf(variable=variable, position=position, type=type_):
-            return scalars.value(codes[variable][position], type_)
-        case Rec(fields=fields):
-            return Rec(tuple(_known(part, scalars, codes) for part in fields))
-        case Seq(length=length, items=items):
-            return Seq(length, tuple(_known(item, scalars, codes) for item in items))
-        case Table(length=length, entries=entries):
-            pairs = ((_known(k, scalars, codes), _known(v, scalars, codes)) for k, v in entries)
-            return Table(length, tuple(pairs))
-        case _:
-            return value
+    """A value with its places looked at."""
+
+    def looked(atom: Any) -> Any:
+        if not isinstance(atom, PlaceOf):
+            return atom
+        return scalars.value(codes[atom.variable][atom.position], atom.type)
+
+    return map_atoms(value, looked)

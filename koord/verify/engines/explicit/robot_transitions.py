@@ -53,6 +53,32 @@ class FaultingEvent(NamedTuple):
     answers: tuple[Answer, ...]
 
 
+class Endings(Struct, frozen=True, dict=True):
+    """What the environment's turn may bring to a robot, for each of some entries."""
+
+    outcomes: tuple[tuple[EnvironmentOutcome, ...], ...]
+
+    @cached_property
+    def all(self) -> list[EnvironmentOutcome]:
+        """The outcomes of all entries."""
+        return [outcome for each in self.outcomes for outcome in each]
+
+    @cached_property
+    def robots(self) -> tuple[int, ...]:
+        """The robot's numbers after the environment's turn, each once."""
+        return tuple(dict.fromkeys(o.robot for o in self.all if o.fault is None))
+
+    @cached_property
+    def has_news(self) -> bool:
+        """Whether the environment's turn may bring a fault or a broken promise."""
+        return any(o.fault is not None or o.broken for o in self.all)
+
+    @cached_property
+    def may_be_last(self) -> bool:
+        """Whether the environment has no turn after some entry."""
+        return not all(any(o.fault is None for o in each) for each in self.outcomes)
+
+
 class TransitionGroup(Struct, frozen=True, dict=True):
     """Entries with the same writes and lock classes; ``runs`` says whether any of them may count
     as a run, ``skips`` whether any may count as a skip.
@@ -65,8 +91,8 @@ class TransitionGroup(Struct, frozen=True, dict=True):
     running: bool  #: whether the robot's status is still running
     may_skip_first: bool  #: whether the robot may skip before anyone has moved
     entries: tuple[RobotTransition, ...]
-    outcomes: tuple[tuple[EnvironmentOutcome, ...], ...]  #: of each entry
-    stopped: tuple[tuple[EnvironmentOutcome, ...], ...]  #: the same, if END-PROG stops everybody
+    evolved: Endings
+    stopped: Endings  #: the same, if END-PROG stops everybody
     stopped_robots: tuple[int, ...]  #: the robots' numbers then
     classes: int  #: of the event's text, a bit each, if menus are labelled; else 0
 
@@ -78,52 +104,6 @@ class TransitionGroup(Struct, frozen=True, dict=True):
     def after_stop(self, robot: int) -> int:
         """The robot's number if END-PROG stops everybody."""
         return self.stopped_robots[self.robots.index(robot)]
-
-    def all_outcomes(self, *, all_stop: bool) -> list[EnvironmentOutcome]:
-        """The possible results of the environment's turn."""
-        outcomes = self.stopped if all_stop else self.outcomes
-        return [outcome for each in outcomes for outcome in each]
-
-    def has_news(self, *, all_stop: bool) -> bool:
-        """Return whether the environment's turn may bring a fault or a broken promise."""
-        return self._stopped_news if all_stop else self._news
-
-    @cached_property
-    def _news(self) -> bool:
-        return any(o.fault is not None or o.broken for o in self.all_outcomes(all_stop=False))
-
-    @cached_property
-    def _stopped_news(self) -> bool:
-        return any(o.fault is not None or o.broken for o in self.all_outcomes(all_stop=True))
-
-    def may_be_last(self, *, all_stop: bool) -> bool:
-        """Return whether, for some entry of this course, the environment has no turn."""
-        return self._stopped_may_be_last if all_stop else self._may_be_last
-
-    @cached_property
-    def _may_be_last(self) -> bool:
-        return _has_dead_end(self.outcomes)
-
-    @cached_property
-    def _stopped_may_be_last(self) -> bool:
-        return _has_dead_end(self.stopped)
-
-    @cached_property
-    def ends(self) -> tuple[int, ...]:
-        """The robot's numbers after the environment's turn, each once."""
-        return _ends(self.outcomes)
-
-    @cached_property
-    def stopped_ends(self) -> tuple[int, ...]:
-        return _ends(self.stopped)
-
-
-def _has_dead_end(outcomes: tuple[tuple[EnvironmentOutcome, ...], ...]) -> bool:
-    return not all(any(o.fault is None for o in each) for each in outcomes)
-
-
-def _ends(outcomes: tuple[tuple[EnvironmentOutcome, ...], ...]) -> tuple[int, ...]:
-    return tuple(dict.fromkeys(o.robot for each in outcomes for o in each if o.fault is None))
 
 
 class Menu(NamedTuple):
@@ -341,8 +321,8 @@ class _MenuMaker:
             running,
             not self.obligations,
             entries,
-            tuple(menus.outcomes(robot, entry.robot) for entry in entries),
-            tuple(menus.outcomes(robot, number) for number in stopped),
+            Endings(tuple(menus.outcomes(robot, entry.robot) for entry in entries)),
+            Endings(tuple(menus.outcomes(robot, number) for number in stopped)),
             stopped,
             max(apart, 0),
         )
@@ -351,13 +331,3 @@ class _MenuMaker:
 def classes_of(event: core.Event) -> int:
     """The lock classes in an event's text, a bit each."""
     return sum(1 << k for k in event.lock_classes)
-
-
-__all__ = [
-    "EnvironmentOutcome",
-    "FaultingEvent",
-    "Menu",
-    "Menus",
-    "RobotTransition",
-    "TransitionGroup",
-]

@@ -10,28 +10,25 @@ by rounds, so what it finds violated is shown by a run with the fewest rounds.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from itertools import product
+from collections.abc import Callable, Iterator, Sequence
+from itertools import chain, product
 
 from msgspec import Struct
 
 from koord.semantics.recordings import Recording, Round
 from koord.syntax import core
 from koord.syntax.analysis.symmetry import Symmetry, symmetry_of
-from koord.syntax.budget import OutOfBudgetError
 from koord.syntax.core import PropertyKind
-from koord.syntax.source import NOWHERE
 from koord.syntax.system import System
-from koord.traces.enumeration import UnboundedError
-from koord.verify.engines.explicit.cells import MOST_SCALARS, TooLargeError
 from koord.verify.engines.explicit.commits import Commits
 from koord.verify.engines.explicit.finiteness import NotFinite, not_finite
-from koord.verify.engines.explicit.found_runs import Tracer
+from koord.verify.engines.explicit.found_runs import Tracer, as_it_is
 from koord.verify.engines.explicit.initial_states import openings
 from koord.verify.engines.explicit.joint_transitions import Joint, Joints, needs_relaxed
-from koord.verify.engines.explicit.limits import OUT_OF_TIME, Limits, Meter
+from koord.verify.engines.explicit.limits import LimitReachedError, Limits, Meter
 from koord.verify.engines.explicit.orbits import Orbits
 from koord.verify.engines.explicit.property_checks import (
+    ENDS,
     Check,
     Exhausted,
     GoalKind,
@@ -41,9 +38,10 @@ from koord.verify.engines.explicit.property_checks import (
     Violated,
     asks_who_ran,
     check,
+    end_of,
     sees_the_environment,
 )
-from koord.verify.engines.explicit.robot_transitions import Menu, Menus, TransitionGroup
+from koord.verify.engines.explicit.robot_transitions import Menu, Menus
 from koord.verify.engines.explicit.states import State, Vault
 
 #: So many ways to start, most of them assumed away, are tried for each state that is allowed.
@@ -119,10 +117,6 @@ class _Found(Struct, frozen=True):
 NOTHING_LEFT = "all claims are violated"
 
 
-class _LimitError(Exception):
-    """Raised where a limit is reached."""
-
-
 class Search:
     """A search in progress. ``violations`` drives it; ``end`` gives its result or depth."""
 
@@ -148,7 +142,7 @@ class Search:
         self._joints = Joints(system, vault, menus, self._commits, relaxed=relaxed)
         found = symmetry_of(system, properties) if symmetry else None
         orbits = Orbits(vault, found) if isinstance(found, Symmetry) else None
-        self._representative = orbits.representative if orbits is not None else _as_it_is
+        self._representative = orbits.representative if orbits is not None else as_it_is
         self._checks = {
             SearchGoal(GoalKind.PROPERTY, p.name): check(system, vault, p) for p in properties
         }
@@ -180,16 +174,9 @@ class Search:
                     self._settled.add(found.claim)
                     yield Violated(found.claim, self._recording(found), len(self._seen))
                     if self._has_all():
-                        raise _LimitError(NOTHING_LEFT)
-        except _LimitError as limit:
-            self._end = OutOfBounds(str(limit), len(self._seen), self._through)
-        except OutOfBudgetError:
-            self._end = OutOfBounds(OUT_OF_TIME, len(self._seen), self._through)
-        except TooLargeError:
-            reached = f"more than {MOST_SCALARS} values in one variable"
-            self._end = OutOfBounds(reached, len(self._seen), self._through)
-        except UnboundedError as reason:
-            self._end = NotFinite(str(reason), NOWHERE)
+                        raise LimitReachedError(NOTHING_LEFT)
+        except ENDS as error:
+            self._end = end_of(error, len(self._seen), self._through)
         else:
             self._end = Exhausted(len(self._seen), self._depth)
 
@@ -210,7 +197,7 @@ class Search:
         self._through = 0
         while frontier:
             if self._depth == self._meter.limits.rounds:
-                raise _LimitError(f"more than {self._depth} rounds")
+                raise LimitReachedError(f"more than {self._depth} rounds")
             waiting: list[State] = []
             for position, state in enumerate(frontier):
                 self._tick(len(frontier) - position)
@@ -226,7 +213,7 @@ class Search:
             self._system.budget.spend()
             self._tick(0)
             if tried > most:
-                raise _LimitError(f"more than {most} ways to start")
+                raise LimitReachedError(f"more than {most} ways to start")
             if not all(each.holds(opened.state) for each in self._assumptions):
                 continue
             state = self._representative(opened.state[:count], opened.state[count:])
@@ -265,7 +252,7 @@ class Search:
     def _tick(self, waiting: int) -> None:
         reached = self._meter.reached(len(self._seen))
         if reached:
-            raise _LimitError(reached)
+            raise LimitReachedError(reached)
         if self._progress is not None and self._meter.is_time_to_tell():
             self._progress(len(self._seen), self._depth, waiting)
 
@@ -280,12 +267,12 @@ class Search:
         for claim, each in self._inside.items():
             if claim in self._settled:
                 continue
-            if joint.is_inside and not _holds(each, joint, _robots):
+            if (joint.is_inside and not _holds(each, joint, stopped=False)) or (
+                joint.is_whole
+                and (claim in self._on_ports or _is_last(joint))
+                and not _holds(each, joint, stopped=joint.all_stop)
+            ):
                 yield _Found(claim, state, is_behind=True, check=each)
-            elif joint.is_whole and (claim in self._on_ports or _is_last(joint)):
-                numbers = _stopped_robots if joint.all_stop else _robots
-                if not _holds(each, joint, numbers):
-                    yield _Found(claim, state, is_behind=True, check=each)
         if GoalKind.LOST_UPDATE in self._subjects and len(joint.writers) > 1:
             for slot in sorted(self._joints.lost(joint)):
                 name = self._system.program.allwrite[slot].variable.name
@@ -293,11 +280,10 @@ class Search:
 
     def _evolved(self, state: State, joint: Joint) -> Iterator[_Found]:
         """Yield the faults of models, and the promises that they break."""
-        courses = joint.courses
-        all_stop = joint.all_stop
-        if not any(course.has_news(all_stop=all_stop) for course in courses):
+        endings = joint.endings
+        if not any(ending.has_news for ending in endings):
             return
-        outcomes = [course.all_outcomes(all_stop=all_stop) for course in courses]
+        outcomes = [ending.all for ending in endings]
         if not all(outcomes):
             return
         if GoalKind.FAULT in self._subjects and any(o.fault for each in outcomes for o in each):
@@ -316,7 +302,7 @@ class Search:
         )
         claim = found.claim
         if claim.subject is GoalKind.FAULT and not found.is_behind:
-            return tracer.at_init(found.state, is_faulted=True)
+            return tracer.at_init(found.state)
         path = self._path(found.state)
         if not found.is_behind:
             return tracer.run(path)
@@ -332,7 +318,7 @@ class Search:
             case GoalKind.CONTRACT:
                 return tracer.evolving(claim)
             case _:
-                return lambda state: _either(tracer.failing(state), tracer.evolving(claim)(state))
+                return lambda state: chain(tracer.failing(state), tracer.evolving(claim)(state))
 
     def _path(self, state: State) -> list[State]:
         path = [state]
@@ -341,34 +327,16 @@ class Search:
         return path[::-1]
 
 
-def _as_it_is(robots: tuple[int, ...], shared: tuple[int, ...]) -> State:
-    return (*robots, *shared)
-
-
-def _either(first: Iterable[Round], second: Iterable[Round]) -> Iterator[Round]:
-    yield from first
-    yield from second
-
-
-def _robots(course: TransitionGroup) -> tuple[int, ...]:
-    return course.robots
-
-
-def _stopped_robots(course: TransitionGroup) -> tuple[int, ...]:
-    return course.stopped_robots
-
-
 def _is_last(joint: Joint) -> bool:
     """Return whether the environment may have no turn, so that properties are checked before it."""
-    return any(course.may_be_last(all_stop=joint.all_stop) for course in joint.courses)
+    return any(ending.may_be_last for ending in joint.endings)
 
 
-def _holds(
-    each: Check, joint: Joint, numbers: Callable[[TransitionGroup], tuple[int, ...]]
-) -> bool:
-    """Return whether a statement holds for all combinations of the robots' numbers."""
+def _holds(each: Check, joint: Joint, *, stopped: bool) -> bool:
+    """Whether a statement holds wherever robots may be after their program turns."""
     # What looks the same to the statement need be tried once only.
-    views = [each.views(numbers(course)) for course in joint.courses]
+    courses = joint.courses
+    views = [each.views(c.stopped_robots if stopped else c.robots) for c in courses]
     return all(
         each.holds_for(chosen, end.shared) for chosen in product(*views) for end in joint.ends
     )

@@ -203,10 +203,10 @@ class ReadWindow:
         made = iter(
             [template(c, form, k) for k, (c, form) in enumerate(zip(cells, root, strict=False))]
         )
-        locals_ = _filled(vault.locals[kind], reads.locals, made)
-        ports = _filled(vault.ports[kind], reads.ports, made)
+        locals_ = filled(vault.locals[kind], reads.locals, made)
+        ports = filled(vault.ports[kind], reads.ports, made)
         own = dict(zip(reads.entries, made, strict=False))
-        allwrite = _filled(vault.allwrite, reads.allwrite, made)
+        allwrite = filled(vault.allwrite, reads.allwrite, made)
         arrays = {slot: [next(made) for _ in range(count)] for slot in reads.arrays}
         allread = []
         for slot, entry in enumerate(vault.entries):
@@ -214,9 +214,9 @@ class ReadWindow:
             if slot in own and slot not in arrays:
                 parts[robot] = own[slot]
             allread.append(Tree(tuple(parts)))
-        store: Store[Lazy] = Store(tuple(allread), tuple(allwrite))
+        store: Store[Lazy] = Store(tuple(allread), allwrite)
         status = int(Status.RUNNING)
-        return Robot(kind, tuple(locals_), tuple(ports), store, status, NO_EVENT)
+        return Robot(kind, locals_, ports, store, status, NO_EVENT)
 
 
 def template(cells: Cells, form: int, variable: int) -> Storage[Lazy]:
@@ -231,10 +231,11 @@ def nothing(cells: Cells) -> Storage[Lazy]:
     return empty  # type: ignore[return-value]  # constants are among the scalars of either domain
 
 
-def _filled(
+def filled(
     cells: Sequence[Cells], slots: Sequence[int], made: Iterator[Storage[Lazy]]
-) -> list[Storage[Lazy]]:
+) -> tuple[Storage[Lazy], ...]:
+    """Storages of some variables: the next ones for those in some slots, else nothing."""
     storages = [nothing(c) for c in cells]
     for slot in slots:
         storages[slot] = next(made)
-    return storages
+    return tuple(storages)
