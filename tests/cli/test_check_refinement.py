@@ -113,7 +113,7 @@ def test_a_run_that_is_refused_is_shown_and_kept(
 def test_a_generated_program_that_is_refused_is_kept_whole(
     file: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(refinement, "TRIES", 20)
+    monkeypatch.setattr(refinement, "TRIES", 5)
     assert koord("--runs", "200", "--rounds", "3", "--json") == Exit.VIOLATED
     failure = json.loads(capsys.readouterr().out)["failure"]
     kept = Path(failure["saved"]).read_text("utf-8")

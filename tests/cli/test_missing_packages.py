@@ -64,8 +64,8 @@ WITHOUT = (
     "import sys; sys.modules[sys.argv.pop(1)] = None; from koord.cli.main import entry; entry()"
 )
 
-#: One of each command, and of each place that imports.
-OFTEN = ("ompl of sim", "mcap of sim", "numba", "cvc5", "mcap of deploy", "zenoh")
+#: One of each command.
+OFTEN = ("ompl of sim", "mcap of deploy", "cvc5", "zenoh")
 
 
 @pytest.mark.parametrize("name", first(len(OFTEN), dict.fromkeys((*OFTEN, *CASES))))

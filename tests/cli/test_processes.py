@@ -13,6 +13,7 @@ from koord.cli.exits import Exit
 from koord.cli.main import main
 from koord.runtime.robot import Robot
 from koord.sim.processes import SimulatedBody
+from tests.sampling import first
 
 EXAMPLES = Path(__file__).parents[2] / "specs" / "examples"
 BOTH = ("", "--processes")
@@ -48,7 +49,7 @@ def same_run(name: str, time_s: int, capsys: pytest.CaptureFixture[str], folder:
 
 
 def test_processes_make_the_same_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    same_run("follow_path", 3, capsys, tmp_path)
+    same_run("follow_path", 1, capsys, tmp_path)
 
 
 @pytest.mark.slow
@@ -58,7 +59,7 @@ def test_two_in_a_scene_with_a_scanner_make_the_same_run(
     same_run("mapping", 4, capsys, tmp_path)
 
 
-@pytest.mark.parametrize("name", ["hvac", "shortest_path_any_graph"])
+@pytest.mark.parametrize("name", first(1, ["hvac", "shortest_path_any_graph"]))
 def test_what_no_world_answers_is_answered_alike(
     name: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -67,7 +68,7 @@ def test_what_no_world_answers_is_answered_alike(
     assert one == several
 
 
-@pytest.mark.parametrize("name", ["lineform_ends", "leader_elect_early"])
+@pytest.mark.parametrize("name", first(1, ["lineform_ends", "leader_elect_early"]))
 def test_faults_and_broken_claims_are_the_same(
     name: str, capsys: pytest.CaptureFixture[str]
 ) -> None:

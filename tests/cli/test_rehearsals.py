@@ -17,7 +17,7 @@ BROKEN = Path(__file__).parents[2] / "specs" / "examples" / "broken"
 @pytest.mark.parametrize(
     ("name", "robots", "claims"),
     but_slow(
-        ["task_no_lock", "delivery_no_lock"],
+        ["task_no_lock", "delivery_no_lock", "cars_and_drones_low"],
         [
             ("task_no_lock", 2, {"Exclusive"}),
             ("delivery_no_lock", 2, {"Once"}),
@@ -54,7 +54,7 @@ def test_a_simulated_run_is_played_as_it_was(
     examples = BROKEN.parent
     files = [str(examples / "task.krd"), str(examples / "task_mixed.yaml")]
     trace = str(tmp_path / "trace.json")
-    flags = ["--time", "3", "--json", "--no-html"]
+    flags = ["--time", "1.5", "--json", "--no-html"]
     assert main(["sim", *files, *flags, "--trace", trace]) == Exit.OK
     first = json.loads(capsys.readouterr().out)
     assert main(["sim", files[0], "--schedule", trace, "--json", "--no-html"]) == Exit.OK

@@ -31,9 +31,10 @@ def _inputs(write_seeds: Write, folder: Path) -> list[bytes]:
     return [path.read_bytes() for path in sorted(folder.iterdir())]
 
 
-def test_programs_and_their_variations(tmp_path: Path) -> None:
+@pytest.mark.parametrize("each", first(1, [4, 1]))
+def test_programs_and_their_variations(each: int, tmp_path: Path) -> None:
     random = Random(1)
-    for data in _inputs(texts.write_seeds, tmp_path):
+    for data in _inputs(texts.write_seeds, tmp_path)[::each]:
         texts.examine(data)
         texts.examine(texts.varied(data, random))
 

@@ -14,6 +14,7 @@ import pytest
 from koord.runtime.motion.world import Box, Disc, Polygon, World
 from koord.sim.files.mcap import mcap_of
 from koord.sim.run_log import SHARED, Header, RunLog, RunLogger, turns_of
+from tests.sampling import first
 from tests.sim.recorded import lineform, task
 
 pytest.importorskip("mcap")
@@ -126,5 +127,6 @@ def test_obstacles_are_cubes_cylinders_and_lines() -> None:
     assert [len(line["points"]) for line in polygon["lines"]] == [4, 4, 6]
 
 
-def test_16_robots_and_two_minutes_are_less_than_a_megabyte() -> None:
-    assert len(mcap_of(lineform(16, 1200).recording)) < 1_000_000
+@pytest.mark.parametrize("rounds", first(1, [120, 1200]))
+def test_16_robots_and_two_minutes_are_less_than_a_megabyte(rounds: int) -> None:
+    assert len(mcap_of(lineform(16, rounds).recording)) < 100_000 + 750 * rounds

@@ -29,6 +29,7 @@ from koord.sim.run_log import (
 )
 from koord.sim.run_log import LoggedRobot as Robot
 from koord.sim.viewing import page_of
+from tests.sampling import first
 from tests.sim import browser
 from tests.sim.browser import Tab
 from tests.sim.recorded import lineform, task
@@ -121,9 +122,10 @@ def test_names_and_texts_cannot_leave_their_place(evil: str) -> None:
     assert unpacked(data_of(page.encode())).document["header"]["program"] == evil
 
 
-def test_a_page_of_16_robots_and_two_minutes_is_small() -> None:
-    page = page_of(lineform(16, 1200).recording)
-    assert len(page) < 1_000_000
+@pytest.mark.parametrize("rounds", first(1, [120, 1200]))
+def test_a_page_of_16_robots_and_two_minutes_is_small(rounds: int) -> None:
+    page = page_of(lineform(16, rounds).recording)
+    assert len(page) < 100_000 + 750 * rounds
 
 
 def header(robots: int, program: str = "a.krd", world: World = WORLD) -> Header:

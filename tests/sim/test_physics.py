@@ -240,13 +240,13 @@ def test_robots_take_the_same_ways_as_those_of_the_level_full() -> None:
 
 
 def test_equal_seeds_make_equal_runs() -> None:
-    runs = [track(fleet(Level.MUJOCO, ROUGH), 4.0).tobytes() for _ in range(2)]
+    runs = [track(fleet(Level.MUJOCO, ROUGH), 2.0).tobytes() for _ in range(2)]
     assert len({hashlib.sha256(run).hexdigest() for run in runs}) == 1
 
 
 def test_who_meets_nobody_moves_as_if_it_were_alone() -> None:
     """To the last bit: each process of a run simulates its own robot."""
-    together = track(fleet(Level.MUJOCO, ROUGH), 4.0)
+    together = track(fleet(Level.MUJOCO, ROUGH), 2.0)
     for k in range(len(GOALS)):
-        alone = track(fleet(Level.MUJOCO, ROUGH, only=k), 4.0)
+        alone = track(fleet(Level.MUJOCO, ROUGH, only=k), 2.0)
         assert np.array_equal(alone[:, k], together[:, k])

@@ -22,7 +22,7 @@ EXAMPLES = sorted((ROOT / "specs/examples").rglob("*.krd"))
 GOLDEN = sorted((Path(__file__).parent / "golden").glob("*.txt"))
 
 #: So many generated programs are looked at.
-GENERATED = 60
+GENERATED = 20
 
 
 def program(path: Path) -> core.Program:
