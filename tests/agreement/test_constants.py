@@ -9,7 +9,7 @@ from tests.agreement.triples import exact_steps, steps, triple
 from tests.sampling import blocks
 
 
-@pytest.mark.parametrize("seeds", blocks(60, of=250, count=8))
+@pytest.mark.parametrize("seeds", blocks(30, of=250, count=8))
 def test_the_sequential_rules_agree(seeds: range) -> None:
     faults = 0
     for seed in seeds:

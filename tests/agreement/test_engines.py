@@ -240,18 +240,18 @@ def many(family: Family, seeds: range) -> Counter[str]:
     return count
 
 
-#: 1,150 programs, of which more than 1,000 are finite, as the counts below ensure; 36 of them
+#: 1,150 programs, of which more than 1,000 are finite, as the counts below ensure; 18 of them
 #: are looked at by default.
 SOME = [
     *sampled(
-        ("finite", range(7_000, 7_012)),
+        ("finite", range(7_006, 7_012)),
         (("finite", range(7_000 + 50 * n, 7_050 + 50 * n)) for n in range(6)),
     ),
     *sampled(
-        ("symmetric", range(3_000, 3_012)),
+        ("symmetric", range(3_000, 3_006)),
         (("symmetric", range(3_000 + 50 * n, 3_050 + 50 * n)) for n in range(4)),
     ),
-    *sampled(("staged", range(12)), (("staged", range(50 * n, 50 * n + 50)) for n in range(13))),
+    *sampled(("staged", range(6)), (("staged", range(50 * n, 50 * n + 50)) for n in range(13))),
 ]
 
 
@@ -283,7 +283,7 @@ def test_a_start_that_was_not_looked_at_whole_is_no_round() -> None:
     assert compare(FAMILIES["symmetric"], 50_136)["search: too many ways to start"] == 1
 
 
-@pytest.mark.parametrize("seeds", sampled(range(26, 33), [range(20, 40), range(40, 60)]))
+@pytest.mark.parametrize("seeds", sampled(range(26, 30), [range(20, 40), range(40, 60)]))
 def test_all_engines_agree_with_the_search_where_numbers_are_large(seeds: range) -> None:
     count = many(FAMILIES["large"], seeds)
     assert count["systems"] >= 0.85 * len(seeds), count

@@ -60,9 +60,9 @@ def compare(seed: int, choice: Engine | None, most: int) -> Counter[str]:
 
 
 def test_slices_and_junk_change_nothing_that_is_said_of_whole_runs() -> None:
-    count = sum((compare(seed, Engine.SEARCH, 60) for seed in range(18)), Counter[str]())
-    assert count["with junk"] > 5, count
-    assert count["holds"] > 10, count
+    count = sum((compare(seed, Engine.SEARCH, 60) for seed in range(10)), Counter[str]())
+    assert count["with junk"] > 2, count
+    assert count["holds"] > 5, count
 
 
 @pytest.mark.slow

@@ -20,7 +20,7 @@ from koord.syntax.system import Status
 from tests.agreement.triples import Triple, triple
 from tests.sampling import blocks
 
-SEEDS = pytest.mark.parametrize("seeds", blocks(60, of=250, count=1))
+SEEDS = pytest.mark.parametrize("seeds", blocks(30, of=250, count=1))
 
 
 def at_once(t: Triple, order: tuple[int, ...]) -> Configuration[Constant]:
@@ -57,7 +57,7 @@ def in_turn(t: Triple, order: tuple[int, ...]) -> Configuration[Constant]:
     return configuration
 
 
-@pytest.mark.parametrize("seeds", blocks(60, of=250, count=4))
+@pytest.mark.parametrize("seeds", blocks(30, of=250, count=4))
 def test_a_round_at_once_is_a_round_in_turn(seeds: range) -> None:
     whole = 0
     for seed in seeds:

@@ -86,7 +86,7 @@ def compare_with_plain(seed: int, of: System) -> str:
     return "violated" if without else "holds"
 
 
-@pytest.mark.parametrize("seeds", blocks(30, of=60, count=6))
+@pytest.mark.parametrize("seeds", blocks(12, of=60, count=6))
 def test_as_the_plain_search(seeds: range) -> None:
     """Verdicts, shortest runs, and how many states there are."""
     count = Counter(compare_with_plain(seed, system(Random(seed), FINITE)) for seed in seeds)
@@ -94,7 +94,7 @@ def test_as_the_plain_search(seeds: range) -> None:
     assert count["holds"] >= len(seeds) // 12
 
 
-@pytest.mark.parametrize("seeds", blocks(12, of=40, count=3))
+@pytest.mark.parametrize("seeds", blocks(8, of=40, count=3))
 def test_as_the_plain_search_late(seeds: range) -> None:
     """The same of programs in which something happens in each round."""
     count = Counter(compare_with_plain(seed, staged(Random(seed))) for seed in seeds)
@@ -150,14 +150,14 @@ def compare_reductions(seed: int, of: System) -> str:
     return "symmetric" if is_symmetric else "as it is"
 
 
-@pytest.mark.parametrize("seeds", blocks(20, of=60, count=4, start=1_000))
+@pytest.mark.parametrize("seeds", blocks(10, of=60, count=4, start=1_000))
 def test_reductions_change_no_verdict(seeds: range) -> None:
     count = Counter(compare_reductions(seed, system(Random(seed), FINITE)) for seed in seeds)
     assert count["symmetric"] >= len(seeds) // 6
     assert count["as it is"] >= len(seeds) // 3
 
 
-@pytest.mark.parametrize("seeds", blocks(15, of=40, count=3))
+@pytest.mark.parametrize("seeds", blocks(8, of=40, count=3))
 def test_reductions_change_no_verdict_late(seeds: range) -> None:
     """The same of programs in which something happens in each round."""
     count = Counter(compare_reductions(seed, staged(Random(seed))) for seed in seeds)
@@ -165,7 +165,7 @@ def test_reductions_change_no_verdict_late(seeds: range) -> None:
     assert count["as it is"] >= len(seeds) // 5
 
 
-@pytest.mark.parametrize("seeds", blocks(20, of=60, count=4))
+@pytest.mark.parametrize("seeds", blocks(10, of=60, count=4))
 def test_symmetry_changes_no_verdict(seeds: range) -> None:
     count = Counter(compare_reductions(seed, system(Random(seed), SYMMETRIC)) for seed in seeds)
     assert count["symmetric"] >= 7 * len(seeds) // 12

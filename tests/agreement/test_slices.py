@@ -122,13 +122,13 @@ def compared(choice: Engine | None, seeds: Iterable[int]) -> Counter[str]:
 
 
 #: So many programs of each family are looked at by default.
-FEW = {Engine.SEARCH: 3, Engine.BMC: 2, Engine.INDUCTION: 2, Engine.BITS: 2, None: 1}
+FEW = {Engine.SEARCH: 2, Engine.BMC: 1, Engine.INDUCTION: 1, Engine.BITS: 1, None: 1}
 
 
 @pytest.mark.parametrize("choice", FEW)
 def test_slices_and_junk_change_no_verdict(choice: Engine | None) -> None:
     count = compared(choice, range(FEW[choice]))
-    assert count["holds"] + count["violated"] > 10, count
+    assert count["holds"] + count["violated"] > 5 * FEW[choice], count
 
 
 @pytest.mark.slow

@@ -78,7 +78,7 @@ class Pair:
         return meaning_of(self.symbols, results)
 
 
-SEEDS = pytest.mark.parametrize("seeds", blocks(120, of=500, count=4))
+SEEDS = pytest.mark.parametrize("seeds", blocks(60, of=500, count=4))
 
 
 @SEEDS

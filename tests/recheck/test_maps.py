@@ -8,6 +8,7 @@ from koord.recheck.checking import RecheckOutcome
 from koord.verify.engine_names import Engine
 from tests.recheck.certificates import rechecked, with_text
 from tests.recheck.test_found import made
+from tests.sampling import first
 
 pytest.importorskip("cvc5")
 
@@ -51,7 +52,7 @@ invariant Visits: visits == {1: 0} and length(visits) == 1
 KINDS = (0, 0)
 
 
-@pytest.mark.parametrize("choice", [None, Engine.BITS], ids=["auto", "bits"])
+@pytest.mark.parametrize("choice", first(1, [Engine.BITS, None]), ids=["bits", "auto"])
 def test_claims_about_maps_are_confirmed(choice: Engine | None) -> None:
     document = made(LOCKERS, KINDS, choice)
     assert [c["name"] for c in document["claims"]] == ["Here", "Owner", "Visits", "no fault"]
@@ -60,15 +61,18 @@ def test_claims_about_maps_are_confirmed(choice: Engine | None) -> None:
 
 @pytest.mark.parametrize(
     ("old", "new"),
-    [
-        ("Locker(pid, true)", "Locker(0, true)"),
-        ("lockers.remove(mine)", "lockers.remove(mine + 1)"),
-        ("lockers[mine].open = false", "lockers[mine].owner = 0"),
-        ("lockers[mine].open = false", "lockers[10] = Locker(1, false)"),
-        ("lockers[mine].open = false", "visits[2] = 0"),
-        ("            mine = -1\n", "            pass\n"),
-        ("visits == {1: 0}", "visits == {2: 0}"),
-    ],
+    first(
+        2,
+        [
+            ("lockers.remove(mine)", "lockers.remove(mine + 1)"),
+            ("lockers[mine].open = false", "lockers[mine].owner = 0"),
+            ("lockers[mine].open = false", "visits[2] = 0"),
+            ("Locker(pid, true)", "Locker(0, true)"),
+            ("lockers[mine].open = false", "lockers[10] = Locker(1, false)"),
+            ("            mine = -1\n", "            pass\n"),
+            ("visits == {1: 0}", "visits == {2: 0}"),
+        ],
+    ),
 )
 def test_what_another_program_does_to_maps_is_refuted(old: str, new: str) -> None:
     document = made(LOCKERS, KINDS)

@@ -121,7 +121,32 @@ REFUTED = {
 }
 
 
-@pytest.mark.parametrize(("file", "robots", "delta", "change"), REFUTED.values(), ids=REFUTED)
+#: Those that take long, and are like others.
+SLOW = {
+    "lemma weakened",
+    "lemma too strong",
+    "not true at the start",
+    "another model",
+    "a contract dropped",
+    "reads another robot's entry",
+    "a fault",
+    "an interval too small",
+    "decides too early",
+    "not urgent",
+    "another guard",
+    "an assumption dropped",
+    "stops alone",
+    "longer rounds",
+}
+
+
+@pytest.mark.parametrize(
+    ("file", "robots", "delta", "change"),
+    [
+        pytest.param(*case, id=name, marks=[pytest.mark.slow] * (name in SLOW))
+        for name, case in REFUTED.items()
+    ],
+)
 def test_a_mistake_is_refuted(file: str, robots: int, delta: str, change: Change) -> None:
     document = document_of(file, robots, Fraction(delta))
     change(document)

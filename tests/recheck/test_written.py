@@ -132,8 +132,8 @@ def outcomes(first: int, last: int) -> Counter[str]:
 
 
 def test_certificates_of_some_programs_are_not_refuted() -> None:
-    count = outcomes(0, 5)
-    assert count["confirmed"] >= 3
+    count = outcomes(0, 4)
+    assert count["confirmed"] >= 2
     assert count["hollow"] >= 1
 
 

@@ -76,9 +76,11 @@ def could_be_id(text: str) -> bool:
 
 def prose(source: str) -> Iterator[tuple[int, str]]:
     """The comments and docstrings of a Python file, each with its first line's number."""
-    for token in tokenize.generate_tokens(io.StringIO(source).readline):
-        if token.type == tokenize.COMMENT:
-            yield token.start[0], token.string
+    behind = (line[line.index("#") :] for line in source.splitlines() if "#" in line)
+    if any(map(BRACKETED.search, behind)):  # or there is no citation in comments
+        for token in tokenize.generate_tokens(io.StringIO(source).readline):
+            if token.type == tokenize.COMMENT:
+                yield token.start[0], token.string
     for node in ast.walk(ast.parse(source)):
         match node:
             case ast.Expr(value=ast.Constant(value=str(text))):

@@ -14,6 +14,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
+from koord.sampling import initial_state_search
 from koord.sampling.library import (
     CLEARANCE_M,
     Point,
@@ -43,7 +44,7 @@ from koord.traces.json_reader import JsonNode
 from koord.traces.replay import replay
 from koord.traces.trace import Numbers
 from koord.traces.value_codec import decode_value, encode_value
-from tests.sampling import examples
+from tests.sampling import examples, first
 from tests.semantics import programs
 from tests.semantics.building import (
     PID,
@@ -143,7 +144,7 @@ def distinct_starts(robots: int, seed: int) -> list[str]:
     return drive(b.program(), robots, seed=seed).each("x")
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", first(1, range(5)))
 def test_starts_meet_the_assumptions(seed: int) -> None:
     """[INIT] [PROP-ASSUME]: also where hardly any of many values do."""
     found = [int(x) for x in distinct_starts(10, seed)]
@@ -197,8 +198,9 @@ def test_a_declared_length_is_kept() -> None:
     assert drive(program, 1).own(0, "xs").count(",") == 6
 
 
-def test_contradictory_assumptions_are_told() -> None:
+def test_contradictory_assumptions_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
     """[PROP-ASSUME]: after a bounded number of tries, by name."""
+    monkeypatch.setattr(initial_state_search, "START_TRIES", 200)
     b = Build()
     x = b.local("x", INT, core.Start.ARBITRARY)
     b.event("Nothing", TRUE)
@@ -321,9 +323,7 @@ Go:
     r = route(Motion.psn, pos(1, 1, 1))
     n = other(pid)
 """)
-    d = drive(program, 3)
-    for _ in range(3):
-        d.round("Go", "Go", "Go")
+    d = drive(program, 2).round("Go", "Go").round("Go", "Go")
     answers = [a for r in d.run.recording().rounds for a in r.answers]
     ways = [a for a in answers if a.function == "route"]
     assert ways
@@ -332,7 +332,7 @@ Go:
         assert (way.value.length, len(way.value.items)) == (6, 6)
         assert (way.value.items[0], way.value.items[-1]) == way.arguments
     others = {a.arguments: a.value for a in answers if a.function == "other"}
-    assert len(others) == len(set(others.values())) == 3
+    assert len(others) == len(set(others.values())) == 2
 
 
 def test_an_unmet_requirement_is_a_fault_and_no_search() -> None:
@@ -624,7 +624,7 @@ def test_examples_run_and_replay(name: str, policy: str) -> None:
     path = EXAMPLES / f"{name}.krd"
     made = load(Source(path.name, path.read_text("utf-8")), Settings({}))
     assert made.program is not None
-    robots = 9 if name == "shapeform" else 3
+    robots = 4 if name == "shapeform" else 3
     rng = Random(3)
     chosen = First() if policy == "first" else AtRandom(rng)
     _, trace = played(made.program, chosen, robots=robots, rounds=6, rng=rng)

@@ -129,12 +129,12 @@ def test_places_that_are_known_in_part_only() -> None:
         b.invariant(f"P{number}", condition)
     program = b.program()
     broken = 0
-    for seed in range(12):
+    for seed in range(6):
         rng = Random(seed)
         bare = core_without_properties(program)
         _, trace = played(bare, AtRandom(rng), rounds=8, rng=rng)
         broken += check(dealt(program, 3), trace.recording)
-    assert broken > 100
+    assert broken > 50
 
 
 def core_without_properties(program: core.Program) -> core.Program:

@@ -116,7 +116,7 @@ def proofs_agree(cases: list[Compared], depths: tuple[int, ...]) -> Counter[str]
     return count
 
 
-LAST = pytest.mark.parametrize("last", sampled(35, [110]))
+LAST = pytest.mark.parametrize("last", sampled(20, [110]))
 
 
 @LAST
@@ -136,9 +136,10 @@ def test_the_search_finds_the_same(last: int) -> None:
     assert count["exhausted"] >= 3 * last // 10
 
 
-def test_what_is_proved_breaks_nowhere() -> None:
-    count = proofs_agree(some(0, 80), (1,))
-    assert count["proved and all runs seen"] >= 20
+@pytest.mark.parametrize("last", sampled(20, [80]))
+def test_what_is_proved_breaks_nowhere(last: int) -> None:
+    count = proofs_agree(some(0, last), (1,))
+    assert count["proved and all runs seen"] >= last // 4
 
 
 @pytest.mark.slow

@@ -120,6 +120,7 @@ def test_robots_that_are_apart_at_the_ends_meet_in_between() -> None:
         assert held is True
 
 
+@pytest.mark.slow
 def test_what_holds_at_each_instant_is_proved() -> None:
     text = RAIL + "invariant Inside: Rail.v == 0.0 implies 0 <= Rail.x\n"
     assert outcomes(
@@ -244,6 +245,7 @@ def test_invariants_of_ends_and_of_programs_are_not_asked() -> None:
     assert shadows_of(text).names == ("Apart between rounds",)
 
 
+@pytest.mark.slow
 def test_kinds_of_robots_have_shadows_of_their_own() -> None:
     text = (EXAMPLES / "cars_and_drones.krd").read_text(encoding="utf-8")
     shadows = shadows_of(text, 3, Fraction(1, 10))

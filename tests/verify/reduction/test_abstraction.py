@@ -220,6 +220,7 @@ def test_records_made_of_parts_are_told_apart_after_all() -> None:
         assert asked.outcome("Never") is Outcome.HOLDS
 
 
+@pytest.mark.slow
 def test_only_what_is_open_is_asked_again_of_real_values() -> None:
     """What opaque values settled stays settled, and the suspected round is looked at first."""
     b = made_of_parts()

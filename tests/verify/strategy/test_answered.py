@@ -37,6 +37,7 @@ def asked(work_s: float, monkeypatch: pytest.MonkeyPatch) -> tuple[Report, set[s
     return verify(system, Bounds(2), progress=progress), told
 
 
+@pytest.mark.slow
 def test_nobody_is_asked_once_all_is_answered_and_the_work_is_done(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

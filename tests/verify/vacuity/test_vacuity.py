@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from koord.sampling import initial_state_search
 from koord.verify.engine_names import Engine
 from koord.verify.vacuity import analysis
 from koord.verify.verdicts import Emptiness, Outcome
@@ -44,6 +45,7 @@ RULED_OUT = "can come true, but no round in which it does can end: contracts rul
 def short_runs(monkeypatch: pytest.MonkeyPatch) -> None:
     """What happens in these programs at all happens soon."""
     monkeypatch.setattr(analysis, "TURNS", 60)
+    monkeypatch.setattr(initial_state_search, "READING_TRIES", 50)
 
 
 def told(text: str, robots: int = 2, rounds: int = 4, choice: Engine | None = None) -> list[str]:
@@ -59,7 +61,7 @@ def told(text: str, robots: int = 2, rounds: int = 4, choice: Engine | None = No
 @pytest.mark.parametrize(
     "condition",
     first(
-        3,
+        2,
         [
             "busy implies x == 2",
             "not busy or x == 2",

@@ -121,11 +121,11 @@ def compare(seed: int) -> str:
 
 
 def test_it_says_what_listing_all_states_says() -> None:
-    count = Counter(compare(seed) for seed in range(450))
-    assert count["proved with clauses"] >= 40, count
-    assert count["bad after 1"] >= 40, count
-    assert count["bad after 2"] >= 12, count
-    assert count["bad after 3"] >= 4, count
+    count = Counter(compare(seed) for seed in range(225))
+    assert count["proved with clauses"] >= 20, count
+    assert count["bad after 1"] >= 20, count
+    assert count["bad after 2"] >= 5, count
+    assert count["bad after 3"] >= 1, count
 
 
 @pytest.mark.slow
@@ -136,7 +136,7 @@ def test_it_says_what_listing_all_states_says_of_many() -> None:
 
 def test_an_invariant_that_is_none_is_told() -> None:
     told = 0
-    for seed in range(250):
+    for seed in range(120):
         of = small(seed)
         if of.bad_after() is not None:
             continue
@@ -155,7 +155,7 @@ def test_an_invariant_that_is_none_is_told() -> None:
         if of.question.bad and any(bad for s in _all(of) for _, _, bad in of.moves(s)):
             assert not holds_always(of.graph, of.question, [])
             told += 1
-    assert told >= 35
+    assert told >= 15
 
 
 def _all(of: Small) -> Iterator[State]:

@@ -24,6 +24,7 @@ from koord.verify.engines.explicit.search import survey
 from koord.verify.engines.induction.proving import prove
 from koord.verify.reduction.abstraction import abstracted
 from koord.verify.verdicts import Outcome
+from tests.sampling import first
 from tests.verify.engines.bits.asking import on_bits
 
 EXAMPLES = Path(__file__).parents[4] / "specs" / "examples"
@@ -98,14 +99,17 @@ def test_the_assignment_of_tasks_is_said_as_people_would() -> None:
 
 @pytest.mark.parametrize(
     ("file", "name"),
-    [
-        ("delivery.krd", "Carries"),
-        ("delivery.krd", "Once"),
-        ("leader_elect.krd", "Agree"),
-        ("shortest_path.krd", "Exact"),
-        ("sum_of_ids.krd", "Known"),
-        ("cars_and_drones.krd", "Once"),
-    ],
+    first(
+        4,
+        [
+            ("leader_elect.krd", "Agree"),
+            ("shortest_path.krd", "Exact"),
+            ("sum_of_ids.krd", "Known"),
+            ("cars_and_drones.krd", "Once"),
+            ("delivery.krd", "Carries"),
+            ("delivery.krd", "Once"),
+        ],
+    ),
 )
 def test_what_is_found_for_claims_of_examples_makes_them_inductive(file: str, name: str) -> None:
     text = alone(file, name)
@@ -116,9 +120,14 @@ def test_what_is_found_for_claims_of_examples_makes_them_inductive(file: str, na
 def test_robots_that_variables_hold_are_spoken_of_like_others() -> None:
     found = proved(alone("delivery.krd", "Taken"), (0, 0, 0))
     assert any("list[k].carrier == i" in lemma for lemma in found), found
-    for name in ("Carries", "Once", "Taken"):
-        found = proved(alone("delivery.krd", name), (0, 0, 0))
-        assert not any(re.search(r"@\d", lemma) for lemma in found), found
+    assert not any(re.search(r"@\d", lemma) for lemma in found), found
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["Carries", "Once"])
+def test_robots_that_variables_hold_are_spoken_of_without_their_numbers(name: str) -> None:
+    found = proved(alone("delivery.krd", name), (0, 0, 0))
+    assert not any(re.search(r"@\d", lemma) for lemma in found), found
 
 
 SHELVES = """
@@ -384,6 +393,7 @@ def test_what_is_found_holds_and_makes_claims_inductive(text: str, kinds: tuple[
     searched(text, kinds, found)
 
 
+@pytest.mark.slow
 def test_what_was_found_is_kept_and_taken_back(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

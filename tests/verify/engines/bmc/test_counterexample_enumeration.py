@@ -35,7 +35,7 @@ from tests.verify.asking import of_text
 #: Of these the same way was shown again, with robots that wait for each other.
 STAGGERED = (
     "leader_elect_early",
-    "waypoints_early",
+    pytest.param("waypoints_early", marks=pytest.mark.slow),
     pytest.param("mapping_race", marks=pytest.mark.slow),
     pytest.param("sats2_out_of_turn", marks=pytest.mark.slow),
 )

@@ -29,7 +29,9 @@ PROVED: dict[str, set[str] | None] = {
 }
 
 
-@pytest.mark.parametrize("name", but_slow(["delivery", "allstop"], sorted(PROVED)))
+@pytest.mark.parametrize(
+    "name", but_slow(["delivery", "allstop", "cars_and_drones", "mapping"], sorted(PROVED))
+)
 def test_examples_hold_for_every_number_of_robots(name: str) -> None:
     text = (EXAMPLES / f"{name}.krd").read_text(encoding="utf-8")
     stated = {
@@ -69,7 +71,13 @@ def violated() -> list[tuple[str, set[str]]]:
 
 
 SLOW = {
+    "task_no_lock",
     "allstop_alone",
+    "cars_and_drones_low",
+    "follow_path_takeoff",
+    "mapping_blind",
+    "sats2_out_of_turn",
+    "sats_report_for_ever",
     "follow_points_ahead",
     "lineform_ends",
     "shapeform_edge",

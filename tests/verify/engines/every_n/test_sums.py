@@ -43,7 +43,7 @@ def test_a_counter_counts() -> None:
 @pytest.mark.parametrize(
     ("old", "new", "claim"),
     but_slow(
-        ["count <= numAgents", "pre: count == numAgents"],
+        ["      n = n + 1", "pre: not done[pid]", "count <= numAgents", "pre: count == numAgents"],
         [
             ("count + 1", "count + 2", "Right"),
             ("      n = n + 1", "      n = n + 2", "Right"),

@@ -23,6 +23,7 @@ from koord.verify.engines.induction.proving import Inductive, prove, representat
 from koord.verify.reduction.abstraction import abstracted
 from koord.verify.verdicts import Outcome
 from tests.generators.profiles import FINITE
+from tests.sampling import first, sampled
 from tests.verify.asking import ask
 
 EXAMPLES = Path(__file__).parents[4] / "specs" / "examples"
@@ -74,7 +75,7 @@ def proofs(found: System, depth: int) -> Inductive:
     return prove(found, claims_of(found), (), Deadline.after(60), depth=depth)
 
 
-@pytest.mark.parametrize("name", ["broken/fischer2_no_deadline", "traffic", "mapping"])
+@pytest.mark.parametrize("name", first(2, ["broken/fischer2_no_deadline", "traffic", "mapping"]))
 def test_what_two_robots_break_is_broken_up_to_names(
     name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -86,9 +87,12 @@ def test_what_two_robots_break_is_broken_up_to_names(
     assert some.reasons == every.reasons
 
 
-def test_proofs_of_generated_programs_are_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("last", sampled(90, [300]))
+def test_proofs_of_generated_programs_are_the_same(
+    last: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
     count: Counter[str] = Counter()
-    for seed in range(300):
+    for seed in range(last):
         found = system(Random(seed), FINITE)
         seen = representatives(found)
         if all(seen(claim) is claim or seen(claim) == claim for claim in claims_of(found)):
@@ -104,9 +108,9 @@ def test_proofs_of_generated_programs_are_the_same(monkeypatch: pytest.MonkeyPat
         count["systems"] += 1
         count["proved"] += sum(claim.stated is not None for claim in some.proved)
         count["not proved"] += sum(claim.stated is not None for claim in some.reasons)
-    assert count["systems"] >= 20
-    assert count["proved"] >= 10
-    assert count["not proved"] >= 10
+    assert count["systems"] >= last // 15
+    assert count["proved"] >= last // 30
+    assert count["not proved"] >= last // 30
 
 
 def test_opaque_values_to_start_with_are_no_obstacle() -> None:
