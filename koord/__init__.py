@@ -119,7 +119,7 @@ def __getattr__(name: str) -> object:
 
 
 class _Package(ModuleType):
-    """The package itself: a function that has the name of a folder stays when that is loaded.
+    """The package's module class: a function with the name of a sub-package stays callable.
 
     Imports would put the folder in its place. What stands in it is imported by its full name.
     """

@@ -86,7 +86,7 @@ class Campaign(Result, frozen=True, kw_only=True):
         return f", {values.pop()}" if len(values) == 1 else ""
 
     def to_dict(self) -> dict[str, object]:
-        """As ``koord sim --runs --json`` prints it."""
+        """The results as plain data, as ``koord sim --runs --json`` prints them."""
         runs = [to_builtins(row) for row in self.runs]
         return {"format": "koord-campaign", "version": 1, "runs": runs}
 

@@ -24,7 +24,7 @@ class Certificate(Result, frozen=True):
     not_covered: Mapping[str, str]
 
     def to_dict(self) -> dict[str, object]:
-        """As ``koord verify --certificate`` writes it; the schema is ``certificate``."""
+        """The certificate as plain data, as ``koord verify --certificate`` writes it."""
         return self.document
 
     def save(self, path: str | os.PathLike[str]) -> None:

@@ -11,13 +11,13 @@ from koord.runtime.compile import compiled
 
 
 class CompiledProgram(Result, frozen=True):
-    """A module of Python that imports :mod:`koord.runtime.robot` and nothing else."""
+    """A compiled program: a Python module that imports :mod:`koord.runtime.robot` only."""
 
     program: str  #: the name of the text that it was made of
     text: str
 
     def to_dict(self) -> dict[str, object]:
-        """The fields."""
+        """The fields as plain data."""
         return {"program": self.program, "text": self.text}
 
     def save(self, path: str | os.PathLike[str]) -> None:

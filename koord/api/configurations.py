@@ -35,7 +35,7 @@ class ConfigurationReport(Result, frozen=True):
         return not self.errors
 
     def to_dict(self) -> dict[str, object]:
-        """As ``koord config check --json`` prints it; the schema is ``diagnostics``."""
+        """The diagnostics as plain data, as ``koord config check --json`` prints them."""
         return diagnostics_dict(self.diagnostics)
 
     def summary(self) -> str:

@@ -60,7 +60,7 @@ class Deployed(Result, frozen=True, kw_only=True):
         return self.is_complete and not self.in_trouble and not self.interrupted
 
     def to_dict(self) -> dict[str, object]:
-        """As ``koord deploy --json`` prints it."""
+        """The result as plain data, as ``koord deploy --json`` prints it."""
         robots = []
         for pid in sorted(self.statuses):
             status = self.statuses[pid]

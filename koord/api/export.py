@@ -38,14 +38,14 @@ _TRIED_S = 3.0
 
 
 class Exported(Result, frozen=True):
-    """A file for other tools. ``notes`` say what is not in it, or said more loosely there."""
+    """An exported problem. ``notes`` say what is missing in it, or over-approximated."""
 
     form: str
     content: bytes
     notes: tuple[str, ...]
 
     def to_dict(self) -> dict[str, object]:
-        """The fields; bytes that are no text are escaped."""
+        """The fields as plain data; bytes that are no text are escaped."""
         text = self.content.decode(errors="backslashreplace")
         return {"form": self.form, "content": text, "notes": list(self.notes)}
 

@@ -90,7 +90,7 @@ class CheckReport(Result, frozen=True):
         return tuple(d for d in self.diagnostics if d.severity is Severity.WARNING)
 
     def to_dict(self) -> dict[str, object]:
-        """As ``koord check --json`` prints it; the schema is ``diagnostics``."""
+        """The diagnostics as plain data, as ``koord check --json`` prints them."""
         return diagnostics_dict(self.diagnostics)
 
     def __repr__(self) -> str:

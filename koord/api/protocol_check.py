@@ -57,7 +57,7 @@ class ProtocolCheck(Result, frozen=True):
         return not self.broken and not self.interrupted
 
     def to_dict(self) -> dict[str, object]:
-        """As ``koord check-refinement --target protocol --json`` prints it."""
+        """The result as plain data, as ``koord check-refinement --json`` prints it."""
         return {
             "format": "koord-protocol-check",
             "version": 1,

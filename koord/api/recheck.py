@@ -35,7 +35,7 @@ class RecheckReport(Result, frozen=True):
 
     @property
     def outcome(self) -> RecheckOutcome:
-        """Confirmed, refuted or unknown."""
+        """The outcome: confirmed, refuted or unknown."""
         return self.found.outcome
 
     @property
@@ -59,7 +59,7 @@ class RecheckReport(Result, frozen=True):
         return self.found.reason
 
     def to_dict(self) -> dict[str, object]:
-        """As ``koord recheck --json`` prints it; the schema is ``recheck``."""
+        """The result as plain data, as ``koord recheck --json`` prints it."""
         found, about = self.found, self.found.about
         everyone, here = found.shown()
         form = forms.Recheck(

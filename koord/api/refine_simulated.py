@@ -38,7 +38,7 @@ class SimulatedRuns(Result, frozen=True):
         return self.refused is None
 
     def to_dict(self) -> dict[str, object]:
-        """As ``koord check-refinement --target simulator --json`` prints it for each program."""
+        """The result as plain data, as ``koord check-refinement --json`` prints it."""
         return {name: getattr(self, name) for name in self.__struct_fields__}
 
     def __repr__(self) -> str:

@@ -123,7 +123,7 @@ class Refinement(Result, frozen=True):
         return self.failure is None and not self.interrupted
 
     def to_dict(self) -> dict[str, object]:
-        """As ``koord check-refinement --json`` prints it."""
+        """The result as plain data, as ``koord check-refinement --json`` prints it."""
         targets = [
             {
                 "target": one.target.value,

@@ -62,7 +62,7 @@ class RefusedRun(Struct, frozen=True):
         return RefusedRun(outcome, self.again, self.path)
 
     def to_dict(self) -> dict[str, object]:
-        """As ``--json`` prints it."""
+        """The run as plain data, as ``--json`` prints it."""
         case, refused = self.case, self.outcome.refused
         return {
             "program": case.sources.program.name,

@@ -85,7 +85,7 @@ class ReplayReport(Result, frozen=True):
         return self.found.rounds
 
     def to_dict(self) -> dict[str, object]:
-        """As ``koord replay --json`` prints it, rounds from 0; the schema is ``replay``."""
+        """The result as plain data, as ``koord replay --json`` prints it; rounds count from 0."""
         recorded, found, refused = self.trace.recorded, self.found, self.found.refused
         made = forms.Replay(
             version=REPLAY_VERSION,

@@ -86,7 +86,7 @@ class Ending(Struct, frozen=True):
 
 
 class RunReport(Result, frozen=True):
-    """A run, and how it ended."""
+    """The result of a run: its trace, and how it ended."""
 
     program: Program
     trace: Trace
@@ -113,7 +113,7 @@ class RunReport(Result, frozen=True):
         return self.ending.interrupted
 
     def to_dict(self) -> dict[str, object]:
-        """The trace, as ``koord run --json`` prints it; the schema is ``trace``."""
+        """The trace as plain data, as ``koord run --json`` prints it."""
         return self.trace.to_dict()
 
     def __repr__(self) -> str:

@@ -52,7 +52,7 @@ class Trace(Result, frozen=True):
         return self.recorded.violation
 
     def to_dict(self) -> dict[str, object]:
-        """As ``koord run --json`` prints it; the schema is ``trace``."""
+        """The trace as plain data, as ``koord run --json`` prints it."""
         found: dict[str, object] = json.loads(self.encoded())
         return found
 
@@ -63,7 +63,7 @@ class Trace(Result, frozen=True):
         return encode(self.recorded)
 
     def to_itf(self) -> dict[str, Any]:
-        """In the form that tools for TLA+ read (ITF)."""
+        """The trace in ITF, which tools for TLA+ read."""
         from koord.traces.itf import encode_itf
 
         found: dict[str, Any] = json.loads(encode_itf(self.recorded))

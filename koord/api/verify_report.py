@@ -111,7 +111,7 @@ class VerifyReport(Result, frozen=True):
 
     @property
     def verdicts(self) -> tuple[Verdict, ...]:
-        """One for each claim."""
+        """The verdicts, one for each claim."""
         return tuple(self._verdict(found) for found in self.report.verdicts)
 
     def verdict(self, name: str) -> Verdict:
@@ -123,7 +123,7 @@ class VerifyReport(Result, frozen=True):
 
     @property
     def outcome(self) -> Outcome:
-        """Violated if one claim is; else unknown if one is; else holds."""
+        """The overall outcome: violated if one claim is; else unknown if one is; else holds."""
         return self.report.outcome
 
     @property
@@ -138,7 +138,7 @@ class VerifyReport(Result, frozen=True):
 
     @property
     def engines(self) -> tuple[Engine, ...]:
-        """The engines that gave its verdicts."""
+        """The engines that gave the verdicts."""
         used = (verdict.engine for verdict in self.report.verdicts)
         return tuple(dict.fromkeys(engine for engine in used if engine is not Engine.NONE))
 
@@ -235,7 +235,7 @@ class VerifyReport(Result, frozen=True):
         return Verdict(found, self.program, shadows.system, shadows, self.ends_at)
 
     def to_dict(self) -> dict[str, object]:
-        """As ``koord verify --json`` prints it; the schema is ``verdicts``."""
+        """The report as plain data, as ``koord verify --json`` prints it."""
         parts = Parts()
         document = self.document(parts)
         document["failures"] = [failure_dict(f) for f in (*self.failures, *parts.failures)]

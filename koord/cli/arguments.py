@@ -38,7 +38,7 @@ _LIST_TOKEN = re.compile(r"\s*(\[|\]|,|\"[^\"]*\"|[^\s\[\],\"]+)\s*")
 
 
 def fleet(text: str) -> FleetSize:
-    """``3`` or ``Car=2,Drone=1``."""
+    """Parse a fleet: ``3`` or ``Car=2,Drone=1``."""
     if "=" not in text:
         return FleetSize(_whole(text, "robots", 1, MOST_ROBOTS))
     kinds: dict[str, int] = {}
@@ -56,7 +56,7 @@ def fleet(text: str) -> FleetSize:
 
 
 def fleets(text: str) -> tuple[FleetSize, ...]:
-    """``2..10``: one fleet of each size; ``any``: every number of robots at once.
+    """Parse fleets: ``2..10``: one of each size; ``any``: every number of robots at once.
 
     Otherwise the one fleet that :func:`fleet` reads.
     """
@@ -75,7 +75,7 @@ def fleets(text: str) -> tuple[FleetSize, ...]:
 
 
 def rounds(text: str) -> int:
-    """A number of rounds; 0 means the first configuration only."""
+    """Parse a number of rounds; 0 means the first configuration only."""
     return _whole(text, "rounds", 0, MOST_ROUNDS)
 
 
@@ -96,7 +96,7 @@ def seed(text: str) -> int:
 
 
 def seconds(text: str) -> float:
-    """A time, more than none, and no longer than clocks can count."""
+    """Parse a positive time in seconds, no longer than clocks can count."""
     return _measure(text.removesuffix("s"), text, " seconds")
 
 
@@ -115,7 +115,7 @@ def _measure(amount_text: str, text: str, unit: str) -> float:
 
 
 def delta(text: str) -> Fraction:
-    """The length of a round, exactly: ``0.1`` is a tenth."""
+    """Parse the length of a round, exactly: ``0.1`` is a tenth."""
     amount = number(text)
     if amount <= 0:
         raise ArgumentTypeError(f"δ must be positive: {text!r} is not more than 0 seconds")
@@ -125,7 +125,7 @@ def delta(text: str) -> Fraction:
 
 
 def number(text: str) -> Fraction:
-    """An exact number: ``4``, ``0.25``, ``1e-3``, ``1/3``."""
+    """Parse an exact number: ``4``, ``0.25``, ``1e-3``, ``1/3``."""
     if ratio := _RATIO.match(text):
         if int(ratio[2]) == 0:
             raise ArgumentTypeError(f"{text!r} divides by zero")
@@ -145,7 +145,7 @@ def _number(text: str) -> int | Fraction | None:
 
 
 def setting(text: str) -> tuple[str, ParamValue]:
-    """``name=value``: an int, a float, true or false, a word, or a list of them in brackets.
+    """Parse ``name=value``: an int, a float, true or false, a word, or a list of them.
 
     Floats become exact fractions, as everywhere in the semantics.
     """
@@ -158,7 +158,7 @@ def setting(text: str) -> tuple[str, ParamValue]:
 
 
 def value(text: str) -> ParamValue:
-    """A literal: ``4``, ``0.5``, ``true``, ``"text"``, ``pick``, ``[1, 2, [3]]``."""
+    """Parse a literal: ``4``, ``0.5``, ``true``, ``"text"``, ``pick``, ``[1, 2, [3]]``."""
     tokens: list[str] = []
     position = 0
     while position < len(text):
@@ -219,7 +219,7 @@ def _scalar(token: str) -> ParamValue:
 
 
 def sweep(text: str) -> tuple[str, tuple[ParamValue, ...]]:
-    """``robots=2..8`` or ``speed=0.5,1``: a name and the values that it is to have in turn."""
+    """Parse ``robots=2..8`` or ``speed=0.5,1``: a name and the values that it takes in turn."""
     left, equals, right = text.partition("=")
     if not equals or not _NAME.match(left):
         raise ArgumentTypeError(f"{text!r} is no sweep; write robots=2..8")
@@ -269,7 +269,7 @@ def add_files(parser: argparse.ArgumentParser, *, several: bool = True) -> None:
 
 
 def add_settings(parser: argparse.ArgumentParser) -> None:
-    """``--set`` and ``--with``, which belong to reading a program."""
+    """Add ``--set`` and ``--with``, which belong to reading a program."""
     parser.add_argument(
         "--set",
         dest="settings",
@@ -290,7 +290,7 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
 
 
 def add_bounds(parser: argparse.ArgumentParser, *, several: bool = False) -> None:
-    """``--robots``, ``--rounds``, ``--delta``, ``--seed``. Several fleets make a sweep."""
+    """Add ``--robots``, ``--rounds``, ``--delta``, ``--seed``. Several fleets make a sweep."""
     more = "; 2..10: one after the other; any: every number of them at once" if several else ""
     parser.add_argument(
         "--robots",

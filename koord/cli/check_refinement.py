@@ -1,4 +1,4 @@
-"""``koord check-refinement [FILE…]``: does what runs do what the rules allow?"""
+"""``koord check-refinement [FILE…]``: are runs of compiled programs runs of the semantics?"""
 
 from __future__ import annotations
 

@@ -267,7 +267,7 @@ def _place_text(span: Span) -> str:
 
 
 def _in_order(diagnostics: Iterable[Diagnostic]) -> list[Diagnostic]:
-    """By place in the text; files in the order of their first diagnostic."""
+    """Sort by place in the text; files in the order of their first diagnostic."""
     found = list(diagnostics)
     files = list(dict.fromkeys(d.span.file for d in found))
     return sorted(found, key=lambda d: (files.index(d.span.file), d.span.line, d.span.column))

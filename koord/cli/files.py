@@ -48,7 +48,7 @@ def read_bytes(path: str) -> bytes:
 
 
 def check_writable(path: str, read: Iterable[str] = ()) -> None:
-    """Raise KoordError if ``path`` can be seen not to be writable, before long work is done.
+    """Raise KoordError if ``path`` is evidently not writable, before long work is done.
 
     What is ``read`` by the same command is nobody's to replace.
     """

@@ -1,4 +1,4 @@
-"""``koord fmt FILE…``: lay programs out, in place and never half."""
+"""``koord fmt FILE…``: format programs in place, atomically."""
 
 from __future__ import annotations
 
@@ -110,7 +110,7 @@ def _carry_out(task: FormatTask, laid_out: LaidOut) -> Exit:
 
 
 def _write_bytes(text: str) -> None:
-    """Programs are UTF-8, whatever the locale's encoding is."""
+    """Write programs in UTF-8, whatever the locale's encoding is."""
     if sys.stdout is None:
         return
     sys.stdout.flush()

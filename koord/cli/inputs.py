@@ -1,4 +1,4 @@
-"""From the files and flags of a command to programs and configurations, with every diagnostic."""
+"""Loading of programs and configurations from a command's files and flags."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class ReadOptions(Struct, frozen=True):
 
     @staticmethod
     def of(arguments: argparse.Namespace) -> ReadOptions:
-        """From ``--set`` and ``--with``. Raises KoordError and ArgumentTypeError."""
+        """Read ``--set`` and ``--with``. Raises KoordError and ArgumentTypeError."""
         properties = tuple(read_program(path).source for path in arguments.properties)
         return ReadOptions(settings(arguments.settings), properties)
 

@@ -154,7 +154,7 @@ class Parser(argparse.ArgumentParser):
     def parse_known_args(  # type: ignore[override]
         self, args: Sequence[str] | None = None, namespace: argparse.Namespace | None = None
     ) -> tuple[argparse.Namespace, list[str]]:
-        """As argparse's own, but that ``--delta -1/2`` is a flag with a number, as is ``-0.5``."""
+        """Parse as argparse does, but ``--delta -1/2`` is a flag with a number, as is ``-0.5``."""
         words = list(sys.argv[1:] if args is None else args)
         for at in range(len(words) - 1, 0, -1):
             if _NEGATIVE.fullmatch(words[at]) and _FLAG.fullmatch(words[at - 1]):
@@ -214,7 +214,7 @@ def _run(argv: Sequence[str] | None) -> int:
 
 
 def _dispatch(argv: Sequence[str]) -> int:
-    """Run the command that the words name. Bad flags and ``--help`` end in argparse's exit."""
+    """Run the named command. Bad flags and ``--help`` end in argparse's exit."""
     try:
         return _run_command(argv)
     except SystemExit as ending:
@@ -328,7 +328,7 @@ def _limit_of_memory() -> str:
 
 
 def _complain(line: str) -> None:
-    """One line to standard error, if that can still be written."""
+    """Write one line to standard error, if that can still be written."""
     try:
         print(line, file=sys.stderr, flush=True)
     except (OSError, ValueError):

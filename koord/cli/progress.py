@@ -1,4 +1,4 @@
-"""One live line that says what is going on, and Ctrl-C as a request rather than a crash."""
+"""The live line of progress, and Ctrl-C as a request rather than a crash."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ class LiveLine:
 
 
 class Interruption(Cancellation):
-    """Lets work end in good order on Ctrl-C: the first one asks, the second one insists.
+    """Cancellation by Ctrl-C: the first one asks the work to end, the second one insists.
 
     Inside the ``with`` the first Ctrl-C cancels the work, which looks between its steps whether
     that is so; a second one raises KeyboardInterrupt, and so does the first where the work does not

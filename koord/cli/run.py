@@ -56,7 +56,7 @@ class Interactive(Struct):
     table: RunTable
 
     def play(self, keep: Callable[[], None]) -> None:
-        """Ask and move until the user quits, or the run ends. What is asked about is kept first."""
+        """Ask and move until the user quits, or the run ends."""
         _tell(*self.table.start(self.stepper.begin()))
         print("h lists what can be typed here")
         while not self.stepper.is_over:

@@ -1,4 +1,4 @@
-"""A simulated run as text."""
+"""Simulated runs as text."""
 
 from __future__ import annotations
 

@@ -166,7 +166,7 @@ class RunTable(Struct):
             yield from self._fault(shown.step)
 
     def _rows(self, steps: list[ShownStep]) -> Iterator[_Row]:
-        """Nothing, if nobody did anything."""
+        """The rows of steps; none if nobody did anything."""
         rows: list[_Row] = []
         skipped: list[str] = []
         for shown in steps:
@@ -277,7 +277,7 @@ def repeats(recording: Recording) -> str:
 
 
 def _told(change: Change, of: int | None) -> str:
-    """A change; whose it is, where that is not plain from the row."""
+    """A change in words; with its robot, where that is not plain from the row."""
     whose = "" if change.robot in (None, of) else f"@{change.robot}"
     return f"{change.name}{whose}: {change.old} → {change.new}"
 
@@ -302,7 +302,7 @@ def _written(output: Iterable[Written[Constant]]) -> Iterator[str]:
 
 
 def _filled(pieces: Iterable[str], width: int) -> Iterator[str]:
-    """Pieces with commas between them, as many to a line as fit; long ones over several lines."""
+    """Join pieces with commas, as many to a line as fit; long ones take several lines."""
     line = ""
     shown = [visible(piece) for piece in pieces]
     for position, piece in enumerate(shown):

@@ -91,7 +91,7 @@ PAINT = {Outcome.HOLDS: Paint.ADDED, Outcome.VIOLATED: Paint.ERROR, Outcome.UNKN
 
 
 def lines(found: VerifyReport, style: Style) -> Iterator[str]:
-    """The report as a table, then what makes it say less."""
+    """The report as a table, and then its vacuities."""
     report = found.report
     yield style.paint(visible(str(found.problem)), Paint.BOLD)
     yield ""

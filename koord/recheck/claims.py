@@ -111,19 +111,19 @@ def stated(
 
 
 def fault_name(fault: Fault) -> str:
-    """What the absence of a fault is called."""
+    """The name of the claim that a fault does not occur."""
     return f"no fault ({fault.what}, {fault.span.line}:{fault.span.column})"
 
 
 def sound(turns: Turns, fault: Fault, legal: Term | None = None) -> Goal:
-    """That a fault does not come about."""
+    """The goal that a fault does not occur."""
     t = turns.v.t
     known = t.truth(True) if legal is None else legal
     return Goal(fault_name(fault), known, t.negation(fault.when))
 
 
 def as_facts(goals: Iterable[Goal]) -> list[Term]:
-    """What is known where goals hold."""
+    """The facts that hold where goals hold."""
     return [term for goal in goals for term in (goal.legal, goal.holds)]
 
 

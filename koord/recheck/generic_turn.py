@@ -165,7 +165,7 @@ class ParameterisedTurns(Struct, frozen=True):
     # --- turns ----------------------------------------------------------------------------------
 
     def turn(self, state: ParameterisedState, kind: int, position: int) -> PerRobot[EventTurn]:
-        """An event of any robot of a kind. [EVENT-TRANS]"""
+        """Run an event of any robot of a kind. [EVENT-TRANS]"""
 
         def turn(blank: Term) -> EventTurn:
             agent, own = self.world.program.agents[kind], state.robot(kind, blank)
@@ -174,7 +174,7 @@ class ParameterisedTurns(Struct, frozen=True):
         return self.per_robot(turn)
 
     def evolved(self, state: ParameterisedState) -> list[PerRobot[Evolved]]:
-        """The environment's turn, kind by kind. [ENV-TRANS]"""
+        """Take the environment's turn, kind by kind. [ENV-TRANS]"""
 
         def evolved(kind: int, blank: Term) -> Evolved:
             agent = self.world.program.agents[kind]

@@ -28,7 +28,7 @@ def lost(turns: Turns, prefix: Prefix, name: str) -> Term:
 
 
 def meeting(v: Values, one: EventTurn, other: EventTurn, name: str) -> Term:
-    """Whether two turns write one location of an allwrite variable."""
+    """The condition that two turns write one location of an allwrite variable."""
     mine, theirs = (
         [w for w in turn.writes if w.variable.home is Home.ALLWRITE and w.variable.name == name]
         for turn in (one, other)

@@ -228,7 +228,7 @@ class Storages(Struct, frozen=True):
         return found
 
     def merge(self, condition: Term, a: Storage, b: Storage, type_: Type) -> Storage:
-        """``a`` where the condition holds, else ``b``."""
+        """If-then-else: ``a`` where the condition holds, else ``b``."""
         if condition.value is not None:
             return a if condition.value else b
         if a is b:
@@ -249,7 +249,7 @@ class Storages(Struct, frozen=True):
         )
 
     def merge_robots(self, condition: Term, a: Robot, b: Robot, agent: core.Agent) -> Robot:
-        """The robot ``a`` of a kind where the condition holds, else ``b``."""
+        """If-then-else: the robot ``a`` of a kind where the condition holds, else ``b``."""
         t = self.v.t
         locals_ = zip(agent.locals, a.locals, b.locals, strict=True)
         ports = zip(agent.ports, a.ports, b.ports, strict=True)

@@ -215,7 +215,7 @@ def _number(t: Terms, value: Fraction | int, one: Sum) -> Term:
 
 
 def _at(t: Terms, polynomial: tuple[Fraction, ...], index: Term, one: Sum) -> Term:
-    """The polynomial's value, times its denominator."""
+    """The value of a polynomial, times its denominator."""
     scale = _denominator(polynomial)
     x = index if one.part.sort == INT else t.widened(index)
     power, value = _number(t, 1, one), _number(t, 0, one)

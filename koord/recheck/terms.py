@@ -17,7 +17,7 @@ Literal = int | Fraction | bool
 
 
 class Term(Struct, frozen=True, eq=False):
-    """``(head args…)``, or ``head`` alone. ``value`` is set for literals of numbers and Booleans.
+    """A term: ``(head args…)``, or ``head`` alone. ``value`` is set for literals.
 
     A quantifier has its bound variables in ``binders``.
     """
@@ -30,7 +30,7 @@ class Term(Struct, frozen=True, eq=False):
 
 
 def quoted(name: str) -> str:
-    """Any text as a symbol of SMT-LIB."""
+    """Quote any text as a symbol of SMT-LIB."""
     return "|" + name.replace("|", "!").replace("\\", "!") + "|"
 
 

@@ -164,7 +164,7 @@ class Values(Sorts):
         return self.function(name, arguments, self.sort(type_))
 
     def merge(self, condition: Term, a: Value, b: Value, type_: Type) -> Value:
-        """``a`` where the condition holds, else ``b``."""
+        """If-then-else: ``a`` where the condition holds, else ``b``."""
         if condition.value is not None:
             return a if condition.value else b
         if a is b:

@@ -52,7 +52,7 @@ class Target(Enum):
 
 
 class ProgramFamily(Enum):
-    """The sorts of programs that are generated."""
+    """The families of generated programs."""
 
     CALM = "calm"  #: little goes wrong
     GENERAL = "general"

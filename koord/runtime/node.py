@@ -60,7 +60,7 @@ class Participant(Protocol):
         """Replace the store; keep the buffer if it is of the round that ``ran`` names."""
 
     def hold(self, reason: Reason | None) -> None:
-        """Come to a safe stop; None: go on."""
+        """Come to a safe stop for a reason; None: go on."""
 
 
 class Outbox(Protocol):

@@ -69,7 +69,7 @@ def _lacks(value: object) -> bool:
 
 
 def real(number: int) -> float:
-    """The nearest double; what is too large for one is infinite. [E-ARITH]"""
+    """Convert to the nearest double; what is too large for one is infinite. [E-ARITH]"""
     try:
         return float(number)
     except OverflowError:
@@ -101,7 +101,7 @@ def remainder(left: N, right: N, place: str) -> N:
 
 
 def same(left: object, right: object) -> bool:
-    """Equality of values with floats in them: NaN equals nothing, not even itself. [E-EQUAL]"""
+    """Return whether values with floats in them are equal: NaN equals nothing. [E-EQUAL]"""
     if isinstance(left, tuple) and isinstance(right, tuple):
         return len(left) == len(right) and all(map(same, left, right))
     if isinstance(left, dict) and isinstance(right, dict):

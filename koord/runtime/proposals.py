@@ -29,7 +29,7 @@ INIT_ROUND = -1
 
 
 class Write(Struct, frozen=True):
-    """One written location of the shared store. [LOCATION] [SHARED-ASSIGN]
+    """A write to one location of the shared store. [LOCATION] [SHARED-ASSIGN]
 
     ``variable`` counts the allread variables of the program first, then the allwrite ones
     (:class:`koord.runtime.store.Layout`). ``path`` leads from the variable to the location: an

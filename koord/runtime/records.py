@@ -80,7 +80,7 @@ class RecordFile:
         )
 
     def describe(self, name: str, values: dict[str, str]) -> None:
-        """Facts about the run as a whole."""
+        """Add metadata about the run as a whole."""
         self._writer.add_metadata(name, values)
 
     def attach(self, name: str, media_type: str, data: bytes) -> None:

@@ -248,16 +248,16 @@ class Robot:
         self._buffer.locks.add(lock_class)
 
     def stop(self) -> None:
-        """``stop``: no more events after this one. [STOP]"""
+        """Execute ``stop``: no more events after this one. [STOP]"""
         self._buffer.asked = StopRequests.TO_STOP
 
     def trystop(self) -> None:
-        """``trystop()``: stop when everyone has asked. [STOP]"""
+        """Execute ``trystop()``: stop when everyone has asked. [STOP]"""
         if self._buffer.asked is StopRequests.NOTHING:
             self._buffer.asked = StopRequests.TO_STOP_TOGETHER
 
     def output(self, stream: str, place: str, *values: Any) -> None:
-        """``stream << value << …``. [OUTPUT]"""
+        """Execute ``stream << value << …``. [OUTPUT]"""
         self._buffer.output.append(Written(stream, place, values))
 
     def start(self, name: str) -> Any:
@@ -280,7 +280,7 @@ class Robot:
         return self._answers[key]
 
     def choose(self, key: Key, low: Any, high: Any, place: str) -> Any:
-        """A value between two bounds. [CHOOSE]"""
+        """Choose a value between two bounds, inclusive. [CHOOSE]"""
         if not low <= high:
             no_choice(place)
         if key not in self._answers:

@@ -27,7 +27,7 @@ class ShapeError(ValueError):
 
 
 class ScalarKind(Enum):
-    """The scalars."""
+    """The kinds of scalars."""
 
     INT = "int"
     FLOAT = "float"

@@ -52,7 +52,7 @@ class Layout(Struct, frozen=True):
 
 
 class AgreedStore:
-    """The agreed values by name. ``values`` is for reading; :meth:`apply` alone changes it."""
+    """The agreed store. ``values`` is for reading; :meth:`apply` alone changes it."""
 
     __slots__ = ("layout", "robots", "values")
 

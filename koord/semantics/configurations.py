@@ -50,7 +50,7 @@ class Written(Struct, Generic[V], frozen=True):
 
 
 class Store(Struct, Generic[V], frozen=True):
-    """The shared variables, by slot. An allread variable is a tree with one part per robot."""
+    """The shared store, by slot. An allread variable is a tree with one part per robot."""
 
     allread: tuple[Storage[V], ...]
     allwrite: tuple[Storage[V], ...]
@@ -61,7 +61,7 @@ NO_EVENT = -1
 
 
 class Robot(Struct, Generic[V], frozen=True):
-    """One robot: ``L = (M, cp, turn)``.
+    """The state of one robot: ``L = (M, cp, turn)``.
 
     ``kind`` is the position of its agent in the program; ``ran`` the position of the event of its
     last program turn, or ``NO_EVENT``.

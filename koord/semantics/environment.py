@@ -21,7 +21,7 @@ V = TypeVar("V")
 
 
 class Evolved(Struct, Generic[V], frozen=True):
-    """A robot's ports after the environment's turn.
+    """The result of the environment's turn: a robot's ports, with contracts to prove.
 
     ``promises`` are contracts of modules that have a model: they are to be proved, not assumed.
     """
@@ -35,7 +35,7 @@ class Evolved(Struct, Generic[V], frozen=True):
 def environment_turn(
     d: Domain[V], system: System, robot: int, state: Robot[V], inputs: Inputs[V]
 ) -> Evolved[V]:
-    """A robot's ports from one round to the next. [ENV-TRANS]"""
+    """Take the environment's turn of one robot. [ENV-TRANS]"""
     agent = system.agent(robot)
     m = machine(
         d,

@@ -19,6 +19,7 @@ V = TypeVar("V")
 class NotFiniteError(Exception):
     """Raised where a loop or quantifier has no bound that the domain knows.
     The caller must answer *unknown*.
+    The caller must answer *unknown*.
     """
 
     def __init__(self, span: Span, what: str) -> None:

@@ -38,7 +38,7 @@ V = TypeVar("V")
 
 
 def evaluate(m: Machine[V], e: core.Expr) -> Value[V]:
-    """The value of an expression on the machine's memory. Total: faults are logged. [E-CONST]"""
+    """Evaluate an expression on the machine's memory. Total: faults are logged. [E-CONST]"""
     match e:
         case core.Read():
             return places.read(m, e.place)
@@ -210,6 +210,7 @@ def external_call(m: Machine[V], e: core.ExternalCall) -> Value[V]:
 
 def quantified(m: Machine[V], e: core.Quantified) -> Value[V]:
     """Evaluate a quantifier; one over all values of a type (summaries only) by the oracle.
+    [E-QUANT]
     [E-QUANT]
     """
     if not isinstance(e.domain, core.AllValues):

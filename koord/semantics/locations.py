@@ -272,7 +272,7 @@ def _own_entry_marked(
     rest: Sequence[Location[V]],
     condition: V,
 ) -> Mask[V]:
-    """Of a crowd's array a robot writes one entry, its own: a mask of one part. [ALLREAD]"""
+    """The mask of a robot's own entry in a crowd's array, the only one it writes. [ALLREAD]"""
     assert isinstance(first, AtIndex)
     own = mask.parts[0] if mask.parts else None
     part = marked(d, own, many.at(first.index), rest, condition)

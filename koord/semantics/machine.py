@@ -179,7 +179,7 @@ class Machine(Struct, Generic[V]):
             self.faulted = self.faulted or self.d.known(condition) is True
 
     def require(self, rule: str, condition: V, what: str, span: Span) -> None:
-        """Log what a recorded answer must satisfy on this path. Behind a fault nothing counts."""
+        """Log a condition on recorded answers on this path. Behind a fault nothing counts."""
         needed = self.d.binary(BinaryOp.IMPLIES, self.guard, condition)
         if self.d.known(needed) is True:
             return

@@ -20,7 +20,7 @@ Key = tuple[int, ...]
 
 
 class Oracle(Protocol[V]):
-    """Answers for one turn of one robot."""
+    """An oracle: the source of answers for one turn of one robot."""
 
     def choose(self, key: Key, low: V, high: V, type_: Type) -> V:
         """Choose a value; the caller checks that it lies between the bounds."""
@@ -83,7 +83,7 @@ class Inputs(Protocol[V]):
         ...
 
     def oracle(self, phase: Phase, robot: int) -> Oracle[V]:
-        """The answers for one turn of one robot."""
+        """The oracle for one turn of one robot."""
         ...
 
 

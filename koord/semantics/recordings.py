@@ -71,7 +71,7 @@ class Opening(Struct, frozen=True):
 
 
 class Round(Struct, frozen=True):
-    """All that one round leaves open.
+    """The recorded schedule and inputs of one round.
 
     ``order`` is the order of the robots' program turns; ``events[i]`` the position of the event
     that robot i ran, None where it skipped. A round that is ``cut`` ends before the environment's
@@ -86,7 +86,7 @@ class Round(Struct, frozen=True):
 
 
 class Recording(Struct, frozen=True):
-    """A run from INIT on. Of a lasso, the rounds from number ``loop`` on repeat for ever."""
+    """A recorded run from INIT on. Of a lasso, rounds from number ``loop`` on repeat for ever."""
 
     opening: Opening
     rounds: tuple[Round, ...] = ()
@@ -97,7 +97,7 @@ class Recording(Struct, frozen=True):
 
 
 class RecordedOracle(Struct):
-    """The answers that were recorded for one turn of one robot."""
+    """An oracle of recorded answers for one turn of one robot."""
 
     phase: Phase
     robot: int
@@ -136,7 +136,7 @@ class RecordedOracle(Struct):
 
 
 class RecordedInputs:
-    """Inputs of one step, from a recording of it. ``heard`` are the answers that were asked for."""
+    """Inputs of one step from a recording. ``heard`` are the answers that were asked for."""
 
     def __init__(
         self,
@@ -184,7 +184,7 @@ class RecordedInputs:
 
 
 class Step(Struct, frozen=True):
-    """One step of a run: the rule, who moved, and what became of the system.
+    """A step of a run: the rule, the robot, and the configuration reached.
 
     ``round`` counts from 0; INIT belongs to no round (-1). ``event`` is the name of the event that
     the robot ran, None for a skip and for steps of the whole system.

@@ -220,7 +220,7 @@ def _to_move(configuration: Configuration[V], robot: int) -> Robot[V]:
 
 
 def _opened(d: Domain[V], configuration: Configuration[V]) -> tuple[Robot[V], ...]:
-    """The robots at the start of a turn: a round's first turn clears every ``ran``.
+    """The robots at the start of a turn: a round's first turn clears every ``ran``. [EVENT-TRANS]
     [EVENT-TRANS]
     """
     if any(state.turn is Turn.ENV for state in configuration.robots):

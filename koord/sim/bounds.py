@@ -88,7 +88,7 @@ def _number(e: core.Expr) -> float | None:
 
 
 def _places(configuration: RunConfiguration, world: World) -> Iterator[Point]:
-    """The places that a configuration names."""
+    """The positions in a configuration."""
     for robot in configuration.robots:
         if robot.position is not None:
             yield robot.position

@@ -55,7 +55,7 @@ class Digest:
         self._hash.update(np.ascontiguousarray(positions, dtype=np.float64).tobytes())
 
     def hexdigest(self) -> str:
-        """The hash so far."""
+        """The hexadecimal digest so far."""
         return self._hash.hexdigest()
 
 
@@ -212,7 +212,7 @@ class TaskChange(Struct, frozen=True):
 
 
 class LoggedViolation(Struct, frozen=True):
-    """A claim that the run broke."""
+    """A claim that the run violated."""
 
     time_s: float
     claim: str

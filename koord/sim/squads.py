@@ -102,7 +102,7 @@ class Touching(Protocol):
 
 
 class Squad(Protocol):
-    """Robots of one device. Arrays have a row for each robot, in the order they were given in."""
+    """A squad: robots of one device. Arrays have a row for each robot, in the given order."""
 
     group: Group
 

@@ -264,26 +264,26 @@ class QuantifierKind(Enum):
 
 
 class RobotRange(Struct, frozen=True):
-    """All robots, or those of one agent kind (by position in ``Program.agents``)."""
+    """The range of all robots, or those of one agent kind (by position in ``Program.agents``)."""
 
     agent: int | None = None
 
 
 class IntRange(Struct, frozen=True):
-    """From ``low`` up to and excluding ``high``."""
+    """The range of integers ``[low, high)``."""
 
     low: Expr
     high: Expr
 
 
 class Elements(Struct, frozen=True):
-    """The elements of a list or array; the bound variable is the element."""
+    """The range of a list's or array's elements; the bound variable is the element."""
 
     sequence: Expr
 
 
 class AllValues(Struct, frozen=True):
-    """Every value of a type; in summaries of external functions only."""
+    """The range of all values of a type; in summaries of external functions only."""
 
     type: Type
 
@@ -292,7 +292,7 @@ QuantifierDomain = RobotRange | IntRange | Elements | AllValues
 
 
 class Quantified(Node, frozen=True):
-    """One bound variable (``home`` BOUND) over one domain; properties and summaries only."""
+    """A quantifier with one bound variable (``home`` BOUND); properties and summaries only."""
 
     quantifier: QuantifierKind
     variable: Variable
@@ -345,7 +345,7 @@ Expr = (
 
 
 class Assign(Node, frozen=True):
-    """Write a place. [LOCAL-ASSIGN], [SHARED-ASSIGN], [ALLREAD], [ACTUATE]"""
+    """An assignment to a place. [LOCAL-ASSIGN], [SHARED-ASSIGN], [ALLREAD], [ACTUATE]"""
 
     place: Place
     value: Expr
@@ -358,7 +358,7 @@ class If(Node, frozen=True):
 
 
 class ForRange(Node, frozen=True):
-    """From ``low`` up to and excluding ``high``, both evaluated once, before the loop.
+    """A loop over ``[low, high)``, both evaluated once, before the loop.
 
     ``low`` and ``high`` are built from constants, ``pid``, ``numAgents`` and lengths only.
     """
@@ -370,7 +370,7 @@ class ForRange(Node, frozen=True):
 
 
 class ForEach(Node, frozen=True):
-    """The elements of a value taken before the loop. ``key`` is the index, or a map's key."""
+    """A loop over the elements of a value taken before it. ``key`` is the index, or a map's key."""
 
     key: Variable | None
     value: Variable
@@ -379,53 +379,53 @@ class ForEach(Node, frozen=True):
 
 
 class Break(Node, frozen=True):
-    """Leave the innermost loop."""
+    """A ``break`` of the innermost loop."""
 
 
 class Return(Node, frozen=True):
-    """Leave the function with a value."""
+    """A return from the function, with a value."""
 
     value: Expr | None
 
 
 class Atomic(Node, frozen=True):
-    """A block of a lock class. [ATOMIC]"""
+    """An atomic block of a lock class. [ATOMIC]"""
 
     lock_class: int
     body: Block
 
 
 class Stop(Node, frozen=True):
-    """[STOP]"""
+    """The statement ``stop``. [STOP]"""
 
 
 class TryStop(Node, frozen=True):
-    """[STOP]"""
+    """The statement ``trystop()``. [STOP]"""
 
 
 class Output(Node, frozen=True):
-    """Write values to a stream, in order. [OUTPUT]"""
+    """A write of values to a stream, in order. [OUTPUT]"""
 
     stream: str
     values: tuple[Expr, ...]
 
 
 class Append(Node, frozen=True):
-    """Put a value behind the last element of a list or queue; writes the whole list."""
+    """An append to a list or queue; it writes the whole list."""
 
     place: Place
     value: Expr
 
 
 class Remove(Node, frozen=True):
-    """Remove the first element equal to the value, if there is one, or a map's key."""
+    """A removal of the first element equal to the value, if there is one, or of a map's key."""
 
     place: Place
     value: Expr
 
 
 class Pop(Node, frozen=True):
-    """Take the first element of a queue (the last of a list) away; empty is a fault.
+    """A pop: the first element of a queue, or the last of a list; of an empty one a fault.
 
     ``into`` receives it, if given.
     """
@@ -464,7 +464,7 @@ class Start(Enum):
 
 
 class Declaration(Node, frozen=True):
-    """A variable and how it starts.
+    """A variable's declaration, with its start.
 
     ``initial`` of an allread variable is the value of the robot's own entry. Sensors without an
     initial value are ``ARBITRARY``; so is a variable without one that an ``assume`` reads.
@@ -505,7 +505,7 @@ class Port(Node, frozen=True):
 
 
 class Contract(Node, frozen=True):
-    """If every ``requires`` holds before the environment's turn, every ``ensures`` holds after."""
+    """A contract: if ``requires`` hold before the environment's turn, ``ensures`` hold after."""
 
     name: str
     requires: tuple[Expr, ...]
@@ -514,7 +514,7 @@ class Contract(Node, frozen=True):
 
 
 class Module(Node, frozen=True):
-    """A module in use. ``environment`` reads ports before the turn and writes them after it.
+    """A module. ``environment`` reads ports before the turn and writes them after it.
 
     With an environment block the ports it does not write keep their values; without one every
     sensor takes any value that the contracts allow.
@@ -539,7 +539,7 @@ class Event(Node, frozen=True):
 
 
 class Agent(Node, frozen=True):
-    """One kind of robot. A program without ``agent`` blocks has a single kind, named ""."""
+    """A kind of robot. A program without ``agent`` blocks has a single kind, named ""."""
 
     name: str
     locals: tuple[Declaration, ...]
@@ -578,7 +578,7 @@ class ExternalKind(Enum):
 
 
 class External(Node, frozen=True):
-    """A function known by its summary only.
+    """An external function, known by its summary only.
 
     ``requires`` and ``ensures`` see the parameters (the first BOUND slots) and, in ``ensures``, the
     answer (the slot behind them). Not meeting ``requires`` is a fault of the caller. One that
@@ -609,7 +609,7 @@ class PropertyKind(Enum):
 
 
 class Each(Struct, frozen=True):
-    """A statement meant for each robot, or each of one kind, by itself: it is the ``variable``."""
+    """The robots that a statement is about, one by one, perhaps of one kind: the ``variable``."""
 
     variable: Variable
     agent: int | None = None
@@ -638,7 +638,7 @@ class Assumption(Node, frozen=True):
 
 
 class LockClass(Struct, frozen=True):
-    """Atomic blocks of which at most one robot runs one per round. [ATOMIC]"""
+    """A lock class: in each round at most one robot runs one of its atomic blocks. [ATOMIC]"""
 
     index: int
     variables: tuple[str, ...]  #: the allwrite variables its blocks write
@@ -678,7 +678,7 @@ class Instance(Struct, frozen=True):
 
 
 class Parameter(Struct, frozen=True):
-    """A constant of the run: its value, and the one that the text gives; None if it gives none."""
+    """A param of a run: its value, and the one in the text; None if the text gives none."""
 
     name: str
     value: ParamValue
@@ -695,7 +695,7 @@ Places = tuple[tuple[Fraction, Fraction, Fraction], ...]
 
 
 class Program(Node, frozen=True):
-    """A whole program.
+    """A core program.
 
     ``functions`` and ``externals`` are in order of dependence (a function calls earlier ones only).
     ``parameters`` are the constants of the run, with the values used. ``tasks`` are the places of

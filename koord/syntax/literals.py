@@ -69,12 +69,12 @@ def is_moderate(value: int | Fraction) -> bool:
 
 
 def shown(text: str) -> str:
-    """A word as it may stand in a message."""
+    """Shorten a word for a message."""
     return repr(text if len(text) <= _SHOWN else f"{text[: _SHOWN - 1]}…")
 
 
 def literal(value: ParamValue) -> str:
-    """A value as text, exactly: ``4``, ``0.5``, ``2.0``, ``1/3``, ``true``, ``pick``, ``[1]``."""
+    """Print a value as text, exactly: ``4``, ``0.5``, ``2.0``, ``1/3``, ``true``, ``[1]``."""
     match value:
         case bool():
             return "true" if value else "false"
@@ -90,7 +90,7 @@ def literal(value: ParamValue) -> str:
 
 
 def number(value: Fraction) -> str:
-    """A number exactly: as a decimal where that is exact, else as a fraction.
+    """Print a number exactly: as a decimal where that is exact, else as a fraction.
 
     Only what has thousands of digits is cut short, which ``≈`` says.
     """

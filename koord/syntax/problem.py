@@ -32,7 +32,7 @@ class Problem(Struct, frozen=True):
 
     @property
     def name(self) -> str:
-        """The files: ``task.krd with more.krd``."""
+        """The names of the files: ``task.krd with more.krd``."""
         program, *properties = self.texts
         return program + (f" with {', '.join(properties)}" if properties else "")
 
@@ -90,7 +90,7 @@ class Problem(Struct, frozen=True):
             yield f"tasks of the world: {', '.join(places)}"
 
     def __str__(self) -> str:
-        """One line: ``task.krd: 3 robots, δ = 0.1 s, tasks = 10 (4 in the text)``."""
+        """Print the problem: ``task.krd: 3 robots, δ = 0.1 s, tasks = 10 (4 in the text)``."""
         return f"{self.name}: {', '.join((self.fleet, *self.values))}"
 
     def document(self) -> dict[str, object]:

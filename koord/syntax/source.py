@@ -1,4 +1,4 @@
-"""Source text and places in it: what every later phase points at."""
+"""Source texts, and spans in them, which all later phases refer to."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Span(Struct, frozen=True):
 
 
 def whole_file(name: str) -> Span:
-    """The place of what is wrong with a file as a whole: line 0, which no text has."""
+    """The span for an error of a file as a whole: line 0, which no text has."""
     return Span(name, 0, 0, 0, 0)
 
 
@@ -47,7 +47,7 @@ NOWHERE = Span("<koord>", 1, 1, 1, 1)
 
 
 class Placed(ByContent, frozen=True, kw_only=True):
-    """Anything with a place in the text, which does not count."""
+    """A struct with a place in the text, which equality ignores."""
 
     ASIDE: ClassVar[frozenset[str]] = frozenset({"span"})
 
@@ -95,7 +95,9 @@ class Source(ByContent, frozen=True):
 
 
 def normalise(text: str) -> str:
-    r"""Text as the lexer wants it: no byte-order mark, ``\n`` line ends."""
+    r"""Normalise a text: no byte-order mark, ``
+    `` line ends.
+    """
     return text.removeprefix("\ufeff").replace("\r\n", "\n").replace("\r", "\n")
 
 

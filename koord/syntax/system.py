@@ -58,5 +58,5 @@ class System(ByContent, frozen=True):
 
 
 def dealt(program: core.Program, robots: int, delta_s: Fraction = core.USUAL_DELTA_S) -> System:
-    """A system of that many robots, of the kinds in order of declaration, round-robin."""
+    """A system of a number of robots, dealt to the kinds round-robin in order of declaration."""
     return System(program, core.round_robin(robots, len(program.agents)), delta_s)

@@ -19,38 +19,38 @@ class BaseType(Struct, frozen=True):
 
 
 class ScalarType(BaseType, frozen=True):
-    """Values that are not made of others: one atom, one constant of a domain."""
+    """The types of scalars: one atom, one constant of a domain."""
 
 
 class IntType(ScalarType, frozen=True):
-    """ℤ."""
+    """The type ``int``: ℤ."""
 
 
 class FloatType(ScalarType, frozen=True):
-    """ℝ in the semantics and the verifier, IEEE double in the runtime."""
+    """The type ``float``: ℝ in the semantics and the verifier, IEEE double in the runtime."""
 
 
 class BoolType(ScalarType, frozen=True):
-    """Truth values."""
+    """The type of Booleans."""
 
 
 class StringType(ScalarType, frozen=True):
-    """Texts: compared for equality and written to streams."""
+    """The type of strings, which are compared for equality and written to streams."""
 
 
 class StreamType(ScalarType, frozen=True):
-    """Something that ``<<`` writes to."""
+    """The type of streams, which ``<<`` writes to."""
 
 
 class EnumType(ScalarType, frozen=True):
-    """A finite set of named members; a value is the member's position."""
+    """The type of an enumeration; a value is the member's position."""
 
     name: str
     members: tuple[str, ...]
 
 
 class OpaqueType(ScalarType, frozen=True):
-    """Values that can only be compared and handed to external functions.
+    """The type of opaque values, which are only compared and passed to external functions.
 
     No program text has this type: the verifier puts it where a value merely flows from one
     external function to another (``koord.verify.reduction.abstraction``).
@@ -60,7 +60,7 @@ class OpaqueType(ScalarType, frozen=True):
 
 
 class RecordType(BaseType, frozen=True):
-    """A tuple of named fields. ``pos`` is one, with float fields ``x y z``."""
+    """The type of records: named fields. ``pos`` is one, with float fields ``x y z``."""
 
     name: str
     fields: tuple[tuple[str, Type], ...]
@@ -84,7 +84,7 @@ class Robots(Enum):
 
 
 class SequenceType(BaseType, frozen=True):
-    """Elements of one type, in order: arrays, lists and queues."""
+    """The types of sequences: arrays, lists and queues."""
 
     element: Type
 
@@ -94,25 +94,25 @@ class SequenceType(BaseType, frozen=True):
 
 
 class ArrayType(SequenceType, frozen=True):
-    """``T[k]``: exactly ``size`` elements; ``Robots.ALL`` means ``numAgents`` of them."""
+    """The type ``T[k]``: exactly ``size`` elements; ``Robots.ALL`` means ``numAgents``."""
 
     size: int | Robots
 
 
 class GrowingType(SequenceType, frozen=True):
-    """Any number of elements; the whole is one atom."""
+    """The types of sequences of any length; the whole is one atom."""
 
 
 class ListType(GrowingType, frozen=True):
-    """``T[]`` and ``List<T>``. An array will do where a list is read."""
+    """The type ``T[]`` or ``List<T>``. An array is accepted where a list is read."""
 
 
 class QueueType(GrowingType, frozen=True):
-    """``Queue<T>``: a list whose ``pop`` takes the first element."""
+    """The type ``Queue<T>``: a list whose ``pop`` takes the first element."""
 
 
 class MapType(BaseType, frozen=True):
-    """``Map<K,V>``: keys in order of insertion; equal if they hold the same entries."""
+    """The type ``Map<K,V>``: keys in order of insertion; equal if entries are the same."""
 
     key: Type
     value: Type
@@ -123,7 +123,7 @@ class MapType(BaseType, frozen=True):
 
 
 class SetType(MapType, frozen=True):
-    """``Set<T>``: a map from each element to :data:`PRESENT`, the only value that there is."""
+    """The type ``Set<T>``: a map from each element to :data:`PRESENT`, its only value."""
 
 
 Type = (
@@ -202,7 +202,7 @@ def is_flat(type_: Type) -> bool:
 
 
 def show(type_: Type) -> str:
-    """The type as a user writes it."""
+    """Print a type as a user writes it."""
     match type_:
         case IntType():
             return "int"

@@ -18,7 +18,7 @@ _CALLS = (core.Call, core.ExternalCall)
 
 
 class _Below(dict[type, tuple[str, ...] | None]):
-    """The fields of each class of nodes that may hold parts; None for what is no node."""
+    """A cache: per class of nodes the fields that may hold parts; None for other classes."""
 
     def __missing__(self, class_: type) -> tuple[str, ...] | None:
         found = None
@@ -29,7 +29,7 @@ class _Below(dict[type, tuple[str, ...] | None]):
 
 
 class _Blocks(dict[type, tuple[str, ...]]):
-    """The fields of each class of statements that hold blocks."""
+    """A cache: per class of statements the fields that hold blocks."""
 
     def __missing__(self, class_: type) -> tuple[str, ...]:
         names = ("then", "otherwise", "body")

@@ -88,7 +88,7 @@ class Emitted(Struct, frozen=True):
 
 
 class Trace(Struct, frozen=True):
-    """A run of a system.
+    """A trace: a recorded run of a system, with its configurations and output.
 
     ``configurations[k]`` is the one before round k; the last one is where the run ended, be it
     between two rounds or, after a fault or a violation, inside one. So there is one more of them

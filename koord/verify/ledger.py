@@ -376,7 +376,7 @@ def _found(reaches: Iterable[Reach]) -> tuple[Obstacle, ...]:
 
 
 def _named(claims: Sequence[Claim]) -> str:
-    """The first two claims, and how many more there are."""
+    """Name the first two claims, and the number of others."""
     names = ", ".join(claim.name for claim in claims[:2])
     return f"{names} and {len(claims) - 2} more" if len(claims) > 2 else names
 

@@ -40,7 +40,7 @@ class Bounds(Struct, frozen=True):
 
 
 class Counterexample(Struct, frozen=True):
-    """A run that breaks a claim, replayed on the exact domain; of a liveness claim a lasso.
+    """A counterexample: a run that breaks a claim, replayed on the exact domain, or a lasso.
 
     ``round`` counts from 1; 0 means INIT; of a lasso it is the last round of its loop. ``robot`` is
     whose turn broke it, None for INIT and the environment; of a lasso the one that is meant.
@@ -81,7 +81,7 @@ class Ways(Struct, frozen=True):
 
 
 class Verdict(Struct, frozen=True):
-    """The answer to one claim.
+    """A verdict: the answer to one claim.
 
     ``rounds`` is how far a *holds* reaches (None: all rounds), or, if *unknown*, the last round
     through which the claim was seen to hold (None: not even INIT). ``reason`` says why an answer is
@@ -146,7 +146,7 @@ class Unlooked(Struct, frozen=True):
 
 
 class Report(Struct, frozen=True):
-    """All verdicts on one system; on systems of every size if ``every_n``."""
+    """A report: all verdicts on one system; on systems of every size if ``every_n``."""
 
     verdicts: tuple[Verdict, ...]
     vacuities: tuple[Vacuity, ...]

@@ -30,7 +30,7 @@ from koord.syntax.types import (
 
 
 class Profile(Struct, frozen=True):
-    """Sizes are inclusive ranges; rates are probabilities.
+    """The parameters of generated programs: sizes are inclusive ranges, rates probabilities.
 
     ``finite`` programs have finitely many reachable configurations: integers stay in a small range,
     lists do not grow for ever, and whatever is left open has finitely many answers.

@@ -250,7 +250,7 @@ def _atomic(c: Context, nesting: int) -> core.Stmt:
 
 
 def _signal(c: Context, depth: int) -> core.Stmt:
-    """Output, or a wish to stop, mostly under a condition."""
+    """An output, or a request to stop, mostly under a condition."""
     draft = c.draft
     stops: list[core.Stmt] = [core.Stop(span=draft.span()), core.TryStop(span=draft.span())]
     if draft.chance(0.5):

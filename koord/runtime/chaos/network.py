@@ -167,7 +167,7 @@ class Network:
         return (node.state for node in self.nodes if node is not None)
 
     def crash(self, robot: int, outage_s: float | None) -> None:
-        """Switch a robot off; None: for ever."""
+        """Switch a robot off, for a number of seconds, or for ever (None)."""
         self.nodes[robot] = None
         self.crashes += 1
         if outage_s is not None:

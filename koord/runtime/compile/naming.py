@@ -92,7 +92,7 @@ class PythonNames:
         return self.own[agent][place]
 
     def local(self, name: str, taken: set[str]) -> str:
-        """A name for a local variable of a method, now taken."""
+        """A fresh name for a local variable of a method."""
         return _fresh(name, taken)
 
     def locals_taken(self) -> set[str]:
@@ -195,7 +195,7 @@ class NotCompilableError(Exception):
 
 
 def annotation(names: PythonNames, type_: Type) -> str:
-    """The type as an annotation."""
+    """The Python annotation of a type."""
     match type_:
         case IntType() | EnumType():
             return "int"

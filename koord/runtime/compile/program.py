@@ -276,7 +276,7 @@ class Module:
     # --- INIT -----------------------------------------------------------------------------------
 
     def declare(self) -> Lines:
-        """The initial values of the allwrite variables. [INIT]"""
+        """Set the allwrite variables to their initial values. [INIT]"""
         scope = self.scope(None, sure=set())
         body: Lines = []
         for entry in self.program.allwrite:

@@ -38,7 +38,7 @@ def block(scope: Scope, statements: core.Block) -> Lines:
 
 
 def indented(lines: Lines) -> Lines:
-    """The lines, one level deeper."""
+    """Indent lines by one level."""
     return [f"{_INDENT}{line}" if line else line for line in lines]
 
 

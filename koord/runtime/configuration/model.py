@@ -100,7 +100,7 @@ class RunConfiguration(ByContent, frozen=True):
 
 
 def params(configuration: RunConfiguration) -> dict[str, ParamValue]:
-    """The values that a configuration gives params. Raises KoordError for what is no value."""
+    """The values of params in a configuration. Raises KoordError for invalid ones."""
     return {
         name: _value(configuration, value, ("params", name))
         for name, value in configuration.params.items()

@@ -60,7 +60,7 @@ _DECODER = msgspec.msgpack.Decoder(_Flat, ext_hook=big_int)
 
 
 class Journal:
-    """The file of one robot in one run."""
+    """The journal file of one robot in one run."""
 
     def __init__(self, path: Path) -> None:
         self.path = path

@@ -165,7 +165,7 @@ class LocalProcesses(Struct):
         return all(end.closed for end in self.ends)
 
     def stop(self) -> None:
-        """Ask all to stop safely."""
+        """Ask all processes to stop safely."""
         for end in self.ends:
             if not end.closed:
                 try:
@@ -204,7 +204,7 @@ def launched(launch: Launch) -> LocalProcesses:
 
 
 def _started(launch: Launch, pid: int) -> tuple[BaseProcess, Connection]:
-    """A process for a robot, and our end of the line to it."""
+    """Start a process for a robot; return it with our end of the pipe."""
     with FORKING:
         ours, theirs = multiprocessing.Pipe()
         process = _process((launch, pid, theirs))

@@ -1,4 +1,6 @@
-"""A compiled robot as the node of the protocol sees it. (R-BEGIN) (R-COMMIT) (R-SNAPSHOT)"""
+"""A member of the protocol: a compiled robot with its store and journal. (R-BEGIN) (R-COMMIT)
+(R-SNAPSHOT)
+"""
 
 from __future__ import annotations
 
@@ -171,7 +173,7 @@ class Member:
         return all(status is Status.STOPPED for status in self.statuses)
 
     def hold(self, reason: Reason | None) -> None:
-        """Come to a safe stop; None: go on."""
+        """Come to a safe stop for a reason; None: go on."""
         self.holding = reason
         self.host.holding = reason is not None
 

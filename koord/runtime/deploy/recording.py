@@ -29,7 +29,7 @@ _STATUS: tuple[str, dict[str, Any]] = ("koord.status", {"type": "object"})
 
 
 class DeploymentRecord:
-    """An MCAP file; one channel of JSON for each robot (``/robots/0``), one for their statuses."""
+    """An MCAP recording: a JSON channel per robot (``/robots/0``), and one for statuses."""
 
     def __init__(self, file: IO[bytes]) -> None:
         self._file = RecordFile(file)

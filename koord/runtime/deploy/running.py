@@ -85,7 +85,7 @@ class RoundReport(Struct, frozen=True):
 
 
 def ideal_member(job: Job, pid: int) -> Member:
-    """A robot without a platform."""
+    """Make a robot without a platform."""
     place = job.configuration.robots[pid]
     program = job.classes[job.kinds[pid]]
     host = IdealHost(

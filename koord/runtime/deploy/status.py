@@ -11,7 +11,7 @@ from koord.runtime.protocol.events import Reason
 
 
 class RobotReport(Struct, frozen=True):
-    """One robot at one moment. Rounds count from 0; -1 is INIT."""
+    """The status of one robot at one moment. Rounds count from 0; -1 is INIT."""
 
     pid: int
     round: int

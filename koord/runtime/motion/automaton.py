@@ -70,7 +70,7 @@ def initial(count: int) -> Automata:
 
 
 def no_orders(count: int) -> Orders:
-    """Orders for nobody; the masks are the caller's to write to."""
+    """Empty orders; the masks are the caller's to write to."""
     return Orders(*(np.zeros(count, np.bool_) for _ in range(6)))
 
 

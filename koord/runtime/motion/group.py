@@ -41,7 +41,7 @@ class Spot(Struct, frozen=True):
 
 
 class Routes:
-    """The routes of ``count`` robots. A robot without one has a route of one point: ``size`` 0."""
+    """The routes of ``count`` robots. ``size`` is 0 for a robot that stays at one point."""
 
     def __init__(self, count: int, pace: Pace, room: int = 2) -> None:
         self.pace = pace
@@ -308,7 +308,7 @@ class Group:
         self._orders.asked[robot] = False
 
     def go_to(self, robot: int, target: Point) -> None:
-        """Find a path to a target and follow it."""
+        """Set a target: a path to it is planned and followed."""
         if self.state(robot) is MotionState.STOPPED:
             return
         self.targets[robot] = target

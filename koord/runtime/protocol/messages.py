@@ -26,7 +26,7 @@ class Admission(msgspec.Struct, frozen=True):
 
 
 class LogEntry(msgspec.Struct, frozen=True):
-    """A round's decision with what goes with it; the unit that robots agree on.
+    """A log entry: a round's decision with admissions; the unit that robots agree on.
 
     ``late`` are the robots whose proposal was not there in time. ``previous`` is the digest of the
     entry before this one, so that a digest stands for a history.

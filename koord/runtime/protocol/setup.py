@@ -14,7 +14,7 @@ Decide = Callable[[int, Sequence[Proposal | None]], Decision]
 
 
 def decided(round_: int, proposals: Sequence[Proposal | None]) -> Decision:
-    """The decision of a round, in the order of its ranks. (R-DECIDE)"""
+    """The default rule of decision: admit robots in the order of their ranks. (R-DECIDE)"""
     there = {robot: p for robot, p in enumerate(proposals) if p is not None}
     return decide(round_, there, rotating(max(round_, 0), len(proposals)))
 

@@ -108,7 +108,7 @@ class State(msgspec.Struct, frozen=True):
 
     @property
     def leader(self) -> int | None:
-        """The coordinator it follows; itself, if it is one."""
+        """The coordinator that the robot follows; itself, if it is one."""
         match self.office:
             case Follower(leader=leader):
                 return leader
@@ -175,7 +175,7 @@ class StepContext:
         self.effects: list[Effect] = []
 
     def change(self, **fields: Any) -> None:
-        """Give fields of the state new values."""
+        """Replace fields of the state."""
         self.state = replace(self.state, **fields)
 
     def take(self, office: Office) -> None:
@@ -228,7 +228,7 @@ class StepContext:
         self.arm(Timer.SILENCE, self.setup.timing.silence_s)
 
     def hear(self, epoch: int) -> None:
-        """Remember that an epoch exists, so that elections start above it."""
+        """Note that an epoch exists, so that elections start above it."""
         if epoch > self.state.seen:
             self.change(seen=epoch)
 

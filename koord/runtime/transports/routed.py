@@ -13,7 +13,7 @@ _BATCH = 256
 
 
 class Routed:
-    """One robot's session. ``connect`` and ``listen`` are zenoh endpoints (``udp/10.0.0.1:7447``).
+    """A zenoh session of one robot. ``connect`` and ``listen`` are endpoints.
 
     Without any, robots find each other by multicast on the local network.
     """

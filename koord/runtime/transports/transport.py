@@ -24,7 +24,7 @@ class Transport(Protocol):
         """Return datagrams that have arrived; if there are none, wait at most ``timeout_s``."""
 
     def close(self) -> None:
-        """Nothing comes any more. May be called twice."""
+        """Close the transport. May be called twice."""
 
 
 class TransportError(Exception):

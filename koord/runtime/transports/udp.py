@@ -50,7 +50,7 @@ def on_this_machine(robots: int, port: int, *, group: str | None = "239.255.75.1
 
 
 class Udp:
-    """One robot's sockets."""
+    """The UDP transport of one robot."""
 
     def __init__(self, plan: Plan, pid: int) -> None:
         """Open the sockets. Raises TransportError."""

@@ -116,7 +116,7 @@ LONG_PAST = 10_000
 
 
 class Letter(Struct):
-    """A message with who sent it."""
+    """A received message, with its sender."""
 
     sender: int
     incarnation: int
@@ -142,7 +142,7 @@ class DatagramWriter:
         self._number = 0
 
     def datagrams(self, incarnation: int, round_: int, message: Message) -> list[bytes]:
-        """A message in as many datagrams as it takes; ``round_`` is where the sender is."""
+        """Encode a message as datagrams; ``round_`` is where the sender is."""
         kind, body = kind_and_body(message)
         pieces = cut(body)
         datagrams = []

@@ -28,7 +28,7 @@ _SERVO_NM = 5.0
 
 
 def squad(setup: SquadSetup) -> WheeledSquad:
-    """Cars at rest, with pursuit or model-predictive control."""
+    """Make a squad of cars at rest, with pursuit or model-predictive control."""
     car, steering = setup.model.body, setup.model.steering
     assert isinstance(car, Car)
     every = _PREDICTIVE_TICKS if steering is Steering.PREDICTIVE else 1
@@ -39,7 +39,7 @@ def squad(setup: SquadSetup) -> WheeledSquad:
 
 
 class Bicycles(Rolling):
-    """Cars that do not meet anything."""
+    """The kinematic model of cars, without contact."""
 
     NAME: ClassVar[str] = "car"
     MOTORS: ClassVar[tuple[str, ...]] = ("engine", "left", "right")

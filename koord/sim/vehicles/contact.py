@@ -127,7 +127,7 @@ class Floor:
 
 
 class Colliding:
-    """Vehicles with bodies, of one device, on a floor that they may share with others."""
+    """Vehicles of one device with bodies in contact, on a floor shared with others."""
 
     def __init__(self, model: Rolling, hull: Hull, floor: Floor) -> None:
         self.model, self._hull, self._floor = model, hull, floor

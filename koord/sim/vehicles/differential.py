@@ -24,7 +24,7 @@ _BALL_M, _BALL_AT = 0.03, 0.7
 
 
 def squad(setup: SquadSetup) -> WheeledSquad:
-    """Robots at rest."""
+    """Make a squad of differential drives at rest."""
     body = setup.model.body
     assert isinstance(body, DifferentialDrive)
     hull = Hull(body.mass_kg, *body.outline_m, is_disc=True)
@@ -33,7 +33,7 @@ def squad(setup: SquadSetup) -> WheeledSquad:
 
 
 class Differentials(Rolling):
-    """Robots that do not meet anything."""
+    """The kinematic model of differential drives, without contact."""
 
     NAME: ClassVar[str] = "rover"
     MOTORS: ClassVar[tuple[str, ...]] = ("left", "right")

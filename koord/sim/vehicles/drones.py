@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 def squad(setup: SquadSetup) -> DroneSquad:
-    """Drones that stand, or hover."""
+    """Make a squad of drones that stand, or hover."""
     return DroneSquad(setup, _drones(setup))
 
 
@@ -49,7 +49,7 @@ def _drones(setup: SquadSetup) -> Quadrotors:
 
 
 class DroneSquad:
-    """Drones that follow a reference."""
+    """A squad of drones that follow a reference."""
 
     def __init__(self, setup: SquadSetup, vehicles: Quadrotors) -> None:
         self.group, self.vehicles = setup.group, vehicles
@@ -170,7 +170,7 @@ def _rotor_twist_m(drone: Drone) -> float:
 
 
 def drone_described(name: str, drone: Drone, at: Point) -> mjcf.Described:
-    """A quadrotor whose frame is in its middle."""
+    """The MJCF of a quadrotor, whose frame is in its middle."""
     half, arm = drone.radius_m / math.sqrt(2), _rotor_arm_m(drone)
     box = mjcf.numbers(half, half, HEIGHT_M / 2)
     body = [

@@ -36,7 +36,7 @@ SOLID = 'contype="2" conaffinity="2"'
 
 
 class Described(Struct, frozen=True):
-    """A vehicle in the words of MJCF."""
+    """The MJCF of a vehicle: its body, tendons and actuators."""
 
     body: list[str]
     tendons: list[str]
@@ -75,7 +75,7 @@ def chassis(
 
 
 def wheel(name: str, x: float, y: float, steers: bool = False) -> Iterator[str]:
-    """A wheel in the frame of its vehicle."""
+    """The MJCF of a wheel in the frame of its vehicle."""
     yield f'<body pos="{numbers(x, y, WHEEL_M)}">'
     if steers:
         yield f'<joint name="{name} steering" axis="0 0 1" armature="0.001"/>'
@@ -89,7 +89,7 @@ def wheel(name: str, x: float, y: float, steers: bool = False) -> Iterator[str]:
 
 
 def ball(x: float, radius_m: float) -> str:
-    """A ball in the frame of its vehicle, on which that stands and which rolls any way."""
+    """The MJCF of a caster: a ball in the frame of its vehicle, which rolls any way."""
     # As it has priority, its friction counts and not the floor's.
     return (
         f'<geom type="sphere" size="{radius_m!r}" pos="{numbers(x, 0, radius_m)}" mass="0.01" '

@@ -11,12 +11,12 @@ from koord.sim.squads import PLAN_MOST, STEP_S, STEPS, SquadSetup, upright
 
 
 def squad(setup: SquadSetup) -> PointSquad:
-    """Points at rest."""
+    """Make a squad of points at rest."""
     return PointSquad(setup)
 
 
 class PointSquad:
-    """Points, which pass through everything."""
+    """A squad of points, which pass through everything."""
 
     def __init__(self, setup: SquadSetup) -> None:
         self.group, self.vehicles = setup.group, self

@@ -16,7 +16,7 @@ from koord.sim.vehicles import mjcf
 
 
 class Rolling(ABC):
-    """Vehicles on wheels that go where they point, with nothing in their way.
+    """The kinematic model of wheeled vehicles that go where they point, without contact.
 
     All arrays have a row for each. Engines of contact ask them which velocity they strive for.
     """

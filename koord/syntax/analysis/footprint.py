@@ -163,7 +163,7 @@ Footprint = dict[tuple[Home, int, int], WriteExtent]
 
 
 def footprint(program: core.Program) -> Footprint:
-    """The footprint of all events and environments of a program."""
+    """The extent to which events and environments of a program write each variable."""
     found: Footprint = {}
     for kind, agent in enumerate(program.agents):
         for event in agent.events:

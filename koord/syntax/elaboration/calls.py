@@ -82,7 +82,7 @@ def _contains(body: BodyScope, e: ast.Call, expected: Type | None) -> core.Expr 
 
 
 def _keys(body: BodyScope, e: ast.Call, expected: Type | None) -> core.Expr | None:
-    """``keys(m)``: the keys of a map, or the elements of a set, as a list. [E-LIST]"""
+    """Elaborate ``keys(m)``: the keys of a map, or the elements of a set, as a list. [E-LIST]"""
     value = body.expr(e.arguments[0].value) if _counted(body, e, 1) else None
     if value is None:
         return None
@@ -128,7 +128,7 @@ def _pair(e: ast.Call, op: core.BinaryOp, left: core.Expr, right: core.Expr) -> 
 
 
 def _clamp(body: BodyScope, e: ast.Call, expected: Type | None) -> core.Expr | None:
-    """``clamp(x, low, high)`` is ``max(low, min(x, high))``. [E-ARITH]"""
+    """Elaborate ``clamp(x, low, high)`` as ``max(low, min(x, high))``. [E-ARITH]"""
     found = _numbers(body, e) if _counted(body, e, 3) else None
     if found is None:
         return None
@@ -243,7 +243,7 @@ _CHANGING = frozenset({Where.EFFECT, Where.INIT, Where.ENVIRONMENT, Where.FUNCTI
 
 
 def method_call(body: BodyScope, e: ast.MethodCall, expected: Type | None) -> core.Expr | None:
-    """``x.f(a)`` is ``f(x, a)`` for the operations on lists."""
+    """Elaborate ``x.f(a)`` as ``f(x, a)``, for the operations on lists."""
     if e.method.name in METHODS:
         return function_call(body, as_call(e), expected)
     for value in (e.receiver, *(argument.value for argument in e.arguments)):
@@ -309,7 +309,7 @@ def _unknown(body: BodyScope, e: ast.Call) -> core.Expr | None:
 
 
 def _choose(body: BodyScope, e: ast.Call) -> core.Expr | None:
-    """``choose(low, high)``, [ENV-TRANS]."""
+    """Elaborate ``choose(low, high)``. [ENV-TRANS]"""
     if body.where in CLOSED:
         body.error(
             "K308",

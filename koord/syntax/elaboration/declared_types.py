@@ -15,7 +15,7 @@ from koord.syntax.types import STREAM, EnumType, RecordType, Type
 def declare_types(
     session: Elaboration, enums: list[ast.EnumDef], records: list[ast.RecordDef]
 ) -> None:
-    """Enter all types into the session. `Task` is the library's unless the program has its own."""
+    """Declare all types. `Task` is the library's unless the program has its own."""
     own: dict[str, ast.RecordDef] = {}
     for enum in enums:
         if _is_new(session, enum.name):

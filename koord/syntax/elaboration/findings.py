@@ -12,7 +12,7 @@ _MOST_LINES = 5
 
 
 class Findings:
-    """The errors and warnings found so far; the same thing at the same place is kept once."""
+    """The errors and warnings found so far; duplicates at one place are kept once."""
 
     __slots__ = ("_again", "_found", "errors")
 
@@ -29,7 +29,7 @@ class Findings:
         hint: str | None = None,
         notes: tuple[Note, ...] = (),
     ) -> None:
-        """Record an error: no core program will come out of this."""
+        """Record an error: elaboration will yield no core program."""
         self.errors += 1
         self._add(Diagnostic(code, Severity.ERROR, span, message, hint, notes))
 
@@ -53,7 +53,7 @@ class Findings:
         self._found.setdefault((diagnostic.code, diagnostic.span), diagnostic)
 
     def in_order(self) -> tuple[Diagnostic, ...]:
-        """All of them, in the order of the text; files in the order of their first finding."""
+        """The findings in the order of the text; files in the order of their first finding."""
         files: dict[str, int] = {}
         for diagnostic in self._found.values():
             files.setdefault(diagnostic.span.file, len(files))

@@ -31,7 +31,7 @@ def candidates(body: BodyScope, name: str) -> Sequence[Signature]:
 def library_call(
     body: BodyScope, name: str, arguments: tuple[core.Expr, ...], span: Span
 ) -> core.Expr | None:
-    """A call of the library's function of that name whose types fit."""
+    """Elaborate a call of the library's function of that name whose types fit."""
     for signature in library_signatures(body.session, name):
         if _matches(signature, [argument.type for argument in arguments]):
             return _made(body, signature, arguments, span)
@@ -53,7 +53,7 @@ def is_named(body: BodyScope, e: ast.Call) -> bool:
 
 
 def call(body: BodyScope, e: ast.Call, known: Sequence[Signature]) -> core.Expr | None:
-    """A call of one of the functions that the name can mean."""
+    """Elaborate a call of one of the functions that the name can mean."""
     if is_named(body, e):
         return None
     fitting = [s for s in known if len(s.parameters) == len(e.arguments)]

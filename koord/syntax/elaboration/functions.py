@@ -98,7 +98,7 @@ _KINDS = {
 
 
 def declare_functions(session: Elaboration, definitions: list[ast.FunDef]) -> None:
-    """Enter the program's own functions."""
+    """Declare the program's own functions."""
     own = session.functions.own
     for definition in definitions:
         name = definition.name
@@ -340,7 +340,7 @@ def _about_all(node: object) -> Iterator[core.Quantified]:
 
 
 def _denied(e: core.Expr, *, denied: bool) -> Iterator[core.Quantified]:
-    """The quantifiers over types that are not simply promised."""
+    """The quantifiers over all values of a type that are negated, or existential."""
     match e:
         case core.Quantified(domain=core.AllValues(), body=body, quantifier=quantifier):
             if denied or quantifier is not core.QuantifierKind.FORALL:

@@ -123,7 +123,7 @@ def _place(span: Span) -> tuple[int, int]:
 def declare_ports(
     session: Elaboration, kinds: Sequence[tuple[AgentScope, Sequence[UsedModule]]]
 ) -> None:
-    """Enter the ports of every kind of robot; what all kinds have comes first, in one order."""
+    """Declare the ports of every kind of robot; common ones come first, in one order."""
     types: dict[int, Type | None] = {}
     per_kind: list[dict[str, Type]] = []
     for scope, modules in kinds:
@@ -238,7 +238,7 @@ def _conditions(
     conditions: tuple[ast.Expr, ...],
     where: Where,
 ) -> tuple[tuple[core.Expr, ...], int]:
-    """The conditions, and how many bound slots they need."""
+    """Elaborate conditions; return them with the number of bound slots that they need."""
     result: list[core.Expr] = []
     bound = 0
     for condition in conditions:

@@ -231,7 +231,7 @@ def _arithmetic(
 def compute(
     body: BodyScope, op: core.BinaryOp, left: core.Expr, right: core.Expr, span: Span
 ) -> core.Expr | None:
-    """Arithmetic on two numbers of one type."""
+    """Elaborate arithmetic on two numbers of one type."""
     if op is core.BinaryOp.MOD and left.type == FLOAT:
         body.error("K229", span, "`%` applies to two `int`, not to a `float`")
         return None

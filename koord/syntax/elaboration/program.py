@@ -37,7 +37,7 @@ from koord.syntax.types import BOOL, ArrayType
 
 
 def name_events(session: Elaboration, scope: AgentScope, events: list[ast.Event]) -> None:
-    """Give the events their positions."""
+    """Assign the events their positions."""
     for position, event in enumerate(events):
         name = event.name.name
         if name in scope.events and name != "?":

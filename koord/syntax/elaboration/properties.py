@@ -38,7 +38,7 @@ def scope_of(session: Elaboration, kind: int | None) -> AgentScope | None:
 def assumption(
     session: Elaboration, section: ast.Assume, number: int, kind: int | None
 ) -> core.Assumption | None:
-    """An assumption about the configuration after INIT."""
+    """Elaborate an assumption about the configuration after INIT."""
     body = BodyScope(session, Where.ASSUMPTION, scope_of(session, kind), session.findings)
     condition = closed(body, section.condition, "an assumption")
     if condition is None:
@@ -50,7 +50,7 @@ def assumption(
 def property_(
     session: Elaboration, section: Stated, name: str, kind: int | None
 ) -> core.Property | None:
-    """A property to check, or an expectation of whole runs."""
+    """Elaborate a property to check, or a fairness expectation."""
     body = BodyScope(session, Where.PROPERTY, scope_of(session, kind), session.findings)
     match section:
         case ast.Invariant(at_round=at_round, condition=condition):

@@ -32,7 +32,7 @@ class AgentSections(Struct):
 
 
 class Sections(Struct):
-    """A whole program, sorted."""
+    """The sections of a whole program, sorted by kind."""
 
     common: AgentSections = field(default_factory=lambda: AgentSections(""))
     kinds: list[AgentSections] = field(default_factory=list)
@@ -76,7 +76,7 @@ class Sections(Struct):
 
 
 def sort(sections: Iterable[ast.Section], findings: Findings) -> Sections:
-    """The sections of a program, sorted."""
+    """Sort the sections of a program by kind."""
     result = Sections()
     for section in sections:
         _place(section, result, result.common, findings)

@@ -13,7 +13,7 @@ from koord.syntax.source import Span
 
 
 class Settings(Struct, frozen=True):
-    """The choices of a run.
+    """The settings of an elaboration.
 
     ``params`` replaces the values of ``param`` declarations. ``tasks`` are the places of the
     world's tasks in metres, if the configuration lists them: an ``allwrite`` list of tasks without

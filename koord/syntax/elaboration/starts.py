@@ -30,7 +30,7 @@ def initial_value(
 
 
 def agent(agent: core.Agent, kind: int, known: Assumed) -> core.Agent:
-    """The agent with the starts of its locals and ports settled."""
+    """The agent with the starts of its locals and ports determined."""
     ports = settle([port.declaration for port in agent.ports], kind, known, Settings())
     return replace(
         agent,
@@ -45,7 +45,7 @@ def agent(agent: core.Agent, kind: int, known: Assumed) -> core.Agent:
 def settle(
     declarations: Iterable[core.Declaration], kind: int | None, known: Assumed, settings: Settings
 ) -> tuple[core.Declaration, ...]:
-    """The declarations with their starts."""
+    """The declarations with their starts determined."""
     result = []
     for declaration in declarations:
         variable = declaration.variable

@@ -84,7 +84,7 @@ class Poisoned(Struct, frozen=True):
 
 
 class Pending(Struct, frozen=True):
-    """A name whose declaration is still to be read: it has no meaning in other declarations yet."""
+    """A name whose declaration is not elaborated yet, so that other declarations cannot use it."""
 
     declared: ast.Ident
     is_param: bool
@@ -141,7 +141,7 @@ class Signature(Struct):
 
 
 class FunctionTable(Struct):
-    """Signatures by written name, and which of them are wanted in the core program.
+    """Signatures by name, and the functions that the core program needs.
 
     A function of the library is elaborated when it is first called; ``pending`` holds those that
     still have to be.

@@ -1,4 +1,4 @@
-"""Params and variables: names, homes, slots."""
+"""Elaboration of params and variables: names, homes, slots."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class ScopedDeclaration(Struct, frozen=True):
 
 
 def enter_names(session: Elaboration, entries: Iterable[ScopedDeclaration]) -> None:
-    """Enter all names in the order of the text. One that is declared twice is poisoned."""
+    """Declare all names in the order of the text. One that is declared twice is poisoned."""
     for entry in sorted(entries, key=lambda entry: _place(entry.decl.name)):
         name = entry.decl.name
         if name.name == "?":
@@ -133,7 +133,7 @@ def declare_params(session: Elaboration, decls: list[ast.VarDecl]) -> tuple[core
 
 
 def plain(value: core.Expr) -> ParamValue:
-    """A constant as a setting gives it."""
+    """A setting as a plain constant."""
     match value:
         case core.Const(value=int() as position, type=EnumType(members=members)):
             return members[position]

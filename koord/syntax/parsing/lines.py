@@ -65,7 +65,7 @@ class LinePart(Struct):
 
     @property
     def span(self) -> Span:
-        """From the first token to the last, or the colon if there is nothing else."""
+        """The span from the first token to the last, or the colon if there is nothing else."""
         if self.tokens:
             return self.tokens[0].span.to(self.tokens[-1].span)
         return self.end.span

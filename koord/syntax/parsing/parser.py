@@ -52,7 +52,7 @@ class _Level(Struct):
 
 
 def lay_out(text: TokenText, report: ErrorLog) -> list[LinePart]:
-    """The parts at the left margin, with their bodies."""
+    """Lay lines out as blocks: return the parts at the left margin, with their bodies."""
     layout = _Layout(report, tabs=text.tabs)
     for line in language_lines(text.lines, report):
         layout.place(line)
@@ -226,7 +226,7 @@ class Parsed(Struct, frozen=True):
 
 
 def parse(source: Source) -> Parsed:
-    """Read a program (or a file of properties).
+    """Parse a program (or a file of properties).
 
     Never raises on any text: what cannot be read is told and left out, and the rest is there.
     """

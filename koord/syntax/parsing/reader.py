@@ -217,7 +217,7 @@ class LineReader:
         return True
 
     def head(self, part: LinePart) -> None:
-        """Take a part that is one word and has no node; remember where it stands."""
+        """Read a part that is one word and has no node; remember where it stands."""
         self.ends(part, 1)
         token = part.tokens[0]
         self.heads.append(ast.Ident(token.text, span=token.span))
@@ -225,7 +225,7 @@ class LineReader:
     # --- bodies
 
     def body(self, part: LinePart) -> list[LinePart]:
-        """The body of a part that must have one."""
+        """Read the body of a part that must have one."""
         word = f"`{shown(part.tokens[-1].text)}`" if part.tokens else "this"
         if part.colon is None:
             self.complain(part, "K114", part.end.span, f"`:` is missing behind {word}", "write `:`")
@@ -241,17 +241,17 @@ class LineReader:
         return part.body
 
     def no_block(self, part: LinePart) -> None:
-        """Complain if a part has a body where none can be."""
+        """Report a part that has a body where none is allowed."""
         if part.colon:
             self.complain(part, "K115", part.colon.span, "no block can begin here", "leave `:` out")
 
     def expressions(self, part: LinePart) -> list[ast.Expr]:
-        """The expressions that the body of a part lists, one a line."""
+        """Read the expressions in the body of a part, one a line."""
         found = [self.expression(line) for line in self.joined(self.body(part))]
         return [expression for expression in found if expression]
 
     def conjunction(self, part: LinePart) -> ast.Expr | None:
-        """The expression that the body of a part is; several lines must all hold."""
+        """Read the body of a part as one condition; several lines must all hold."""
         found = self.expressions(part)
         if not found:
             return None
@@ -266,7 +266,7 @@ class LineReader:
         return whole
 
     def joined(self, parts: list[LinePart]) -> list[LinePart]:
-        """Lines of expressions; one that is unfinished goes on with the next."""
+        """Join lines of expressions; one that is unfinished goes on with the next."""
         lines: list[LinePart] = []
         for part in parts:
             last = lines[-1] if lines else None

@@ -1,4 +1,4 @@
-"""Expressions and types as text, with the fewest parentheses that keep the tree."""
+"""Printing of expressions and types, with the fewest parentheses that keep the tree."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ _ESCAPES = str.maketrans({"\\": "\\\\", '"': '\\"', "\n": "\\n", "\t": "\\t"})
 
 
 def print_expr(expression: ast.Expr) -> str:
-    """The expression as a user writes it, on one line."""
+    """Print an expression on one line, as a user writes it."""
     return print_within(expression, 0, last=True)
 
 
 def print_base(expression: ast.Expr) -> str:
-    """The expression with parentheses, unless something may stand right behind it."""
+    """Print an expression with parentheses, unless it can take a suffix."""
     return print_within(expression, POSTFIX, last=False)
 
 
 def print_type(type_: ast.TypeExpr) -> str:
-    """The type as a user writes it."""
+    """Print a type, as a user writes it."""
     match type_:
         case ast.NamedType(name=name, arguments=()):
             return name
@@ -36,7 +36,7 @@ def print_type(type_: ast.TypeExpr) -> str:
 
 
 def print_within(e: ast.Expr, binds: int, *, last: bool) -> str:
-    """An expression where only what binds as tightly as ``binds`` stands without parentheses.
+    """Print an expression, in parentheses if it binds less tightly than ``binds``.
 
     ``last`` tells that nothing follows that a quantifier at its end would swallow.
     """
@@ -61,7 +61,7 @@ def print_within(e: ast.Expr, binds: int, *, last: bool) -> str:
 
 
 def print_binders(quantifier: ast.Quantifier, binders: Sequence[ast.Binder]) -> str:
-    """A quantifier up to what it says."""
+    """Print a quantifier up to its body."""
     return f"{quantifier.value} {', '.join(map(_binder, binders))}: "
 
 
@@ -70,7 +70,7 @@ def _within(text: str, parentheses: bool) -> str:
 
 
 def _binary(e: ast.Binary, *, last: bool) -> str:
-    """A chain of operators: a loop along its long side, for chains may be long."""
+    """Print a chain of operators: by a loop along its long side, as chains may be long."""
     pieces: list[str] = []
     node: ast.Expr = e
     own = BINDS[e.op]
@@ -160,7 +160,7 @@ def _binder(binder: ast.Binder) -> str:
 
 
 def _decimal(value: Fraction) -> str:
-    """A decimal that reads back to the value, which the parser only makes of decimals."""
+    """Print a decimal that reads back to the value."""
     exponent = 0
     numerator, denominator = value.numerator, value.denominator
     while denominator % 10 == 0:

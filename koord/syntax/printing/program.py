@@ -32,7 +32,7 @@ def print_program(program: ast.Program) -> str:
 
 
 def _sections(w: LineWriter, sections: Sequence[ast.Section]) -> None:
-    """All sections; without places in a text, a blank line between those of several lines."""
+    """Write all sections; without places in a text, a blank line between longer ones."""
     long = False
     position = 0
     while position < len(sections):
@@ -99,7 +99,7 @@ def _on_line(w: LineWriter, head: str, first: Span, condition: ast.Expr) -> bool
 
 
 def _section(w: LineWriter, section: ast.Section) -> None:
-    """One section."""
+    """Write one section."""
     match section:
         case ast.VarSection(kind=kind, decls=decls):
             _declarations(w, kind.value, section.span, decls)
@@ -202,7 +202,7 @@ def _property(w: LineWriter, p: ast.Assume | ast.Invariant | ast.Eventually | as
 
 
 def _leads_to(w: LineWriter, head: str, p: ast.LeadsTo) -> None:
-    """One condition that leads to another."""
+    """Write one condition that leads to another."""
     text = f"{head}: {print_expr(p.trigger)} leadsto {print_expr(p.goal)}"
     first = w.head("assume", [p]) if p.assumed else p.span
     if len(text) <= w.room:
@@ -214,14 +214,14 @@ def _leads_to(w: LineWriter, head: str, p: ast.LeadsTo) -> None:
 
 
 class Formatted(Struct, frozen=True):
-    """A text in the one layout; with errors of syntax it is the text as it was."""
+    """The result of formatting; with syntax errors the text is unchanged."""
 
     text: str
     diagnostics: tuple[Diagnostic, ...]
 
 
 def format_source(source: Source) -> Formatted:
-    """Lay a text out anew, unless it has errors of syntax."""
+    """Format a text, unless it has syntax errors."""
     parsed = parse(source)
     if parsed.diagnostics:
         return Formatted(source.text, parsed.diagnostics)
@@ -239,14 +239,14 @@ class Stated(Struct, Generic[S], frozen=True):
 
     @property
     def whole(self) -> ast.Section:
-        """The section with the block around it that it needs to mean the same."""
+        """The section with the block around it that it needs to keep its meaning."""
         if self.agent is None:
             return self.section
         return ast.Agent(self.agent, (self.section,), span=self.section.span)
 
     @property
     def text(self) -> str:
-        """It in Koord."""
+        """The section in Koord."""
         whole = self.whole
         return print_program(ast.Program((whole,), (), span=whole.span)).rstrip("\n")
 
@@ -267,7 +267,7 @@ def stated(sections: Sequence[ast.Section], kind: type[S]) -> tuple[Stated[S], .
 def with_invariants(
     sections: Sequence[ast.Section], invariants: Sequence[tuple[str, Stated[ast.Invariant]]]
 ) -> tuple[ast.Section, ...]:
-    """The sections with other invariants, of such names, in place of what they claim."""
+    """The sections with other invariants, under given names, in place of what they claim."""
     named = [
         (replace(s.section, name=ast.Ident(name, span=s.section.span)), s.agent)
         for name, s in invariants

@@ -47,7 +47,7 @@ _NAMED = (BinaryOp.MIN, BinaryOp.MAX)
 
 
 def quoted_number(value: int | Fraction) -> ast.Expr:
-    """A number; one that is no decimal is a quotient."""
+    """Quote a number; one that is no decimal is a quotient."""
     if isinstance(value, int):
         return ast.IntLit(value)
     odd = value.denominator
@@ -61,7 +61,7 @@ def quoted_number(value: int | Fraction) -> ast.Expr:
 
 
 def print_number(value: Fraction) -> str:
-    """A number as people write it: without a point if it is whole."""
+    """Print a number without a point if it is whole."""
     return print_expr(quoted_number(int(value) if value.denominator == 1 else value))
 
 
@@ -84,7 +84,7 @@ class Quoting(Struct, frozen=True):
         return cls(program, frozenset(name for name, count in counts.items() if count > 1))
 
     def text(self, e: core.Expr) -> str:
-        """An expression as a user writes it."""
+        """Print an expression as a user writes it."""
         return print_expr(self.expr(e))
 
     def invariant(self, stated: core.Property, name: str = "") -> str:
@@ -94,7 +94,7 @@ class Quoting(Struct, frozen=True):
         return f"{head}: {self.text(stated.condition)}" if head else self.text(stated.condition)
 
     def expr(self, e: core.Expr) -> ast.Expr:
-        """The tree of an expression."""
+        """Quote an expression as a tree."""
         match e:
             case core.Const():
                 return self._constant(e)
@@ -148,7 +148,7 @@ class Quoting(Struct, frozen=True):
                 assert_never(e)
 
     def place(self, place: core.Place) -> ast.Expr:
-        """The tree of a place."""
+        """Quote a place as a tree."""
         variable = place.variable
         found: ast.Expr = ast.Name(variable.name)
         if variable.home is core.Home.PORT and variable.name in self.shared:
@@ -188,7 +188,7 @@ class Quoting(Struct, frozen=True):
         raise AssertionError(f"no constant: {e.value!r}")
 
     def _operands(self, left: core.Expr, right: core.Expr) -> tuple[ast.Expr, ast.Expr]:
-        """Two operands of one type: that an integer is widened beside a float goes unsaid."""
+        """Quote two operands of one type; the widening of an integer beside a float is implicit."""
         one, other = _unwidened(left), _unwidened(right)
         if one is not left and other is not right:
             one = left
@@ -209,7 +209,7 @@ class Quoting(Struct, frozen=True):
     # --- quantifiers ----------------------------------------------------------------------------
 
     def _quantified(self, e: core.Quantified) -> ast.Expr:
-        """A quantifier, together with those right below it if all are about any robots."""
+        """Quote a quantifier, together with those right below it if all are about any robots."""
         binders = [self._binder(e)]
         body = e.body
         while (
@@ -248,7 +248,7 @@ def _unwidened(e: core.Expr) -> core.Expr:
 
 
 def _whole(e: core.Expr) -> core.Expr:
-    """A whole number without its point; anything else as it is."""
+    """Print a whole number without its point; other expressions as they are."""
     match e:
         case core.Const(value=Fraction(denominator=1) as value):
             return core.Const(int(value), e.type)

@@ -1,4 +1,4 @@
-"""Lines of text for statements and blocks, with comments and blank lines put back.
+"""Printing of statements and blocks as lines, with comments and blank lines put back.
 
 Each written line knows where its construct stood in the text. A comment goes to the construct it
 stands beside or before; one at the end of a block stays in that block. Constructs may be written in
@@ -52,7 +52,7 @@ class _Placed(Struct, frozen=True):
 
 
 def weave(lines: Sequence[OutputLine], comments: Sequence[Comment]) -> str:
-    """The text of the lines with the comments among them."""
+    """Weave comments into the lines, and return the text."""
     in_order = sorted((line for line in lines if line.line), key=lambda line: line.line)
     footer = _place(in_order, comments)
     output: list[str] = []
@@ -147,7 +147,7 @@ def _emit(lines: Sequence[OutputLine], footer: list[_Placed]) -> Iterator[tuple[
 
 
 class LineWriter:
-    """Collects the lines of a program; knows where words without a node stood."""
+    """A collector of a program's output lines; it knows where words without a node stood."""
 
     __slots__ = ("_heads", "_parent", "lines")
 
@@ -230,7 +230,7 @@ class LineWriter:
             self.statement(statement)
 
     def statement(self, s: ast.Stmt) -> None:
-        """One statement with the blocks in it."""
+        """Write one statement with the blocks in it."""
         match s:
             case ast.If(arms=arms, otherwise=otherwise):
                 for number, (condition, body) in enumerate(arms):
@@ -250,7 +250,7 @@ class LineWriter:
 
 
 def _loop(s: ast.ForRange | ast.ForEach | ast.Repeat) -> tuple[str, Span]:
-    """The head of a loop, and where it ends."""
+    """Write the head of a loop; return where it ends."""
     match s:
         case ast.ForRange(variable=variable, low=low, high=high):
             return f"for {variable.name} = {print_expr(low)}, {print_expr(high)}", high.span

@@ -45,7 +45,7 @@ class SymbolicConfiguration(Struct):
 
 
 class SymbolicInit(Struct):
-    """INIT with its unknowns."""
+    """INIT as a symbolic step, with its unknowns."""
 
     inputs: SymbolicInputs
     before: Before

@@ -122,7 +122,7 @@ class SymbolicInputs(Struct):
         return self.answers.get((phase, robot, key))
 
     def note(self, answer: SymbolicAnswer) -> None:
-        """Remember an answer."""
+        """Record an answer."""
         self.answers[answer.phase, answer.robot, answer.key] = answer
 
     def start(self, declaration: core.Declaration, robot: int | None) -> Symbolic:

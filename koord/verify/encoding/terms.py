@@ -40,7 +40,7 @@ _QUICK_LOOK = 25
 
 
 class Terms:
-    """Scalars as constants or Z3 terms. One instance per solver run: it owns the string table.
+    """The number domain of Z3 terms. One instance per solver run: it owns the string table.
 
     It has a Z3 context of its own too: what a solver answers depends on the names and the age of
     all terms of its context, so with a shared one answers would depend on what was asked before.

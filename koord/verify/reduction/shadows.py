@@ -55,7 +55,7 @@ def with_primed(program: core.Program, slots: set[int]) -> set[int]:
 
 
 class Shadows(Struct, frozen=True):
-    """The shadows of a program: ``slots`` has that of each sensor's shadow, by the sensor's own.
+    """The shadows of a program's modules: ``slots`` maps each sensor to its shadow.
 
     Ports that robots of several kinds have in common stand in the same slots, and so do their
     shadows: each slot has one, behind all ports of all kinds.

@@ -63,7 +63,7 @@ def _asked(system: System) -> Iterator[int]:
 
 
 class _Readings(SymbolicInputs):
-    """Inputs with given readings."""
+    """Symbolic inputs with fixed readings."""
 
     given: dict[int, Symbolic] = field(default_factory=dict)
 

@@ -57,7 +57,7 @@ class Latch(Struct, frozen=True):
 
 
 class Circuit(Struct, frozen=True):
-    """The circuit of a system.
+    """The circuit of a system: latches, constraints, and the bad literals of claims.
 
     ``opens`` holds of the inputs of INIT that lead to a configuration, ``steps`` of a state and
     inputs that make a whole round. ``bad`` says of each claim in which phase of a round it breaks

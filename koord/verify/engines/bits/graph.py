@@ -82,7 +82,7 @@ class Graph(Struct):
         return self.both(a ^ 1, b ^ 1) ^ 1
 
     def differ(self, a: int, b: int) -> int:
-        """Exclusive or."""
+        """Exclusive or of two literals."""
         if a < 2:
             return b ^ a
         if b < 2:

@@ -55,7 +55,7 @@ class Unfinished(Struct, frozen=True):
 
 
 class Ic3Run(Struct):
-    """One run of IC3.
+    """A run of IC3.
 
     ``images`` gives what a cube becomes when robots change places; None if that is not to be said
     of it in cubes. Images of what is excluded are excluded as well, unasked as long as all that was

@@ -1,4 +1,4 @@
-"""An invariant that a proof on bits found, as statements of Koord: for all robots alike.
+"""Invariants of proofs on circuits as statements of Koord, quantified over robots.
 
 They are for people, for other engines, and for certificates.
 """
@@ -36,7 +36,7 @@ NUMBERS = ("k", "l", "number1", "number2")
 
 
 class Lemmas(Struct, frozen=True):
-    """Statements that make claims inductive; or why there are none."""
+    """Statements that make claims inductive, or the reason why there are none."""
 
     statements: tuple[core.Property, ...] = ()
     unsaid: str = ""
@@ -49,7 +49,7 @@ def lemmas(
     cubes: Sequence[Cube],
     claims: Sequence[Claim],
 ) -> Lemmas:
-    """An invariant of bits that keeps the claims, if what is proved holds, as statements.
+    """Find lemmas for the claims: an inductive invariant, given the proved claims.
 
     Robots that may change places are spoken of together, unless the invariant sets them apart.
     """
@@ -73,7 +73,7 @@ def lemmas(
 
 
 class _Clause(Struct, frozen=True):
-    """What is not so: some places with values, and two places that are ``alike``.
+    """A negated conjunction: places with values, and two places that are ``alike``.
 
     ``over`` is the range of numbers that a quantifier goes through; what is there said of the least
     is meant of each.
@@ -85,7 +85,7 @@ class _Clause(Struct, frozen=True):
 
 
 def statements(system: System, table: PlaceTable, found: Needed) -> tuple[core.Property, ...]:
-    """An invariant as properties without names: first ranges, then clauses. Raises UnsaidError."""
+    """An invariant as unnamed properties: first ranges, then clauses. Raises UnsaidError."""
     writer = _Writer(system, table)
     clauses = _joined([_Clause(orbit.first) for orbit in found.orbits], table)
     clauses = _over_numbers([*_ranges(found.ranged, table), *clauses], table)
@@ -96,7 +96,7 @@ def statements(system: System, table: PlaceTable, found: Needed) -> tuple[core.P
 
 
 def _joined(clauses: Sequence[_Clause], table: PlaceTable) -> list[_Clause]:
-    """Clauses that leave out that two places hold k, for several k: that they are alike."""
+    """Join clauses that exclude that two places hold k, for several k: the places are alike."""
     groups: dict[tuple[int, int, Values], list[_Clause]] = {}
     left: list[_Clause] = []
     for clause in clauses:
@@ -116,7 +116,7 @@ def _joined(clauses: Sequence[_Clause], table: PlaceTable) -> list[_Clause]:
 
 
 def _pair(values: Values, table: PlaceTable) -> tuple[int, int] | None:
-    """Two places of one kind that hold the same number."""
+    """A pair of places of one kind that hold the same number."""
     for (a, x), (b, y) in combinations(values, 2):
         one, other = table.places[a], table.places[b]
         if x != y or len(x) != 1 or one.of_robots or isinstance(one.type, BoolType):
@@ -127,7 +127,7 @@ def _pair(values: Values, table: PlaceTable) -> tuple[int, int] | None:
 
 
 def _ranges(ranged: Iterable[int], table: PlaceTable) -> Iterator[_Clause]:
-    """That places have one of their values, of those that are always inside."""
+    """Statements that places hold one of their values, for places that are always inside."""
     found: dict[Values, None] = {}
     for k in ranged:
         place = table.places[k]
@@ -145,7 +145,7 @@ def _ranges(ranged: Iterable[int], table: PlaceTable) -> Iterator[_Clause]:
 
 
 def _over_numbers(clauses: Sequence[_Clause], table: PlaceTable) -> list[_Clause]:
-    """Clauses that differ in one number, which is an index: one for a range of numbers."""
+    """Join clauses that differ in one number, which is an index, into one over a range."""
     forms: dict[object, dict[int, _Clause]] = {}
     for clause in clauses:
         indices = {
@@ -168,7 +168,7 @@ def _over_numbers(clauses: Sequence[_Clause], table: PlaceTable) -> list[_Clause
 
 
 def _form(clause: _Clause, number: int, table: PlaceTable) -> object:
-    """A clause with a number left open, wherever it is an index or the one value of a place."""
+    """A clause with a number abstracted, wherever it is an index or a place's one value."""
     parts = []
     for k, held in clause.values:
         place = table.places[k]
@@ -179,7 +179,7 @@ def _form(clause: _Clause, number: int, table: PlaceTable) -> object:
 
 
 def _with_index(node: Any, number: int, other: core.Expr) -> Any:
-    """An expression with another index in brackets, where that is the number."""
+    """Replace the index that is the number by another, in an expression."""
     match node:
         case core.IndexStep(index=core.Const(value=value)) if value == number:
             return replace(node, index=other)
@@ -216,7 +216,7 @@ def _not(e: core.Expr) -> core.Expr:
 
 
 class _Writer:
-    """Writes clauses as statements about the robots of a system."""
+    """A translation of clauses to statements about the robots of a system."""
 
     def __init__(self, system: System, table: PlaceTable) -> None:
         self.system = system
@@ -229,7 +229,7 @@ class _Writer:
         )
 
     def stated(self, clause: _Clause) -> core.Property:
-        """A clause, for all robots that it may be about."""
+        """The statement of a clause, for all robots that it may be about."""
         table = self.table
         alike = [table.places[k] for k in clause.alike or ()]
         parts = [(table.places[k], held) for k, held in clause.values]
@@ -276,7 +276,7 @@ class _Writer:
     # --- robots ---------------------------------------------------------------------------------
 
     def _robots(self, clause: _Clause) -> dict[int, core.Variable]:
-        """The robots of a clause that stand for others, or have a kind: what they are called."""
+        """The robots of a clause that stand for others, or have a kind, with their variables."""
         values = clause.values + tuple((k, frozenset[Held]()) for k in clause.alike or ())
         robots = self.table.robots_of(values)
         several = len(self.system.program.agents) > 1
@@ -293,7 +293,7 @@ class _Writer:
         return next((group for group in self.table.groups if robot in group), ())
 
     def _who(self, robots: Mapping[int, core.Variable]) -> Iterator[core.Expr]:
-        """Which robots are meant: different ones, and not those with a role of their own."""
+        """The conditions on a clause's robots: distinct, and none with a role of its own."""
         for robot, variable in robots.items():
             if not self._group(robot):
                 yield _compared(_read(variable), BinaryOp.EQ, core.Const(robot, INT))
@@ -319,7 +319,7 @@ class _Writer:
 
 
 def _called(program: core.Program) -> Iterator[str]:
-    """Names that mean something everywhere in a program."""
+    """The names that have a meaning everywhere in a program."""
     yield from (given.name for given in program.parameters)
     for node in nodes(program):
         match node:
@@ -338,14 +338,14 @@ def _read(variable: core.Variable) -> core.Expr:
 
 
 class _Words(Struct, frozen=True):
-    """How places and values are read in one statement."""
+    """The expressions for places and values in one statement."""
 
     robots: Mapping[int, core.Variable]
     over: tuple[int, int] | None
     number: core.Variable
 
     def read(self, place: StateVariable) -> core.Expr:
-        """What reads a place."""
+        """The expression that reads a place."""
         found = place.of([self._robot(robot) for robot in place.robots])
         if self.over is None:
             return found
@@ -356,13 +356,13 @@ class _Words(Struct, frozen=True):
         return _read(self.robots[robot]) if robot in self.robots else core.Const(robot, INT)
 
     def is_number(self, place: StateVariable, held: frozenset[Held]) -> bool:
-        """Whether the one value of a place is the number that a quantifier stands for."""
+        """Return whether the one value of a place is the number that the quantifier stands for."""
         if self.over is None or place.of_robots or not isinstance(place.type, IntType):
             return False
         return held == {self.over[0]}
 
     def ways(self, place: StateVariable, held: frozenset[Held], *, is_number: bool) -> _Ways:
-        """Statements, one of which holds where a place has one of some values.
+        """The statements of which one holds if a place has one of some values.
 
         Raises UnsaidError.
         """
@@ -381,7 +381,9 @@ class _Words(Struct, frozen=True):
         return list(self._runs(place, read, held, is_number=is_number))
 
     def _of_robot(self, place: StateVariable, read: core.Expr, held: frozenset[Held]) -> core.Expr:
-        """Whether a robot is stopped. Who asked to stop, and what ran, cannot be told apart."""
+        """The statement that a robot is, or is not, stopped. Raises UnsaidError for other
+        states.
+        """
         if isinstance(read, core.Ran):
             raise UnsaidError("it is about which event a robot ran last")
         stopped, running = Status.STOPPED in held, Status.RUNNING in held
@@ -421,7 +423,7 @@ class _Words(Struct, frozen=True):
 
 
 def _runs(place: StateVariable, held: frozenset[Held]) -> Iterator[list[Held]]:
-    """Values in order; integers that follow each other together."""
+    """Group values in order; consecutive integers together."""
     run: list[Held] = []
     # Robots have no order, but all values together are a range.
     in_order = isinstance(place.type, IntType) and (

@@ -44,7 +44,7 @@ class OpaqueToken(NamedTuple):
 
 
 class Known(NamedTuple):
-    """A constant as an argument."""
+    """A constant in the form of an atom's argument."""
 
     value: Constant
 

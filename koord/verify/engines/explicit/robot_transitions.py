@@ -329,5 +329,5 @@ class _MenuMaker:
 
 
 def classes_of(event: core.Event) -> int:
-    """The lock classes in an event's text, a bit each."""
+    """The lock classes in an event's text, as a bit set."""
     return sum(1 << k for k in event.lock_classes)
