@@ -42,7 +42,7 @@ def named(text: str) -> list[str]:
     return re.findall(r"`--export (\w+)`", re.findall(r"= help: (.*)", text)[-1])
 
 
-QUICK = ("hvac", "fischer", "shortest_path", "broken/crossing")
+QUICK = ("hvac", "shortest_path", "broken/crossing")
 REST = [
     name
     for path in [*EXAMPLES.glob("*.krd"), *EXAMPLES.glob("broken/*.krd")]

@@ -172,7 +172,7 @@ ASKED = (
 
 
 #: Who are asked by default; the others hear signals in the same way.
-OFTEN = ("verify", "run", "deploy")
+OFTEN = ("verify", "run")
 
 
 @pytest.mark.parametrize(

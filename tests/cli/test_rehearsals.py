@@ -17,7 +17,7 @@ BROKEN = Path(__file__).parents[2] / "specs" / "examples" / "broken"
 @pytest.mark.parametrize(
     ("name", "robots", "claims"),
     but_slow(
-        ["task_no_lock", "delivery_no_lock", "cars_and_drones_low"],
+        ["task_no_lock", "delivery_no_lock", "waypoints_early", "cars_and_drones_low"],
         [
             ("task_no_lock", 2, {"Exclusive"}),
             ("delivery_no_lock", 2, {"Once"}),

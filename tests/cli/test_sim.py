@@ -34,15 +34,15 @@ def example(name: str) -> str:
 @pytest.mark.parametrize(
     ("program", "configuration", "time_s", "ending"),
     first(
-        7,
+        5,
         [
             ("task", "task_mixed", 60, "stopped"),
-            ("cars_and_drones", "cars_and_drones", 60, "still"),
             ("follow_path", "follow_path", 60, "stopped"),
             ("waypoints", "waypoints", 20, "limit"),
-            ("mapping", "mapping", 60, "still"),
             ("lineform", "lineform", 12, "limit"),
             ("shapeform", "shapeform", 12, "limit"),
+            ("cars_and_drones", "cars_and_drones", 60, "still"),
+            ("mapping", "mapping", 60, "still"),
             ("shapeform", "shapeform_9", 12, "limit"),
             ("shapeform", "shapeform_36", 12, "limit"),
             ("follow_points", "follow_points", 60, "stopped"),

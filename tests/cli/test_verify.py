@@ -340,7 +340,7 @@ eventually Never: forall i: x@i == 7
 @pytest.mark.parametrize(
     ("words", "told", "ways"),
     first(
-        2,
+        1,
         [
             (["5", "--rounds", "3"], "2 ways to break it: there is no other within the bound", 2),
             (["2", "--rounds", "3"], "2 of 2 ways", 2),
@@ -544,6 +544,7 @@ def test_a_misspelt_name_is_told_by_whichever_process_meets_it(
     assert "there is no 'Smal'" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_instants_may_have_a_time_limit_for_each_property(
     capsys: pytest.CaptureFixture[str],
 ) -> None:

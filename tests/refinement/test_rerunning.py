@@ -85,7 +85,7 @@ def departed(trace: Trace, wrong: str = "", right: str = "") -> Departure:
 
 @pytest.mark.parametrize(
     "name",
-    first(8, EXAMPLES.split()),
+    first(6, EXAMPLES.split()),
 )
 def test_counterexamples_of_examples_are_runs_of_the_compiled_program(name: str) -> None:
     text = (BROKEN / f"{name}.krd").read_text("utf-8")

@@ -174,7 +174,7 @@ def test_the_command_judges_runs_in_a_world(
     assert main(["check-refinement", *flags]) == Exit.BAD_INPUT
 
 
-@pytest.mark.parametrize("name", first(2, ["task", "waypoints", "mapping"]))
+@pytest.mark.parametrize("name", first(1, ["waypoints", "task", "mapping"]))
 def test_a_trace_that_grows_is_a_piece_of_the_one_that_is_kept(name: str) -> None:
     """[TRACE] And nothing of the run hangs on whether it grows."""
     traces = []
