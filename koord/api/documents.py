@@ -75,14 +75,14 @@ def schema_text(document: str) -> str:
 
 
 #: Documents whose schema is made of structs, and published beside this file.
-GENERATED = ("diagnostics", "recheck", "replay", "trace")
+GENERATED = ("diagnostics", "recheck", "replay", "trace", "verdicts")
 
 
 def generated(document: str) -> dict[str, Any]:
     """Generate the JSON Schema of a document from the structs that it is written from."""
     from msgspec.json import schema_components
 
-    from koord.api import forms
+    from koord.api import forms, verdict_forms
     from koord.traces import form
 
     head: dict[str, str]
@@ -101,6 +101,7 @@ def generated(document: str) -> dict[str, Any]:
             form.File,
             form.VALUES,
         ),
+        "verdicts": ({"title": "Verdicts of koord"}, verdict_forms.Verdicts, forms.VALUES),
     }[document]
     (top,), found = schema_components([whole], ref_template="#/$defs/{name}")
     for one in found.values():

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from msgspec import Struct, field, to_builtins
 
+from koord.api import verdict_forms as forms
 from koord.api.programs import Program
 from koord.api.results import Result, html_table
 from koord.api.traces import Trace
@@ -192,46 +193,43 @@ class Verdict(Result, frozen=True):
 
     def to_dict(self) -> dict[str, object]:
         """The verdict as plain data: one of the claims of :meth:`VerifyReport.to_dict`."""
-        return self.document(Parts())
+        plain: dict[str, object] = to_builtins(self.form(Parts()))
+        return plain
 
-    def document(self, parts: Parts) -> dict[str, object]:
-        """The verdict as plain data; ``parts`` records failures of its details."""
+    def form(self, parts: Parts) -> forms.Claim:
+        """The verdict as JSON has it; ``parts`` records failures of its details."""
         found = self.found
         first, others, ways = found.counterexample, found.others, found.ways
-        return {
-            "name": self.name,
-            "kind": found.claim.kind.value,
-            "outcome": found.outcome.value,
-            "engine": found.engine.value,
-            "every_number_of_robots": found.engine is Engine.EVERY_N,
-            "all_rounds": self.holds and found.rounds is None,
-            "through_round": found.rounds,
-            "seconds": round(found.seconds, 3),
-            "reason": found.reason or None,
-            "obstacles": [
-                {
-                    "engine": each.engine.value,
-                    "kind": type(each).__name__,
-                    "names": list(obstacles.names(each)),
-                    "what": obstacles.what(each),
-                    "cure": obstacles.cure(each, self.name),
-                }
+        return forms.Claim(
+            name=self.name,
+            kind=found.claim.kind,
+            outcome=found.outcome,
+            engine=found.engine.value,
+            every_number_of_robots=found.engine is Engine.EVERY_N,
+            all_rounds=self.holds and found.rounds is None,
+            through_round=found.rounds,
+            seconds=round(found.seconds, 3),
+            reason=found.reason or None,
+            obstacles=[
+                forms.Obstacle(
+                    each.engine.value,
+                    type(each).__name__,
+                    list(obstacles.names(each)),
+                    obstacles.what(each),
+                    obstacles.cure(each, self.name),
+                )
                 for each in found.obstacles
             ],
-            "fairness": list(found.fairness),
-            "violated": None if first is None else self._violation(first, parts),
-            "fewest_rounds": found.fewest,
-            "others": [self._violation(other, parts) for other in others],
-            "ways": None
+            fairness=list(found.fairness),
+            violated=None if first is None else self._violation(first, parts),
+            fewest_rounds=found.fewest,
+            others=[self._violation(other, parts) for other in others],
+            ways=None
             if ways is None
-            else {
-                "found": 1 + len(others),
-                "complete": ways.complete,
-                "reason": ways.reason or None,
-            },
-        }
+            else forms.Ways(1 + len(others), ways.complete, ways.reason or None),
+        )
 
-    def _violation(self, run: Counterexample, parts: Parts) -> dict[str, object]:
+    def _violation(self, run: Counterexample, parts: Parts) -> forms.Violation:
         from koord.api.replay import compiled_form
         from koord.refinement.compiled_replay import Departure
 
@@ -239,26 +237,25 @@ class Verdict(Result, frozen=True):
         departure: Rerun = Departure(0, "the run could not be compared")
         with parts.enduring(f"the compiled program's run of {self.name}"):
             departure = self.rerun(run)
-        fair: dict[str, object] | None = None
+        fair = None
         with parts.enduring(f"the fairness of {self.name}"):
             why = self.fairness(run)
             if why is not None:
-                from koord.api.fairness import fairness_dict
+                from koord.api.fairness import fairness_form
 
-                fair = fairness_dict(why)
-        return {
-            "round": run.round,
-            "phase": run.phase.value,
-            "robot": run.robot,
-            "detail": run.detail,
-            "place": None if run.span is None else str(run.span),
-            "fault": None
-            if run.fault is None
-            else {"kind": run.fault.kind.value, "place": str(run.fault.span)},
-            "loop": None if run.recording.loop is None else run.recording.loop + 1,
-            "fair": fair,
-            "compiled": to_builtins(compiled_form(departure, first=1)),
-        }
+                fair = fairness_form(why)
+        fault = run.fault
+        return forms.Violation(
+            round=run.round,
+            phase=run.phase,
+            robot=run.robot,
+            detail=run.detail,
+            place=None if run.span is None else str(run.span),
+            fault=None if fault is None else forms.Fault(fault.kind.value, str(fault.span)),
+            loop=None if run.recording.loop is None else run.recording.loop + 1,
+            fair=fair,
+            compiled=compiled_form(departure, first=1),
+        )
 
     def __repr__(self) -> str:
         reach = ""

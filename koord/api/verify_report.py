@@ -7,11 +7,12 @@ does not, more than the slice is asked.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
-from msgspec import Struct
+from msgspec import UNSET, Struct, convert, to_builtins
 from msgspec.structs import replace
 
+from koord.api import verdict_forms as forms
 from koord.api.programs import Program
 from koord.api.results import Result, html_table
 from koord.api.traces import Trace
@@ -32,7 +33,6 @@ from koord.verify.verdicts import Bounds, Outcome, Report, Vacuity
 from koord.verify.verdicts import Verdict as Found
 
 if TYPE_CHECKING:
-    from koord.syntax.analysis.premises import Premise
     from koord.verify.instants import Shadowed
     from koord.verify.proof_core import ProofCore
 
@@ -89,7 +89,7 @@ def _shown(slices: Slices, part: Part) -> str:
 
 
 #: Changes when readers of the JSON have to change.
-VERDICTS_VERSION = 1
+VERDICTS_VERSION: Final = 1
 
 
 class VerifyReport(Result, frozen=True):
@@ -236,44 +236,38 @@ class VerifyReport(Result, frozen=True):
 
     def to_dict(self) -> dict[str, object]:
         """The report as plain data, as ``koord verify --json`` prints it."""
-        parts = Parts()
-        document = self.document(parts)
-        document["failures"] = [failure_dict(f) for f in (*self.failures, *parts.failures)]
-        return reports_dict([document])
+        return reports_dict([self.form(Parts())])
 
     @property
     def failures(self) -> tuple[Failure, ...]:
         """The failures of engines, and of optional parts of the report."""
         return (*self.report.failures, *self.failed)
 
-    def document(self, parts: Parts) -> dict[str, object]:
-        """The report as plain data: one of :meth:`to_dict`; ``parts`` records details that fail."""
+    def form(self, parts: Parts) -> forms.Report:
+        """The report as JSON has it, see :meth:`to_dict`; ``parts`` records details that fail."""
         report, problem = self.report, self.problem
-        document: dict[str, object] = {
-            "program": problem.texts[0],
-            "robots": None if problem.kinds is None else len(problem.kinds),
-            "delta_s": float(problem.delta_s),
-            "problem": problem.document(),
-            "rounds": self.bounds.rounds,
-            "outcome": report.outcome.value,
-            "seconds": round(report.seconds, 3),
-            "interrupted": report.interrupted,
-            "claims": [verdict.document(parts) for verdict in self.verdicts],
-            "found_invariants": list(self.found_invariants),
-            "vacuous": report.is_vacuous,
-            "vacuities": [_vacuity(vacuity) for vacuity in report.vacuities],
-            "not_looked_at": [
-                {"what": each.what.value, "subject": each.subject} for each in report.unlooked
-            ],
-            "failures": [failure_dict(failure) for failure in self.failures],
-        }
-        left_out: object = {}
+        claims = [verdict.form(parts) for verdict in self.verdicts]
+        left_out: dict[str, list[str]] = {}
         with parts.enduring("what claims do not depend on"):
             left_out = self.cones.left_out
-        document["left_out"] = left_out
-        if self.rests_on is not None:
-            document["rests_on"] = _rests_on(self.rests_on)
-        return document
+        return forms.Report(
+            program=problem.texts[0],
+            robots=None if problem.kinds is None else len(problem.kinds),
+            delta_s=float(problem.delta_s),
+            problem=convert(problem.document(), forms.Problem),
+            rounds=self.bounds.rounds,
+            outcome=report.outcome,
+            seconds=round(report.seconds, 3),
+            interrupted=report.interrupted,
+            claims=claims,
+            found_invariants=list(self.found_invariants),
+            vacuous=report.is_vacuous,
+            vacuities=[_vacuity(vacuity) for vacuity in report.vacuities],
+            not_looked_at=[forms.NotLookedAt(x.what, x.subject) for x in report.unlooked],
+            failures=failure_forms((*self.failures, *parts.failures)),
+            left_out=left_out,
+            rests_on=UNSET if self.rests_on is None else _rests_on(self.rests_on),
+        )
 
     def __repr__(self) -> str:
         lines = "".join(f"\n  {verdict!r}" for verdict in self.verdicts)
@@ -295,41 +289,30 @@ class VerifyReport(Result, frozen=True):
         return html_table(f"{self.problem}: {self.outcome.value}", columns, rows)
 
 
-def reports_dict(documents: Iterable[dict[str, object]]) -> dict[str, object]:
+def reports_dict(reports: list[forms.Report]) -> dict[str, object]:
     """Several reports as one document."""
-    return {"version": VERDICTS_VERSION, "reports": list(documents)}
+    plain: dict[str, object] = to_builtins(forms.Verdicts(VERDICTS_VERSION, reports))
+    return plain
 
 
-def failure_dict(failure: Failure) -> dict[str, object]:
-    """A failure as plain data."""
-    return {"who": failure.who, "what": failure.what, "place": failure.where or None}
+def failure_forms(failures: Iterable[Failure]) -> list[forms.Failure]:
+    """Failures as JSON has them."""
+    return [forms.Failure(each.who, each.what, each.where or None) for each in failures]
 
 
-def _vacuity(vacuity: Vacuity) -> dict[str, object]:
-    place = vacuity.span
-    return {
-        "what": vacuity.what.value,
-        "subject": vacuity.subject or None,
-        "detail": vacuity.detail,
-        "certain": vacuity.certain,
-        "place": None if place is None else str(place),
-    }
+def _vacuity(vacuity: Vacuity) -> forms.Vacuity:
+    return forms.Vacuity(
+        vacuity.what,
+        vacuity.subject or None,
+        vacuity.detail,
+        vacuity.certain,
+        None if vacuity.span is None else str(vacuity.span),
+    )
 
 
-def _rests_on(found: ProofCore) -> dict[str, object]:
-    return {
-        "claims": list(found.claims),
-        "needed": [_premise(premise) for premise in found.needed],
-        "spare": [_premise(premise) for premise in found.spare],
-        "untried": [_premise(premise) for premise in found.untried],
-    }
-
-
-def _premise(premise: Premise) -> dict[str, object]:
-    return {
-        "kind": premise.kind.value,
-        "name": premise.name,
-        "promise": premise.promise,
-        "promises": premise.promises,
-        "place": str(premise.span),
-    }
+def _rests_on(found: ProofCore) -> forms.RestsOn:
+    needed, spare, untried = (
+        [forms.Premise(x.kind, x.name, x.promise, x.promises, str(x.span)) for x in premises]
+        for premises in (found.needed, found.spare, found.untried)
+    )
+    return forms.RestsOn(list(found.claims), needed, spare, untried)

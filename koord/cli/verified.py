@@ -13,16 +13,17 @@ from koord.cli.requests import Request
 from koord.cli.terminal import is_debugging, style_of
 
 if TYPE_CHECKING:
+    from koord.api.verdict_forms import Report
     from koord.api.verdicts import Parts
     from koord.api.verify_report import VerifyReport
     from koord.verify.failures import Failure
 
 
-def tell(report: VerifyReport, request: Request, told: list[dict[str, object]]) -> Exit:
+def tell(report: VerifyReport, request: Request, told: list[Report]) -> Exit:
     """Show and keep the verdicts on one system; with --json add them to ``told``."""
     # What verdicts are made of loads Z3, and the other commands start without it.
     from koord.api.verdicts import Parts
-    from koord.api.verify_report import failure_dict
+    from koord.api.verify_report import failure_forms
 
     for failure in report.failed:
         _complain(failure)
@@ -30,7 +31,7 @@ def tell(report: VerifyReport, request: Request, told: list[dict[str, object]]) 
         _note("no invariant reads a sensor, so none can break between rounds")
     parts = Parts(_complain)
     if request.as_json:
-        told.append(report.document(parts))
+        told.append(report.form(parts))
     else:
         _show(report, request, parts)
     if request.trace is not None:
@@ -44,7 +45,7 @@ def tell(report: VerifyReport, request: Request, told: list[dict[str, object]]) 
             _certify(report, request.certificate, request.left_s())
     failures = (*report.failures, *parts.failures)
     if request.as_json:
-        told[-1]["failures"] = [failure_dict(failure) for failure in failures]
+        told[-1].failures = failure_forms(failures)
     if is_debugging():
         for failure in failures:
             print(failure.trace, file=sys.stderr)
@@ -95,12 +96,11 @@ def tell_sweep(
     program: Program,
     reports: Iterable[VerifyReport],
     request: Request,
-    told: list[dict[str, object]],
+    told: list[Report],
 ) -> Exit:
     """Report one number of robots after the other; Ctrl-C ends it with those that are done."""
     from koord.api import pictures
     from koord.api.verdicts import Parts
-    from koord.api.verify_report import failure_dict
     from koord.cli import verdicts
 
     style = style_of(sys.stdout)
@@ -111,8 +111,7 @@ def tell_sweep(
     for report in reports:
         points.append(report)
         parts = Parts(_complain)
-        told.append(report.document(parts))
-        told[-1]["failures"] = [failure_dict(f) for f in (*report.failures, *parts.failures)]
+        told.append(report.form(parts))
         if not request.as_json:
             print(verdicts.row(report, style), flush=True)
         if report.interrupted:

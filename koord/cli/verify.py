@@ -40,6 +40,7 @@ from koord.cli.requests import Request, request_of
 from koord.syntax.diagnostics import KoordError
 
 if TYPE_CHECKING:
+    from koord.api.verdict_forms import Report
     from koord.api.verify_report import VerifyReport
 
 
@@ -274,7 +275,7 @@ def _once(arguments: argparse.Namespace, request: Request) -> int:
     if report.errors:
         return Exit.BAD_INPUT
     try:
-        told: list[dict[str, object]] = []
+        told: list[Report] = []
         code = _verified(programs, request, told)
         if request.as_json:
             from koord.api.verify_report import reports_dict
@@ -288,7 +289,7 @@ def _once(arguments: argparse.Namespace, request: Request) -> int:
         return Exit.BAD_INPUT
 
 
-def _verified(programs: Sequence[Program], request: Request, told: list[dict[str, object]]) -> Exit:
+def _verified(programs: Sequence[Program], request: Request, told: list[Report]) -> Exit:
     """Verify programs, and show the results of each as soon as they are known."""
     from koord.cli.verified import tell, tell_sweep
 

@@ -114,7 +114,7 @@ def test_params_robots_and_engines_are_asked_for() -> None:
         ({"properties": ["High"]}, "properties", "there is no 'High'; there are Low"),
         ({"engine": "magic"}, "engine", "there is no 'magic'; there are auto"),
         ({"delta_s": -1.0}, "delta_s", "δ must be from"),
-        ({"robots": "any", "engine": "bmc"}, "robots", "leave the engine out"),
+        ({"robots": "any", "engine": "bmc"}, "robots", "leave out `engine=`"),
     ],
 )
 def test_arguments_that_do_not_fit(arguments: dict[str, Any], argument: str, message: str) -> None:

@@ -11,9 +11,11 @@ import sys
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 from unittest.mock import patch
 
 from koord.cli.main import main
+from tests.golden.described import described, mistakes
 from tests.golden.plain import plain_file, plain_output
 from tests.golden.scenarios import EXAMPLES, ROOT, Command, Scenario
 
@@ -27,10 +29,13 @@ def plain_surroundings() -> None:
 
 
 def transcript(scenario: Scenario) -> str:
-    """What came of it, as lines."""
+    """What came of it, as lines. Documents that their schemas do not describe are refused."""
+    documents: list[tuple[str, Any]] = []
     with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder), _uncollected():
         shutil.copytree(ROOT / EXAMPLES, EXAMPLES)
-        lines = [line for command in scenario.commands for line in _played(command)]
+        lines = [line for command in scenario.commands for line in _played(command, documents)]
+    found = [mistake for document in documents for mistake in mistakes(*document)]
+    assert not found, found
     return "\n".join(lines) + "\n"
 
 
@@ -45,7 +50,7 @@ def _uncollected() -> Iterator[None]:
         gc.collect()
 
 
-def _played(command: Command) -> Iterator[str]:
+def _played(command: Command, documents: list[tuple[str, Any]]) -> Iterator[str]:
     for file in command.writes:
         Path(file).unlink(missing_ok=True)
     out, err = io.StringIO(), io.StringIO()
@@ -59,6 +64,7 @@ def _played(command: Command) -> Iterator[str]:
             code = main(list(command.words))
         except SystemExit as end:  # as argparse ends what asks for help
             code = int(end.code or 0)
+    documents += described(command, out.getvalue(), code)
     yield f"$ koord {' '.join(command.words)}"
     yield from plain_output(out.getvalue(), is_verbatim=command.is_verbatim)
     yield from (f"! {line}" for line in plain_output(err.getvalue()))
