@@ -32,10 +32,10 @@ def fail(*words: object, **named: object) -> Any:
 
 PARTS = {
     "rests on": (proof_core, "proof_core", ["--rests-on"], "what the proofs rest on"),
-    "premises": (verdicts, "lines", ["--rests-on"], "what the proofs rest on"),
+    "premises": (verdicts, "core_lines", ["--rests-on"], "what the proofs rest on"),
     "story": (counterexamples, "lines", [], "the story of Small"),
     "rerun": (compiled_replay, "rerun", [], "the story of Small"),
-    "slices": (verdicts, "lines", ["--explain"], "what claims do not depend on"),
+    "slices": (verdicts, "cone_lines", ["--explain"], "what claims do not depend on"),
     "certificate": (certify, "certify", ["--certificate", "c"], "the certificate"),
     "trace": (verified, "_keep", ["--trace", "t.json"], "the trace"),
     "invariants": (verified, "_save", ["--save-invariants", "i"], "the file of invariants"),

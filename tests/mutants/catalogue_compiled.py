@@ -212,9 +212,9 @@ ENGINE = (
     Mutant(
         "who is kept out keeps what it did",
         "runtime.robot.Robot.discard",
-        '"""The robot skipped: nothing of its turn remains. [SKIP] [ATOMIC]"""',
+        '"""Discard the turn: the robot skipped. [SKIP] [ATOMIC]"""',
         (
-            '"""The robot skipped: nothing of its turn remains. [SKIP] [ATOMIC]"""\n'
+            '"""Discard the turn: the robot skipped. [SKIP] [ATOMIC]"""\n'
             "for buffer in self._buffers.values():\n"
             "    self.__dict__ = buffer.state"
         ),
