@@ -212,7 +212,7 @@ class NetworkForm(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
 
 
 class Form(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """The form of a configuration file."""
+    """A configuration file of a Koord run."""
 
     robot: Agent | None = None
     device: Device | None = None

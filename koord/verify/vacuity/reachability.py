@@ -40,7 +40,7 @@ SMALL = 300
 
 
 class _Onlooker(Monitor):
-    """A monitor that records violations and lets runs go on."""
+    """A monitor that ignores violations, so that runs go on."""
 
     def after(self, step: Step) -> None:
         return None

@@ -95,7 +95,7 @@ class Commits(Struct):
             self.world.book.note(law(robot))
 
     def _require(self, law: Callable[[Term], Term]) -> None:
-        """Assert a fact for every robot whose moves are computed from now on."""
+        """Assert a fact for every robot whose moves are computed, now or later."""
         self._laws.append(law)
         for robot in self._known:
             self.world.book.note(law(robot))
