@@ -38,15 +38,8 @@ from tests.generators.profiles import FINITE, SYMMETRIC
 from tests.generators.staged import staged
 from tests.sampling import sampled
 from tests.semantics.driving import NO_TEXT
-from tests.verify.asking import ask, bounded, inductive, of_text
+from tests.verify.asking import ask, bounded, inductive, name_of, of_text
 from tests.verify.engines.bits.asking import on_bits
-
-NAMES = {
-    GoalKind.PROPERTY: "{}",
-    GoalKind.FAULT: "no fault",
-    GoalKind.CONTRACT: "contract {}",
-    GoalKind.LOST_UPDATE: "no lost update of {}",
-}
 
 
 @dataclass(frozen=True)
@@ -83,7 +76,7 @@ def searched(seed: int, of: System) -> Searched | None:
     found = survey(of, of.program.properties, limits, subjects=frozenset(GoalKind))
     if isinstance(found.end, NotFinite):
         return None
-    first = {NAMES[v.claim.subject].format(v.claim.name): v.rounds for v in found.violated}
+    first = {name_of(v.claim): v.rounds for v in found.violated}
     assert set(first) <= {claim.name for claim in claims_of(of)}, seed
     return Searched(
         seed, of, found.violated, first, found.end.depth, isinstance(found.end, Exhausted)

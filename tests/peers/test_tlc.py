@@ -27,6 +27,7 @@ from koord.verify.engines.explicit.search import survey
 from koord.verify.export.tla.module import invariant_name, module
 from tests.generators.mutating import mutants
 from tests.generators.staged import STEADY, staged
+from tests.loading import example_program
 from tests.peers import tlc
 
 EXAMPLES = Path(__file__).parents[2] / "specs" / "examples"
@@ -85,10 +86,7 @@ def _opened(
 
 
 def example(name: str, robots: int) -> System:
-    path = EXAMPLES / f"{name}.krd"
-    program = load(Source(path.name, path.read_text("utf-8"))).program
-    assert program is not None
-    return dealt(program, robots)
+    return dealt(example_program(name), robots)
 
 
 def searched(of: System) -> tuple[set[str], bool] | None:

@@ -10,9 +10,8 @@ import pytest
 
 from koord.cli.main import main
 from koord.recheck.checking import RecheckOutcome
-from koord.syntax.load import load
-from koord.syntax.source import Source
 from koord.syntax.system import dealt
+from tests.loading import program_of
 from tests.recheck.certificates import Document, conjunct, document_of, rechecked, with_text
 from tests.recheck.proving import confirmed, settled_for_everyone
 from tests.recheck.test_generated import compared
@@ -308,8 +307,7 @@ def _texts() -> list[object]:
 
 @pytest.mark.parametrize("text", _texts())
 def test_what_is_not_so_is_not_confirmed(text: str) -> None:
-    program = load(Source("wrong.krd", text)).program
-    assert program is not None
+    program = program_of(text)
     names = confirmed(dealt(program, 2, Fraction(1, 10)), settled_for_everyone)
     assert names is not None
     assert "Wrong" not in names

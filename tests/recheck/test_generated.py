@@ -12,11 +12,12 @@ from koord.semantics.every_number import NotFiniteError
 from koord.verify.claims import claims_of
 from koord.verify.engines.explicit.finiteness import NotFinite
 from koord.verify.engines.explicit.limits import Limits
-from koord.verify.engines.explicit.property_checks import Exhausted, GoalKind, SearchGoal
+from koord.verify.engines.explicit.property_checks import Exhausted, GoalKind
 from koord.verify.engines.explicit.search import survey
 from tests.generators.profiles import FINITE
 from tests.recheck.proving import Settler, confirmed, settled
 from tests.sampling import sampled
+from tests.verify.asking import name_of
 
 pytest.importorskip("cvc5")
 
@@ -45,16 +46,6 @@ def compared(first: int, last: int, how: Settler = settled) -> Counter[str]:
         count["confirmed"] += len(names)
         count["exhausted"] += isinstance(found.end, Exhausted)
     return count
-
-
-def name_of(claim: SearchGoal) -> str:
-    """The name that the verifier gives to what the search calls so."""
-    words = {
-        GoalKind.FAULT: "no fault",
-        GoalKind.CONTRACT: f"contract {claim.name}",
-        GoalKind.LOST_UPDATE: f"no lost update of {claim.name}",
-    }
-    return words.get(claim.subject, claim.name)
 
 
 @pytest.mark.parametrize("last", sampled(8, [80]))

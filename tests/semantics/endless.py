@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from fractions import Fraction
-from textwrap import dedent
 
-from koord.syntax.load import load
-from koord.syntax.source import Source
 from koord.syntax.system import System, dealt
+from tests.loading import program_of
 
 #: A robot that is in asks to get out, and others wait meanwhile, so that their events come and go.
 GATE = """
@@ -67,6 +65,4 @@ TWO = """
 
 def system(text: str, robots: int = 2) -> System:
     """The system of an indented text without mistakes, with a second a round."""
-    made = load(Source("live.krd", dedent(text)))
-    assert made.program is not None, made.diagnostics
-    return dealt(made.program, robots, Fraction(1))
+    return dealt(program_of(text), robots, Fraction(1))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from fractions import Fraction
 from random import Random
-from textwrap import dedent
 
 import pytest
 from hypothesis import given
@@ -21,8 +20,6 @@ from koord.semantics.storage import Cell
 from koord.syntax import core
 from koord.syntax.core import Home, ListOp
 from koord.syntax.faults import FaultKind
-from koord.syntax.load import load
-from koord.syntax.source import Source
 from koord.syntax.system import Status
 from koord.syntax.types import (
     BOOL,
@@ -36,6 +33,7 @@ from koord.syntax.types import (
 )
 from koord.traces.names import variables
 from koord.traces.trace import Numbers
+from tests.loading import program_of
 from tests.sampling import examples
 from tests.semantics import programs
 from tests.semantics.building import (
@@ -242,8 +240,7 @@ def test_parts_of_what_a_function_declares_are_set_one_by_one() -> None:
             pre: true
             eff: n = miss()
     """
-    made = load(Source("parts.krd", dedent(text))).program
-    assert made is not None
+    made = program_of(text)
     d = drive(made, 1).round("Pick").round("Pick")
     assert d.own(0, "n") == "6"
     d.go(0, "Miss")

@@ -34,9 +34,6 @@ from koord.semantics.recordings import Concrete
 from koord.semantics.values import Seq
 from koord.syntax import core
 from koord.syntax.diagnostics import KoordError
-from koord.syntax.elaboration.settings import Settings
-from koord.syntax.load import load
-from koord.syntax.source import Source
 from koord.syntax.system import System, dealt
 from koord.syntax.types import BOOL, FLOAT, INT, POS, ListType, Type
 from koord.traces.codec import encode
@@ -44,6 +41,7 @@ from koord.traces.json_reader import JsonNode
 from koord.traces.replay import replay
 from koord.traces.trace import Numbers
 from koord.traces.value_codec import decode_value, encode_value
+from tests.loading import example_program, program_of
 from tests.sampling import examples, first
 from tests.semantics import programs
 from tests.semantics.building import (
@@ -265,19 +263,13 @@ def test_a_vehicle_follows_its_path() -> None:
         "assume: Motion.psn == pos(0.0, 0.0, 0.0) and not Motion.reached\n"
         "Nothing:\n  pre: false\n  eff: stop\n"
     )
-    d = drive(loaded(text), 2)
+    d = drive(program_of(text), 2)
     places = [d.own(1, "Motion.psn")]
     while d.own(1, "Motion.reached") == "false":
         places.append(d.round(None, None).own(1, "Motion.psn"))
     assert (places[0], places[-1]) == ("(0, 0, 0)", "(3, 2, 0)")
     assert 5 <= len(places) <= 8
     assert all(", 0, 0)" in place or place.startswith("(3, ") for place in places)
-
-
-def loaded(text: str) -> core.Program:
-    made = load(Source("t.krd", text), Settings({}))
-    assert made.program is not None, made.diagnostics
-    return made.program
 
 
 # --- external functions -------------------------------------------------------------------------
@@ -309,7 +301,7 @@ def test_no_answer_is_told_with_function_and_arguments() -> None:
 
 def test_answers_are_mended_as_their_summary_asks() -> None:
     """[EXTERNAL]: such answers would not be hit upon."""
-    program = loaded("""
+    program = program_of("""
 using Motion
 def fun route(pos a, pos b) -> pos[]: extern
   ensures: length(result) == 6 and result[0] == a and result[length(result) - 1] == b
@@ -409,7 +401,7 @@ Ask:
 @pytest.mark.parametrize("numbers", Numbers)
 def test_every_function_of_the_library_has_an_implementation(numbers: Numbers) -> None:
     """[EXTERNAL]: its answers meet its summary in both domains, call after call."""
-    program = loaded(LIBRARY)
+    program = program_of(LIBRARY)
     assert len(program.externals) >= 7
     assert all(host(function) is not None for function in program.externals)
     d = drive(program, 2, numbers=numbers)
@@ -421,7 +413,7 @@ def test_every_function_of_the_library_has_an_implementation(numbers: Numbers) -
 
 def test_an_own_function_with_a_library_name_is_its_own() -> None:
     """[EXTERNAL]: another type, another function."""
-    program = loaded(
+    program = program_of(
         "def fun sqrt(int n) -> int: extern\n  ensures: result == -7\n"
         "local:\n  int x = 0\nAsk:\n  pre: true\n  eff: x = sqrt(4)\n"
     )
@@ -621,13 +613,11 @@ def test_numbers_that_grow_without_end_are_told() -> None:
 @pytest.mark.parametrize("name", sorted(p.stem for p in EXAMPLES.glob("*.krd")))
 def test_examples_run_and_replay(name: str, policy: str) -> None:
     """[RECORDING] [REPLAY]: a few rounds of every example, by its own text."""
-    path = EXAMPLES / f"{name}.krd"
-    made = load(Source(path.name, path.read_text("utf-8")), Settings({}))
-    assert made.program is not None
+    made = example_program(name)
     robots = 4 if name == "shapeform" else 3
     rng = Random(3)
     chosen = First() if policy == "first" else AtRandom(rng)
-    _, trace = played(made.program, chosen, robots=robots, rounds=6, rng=rng)
+    _, trace = played(made, chosen, robots=robots, rounds=6, rng=rng)
     assert len(trace.configurations) > 1
     assert replay(trace).refused is None
 

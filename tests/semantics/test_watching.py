@@ -17,13 +17,12 @@ from koord.sampling.values import Sampler
 from koord.semantics.properties import holds_in
 from koord.semantics.recordings import Recording, execute
 from koord.syntax import core
-from koord.syntax.load import load
-from koord.syntax.source import Source
 from koord.syntax.system import System, dealt
 from koord.syntax.types import ArrayType, Robots
 from koord.traces.trace import Numbers
 from tests.generators.runs import recording
 from tests.generators.strategies import systems
+from tests.loading import example_program
 from tests.sampling import examples
 from tests.semantics import programs
 from tests.semantics.building import (
@@ -86,9 +85,7 @@ def test_of_generated_programs(system: System, seed: int) -> None:
 @pytest.mark.parametrize("name", ["lineform", "fischer", "shortest_path", "leader_elect", "hvac"])
 def test_of_examples(name: str) -> None:
     """[PROP-INVARIANT]"""
-    text = (EXAMPLES / f"{name}.krd").read_text("utf-8")
-    program = load(Source(name, text)).program
-    assert program is not None
+    program = example_program(name)
     rng = Random(6)
     _, trace = played(program, AtRandom(rng), rounds=8, rng=rng)
     check(trace.system, trace.recording)

@@ -13,14 +13,13 @@ from koord.cli import run
 from koord.cli.exits import Exit
 from koord.cli.main import main
 from koord.syntax.budget import Budget, OutOfBudgetError
-from koord.syntax.load import load
-from koord.syntax.source import Source
 from koord.syntax.system import System, dealt
 from koord.verify.engine_names import Engine
 from koord.verify.engines.explicit.property_checks import OutOfBounds
 from koord.verify.engines.explicit.search import survey
 from koord.verify.strategy.verification import verify
 from koord.verify.verdicts import Bounds, Outcome
+from tests.loading import program_of
 from tests.sampling import first
 from tests.semantics.driving import drive
 
@@ -55,9 +54,7 @@ MANY = (
 
 
 def system(text: str, robots: int = 2) -> System:
-    made = load(Source("app.krd", text)).program
-    assert made is not None
-    return dealt(made, robots)
+    return dealt(program_of(text), robots)
 
 
 def after(asks: int) -> Budget:

@@ -22,6 +22,7 @@ from koord.syntax.printing.quoting import Quoting, print_number
 from koord.syntax.source import Source
 from koord.syntax.types import BOOL, ArrayType, EnumType, RecordType, Type, show, within
 from koord.syntax.walk import nodes, rebuilt
+from tests.loading import program_of
 
 #: Robots of one kind, of which all have every variable.
 ALIKE = replace(GENERAL, agents=(1, 1))
@@ -32,12 +33,6 @@ TEXTS = {
     **{p.stem: p.read_text("utf-8") for p in sorted((ROOT / "specs/examples").glob("*.krd"))},
     **{code: e.good for code, e in of_programs().items() if len(e.good) < 1000},
 }
-
-
-def loaded(text: str) -> core.Program:
-    found = load(Source("quoted.krd", text))
-    assert found.program is not None, (found.diagnostics[:3], text)
-    return found.program
 
 
 # --- programs of nothing but declarations and conditions ------------------------------------------
@@ -152,14 +147,14 @@ def assert_same(program: core.Program, other: core.Program) -> None:
 def test_what_a_text_says_is_quoted_as_it_is(name: str) -> None:
     program = load(Source("app.krd", TEXTS[name])).program
     if program is not None:
-        assert_same(program, loaded(restated(program)))
+        assert_same(program, program_of(restated(program)))
 
 
 @pytest.mark.parametrize("seed", range(25))
 def test_what_is_generated_is_quoted_as_it_is(seed: int) -> None:
     # What is generated is not always as elaboration leaves it: constants are folded there.
-    once = loaded(restated(system(Random(seed), ALIKE).program))
-    assert_same(once, loaded(restated(once)))
+    once = program_of(restated(system(Random(seed), ALIKE).program))
+    assert_same(once, program_of(restated(once)))
 
 
 @pytest.mark.parametrize(

@@ -7,11 +7,10 @@ from pathlib import Path
 import pytest
 
 from koord.syntax.core import PropertyKind
-from koord.syntax.load import load
-from koord.syntax.source import Source
 from koord.syntax.system import System, dealt
 from koord.verify.engines.explicit.property_checks import Exhausted, Survey
 from koord.verify.engines.explicit.search import survey
+from tests.loading import program_of
 
 INVARIANTS = (PropertyKind.INVARIANT, PropertyKind.AT_ROUND)
 EXAMPLES = Path(__file__).parents[2] / "specs" / "examples"
@@ -36,9 +35,7 @@ invariant Own: forall i: holds@i implies owner == i
 
 
 def system(text: str, robots: int) -> System:
-    program = load(Source("test.krd", text)).program
-    assert program is not None
-    return dealt(program, robots)
+    return dealt(program_of(text), robots)
 
 
 def searched(of: System, *, symmetry: bool) -> Survey:

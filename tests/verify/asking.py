@@ -11,17 +11,17 @@ from koord.semantics.configurations import Configuration
 from koord.semantics.domain import EXACT, Constant
 from koord.semantics.recordings import Recording, execute
 from koord.syntax import core
-from koord.syntax.load import load
-from koord.syntax.source import Source
 from koord.syntax.system import System, dealt
 from koord.verify.bounded_check import BoundedCheck
 from koord.verify.claims import Claim, ClaimPhase, claims_of
 from koord.verify.effort import Deadline
 from koord.verify.engine_names import Engine
+from koord.verify.engines.explicit.property_checks import GoalKind, SearchGoal
 from koord.verify.engines.induction.proving import prove
 from koord.verify.strategy.verification import verify
 from koord.verify.verdicts import Bounds, Counterexample, Outcome, Report, Verdict
 from koord.verify.witness import replayed
+from tests.loading import program_of
 
 SECONDS = 60.0
 
@@ -46,9 +46,7 @@ class Checked:
 
 def of_text(text: str, robots: int = 2, delta: Fraction = Fraction(1)) -> System:
     """The system of a text without mistakes."""
-    loaded = load(Source("test.krd", text))
-    assert loaded.program is not None, [str(d.message) for d in loaded.diagnostics]
-    return dealt(loaded.program, robots, delta)
+    return dealt(program_of(text), robots, delta)
 
 
 def system_of(program: core.Program | System, robots: int = 2) -> System:
@@ -122,3 +120,16 @@ class Answers:
         return [
             f"{v.what.value} {v.subject}".rstrip() + f": {v.detail}" for v in self.report.vacuities
         ]
+
+
+def name_of(goal: SearchGoal) -> str:
+    """What the verifier calls a goal of the search."""
+    match goal.subject:
+        case GoalKind.FAULT:
+            return "no fault"
+        case GoalKind.CONTRACT:
+            return f"contract {goal.name}"
+        case GoalKind.LOST_UPDATE:
+            return f"no lost update of {goal.name}"
+        case GoalKind.PROPERTY:
+            return goal.name

@@ -7,12 +7,10 @@ import pytest
 from koord.recheck.lost_updates import updated as updated_again
 from koord.syntax import core
 from koord.syntax.analysis.footprint import rewritten
-from koord.syntax.elaboration.settings import Settings
-from koord.syntax.load import load
-from koord.syntax.source import Source
 from koord.syntax.system import System, dealt
 from koord.syntax.types import BOOL, INT
 from koord.verify.claims import NO_FAULT, Claim, ClaimKind, ClaimPhase, claims_of, liveness_of
+from tests.loading import program_of
 from tests.semantics import programs
 from tests.semantics.building import TRUE, Build, I, bound, contract, forall
 from tests.verify.reference import updates
@@ -81,8 +79,7 @@ def test_what_an_update_is(effect: str, updated: str) -> None:
         "local:\n  int n = 0\n  int m = 0\n  int[] xs = []\n  Map<int, pos> qs = {}\n"
         f"Go:\n  eff:\n{lines}"
     )
-    program = load(Source("t.krd", text), Settings({})).program
-    assert program is not None
+    program = program_of(text)
     slots = {d.variable.name: d.variable.slot for d in program.allwrite}
     expected = frozenset(slots[name] for name in updated.split())
     assert rewritten(program).get((0, 0), frozenset()) == expected

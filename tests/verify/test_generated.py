@@ -20,11 +20,10 @@ from koord.verify.claims import ClaimKind, claims_of
 from koord.verify.engines.explicit.finiteness import NotFinite
 from koord.verify.engines.explicit.limits import Limits
 from koord.verify.engines.explicit.property_checks import Exhausted, GoalKind
-from koord.verify.engines.explicit.property_checks import SearchGoal as Searched
 from koord.verify.engines.explicit.search import survey
 from tests.generators.profiles import FINITE
 from tests.sampling import sampled
-from tests.verify.asking import Checked, bounded, inductive
+from tests.verify.asking import Checked, bounded, inductive, name_of
 from tests.verify.reference import Explored, Explorer, TooManyError
 
 ROUNDS = 2
@@ -85,23 +84,10 @@ def searches_agree(cases: list[Compared], rounds: int = ROUNDS) -> Counter[str]:
         if isinstance(found.end, NotFinite):
             continue
         count["systems"] += 1
-        assert {_name(v.claim): v.rounds for v in found.violated} == case.seen.first, case.seed
+        assert {name_of(v.claim): v.rounds for v in found.violated} == case.seen.first, case.seed
         if isinstance(found.end, Exhausted):
             count["exhausted"] += 1
     return count
-
-
-def _name(claim: Searched) -> str:
-    """The name that the verifier gives to what the search calls so."""
-    match claim.subject:
-        case GoalKind.FAULT:
-            return "no fault"
-        case GoalKind.CONTRACT:
-            return f"contract {claim.name}"
-        case GoalKind.LOST_UPDATE:
-            return f"no lost update of {claim.name}"
-        case GoalKind.PROPERTY:
-            return claim.name
 
 
 def proofs_agree(cases: list[Compared], depths: tuple[int, ...]) -> Counter[str]:

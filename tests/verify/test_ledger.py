@@ -5,14 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from koord.semantics.every_number import NotFiniteError
-from koord.syntax.load import load
-from koord.syntax.source import NOWHERE, Source
+from koord.syntax.source import NOWHERE
 from koord.syntax.system import System, dealt
 from koord.verify.claims import Claim, claims_of
 from koord.verify.effort import Deadline
 from koord.verify.engine_names import Engine
 from koord.verify.ledger import Ledger, Reach, VerificationProblem
 from koord.verify.verdicts import Bounds, Outcome, Verdict
+from tests.loading import program_of
 
 TEXT = """
 local:
@@ -34,8 +34,7 @@ class Clock:
 
 
 def begun(clock: Clock) -> tuple[Ledger, Claim, Claim]:
-    program = load(Source("ledger.krd", TEXT)).program
-    assert program is not None
+    program = program_of(TEXT)
     system: System = dealt(program, 2)
     claims = claims_of(system)
 

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from koord.syntax.load import load
-from koord.syntax.source import Source
 from koord.syntax.system import dealt
 from koord.verify.engine_names import Engine
 from koord.verify.strategy.verification import verify
 from koord.verify.verdicts import Bounds, Outcome
+from tests.loading import program_of
 
 LISTENS = """
 using Radio:
@@ -33,16 +32,14 @@ Hear:
 
 
 def test_that_no_short_list_will_do_does_not_mean_that_none_does() -> None:
-    program = load(Source("long.krd", LONG)).program
-    assert program is not None
+    program = program_of(LONG)
     report = verify(dealt(program, 1), Bounds(rounds=2))
     assert report.outcome is Outcome.UNKNOWN
     assert not any(vacuity.certain for vacuity in report.vacuities)
 
 
 def test_lists_longer_than_the_capacity_are_told_by_the_names_of_the_program() -> None:
-    program = load(Source("listens.krd", LISTENS)).program
-    assert program is not None
+    program = program_of(LISTENS)
     for choice in (Engine.BMC, Engine.INDUCTION):
         report = verify(dealt(program, 2), Bounds(rounds=2), choice)
         assert report.outcome is Outcome.UNKNOWN
@@ -65,8 +62,7 @@ invariant Short: length(path) <= 3
 
 def test_nothing_is_said_of_rounds_in_which_lists_may_be_longer() -> None:
     """A plan of four elements breaks Short in round 1, whatever engine looks at three."""
-    program = load(Source("plans.krd", PLANS)).program
-    assert program is not None
+    program = program_of(PLANS)
     for choice in (None, Engine.BMC, Engine.INDUCTION, Engine.BITS):
         short, _ = verify(dealt(program, 1), Bounds(rounds=2), choice).verdicts
         assert short.outcome is Outcome.UNKNOWN

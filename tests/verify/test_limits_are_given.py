@@ -8,8 +8,6 @@ from typing import Any
 import pytest
 import z3
 
-from koord.syntax.load import load
-from koord.syntax.source import Source
 from koord.syntax.system import System, dealt
 from koord.verify import processes
 from koord.verify.engine_names import Engine
@@ -17,6 +15,7 @@ from koord.verify.strategy import each_claim_turn
 from koord.verify.strategy.table import SAFETY
 from koord.verify.strategy.verification import verify
 from koord.verify.verdicts import Bounds, Outcome
+from tests.loading import program_of
 
 TEXT = """
 local:
@@ -46,9 +45,7 @@ BUDGET_S = 60.0
 
 @pytest.fixture
 def system() -> System:
-    program = load(Source("limits.krd", TEXT)).program
-    assert program is not None
-    return dealt(program, 2)
+    return dealt(program_of(TEXT), 2)
 
 
 def in_this_process(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -22,8 +22,6 @@ from koord.sampling.running import new_run
 from koord.syntax import core
 from koord.syntax.budget import Budget, OutOfBudgetError
 from koord.syntax.diagnostics import KoordError
-from koord.syntax.load import load
-from koord.syntax.source import Source
 from koord.syntax.system import System, dealt
 from koord.traces.trace import Numbers, ViolationKind
 from koord.verify.claims import claims_of
@@ -33,9 +31,10 @@ from koord.verify.engines.explicit.property_checks import GoalKind
 from koord.verify.engines.explicit.search import survey
 from koord.verify.strategy.verification import verify
 from koord.verify.verdicts import Bounds, Outcome, Report
-from tests.agreement.test_engines import NAMES
 from tests.generators.mutating import Mutant, mutants
+from tests.loading import example_program
 from tests.sampling import sampled
+from tests.verify.asking import name_of
 
 EXAMPLES = Path(__file__).parents[2] / "specs" / "examples"
 
@@ -60,10 +59,7 @@ class Example:
     step: int  #: each so many-th mutant is tried in every run of the tests; 0: none
 
     def program(self) -> core.Program:
-        path = EXAMPLES / f"{self.name}.krd"
-        program = load(Source(path.name, path.read_text("utf-8"))).program
-        assert program is not None
-        return program
+        return example_program(self.name)
 
 
 TENTH = Fraction(1, 10)
@@ -109,7 +105,7 @@ def searched(system: System) -> dict[str, int]:
     except OutOfBudgetError:
         return {}
     assert not isinstance(found.end, NotFinite)
-    return {NAMES[v.claim.subject].format(v.claim.name): v.rounds for v in found.violated}
+    return {name_of(v.claim): v.rounds for v in found.violated}
 
 
 def ran(system: System) -> dict[str, int]:

@@ -12,8 +12,6 @@ import koord
 from koord.api.verify_report import VerifyReport
 from koord.cli import verdicts
 from koord.cli.terminal import Style
-from koord.syntax import core
-from koord.syntax.load import load
 from koord.syntax.source import Source
 from koord.syntax.system import System, dealt
 from koord.verify import obstacles
@@ -29,6 +27,7 @@ from koord.verify.strategy.table import SAFETY
 from koord.verify.strategy.verification import verify
 from koord.verify.verdicts import Bounds, Outcome, Verdict
 from tests.generators.large import large
+from tests.loading import program_of
 from tests.sampling import sampled
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "specs" / "examples"
@@ -64,12 +63,6 @@ invariant Low: level * level * level < 1000000
 """
 
 CHOICES = [c for c in SAFETY if c is not Engine.ABC]
-
-
-def program_of(text: str) -> core.Program:
-    program = load(Source("open.krd", text)).program
-    assert program is not None
-    return program
 
 
 def asked(text: str, choice: Engine | None, timeout_s: float | None = None) -> tuple[Verdict, ...]:

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from textwrap import dedent
-
 import pytest
 
 from koord.syntax.analysis.premises import Premise, PremiseKind, premises, without
-from koord.syntax.load import load
-from koord.syntax.source import Source
 from koord.syntax.system import System, dealt
 from koord.verify.engine_names import Engine
 from koord.verify.proof_core import ProofCore, proof_core
 from koord.verify.strategy.verification import verify
 from koord.verify.verdicts import Bounds, Outcome
+from tests.loading import program_of
 from tests.sampling import first
 
 ROVER = """
@@ -53,9 +50,7 @@ ROVER = """
 
 
 def system(text: str = ROVER, robots: int = 2) -> System:
-    made = load(Source("rover.krd", dedent(text))).program
-    assert made is not None
-    return dealt(made, robots)
+    return dealt(program_of(text), robots)
 
 
 def found(of: System, choice: Engine | None = None) -> ProofCore:

@@ -19,10 +19,9 @@ from koord.verify.engines.explicit.property_checks import Exhausted, GoalKind
 from koord.verify.engines.explicit.search import survey
 from koord.verify.reduction.problems import identity
 from koord.verify.reduction.slicing import Slices
-from tests.agreement.test_engines import NAMES
 from tests.generators.profiles import FINITE, SYMMETRIC
 from tests.generators.staged import staged
-from tests.verify.asking import of_text
+from tests.verify.asking import name_of, of_text
 
 FAMILIES: dict[str, Callable[[Random], System]] = {
     "finite": partial(system, profile=FINITE),
@@ -237,7 +236,7 @@ def firsts(of: System) -> tuple[dict[str, int], bool] | None:
         return None
     if isinstance(found.end, NotFinite):
         return None
-    broken = {NAMES[v.claim.subject].format(v.claim.name): v.rounds for v in found.violated}
+    broken = {name_of(v.claim): v.rounds for v in found.violated}
     return broken, isinstance(found.end, Exhausted)
 
 

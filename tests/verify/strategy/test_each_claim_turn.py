@@ -6,13 +6,10 @@ import os
 import signal
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from textwrap import dedent
 
 import pytest
 from msgspec.structs import replace
 
-from koord.syntax.load import load
-from koord.syntax.source import Source
 from koord.syntax.system import System, dealt
 from koord.verify import each_claim, processes
 from koord.verify.claims import Claim, claims_of
@@ -28,6 +25,7 @@ from koord.verify.strategy.each_claim_turn import EachClaimTurn
 from koord.verify.strategy.table import AnyTurn
 from koord.verify.strategy.verification import verify
 from koord.verify.verdicts import Bounds, Outcome, Report, Verdict
+from tests.loading import program_of
 from tests.sampling import first
 
 pytestmark = pytest.mark.skipif(not can_fork(), reason="one process only")
@@ -60,9 +58,7 @@ eventually Half: sum >= 3
 
 @pytest.fixture
 def system() -> System:
-    program = load(Source("singly.krd", dedent(TEXT))).program
-    assert program is not None
-    return dealt(program, 2)
+    return dealt(program_of(TEXT), 2)
 
 
 def timeless(report: Report) -> Report:

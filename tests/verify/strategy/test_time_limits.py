@@ -6,14 +6,11 @@ import multiprocessing
 import signal
 import time
 from collections.abc import Callable
-from textwrap import dedent
 from typing import Any
 
 import pytest
 from msgspec.structs import replace
 
-from koord.syntax.load import load
-from koord.syntax.source import Source
 from koord.syntax.system import System, dealt
 from koord.verify import processes
 from koord.verify.claims import claims_of, liveness_of
@@ -24,6 +21,7 @@ from koord.verify.strategy.resumption import StrategyStep
 from koord.verify.strategy.time_limits import verify_apart
 from koord.verify.strategy.verification import verify
 from koord.verify.verdicts import Bounds, Outcome, Report, Verdict
+from tests.loading import program_of
 
 #: More than anything here takes, on any machine.
 AMPLE = Bounds(rounds=6, claim_s=600.0)
@@ -53,9 +51,7 @@ eventually Done: forall i: steps@i == 3
 
 @pytest.fixture
 def system() -> System:
-    program = load(Source("apart.krd", dedent(TEXT))).program
-    assert program is not None
-    return dealt(program, 2)
+    return dealt(program_of(TEXT), 2)
 
 
 def nothing(system: System) -> Report:

@@ -7,22 +7,15 @@ from msgspec.structs import replace
 
 from koord.sampling import sampled_inputs
 from koord.syntax import core
-from koord.syntax.load import load
-from koord.syntax.source import Source
 from koord.verify.claims import claims_of
 from koord.verify.engine_names import Engine
 from koord.verify.promises import unkept
 from koord.verify.verdicts import Outcome
 from koord.verify.witness import replayed
+from tests.loading import program_of
 from tests.verify.asking import Answers, ask, bounded, system_of
 
 HOLDS, VIOLATED, UNKNOWN = Outcome.HOLDS, Outcome.VIOLATED, Outcome.UNKNOWN
-
-
-def loaded(text: str) -> core.Program:
-    found = load(Source("some.krd", text))
-    assert found.program is not None, found.diagnostics
-    return found.program
 
 
 def once(declared: str, variables: str, effect: str, *invariants: str) -> core.Program:
@@ -30,7 +23,7 @@ def once(declared: str, variables: str, effect: str, *invariants: str) -> core.P
     lines = [declared, "local:", *(f"    {v}" for v in variables.split("; "))]
     lines += ["    bool done = false", "Go:", "    pre: not done", "    eff:"]
     lines += [f"        {s}" for s in effect.split("; ")] + ["        done = true"]
-    return loaded("\n".join([*lines, *(f"invariant {i}" for i in invariants)]) + "\n")
+    return program_of("\n".join([*lines, *(f"invariant {i}" for i in invariants)]) + "\n")
 
 
 def outcomes(answers: Answers) -> dict[str, Outcome]:

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import pytest
 
-from koord.syntax.load import load
-from koord.syntax.source import Source
 from koord.syntax.system import System, dealt
 from koord.verify.effort import Deadline
 from koord.verify.ledger import Ledger
@@ -13,6 +11,7 @@ from koord.verify.strategy.verification import verify
 from koord.verify.vacuity import analysis
 from koord.verify.vacuity.analysis import words
 from koord.verify.verdicts import Bounds, Emptiness, Outcome, Report
+from tests.loading import program_of
 
 TEXT = """
 local:
@@ -30,9 +29,7 @@ invariant Small: forall i: n@i <= 3
 
 @pytest.fixture
 def system() -> System:
-    program = load(Source("unlooked.krd", TEXT)).program
-    assert program is not None
-    return dealt(program, 2)
+    return dealt(program_of(TEXT), 2)
 
 
 def named(report: Report) -> list[str]:

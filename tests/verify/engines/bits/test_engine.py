@@ -7,9 +7,6 @@ from functools import lru_cache
 
 import pytest
 
-from koord.syntax.elaboration.settings import Settings
-from koord.syntax.load import load
-from koord.syntax.source import Source
 from koord.syntax.system import System, dealt
 from koord.verify.effort import Deadline
 from koord.verify.engine_names import Engine
@@ -20,14 +17,13 @@ from koord.verify.engines.bits.unrolling import holds_always
 from koord.verify.ledger import Ledger
 from koord.verify.strategy.verification import verify
 from koord.verify.verdicts import Bounds, Outcome, Report, Verdict
+from tests.loading import program_of
 from tests.sampling import first
 from tests.verify.engines.bits.asking import on_bits
 
 
 def of_text(text: str, robots: int = 2, **params: int) -> System:
-    loaded = load(Source("test.krd", text), Settings(params))
-    assert loaded.program is not None, [str(d.message) for d in loaded.diagnostics]
-    return dealt(loaded.program, robots, Fraction(1, 10))
+    return dealt(program_of(text, **params), robots, Fraction(1, 10))
 
 
 def of_file(name: str, robots: int, **params: int) -> System:

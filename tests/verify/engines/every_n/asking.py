@@ -4,9 +4,6 @@ from __future__ import annotations
 
 from fractions import Fraction
 
-from koord.syntax import core
-from koord.syntax.load import load
-from koord.syntax.source import Source
 from koord.syntax.system import System, dealt
 from koord.verify.claims import claims_of
 from koord.verify.effort import Deadline, Effort
@@ -16,21 +13,15 @@ from koord.verify.engines.explicit.limits import Limits
 from koord.verify.engines.explicit.property_checks import GoalKind
 from koord.verify.engines.explicit.search import survey
 from koord.verify.reduction.abstraction import abstracted
+from tests.loading import program_of
 
 #: The length of rounds where a text states none.
 DELTA = Fraction(1)
 
 
-def core_of(text: str) -> core.Program:
-    """The core program of a text without mistakes."""
-    loaded = load(Source("test.krd", text))
-    assert loaded.program is not None, loaded.diagnostics
-    return loaded.program
-
-
 def system_of(text: str, robots: int = 2) -> System:
     """A system of that many robots, with what merely flows made opaque."""
-    program = core_of(text)
+    program = program_of(text)
     abstraction = abstracted(program)
     delta_s = program.instance.delta_s or DELTA
     return dealt(program if abstraction is None else abstraction.program, robots, delta_s)
@@ -38,7 +29,7 @@ def system_of(text: str, robots: int = 2) -> System:
 
 def asked(text: str, thrift: Thrift = SPARING) -> Proof:
     """What is proved of a program, and why the rest is not."""
-    system = system_of(text, max(2, len(core_of(text).agents)))
+    system = system_of(text, max(2, len(program_of(text).agents)))
     effort = Effort.of_seconds(thrift.seconds)
     return prove(system, claims_of(system), Deadline(), effort, thrift)
 

@@ -19,10 +19,10 @@ from koord.verify.engines.every_n.proving import SPARING, prove
 from koord.verify.engines.explicit.finiteness import NotFinite
 from koord.verify.engines.explicit.limits import Limits
 from koord.verify.engines.explicit.property_checks import Exhausted, GoalKind
-from koord.verify.engines.explicit.property_checks import SearchGoal as Searched
 from koord.verify.engines.explicit.search import survey
 from tests.generators.profiles import FINITE
 from tests.sampling import sampled
+from tests.verify.asking import name_of
 
 ROBOTS = (1, 2, 3, 4)
 
@@ -45,19 +45,7 @@ def broken(made: System, robots: int) -> tuple[set[str], bool] | None:
         return None
     if isinstance(found.end, NotFinite):
         return None
-    return {_name(v.claim) for v in found.violated}, isinstance(found.end, Exhausted)
-
-
-def _name(claim: Searched) -> str:
-    match claim.subject:
-        case GoalKind.FAULT:
-            return "no fault"
-        case GoalKind.CONTRACT:
-            return f"contract {claim.name}"
-        case GoalKind.LOST_UPDATE:
-            return f"no lost update of {claim.name}"
-        case GoalKind.PROPERTY:
-            return claim.name
+    return {name_of(v.claim) for v in found.violated}, isinstance(found.end, Exhausted)
 
 
 def agreed(first: int, last: int) -> Counter[str]:

@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from koord.verify.engines.every_n.candidates import candidates
-from tests.verify.engines.every_n.asking import core_of, inferred, proved, system_of
+from tests.loading import program_of
+from tests.verify.engines.every_n.asking import inferred, proved, system_of
 from tests.verify.engines.every_n.test_proving import LOCK
 
 EXAMPLES = Path(__file__).parents[4] / "specs" / "examples"
@@ -57,10 +58,10 @@ def test_what_does_not_hold_is_never_inferred() -> None:
 
 
 def test_candidates_are_koord() -> None:
-    program = core_of(LOCK)
+    program = program_of(LOCK)
     texts = [claim.name for claim in candidates(program)]
     given = "".join(f"invariant C{k}: {text}\n" for k, text in enumerate(texts))
-    again = core_of(LOCK + given).properties[2:]
+    again = program_of(LOCK + given).properties[2:]
     assert len(again) == len(texts) > 5
     likely = candidates(system_of(LOCK).program)
     for stated, claim in zip(again, likely, strict=True):

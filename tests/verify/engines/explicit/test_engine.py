@@ -5,8 +5,6 @@ from __future__ import annotations
 import pytest
 
 from koord.semantics.recordings import Recording
-from koord.syntax.load import load
-from koord.syntax.source import Source
 from koord.syntax.system import System, dealt
 from koord.verify.claims import Claim, ClaimPhase, claims_of
 from koord.verify.effort import Deadline
@@ -18,6 +16,7 @@ from koord.verify.engines.explicit.search import survey
 from koord.verify.strategy.verification import verify
 from koord.verify.verdicts import Bounds, Counterexample, Outcome
 from koord.verify.witness import replayed
+from tests.loading import program_of
 from tests.verify.asking import of_text
 
 COUNTS = """
@@ -38,9 +37,7 @@ using Heater:
 
 
 def system_of(text: str) -> System:
-    program = load(Source("small.krd", text)).program
-    assert program is not None
-    return dealt(program, 2)
+    return dealt(program_of(text), 2)
 
 
 def counterexample(text: str) -> Counterexample:

@@ -6,15 +6,12 @@ from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 from random import Random
-from textwrap import dedent
 
 import pytest
 
 from koord.refinement.generating.programs import system
 from koord.semantics.every_number import NotFiniteError
 from koord.syntax import core
-from koord.syntax.load import load
-from koord.syntax.source import Source
 from koord.syntax.system import System, dealt
 from koord.verify.claims import Claim, claims_of
 from koord.verify.effort import Deadline
@@ -23,6 +20,7 @@ from koord.verify.engines.induction.proving import Inductive, prove, representat
 from koord.verify.reduction.abstraction import abstracted
 from koord.verify.verdicts import Outcome
 from tests.generators.profiles import FINITE
+from tests.loading import example_program, program_of
 from tests.sampling import first, sampled
 from tests.verify.asking import ask
 
@@ -30,10 +28,7 @@ EXAMPLES = Path(__file__).parents[4] / "specs" / "examples"
 
 
 def example(name: str, robots: int) -> System:
-    path = EXAMPLES / f"{name}.krd"
-    made = load(Source(path.name, path.read_text("utf-8"))).program
-    assert made is not None
-    return dealt(made, robots)
+    return dealt(example_program(name), robots)
 
 
 def named(found: System, name: str) -> Claim:
@@ -130,8 +125,7 @@ def test_opaque_values_to_start_with_are_no_obstacle() -> None:
     invariant Home: forall i: mine@i == home
     invariant Few: visits < 2
     """
-    program = load(Source("home.krd", dedent(text))).program
-    assert program is not None
+    program = program_of(text)
     abstraction = abstracted(program)
     assert abstraction is not None
     found = dealt(abstraction.program, 3)

@@ -1,0 +1,31 @@
+"""Texts of programs, and examples, as core programs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from textwrap import dedent
+
+from koord.syntax import core
+from koord.syntax.elaboration.settings import ParamValue, Settings
+from koord.syntax.load import load
+from koord.syntax.source import Source
+
+EXAMPLES = Path(__file__).parents[1] / "specs" / "examples"
+
+
+def program_of(text: str, **params: ParamValue) -> core.Program:
+    """The core program of a text without mistakes, which may stand farther to the right."""
+    return _loaded(Source("test.krd", dedent(text)), params)
+
+
+def example_program(name: str) -> core.Program:
+    """The core program of an example, by its path below ``specs/examples`` without its ending."""
+    path = EXAMPLES / f"{name}.krd"
+    return _loaded(Source(path.name, path.read_text("utf-8")), {})
+
+
+def _loaded(source: Source, params: Mapping[str, ParamValue]) -> core.Program:
+    loaded = load(source, Settings(params))
+    assert loaded.program is not None, [str(d.message) for d in loaded.diagnostics]
+    return loaded.program
