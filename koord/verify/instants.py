@@ -29,8 +29,9 @@ from koord.syntax.walk import last_site, statements, written
 from koord.verify.claims import Claim, ClaimKind
 from koord.verify.effort import Deadline, Effort
 from koord.verify.encoding.solver import SolverAnswer as Solved
-from koord.verify.encoding.symbols import Symbolic, SymbolicInputs, SymbolicOracle
+from koord.verify.encoding.symbols import SymbolicInputs, SymbolicOracle
 from koord.verify.encoding.terms import Term
+from koord.verify.encoding.unknowns import Symbolic
 from koord.verify.encoding.unrolling import Unrolling
 from koord.verify.engine_names import Engine
 from koord.verify.failures import SHADOWS, Failure, failure_of

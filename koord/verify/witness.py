@@ -40,8 +40,9 @@ from koord.traces.rendering import show_value
 from koord.verify.claims import Claim, ClaimKind, ClaimPhase, StepFindings, broken
 from koord.verify.encoding import moments
 from koord.verify.encoding import solver as solving
-from koord.verify.encoding.symbols import Symbolic, SymbolicAnswer, SymbolicInputs
+from koord.verify.encoding.symbols import SymbolicAnswer, SymbolicInputs
 from koord.verify.encoding.terms import Term
+from koord.verify.encoding.unknowns import Symbolic
 from koord.verify.promises import unkept
 from koord.verify.verdicts import Counterexample
 

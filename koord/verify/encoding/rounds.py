@@ -49,8 +49,9 @@ from koord.verify.encoding.moments import (
     turn_taken,
 )
 from koord.verify.encoding.races import Before, racy_variables
-from koord.verify.encoding.symbols import SymbolicInputs, Unknowns
+from koord.verify.encoding.symbols import SymbolicInputs
 from koord.verify.encoding.terms import Term, Terms
+from koord.verify.encoding.unknowns import Unknowns
 
 
 class Arbitrary:

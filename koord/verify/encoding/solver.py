@@ -12,8 +12,8 @@ from msgspec import Struct
 from koord.semantics.domain import Constant
 from koord.syntax.types import BoolType, OpaqueType, StreamType, StringType, Type
 from koord.verify.effort import PER_SECOND, Deadline, Effort
-from koord.verify.encoding.symbols import Unknowns
 from koord.verify.encoding.terms import Term, Terms
+from koord.verify.encoding.unknowns import Unknowns
 
 #: Why Z3 stops on Ctrl-C. It says "canceled" of some deadlines too.
 _INTERRUPTED = frozenset({"interrupted from keyboard", "interrupted", "canceled"})

@@ -20,9 +20,8 @@ from koord.syntax import core
 from koord.syntax.core import Home
 from koord.syntax.system import System
 from koord.syntax.types import ArrayType, Type
-from koord.verify.encoding.externals import scalars
 from koord.verify.encoding.terms import Term
-from koord.verify.encoding.unknowns import LIST_CAPACITY, Symbolic, Unknowns
+from koord.verify.encoding.unknowns import Symbolic, Unknowns
 
 
 class SymbolicAnswer(Struct, frozen=True):
@@ -145,13 +144,3 @@ class SymbolicInputs(Struct):
 
     def oracle(self, phase: Phase, robot: int) -> Oracle[Term]:
         return SymbolicOracle(self, phase, robot)
-
-
-__all__ = [
-    "LIST_CAPACITY",
-    "Symbolic",
-    "SymbolicAnswer",
-    "SymbolicInputs",
-    "Unknowns",
-    "scalars",
-]

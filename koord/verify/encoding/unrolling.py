@@ -12,8 +12,8 @@ from koord.verify.claims import Claim, ClaimKind, broken
 from koord.verify.encoding.moments import SymbolicConfiguration, SymbolicInit, SymbolicRound
 from koord.verify.encoding.rounds import Encoder
 from koord.verify.encoding.solver import Solver
-from koord.verify.encoding.symbols import Unknowns
 from koord.verify.encoding.terms import Term, Terms
+from koord.verify.encoding.unknowns import Unknowns
 
 
 class Unrolling:

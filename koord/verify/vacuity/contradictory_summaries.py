@@ -22,8 +22,9 @@ from koord.syntax.walk import reached
 from koord.traces.rendering import show_value
 from koord.verify.effort import Deadline, Effort
 from koord.verify.encoding.solver import Solver, SolverAnswer
-from koord.verify.encoding.symbols import Symbolic, SymbolicInputs, Unknowns
+from koord.verify.encoding.symbols import SymbolicInputs
 from koord.verify.encoding.terms import Term, Terms
+from koord.verify.encoding.unknowns import Symbolic, Unknowns
 
 #: What it may cost to look for arguments of a function that have no answer: they are found at once,
 #: or a solver tries values for long.

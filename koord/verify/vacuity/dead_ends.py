@@ -23,8 +23,9 @@ from koord.syntax.types import is_flat
 from koord.syntax.walk import reached
 from koord.verify.effort import Deadline, Effort
 from koord.verify.encoding.solver import Solver, SolverAnswer
-from koord.verify.encoding.symbols import Symbolic, SymbolicInputs, Unknowns
+from koord.verify.encoding.symbols import SymbolicInputs
 from koord.verify.encoding.terms import Term, Terms
+from koord.verify.encoding.unknowns import Symbolic, Unknowns
 from koord.verify.vacuity.reachability import runs_of
 from koord.verify.verdicts import Emptiness, Vacuity
 

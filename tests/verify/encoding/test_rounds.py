@@ -16,8 +16,8 @@ from koord.syntax import core
 from koord.syntax.system import System, dealt
 from koord.syntax.types import BOOL, FLOAT, INT, ArrayType, ListType, MapType, QueueType, RecordType
 from koord.verify.encoding.rounds import Encoder
-from koord.verify.encoding.symbols import Unknowns
 from koord.verify.encoding.terms import Terms
+from koord.verify.encoding.unknowns import Unknowns
 from koord.verify.encoding.unrolling import Unrolling
 from tests.semantics import programs
 from tests.semantics.building import (

@@ -16,8 +16,8 @@ from koord.syntax.core import BinaryOp, UnaryOp
 from koord.syntax.types import BOOL, FLOAT, INT, STRING, EnumType, OpaqueType, Type
 from koord.verify.effort import Deadline, Effort
 from koord.verify.encoding.solver import LONGEST_S, LONGEST_UNLIMITED_S, Solver, SolverAnswer, cases
-from koord.verify.encoding.symbols import Unknowns
 from koord.verify.encoding.terms import Term, Terms
+from koord.verify.encoding.unknowns import Unknowns
 
 NEVER = Deadline()
 

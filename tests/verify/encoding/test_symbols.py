@@ -27,8 +27,9 @@ from koord.syntax.types import (
 )
 from koord.verify.effort import Deadline
 from koord.verify.encoding.solver import Solver, SolverAnswer
-from koord.verify.encoding.symbols import LIST_CAPACITY, Symbolic, SymbolicInputs, Unknowns
+from koord.verify.encoding.symbols import SymbolicInputs
 from koord.verify.encoding.terms import Term, Terms
+from koord.verify.encoding.unknowns import LIST_CAPACITY, Symbolic, Unknowns
 from tests.semantics.building import TRUE, Build, I, bound, forall, lst
 from tests.verify.asking import bounded
 

@@ -299,6 +299,3 @@ class BitUnknowns(Unknowns):
         if loose or first.scale or last.scale:
             return low if low == high else self.bits.fresh("choose", type_)
         return self.bits.between("choose", first.low, last.high)
-
-
-__all__ = ["BitUnknowns", "Bits", "Number"]

@@ -23,7 +23,6 @@ from koord.verify.encoding.unrolling import assumed, violations
 from koord.verify.engines.bits import numbers
 from koord.verify.engines.bits.axioms import Axioms
 from koord.verify.engines.bits.cells import (
-    FINEST,
     BitUnknowns,
     Fixed,
     Joining,
@@ -186,7 +185,7 @@ class _Builder(Struct):
         g = self.d.graph
         said = p.first.constraints + p.opened + p.second.constraints
         said += p.taken.end.constraints
-        found = self.d.learned(g.all_of(literal(cast(Bits, x)) for x in said))
+        found = self.d.learned(g.all_of(_literals(said)))
         new = {
             name: bounds
             for name, bounds in found.items()
@@ -224,15 +223,15 @@ class _Builder(Struct):
         tokens = _tokens(self.made, initially[1], after[1])
         axioms = Axioms(self.system, d)
         relations = _relations(d, axioms, tokens)
-        opens = [literal(cast(Bits, x)) for x in (*p.first.constraints, *p.opened, *needed_first)]
+        opens = _literals((*p.first.constraints, *p.opened, *needed_first))
         opens += [*p.required, *d.required, *axioms.of(0)]
         fault = literal(cast(Bits, p.opening.moment.findings.fault))
-        base = [literal(cast(Bits, x)) for x in (*p.second.constraints, *needed)]
+        base = _literals((*p.second.constraints, *needed))
         base += [*required, *axioms.of(1)]
         base += [x for leaf, value in self.made.values() for x in _in_range(d, leaf, value)]
-        program = [literal(cast(Bits, x)) for x in p.taken.middle.constraints]
-        whole = program + [literal(cast(Bits, x)) for x in p.taken.urgency]
-        ended = whole + [literal(cast(Bits, x)) for x in p.taken.end.constraints]
+        program = _literals(p.taken.middle.constraints)
+        whole = program + _literals(p.taken.urgency)
+        ended = whole + _literals(p.taken.end.constraints)
         sound = literal(cast(Bits, p.taken.middle.findings.fault)) ^ 1
         sound_end = literal(cast(Bits, p.taken.end.findings.fault)) ^ 1
         needs = {
@@ -289,6 +288,11 @@ class _Parts(Struct, frozen=True):
     start: Configuration[Bits]
     second: BitUnknowns
     taken: SymbolicRound
+
+
+def _literals(values: Iterable[object]) -> list[int]:
+    """The literals of some Booleans."""
+    return [literal(cast(Bits, x)) for x in values]
 
 
 def _unheeded(length: object, room: int) -> None:
@@ -465,6 +469,3 @@ def _becomes(
     if isinstance(argument, Known) or argument not in tokens:
         return OpaqueChoice("", ((argument, TRUE),))
     return tokens[argument][part]
-
-
-__all__ = ["FINEST", "Circuit", "Iterable", "Latch", "circuit_of"]

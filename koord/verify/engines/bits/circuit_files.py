@@ -254,6 +254,3 @@ def _symbol(name: str, literal: int) -> str:
 
 def _all(terms: Iterable[str]) -> str:
     return f"(and true {' '.join(terms)})"
-
-
-__all__ = ["Format", "TransitionSystem", "exported", "machine_asking", "machine_of"]

@@ -102,6 +102,3 @@ def _closed(g: Graph, latches: dict[int, Latch], roots: list[int], known: set[in
 
 def _inputs(g: Graph, literals: Iterable[int]) -> set[int]:
     return {node for node in g.cone(literals) if g.is_input(node)}
-
-
-__all__ = ["everything", "narrowed", "related"]

@@ -60,7 +60,7 @@ class BitsEngine(Struct, frozen=True):
             try:
                 circuit = circuit_of(ledger.system, claims, level)
             except NotFiniteError as error:
-                _leave(ledger, claims, None, f"bits: {error}", started)
+                leave(ledger, claims, None, f"bits: {error}", started)
                 return
             run = _Run(ledger, circuit, started, self.engine, task.questions)
             run.work()
@@ -82,7 +82,7 @@ def _has_floats(ledger: Ledger) -> bool:
     )
 
 
-def _leave(
+def leave(
     ledger: Ledger,
     claims: Sequence[Claim],
     rounds: int | None,
@@ -90,6 +90,7 @@ def _leave(
     started: float,
     obstacle: Obstacle | None = None,
 ) -> None:
+    """Record how far claims were checked, and why they are open."""
     seconds = time.monotonic() - started
     if reason and obstacle is None:
         obstacle = gave_up(Engine.BITS, ledger.deadline)
@@ -154,13 +155,13 @@ class _Run:
             reason, obstacle = "timeout", None
         elif self.completed is None or self.completed < ledger.bounds.rounds:
             reason = "bits: too much to be proved" if self.sparing else "timeout"
-        _leave(ledger, self.open(), through, reason, self.started, obstacle)
+        leave(ledger, self.open(), through, reason, self.started, obstacle)
         for claim, why in self.astray.items():
             if claim not in ledger.verdicts:
                 names = tuple(loose_variables(self.circuit))
                 astray = Values(self.engine, names) if names else Unreplayed(self.engine)
                 reason = f"bits: {why}{self._open_values()}"
-                _leave(ledger, [claim], None, reason, self.started, astray)
+                leave(ledger, [claim], None, reason, self.started, astray)
 
     def _open_values(self) -> str:
         names = loose_variables(self.circuit)

@@ -10,7 +10,7 @@ from msgspec import Struct, field
 from koord.semantics.domain import Constant
 from koord.semantics.recordings import Recording
 from koord.syntax.system import System
-from koord.syntax.types import FloatType, OpaqueType, StreamType, StringType, Type
+from koord.syntax.types import OpaqueType, StreamType, StringType, Type
 from koord.verify.claims import ClaimPhase
 from koord.verify.engines.bits.cells import as_constant
 from koord.verify.engines.bits.circuit import Circuit
@@ -184,6 +184,3 @@ def _tell(step: Assignment, number: int, told: Callable[[RelationValue], None]) 
 
 def _reader(step: Assignment, system: System) -> ModelReader:
     return ModelReader(cast(Any, step), system)
-
-
-__all__ = ["Assignment", "FloatType", "ValueNames", "recording"]

@@ -15,8 +15,8 @@ from msgspec import Struct, field
 
 from koord.verify.effort import Deadline
 from koord.verify.engines.bits.circuit import Latch
-from koord.verify.engines.bits.clauses import BOTH_SIDES, QUICK, TRUE_SIDE, Clauses, NoAnswerError
-from koord.verify.engines.bits.graph import FALSE, Graph
+from koord.verify.engines.bits.clauses import QUICK, TRUE_SIDE, Clauses, NoAnswerError
+from koord.verify.engines.bits.graph import Graph
 
 #: Literals of a cube are numbers of latches from 1 on, negative where the latch is false.
 Cube = tuple[int, ...]
@@ -475,6 +475,3 @@ def reduced(
         found |= {latch.literal >> 1: latch for latch in new}
         pending = [latch.next for latch in new]
     return tuple(latch for latch in latches if latch.literal >> 1 in found)
-
-
-__all__ = ["BOTH_SIDES", "FALSE", "ClauseInvariant", "Cube", "Ic3Run", "Reached", "SafetyQuery"]

@@ -24,7 +24,7 @@ from koord.verify.engine_names import Engine
 from koord.verify.engines.bits import ic3
 from koord.verify.engines.bits.circuit import LEVELS
 from koord.verify.engines.bits.clauses import QUICK, Clauses, NoAnswerError
-from koord.verify.engines.bits.engine import loose_variables
+from koord.verify.engines.bits.engine import leave, loose_variables
 from koord.verify.engines.bits.lasso_unrolling import Loops
 from koord.verify.engines.bits.liveness_to_safety import (
     NOTHING,
@@ -38,7 +38,7 @@ from koord.verify.engines.bits.liveness_to_safety import (
 from koord.verify.engines.bits.robot_permutations import images, speaking_last
 from koord.verify.engines.bits.unrolling import holds_always
 from koord.verify.engines.engine import Task, Tools, Worker
-from koord.verify.ledger import Ledger, Reach
+from koord.verify.ledger import Ledger
 from koord.verify.obstacles import Beyond, Lengths, Obstacle, Unreplayed, Values, gave_up
 from koord.verify.processes import Pool
 from koord.verify.verdicts import Outcome, Vacuity, Verdict, no_fair_run
@@ -93,14 +93,15 @@ class BitsLivenessEngine(Struct, frozen=True):
         started = time.monotonic()
         open_ = [claim for claim in ledger.open() if _leaves_open(ledger.system, claim)]
         asks_ = "a statement asks what an external function gives"
-        _leave(ledger, open_, asks_, started, Beyond(Engine.BITS, asks_))
+        leave(ledger, open_, None, f"bits: {asks_}", started, Beyond(Engine.BITS, asks_))
         claims = [claim for claim in ledger.open() if claim not in open_]
         stated = [claim.stated for claim in claims if claim.stated is not None]
         for level in range(len(LEVELS)):
             try:
                 watching = Watching.of(ledger.system, stated, task.lemmas, level)
             except NotFiniteError as error:
-                _leave(ledger, claims, str(error), started, Beyond(Engine.BITS, str(error)))
+                why = str(error)
+                leave(ledger, claims, None, f"bits: {why}", started, Beyond(Engine.BITS, why))
                 return
             work = partial(_work, task, watching, started)
             left = [claim for claim in claims if claim not in ledger.verdicts]
@@ -144,14 +145,6 @@ def _leaves_open(system: System, claim: Claim) -> bool:
     parts = [claim.stated, *system.program.expectations]
     sides = [side for p in parts for side in (p.condition, p.trigger) if side is not None]
     return any(asks(system.program, side) for side in sides)
-
-
-def _leave(
-    ledger: Ledger, claims: Sequence[Claim], reason: str, started: float, obstacle: Obstacle
-) -> None:
-    seconds = time.monotonic() - started
-    reach = Reach(Engine.BITS, None, f"bits: {reason}", seconds, obstacle=obstacle)
-    ledger.leave(claims, reach)
 
 
 class _Run(Struct):
@@ -203,7 +196,7 @@ class _Run(Struct):
             reason += f"; infinitely many values: {', '.join(loose)}"
             if not limits and not self.only_of_slice:
                 obstacle = Values(Engine.BITS, tuple(loose))
-        _leave(self.ledger, [self.claim], reason, self.started, obstacle)
+        leave(self.ledger, [self.claim], None, f"bits: {reason}", self.started, obstacle)
 
     def is_impossible(self) -> bool:
         """Return whether a quick proof shows that no run is fair at all."""

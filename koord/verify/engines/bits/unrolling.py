@@ -6,12 +6,11 @@ from collections.abc import Sequence
 
 from msgspec import Struct, field
 
-from koord.verify.claims import Claim, ClaimPhase
 from koord.verify.effort import Deadline
 from koord.verify.encoding.solver import SolverAnswer
 from koord.verify.engines.bits.circuit import Circuit
 from koord.verify.engines.bits.clauses import OTHER, TRUE_SIDE, Clauses
-from koord.verify.engines.bits.graph import FALSE, TRUE, Graph
+from koord.verify.engines.bits.graph import FALSE, Graph
 from koord.verify.engines.bits.ic3 import Cube, SafetyQuery
 
 
@@ -89,11 +88,11 @@ class Unrolled:
             self.clauses.require(before.of(circuit.steps))
             self.clauses.require(before.of(circuit.lost) ^ 1)
             for latch in circuit.latches:
-                copy.meaning[latch.literal >> 1] = _signed(before.of(latch.next), latch.literal)
+                copy.meaning[latch.literal >> 1] = before.of(latch.next)
         else:
             self.clauses.require(before.of(circuit.opens))
             for latch in circuit.latches:
-                copy.meaning[latch.literal >> 1] = _signed(before.of(latch.init), latch.literal)
+                copy.meaning[latch.literal >> 1] = before.of(latch.init)
         self.rounds.append(copy)
         return copy
 
@@ -123,14 +122,6 @@ class Unrolled:
             return dict(zip(nodes, values, strict=True))
 
         return CircuitRun(read(self.opening), tuple(read(copy) for copy in self.rounds))
-
-
-def _signed(value: int, latch: int) -> int:
-    assert not latch & 1
-    return value
-
-
-__all__ = ["TRUE", "CircuitRun", "Claim", "ClaimPhase", "Copy", "Sequence", "Unrolled"]
 
 
 def holds_always(

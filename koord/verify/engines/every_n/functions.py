@@ -168,42 +168,10 @@ class RobotInputs(Struct):
         return self.unknowns.of(name, variable.type, self._arguments())
 
     def oracle(self, phase: Phase, robot: int) -> Oracle[Term]:
-        return RobotOracle(self, phase)
+        return RobotOracle(self.unknowns, self, phase)
 
     def _arguments(self) -> tuple[Term, ...]:
         return () if self.robot is None else (self.robot,)
-
-
-class RobotOracle(Struct):
-    """The oracle of one robot's turn, as functions of its number. [CHOOSE] [EXTERNAL]"""
-
-    inputs: RobotInputs
-    phase: Phase
-
-    def choose(self, key: Key, low: Term, high: Term, type_: Type) -> Term:
-        value = self._own(f"choose {self._place(key)}", type_)
-        return scalar(value)
-
-    def external(
-        self, function: core.External, key: Key, arguments: tuple[Value[Term], ...]
-    ) -> Value[Term]:
-        if function.kind is core.ExternalKind.FUNCTION:
-            return answer_of(self.inputs.unknowns, function, arguments)
-        return self._own(f"{function.name} {self._place(key)}", function.result.type)
-
-    def every(self, type_: Type, body: Callable[[Value[Term]], Term]) -> Term:
-        return every_value(self.inputs.unknowns, type_, body)
-
-    def vouches_for(self, function: core.External) -> bool:
-        return self.inputs.unknowns.vouches_for(function)
-
-    def _own(self, name: str, type_: Type) -> Value[Term]:
-        if self.phase is Phase.CHECK:
-            raise NotFiniteError(NOWHERE, "a property asks for what is left open")
-        return self.inputs.unknowns.of(name, type_, self.inputs._arguments())
-
-    def _place(self, key: Key) -> str:
-        return f"{self.inputs.label} {self.phase.value} {'.'.join(map(str, key))}"
 
 
 class TripOracle(Struct):
@@ -229,6 +197,32 @@ class TripOracle(Struct):
         return self.unknowns.vouches_for(function)
 
 
+class RobotOracle(TripOracle):
+    """The oracle of one robot's turn, as functions of its number. [CHOOSE] [EXTERNAL]"""
+
+    inputs: RobotInputs
+    phase: Phase
+
+    def choose(self, key: Key, low: Term, high: Term, type_: Type) -> Term:
+        value = self._own(f"choose {self._place(key)}", type_)
+        return scalar(value)
+
+    def external(
+        self, function: core.External, key: Key, arguments: tuple[Value[Term], ...]
+    ) -> Value[Term]:
+        if function.kind is core.ExternalKind.FUNCTION:
+            return TripOracle.external(self, function, key, arguments)
+        return self._own(f"{function.name} {self._place(key)}", function.result.type)
+
+    def _own(self, name: str, type_: Type) -> Value[Term]:
+        if self.phase is Phase.CHECK:
+            raise NotFiniteError(NOWHERE, "a property asks for what is left open")
+        return self.inputs.unknowns.of(name, type_, self.inputs._arguments())
+
+    def _place(self, key: Key) -> str:
+        return f"{self.inputs.label} {self.phase.value} {'.'.join(map(str, key))}"
+
+
 def answer_of(
     unknowns: Functions, function: core.External, arguments: tuple[Value[Term], ...]
 ) -> Value[Term]:
@@ -245,6 +239,3 @@ def every_value(unknowns: Functions, type_: Type, body: Callable[[Value[Term]], 
     """The condition that a Boolean holds of every value of a type (summaries only)."""
     with unknowns.terms.depending_on(None):
         return unknowns.every((type_,), lambda values: body(values[0]))
-
-
-__all__ = ["FunctionTerms", "Functions", "RobotInputs", "TripOracle"]

@@ -8,7 +8,7 @@ afterwards, so that a proof never rests on it.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import TypeAlias
 
 from msgspec import Struct
@@ -427,90 +427,75 @@ _MOST_PARTS = 6
 # --- memories as scalars ------------------------------------------------------------------------
 
 
+#: What stands at a path in place of a scalar.
+At: TypeAlias = "Callable[[Path, Term], Term]"
+
+
 def scalars(memory: Memory[Term]) -> list[tuple[Path, Term]]:
     """All scalars of a memory that can be listed."""
     found: list[tuple[Path, Term]] = []
+
+    def note(path: Path, scalar: Term) -> Term:
+        found.append((path, scalar))
+        return scalar
+
     for name in LISTS:
         for slot, storage in enumerate(getattr(memory, name)):
             if storage is not None:
-                _of_storage((name, slot), storage, found)
+                _mapped((name, slot), storage, note)
     for name in FLAGS:
-        found.append(((name,), getattr(memory, name)))
+        note((name,), getattr(memory, name))
     if memory.result is not None:
-        _of_storage(("result",), memory.result, found)
+        _mapped(("result",), memory.result, note)
     return found
 
 
-def _of_storage(path: Path, storage: Storage[Term], found: list[tuple[Path, Term]]) -> None:
-    if isinstance(storage, Many):
-        found.append(((*path, "many"), id(storage)))
-    elif isinstance(storage, Tree):
-        for k, part in enumerate(storage.parts):
-            _of_storage((*path, k), part, found)
-    else:
-        found.append(((*path, "set"), storage.is_set))
-        _of_value((*path, "value"), storage.value, found)
-
-
-def _of_value(path: Path, value: Value[Term], found: list[tuple[Path, Term]]) -> None:
-    if isinstance(value, Family):
-        found.append(((*path, "family"), id(value)))
-    elif isinstance(value, Rec):
-        for k, part in enumerate(value.fields):
-            _of_value((*path, k), part, found)
-    elif isinstance(value, Seq):
-        found.append(((*path, "length"), value.length))
-        for k, part in enumerate(value.items):
-            _of_value((*path, k), part, found)
-    elif isinstance(value, Table):
-        found.append(((*path, "table"), id(value)))
-    else:
-        found.append((path, value))
-
-
 def with_scalars(memory: Memory[Term], new: dict[Path, Term]) -> Memory[Term]:
-    """The memory with other scalars at some paths."""
+    """A memory with other scalars at some paths."""
     made = memory.copied()
     for name in LISTS:
         storages = getattr(made, name)
         for slot, storage in enumerate(storages):
             if storage is not None and any(path[:2] == (name, slot) for path in new):
-                storages[slot] = _storage_with((name, slot), storage, new)
+                storages[slot] = _mapped((name, slot), storage, new.get)
     for name in FLAGS:
         if (name,) in new:
             setattr(made, name, new[name,])
     return made
 
 
-def _storage_with(path: Path, storage: Storage[Term], new: dict[Path, Term]) -> Storage[Term]:
+def _mapped(path: Path, storage: Storage[Term], at: At) -> Storage[Term]:
+    """Storage with something else in the place of each scalar."""
     if isinstance(storage, Many):
-        if (*path, "many") in new:
-            raise NotFiniteError(NOWHERE, "a loop over all robots changes an array over all robots")
+        _keep((*path, "many"), id(storage), at, "changes an array over all robots")
         return storage
     if isinstance(storage, Tree):
-        return Tree(
-            tuple(_storage_with((*path, k), part, new) for k, part in enumerate(storage.parts))
-        )
-    is_set = new.get((*path, "set"), storage.is_set)
-    return Cell(is_set, _value_with((*path, "value"), storage.value, new))
+        return Tree(tuple(_mapped((*path, k), part, at) for k, part in enumerate(storage.parts)))
+    is_set = at((*path, "set"), storage.is_set)
+    return Cell(is_set, _mapped_value((*path, "value"), storage.value, at))
 
 
-def _value_with(path: Path, value: Value[Term], new: dict[Path, Term]) -> Value[Term]:
-    if isinstance(value, Family):
-        if (*path, "family") in new:
-            raise NotFiniteError(NOWHERE, "a loop over all robots changes an array over all robots")
-        return value
-    if isinstance(value, Rec):
-        return Rec(tuple(_value_with((*path, k), p, new) for k, p in enumerate(value.fields)))
-    if isinstance(value, Seq):
-        if (*path, "length") in new:
-            raise NotFiniteError(NOWHERE, "a loop over all robots makes a list longer or shorter")
-        return Seq(
-            value.length,
-            tuple(_value_with((*path, k), p, new) for k, p in enumerate(value.items)),
-        )
-    if isinstance(value, Table):
-        if (*path, "table") in new:
-            raise NotFiniteError(NOWHERE, "a loop over all robots changes a map")
-        return value
-    return new.get(path, value)
+def _mapped_value(path: Path, value: Value[Term], at: At) -> Value[Term]:
+    def below(parts: Iterable[Value[Term]]) -> tuple[Value[Term], ...]:
+        return tuple(_mapped_value((*path, k), part, at) for k, part in enumerate(parts))
+
+    match value:
+        case Family():
+            _keep((*path, "family"), id(value), at, "changes an array over all robots")
+            return value
+        case Rec(fields=fields):
+            return Rec(below(fields))
+        case Seq(length=length, items=items):
+            _keep((*path, "length"), length, at, "makes a list longer or shorter")
+            return Seq(length, below(items))
+        case Table():
+            _keep((*path, "table"), id(value), at, "changes a map")
+            return value
+        case _:
+            return at(path, value)
+
+
+def _keep(path: Path, scalar: Term, at: At, what: str) -> None:
+    """Refuse to change what no loop over all robots may change."""
+    if at(path, scalar) is not scalar:
+        raise NotFiniteError(NOWHERE, f"a loop over all robots {what}")
