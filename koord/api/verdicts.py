@@ -215,8 +215,8 @@ class Verdict(Result, frozen=True):
                     each.engine.value,
                     type(each).__name__,
                     list(obstacles.names(each)),
-                    obstacles.what(each),
-                    obstacles.cure(each, self.name),
+                    each.what,
+                    each.cure(self.name),
                 )
                 for each in found.obstacles
             ],

@@ -145,7 +145,7 @@ def verified(
             Engine.NONE,
             0.0,
             reason=hidden.reason,
-            obstacles=(Unshown(hidden.reason),),
+            obstacles=(Unshown(Engine.NONE, hidden.reason),),
         )
         for claim, hidden in shadows.unsaid
         if wanted(claim.name)

@@ -5,7 +5,7 @@ Engines say which it was when they leave a claim; a verdict that is *unknown* ha
 
 from __future__ import annotations
 
-from typing import TypeAlias, assert_never
+from typing import ClassVar
 
 from msgspec import Struct
 from msgspec.structs import replace
@@ -15,113 +15,151 @@ from koord.verify.engine_names import Engine, engine_named
 from koord.verify.failures import Failure
 
 
-class TimeUp(Struct, frozen=True):
+class Obstacle(Struct, frozen=True):
+    """Something in the way of an engine: ``WHAT`` it is, and the ``CURE`` that would remove it."""
+
+    WHAT: ClassVar[str]
+    CURE: ClassVar[str]
+    engine: Engine
+
+    @property
+    def what(self) -> str:
+        """The obstacle in words, without the engine."""
+        return self.WHAT
+
+    def cure(self, claim: str) -> str:
+        """The changes that would remove the obstacle of a claim, in words."""
+        return self.CURE
+
+
+class TimeUp(Obstacle, frozen=True):
     """The obstacle that time is up."""
 
-    engine: Engine
+    WHAT = "its time is up"
+    CURE = "more time (--timeout, --property-timeout)"
+
+    def cure(self, claim: str) -> str:
+        return self.CURE + ("" if self.engine is Engine.EVERY_N else ", or fewer robots")
 
 
-class GaveUp(Struct, frozen=True):
+class GaveUp(Obstacle, frozen=True):
     """The obstacle that an engine's effort is used up."""
 
-    engine: Engine
+    WHAT = "it has done all the work that it may"
+    CURE = "invariants that help"
+
+    def cure(self, claim: str) -> str:
+        if self.engine in _ASKED_ALONE:
+            return f"{self.CURE}, fewer robots, or it alone (--engine {self.engine.value})"
+        return self.CURE + ("" if self.engine is Engine.EVERY_N else ", or fewer robots")
 
 
-class NoInvariant(Struct, frozen=True):
+class NoInvariant(GaveUp, frozen=True):
     """The obstacle that the search for an invariant (by ``who``) was stopped."""
 
-    engine: Engine
     who: str
 
+    @property
+    def what(self) -> str:
+        return f"{self.who} has done all the work that it may, and found no invariant"
 
-class NotInductive(Struct, frozen=True):
+
+class NotInductive(Obstacle, frozen=True):
     """The obstacle that a step breaks the claim from a configuration that may be unreachable."""
 
-    engine: Engine
+    WHAT = "some step breaks it, perhaps from where no run gets"
+    CURE = "invariants that help (--explain shows the step that breaks it)"
 
 
-class Values(Struct, frozen=True):
+class Values(Obstacle, frozen=True):
     """The obstacle of variables, sensors or functions with more values than an engine tracks."""
 
-    engine: Engine
+    CURE = "bounds: of what starts in any way by `assume`, of sensors by contracts"
     names: tuple[str, ...]
 
+    @property
+    def what(self) -> str:
+        return f"{', '.join(self.names)} may have more values than it can follow"
 
-class Lengths(Struct, frozen=True):
+
+class Lengths(Obstacle, frozen=True):
     """The obstacle that an engine covered short lists and maps only."""
 
-    engine: Engine
-    what: tuple[str, ...]
+    CURE = "a bound of the length: `assume len(…) <= …`"
+    limits: tuple[str, ...]
+
+    @property
+    def what(self) -> str:
+        return f"not covered: {'; '.join(self.limits)}"
 
 
-class Beyond(Struct, frozen=True):
+class Beyond(Obstacle, frozen=True):
     """The obstacle of a construct in the program that an engine does not support."""
 
-    engine: Engine
-    what: str
+    CURE = "another engine"
+    reason: str
+
+    @property
+    def what(self) -> str:
+        return self.reason
 
 
-class TooLong(Struct, frozen=True):
-    """The obstacle that exact numbers of some variables grow without bound."""
-
-    engine: Engine
-    names: tuple[str, ...]
-
-
-class Failed(Struct, frozen=True):
+class Failed(Beyond, frozen=True):
     """The obstacle that an engine failed."""
 
-    engine: Engine
-    what: str
+
+class TooLong(Obstacle, frozen=True):
+    """The obstacle that exact numbers of some variables grow without bound."""
+
+    CURE = "fewer rounds, or bounds of these numbers"
+    names: tuple[str, ...]
+
+    @property
+    def what(self) -> str:
+        of = f" in {', '.join(self.names)}" if self.names else ""
+        return f"exact numbers{of} grow beyond what can be reckoned with"
 
 
-class Interrupted(Struct, frozen=True):
+class Interrupted(Obstacle, frozen=True):
     """The obstacle that the user pressed Ctrl-C."""
 
+    WHAT = "it was interrupted"
+    CURE = "to let it go on"
     engine: Engine = Engine.NONE
 
 
-class Unshown(Struct, frozen=True):
+class Unshown(Beyond, frozen=True):
     """The obstacle that sensors are not defined between the ends of rounds."""
 
-    what: str
-    engine: Engine = Engine.NONE
+    CURE = "a model that says what is sensed at each instant, or leave --instants out"
 
 
-class Unreplayed(Struct, frozen=True):
+class Unreplayed(Obstacle, frozen=True):
     """The obstacle that a candidate violation did not replay: some values are abstracted."""
 
-    engine: Engine
+    WHAT = "what seemed to break it is no run of the program"
+    CURE = "another engine"
 
 
-class Elsewhere(Struct, frozen=True):
+class Elsewhere(Obstacle, frozen=True):
     """The obstacle that another claim is violated, so that this one gets little time."""
 
-    engine: Engine
+    WHAT = "another claim is violated, and this one takes long"
+
+    def cure(self, claim: str) -> str:
+        return f"mend the other claim, or ask of this one alone (--property {claim!r})"
 
 
-class WholeRuns(Struct, frozen=True):
+class WholeRuns(Obstacle, frozen=True):
     """The obstacle that the chosen engines do not decide liveness."""
 
+    WHAT = "of runs without end only search and bits know something, for a number of robots"
+    CURE = "leave --engine out, and give --robots a number"
     engine: Engine = Engine.NONE
 
 
-Obstacle: TypeAlias = (
-    TimeUp
-    | GaveUp
-    | NoInvariant
-    | NotInductive
-    | Values
-    | Lengths
-    | Beyond
-    | TooLong
-    | Failed
-    | Interrupted
-    | Unshown
-    | Unreplayed
-    | Elsewhere
-    | WholeRuns
-)
+#: Engines that do more where they are asked alone.
+_ASKED_ALONE = frozenset({Engine.SPACER, Engine.BITS, Engine.SEARCH})
 
 
 def gave_up(engine: Engine, deadline: Deadline) -> TimeUp | GaveUp:
@@ -142,80 +180,11 @@ def names(obstacle: Obstacle) -> tuple[str, ...]:
     return obstacle.names if isinstance(obstacle, Values | TooLong) else ()
 
 
-def what(obstacle: Obstacle) -> str:
-    """Describe an obstacle, without the engine."""
-    match obstacle:
-        case TimeUp():
-            return "its time is up"
-        case GaveUp():
-            return "it has done all the work that it may"
-        case NoInvariant(who=who):
-            return f"{who} has done all the work that it may, and found no invariant"
-        case NotInductive():
-            return "some step breaks it, perhaps from where no run gets"
-        case Values(names=found):
-            return f"{', '.join(found)} may have more values than it can follow"
-        case Lengths(what=said):
-            return f"not covered: {'; '.join(said)}"
-        case Beyond(what=said) | Failed(what=said) | Unshown(what=said):
-            return said
-        case TooLong(names=found):
-            said = f" in {', '.join(found)}" if found else ""
-            return f"exact numbers{said} grow beyond what can be reckoned with"
-        case Interrupted():
-            return "it was interrupted"
-        case Unreplayed():
-            return "what seemed to break it is no run of the program"
-        case Elsewhere():
-            return "another claim is violated, and this one takes long"
-        case WholeRuns():
-            return "of runs without end only search and bits know something, for a number of robots"
-    assert_never(obstacle)
-
-
-def cure(obstacle: Obstacle, claim: str) -> str:
-    """Describe the changes that would remove an obstacle."""
-    match obstacle:
-        case TimeUp(engine=Engine.EVERY_N):
-            return "more time (--timeout, --property-timeout)"
-        case TimeUp():
-            return "more time (--timeout, --property-timeout), or fewer robots"
-        case GaveUp(engine=engine) | NoInvariant(engine=engine) if engine in _ASKED_ALONE:
-            return f"invariants that help, fewer robots, or it alone (--engine {engine.value})"
-        case GaveUp(engine=Engine.EVERY_N):
-            return "invariants that help"
-        case GaveUp() | NoInvariant():
-            return "invariants that help, or fewer robots"
-        case NotInductive():
-            return "invariants that help (--explain shows the step that breaks it)"
-        case Values():
-            return "bounds: of what starts in any way by `assume`, of sensors by contracts"
-        case Lengths():
-            return "a bound of the length: `assume len(…) <= …`"
-        case Beyond() | Unreplayed() | Failed():
-            return "another engine"
-        case TooLong():
-            return "fewer rounds, or bounds of these numbers"
-        case Interrupted():
-            return "to let it go on"
-        case Unshown():
-            return "a model that says what is sensed at each instant, or leave --instants out"
-        case Elsewhere():
-            return f"mend the other claim, or ask of this one alone (--property {claim!r})"
-        case WholeRuns():
-            return "leave --engine out, and give --robots a number"
-    assert_never(obstacle)
-
-
-#: Engines that do more where they are asked alone.
-_ASKED_ALONE = frozenset({Engine.SPACER, Engine.BITS, Engine.SEARCH})
-
-
 def lines(obstacles: tuple[Obstacle, ...], claim: str) -> list[str]:
     """One line per obstacle, with the engines that it stops."""
     stopped: dict[tuple[str, str], list[str]] = {}
     for obstacle in obstacles:
-        engines = stopped.setdefault((what(obstacle), cure(obstacle, claim)), [])
+        engines = stopped.setdefault((obstacle.what, obstacle.cure(claim)), [])
         if obstacle.engine is not Engine.NONE and obstacle.engine.value not in engines:
             engines.append(obstacle.engine.value)
     return [

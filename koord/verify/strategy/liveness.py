@@ -15,7 +15,7 @@ from koord.verify.engine_names import Engine
 from koord.verify.engines.engine import Workers
 from koord.verify.failures import VACUITY, Failure
 from koord.verify.ledger import Extract, Ledger, Reach
-from koord.verify.obstacles import Unreplayed, WholeRuns, what
+from koord.verify.obstacles import Unreplayed, WholeRuns
 from koord.verify.processes import Pool, Progress
 from koord.verify.reduction.influence import Cone, Part
 from koord.verify.reduction.problems import abstract_problem, identity, plain_problem
@@ -65,7 +65,7 @@ def settled(
     ledger.before = {c: before.get(c.name, 0.0) for c in claims} if before else {}
     if not rows:
         ledger.in_the_way = (WholeRuns(),)
-        ledger.stopped = what(WholeRuns())
+        ledger.stopped = WholeRuns().what
     asking = _Asking(ledger, rows, proved, pool, steps)
     parts = _parts(slices, {claim: slices.cone([claim]) for claim in claims})
     with ledger.stopping():
