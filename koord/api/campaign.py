@@ -70,7 +70,7 @@ class Campaign(Result, frozen=True, kw_only=True):
 
     @property
     def ok(self) -> bool:
-        """Return whether all runs were made, and none broke a claim or got stuck."""
+        """True if all runs were made, and none broke a claim or got stuck."""
         return not self.interrupted and not any(row.is_bad or row.stuck for row in self.runs)
 
     def groups(self) -> dict[str, tuple[Row, ...]]:

@@ -71,12 +71,12 @@ class Row(Struct, frozen=True):
 
     @property
     def is_done(self) -> bool:
-        """Return whether all tasks were visited, and no fault ended the run."""
+        """True if all tasks were visited, and no fault ended the run."""
         return self.tasks_done == self.tasks and self.ending != _FAULT
 
     @property
     def is_bad(self) -> bool:
-        """Return whether a claim was broken, or a fault ended the run."""
+        """True if a claim was broken, or a fault ended the run."""
         return self.broken > 0 or self.ending == _FAULT
 
 

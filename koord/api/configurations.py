@@ -31,7 +31,7 @@ class ConfigurationReport(Result, frozen=True):
 
     @property
     def ok(self) -> bool:
-        """Return whether robots can be run with it."""
+        """True if robots can be run with it."""
         return not self.errors
 
     def to_dict(self) -> dict[str, object]:

@@ -44,19 +44,19 @@ class Deployed(Result, frozen=True, kw_only=True):
 
     @property
     def in_trouble(self) -> bool:
-        """Return whether a fault ended the run, or a robot could not go on."""
+        """True if a fault ended the run, or a robot could not go on."""
         return any(one.fault or one.trouble for one in self.statuses.values())
 
     @property
     def is_complete(self) -> bool:
-        """Return whether the rounds were done, or all robots have stopped."""
+        """True if the rounds were done, or all robots have stopped."""
         states = self.statuses.values()
         done = [one.is_over or one.all_stopped or self.rounds is None for one in states]
         return bool(done) and all(done)
 
     @property
     def ok(self) -> bool:
-        """Return whether the run was completed without trouble or interruption."""
+        """True if the run was completed without trouble or interruption."""
         return self.is_complete and not self.in_trouble and not self.interrupted
 
     def to_dict(self) -> dict[str, object]:

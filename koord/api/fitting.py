@@ -260,7 +260,7 @@ def _default(program: core.Program, robots: int | None) -> RunConfiguration:
 def _with_tasks(
     configuration: RunConfiguration, program: core.Program, *, sized: bool
 ) -> RunConfiguration:
-    """Add tasks for a program that has a list of them, if the configuration has none."""
+    """The configuration with tasks for a program's list of them, if it has none itself."""
     size, scatter = task_count(program), configuration.scatter
     if size is None or scatter.tasks or (configuration.world and configuration.world.tasks):
         return configuration
@@ -271,7 +271,7 @@ def _with_tasks(
 def _with_delta(
     configuration: RunConfiguration, program: core.Program, delta_s: Fraction | None
 ) -> RunConfiguration:
-    """Set δ: as requested, or as the configuration says, or as the program states."""
+    """The configuration with δ as requested, as it says itself, or as the program states."""
     if delta_s is not None:
         return replace(configuration, delta_s=float(delta_s))
     if configuration.delta_s is None:
@@ -282,7 +282,7 @@ def _with_delta(
 def _unlike(
     configuration: RunConfiguration, program: core.Program, kinds: Sequence[int] | None
 ) -> tuple[Diagnostic, ...]:
-    """Warn where a configuration differs from the program's instance. The configuration wins.
+    """Warnings where a configuration differs from the program's instance. It takes precedence.
 
     ``kinds`` are those of its robots, or None where it is not the configuration that says how many
     there are.

@@ -46,7 +46,7 @@ class Cancellation:
 
     @property
     def requested(self) -> bool:
-        """Return whether the calls have been cancelled."""
+        """True if the calls have been cancelled."""
         return self._requested
 
 

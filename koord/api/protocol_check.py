@@ -53,7 +53,7 @@ class ProtocolCheck(Result, frozen=True):
 
     @property
     def ok(self) -> bool:
-        """Return whether everything was checked, and every invariant held."""
+        """True if everything was checked, and every invariant held."""
         return not self.broken and not self.interrupted
 
     def to_dict(self) -> dict[str, object]:

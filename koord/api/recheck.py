@@ -40,7 +40,7 @@ class RecheckReport(Result, frozen=True):
 
     @property
     def confirmed(self) -> bool:
-        """Return whether all claims are confirmed."""
+        """True if all claims are confirmed."""
         return self.outcome is RecheckOutcome.CONFIRMED
 
     @property

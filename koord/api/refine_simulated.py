@@ -34,7 +34,7 @@ class SimulatedRuns(Result, frozen=True):
 
     @property
     def ok(self) -> bool:
-        """Return whether no run was refused."""
+        """True if no run was refused."""
         return self.refused is None
 
     def to_dict(self) -> dict[str, object]:

@@ -119,7 +119,7 @@ class Refinement(Result, frozen=True):
 
     @property
     def ok(self) -> bool:
-        """Return whether all runs were made, and none was refused."""
+        """True if all runs were made, and none was refused."""
         return self.failure is None and not self.interrupted
 
     def to_dict(self) -> dict[str, object]:

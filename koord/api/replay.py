@@ -62,7 +62,7 @@ class ReplayReport(Result, frozen=True):
 
     @property
     def legal(self) -> bool:
-        """Return whether every step is legal."""
+        """True if every step is legal."""
         return self.found.refused is None
 
     @property
@@ -72,7 +72,7 @@ class ReplayReport(Result, frozen=True):
 
     @property
     def agrees(self) -> bool:
-        """Return whether the compiled program, if compared, came to the same states."""
+        """True if the compiled program, if compared, came to the same states."""
         if self.departure is None:
             return True
         from koord.refinement.compiled_replay import Departure

@@ -68,7 +68,7 @@ class Ending(Struct, frozen=True):
 
     @property
     def broken(self) -> bool:
-        """Return whether the run ended in a fault, or in the violation of a claim."""
+        """True if the run ended in a fault, or in the violation of a claim."""
         return self.fault is not None or self.violation is not None
 
     @property
@@ -109,7 +109,7 @@ class RunReport(Result, frozen=True):
 
     @property
     def interrupted(self) -> bool:
-        """Return whether the run was cancelled."""
+        """True if the run was cancelled."""
         return self.ending.interrupted
 
     def to_dict(self) -> dict[str, object]:

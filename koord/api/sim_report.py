@@ -73,7 +73,7 @@ class Processes(Struct, frozen=True):
 
     @property
     def in_trouble(self) -> bool:
-        """Return whether a robot could not go on."""
+        """True if a robot could not go on."""
         return bool(self.died) or any(one.trouble for one in self.robots.statuses.values())
 
 
@@ -97,7 +97,7 @@ class Simulated(Result, frozen=True, kw_only=True):
 
     @property
     def ok(self) -> bool:
-        """Return whether the run was completed, and nothing was broken, refused, faulty or
+        """True if the run was completed, and nothing was broken, refused, faulty or
         stuck.
         """
         wrong = self.broken or self.fault or self.standing or self.refused

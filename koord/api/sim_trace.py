@@ -45,7 +45,7 @@ class Tracing:
 
     @property
     def is_begun(self) -> bool:
-        """Return whether INIT is over."""
+        """True if INIT is over."""
         return self._hearing is not None and self._hearing.is_begun
 
     def begun(self, decision: Decision, simulation: Simulation) -> None:

@@ -64,7 +64,7 @@ class Stepper(Struct):
 
     @property
     def is_over(self) -> bool:
-        """Return whether no step can follow: a fault, a violation, the last round, all stopped."""
+        """True if no step can follow: a fault, a violation, the last round, all stopped."""
         if self.violation is not None or self.run.configuration.fault is not None:
             return True
         begun = len(self.run.waiting) < self.run.system.robots

@@ -89,7 +89,7 @@ class Verdict(Result, frozen=True):
 
     @property
     def holds(self) -> bool:
-        """Return whether the claim is known to hold; see ``rounds``."""
+        """True if the claim is known to hold; see ``rounds``."""
         return self.outcome is Outcome.HOLDS
 
     @property

@@ -128,7 +128,7 @@ class VerifyReport(Result, frozen=True):
 
     @property
     def holds(self) -> bool:
-        """Return whether every claim holds."""
+        """True if every claim holds."""
         return self.outcome is Outcome.HOLDS
 
     @property
@@ -151,7 +151,7 @@ class VerifyReport(Result, frozen=True):
 
     @property
     def interrupted(self) -> bool:
-        """Return whether the verification was cancelled before it was complete."""
+        """True if the verification was cancelled before it was complete."""
         return self.report.interrupted
 
     @property
@@ -219,12 +219,12 @@ class VerifyReport(Result, frozen=True):
 
     @property
     def is_vacuous(self) -> bool:
-        """Return whether some vacuity is certain."""
+        """True if some vacuity is certain."""
         return self.report.is_vacuous
 
     @property
     def asks_nothing_between(self) -> bool:
-        """Return whether instants were asked about, but no claim is about them."""
+        """True if instants were asked about, but no claim is about them."""
         shadows = self.shadows
         return shadows is not None and not shadows.names and not shadows.unsaid
 

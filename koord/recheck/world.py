@@ -85,7 +85,7 @@ class Instance:
 
     @property
     def promised(self) -> bool:
-        """Return whether contracts restrict the environment."""
+        """True if contracts restrict the environment."""
         modules = [module for agent in self.program.agents for module in agent.modules]
         return any(m.contracts for m in modules if m.environment is None)
 

@@ -94,7 +94,7 @@ class Tried(Struct, frozen=True):
 
     @property
     def failed(self) -> bool:
-        """Return whether the run is not one of the semantics."""
+        """True if the run is not one of the semantics."""
         return bool(self.crash) or self.refused is not None
 
 

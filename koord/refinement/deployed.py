@@ -83,7 +83,7 @@ class Expedition(Struct, frozen=True):
 
     @property
     def is_seeded(self) -> bool:
-        """Return whether hosts answer at random: the program is generated, or needs a platform."""
+        """True if hosts answer at random: the program is generated, or needs a platform."""
         functions = [unanswered(program.EXTERNALS) for program in self.made.classes]
         return not self.sources.program.text or any(functions)
 

@@ -110,7 +110,7 @@ class TracedFleet(TracingHost):
 
     @property
     def is_begun(self) -> bool:
-        """Return whether INIT is over."""
+        """True if INIT is over."""
         return bool(self._configurations)
 
     def begun(self, decision: Decision, fleet: RoundEngine) -> None:

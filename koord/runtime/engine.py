@@ -59,7 +59,7 @@ class RoundEngine:
 
     @property
     def all_stopped(self) -> bool:
-        """Return whether all robots have stopped."""
+        """True if all robots have stopped."""
         return all(robot.status is Status.STOPPED for robot in self.robots)
 
     def begin(self, order: Sequence[int] | None = None) -> Decision:

@@ -213,7 +213,7 @@ class Peer:
         self.node.start(self._clock())
 
     def turn(self, most_s: float) -> None:
-        """Expire due timers, wait at most ``timeout_s`` for datagrams, and process them."""
+        """Expire due timers, wait at most ``most_s`` seconds for datagrams, and process them."""
         self.node.wake(self._clock())
         due = self.node.due
         wait_s = most_s if due is None else min(most_s, max(0.0, due - self._clock()))

@@ -356,7 +356,7 @@ class Robot:
 
     @property
     def had_an_event(self) -> bool:
-        """Return whether the robot ran an event into a buffer in its last program turn. [ATOMIC]"""
+        """True if the robot ran an event into a buffer in its last program turn. [ATOMIC]"""
         return bool(self._buffers)
 
     def commit(self, event: int | None, changed: Mapping[str, Any]) -> list[Written]:
@@ -392,7 +392,7 @@ class Robot:
 
     @property
     def has_model(self) -> bool:
-        """Return whether a module of the robot has a model, which may fault."""
+        """True if a module of the robot has a model, which may fault."""
         return self._modelled
 
     def ports(self) -> dict[str, Any]:

@@ -41,7 +41,7 @@ class Shared(Struct, frozen=True):
 
     @property
     def is_allread(self) -> bool:
-        """Return whether each robot writes its own entry only."""
+        """True if each robot writes its own entry only."""
         return isinstance(self.shape, PerRobot)
 
 

@@ -101,7 +101,7 @@ class Run:
 
     @property
     def begun(self) -> bool:
-        """Return whether any robot has had a turn since INIT."""
+        """True if any robot has had a turn since INIT."""
         return bool(self._rounds or self._now.moves)
 
     @property

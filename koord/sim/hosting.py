@@ -221,7 +221,7 @@ class Hosted:
 
 
 def plain_name(function: str) -> str:
-    """The name of a function in the text: later ones of several with one name are numbered."""
+    """The name of a function in the text: core programs number all but the first of one name."""
     return re.sub(r"_\d+$", "", function)
 
 

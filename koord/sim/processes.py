@@ -88,7 +88,7 @@ class SimulatedBody:
 
     @property
     def holding(self) -> bool:
-        """Return whether the robot is held in place."""
+        """True if the robot is held in place."""
         return self._holding
 
     @holding.setter

@@ -199,7 +199,7 @@ class Simulation:
 
     @property
     def goes_on(self) -> bool:
-        """Return whether the environment has its turn in the open round."""
+        """True if the environment has its turn in the open round."""
         return True
 
     def pass_time(self) -> None:

@@ -96,7 +96,7 @@ class Place(Node, frozen=True):
 
     @property
     def is_below_key(self) -> bool:
-        """Return whether the place is inside a map's entry, so that a write rewrites the entry.
+        """True if the place is inside a map's entry, so that a write rewrites the entry.
         [LOCATION]
         """
         return any(isinstance(step, KeyStep) for step in self.steps[:-1])
@@ -686,7 +686,7 @@ class Parameter(Struct, frozen=True):
 
     @property
     def is_set(self) -> bool:
-        """Return whether the value differs from the one in the text."""
+        """True if the value differs from the one in the text."""
         return self.value != self.written
 
 

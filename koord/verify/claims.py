@@ -72,7 +72,7 @@ class Claim(Struct, frozen=True):
 
     @property
     def is_state_property(self) -> bool:
-        """Return whether the claim is about single configurations, so that one may assume it."""
+        """True if the claim is about single configurations, so that one may assume it."""
         return self.kind is ClaimKind.PROPERTY
 
     def looked_at(self, phase: ClaimPhase) -> bool:

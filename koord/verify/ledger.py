@@ -183,7 +183,7 @@ class Ledger(Struct):
 
     @property
     def is_violated(self) -> bool:
-        """Return whether some claim is violated, which decides the overall outcome."""
+        """True if some claim is violated, which decides the overall outcome."""
         return any(verdict.outcome is Outcome.VIOLATED for verdict in self.verdicts.values())
 
     def is_of_all_rounds(self, names: Collection[str]) -> bool:

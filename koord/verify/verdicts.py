@@ -163,7 +163,7 @@ class Report(Struct, frozen=True):
 
     @property
     def is_vacuous(self) -> bool:
-        """Return whether some vacuity is certain."""
+        """True if some vacuity is certain."""
         return any(vacuity.certain for vacuity in self.vacuities)
 
     @property

@@ -35,7 +35,7 @@ def unanswered(functions: Mapping[str, Shape]) -> tuple[str, ...]:
 
 
 def _plain_name(name: str) -> str:
-    """The library's name of a function: of several with one name all but the first are numbered."""
+    """The name of a function in the text: core programs number all but the first of one name."""
     return re.sub(r"_\d+$", "", name)
 
 

@@ -161,7 +161,7 @@ class LocalProcesses(Struct):
 
     @property
     def is_over(self) -> bool:
-        """Return whether no process will report anything more."""
+        """True if no process will report anything more."""
         return all(end.closed for end in self.ends)
 
     def stop(self) -> None:

@@ -169,7 +169,7 @@ class Member:
 
     @property
     def all_stopped(self) -> bool:
-        """Return whether all robots have stopped."""
+        """True if all robots have stopped."""
         return all(status is Status.STOPPED for status in self.statuses)
 
     def hold(self, reason: Reason | None) -> None:

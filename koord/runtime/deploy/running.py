@@ -178,7 +178,7 @@ class Runner:
     def run(
         self, is_told_to_stop: Callable[[], bool], report: Callable[[RobotReport], None]
     ) -> RobotReport:
-        """Run until the run is over, all robots have stopped, or ``stop`` is set."""
+        """Run until the run is over, all robots have stopped, or the robot is told to stop."""
         self.peer.start()
         next_report = self._clock()
         leave_at: float | None = None

@@ -28,7 +28,7 @@ class PlannerName(Enum):
 
     @property
     def optimal(self) -> bool:
-        """Return whether the planner goes on improving a path that it has found."""
+        """True if the planner goes on improving a path that it has found."""
         return "STAR" in self.value
 
 

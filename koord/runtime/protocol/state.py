@@ -99,7 +99,7 @@ class State(msgspec.Struct, frozen=True):
 
     @property
     def is_voter(self) -> bool:
-        """Return whether the robot's acknowledgements and votes count."""
+        """True if the robot's acknowledgements and votes count."""
         return self.roster[self.pid] == self.incarnation
 
     @property

@@ -43,7 +43,7 @@ class Reads(Struct, frozen=True):
 
     @property
     def is_placed(self) -> bool:
-        """Return whether the robot's number may matter: ``pid``, or its place among all entries."""
+        """True if the robot's number may matter: ``pid``, or its place among all entries."""
         return self.pid or bool(self.arrays)
 
 

@@ -55,7 +55,7 @@ class Symmetry(Struct, frozen=True):
 
     @property
     def is_plain(self) -> bool:
-        """Return whether no value is renamed anywhere: then robots are simply put in order."""
+        """True if no value is renamed anywhere: then robots are simply put in order."""
         nested = (*self.locals, *self.ports, self.entries, self.allwrite)
         return all(part is None for parts in nested for part in parts)
 

@@ -98,7 +98,7 @@ class Elaboration(Struct):
 
     @property
     def single(self) -> bool:
-        """Return whether there is only one kind of robot."""
+        """True if there is only one kind of robot."""
         return len(self.agents) == 1
 
     def modules(self) -> Iterable[ModuleScope]:

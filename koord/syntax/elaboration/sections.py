@@ -45,7 +45,7 @@ class Sections(Struct):
 
     @property
     def is_empty(self) -> bool:
-        """Return whether there are no sections."""
+        """True if there are no sections."""
         common = self.common
         return not (
             self.kinds
@@ -67,7 +67,7 @@ class Sections(Struct):
 
     @property
     def only_properties(self) -> bool:
-        """Return whether this is a file of properties, about a program in another file."""
+        """True if this is a file of properties, about a program in another file."""
         common = self.common
         rest = (self.kinds, self.allread, self.allwrite, common.locals, common.using)
         if any(rest) or common.init or common.events:

@@ -136,7 +136,7 @@ class Signature(Struct):
 
     @property
     def external(self) -> bool:
-        """Return whether the function is known by its summary only."""
+        """True if the function is known by its summary only."""
         return isinstance(self.definition.body, ast.External)
 
 

@@ -74,12 +74,12 @@ class Mistake(Struct, frozen=True):
 
     @property
     def wants_value(self) -> bool:
-        """Return whether an expression could begin here."""
+        """True if an expression could begin here."""
         return self.expected >= _VALUE
 
     @property
     def could_end(self) -> bool:
-        """Return whether the line up to here is complete."""
+        """True if the line up to here is complete."""
         return self.expected >= _ENDS
 
 

@@ -41,7 +41,7 @@ class ErrorLog:
 
     @property
     def full(self) -> bool:
-        """Return whether the log takes no more errors."""
+        """True if the log takes no more errors."""
         return len(self.diagnostics) >= MAX_ERRORS
 
     def in_order(self) -> tuple[Diagnostic, ...]:

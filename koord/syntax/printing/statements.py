@@ -250,7 +250,7 @@ class LineWriter:
 
 
 def _loop(s: ast.ForRange | ast.ForEach | ast.Repeat) -> tuple[str, Span]:
-    """Write the head of a loop; return where it ends."""
+    """The head of a loop as text, and the place where it ends."""
     match s:
         case ast.ForRange(variable=variable, low=low, high=high):
             return f"for {variable.name} = {print_expr(low)}, {print_expr(high)}", high.span

@@ -91,7 +91,7 @@ class _Slicer(Struct, frozen=True, dict=True):
 
     @cached_property
     def _starts_matter(self) -> bool:
-        """Return whether stops in INIT matter to the cone."""
+        """True if stops in INIT matter to the cone."""
         return Matter.STATUS in self.cone or any(isinstance(part, Happens) for part in self.cone)
 
     def _has(self, variable: core.Variable, kind: int | None) -> bool:

@@ -121,7 +121,7 @@ class _Run:
 
     @property
     def strays(self) -> bool:
-        """Return whether tracking more values could decide more."""
+        """True if tracking more values could decide more."""
         circuit = self.circuit
         return circuit.lost != FALSE or any("strays" in latch.name for latch in circuit.latches)
 
