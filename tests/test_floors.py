@@ -95,7 +95,7 @@ PLAIN = (
     "koord.recheck.checking.CheckedPart",
     "koord.recheck.checking.Rechecked",
     "koord.recheck.solving.SolverAnswer",
-    "koord.recheck.claim_texts",
+    "koord.recheck.meaning",
     "koord.refinement.compiled_replay.Rerun",
     "koord.refinement.rounding.Unjudged",
     # How such data is written.

@@ -16,7 +16,7 @@ from koord.cli.files import name_of, read_program, read_written
 from koord.cli.progress import LiveLine
 from koord.cli.terminal import Paint, Style, style_of, visible
 from koord.recheck.checking import CheckedPart, Rechecked, RecheckOutcome
-from koord.recheck.claim_texts import Premise, PremiseKind, Statement
+from koord.recheck.meaning import Premise, PremiseKind, Statement
 from koord.recheck.solving import SolverAnswer
 from koord.syntax.problem import told
 from koord.syntax.source import NOWHERE

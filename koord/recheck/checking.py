@@ -13,10 +13,9 @@ from msgspec.structs import replace
 
 from koord.recheck import instances
 from koord.recheck.certificate import REWRITE, Certificate
-from koord.recheck.claim_texts import Statement
 from koord.recheck.claims import NO_START, Obligation
 from koord.recheck.every_number import EveryNumber
-from koord.recheck.initial_states import InductiveArgument, Meant, Opened, meant, opened
+from koord.recheck.meaning import InductiveArgument, Meant, Opened, Statement, meant, opened
 from koord.recheck.obligations import Discharged, Obligations, Settling
 from koord.recheck.script import Harmless, NotACommandError, harmless
 from koord.recheck.solving import (

@@ -25,8 +25,8 @@ from koord.recheck.claims import (
 from koord.recheck.claims import sound as without_fault
 from koord.recheck.every_n_rounds import Moves, ParameterisedPrefix, PrefixBuilder, stopped_together
 from koord.recheck.generic_turn import ParameterisedInit, ParameterisedTurns, PerRobot
-from koord.recheck.lost_updates import meeting, updated
 from koord.recheck.races import made
+from koord.recheck.steps import meeting, updated
 from koord.recheck.storage import Many, ParameterisedState, Robot
 from koord.recheck.terms import BOOL, INT, Term
 from koord.recheck.turns import EventTurn, Turns

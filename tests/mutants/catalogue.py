@@ -671,7 +671,7 @@ VERIFY = (
     ),
     Mutant(
         "a function lacks answers if another one can see to it",
-        "verify.vacuity.contradictory_summaries._hangs_on_others",
+        "verify.vacuity.contradictions._hangs_on_others",
         "any(isinstance(node, core.ExternalCall | core.AllValues) for node in below)",
         "not below",
         (VACUITY,),
@@ -741,7 +741,7 @@ VERIFY = (
     ),
     Mutant(
         "readings that are not found at random are none",
-        "verify.vacuity.dead_ends.dead_end",
+        "verify.vacuity.contradictions.dead_end",
         "_has_readings(system, robot, state, deadline, seed)",
         "state and False",
         (VACUITY,),

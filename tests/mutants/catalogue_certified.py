@@ -112,14 +112,14 @@ CERTIFIED = (
     # what is claimed, and what is said to be shown
     Mutant(
         "a file calls claims what it likes",
-        "recheck.claim_texts._check_name",
+        "recheck.meaning._check_name",
         "claimed.name != right",
         "not right",
         (EXAMPLES,),
     ),
     Mutant(
         "what is claimed need not follow from the invariant",
-        "recheck.initial_states._argument",
+        "recheck.meaning._argument",
         "consequences.append(replace(own[claimed.name], name=claimed.name))",
         "pass",
         (EDITS,),
@@ -133,7 +133,7 @@ CERTIFIED = (
     ),
     Mutant(
         "the subject of a claim does not count",
-        "recheck.initial_states._argument",
+        "recheck.meaning._argument",
         "claimed.subject",
         '""',
         (EDITS,),
@@ -161,7 +161,7 @@ CERTIFIED = (
     ),
     Mutant(
         "params of a certificate are left out",
-        "recheck.initial_states._elaborated",
+        "recheck.meaning._elaborated",
         "elaborate(tree, certificate.settings)",
         "elaborate(tree)",
         (SAID,),

@@ -68,14 +68,14 @@ EXPORTED = (
     # ways to break a claim
     Mutant(
         "other ways are looked for beyond the bound",
-        "verify.engines.bmc.counterexample_enumeration._others",
+        "verify.engines.bmc.engine._others",
         "moment.configuration.round >= ledger.bounds.rounds",
         "moment.configuration.round > ledger.bounds.rounds",
         (WAYS,),
     ),
     Mutant(
         "there are no more ways when enough were found",
-        "verify.engines.bmc.counterexample_enumeration.others",
+        "verify.engines.bmc.engine.others",
         "Ways(complete=False)",
         "Ways(complete=True)",
         (WAYS,),

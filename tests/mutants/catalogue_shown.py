@@ -90,7 +90,7 @@ SHOWN = (
     ),
     Mutant(
         "certificates forget that a part of an entry is written with the rest",
-        "recheck.lost_updates.updated",
+        "recheck.steps.updated",
         (
             "_keeps_the_rest(place) or any(\n"
             "    (read, place.variable) in flows or read == place.variable for read in "

@@ -99,7 +99,7 @@ EVERY_N = (
     ),
     Mutant(
         "every N: what is said of robots of a kind holds of all",
-        "verify.engines.every_n.statements.Universal.of_robots",
+        "verify.engines.every_n.all_robots.Universal.of_robots",
         "agent is not None",
         "agent is not None and not parts",
         (PROVING,),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from koord.recheck.lost_updates import updated as updated_again
+from koord.recheck.steps import updated as updated_again
 from koord.syntax import core
 from koord.syntax.analysis.footprint import rewritten
 from koord.syntax.system import System, dealt

@@ -1,11 +1,12 @@
-"""Elaboration of a program: names first, then bodies, then the whole."""
+"""Elaboration of a program: names first, then bodies, then the whole with its lock classes."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import PurePath
 
 from msgspec import Struct
+from msgspec.structs import replace
 
 from koord.syntax import ast, core
 from koord.syntax.analysis.limits import excesses
@@ -15,13 +16,12 @@ from koord.syntax.elaboration import (
     declared_types,
     functions,
     instance,
-    locks,
     modules,
     properties,
     starts,
     variables,
 )
-from koord.syntax.elaboration.body import BodyScope, Elaboration, Where
+from koord.syntax.elaboration.body import AtomicBlock, BodyScope, Elaboration, Where
 from koord.syntax.elaboration.cautions import lost_updates, never_enabled
 from koord.syntax.elaboration.coercion import fit
 from koord.syntax.elaboration.findings import Findings
@@ -34,6 +34,73 @@ from koord.syntax.elaboration.statements import block
 from koord.syntax.elaboration.symbols import AgentScope, FunctionTable, Named, VariableSymbol
 from koord.syntax.source import NOWHERE
 from koord.syntax.types import BOOL, ArrayType
+from koord.syntax.walk import with_blocks
+
+
+def lock_classes(
+    blocks: Iterable[AtomicBlock],
+) -> tuple[tuple[core.LockClass, ...], dict[int, int]]:
+    """The classes, in order of their first block, and the class of each block."""
+    ordered = sorted(blocks, key=lambda atomic: atomic.number)
+    parent = {atomic.number: atomic.number for atomic in ordered}
+
+    def root(number: int) -> int:
+        while parent[number] != number:
+            parent[number] = parent[parent[number]]
+            number = parent[number]
+        return number
+
+    writer: dict[int, int] = {}
+    for atomic in ordered:
+        for slot in atomic.writes:
+            one, other = sorted((root(writer.setdefault(slot, atomic.number)), root(atomic.number)))
+            parent[other] = one
+    roots = sorted({root(atomic.number) for atomic in ordered})
+    index = {number: position for position, number in enumerate(roots)}
+    class_of = {atomic.number: index[root(atomic.number)] for atomic in ordered}
+    names: list[dict[int, str]] = [{} for _ in roots]
+    for atomic in ordered:
+        for slot, variable in atomic.writes.items():
+            names[class_of[atomic.number]][slot] = variable.name
+    classes = tuple(
+        core.LockClass(position, tuple(known[slot] for slot in sorted(known)))
+        for position, known in enumerate(names)
+    )
+    return classes, class_of
+
+
+def classified(
+    blocks: Iterable[AtomicBlock], agents: list[core.Agent]
+) -> tuple[tuple[core.LockClass, ...], list[core.Agent]]:
+    """The lock classes, and the agents with them in place of the numbers of atomic blocks."""
+    classes, class_of = lock_classes(blocks)
+    if not classes:
+        return classes, agents
+    return classes, [
+        replace(agent, events=tuple(_event(event, class_of) for event in agent.events))
+        for agent in agents
+    ]
+
+
+def _event(event: core.Event, class_of: dict[int, int]) -> core.Event:
+    entered: set[int] = set()
+    effect = relabelled(event.effect, class_of, entered)
+    return replace(event, effect=effect, lock_classes=frozenset(entered)) if entered else event
+
+
+def relabelled(block: core.Block, class_of: dict[int, int], entered: set[int]) -> core.Block:
+    """The statements with lock classes in place of the numbers of blocks."""
+
+    def inner(block: core.Block) -> core.Block:
+        return tuple(with_blocks(relabel(s), inner) for s in block)
+
+    def relabel(s: core.Stmt) -> core.Stmt:
+        if not isinstance(s, core.Atomic):
+            return s
+        entered.add(class_of[s.lock_class])
+        return replace(s, lock_class=class_of[s.lock_class])
+
+    return inner(block)
 
 
 def name_events(session: Elaboration, scope: AgentScope, events: list[ast.Event]) -> None:
@@ -214,7 +281,7 @@ def _define(
     if not session.partial:
         cautions.unused(session, [session.shared, *(each.scope.variables for each in robots)])
     starts.check_tasks(allwrite, session.settings, session.findings)
-    classes, agents = locks.classified(session.atomic_blocks.values(), agents)
+    classes, agents = classified(session.atomic_blocks.values(), agents)
     known = assumed(assumptions, len(agents))
     made = core.Program(
         PurePath(program.span.file).stem,

@@ -16,7 +16,7 @@ from koord.verify.bounded_check import Unroller
 from koord.verify.claims import Claim, claims_of, liveness_of
 from koord.verify.effort import Deadline
 from koord.verify.engine_names import Engine
-from koord.verify.engines.bmc.counterexample_enumeration import others
+from koord.verify.engines.bmc.engine import others
 from koord.verify.engines.engine import Workers
 from koord.verify.failures import VACUITY, Failure, failure_of
 from koord.verify.ledger import Ledger, VerificationProblem, reach_of

@@ -30,8 +30,7 @@ from koord.verify.reachability_goals import (
     supposes,
 )
 from koord.verify.vacuity import unreachable
-from koord.verify.vacuity.contradictory_summaries import unanswerable
-from koord.verify.vacuity.dead_ends import dead_end
+from koord.verify.vacuity.contradictions import dead_end, unanswerable
 from koord.verify.vacuity.reachability import Unbroken, unbroken
 from koord.verify.vacuity.unreachable import unmet
 from koord.verify.verdicts import Emptiness, Outcome, Unlooked, Vacuity

@@ -18,7 +18,7 @@ from koord.verify.claims import Claim, ClaimKind, ClaimPhase, claims_of
 from koord.verify.effort import Deadline
 from koord.verify.encoding.unknowns import LIST_CAPACITY
 from koord.verify.engine_names import Engine
-from koord.verify.engines.bmc import counterexample_enumeration
+from koord.verify.engines.bmc import engine
 from koord.verify.engines.engine import Purpose, Task
 from koord.verify.engines.explicit import engine as explicit
 from koord.verify.engines.explicit.limits import FEW_STATES, HANDFUL, Limits
@@ -266,7 +266,7 @@ def test_it_is_told_whether_there_are_more_ways(
 def test_ways_that_were_not_looked_for_to_the_end_are_told(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(counterexample_enumeration, "_SECONDS", 0.0)
+    monkeypatch.setattr(engine, "_SECONDS", 0.0)
     report = verify(dealt(early_and_late(), 1), Bounds(3, violations=5), Engine.BMC)
     verdict = report.verdicts[0]
     assert verdict.counterexample is not None

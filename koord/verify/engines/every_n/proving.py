@@ -26,10 +26,9 @@ from koord.verify.claims import Claim, ClaimKind, ClaimPhase
 from koord.verify.effort import Deadline, Effort
 from koord.verify.encoding.solver import Solver, SolverAnswer
 from koord.verify.encoding.terms import Term
-from koord.verify.engines.every_n.all_robots import ParameterisedSystem
+from koord.verify.engines.every_n.all_robots import ParameterisedSystem, Universal
 from koord.verify.engines.every_n.initial_states import Anywhere, ParameterisedInit
 from koord.verify.engines.every_n.rounds import ParameterisedRound
-from koord.verify.engines.every_n.statements import Universal
 
 
 class Thrift(Struct, frozen=True):

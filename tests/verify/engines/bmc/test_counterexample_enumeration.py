@@ -21,8 +21,8 @@ from koord.syntax.system import System, dealt
 from koord.verify.claims import claims_of
 from koord.verify.effort import Deadline
 from koord.verify.engine_names import Engine
-from koord.verify.engines.bmc import counterexample_enumeration
-from koord.verify.engines.bmc.counterexample_enumeration import is_variant, others
+from koord.verify.engines.bmc import engine
+from koord.verify.engines.bmc.engine import is_variant, others
 from koord.verify.ledger import Ledger
 from koord.verify.reduction.problems import plain_problem
 from koord.verify.reduction.slicing import Slices
@@ -163,7 +163,7 @@ def beside() -> tuple[System, Verdict]:
 def test_ways_cost_no_more_for_what_a_claim_does_not_depend_on(
     beside: tuple[System, Verdict], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(counterexample_enumeration, "_SECONDS", 0.01)
+    monkeypatch.setattr(engine, "_SECONDS", 0.01)
     report = verify(beside[0], Bounds(4, violations=40), Engine.SEARCH, names=["Small"])
     (small,) = report.verdicts
     assert small.ways is not None
