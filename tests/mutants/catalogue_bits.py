@@ -80,8 +80,8 @@ BITS = (
     Mutant(
         "a program turn is legal whoever runs",
         "verify.engines.bits.circuit._Builder.finished",
-        "program + [literal(cast(Bits, x)) for x in p.taken.urgency]",
-        "[literal(cast(Bits, x)) for x in p.taken.urgency]",
+        "program + _literals(p.taken.urgency)",
+        "_literals(p.taken.urgency)",
         (ENGINE,),
     ),
     Mutant(
