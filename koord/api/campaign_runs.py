@@ -64,9 +64,7 @@ class Row(Struct, frozen=True):
 
     @property
     def taken_s(self) -> float | None:
-        """The time of the last task's visit (None: not all are visited); without tasks, of the
-        run.
-        """
+        """The time of the last task's visit, or None; without tasks, of the run's end."""
         return self.tasks_s if self.tasks else self.time_s
 
     @property

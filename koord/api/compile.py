@@ -29,8 +29,9 @@ class CompiledProgram(Result, frozen=True):
 
 
 def compile(program: Loadable) -> CompiledProgram:
-    """A program as Python. Raises :class:`koord.KoordError` for one with errors, or with numbers
-    that no double has.
+    """Compile a program to Python.
+
+    Raises :class:`koord.KoordError` for one with errors, or with numbers that no double has.
 
     >>> koord.compile("task.krd").save("task.py")
     """

@@ -95,8 +95,10 @@ def check_protocol(
     progress: Listener | None = None,
     cancellation: Cancellation | None = None,
 ) -> ProtocolCheck:
-    """Check the round-commit protocol: so many ``runs`` on networks with ``faults``, and all
-    interleavings to a bound. The ``seed`` is what every random choice hangs on.
+    """Check the round-commit protocol, by exploration and by runs on bad networks.
+
+    All interleavings are explored to a bound, and ``runs`` made on networks with ``faults``. Every
+    random choice depends on the ``seed`` only.
 
     Raises :class:`koord.ArgumentError` for faults that there are not.
     """

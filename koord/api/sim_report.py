@@ -97,9 +97,7 @@ class Simulated(Result, frozen=True, kw_only=True):
 
     @property
     def ok(self) -> bool:
-        """True if the run was completed, and nothing was broken, refused, faulty or
-        stuck.
-        """
+        """True if the run was completed, and nothing was broken, refused, faulty or stuck."""
         wrong = self.broken or self.fault or self.standing or self.refused
         trouble = self.processes is not None and self.processes.in_trouble
         return not wrong and not trouble and self.ending is not Ending.INTERRUPTED

@@ -52,8 +52,9 @@ class Parts(Struct):
 
     @contextmanager
     def enduring(self, part: str) -> Iterator[None]:
-        """Go on behind the ``with`` whatever is raised in it, but for what the input is to blame
-        for, or this machine.
+        """Within the context, an exception only ends this part of the report.
+
+        Not so one for which the input, or this machine, is to blame.
         """
         try:
             yield

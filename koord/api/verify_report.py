@@ -182,8 +182,9 @@ class VerifyReport(Result, frozen=True):
 
     @property
     def found_invariants(self) -> tuple[str, ...]:
-        """The invariants that were found for proofs, as Koord; those of the ends of rounds alone
-        begin with ``at round:``.
+        """The inferred invariants, as Koord.
+
+        Those of the ends of rounds alone begin with ``at round:``.
         """
         found: dict[str, None] = {}
         for verdict in self.verdicts:

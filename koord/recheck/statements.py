@@ -260,8 +260,10 @@ def _is_plain(cell: Cell) -> bool:
 def _tried(
     body: RunningBody, block: core.Block, condition: Term
 ) -> tuple[Term, Term, Storage | None]:
-    """Run a block by itself, where a condition holds: when it returns, when it breaks out of
-    the loop that it is the body of, and what it returns.
+    """Run a block by itself under a condition.
+
+    The results say when it returns, when it breaks out of the loop that it is the body of, and
+    what it returns.
     """
     outer = (body.path, body.outside, body.frame, body.broke)
     body.outside = body.t.conjunction([body.outside, body.path, condition])

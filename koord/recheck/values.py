@@ -106,9 +106,7 @@ class Values(Sorts):
                 return self.t.integer(0)
 
     def symbol(self, name: str, sort: str) -> Term:
-        """A new constant; inside a quantifier a function. Names that are asked for twice are
-        numbered.
-        """
+        """A fresh constant; inside a quantifier a function. Repeated names are numbered."""
         count = self._names[name] = self._names.get(name, 0) + 1
         full = name if count == 1 else f"{name} ({count})"
         if self.scope:

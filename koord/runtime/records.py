@@ -30,7 +30,7 @@ class _Stream:
 
     @contextmanager
     def tail(self) -> Iterator[bool]:
-        """Within the context, writes are the tail. Yields whether that is possible: not in a
+        """Within the context, writes are the tail. Yields whether a tail is possible: not in a
         pipe.
         """
         if not self._file.seekable():

@@ -213,9 +213,7 @@ class Robot:
 
     @classmethod
     def owes(cls) -> bool:
-        """Return whether no round is decided without the robot: urgent events, or a fallible
-        model.
-        """
+        """Return whether rounds wait for the robot: urgent events, or a model that may fault."""
         return bool(cls._urgent) or cls.MODEL_MAY_FAULT
 
     # --- what compiled programs define ------------------------------------------------------------

@@ -258,9 +258,7 @@ def _scan_to_map(scan: Concrete) -> Concrete:
 
 
 def _frontier(known: Concrete, near: Concrete) -> Concrete:
-    """The middle of the unknown cell beside a known one that is nearest to a point, or the
-    point.
-    """
+    """The middle of the unknown cell beside a known one nearest to a point, or the point."""
     assert isinstance(known, Table)
     cells = {cell for cell, _ in known.entries if isinstance(cell, int)}
     beside = sorted({c + way for c in cells for way in (-_CELLS, -1, 1, _CELLS)} - cells)

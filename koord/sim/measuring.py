@@ -147,9 +147,7 @@ class Figures(Struct, frozen=True):
 
     @property
     def tasks_s(self) -> float | None:
-        """The time in seconds of the last task's visit; None while some remain, or if none
-        exist.
-        """
+        """The time in seconds of the last task's visit; None without one, or before it."""
         times = [task.visited_s for task in self.tasks]
         known = [time for time in times if time is not None]
         return max(known) if known and len(known) == len(times) else None

@@ -166,9 +166,7 @@ class Observer:
         self.recorder.end(words)
 
     def _own_changes(self) -> list[LoggedChange]:
-        """The changed variables of a robot. Called for each robot in each round: has to be
-        fast.
-        """
+        """The changed variables of a robot. Has to be fast: for each robot in each round."""
         changes = []
         for robot, own, were in zip(self.engine.robots, self._own, self._were, strict=True):
             values = vars(robot)

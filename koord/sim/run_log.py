@@ -38,9 +38,7 @@ def events_of(decision: Decision, robots: int) -> Ints:
 
 
 class Digest:
-    """A hash of a run, round by round: the robots' events, and their positions when it was
-    decided.
-    """
+    """A hash of a run: in each round, the robots' events and their positions."""
 
     def __init__(self) -> None:
         self._hash = hashlib.sha256()
@@ -296,8 +294,9 @@ _TILTING = products(((1, 0, 1), (1, 2, 3)), ((1, 1, 1), (1, 2, 2)), ((1, 0, 2), 
 
 
 def tilts_of(attitudes: Floats) -> Floats:
-    """Roll and pitch of attitudes ``(n, 4)``, w first: ``(n, 2)``. Heading is turned about first,
-    then pitch, then roll.
+    """The roll and pitch of attitudes ``(n, 4)``, w first: ``(n, 2)``, in rad.
+
+    Heading is turned about first, then pitch, then roll.
     """
     double = 2 * _TILTING.of(attitudes.T, attitudes.T)
     tilts = np.empty((len(attitudes), 2))

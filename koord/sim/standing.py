@@ -92,7 +92,7 @@ class Watchman:
         self.still_s = 0.0 if moves else self.still_s + (ended_s - began_s)
 
     def standing(self, robots: Sequence[Robot], still_s: float) -> tuple[StandingRobot, ...]:
-        """All robots that stand still by now; those that wait for a path only if all have for
+        """All robots that stand still by now; those that wait for paths only if all have for
         long.
         """
         found = dict(self._stuck)
@@ -116,9 +116,7 @@ class Watchman:
     def _lingers_since(
         self, pid: int, sensed: Sensed, place: Point, began_s: float
     ) -> float | None:
-        """The time since which a moving robot has made no progress; None if it has, or not for
-        long.
-        """
+        """The time since which a moving robot has made no progress; None if it has recently."""
         known = self._lingers[pid]
         if sensed.state is not MotionState.MOVING or sensed.short_m < _BLOCKED_M:
             self._lingers[pid] = None

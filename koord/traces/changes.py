@@ -18,9 +18,7 @@ from koord.traces.value_codec import encode_value
 
 
 class Change(Struct, frozen=True):
-    """A location that changed, with its values before and after; ``robot`` is None for shared
-    ones.
-    """
+    """A location that changed, before and after; ``robot`` is None for shared ones."""
 
     robot: int | None
     name: str

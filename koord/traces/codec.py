@@ -131,9 +131,7 @@ def decode_document(document: object, name: str, load: Load | None = None, at: s
 
 
 class _Header(Struct, frozen=True):
-    """The head of a trace file: enough to elaborate the program, by whose types a run is
-    decoded.
-    """
+    """The head of a trace file: the texts and settings from which its program is loaded."""
 
     sources: Sources
     delta_s: Fraction

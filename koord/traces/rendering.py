@@ -110,8 +110,10 @@ def _show_int(value: int) -> str:
 
 
 def show_fraction(value: Fraction) -> str:
-    """An exact number: as a decimal where that is exact and short, as ``1/3`` where that is short,
-    and otherwise rounded, which ``≈`` says.
+    """Print an exact number: exactly where that is short, else rounded.
+
+    As a decimal where that is exact and short, as ``1/3`` where that is short, and otherwise
+    rounded, which ``≈`` says.
     """
     if value.denominator == 1:
         return _show_int(value.numerator)

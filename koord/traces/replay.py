@@ -198,9 +198,7 @@ class _Replay:
                 self.functions[answer.function, answer.arguments] = answer.value
 
     def answers(self) -> Iterator[Answer]:
-        """The answers of mathematical functions in the whole run; properties may ask for them
-        again.
-        """
+        """The answers of mathematical functions in the whole run, also for properties."""
         kinds = {f.name: f.kind for f in self.trace.system.program.externals}
         recording = self.trace.recording
         for answers in (recording.opening.answers, *(r.answers for r in recording.rounds)):

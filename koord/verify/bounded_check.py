@@ -132,9 +132,11 @@ def _look(
     started: float,
     judge: Judge,
 ) -> tuple[dict[Claim, tuple[Counterexample, float]], dict[Claim, str], str]:
-    """The claims that this configuration can break, each with a run and the seconds that it took to
-    find; those where only a candidate was found that did not replay, with the reason; and why the
-    look was cut short, if it was.
+    """Find the claims that a configuration can break.
+
+    Three things are returned: the claims, each with a run and the seconds that it took to find;
+    those with only a candidate that did not replay, with the reason; and why the search was cut
+    short, if it was.
     """
     d, solver = unrolling.encoder.d, unrolling.solver
     asked = violations(unrolling.system, d, moment, claims)

@@ -65,7 +65,7 @@ class Deadline(Struct):
             self.at = whole
 
     def at_last(self) -> float | None:
-        """The time at which to end a process that ignores the deadline, so that others still
+        """The time at which to end a process that ignores the deadline, with time left to
         report.
         """
         left = self.left_s()

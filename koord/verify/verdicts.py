@@ -57,11 +57,12 @@ class Counterexample(Struct, frozen=True):
 
 
 class BrokenStep(Struct, frozen=True):
-    """A counterexample to induction: from a configuration in which all claims hold to one that
-    breaks a claim. It is no run, since nobody knows whether it can be reached.
+    """A counterexample to induction: a step that breaks a claim.
 
-    Between two of them is one round, the last up to ``phase``; ``events[k][i]`` is the position of
-    the event that robot i runs in round k, or ``NO_EVENT``.
+    It goes from a configuration in which all claims hold to one that breaks a claim. It is no run,
+    since nobody knows whether it can be reached. Between two of its configurations is one round,
+    the last up to ``phase``; ``events[k][i]`` is the position of the event that robot i runs in
+    round k, or ``NO_EVENT``.
     """
 
     configurations: tuple[Configuration[Constant], ...]

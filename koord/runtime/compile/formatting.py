@@ -115,8 +115,10 @@ class _Layout(Struct, frozen=True):
     def inline(
         self, e: ast.expr, indent: str, prefix: str, suffix: str, *, nested: bool = False
     ) -> list[str] | None:
-        """Without brackets around the whole: for two operands, of which the last ends in brackets,
-        or the first begins with some. Operands of a ``nested`` expression may be more.
+        """Lay out an expression without brackets around the whole, if that is possible.
+
+        It is for two operands, of which the last ends in brackets, or the first begins with some.
+        Operands of a ``nested`` expression may be more.
         """
         if isinstance(e, ast.UnaryOp):
             word = "not " if isinstance(e.op, ast.Not) else "-"

@@ -286,8 +286,10 @@ class Group:
         heading_rad: float = 0.0,
         psn: Floats | None = None,
     ) -> None:
-        """Follow a path, shape ``(k, 3)``; one without points leaves the robot where it is, and it
-        never reaches its end. From ``psn`` a robot goes to the path's start first.
+        """Let a robot follow a path, shape ``(k, 3)``, in metres.
+
+        One without points leaves the robot where it is, and it never reaches its end. From ``psn``
+        a robot goes to the path's start first.
         """
         if self.state(robot) is MotionState.STOPPED:
             return
@@ -331,8 +333,10 @@ class Group:
     # --- steps ----------------------------------------------------------------------------------
 
     def plan(self, psn: Floats, heading_rad: Floats, most: int = 1_000_000) -> None:
-        """Find paths to the targets from where robots are: straight ones where nothing that can
-        move any way meets an obstacle, else by the planner, for ``most`` robots at a time.
+        """Plan paths to the targets from the robots' positions.
+
+        They are straight where a body that can move in any direction meets no obstacle, else the
+        planner's, for ``most`` robots at a time.
         """
         if not self.targets:
             return

@@ -114,8 +114,9 @@ class Quadrotors:
     def control(
         self, goal: Floats, pace: Floats, gain: Floats, dt_s: float
     ) -> tuple[Floats, Floats, Floats]:
-        """The thrust per mass ``(n,)`` and the torques ``(3, n)`` that are asked for, and behind
-        them the torques with which a spinning body turns itself.
+        """The thrust per mass ``(n,)`` and the torques ``(3, n)`` demanded.
+
+        The third result has the torques with which a spinning body turns itself.
         """
         s, drone, gains = self.state, self.drone, self.gains
         wanted = position_control(gains, s, goal, pace, gain, drone, dt_s)

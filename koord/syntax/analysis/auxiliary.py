@@ -31,8 +31,9 @@ class _Bound(Enum):
 
 
 def always_met(system: System, kind: int) -> frozenset[int]:
-    """The slots of sensors, of one kind of robot, with such readings. Their promises speak of no
-    other reading.
+    """The slots of sensors, of one kind of robot, with such readings.
+
+    Their promises speak of no other reading.
 
     Sensors of models are none of these: what they read is worked out.
     """

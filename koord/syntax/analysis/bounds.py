@@ -26,7 +26,9 @@ Value = int | Fraction | bool | str | float
 
 
 class Bounds(Struct, frozen=True):
-    """A set of values: from ``low`` to ``high``, inclusive; only ``only`` if given; without
+    """A set of values: an interval, perhaps restricted, with exceptions.
+
+    The values from ``low`` to ``high``, inclusive; of those, the ``only`` ones if given, without
     ``never``.
     """
 

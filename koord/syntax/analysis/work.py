@@ -36,9 +36,7 @@ class Ranges(Struct, frozen=True):
         high: core.Expr,
         counters: Mapping[int, Range],
     ) -> tuple[int, dict[int, Range]]:
-        """The greatest number of trips of a loop (1 if unknown), and the ranges of counters
-        inside.
-        """
+        """The most trips of a loop (1 if unknown), and the ranges of counters inside."""
         first, last = self.range(low, counters), self.range(high, counters)
         if first is None or last is None:
             return 1, {slot: r for slot, r in counters.items() if slot != variable.slot}

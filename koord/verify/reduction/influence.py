@@ -135,7 +135,7 @@ class Influence(Struct):
                 )
 
     def reads(self, part: object, kind: int | None, body: int = _STATED) -> frozenset[Part]:
-        """The parts that an expression (or a tuple of them) reads, for one kind of robots or
+        """The parts that an expression, or a tuple of them, reads, for one kind of robots or
         all.
         """
         key = (id(part), kind, body)

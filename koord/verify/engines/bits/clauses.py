@@ -186,9 +186,7 @@ class Clauses:
             stack += ((y, missing) for y in parts)
 
     def _parts(self, node: int) -> list[int]:
-        """The operands of a conjunction; inner conjunctions that are used only here are
-        flattened.
-        """
+        """The operands of a conjunction; inner conjunctions used only here are flattened."""
         g = self.graph
         found: list[int] = []
         stack = [g.right[node], g.left[node]]

@@ -381,9 +381,7 @@ class _Words(Struct, frozen=True):
         return list(self._runs(place, read, held, is_number=is_number))
 
     def _of_robot(self, place: StateVariable, read: core.Expr, held: frozenset[Held]) -> core.Expr:
-        """The statement that a robot is, or is not, stopped. Raises UnsaidError for other
-        states.
-        """
+        """The statement that a robot is, or is not, stopped. Raises UnsaidError otherwise."""
         if isinstance(read, core.Ran):
             raise UnsaidError("it is about which event a robot ran last")
         stopped, running = Status.STOPPED in held, Status.RUNNING in held

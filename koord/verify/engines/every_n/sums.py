@@ -68,9 +68,7 @@ class Sums(Struct):
             self._say_polynomial(made, polynomial)
 
     def _say_polynomial(self, made: Sum, polynomial: tuple[Fraction, ...]) -> None:
-        """Assert that the sum is at most a polynomial's if all parts are, and equal only if all
-        are.
-        """
+        """Assert that the sum is at most a polynomial's if all parts are; equal only if all are."""
         d, book = self.book.unknowns.terms, self.book
         ahead = d.binary(BinaryOp.LE, made.low, made.high)
 

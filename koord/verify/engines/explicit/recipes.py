@@ -111,8 +111,9 @@ class PartRecipe(Struct, frozen=True):
 def part_recipe(
     slot: int, cells: Cells, scalars: Scalars, before: int, view: Storage[Any], mask: Mask[Any]
 ) -> PartRecipe:
-    """The recipe of a write; ``before`` is the form that the variable had, ``view`` what the writer
-    makes of it.
+    """Make the recipe of a write.
+
+    ``before`` is the form that the variable had, ``view`` what the writer makes of it.
     """
     made = recipe(cells, scalars, view)
     positions = _Positions().of(view, mask) if made.form == before else None

@@ -80,8 +80,9 @@ class Endings(Struct, frozen=True, dict=True):
 
 
 class TransitionGroup(Struct, frozen=True, dict=True):
-    """Entries with the same writes and lock classes; ``runs`` says whether any of them may count
-    as a run, ``skips`` whether any may count as a skip.
+    """Transitions with the same writes and lock classes.
+
+    ``runs`` says whether any of them may count as a run, ``skips`` whether any may count as a skip.
     """
 
     write: int
@@ -132,8 +133,10 @@ class _Kind(Struct):
 
 
 class Menus:
-    """The menus of a system. ``relaxed`` keeps runs and skips apart [T-PREFIX], ``labelled`` also
-    events of different lock classes. [T-FULL-STATES]
+    """The menus of a system.
+
+    ``relaxed`` keeps runs and skips apart [T-PREFIX], ``labelled`` also events of different lock
+    classes. [T-FULL-STATES]
     """
 
     def __init__(

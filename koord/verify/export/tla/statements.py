@@ -148,9 +148,7 @@ def _leaves(s: core.Stmt) -> bool:
 
 
 def constant(e: core.Expr, of: Scope, where: str = "a loop") -> int:
-    """Evaluate the bound of a loop or choice, which is the same for all robots. Raises
-    KoordError.
-    """
+    """Evaluate the bound of a loop or choice, equal for all robots. Raises KoordError."""
     match e:
         case core.Const(value=int() as value):
             return int(value)
