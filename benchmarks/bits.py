@@ -58,7 +58,7 @@ def work(how: str, path: str, robots: str, tasks: str, rounds: str, *names: str)
     from koord.verify.engines.bits.clauses import QUICK, Clauses
     from koord.verify.engines.bits.constraint_selection import narrowed
     from koord.verify.engines.bits.robot_permutations import images
-    from koord.verify.engines.bits.unrolling import Unrolled, holds_always
+    from koord.verify.engines.bits.unrolling import UnrolledCircuit, holds_always
     from koord.verify.reduction.abstraction import abstracted
 
     settings = Settings({"tasks": int(tasks)} if int(tasks) else {})
@@ -70,7 +70,7 @@ def work(how: str, path: str, robots: str, tasks: str, rounds: str, *names: str)
     circuit = circuit_of(system, claims)
     g = circuit.d.graph
     if how == "bounded":
-        unrolled = Unrolled(circuit)
+        unrolled = UnrolledCircuit(circuit)
         for _ in range(int(rounds)):
             copy = unrolled.begin()
             broken = [x for phases in circuit.bad.values() for _, x in phases]

@@ -24,7 +24,7 @@ from koord.syntax.system import System
 from koord.version import __version__
 
 if TYPE_CHECKING:
-    from koord.verify.processes import Teller
+    from koord.verify.processes import JobChannel
 
 #: What a program can be written as: circuits, transition systems, one question about some rounds, a
 #: module of TLA+.
@@ -128,7 +128,7 @@ def exported(
     """As :func:`export`, for a request. Raises KeyboardInterrupt if it is ``interrupted``."""
     _check_names(wanted)
 
-    def work(tell: Teller) -> Exported:
+    def work(tell: JobChannel) -> Exported:
         tell(f"writing {wanted.form}")
         try:
             return _written(wanted)

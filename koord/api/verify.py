@@ -27,7 +27,7 @@ from koord.verify import engine_names
 
 if TYPE_CHECKING:
     from koord.api.verify_report import VerifyReport
-    from koord.verify.processes import Teller
+    from koord.verify.processes import JobChannel
     from koord.verify.proof_core import ProofCore
     from koord.verify.verdicts import Bounds, Report
 
@@ -210,7 +210,7 @@ def verify_each(
         yield _answer(questions[0], options, tell, interrupted)
         return
 
-    def answer(question: Question, jobs: int, tell: Teller) -> VerifyReport:
+    def answer(question: Question, jobs: int, tell: JobChannel) -> VerifyReport:
         return _answer(question, replace(options, jobs=jobs), tell, interrupted)
 
     with Pool(options.jobs, tell, interrupted) as pool:
@@ -243,7 +243,7 @@ def check_loadable() -> None:
     ):
         return
 
-    def loads(tell: Teller) -> bool:
+    def loads(tell: JobChannel) -> bool:
         try:
             _load_engines()
         except Exception:  # of whatever kind, for want of memory
@@ -271,7 +271,7 @@ def _load_engines() -> None:
 
 
 def in_process(
-    work: Callable[[Teller], T], tell: Callable[[str], None], interrupted: Callable[[], bool]
+    work: Callable[[JobChannel], T], tell: Callable[[str], None], interrupted: Callable[[], bool]
 ) -> T:
     """Run work with a solver in a process of its own.
 
@@ -400,7 +400,7 @@ def _rests_on(
 
     bounds, seed = options.bounds, options.seed
 
-    def work(tell: Teller) -> ProofCore:
+    def work(tell: JobChannel) -> ProofCore:
         return proof_core(system, report.verdicts, bounds, seed=seed, progress=tell)
 
     try:

@@ -19,11 +19,11 @@ from koord.verify.failures import Failure
 from koord.verify.proof_core import ProofCore
 from koord.verify.verdicts import (
     Emptiness,
+    EnumerationResult,
     Outcome,
     Report,
     Vacuity,
     Verdict,
-    Ways,
 )
 
 if TYPE_CHECKING:
@@ -151,7 +151,7 @@ def _fairly(fairness: tuple[str, ...]) -> str:
     return f"it rests on {'; '.join(said)}"
 
 
-def _ways(count: int, ways: Ways) -> str:
+def _ways(count: int, ways: EnumerationResult) -> str:
     """Describe the number of counterexamples, where fewer were found than asked for."""
     found = f"{count} way{'' if count == 1 else 's'} to break it"
     if ways.complete:

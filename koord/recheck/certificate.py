@@ -52,7 +52,7 @@ class Claimed(Struct, frozen=True):
     everyone: bool
 
 
-class Given(Struct, frozen=True):
+class IncludedScript(Struct, frozen=True):
     """A script of SMT-LIB that came with the certificate."""
 
     name: str
@@ -71,7 +71,7 @@ class Certificate(Struct, frozen=True):
     claims: tuple[Claimed, ...]
     invariant: tuple[Conjunct, ...]
     rests_on: dict[str, tuple[str, ...]]
-    given: tuple[Given, ...]
+    given: tuple[IncludedScript, ...]
     #: Claims that hold and that it is not about, with the reason: nothing is said of them.
     not_covered: tuple[tuple[str, str], ...] = ()
 
@@ -197,13 +197,13 @@ def digest_of(text: str) -> str:
     return sha256(text.encode("utf-8", errors="surrogatepass")).hexdigest()
 
 
-def _scripts(reader: _Reader) -> tuple[Given, ...]:
-    given: dict[str, Given] = {}
+def _scripts(reader: _Reader) -> tuple[IncludedScript, ...]:
+    given: dict[str, IncludedScript] = {}
     for part in reader.items():
         name = part.field("name").text()
         if name in given:
             raise refusal("K941", reader.file, f"there are two obligations {name!r}", REWRITE)
-        given[name] = Given(name, _certified(part, "smt2"))
+        given[name] = IncludedScript(name, _certified(part, "smt2"))
     return tuple(given.values())
 
 

@@ -15,9 +15,16 @@ from koord.recheck import instances
 from koord.recheck.certificate import REWRITE, Certificate
 from koord.recheck.claims import NO_START, Obligation
 from koord.recheck.every_number import EveryNumber
-from koord.recheck.meaning import InductiveArgument, Meant, Opened, Statement, meant, opened
+from koord.recheck.meaning import (
+    CertifiedArguments,
+    CertifiedProblem,
+    InductiveArgument,
+    Statement,
+    meant,
+    opened,
+)
 from koord.recheck.obligations import Discharged, Obligations, Settling
-from koord.recheck.script import Harmless, NotACommandError, harmless
+from koord.recheck.script import NotACommandError, SanitisedScript, harmless
 from koord.recheck.solving import (
     SolverAnswer,
     SolverEndedError,
@@ -48,7 +55,7 @@ class RecheckOutcome(Enum):
     UNKNOWN = "unknown"  #: an obligation was not settled, or a construct is not rechecked
 
 
-class Opinion(Struct, frozen=True):
+class ScriptAnswer(Struct, frozen=True):
     """The solver's answer on a script that came with the certificate, with a reason."""
 
     name: str
@@ -80,11 +87,11 @@ class Rechecked(Struct, frozen=True):
     certificate, where that is not all that is claimed, or not shown.
     """
 
-    about: Meant
+    about: CertifiedProblem
     outcome: RecheckOutcome
     everyone: CheckedPart | None
     here: CheckedPart | None
-    opinions: tuple[Opinion, ...]
+    opinions: tuple[ScriptAnswer, ...]
     seconds: float
     reason: str = ""
     span: Span = NOWHERE
@@ -157,7 +164,7 @@ def recheck(
 
 
 def _argued(
-    certificate: Certificate, it: Opened, work: _Work
+    certificate: Certificate, it: CertifiedArguments, work: _Work
 ) -> tuple[CheckedPart | None, CheckedPart | None]:
     """Settle the claims for every number of robots, and those for the certificate's."""
     everyone = here = None
@@ -236,10 +243,10 @@ def _refuted_by_few(it: InductiveArgument, work: _Work) -> Iterator[Discharged]:
 
 
 def _joined(
-    about: Meant,
+    about: CertifiedProblem,
     everyone: CheckedPart | None,
     here: CheckedPart | None,
-    opinions: tuple[Opinion, ...],
+    opinions: tuple[ScriptAnswer, ...],
     seconds: float,
 ) -> Rechecked:
     def found(outcome: RecheckOutcome, reason: str = "", span: Span = NOWHERE) -> Rechecked:
@@ -307,9 +314,9 @@ class _Pass(Struct):
         return False
 
 
-def _read(certificate: Certificate, work: _Work) -> list[tuple[str, Harmless]]:
+def _read(certificate: Certificate, work: _Work) -> list[tuple[str, SanitisedScript]]:
     """Read the scripts of a certificate. Raises KoordError (K941) with each that is none."""
-    scripts: list[tuple[str, Harmless]] = []
+    scripts: list[tuple[str, SanitisedScript]] = []
     problems: list[Diagnostic] = []
     for given in certificate.given:
         work.progress(f"reading: {given.name}")
@@ -328,13 +335,13 @@ def _read(certificate: Certificate, work: _Work) -> list[tuple[str, Harmless]]:
     return scripts
 
 
-def _opinion(name: str, script: Harmless, work: _Work) -> Opinion:
+def _opinion(name: str, script: SanitisedScript, work: _Work) -> ScriptAnswer:
     work.progress(f"enclosed: {name}")
     left = work.left(SECOND_OPINION_S)
     if left <= 0:
-        return Opinion(name, SolverAnswer.UNKNOWN, "there was no time left to ask")
+        return ScriptAnswer(name, SolverAnswer.UNKNOWN, "there was no time left to ask")
     try:
         answer = answer_of(script, left, work.waiting)
     except SolverEndedError as error:
-        return Opinion(name, SolverAnswer.UNKNOWN, str(error))
-    return Opinion(name, answer, "no answer in time" if answer is SolverAnswer.UNKNOWN else "")
+        return ScriptAnswer(name, SolverAnswer.UNKNOWN, str(error))
+    return ScriptAnswer(name, answer, "no answer in time" if answer is SolverAnswer.UNKNOWN else "")

@@ -207,7 +207,7 @@ def _damage(certificate: Certificate, story: str) -> Exception:
     return refusal("K941", certificate.name, story, REWRITE)
 
 
-class Meant(Struct, frozen=True):
+class CertifiedProblem(Struct, frozen=True):
     """The subject of a certificate: the problem, the claims, and the premises."""
 
     problem: Problem
@@ -226,7 +226,7 @@ class InductiveArgument(Struct, frozen=True):
     consequences: tuple[core.Property, ...]
 
 
-class Opened(Struct, frozen=True):
+class CertifiedArguments(Struct, frozen=True):
     """A certificate with its program: the arguments for its robots and for every number."""
 
     here: InductiveArgument
@@ -236,7 +236,7 @@ class Opened(Struct, frozen=True):
 _OF_PROPERTIES = (ast.Assume, ast.Invariant, ast.FunDef, ast.ParamDecl)
 
 
-def meant(certificate: Certificate) -> Meant:
+def meant(certificate: Certificate) -> CertifiedProblem:
     """The subject of a certificate. Raises KoordError (K940, K941) for contradictions."""
     name = certificate.name
     sources = (certificate.program, *certificate.properties)
@@ -255,7 +255,7 @@ def meant(certificate: Certificate) -> Meant:
             "K941", name, "rests_on does not name what the program assumes and is promised"
         )
     names = tuple(source.name for source in sources)
-    return Meant(
+    return CertifiedProblem(
         Problem(names, program, certificate.kinds, certificate.delta_s),
         statements(certificate, program, sections),
         premises(program, sections),
@@ -263,7 +263,7 @@ def meant(certificate: Certificate) -> Meant:
     )
 
 
-def opened(certificate: Certificate, about: Meant) -> Opened:
+def opened(certificate: Certificate, about: CertifiedProblem) -> CertifiedArguments:
     """Elaborate the program with the invariant. Raises KoordError, and NotRecheckedError."""
     own = [(f"stated {k}", s) for k, s in enumerate(stated(about.sections, ast.Invariant))]
     conjuncts = [_parsed(certificate.name, conjunct) for conjunct in certificate.invariant]
@@ -282,9 +282,9 @@ def opened(certificate: Certificate, about: Meant) -> Opened:
     here = Instance(program, certificate.kinds, certificate.delta_s)
     found = _argument(certificate, here, names, everyone=False)
     if not any(claimed.everyone for claimed in certificate.claims):
-        return Opened(found, None)
+        return CertifiedArguments(found, None)
     anyone = Instance(program, (), certificate.delta_s)
-    return Opened(found, _argument(certificate, anyone, names, everyone=True))
+    return CertifiedArguments(found, _argument(certificate, anyone, names, everyone=True))
 
 
 def _check_given(certificate: Certificate, world: Instance) -> None:

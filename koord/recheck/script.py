@@ -100,14 +100,14 @@ class NotACommandError(Exception):
     """Raised for a script with commands beyond declarations, assertions and one query."""
 
 
-class Harmless(Struct, frozen=True):
+class SanitisedScript(Struct, frozen=True):
     """A sanitised script: its logic, if it names one, and its declarations and assertions."""
 
     logic: str
     commands: tuple[str, ...]
 
 
-def harmless(text: str) -> Harmless:
+def harmless(text: str) -> SanitisedScript:
     """Sanitise a script. Raises NotACommandError."""
     if _NOT_TEXT.search(text):
         raise NotACommandError("it is not text")
@@ -138,7 +138,7 @@ def harmless(text: str) -> Harmless:
         raise NotACommandError("it asserts nothing")
     if "check-sat" not in heads:
         raise NotACommandError("it asks nothing")
-    return Harmless(logic, tuple(kept))
+    return SanitisedScript(logic, tuple(kept))
 
 
 def _name(text: str) -> str:

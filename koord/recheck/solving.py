@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 from msgspec import Struct
 
-from koord.recheck.script import Harmless
+from koord.recheck.script import SanitisedScript
 from koord.syntax.forking import FORKING
 
 if TYPE_CHECKING:
@@ -204,13 +204,13 @@ def _fraction(match: re.Match[str]) -> str:
     return f"{sign}{match.group(2)}/{match.group(3)}"
 
 
-def read(script: Harmless, waiting: Callable[[], None]) -> None:
+def read(script: SanitisedScript, waiting: Callable[[], None]) -> None:
     """Check that cvc5 can read a foreign script. Raises what a session's ``ask`` raises."""
     with SolverSession.start(0, script.logic or _ALL, waiting) as session:
         session.ask(script.commands, _GRACE_S)
 
 
-def answer_of(script: Harmless, seconds: float, waiting: Callable[[], None]) -> SolverAnswer:
+def answer_of(script: SanitisedScript, seconds: float, waiting: Callable[[], None]) -> SolverAnswer:
     """The answer of cvc5 to a foreign script. Raises what a session's ``ask`` raises."""
     with SolverSession.start(0, script.logic or _ALL, waiting) as session:
         session.ask(script.commands, _GRACE_S)

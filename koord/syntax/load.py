@@ -7,7 +7,7 @@ import re
 from koord.syntax import ast
 from koord.syntax.diagnostics import Diagnostic, Severity
 from koord.syntax.elaboration import Elaborated, Settings, elaborate
-from koord.syntax.elaboration.findings import Findings
+from koord.syntax.elaboration.findings import DiagnosticLog
 from koord.syntax.parsing.parser import parse
 from koord.syntax.source import Source, Span
 
@@ -38,7 +38,7 @@ def load(
     for more in properties:
         part = parse(more)
         lost |= part.program.lost
-        findings = Findings()
+        findings = DiagnosticLog()
         for section in part.program.sections:
             if isinstance(section, _OF_PROPERTIES):
                 sections.append(section)
@@ -91,7 +91,7 @@ def _follows(found: Diagnostic, lost: set[str], source: Source) -> bool:
     return word is not None and word.group() in lost
 
 
-def _misplaced(findings: Findings, section: ast.Section) -> None:
+def _misplaced(findings: DiagnosticLog, section: ast.Section) -> None:
     findings.error(
         "K232",
         section.span,

@@ -35,7 +35,7 @@ K = TypeVar("K")
 Progress: TypeAlias = Callable[[str], None]
 
 
-class Teller(Protocol):
+class JobChannel(Protocol):
     """The channel by which work reports progress and results before it is done."""
 
     def __call__(self, text: str) -> None: ...
@@ -107,7 +107,7 @@ class Job(Struct, Generic[T], eq=False):
     """
 
     name: str
-    work: Callable[[Teller], T]
+    work: Callable[[JobChannel], T]
     lasts_s: float | None = None
     until: float | None = None
     process: BaseProcess | None = None
@@ -163,7 +163,7 @@ class Pool(Struct):
     def submit(
         self,
         name: str,
-        work: Callable[[Teller], T],
+        work: Callable[[JobChannel], T],
         *,
         lasts_s: float | None = None,
         until: float | None = None,
@@ -359,7 +359,7 @@ class _Found(Struct, frozen=True):
     failure: Exception | None = None
 
 
-def _worked(work: Callable[[Teller], T], sends: Connection, parent: int) -> None:
+def _worked(work: Callable[[JobChannel], T], sends: Connection, parent: int) -> None:
     """Do the work, send the result, and exit without flushing."""
     global _depth
     _depth += 1

@@ -70,7 +70,7 @@ class BrokenStep(Struct, frozen=True):
     phase: ClaimPhase
 
 
-class Ways(Struct, frozen=True):
+class EnumerationResult(Struct, frozen=True):
     """The result of the search for different counterexamples.
 
     ``complete``: there are no more within the bound. If neither that nor a ``reason`` is said,
@@ -100,7 +100,7 @@ class Verdict(Struct, frozen=True):
     reason: str = ""
     depth: int = 1  #: of an inductive proof
     others: tuple[Counterexample, ...] = ()  #: different ones, if more were asked for
-    ways: Ways | None = None  #: whether there are still more, if more were asked for
+    ways: EnumerationResult | None = None  #: whether there are still more, if more were asked for
     step: BrokenStep | None = None  #: why a claim that is *unknown* is not inductive
     lemmas: tuple[core.Property, ...] = ()  #: invariants that were found for the proof, unnamed
     unsaid: str = ""  #: why the invariant of a proof is not among the lemmas
@@ -139,7 +139,7 @@ class Vacuity(Struct, frozen=True):
     span: Span | None = None
 
 
-class Unlooked(Struct, frozen=True):
+class UnsearchedGoal(Struct, frozen=True):
     """An event or supposition whose reachability is unknown, as the search was given up."""
 
     what: Emptiness
@@ -155,7 +155,7 @@ class Report(Struct, frozen=True):
     interrupted: bool = False
     failures: tuple[Failure, ...] = ()
     every_n: bool = False
-    unlooked: tuple[Unlooked, ...] = ()
+    unlooked: tuple[UnsearchedGoal, ...] = ()
 
     @property
     def lemmas(self) -> tuple[core.Property, ...]:

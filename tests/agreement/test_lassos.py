@@ -22,7 +22,7 @@ from koord.syntax.core import Home, PropertyKind
 from koord.syntax.system import System
 from koord.syntax.types import BOOL, INT
 from koord.traces.lassos import flaw_of
-from koord.verify.engines.explicit.fair_search import Lively, lively
+from koord.verify.engines.explicit.fair_search import FairCycleReport, lively
 from koord.verify.engines.explicit.limits import Limits
 from koord.verify.engines.explicit.property_checks import Exhausted
 from tests.generators.profiles import FINITE
@@ -79,12 +79,12 @@ def ran(
     return replace(stated, trigger=truth, condition=ran, each=each, bound=stated.bound + 1)
 
 
-def searched(of: System, states: int = 300) -> Lively | None:
+def searched(of: System, states: int = 300) -> FairCycleReport | None:
     found = lively(of, of.program.properties, Limits(states=states))
     return found if isinstance(found.end, Exhausted) else None
 
 
-def assert_lassos(of: System, found: Lively, seed: object) -> None:
+def assert_lassos(of: System, found: FairCycleReport, seed: object) -> None:
     """What was found replays, closes, is fair, and breaks the property. [LASSO]"""
     for name, recording in found.violated.items():
         stated = next(p for p in of.program.properties if p.name == name)

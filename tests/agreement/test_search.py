@@ -24,7 +24,7 @@ from koord.verify.engines.explicit.property_checks import (
     Exhausted,
     GoalKind,
     OutOfBounds,
-    Survey,
+    SearchReport,
     Violated,
 )
 from koord.verify.engines.explicit.search import survey
@@ -43,14 +43,14 @@ EVERYTHING = frozenset(GoalKind)
 Said = dict[tuple[str, str], int]
 
 
-def said(found: Survey) -> Said:
+def said(found: SearchReport) -> Said:
     """The rounds of a shortest violation of each claim."""
     return {(v.claim.subject.value, v.claim.name): v.rounds for v in found.violated}
 
 
 def searched(
     of: System, *, symmetry: bool = True, order_reduction: bool = True, states: int = 2_000
-) -> Survey | None:
+) -> SearchReport | None:
     """What the search finds, or None if the system is too large or not finite."""
     found = survey(
         of,

@@ -136,7 +136,7 @@ BITS = (
     ),
     Mutant(
         "each round starts afresh",
-        "verify.engines.bits.unrolling.Unrolled.begin",
+        "verify.engines.bits.unrolling.UnrolledCircuit.begin",
         "latch.next",
         "latch.init",
         (GENERATED, ENGINE),

@@ -76,8 +76,8 @@ EXPORTED = (
     Mutant(
         "there are no more ways when enough were found",
         "verify.engines.bmc.engine.others",
-        "Ways(complete=False)",
-        "Ways(complete=True)",
+        "EnumerationResult(complete=False)",
+        "EnumerationResult(complete=True)",
         (WAYS,),
     ),
     # other tools

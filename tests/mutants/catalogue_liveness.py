@@ -253,14 +253,14 @@ LIVENESS = (
     ),
     Mutant(
         "a loop of circuits need not close",
-        "verify.engines.bits.lasso_unrolling.Loops.lassos",
+        "verify.engines.bits.lasso_unrolling.LassoSearch.lassos",
         "g.both(choice, self._closes(k) ^ 1) ^ 1",
         "g.both(choice, choice)",
         (BITS, ENGINES),
     ),
     Mutant(
         "a loop of circuits need not be fair",
-        "verify.engines.bits.lasso_unrolling.Loops._fair",
+        "verify.engines.bits.lasso_unrolling.LassoSearch._fair",
         "some(condition.met)",
         "some(condition.met) | 1",
         (BITS, ENGINES),
@@ -274,7 +274,7 @@ LIVENESS = (
     ),
     Mutant(
         "lassos in which a function contradicts itself are shown to the judge",
-        "verify.engines.bits.lasso_unrolling.Loops.lassos",
+        "verify.engines.bits.lasso_unrolling.LassoSearch.lassos",
         "if changed:\n    wanted += changed\n    continue",
         "if not told:\n    wanted += changed\n    continue",
         (BITS,),

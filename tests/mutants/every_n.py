@@ -53,14 +53,14 @@ EVERY_N = (
     ),
     Mutant(
         "every N: robots that have stopped are the only ones",
-        "verify.engines.every_n.initial_states.Anywhere._any",
+        "verify.engines.every_n.initial_states.ArbitraryState._any",
         "sorted(statuses(self.world.program)[kind])",
         "sorted(statuses(self.world.program)[kind])[-1:]",
         (PROVING,),
     ),
     Mutant(
         "every N: sensors never change",
-        "verify.engines.every_n.initial_states.Anywhere._own",
+        "verify.engines.every_n.initial_states.ArbitraryState._own",
         "self._footprint.get((home, kind, slot), WriteExtent.NEVER)",
         "self._footprint.get((home, -1, slot), WriteExtent.NEVER)",
         (PROVING,),

@@ -12,7 +12,7 @@ import pytest
 from koord.recheck import checking
 from koord.recheck.certificate import read
 from koord.recheck.checking import RecheckOutcome, recheck
-from koord.recheck.script import Harmless, NotACommandError, harmless
+from koord.recheck.script import NotACommandError, SanitisedScript, harmless
 from koord.recheck.solving import SolverAnswer
 from koord.syntax.diagnostics import KoordError
 from koord.verify.certificates import digest
@@ -194,7 +194,7 @@ def test_scripts_that_are_too_hard_are_named(monkeypatch: pytest.MonkeyPatch) ->
 def test_a_script_is_passed_on_without_its_options() -> None:
     script = "; a remark )\n(set-logic ALL)(set-info :status |un)sat|)\n(assert (not |)|))\n"
     script += "(check-sat)\n(exit)"
-    assert harmless(script) == Harmless("(set-logic ALL)", ("(assert (not |)|))",))
+    assert harmless(script) == SanitisedScript("(set-logic ALL)", ("(assert (not |)|))",))
 
 
 @pytest.mark.parametrize(

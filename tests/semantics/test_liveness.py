@@ -19,14 +19,14 @@ from koord.traces.codec import decode, encode
 from koord.traces.lassos import Flaw, broken_by, flaw_of
 from koord.traces.replay import replay
 from koord.traces.trace import Numbers, Sources, Trace, Violation, ViolationKind, traced
-from koord.verify.engines.explicit.fair_search import Fairness, Lively, lively
+from koord.verify.engines.explicit.fair_search import FairCycleReport, Fairness, lively
 from koord.verify.engines.explicit.finiteness import NotFinite
 from koord.verify.engines.explicit.limits import Limits
 from koord.verify.engines.explicit.property_checks import Exhausted
 from tests.semantics.endless import GATE, PASSING, QUITTING, SERVED, TWO, system
 
 
-def asked(of: System) -> Lively:
+def asked(of: System) -> FairCycleReport:
     found = lively(of, of.program.properties)
     assert isinstance(found.end, Exhausted)
     return found

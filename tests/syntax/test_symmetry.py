@@ -8,7 +8,7 @@ import pytest
 
 from koord.syntax.core import PropertyKind
 from koord.syntax.system import System, dealt
-from koord.verify.engines.explicit.property_checks import Exhausted, Survey
+from koord.verify.engines.explicit.property_checks import Exhausted, SearchReport
 from koord.verify.engines.explicit.search import survey
 from tests.loading import program_of
 
@@ -38,12 +38,12 @@ def system(text: str, robots: int) -> System:
     return dealt(program_of(text), robots)
 
 
-def searched(of: System, *, symmetry: bool) -> Survey:
+def searched(of: System, *, symmetry: bool) -> SearchReport:
     invariants = [p for p in of.program.properties if p.kind in INVARIANTS]
     return survey(of, invariants, symmetry=symmetry)
 
 
-def said(found: Survey) -> tuple[object, ...]:
+def said(found: SearchReport) -> tuple[object, ...]:
     """The verdicts, without how many states they took."""
     assert isinstance(found.end, Exhausted)
     violated = sorted((v.claim.subject.value, v.claim.name, v.rounds) for v in found.violated)

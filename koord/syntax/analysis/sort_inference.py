@@ -29,7 +29,7 @@ from koord.syntax.analysis.sorts import (
     Range,
     Scalar,
     Shape,
-    SortBook,
+    SortTable,
     unify,
 )
 from koord.syntax.analysis.sorts_of_expressions import Expressions
@@ -189,7 +189,7 @@ class Sorting:
     def __init__(self, system: System, properties: tuple[core.Property, ...]) -> None:
         self._system = system
         self._properties = properties
-        self.book = SortBook(system)
+        self.book = SortTable(system)
         self._expressions = Expressions(self.book, self._block)
 
     def run(self) -> str:

@@ -161,7 +161,7 @@ class Range(Struct, frozen=True):
     is_free: bool
 
 
-class SortBook:
+class SortTable:
     """The sorts of one system inferred so far."""
 
     def __init__(self, system: System) -> None:

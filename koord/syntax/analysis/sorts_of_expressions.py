@@ -20,7 +20,7 @@ from koord.syntax.analysis.sorts import (
     Scalar,
     Shape,
     Sort,
-    SortBook,
+    SortTable,
     be_number,
     number_robots,
     unify,
@@ -40,7 +40,7 @@ class Expressions(Struct):
     ``run_block`` goes through the body of a function that is called.
     """
 
-    book: SortBook
+    book: SortTable
     run_block: RunBlock
 
     def shape(self, e: core.Expr, body: BodyShapes) -> Shape:

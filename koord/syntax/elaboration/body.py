@@ -9,7 +9,7 @@ from enum import Enum
 from msgspec import Struct, field
 
 from koord.syntax import ast, core
-from koord.syntax.elaboration.findings import Findings
+from koord.syntax.elaboration.findings import DiagnosticLog
 from koord.syntax.elaboration.settings import Settings
 from koord.syntax.elaboration.symbols import (
     RESERVED,
@@ -73,7 +73,7 @@ class Elaboration(Struct):
     """
 
     settings: Settings
-    findings: Findings
+    findings: DiagnosticLog
     expression: Expression
     block: Block
     functions: FunctionTable
@@ -90,7 +90,7 @@ class Elaboration(Struct):
     #: Names that are declared twice.
     ambiguous: set[str] = field(default_factory=set)
     #: Names that mean nothing, by where that is told, and their first places.
-    unknown: dict[tuple[Findings, str], Span] = field(default_factory=dict)
+    unknown: dict[tuple[DiagnosticLog, str], Span] = field(default_factory=dict)
     confusions: list[Confusion] = field(default_factory=list)
     atomic_blocks: dict[int, AtomicBlock] = field(default_factory=dict)
     #: The library's modules, which a program can use without declaring their ports.
@@ -186,7 +186,7 @@ class BodyScope(Struct):
     session: Elaboration
     where: Where
     agent: AgentScope | None
-    findings: Findings
+    findings: DiagnosticLog
     module: str | None = None
     frames: list[dict[str, BoundSymbol]] = field(default_factory=lambda: [{}])
     bound: int = 0

@@ -11,7 +11,7 @@ from koord.syntax.source import Span
 _MOST_LINES = 5
 
 
-class Findings:
+class DiagnosticLog:
     """The errors and warnings found so far; duplicates at one place are kept once."""
 
     __slots__ = ("_again", "_found", "errors")

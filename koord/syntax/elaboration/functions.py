@@ -8,7 +8,7 @@ from koord.syntax import ast, core
 from koord.syntax.diagnostics import Note
 from koord.syntax.elaboration.body import BodyScope, Elaboration, Where
 from koord.syntax.elaboration.coercion import fit
-from koord.syntax.elaboration.findings import Findings
+from koord.syntax.elaboration.findings import DiagnosticLog
 from koord.syntax.elaboration.library import signature
 from koord.syntax.elaboration.phrases import listed
 from koord.syntax.elaboration.symbols import Role, Signature
@@ -127,7 +127,7 @@ def define_functions(session: Elaboration) -> None:
         wanted = table.pending.pop()
         if not wanted.library:
             continue
-        findings = Findings()
+        findings = DiagnosticLog()
         if not wanted.sound:
             findings.errors += 1
         else:
@@ -136,7 +136,7 @@ def define_functions(session: Elaboration) -> None:
             _unfit(session, wanted, findings)
 
 
-def _unfit(session: Elaboration, wanted: Signature, findings: Findings) -> None:
+def _unfit(session: Elaboration, wanted: Signature, findings: DiagnosticLog) -> None:
     """Report that a function of the library does not fit the program's own `Task`."""
     told = findings.in_order()
     task = session.types.declared.get("Task")
@@ -151,7 +151,7 @@ def _unfit(session: Elaboration, wanted: Signature, findings: Findings) -> None:
     )
 
 
-def _define(session: Elaboration, wanted: Signature, findings: Findings) -> None:
+def _define(session: Elaboration, wanted: Signature, findings: DiagnosticLog) -> None:
     definition = wanted.definition
     if isinstance(definition.body, ast.External):
         made: core.Function | core.External | None = _external(session, wanted, findings)
@@ -161,7 +161,9 @@ def _define(session: Elaboration, wanted: Signature, findings: Findings) -> None
         session.functions.elaborated[wanted.name] = made
 
 
-def _body(session: Elaboration, wanted: Signature, findings: Findings, where: Where) -> BodyScope:
+def _body(
+    session: Elaboration, wanted: Signature, findings: DiagnosticLog, where: Where
+) -> BodyScope:
     """Elaborate a body with the parameters in scope."""
     body = BodyScope(session, where, None, findings, library=wanted.library)
     body.origin = session.functions.origins.get(wanted.name) if wanted.library else None
@@ -182,7 +184,7 @@ def _body(session: Elaboration, wanted: Signature, findings: Findings, where: Wh
 
 
 def _function(
-    session: Elaboration, wanted: Signature, statements: ast.Block, findings: Findings
+    session: Elaboration, wanted: Signature, statements: ast.Block, findings: DiagnosticLog
 ) -> core.Function | None:
     body = _body(session, wanted, findings, Where.FUNCTION)
     body.result = wanted.result
@@ -252,7 +254,9 @@ def returns(statements: ast.Block) -> bool:
     return False
 
 
-def _external(session: Elaboration, wanted: Signature, findings: Findings) -> core.External | None:
+def _external(
+    session: Elaboration, wanted: Signature, findings: DiagnosticLog
+) -> core.External | None:
     definition = wanted.definition
     if definition.result is None:
         findings.error(
@@ -284,7 +288,7 @@ def _external(session: Elaboration, wanted: Signature, findings: Findings) -> co
     session.functions.calls[wanted.name] = calls
     if not wanted.sound or wanted.result is None:
         return None
-    parameters = _parameters(_body(session, wanted, Findings(), Where.SUMMARY), wanted)
+    parameters = _parameters(_body(session, wanted, DiagnosticLog(), Where.SUMMARY), wanted)
     answer = core.Variable(core.Home.BOUND, len(parameters), "result", wanted.result)
     assert isinstance(definition.body, ast.External)
     return core.External(

@@ -13,7 +13,7 @@ from msgspec import Struct
 from koord.syntax import ast
 from koord.syntax.content import content_fields
 from koord.syntax.elaboration.body import BodyScope, Elaboration, Where
-from koord.syntax.elaboration.findings import Findings
+from koord.syntax.elaboration.findings import DiagnosticLog
 from koord.syntax.elaboration.resolve_types import resolve
 from koord.syntax.elaboration.symbols import Signature
 from koord.syntax.parsing.parser import parse
@@ -104,7 +104,7 @@ def signature(
     session: Elaboration, definition: ast.FunDef, name: str, *, library: bool
 ) -> Signature:
     """The signature of a function. Errors in the library's types are reported at its calls."""
-    findings = Findings() if library else session.findings
+    findings = DiagnosticLog() if library else session.findings
     body = BodyScope(session, Where.CONSTANT, None, findings)
     parameters = tuple(resolve(body, decl.type) for decl in definition.parameters)
     result = resolve(body, definition.result) if definition.result is not None else None

@@ -8,7 +8,7 @@ from koord.syntax import ast, core
 from koord.syntax.analysis.folding import folded
 from koord.syntax.elaboration.body import BodyScope, Elaboration, Where
 from koord.syntax.elaboration.coercion import fit
-from koord.syntax.elaboration.findings import Findings
+from koord.syntax.elaboration.findings import DiagnosticLog
 from koord.syntax.elaboration.phrases import a
 from koord.syntax.elaboration.resolve_types import resolve
 from koord.syntax.literals import ParamValue, is_moderate, literal
@@ -81,7 +81,9 @@ def text_value(session: Elaboration, decl: ast.VarDecl) -> core.Expr | None:
     """The value of a param without the settings; None if the text gives it none."""
     if decl.initial is None:
         return None
-    body = BodyScope(session, Where.CONSTANT, None, Findings())  # it may be wrong: it is not used
+    body = BodyScope(
+        session, Where.CONSTANT, None, DiagnosticLog()
+    )  # it may be wrong: it is not used
     type_ = resolve(body, decl.type)
     found = None if type_ is None else body.expr(decl.initial, type_)
     found = fit(body, found, type_, decl.initial.span, f"`{decl.name.name}`")

@@ -24,7 +24,7 @@ from koord.syntax.elaboration import (
 from koord.syntax.elaboration.body import AtomicBlock, BodyScope, Elaboration, Where
 from koord.syntax.elaboration.cautions import lost_updates, never_enabled
 from koord.syntax.elaboration.coercion import fit
-from koord.syntax.elaboration.findings import Findings
+from koord.syntax.elaboration.findings import DiagnosticLog
 from koord.syntax.elaboration.library import library_ports, mentioned
 from koord.syntax.elaboration.operators import expression
 from koord.syntax.elaboration.sections import AgentSections, Sections, sort
@@ -163,7 +163,7 @@ def elaborate(program: ast.Program, settings: Settings = _DEFAULTS) -> Elaborate
 
     A tree that holds properties alone is checked as far as that goes, and gives no program.
     """
-    findings = Findings()
+    findings = DiagnosticLog()
     sections = sort(program.sections, findings)
     session = Elaboration(settings, findings, expression, block, FunctionTable())
     session.library_ports = library_ports()

@@ -8,7 +8,7 @@ from typing import assert_never
 from msgspec import Struct, field
 
 from koord.syntax import ast
-from koord.syntax.elaboration.findings import Findings
+from koord.syntax.elaboration.findings import DiagnosticLog
 
 Stated = ast.Invariant | ast.Eventually | ast.LeadsTo
 
@@ -75,7 +75,7 @@ class Sections(Struct):
         return bool(common.assumptions or common.expectations or common.properties)
 
 
-def sort(sections: Iterable[ast.Section], findings: Findings) -> Sections:
+def sort(sections: Iterable[ast.Section], findings: DiagnosticLog) -> Sections:
     """Sort the sections of a program by kind."""
     result = Sections()
     for section in sections:
@@ -83,7 +83,9 @@ def sort(sections: Iterable[ast.Section], findings: Findings) -> Sections:
     return result
 
 
-def _place(section: ast.Section, into: Sections, kind: AgentSections, findings: Findings) -> None:
+def _place(
+    section: ast.Section, into: Sections, kind: AgentSections, findings: DiagnosticLog
+) -> None:
     if _of_kind(section, kind):
         return
     match section:
@@ -144,7 +146,7 @@ def _of_kind(section: ast.Section, kind: AgentSections) -> bool:
     return True
 
 
-def _agent(section: ast.Agent, into: Sections, findings: Findings) -> None:
+def _agent(section: ast.Agent, into: Sections, findings: DiagnosticLog) -> None:
     known = next((kind for kind in into.kinds if kind.name == section.name.name), None)
     kind = known or AgentSections(section.name.name, section.name)
     if known is None:

@@ -11,7 +11,7 @@ from msgspec.structs import replace
 from koord.syntax import ast, core
 from koord.syntax.elaboration.body import BodyScope
 from koord.syntax.elaboration.coercion import fit
-from koord.syntax.elaboration.findings import Findings
+from koord.syntax.elaboration.findings import DiagnosticLog
 from koord.syntax.elaboration.settings import Settings
 from koord.syntax.types import BOOL, FLOAT, INT, POS, ArrayType, ListType, RecordType, Type
 from koord.syntax.walk import nodes
@@ -167,7 +167,7 @@ def _robot(expr: core.Expr | None, robots: dict[int, int | None]) -> tuple[int |
 
 
 def check_tasks(
-    declarations: Iterable[core.Declaration], settings: Settings, findings: Findings
+    declarations: Iterable[core.Declaration], settings: Settings, findings: DiagnosticLog
 ) -> None:
     """Check that an array of tasks has as many elements as the world has tasks."""
     for declaration in declarations:

@@ -23,7 +23,7 @@ from koord.verify.effort import Effort
 from koord.verify.engine_names import Engine
 from koord.verify.failures import Failure
 from koord.verify.ledger import Extract, Ledger, VerificationProblem, reach_of
-from koord.verify.processes import Job, Pool, Progress, Teller, can_fork
+from koord.verify.processes import Job, JobChannel, Pool, Progress, can_fork
 from koord.verify.reduction.influence import Cone, Part
 from koord.verify.reduction.problems import Identity, identity, problem_of
 from koord.verify.reduction.slicing import Slices
@@ -176,7 +176,10 @@ def _slices(ledger: Ledger) -> Sequence[_Slice]:
 
 
 def asked(
-    ledger: Ledger, claims: Sequence[Claim], engines: Iterable[tuple[int, AnyTurn]], tell: Teller
+    ledger: Ledger,
+    claims: Sequence[Claim],
+    engines: Iterable[tuple[int, AnyTurn]],
+    tell: JobChannel,
 ) -> Extract:
     """Run engines on some claims in turn, in a process of its own.
 
@@ -200,7 +203,7 @@ def asked(
 T = TypeVar("T")
 
 
-class Doubts(Struct):
+class SpuriousViolations(Struct):
     """The claims with a candidate violation that did not replay, with its number of rounds."""
 
     rounds: dict[Identity, int] = field(default_factory=dict)
@@ -233,7 +236,7 @@ class _Asking(Struct):
 
     part: _Part
     inner: Ledger  #: of the slice
-    doubts: Doubts
+    doubts: SpuriousViolations
     engines: Iterator[tuple[int, AnyTurn]]
     steps: Steps
     alone: bool  #: one engine is asked, which has all the time
@@ -355,7 +358,7 @@ class SlicesTurn(Struct, frozen=True):
         return self.slices.claims[identity(claim)]
 
     def _asking(self, ledger: Ledger, part: _Part) -> _Asking:
-        system, doubts = self.slices.system, Doubts()
+        system, doubts = self.slices.system, SpuriousViolations()
         smaller = self.slices.slice_of(part.cone)
         inner = _inner(ledger, doubts.watching(problem_of(system, smaller)), part)
         engines = self.engines() if part.is_alone else self.shared()

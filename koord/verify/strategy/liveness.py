@@ -20,7 +20,7 @@ from koord.verify.processes import Pool, Progress
 from koord.verify.reduction.influence import Cone, Part
 from koord.verify.reduction.problems import abstract_problem, identity, plain_problem
 from koord.verify.reduction.slicing import Slices
-from koord.verify.strategy.each_claim_turn import Doubts
+from koord.verify.strategy.each_claim_turn import SpuriousViolations
 from koord.verify.strategy.resumption import Steps
 from koord.verify.strategy.table import FIRST_LASSOS, AskEngine, EngineTurn
 from koord.verify.vacuity.vacuous_goals import vacuous_goals
@@ -116,7 +116,7 @@ class _Asking(Struct):
     proved: Sequence[Claim]
     pool: Pool
     steps: Steps
-    doubts: Doubts = field(default_factory=Doubts)
+    doubts: SpuriousViolations = field(default_factory=SpuriousViolations)
     empty: list[Vacuity] = field(default_factory=list)  #: what was found out besides
 
     def doubted(self) -> list[Claim]:
@@ -133,7 +133,7 @@ class _Asking(Struct):
 
     def about(self, parts: Sequence[_Part]) -> None:
         """Run each engine on all slices before the next engine."""
-        self.doubts = Doubts()
+        self.doubts = SpuriousViolations()
         workers = Workers(self.pool, of_runs=True)
         workers.tools.vacuities = self.empty
         for number, row in enumerate(self.rows):

@@ -24,7 +24,7 @@ from koord.verify.claims import claims_of, liveness_of
 from koord.verify.effort import GRACE, GRACE_S, Deadline
 from koord.verify.engine_names import Engine
 from koord.verify.obstacles import Interrupted, Obstacle, TimeUp, failed_at
-from koord.verify.processes import Pool, Teller
+from koord.verify.processes import JobChannel, Pool
 from koord.verify.strategy.resumption import PastVerification
 from koord.verify.strategy.verification import verify
 from koord.verify.verdicts import Bounds, Outcome, Report, Verdict
@@ -78,7 +78,7 @@ class _Asking(Struct, frozen=True):
         started = time.monotonic()
         deadline = Deadline.after(seconds)
 
-        def work(past: PastVerification, tell: Teller) -> Report:
+        def work(past: PastVerification, tell: JobChannel) -> Report:
             bounds = replace(self.bounds, timeout_s=deadline.left_s())
             return self._asked(tell, bounds, names=names, jobs=jobs, past=past)
 
@@ -119,7 +119,7 @@ class _Asking(Struct, frozen=True):
         Whether Ctrl-C ended it. A claim whose process died goes on for what is left of its time.
         """
 
-        def alone(name: str, past: PastVerification, own_s: float, tell: Teller) -> Report:
+        def alone(name: str, past: PastVerification, own_s: float, tell: JobChannel) -> Report:
             limited = replace(self.bounds, timeout_s=_least(own_s, deadline.left_s()))
             return self._asked(tell, limited, names=[name], known=known, past=past)
 
@@ -165,7 +165,7 @@ class _Asking(Struct, frozen=True):
 
     def _asked(
         self,
-        tell: Teller,
+        tell: JobChannel,
         bounds: Bounds,
         *,
         names: Sequence[str],

@@ -23,7 +23,12 @@ from koord.verify.ledger import Ledger, VerificationProblem, reach_of
 from koord.verify.processes import Job, Pool, Progress, was_interrupted
 from koord.verify.reduction.problems import identity, plain_problem, problem_of
 from koord.verify.reduction.slicing import Slices
-from koord.verify.strategy.each_claim_turn import Doubts, EachClaimTurn, SlicesTurn, on_slice
+from koord.verify.strategy.each_claim_turn import (
+    EachClaimTurn,
+    SlicesTurn,
+    SpuriousViolations,
+    on_slice,
+)
 from koord.verify.strategy.liveness import LivenessVerdicts, settled
 from koord.verify.strategy.resumption import PastVerification, Steps
 from koord.verify.strategy.table import (
@@ -36,16 +41,23 @@ from koord.verify.strategy.table import (
     EngineTurn,
     Rows,
 )
-from koord.verify.vacuity.analysis import Hollow, Looked, look, of_any_number, unlooked, vacuities
+from koord.verify.vacuity.analysis import (
+    FoundVacuities,
+    GoalSearch,
+    look,
+    of_any_number,
+    unlooked,
+    vacuities,
+)
 from koord.verify.verdicts import (
     Bounds,
     Counterexample,
+    EnumerationResult,
     Outcome,
     Report,
-    Unlooked,
+    UnsearchedGoal,
     Vacuity,
     Verdict,
-    Ways,
 )
 
 
@@ -151,7 +163,7 @@ class _Verification(Struct, frozen=True):
         search: _ReachabilitySearch,
     ) -> tuple[list[Verdict], Ledger, Ledger]:
         """Verdicts on all claims about states, and the ledgers of the first and the last asking."""
-        doubts, before = Doubts(), None
+        doubts, before = SpuriousViolations(), None
         if known:
             before = _before(self.system, known, self.names)
         found, ledger = self._ask(doubts.watching(problem), before, search, slices)
@@ -185,7 +197,7 @@ class _Verification(Struct, frozen=True):
         )
         if self.bounds.violations == 1:
             return live
-        one = Ways(complete=False, reason="of runs without end one is looked for")
+        one = EnumerationResult(complete=False, reason="of runs without end one is looked for")
         verdicts = (v if v.counterexample is None else replace(v, ways=one) for v in live.verdicts)
         return replace(live, verdicts=tuple(verdicts))
 
@@ -272,7 +284,7 @@ class _Known(Struct, frozen=True):
     suspected: int | None
     left: frozenset[int]
 
-    def doubting(self, doubts: Doubts) -> _Known:
+    def doubting(self, doubts: SpuriousViolations) -> _Known:
         """The verdicts with candidate violations of engines that do not work round by round."""
         rounds = [
             doubts.rounds[identity(verdict.claim)]
@@ -289,7 +301,7 @@ class _Vacuities(Struct, frozen=True):
 
     vacuities: tuple[Vacuity, ...] = ()
     interrupted: bool = False
-    unlooked: tuple[Unlooked, ...] = ()
+    unlooked: tuple[UnsearchedGoal, ...] = ()
 
 
 class _ReachabilitySearch(Struct):
@@ -302,7 +314,7 @@ class _ReachabilitySearch(Struct):
     wanted: bool
     of_any_number: bool = False
     failures: list[Failure] = field(default_factory=list)
-    job: Job[tuple[Looked | str, tuple[Failure, ...]]] | None = None
+    job: Job[tuple[GoalSearch | str, tuple[Failure, ...]]] | None = None
 
     def begin(self, ledger: Ledger) -> None:
         """Start the search in a process: the work that follows takes long."""
@@ -310,8 +322,8 @@ class _ReachabilitySearch(Struct):
         if self.wanted and self.job is None and apart:
             own = self._of_what_happens(ledger).of((), lambda text: None)
 
-            def looked(tell: Progress) -> tuple[Looked | str, tuple[Failure, ...]]:
-                found: Looked | str = ""
+            def looked(tell: Progress) -> tuple[GoalSearch | str, tuple[Failure, ...]]:
+                found: GoalSearch | str = ""
                 with own.stopping(), own.enduring(VACUITY):
                     found = look(own)
                 return found, tuple(own.failures)
@@ -320,7 +332,7 @@ class _ReachabilitySearch(Struct):
 
     def end(self, ledger: Ledger, names: Collection[str]) -> _Vacuities:
         """Finish the search: the vacuities of a ledger's verdicts."""
-        found: Hollow | None = None
+        found: FoundVacuities | None = None
         ledger = self._of_what_happens(ledger)
         own = ledger.of(ledger.open(), ledger.report)
         everywhere = ledger.is_of_all_rounds(names)
@@ -330,7 +342,7 @@ class _ReachabilitySearch(Struct):
                     found = of_any_number(own, of_all_rounds=everywhere)
                 else:
                     looked = self._looked(own)
-                    if isinstance(looked, Looked):
+                    if isinstance(looked, GoalSearch):
                         found = vacuities(own, looked, of_all_rounds=everywhere)
         self.failures += own.failures
         if found is None:
@@ -338,7 +350,7 @@ class _ReachabilitySearch(Struct):
             return _Vacuities((), own.interrupted, missing)
         return _Vacuities(found.vacuities, own.interrupted, found.unlooked)
 
-    def _looked(self, own: Ledger) -> Looked | str:
+    def _looked(self, own: Ledger) -> GoalSearch | str:
         """The result of the parallel search, or of one made now."""
         if self.job is None:
             return look(own)
@@ -391,7 +403,7 @@ def _find_others(ledger: Ledger, asked: Sequence[Claim], pool: Pool, slices: Sli
 
     def find(
         claim: Claim, shown: Counterexample, tell: Progress
-    ) -> tuple[tuple[Counterexample, ...], Ways]:
+    ) -> tuple[tuple[Counterexample, ...], EnumerationResult]:
         tell("other ways to break it")
         try:
             if slices is not None:
@@ -402,7 +414,9 @@ def _find_others(ledger: Ledger, asked: Sequence[Claim], pool: Pool, slices: Sli
         except Exception as error:
             if was_interrupted():
                 raise KeyboardInterrupt from error
-            return (), Ways(complete=False, reason=str(failure_of(Engine.BMC.value, error)))
+            return (), EnumerationResult(
+                complete=False, reason=str(failure_of(Engine.BMC.value, error))
+            )
 
     jobs = {
         claim: pool.submit(claim.name, partial(find, claim, verdict.counterexample))
@@ -410,9 +424,11 @@ def _find_others(ledger: Ledger, asked: Sequence[Claim], pool: Pool, slices: Sli
         if claim in asked and wanted > 0 and verdict.counterexample is not None
     }
     for claim in jobs:  # until there is an answer
-        ledger.settle({claim: replace(ledger.verdicts[claim], ways=Ways(False, "interrupted"))})
+        ledger.settle(
+            {claim: replace(ledger.verdicts[claim], ways=EnumerationResult(False, "interrupted"))}
+        )
     for claim, answer in pool.answers(jobs):
-        found, ways = answer or ((), Ways(complete=False, reason=jobs[claim].end))
+        found, ways = answer or ((), EnumerationResult(complete=False, reason=jobs[claim].end))
         ledger.settle({claim: replace(ledger.verdicts[claim], others=found, ways=ways)})
 
 

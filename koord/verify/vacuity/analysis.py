@@ -33,7 +33,7 @@ from koord.verify.vacuity import unreachable
 from koord.verify.vacuity.contradictions import dead_end, unanswerable
 from koord.verify.vacuity.reachability import Unbroken, unbroken
 from koord.verify.vacuity.unreachable import unmet
-from koord.verify.verdicts import Emptiness, Outcome, Unlooked, Vacuity
+from koord.verify.verdicts import Emptiness, Outcome, UnsearchedGoal, Vacuity
 
 #: For how long it is looked at all whether verdicts say something: so many seconds of work, or so
 #: many times as long as the verdicts took.
@@ -52,7 +52,7 @@ REGARDLESS_S = 2.0
 _AT_MOST = Effort.of_seconds(0.1).left
 
 
-class Looked(Struct, frozen=True):
+class GoalSearch(Struct, frozen=True):
     """The vacuity results that do not depend on verdicts.
 
     ``never`` are the goals that no run reaches; None if no run can start, as ``empty`` says.
@@ -65,14 +65,14 @@ class Looked(Struct, frozen=True):
     spent_s: float = 0.0
 
 
-class Hollow(Struct, frozen=True):
+class FoundVacuities(Struct, frozen=True):
     """The vacuities of verdicts, and the goals whose search was given up."""
 
     vacuities: tuple[Vacuity, ...] = ()
-    unlooked: tuple[Unlooked, ...] = ()
+    unlooked: tuple[UnsearchedGoal, ...] = ()
 
 
-def look(ledger: Ledger) -> Looked:
+def look(ledger: Ledger) -> GoalSearch:
     """Search for vacuities that depend on no verdict, so that it can run in parallel."""
     started = time.process_time()
     effort = Effort.of_seconds(WISHES_S)
@@ -83,7 +83,7 @@ def look(ledger: Ledger) -> Looked:
         looked = _look(own, reachability_goals_of(own.system), effort)
     except OutOfBudgetError:
         nevers = frozenset(goal.never for goal in wished.all)
-        looked = Looked((), Unbroken(nevers, known=False), effort)
+        looked = GoalSearch((), Unbroken(nevers, known=False), effort)
     return replace(looked, spent_s=time.process_time() - started)
 
 
@@ -123,17 +123,17 @@ def _aim(goal: ReachabilityGoal) -> Emptiness:
     return Emptiness.EVENT if goal.aim is Aim.EVENT else Emptiness.SUPPOSITION
 
 
-def unlooked(system: System, nevers: Collection[Claim] | None = None) -> tuple[Unlooked, ...]:
+def unlooked(system: System, nevers: Collection[Claim] | None = None) -> tuple[UnsearchedGoal, ...]:
     """The goals whose reachability is unknown, all of them or by their denials."""
     goals = (w for w in reachability_goals_of(system).all if nevers is None or w.never in nevers)
-    return tuple(dict.fromkeys(Unlooked(_aim(goal), goal.subject) for goal in goals))
+    return tuple(dict.fromkeys(UnsearchedGoal(_aim(goal), goal.subject) for goal in goals))
 
 
-def _look(ledger: Ledger, wished: ReachabilityGoals, effort: Effort) -> Looked:
+def _look(ledger: Ledger, wished: ReachabilityGoals, effort: Effort) -> GoalSearch:
     system, deadline, seed = ledger.system, ledger.deadline, ledger.seed
     start = _start(system, seed, deadline, effort)
     if start is not None:
-        return Looked((start,), None, effort)
+        return GoalSearch((start,), None, effort)
     silent = tuple(_silent(ledger, deadline, effort))
     nevers = [goal.never for goal in wished.all]
     rounds = ledger.bounds.rounds
@@ -143,10 +143,10 @@ def _look(ledger: Ledger, wished: ReachabilityGoals, effort: Effort) -> Looked:
         wished.system, nevers, rounds, deadline, effort, seed=seed, runs=runs, runs_s=RUNS_S
     )
     ended = None if never.stuck is not None else dead_end(ledger.problem.original, deadline, seed)
-    return Looked(silent if ended is None else (*silent, ended), never, effort)
+    return GoalSearch(silent if ended is None else (*silent, ended), never, effort)
 
 
-def of_any_number(ledger: Ledger, *, of_all_rounds: bool) -> Hollow:
+def of_any_number(ledger: Ledger, *, of_all_rounds: bool) -> FoundVacuities:
     """The vacuities of verdicts for every number of robots."""
     for system in unreachable.examples(ledger.system):
         some = unreachable.with_robots_of(system, ledger)
@@ -154,20 +154,20 @@ def of_any_number(ledger: Ledger, *, of_all_rounds: bool) -> Hollow:
         if looked.never is not None:
             return vacuities(some, looked, of_all_rounds=of_all_rounds, of_any_number=True)
     if unreachable.never_starts(ledger):
-        return Hollow(looked.empty)
-    return Hollow(tuple(unreachable.among(ledger, empty) for empty in looked.empty))
+        return FoundVacuities(looked.empty)
+    return FoundVacuities(tuple(unreachable.among(ledger, empty) for empty in looked.empty))
 
 
 def vacuities(
-    ledger: Ledger, looked: Looked, *, of_all_rounds: bool, of_any_number: bool = False
-) -> Hollow:
+    ledger: Ledger, looked: GoalSearch, *, of_all_rounds: bool, of_any_number: bool = False
+) -> FoundVacuities:
     """The vacuities of a ledger's verdicts.
 
     Verdicts ``of_all_rounds`` say something if things happen late, too; those ``of_any_number`` of
     robots if more can do them.
     """
     if looked.never is None:
-        return Hollow(looked.empty)
+        return FoundVacuities(looked.empty)
     later = looked.never.later if of_all_rounds else frozenset()
     left = replace(looked.never, claims=looked.never.claims - later)
     tell(
@@ -176,7 +176,7 @@ def vacuities(
     )
     own = _limited(ledger, max(0.0, _worth(ledger) - looked.spent_s))
     missing: list[Vacuity] = []
-    given_up: tuple[Unlooked, ...] = ()
+    given_up: tuple[UnsearchedGoal, ...] = ()
     try:
         missing += _missing(own, left, looked.effort, of_any_number)
     except OutOfBudgetError:
@@ -191,7 +191,7 @@ def vacuities(
         unbreakable += _unbreakable(own, [*untouched, *missing], of_any_number)
     except OutOfBudgetError:
         pass  # it is seldom so, and each verdict says how far it holds in any case
-    return Hollow((*looked.empty, *missing, *untouched, *unbreakable), given_up)
+    return FoundVacuities((*looked.empty, *missing, *untouched, *unbreakable), given_up)
 
 
 def _unbreakable(

@@ -29,11 +29,11 @@ from koord.verify.verdicts import (
     Bounds,
     Counterexample,
     Emptiness,
+    EnumerationResult,
     Outcome,
     Report,
     Vacuity,
     Verdict,
-    Ways,
 )
 from tests.sampling import first
 from tests.semantics import programs
@@ -231,7 +231,7 @@ def test_different_violations_differ_in_what_they_need() -> None:
         shown = [verdict.counterexample, *verdict.others]
         # Two of three robots, whichever: in one round, which is one way with one after the other.
         assert [ran(c.recording) for c in shown] == [[1, 1]]
-        assert verdict.ways == Ways(complete=True)
+        assert verdict.ways == EnumerationResult(complete=True)
 
 
 def early_and_late() -> core.Program:
@@ -248,13 +248,13 @@ def early_and_late() -> core.Program:
 @pytest.mark.parametrize(
     ("rounds", "most", "found", "ways"),
     [
-        (2, 5, 1, Ways(complete=True)),
-        (3, 5, 2, Ways(complete=True)),
-        (3, 2, 2, Ways(complete=False)),
+        (2, 5, 1, EnumerationResult(complete=True)),
+        (3, 5, 2, EnumerationResult(complete=True)),
+        (3, 2, 2, EnumerationResult(complete=False)),
     ],
 )
 def test_it_is_told_whether_there_are_more_ways(
-    rounds: int, most: int, found: int, ways: Ways
+    rounds: int, most: int, found: int, ways: EnumerationResult
 ) -> None:
     """Within the bound, that is; and none beyond the bound is found."""
     report = verify(dealt(early_and_late(), 1), Bounds(rounds, violations=most), Engine.BMC)

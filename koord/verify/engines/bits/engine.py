@@ -24,7 +24,7 @@ from koord.verify.engines.bits.found_runs import recording
 from koord.verify.engines.bits.graph import FALSE
 from koord.verify.engines.bits.invariants import lemmas
 from koord.verify.engines.bits.robot_permutations import images
-from koord.verify.engines.bits.unrolling import Copy, Unrolled, holds_always
+from koord.verify.engines.bits.unrolling import Copy, UnrolledCircuit, holds_always
 from koord.verify.engines.engine import Task, Tools, Worker
 from koord.verify.ledger import Ledger, Reach
 from koord.verify.obstacles import Lengths, NoInvariant, Obstacle, Unreplayed, Values, gave_up
@@ -117,7 +117,7 @@ class _Run:
         self.astray: dict[Claim, str] = {}  #: with a violation that is no run
         self.proved: dict[Claim, None] = {}
         self.no_invariant: NoInvariant | None = None  #: who looked for one was stopped
-        self.unrolled = Unrolled(self.circuit)
+        self.unrolled = UnrolledCircuit(self.circuit)
 
     @property
     def strays(self) -> bool:

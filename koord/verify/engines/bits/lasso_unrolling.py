@@ -20,7 +20,7 @@ from koord.verify.engines.bits.domain import Bits, literal
 from koord.verify.engines.bits.found_runs import RelationValue, recording
 from koord.verify.engines.bits.graph import Graph
 from koord.verify.engines.bits.liveness_to_safety import MonitoredCircuit
-from koord.verify.engines.bits.unrolling import Unrolled
+from koord.verify.engines.bits.unrolling import UnrolledCircuit
 
 
 def closing(loop: int, standing: list[dict[int, str]]) -> dict[str, str]:
@@ -62,13 +62,13 @@ _MOST = 8
 _MOST_MENDED = 64
 
 
-class Loops:
+class LassoSearch:
     """The unrolled rounds of a monitored circuit, and the lassos among them. [LASSO]"""
 
     def __init__(self, watched: MonitoredCircuit, reads_ran: bool) -> None:
         self.watched = watched
         self.reads_ran = reads_ran  #: whether a statement does; no later round depends on it
-        self.unrolled = Unrolled(self.watched.circuit)
+        self.unrolled = UnrolledCircuit(self.watched.circuit)
 
     @property
     def rounds(self) -> int:

@@ -25,7 +25,7 @@ from koord.verify.engines.bits import ic3
 from koord.verify.engines.bits.circuit import LEVELS
 from koord.verify.engines.bits.clauses import QUICK, Clauses, NoAnswerError
 from koord.verify.engines.bits.engine import leave, loose_variables
-from koord.verify.engines.bits.lasso_unrolling import Loops
+from koord.verify.engines.bits.lasso_unrolling import LassoSearch
 from koord.verify.engines.bits.liveness_to_safety import (
     NOTHING,
     Counting,
@@ -165,7 +165,7 @@ class _Run(Struct):
         rounds = 0
         for response in self._different(self.claim.stated):
             watched = self.watching.watched(response)
-            loops = Loops(watched, reads_ran(self.watching.system, self.claim.stated))
+            loops = LassoSearch(watched, reads_ran(self.watching.system, self.claim.stated))
             proved = self._looked(loops, FIRST_ROUNDS) and self._proved(response, watched, QUICKLY)
             if not proved and self._goes_on() and self._looked(loops, most):
                 proved = self._proved(response, watched, more)
@@ -227,7 +227,7 @@ class _Run(Struct):
 
     # --- lassos ---------------------------------------------------------------------------------
 
-    def _looked(self, loops: Loops, rounds: int) -> bool:
+    def _looked(self, loops: LassoSearch, rounds: int) -> bool:
         """Search for lassos of up to so many rounds. Return whether there is reason to go on.
 
         Where one does not replay another one may: circuits allow more than programs do.

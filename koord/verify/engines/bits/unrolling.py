@@ -68,7 +68,7 @@ class CircuitRun(Struct, frozen=True):
     rounds: tuple[dict[int, bool], ...]
 
 
-class Unrolled:
+class UnrolledCircuit:
     """A circuit unrolled so far. ``completed`` rounds were checked and break nothing."""
 
     def __init__(self, circuit: Circuit) -> None:

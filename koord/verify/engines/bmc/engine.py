@@ -26,7 +26,7 @@ from koord.verify.encoding.unrolling import Unrolling, violations
 from koord.verify.engine_names import Engine
 from koord.verify.engines.engine import Task, Tools, Worker
 from koord.verify.ledger import Ledger
-from koord.verify.verdicts import Counterexample, Ways
+from koord.verify.verdicts import Counterexample, EnumerationResult
 from koord.verify.witness import ModelReader, NotReplayedError, recording_of
 
 #: What may be spent on the search for other ways, when one is known: about so many seconds.
@@ -41,7 +41,7 @@ Naming = dict[int, int]
 
 def others(
     ledger: Ledger, claim: Claim, first: Counterexample, most: int
-) -> tuple[tuple[Counterexample, ...], Ways]:
+) -> tuple[tuple[Counterexample, ...], EnumerationResult]:
     """Further counterexamples, none a variant of ``first`` or of another, the shortest first.
 
     Each leaves out some event that the others all need: robots that run more besides, other values
@@ -52,12 +52,12 @@ def others(
         for one in _others(ledger, claim, first):
             found.append(one)
             if len(found) == most:
-                return tuple(found), Ways(complete=False)
+                return tuple(found), EnumerationResult(complete=False)
     except _OpenError as error:
-        return tuple(found), Ways(complete=False, reason=str(error))
+        return tuple(found), EnumerationResult(complete=False, reason=str(error))
     except OutOfBudgetError:
-        return tuple(found), Ways(complete=False, reason=_LATE)
-    return tuple(found), Ways(complete=True)
+        return tuple(found), EnumerationResult(complete=False, reason=_LATE)
+    return tuple(found), EnumerationResult(complete=True)
 
 
 class _OpenError(Exception):

@@ -15,7 +15,7 @@ from koord.verify.engines.every_n.proving import (
     AFTER_INIT,
     GENEROUS,
     SPARING,
-    Thrift,
+    ProofBudget,
     infer,
     prove,
 )
@@ -53,7 +53,7 @@ def make(engine: Engine, tools: Tools) -> Worker:
     return EveryNEngine()
 
 
-def _prove(ledger: Ledger, thrift: Thrift) -> None:
+def _prove(ledger: Ledger, thrift: ProofBudget) -> None:
     started = time.monotonic()
     ledger.progress("every N, a proof for every number of robots")
     effort = Effort.of_seconds(thrift.seconds)
@@ -67,7 +67,7 @@ def _prove(ledger: Ledger, thrift: Thrift) -> None:
         ledger.leave([claim], Reach(Engine.EVERY_N, None, reason, seconds, obstacle=obstacle))
 
 
-def _infer(ledger: Ledger, thrift: Thrift, most: int | None) -> None:
+def _infer(ledger: Ledger, thrift: ProofBudget, most: int | None) -> None:
     started = time.monotonic()
     ledger.progress("every N, looking for invariants")
     # Invariants help from one round to the next, and not with what may fail to begin with.

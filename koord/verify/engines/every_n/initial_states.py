@@ -81,7 +81,7 @@ def faults_of(world: ParameterisedSystem, moves: Sequence[PossibleTurn]) -> Term
     )
 
 
-class Anywhere:
+class ArbitraryState:
     """An arbitrary configuration at the end of a round, reachable or not.
 
     It has in common with the one after INIT what no event ever changes.

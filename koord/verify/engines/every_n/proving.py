@@ -27,11 +27,11 @@ from koord.verify.effort import Deadline, Effort
 from koord.verify.encoding.solver import Solver, SolverAnswer
 from koord.verify.encoding.terms import Term
 from koord.verify.engines.every_n.all_robots import ParameterisedSystem, Universal
-from koord.verify.engines.every_n.initial_states import Anywhere, ParameterisedInit
+from koord.verify.engines.every_n.initial_states import ArbitraryState, ParameterisedInit
 from koord.verify.engines.every_n.rounds import ParameterisedRound
 
 
-class Thrift(Struct, frozen=True):
+class ProofBudget(Struct, frozen=True):
     """Budgets of a proof: generations of names, instances, and solver effort.
 
     ``generations`` of names, ``instances`` in all, ``seconds`` of a solver in all (about), and
@@ -46,12 +46,12 @@ class Thrift(Struct, frozen=True):
 
 
 #: Where there is nobody else to ask.
-GENEROUS = Thrift(
+GENEROUS = ProofBudget(
     generations=3, instances=20_000, seconds=60.0, question=1_500_000, with_products=1_500_000
 )
 
 #: Where others are asked afterwards.
-SPARING = Thrift(
+SPARING = ProofBudget(
     generations=3, instances=12_000, seconds=3.0, question=1_500_000, with_products=120_000
 )
 
@@ -71,7 +71,7 @@ def prove(
     claims: Sequence[Claim],
     deadline: Deadline,
     effort: Effort,
-    thrift: Thrift = GENEROUS,
+    thrift: ProofBudget = GENEROUS,
     seed: int = 0,
 ) -> Proof:
     """Prove the largest inductive subset of the claims, for every number of robots (Houdini).
@@ -121,7 +121,7 @@ def infer(
     candidates: Sequence[Claim],
     deadline: Deadline,
     effort: Effort,
-    thrift: Thrift = GENEROUS,
+    thrift: ProofBudget = GENEROUS,
     seed: int = 0,
 ) -> Inferred:
     """Find claims that are inductive together with some of the candidates.
@@ -176,7 +176,7 @@ class _Means(Struct, frozen=True):
 
     deadline: Deadline
     effort: Effort
-    thrift: Thrift
+    thrift: ProofBudget
     seed: int
 
 
@@ -342,7 +342,7 @@ class _Step:
         program = self._program = system.program
         world = self._world = ParameterisedSystem.of(system)
         self._opening = ParameterisedInit(world)
-        self._start = Anywhere(world, self._opening)
+        self._start = ArbitraryState(world, self._opening)
         self._asking = _Asking(world, means)
         world.book.expect(*self._asking.robots[:2])
         world.book.expect(0, world.last, generation=1)

@@ -20,7 +20,7 @@ from koord.verify.encoding.terms import Term
 from koord.verify.engines.every_n.all_robots import ParameterisedSystem
 from koord.verify.engines.every_n.commits import Commits, Guards, PossibleTurn
 from koord.verify.engines.every_n.functions import RobotInputs
-from koord.verify.engines.every_n.initial_states import Anywhere, faults_of
+from koord.verify.engines.every_n.initial_states import ArbitraryState, faults_of
 
 
 class ParameterisedRound:
@@ -32,7 +32,7 @@ class ParameterisedRound:
     has not run may still have to); ``gentle``: the environment's turn did not fault.
     """
 
-    def __init__(self, world: ParameterisedSystem, start: Anywhere) -> None:
+    def __init__(self, world: ParameterisedSystem, start: ArbitraryState) -> None:
         self.world = world
         self.start = start
         self._moved: dict[object, tuple[Term, list[PossibleTurn]]] = {}

@@ -12,7 +12,7 @@ from koord.semantics.locations import Mask
 from koord.semantics.properties import overlap
 from koord.verify.engines.explicit.cells import CACHE_LIMIT, Interner
 from koord.verify.engines.explicit.recipes import VariableEffect
-from koord.verify.engines.explicit.states import Vault
+from koord.verify.engines.explicit.states import StateStore
 
 #: The number of the write that writes nothing.
 NOTHING = 0
@@ -47,7 +47,7 @@ class Commits:
     ``every_order`` tries all orders of all writers, whether or not they meet.
     """
 
-    def __init__(self, vault: Vault, *, every_order: bool = False) -> None:
+    def __init__(self, vault: StateStore, *, every_order: bool = False) -> None:
         self._vault = vault
         self._every_order = every_order
         self._writes: Interner[TurnWrites] = Interner()

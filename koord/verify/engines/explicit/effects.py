@@ -21,7 +21,7 @@ from koord.syntax.system import Status, System
 from koord.syntax.walk import asks
 from koord.traces.enumeration import ExploringInputs, explored
 from koord.verify.engines.explicit.cells import Cells, Codes
-from koord.verify.engines.explicit.lazy import Decisions, Looking, PlaceOf
+from koord.verify.engines.explicit.lazy import Decisions, LazyDomain, PlaceOf
 from koord.verify.engines.explicit.recipes import (
     PartRecipe,
     Recipe,
@@ -29,7 +29,7 @@ from koord.verify.engines.explicit.recipes import (
     part_recipe,
     recipe,
 )
-from koord.verify.engines.explicit.states import Own, ReadWindow, Snapshot, State, Vault
+from koord.verify.engines.explicit.states import ReadWindow, RobotState, Snapshot, State, StateStore
 
 
 class Guard(Struct, frozen=True):
@@ -82,7 +82,7 @@ class EventOf(Struct):
 class Effects:
     """The effects of a system's events."""
 
-    def __init__(self, system: System, vault: Vault) -> None:
+    def __init__(self, system: System, vault: StateStore) -> None:
         self._system = system
         self._vault = vault
         self._updates = rewritten(system.program)
@@ -237,13 +237,13 @@ class Effects:
 
     # --- robots ---------------------------------------------------------------------------------
 
-    def _looking(self, seen: Snapshot) -> Looking:
+    def _looking(self, seen: Snapshot) -> LazyDomain:
         scalars = self._vault.scalars
 
         def look(place: PlaceOf) -> Constant:
             return scalars.value(seen.codes[place.variable][place.position], place.type)
 
-        return Looking(look)
+        return LazyDomain(look)
 
     def _known(self, robot: int, state: State) -> Robot[Constant]:
         """The robot as it is, but running: an event's effect does not depend on the status."""
@@ -253,11 +253,11 @@ class Effects:
 
     # --- what becomes of things -----------------------------------------------------------------
 
-    def followed(self, own: Own, event: int, effect: Effect, codes: list[Codes]) -> int:
+    def followed(self, own: RobotState, event: int, effect: Effect, codes: list[Codes]) -> int:
         """The number of the robot after an event."""
         vault, kind = self._vault, own.kind
         return vault.robots.number(
-            Own(
+            RobotState(
                 kind,
                 _put(vault.locals[kind], own.locals, effect.locals, codes),
                 _put(vault.ports[kind], own.ports, effect.ports, codes),

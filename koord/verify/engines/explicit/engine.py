@@ -21,7 +21,7 @@ from koord.verify.obstacles import Unreplayed, Values, gave_up
 from koord.verify.verdicts import Outcome
 
 if TYPE_CHECKING:
-    from koord.verify.engines.explicit.exhaustive import Searching
+    from koord.verify.engines.explicit.exhaustive import SearchResults
 
 
 class ExplicitEngine(Struct, frozen=True):
@@ -57,9 +57,9 @@ class ExplicitEngine(Struct, frozen=True):
             ledger.leave(claims, Reach(Engine.SEARCH, None, reason, 0.0, obstacle=obstacle))
             return
         # Seldom needed, and takes a while to load.
-        from koord.verify.engines.explicit.exhaustive import Searching, exhaust
+        from koord.verify.engines.explicit.exhaustive import SearchResults, exhaust
 
-        found, started, ended = Searching(), time.monotonic(), False
+        found, started, ended = SearchResults(), time.monotonic(), False
         try:
             judge = ledger.problem.judge
             limits = limits_of(task)
@@ -69,9 +69,9 @@ class ExplicitEngine(Struct, frozen=True):
             _leave(ledger, found, time.monotonic() - started, failed=not ended)
 
     def _refute(self, ledger: Ledger, claims: Sequence[Claim], task: Task) -> None:
-        from koord.verify.engines.explicit.exhaustive import Searching, exhaust
+        from koord.verify.engines.explicit.exhaustive import SearchResults, exhaust
 
-        system, judge, found = ledger.system, ledger.problem.judge, Searching()
+        system, judge, found = ledger.system, ledger.problem.judge, SearchResults()
         if task.evaluations is not None:
             system = replace(system, budget=system.budget.rationed(task.evaluations))
         with suppress(OutOfBudgetError):  # others find out whether their budget is used up
@@ -89,7 +89,7 @@ def limits_of(task: Task) -> Limits:
     return Limits() if task.states is None else Limits(states=task.states)
 
 
-def _leave(ledger: Ledger, found: Searching, seconds: float, *, failed: bool) -> None:
+def _leave(ledger: Ledger, found: SearchResults, seconds: float, *, failed: bool) -> None:
     """Record the results of a search, and its depth for the claims left open."""
     ledger.settle(found.verdicts)
     enough = found.depth is not None and found.depth >= ledger.bounds.rounds

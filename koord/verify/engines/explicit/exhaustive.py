@@ -31,7 +31,7 @@ _SUBJECTS = {
 }
 
 
-class Searching(Struct):
+class SearchResults(Struct):
     """The results of a search: verdicts, ``states`` counted, ``reason`` why it did not end.
 
     ``unreplayed`` are claims with a violation that did not replay, each with the reason.
@@ -52,13 +52,13 @@ def exhaust(
     deadline: Deadline,
     judge: Judge,
     progress: Callable[[str], None],
-    said: Searching | None = None,
-) -> Searching:
+    said: SearchResults | None = None,
+) -> SearchResults:
     """Decide the claims on all reachable configurations, if they are few enough.
 
     They are written into ``said`` as they come: what was found counts, however the search ends.
     """
-    said = said if said is not None else Searching()
+    said = said if said is not None else SearchResults()
     started = time.monotonic()
     properties = [claim.stated for claim in claims if claim.stated is not None]
     subjects = frozenset(_SUBJECTS[claim.kind] for claim in claims) - {GoalKind.PROPERTY}
@@ -89,7 +89,7 @@ def exhaust(
 
 
 def _conclude(
-    said: Searching,
+    said: SearchResults,
     end: Exhausted | OutOfBounds | NotFinite,
     claims: Sequence[Claim],
     seconds: float,

@@ -34,7 +34,7 @@ from koord.verify.engines.explicit.fair_cycles import (
 from koord.verify.engines.explicit.finiteness import NotFinite, not_finite
 from koord.verify.engines.explicit.found_runs import Tracer, as_it_is
 from koord.verify.engines.explicit.initial_states import openings
-from koord.verify.engines.explicit.joint_transitions import Joint, Joints
+from koord.verify.engines.explicit.joint_transitions import JointTransition, JointTransitions
 from koord.verify.engines.explicit.limits import LimitReachedError, Limits, Meter
 from koord.verify.engines.explicit.property_checks import (
     ENDS,
@@ -45,7 +45,7 @@ from koord.verify.engines.explicit.property_checks import (
     end_of,
 )
 from koord.verify.engines.explicit.robot_transitions import Menu, Menus
-from koord.verify.engines.explicit.states import State, Vault
+from koord.verify.engines.explicit.states import State, StateStore
 
 #: Told now and then: states seen, rounds finished.
 Progress = Callable[[int, int], None]
@@ -59,7 +59,7 @@ class Fairness(Struct, frozen=True):
     expectations: tuple[str, ...] = ()
 
 
-class Lively(Struct, frozen=True):
+class FairCycleReport(Struct, frozen=True):
     """The results of a search for fair cycles, per property.
 
     ``violated`` has a lasso for each that is, ``needs`` what the proof of each that holds rests on;
@@ -81,7 +81,7 @@ def lively(
     most_edges: int | None = None,
     progress: Progress | None = None,
     clock: Callable[[], float] = time.monotonic,
-) -> Lively:
+) -> FairCycleReport:
     """Decide liveness properties on all reachable states. [PROP-EVENTUALLY] [PROP-LEADS-TO]
 
     Beside the limits there may be one of edges: many robots have many ways to go on from a state.
@@ -90,7 +90,7 @@ def lively(
     asked += [s for r in expected(system) for s in r.statements]
     reason = not_finite(system, asked)
     if reason is not None:
-        return Lively({}, {}, reason)
+        return FairCycleReport({}, {}, reason)
     meter = Meter(limits if limits is not None else Limits(), clock)
     tracks_ran = any(reads_ran(system, p) for p in properties)
     search = _Search(system, meter, progress, most_edges, tracks_ran=tracks_ran)
@@ -137,7 +137,7 @@ class _Search:
         *,
         tracks_ran: bool,
     ) -> None:
-        vault = Vault(system, tracks_ran=tracks_ran)
+        vault = StateStore(system, tracks_ran=tracks_ran)
         self._system = system
         self._vault = vault
         self._meter = meter
@@ -146,7 +146,7 @@ class _Search:
         self._edges = 0
         self._commits = Commits(vault)
         menus = Menus(system, vault, self._commits, relaxed=True, labelled=True)
-        self._joints = Joints(system, vault, menus, self._commits, relaxed=True)
+        self._joints = JointTransitions(system, vault, menus, self._commits, relaxed=True)
         self._assumptions = [check(system, vault, a) for a in system.program.assumptions]
         self._expected = [(r, *self._checks(r)) for r in expected(system)]
         self._locks = locks_of(system)
@@ -159,7 +159,7 @@ class _Search:
         goal = check(self._system, self._vault, response.goal)
         return (None if trigger is None else check(self._system, self._vault, trigger)), goal
 
-    def run(self, properties: Sequence[core.Property]) -> Lively:
+    def run(self, properties: Sequence[core.Property]) -> FairCycleReport:
         """Build the graph, as far as limits allow, and decide each property."""
         end: Exhausted | OutOfBounds | NotFinite
         nodes = self._nodes
@@ -168,7 +168,7 @@ class _Search:
         except ENDS as error:
             end = end_of(error, len(nodes.states), self._depth)
             if isinstance(end, NotFinite) or isinstance(error, OutOfBudgetError):
-                return Lively({}, {}, end)
+                return FairCycleReport({}, {}, end)
         else:
             end = Exhausted(len(nodes.states), self._depth)
         # What was not looked at any more has no edges, so what is found is there all the same.
@@ -177,7 +177,7 @@ class _Search:
         try:
             return self._answered(properties, end)
         except OutOfBudgetError as error:
-            return Lively({}, {}, end_of(error, len(nodes.states), self._depth))
+            return FairCycleReport({}, {}, end_of(error, len(nodes.states), self._depth))
 
     # --- the graph ------------------------------------------------------------------------------
 
@@ -235,7 +235,7 @@ class _Search:
         nodes.edges.append(tuple(edge for edges in found.values() for edge in edges))
         nodes.asks.append(sum(bit for (i, k), bit in self._bit.items() if menus[i].asks >> k & 1))
 
-    def _label_of(self, node: int, menus: list[Menu], joint: Joint) -> tuple[int, int]:
+    def _label_of(self, node: int, menus: list[Menu], joint: JointTransition) -> tuple[int, int]:
         ran = [course.runs for course in joint.courses]
         classes = [course.classes for course in joint.courses]
         return self._label(node, menus, ran, classes)
@@ -272,7 +272,7 @@ class _Search:
 
     def _answered(
         self, properties: Sequence[core.Property], end: Exhausted | OutOfBounds
-    ) -> Lively:
+    ) -> FairCycleReport:
         names = tuple(dict.fromkeys(response.name for response, _, _ in self._expected))
         everything = Fairness(robots=True, locks=bool(self._locks), expectations=names)
         violated: dict[str, Recording] = {}
@@ -288,7 +288,7 @@ class _Search:
         is_empty = isinstance(end, Exhausted) and not fair_set(
             self._graph, every, self._wanted(everything), spend
         )
-        return Lively(violated, needs, end, is_empty)
+        return FairCycleReport(violated, needs, end, is_empty)
 
     def _least(self, regions: list[_Region], known: Fairness) -> Fairness:
         """A minimal fairness for the proof: conditions are dropped one after the other."""

@@ -15,15 +15,15 @@ from msgspec.structs import replace
 from koord.semantics.recordings import Answer, Recording, Round
 from koord.syntax.system import System
 from koord.verify.engines.explicit.commits import Commits, StoreOutcome
-from koord.verify.engines.explicit.initial_states import Opened, openings
-from koord.verify.engines.explicit.joint_transitions import Joint, Joints
+from koord.verify.engines.explicit.initial_states import InitialState, openings
+from koord.verify.engines.explicit.joint_transitions import JointTransition, JointTransitions
 from koord.verify.engines.explicit.property_checks import Check, GoalKind, SearchGoal
 from koord.verify.engines.explicit.robot_transitions import (
     EnvironmentOutcome,
     FaultingEvent,
     RobotTransition,
 )
-from koord.verify.engines.explicit.states import State, Vault
+from koord.verify.engines.explicit.states import State, StateStore
 
 Representative = Callable[[tuple[int, ...], tuple[int, ...]], State]
 
@@ -37,9 +37,9 @@ class Tracer:
     def __init__(
         self,
         system: System,
-        vault: Vault,
+        vault: StateStore,
         commits: Commits,
-        joints: Joints,
+        joints: JointTransitions,
         representative: Representative,
     ) -> None:
         self._system = system
@@ -68,7 +68,7 @@ class Tracer:
             recording = replace(recording, rounds=(*recording.rounds, next(last(state))))
         return recording
 
-    def _opened(self, first: State, *, is_faulted: bool) -> Opened:
+    def _opened(self, first: State, *, is_faulted: bool) -> InitialState:
         for opened in openings(self._system, self._vault, self._commits):
             if opened.is_faulted is is_faulted and self._is(opened.state, first):
                 return opened
@@ -91,7 +91,7 @@ class Tracer:
                 for end in joint.ends:
                     yield self._whole(joint, end, doings), (*after, *end.shared)
 
-    def _whole(self, joint: Joint, end: StoreOutcome, doings: tuple[Doing, ...]) -> Round:
+    def _whole(self, joint: JointTransition, end: StoreOutcome, doings: tuple[Doing, ...]) -> Round:
         """A whole round: robots that run first, then the environment."""
         order = self._order(joint, end, doings)
         skipping = [i for i in range(self._system.robots) if i not in order]
@@ -105,7 +105,9 @@ class Tracer:
         events = tuple(entry.event for entry, _ in doings)
         return Round((*order, *skipping), events, readings, answers)
 
-    def _order(self, joint: Joint, end: StoreOutcome, doings: tuple[Doing, ...]) -> tuple[int, ...]:
+    def _order(
+        self, joint: JointTransition, end: StoreOutcome, doings: tuple[Doing, ...]
+    ) -> tuple[int, ...]:
         """The robots that run, with the writers among them in the order of their writes."""
         writers = [joint.writers[position] for position in end.order]
         running = [i for i, (entry, _) in enumerate(doings) if entry.event is not None]
@@ -121,7 +123,7 @@ class Tracer:
         return tuple(found)
 
     def _cut(
-        self, joint: Joint, end: StoreOutcome, doings: tuple[Doing, ...], *, inside: bool
+        self, joint: JointTransition, end: StoreOutcome, doings: tuple[Doing, ...], *, inside: bool
     ) -> Round:
         """A round cut before the environment's turn; ``inside``: before all robots have moved."""
         order = self._order(joint, end, doings)
@@ -133,7 +135,7 @@ class Tracer:
         events = tuple(doings[i][0].event if i in order else None for i in robots)
         return Round(order, events, (), self._answers(doings, order), cut=True)
 
-    def _first_to_skip(self, joint: Joint) -> int:
+    def _first_to_skip(self, joint: JointTransition) -> int:
         return next(i for i, course in enumerate(joint.courses) if course.may_skip_first)
 
     # --- violations -----------------------------------------------------------------------------
@@ -162,7 +164,7 @@ class Tracer:
         return found
 
     def _broken(
-        self, check: Check, joint: Joint, end: StoreOutcome, doings: tuple[Doing, ...]
+        self, check: Check, joint: JointTransition, end: StoreOutcome, doings: tuple[Doing, ...]
     ) -> Iterator[Round]:
         before = tuple(entry.robot for entry, _ in doings)
         if joint.is_inside and not check.holds((*before, *end.shared)):
@@ -200,7 +202,7 @@ class Tracer:
 
         return found
 
-    def _lost(self, joint: Joint) -> set[str]:
+    def _lost(self, joint: JointTransition) -> set[str]:
         program = self._system.program
         slots = self._joints.lost(joint)
         return {program.allwrite[slot].variable.name for slot in slots}
@@ -211,13 +213,13 @@ def as_it_is(robots: tuple[int, ...], shared: tuple[int, ...]) -> State:
     return (*robots, *shared)
 
 
-def _program_turns(joint: Joint) -> Iterator[tuple[Doing, ...]]:
+def _program_turns(joint: JointTransition) -> Iterator[tuple[Doing, ...]]:
     """What all robots may do in a joint course, before the environment's turn."""
     for chosen in product(*[course.entries for course in joint.courses]):
         yield tuple((entry, None) for entry in chosen)
 
 
-def _doings(joint: Joint, robot: int, *, every: bool = False) -> Iterator[Doing]:
+def _doings(joint: JointTransition, robot: int, *, every: bool = False) -> Iterator[Doing]:
     """Yield a robot's transitions in a joint course; one for each end that it can have."""
     outcomes = joint.endings[robot].outcomes
     seen: set[int] = set()

@@ -16,7 +16,7 @@ from koord.traces.enumeration import ExploringInputs, Given, explored
 from koord.verify.engines.explicit.commits import NOTHING, Commits
 from koord.verify.engines.explicit.finiteness import known_starts
 from koord.verify.engines.explicit.recipes import parts_written
-from koord.verify.engines.explicit.states import State, Vault
+from koord.verify.engines.explicit.states import State, StateStore
 
 
 class _Beginning(Struct, frozen=True):
@@ -28,7 +28,7 @@ class _Beginning(Struct, frozen=True):
     given: Given
 
 
-class Opened(Struct, frozen=True):
+class InitialState(Struct, frozen=True):
     """A possible INIT of the system, whether or not the assumptions hold after it."""
 
     state: State
@@ -47,7 +47,7 @@ class Opened(Struct, frozen=True):
         )
 
 
-def openings(system: System, vault: Vault, commits: Commits) -> Iterator[Opened]:
+def openings(system: System, vault: StateStore, commits: Commits) -> Iterator[InitialState]:
     """Yield every possible INIT."""
     starting = known_starts(system)
     stores = explored(
@@ -66,14 +66,14 @@ def openings(system: System, vault: Vault, commits: Commits) -> Iterator[Opened]
 
 
 def _opened(
-    vault: Vault,
+    vault: StateStore,
     commits: Commits,
     store: Store[Constant],
     given: Given,
     chosen: tuple[_Beginning, ...],
     *,
     is_faulted: bool,
-) -> Iterator[Opened]:
+) -> Iterator[InitialState]:
     writers = tuple(i for i, each in enumerate(chosen) if each.write != NOTHING)
     robots = tuple(each.robot for each in chosen)
     is_faulted = is_faulted or any(each.fault is not None for each in chosen)
@@ -81,11 +81,11 @@ def _opened(
     writes = tuple(chosen[i].write for i in writers)
     for end in commits.ends(vault.shared(store), writes):
         order = tuple(writers[position] for position in end.order)
-        yield Opened((*robots, *end.shared), is_faulted, order, all_given)
+        yield InitialState((*robots, *end.shared), is_faulted, order, all_given)
 
 
 def _beginnings(
-    system: System, vault: Vault, commits: Commits, robot: int, store: Store[Constant]
+    system: System, vault: StateStore, commits: Commits, robot: int, store: Store[Constant]
 ) -> Iterator[_Beginning]:
     starting = known_starts(system)
     turns = explored(

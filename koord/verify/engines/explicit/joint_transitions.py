@@ -16,10 +16,10 @@ from koord.syntax.system import System
 from koord.syntax.walk import nodes
 from koord.verify.engines.explicit.commits import NOTHING, Commits, StoreOutcome
 from koord.verify.engines.explicit.robot_transitions import Endings, Menu, Menus, TransitionGroup
-from koord.verify.engines.explicit.states import State, Vault
+from koord.verify.engines.explicit.states import State, StateStore
 
 
-class Joint(Struct, frozen=True):
+class JointTransition(Struct, frozen=True):
     """A joint course: one course of each robot.
 
     ``writers`` are the robots that write, in the order to which the ends of the store refer.
@@ -66,11 +66,11 @@ def needs_relaxed(system: System, properties: tuple[core.Property, ...]) -> bool
     return asks and sees
 
 
-class Joints:
+class JointTransitions:
     """The joint courses of a system."""
 
     def __init__(
-        self, system: System, vault: Vault, menus: Menus, commits: Commits, *, relaxed: bool
+        self, system: System, vault: StateStore, menus: Menus, commits: Commits, *, relaxed: bool
     ) -> None:
         self._robots = system.robots
         self._vault = vault
@@ -82,7 +82,7 @@ class Joints:
         """Every robot's menu in a state."""
         return [self._menus.menu(robot, state) for robot in range(self._robots)]
 
-    def joints(self, state: State, menus: list[Menu]) -> Iterator[Joint]:
+    def joints(self, state: State, menus: list[Menu]) -> Iterator[JointTransition]:
         """Yield every joint course in a state."""
         shared = state[self._robots :]
         for courses, taken in self._combined([menu.courses for menu in menus]):
@@ -90,14 +90,14 @@ class Joints:
             ends = self._commits.ends(shared, tuple(courses[i].write for i in writers))
             all_stop = not any(course.running for course in courses)
             if not self._relaxed:
-                yield Joint(courses, writers, ends, True, False, all_stop)
+                yield JointTransition(courses, writers, ends, True, False, all_stop)
                 continue
             is_whole = _is_whole(courses, taken, menus)
             is_inside = self._is_inside(courses, menus)
             if is_whole or is_inside:
-                yield Joint(courses, writers, ends, is_whole, is_inside, all_stop)
+                yield JointTransition(courses, writers, ends, is_whole, is_inside, all_stop)
 
-    def lost(self, joint: Joint) -> frozenset[int]:
+    def lost(self, joint: JointTransition) -> frozenset[int]:
         """The variables of which an update is lost. [LOST-UPDATE]"""
         writes = [(i, joint.courses[i].write) for i in joint.writers]
         found: Iterator[frozenset[int]] = (

@@ -31,7 +31,7 @@ class PlaceOf(NamedTuple):
 Lazy = Constant | PlaceOf
 
 
-class Looking:
+class LazyDomain:
     """The number domain of lazy evaluation. ``look`` gives the value at a place, once each."""
 
     def __init__(self, look: Callable[[PlaceOf], Constant]) -> None:

@@ -12,7 +12,7 @@ from koord.verify.engine_names import Engine
 from koord.verify.engines.engine import Task, Tools, Worker
 from koord.verify.engines.explicit.engine import limits_of
 from koord.verify.engines.explicit.exhaustive import in_the_way
-from koord.verify.engines.explicit.fair_search import Fairness, Lively, lively
+from koord.verify.engines.explicit.fair_search import FairCycleReport, Fairness, lively
 from koord.verify.engines.explicit.finiteness import NotFinite
 from koord.verify.engines.explicit.limits import Limits
 from koord.verify.engines.explicit.property_checks import Exhausted, OutOfBounds
@@ -68,7 +68,7 @@ def make(engine: Engine, tools: Tools) -> Worker:
 
 
 def _settled(
-    ledger: Ledger, claims: Sequence[Claim], found: Lively, seconds: float
+    ledger: Ledger, claims: Sequence[Claim], found: FairCycleReport, seconds: float
 ) -> dict[Claim, str]:
     """Settle the claims that were decided; return why lassos did not replay, if some did not."""
     unreplayed: dict[Claim, str] = {}
@@ -95,7 +95,7 @@ def named(fairness: Fairness) -> tuple[str, ...]:
     return (*(name for name, needed in kinds if needed), *fairness.expectations)
 
 
-def _why(found: Lively) -> str:
+def _why(found: FairCycleReport) -> str:
     match found.end:
         case Exhausted():
             return "not decided"

@@ -18,7 +18,7 @@ from koord.semantics.values import Rec, Seq, Table, Value
 from koord.syntax.analysis.sorts import Entries, Fields, Items, Scalar, Shape
 from koord.syntax.analysis.symmetry import Symmetry
 from koord.verify.engines.explicit.cells import CACHE_LIMIT, Cells, Interner
-from koord.verify.engines.explicit.states import Own, State, Vault
+from koord.verify.engines.explicit.states import RobotState, State, StateStore
 
 #: The new number of each robot.
 Renaming = tuple[int, ...]
@@ -219,7 +219,7 @@ ORDERS_TRIED = 24
 class Orbits:
     """Representatives of the states of one search."""
 
-    def __init__(self, vault: Vault, symmetry: Symmetry) -> None:
+    def __init__(self, vault: StateStore, symmetry: Symmetry) -> None:
         self._vault = vault
         self._robots = vault.system.robots
         self._groups = symmetry.groups
@@ -315,7 +315,7 @@ class Orbits:
             known = self._own_looks[number, robot] = self._looks.number(("own", *told))
         return known
 
-    def _parts(self, own: Own) -> Iterator[tuple[int, Naming | None]]:
+    def _parts(self, own: RobotState) -> Iterator[tuple[int, Naming | None]]:
         """Yield a robot's contents, each with the robots that it may name."""
         yield from zip(own.locals, self._locals[own.kind], strict=True)
         yield from zip(own.ports, self._ports[own.kind], strict=True)

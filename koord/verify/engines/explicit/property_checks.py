@@ -31,9 +31,9 @@ from koord.verify.engines.explicit.cells import (
     TooLargeError,
 )
 from koord.verify.engines.explicit.finiteness import NotFinite
-from koord.verify.engines.explicit.lazy import Decisions, Lazy, Looking, PlaceOf
+from koord.verify.engines.explicit.lazy import Decisions, Lazy, LazyDomain, PlaceOf
 from koord.verify.engines.explicit.limits import OUT_OF_TIME, LimitReachedError
-from koord.verify.engines.explicit.states import State, Vault, filled, nothing, template
+from koord.verify.engines.explicit.states import State, StateStore, filled, nothing, template
 
 
 class GoalKind(Enum):
@@ -107,7 +107,7 @@ class Violated(Struct, frozen=True):
         return len(self.recording.rounds)
 
 
-class Survey(Struct, frozen=True):
+class SearchReport(Struct, frozen=True):
     """All violated claims, each once, and the end of the search."""
 
     violated: tuple[Violated, ...]
@@ -134,7 +134,7 @@ class Check(Struct):
     kinds: tuple[Reads, ...]
     shared: tuple[int, ...]
     _system: System
-    _vault: Vault
+    _vault: StateStore
     _views: Interner[View] = field(default_factory=Interner)
     _view_of: dict[int, int] = field(default_factory=dict)
     _views_of: dict[tuple[int, ...], tuple[int, ...]] = field(default_factory=dict)
@@ -220,7 +220,7 @@ class Check(Struct):
         def look(place: PlaceOf) -> Constant:
             return scalars.value(codes[place.variable][place.position], place.type)
 
-        d = Looking(look)
+        d = LazyDomain(look)
         configuration = self._templates.get(root)
         if configuration is None:
             configuration = self._templates[root] = self._configuration(views, shared)
@@ -261,7 +261,7 @@ class Check(Struct):
         return Configuration(tuple(robots), store, 0)
 
 
-def check(system: System, vault: Vault, statement: Closed) -> Check:
+def check(system: System, vault: StateStore, statement: Closed) -> Check:
     """The check of one statement."""
     program = system.program
     kinds = tuple(reads_of(program, statement.condition, agent=a) for a in program.agents)

@@ -19,7 +19,7 @@ from koord.semantics.turns import Turned
 from koord.semantics.values import Rec, Seq, Table, Value, map_atoms
 from koord.verify.engines.explicit.cells import Cells, Codes, Scalars
 from koord.verify.engines.explicit.lazy import PlaceOf
-from koord.verify.engines.explicit.states import Vault
+from koord.verify.engines.explicit.states import StateStore
 
 
 class Recipe(NamedTuple):
@@ -169,7 +169,7 @@ class _Positions:
 
 
 def parts_written(
-    vault: Vault, before: Store[Constant], turned: Turned[Constant]
+    vault: StateStore, before: Store[Constant], turned: Turned[Constant]
 ) -> tuple[VariableEffect, ...]:
     """The writes of a turn on known values."""
     scalars = vault.scalars

@@ -24,7 +24,7 @@ from koord.traces.enumeration import ExploringInputs, explored
 from koord.verify.engines.explicit.cells import CACHE_LIMIT
 from koord.verify.engines.explicit.commits import NOTHING, Commits
 from koord.verify.engines.explicit.effects import Effects, EventOf
-from koord.verify.engines.explicit.states import Own, State, Vault
+from koord.verify.engines.explicit.states import RobotState, State, StateStore
 
 
 class EnvironmentOutcome(NamedTuple):
@@ -142,7 +142,7 @@ class Menus:
     def __init__(
         self,
         system: System,
-        vault: Vault,
+        vault: StateStore,
         commits: Commits,
         *,
         relaxed: bool,
@@ -216,7 +216,7 @@ class Menus:
             known = kind.outcomes[key] = self._evolved(robot, number, own)
         return known
 
-    def _evolved(self, robot: int, number: int, own: Own) -> tuple[EnvironmentOutcome, ...]:
+    def _evolved(self, robot: int, number: int, own: RobotState) -> tuple[EnvironmentOutcome, ...]:
         agent = self._system.program.agents[own.kind]
         if not agent.modules:
             return (EnvironmentOutcome(number, None, (), (), ()),)
@@ -254,7 +254,7 @@ _NO_STORE: Store[Constant] = Store((), ())
 class _MenuMaker:
     """A builder of one menu."""
 
-    def __init__(self, menus: Menus, own: Own, robot: int, state: State) -> None:
+    def __init__(self, menus: Menus, own: RobotState, robot: int, state: State) -> None:
         self.menus, self.own, self.robot, self.state = menus, own, robot, state
         self.failures: list[FaultingEvent] = []
         self.obligations: list[int] = []

@@ -24,7 +24,11 @@ from koord.verify.engines.explicit.commits import Commits
 from koord.verify.engines.explicit.finiteness import NotFinite, not_finite
 from koord.verify.engines.explicit.found_runs import Tracer, as_it_is
 from koord.verify.engines.explicit.initial_states import openings
-from koord.verify.engines.explicit.joint_transitions import Joint, Joints, needs_relaxed
+from koord.verify.engines.explicit.joint_transitions import (
+    JointTransition,
+    JointTransitions,
+    needs_relaxed,
+)
 from koord.verify.engines.explicit.limits import LimitReachedError, Limits, Meter
 from koord.verify.engines.explicit.orbits import Orbits
 from koord.verify.engines.explicit.property_checks import (
@@ -34,7 +38,7 @@ from koord.verify.engines.explicit.property_checks import (
     GoalKind,
     OutOfBounds,
     SearchGoal,
-    Survey,
+    SearchReport,
     Violated,
     asks_who_ran,
     check,
@@ -42,7 +46,7 @@ from koord.verify.engines.explicit.property_checks import (
     sees_the_environment,
 )
 from koord.verify.engines.explicit.robot_transitions import Menu, Menus
-from koord.verify.engines.explicit.states import State, Vault
+from koord.verify.engines.explicit.states import State, StateStore
 
 #: So many ways to start, most of them assumed away, are tried for each state that is allowed.
 _STARTS_PER_STATE = 20
@@ -64,7 +68,7 @@ def survey(
     order_reduction: bool = True,
     progress: Progress | None = None,
     clock: Callable[[], float] = time.monotonic,
-) -> Survey:
+) -> SearchReport:
     """Search for all violations: of each claim one with the fewest rounds."""
     made = begun(
         system,
@@ -77,8 +81,8 @@ def survey(
         clock=clock,
     )
     if isinstance(made, NotFinite):
-        return Survey((), made)
-    return Survey(tuple(made.violations()), made.end)
+        return SearchReport((), made)
+    return SearchReport(tuple(made.violations()), made.end)
 
 
 def begun(
@@ -131,7 +135,7 @@ class Search:
         progress: Progress | None,
     ) -> None:
         relaxed = not order_reduction or needs_relaxed(system, properties)
-        vault = Vault(system, tracks_ran=asks_who_ran(properties))
+        vault = StateStore(system, tracks_ran=asks_who_ran(properties))
         self._system = system
         self._vault = vault
         self._meter = meter
@@ -139,7 +143,7 @@ class Search:
         self._subjects = subjects
         self._commits = Commits(vault, every_order=not order_reduction)
         menus = Menus(system, vault, self._commits, relaxed=relaxed)
-        self._joints = Joints(system, vault, menus, self._commits, relaxed=relaxed)
+        self._joints = JointTransitions(system, vault, menus, self._commits, relaxed=relaxed)
         found = symmetry_of(system, properties) if symmetry else None
         orbits = Orbits(vault, found) if isinstance(found, Symmetry) else None
         self._representative = orbits.representative if orbits is not None else as_it_is
@@ -262,7 +266,7 @@ class Search:
         if GoalKind.FAULT in self._subjects and any(menu.failures for menu in menus):
             yield _Found(SearchGoal(GoalKind.FAULT), state, is_behind=True)
 
-    def _looked_inside(self, state: State, joint: Joint) -> Iterator[_Found]:
+    def _looked_inside(self, state: State, joint: JointTransition) -> Iterator[_Found]:
         """Yield the violations between program turns, and before the environment's. [T-PREFIX]"""
         for claim, each in self._inside.items():
             if claim in self._settled:
@@ -278,7 +282,7 @@ class Search:
                 name = self._system.program.allwrite[slot].variable.name
                 yield _Found(SearchGoal(GoalKind.LOST_UPDATE, name), state, is_behind=True)
 
-    def _evolved(self, state: State, joint: Joint) -> Iterator[_Found]:
+    def _evolved(self, state: State, joint: JointTransition) -> Iterator[_Found]:
         """Yield the faults of models, and the promises that they break."""
         endings = joint.endings
         if not any(ending.has_news for ending in endings):
@@ -327,12 +331,12 @@ class Search:
         return path[::-1]
 
 
-def _is_last(joint: Joint) -> bool:
+def _is_last(joint: JointTransition) -> bool:
     """Return whether the environment may have no turn, so that properties are checked before it."""
     return any(ending.may_be_last for ending in joint.endings)
 
 
-def _holds(each: Check, joint: Joint, *, stopped: bool) -> bool:
+def _holds(each: Check, joint: JointTransition, *, stopped: bool) -> bool:
     """Whether a statement holds wherever robots may be after their program turns."""
     # What looks the same to the statement need be tried once only.
     courses = joint.courses

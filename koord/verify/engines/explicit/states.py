@@ -23,7 +23,7 @@ from koord.verify.engines.explicit.lazy import Lazy, PlaceOf
 State = tuple[int, ...]
 
 
-class Own(NamedTuple):
+class RobotState(NamedTuple):
     """The state of a robot: numbers of its variables' contents. ``entries`` are allread ones."""
 
     kind: int
@@ -34,7 +34,7 @@ class Own(NamedTuple):
     ran: int
 
 
-class Vault:
+class StateStore:
     """The tables of numbers of one search. ``tracks_ran``: a property reads which events ran."""
 
     def __init__(self, system: System, *, tracks_ran: bool) -> None:
@@ -51,7 +51,7 @@ class Vault:
         ]
         self.entries = [self._cells(_element(x.variable.type)) for x in program.allread]
         self.allwrite = [self._cells(x.variable.type) for x in program.allwrite]
-        self.robots: Interner[Own] = Interner()
+        self.robots: Interner[RobotState] = Interner()
 
     def _cells(self, type_: Type) -> Cells:
         return Cells(type_, self.system.robots, self.scalars)
@@ -63,7 +63,7 @@ class Vault:
         assert isinstance(state.status, int)
         assert isinstance(state.ran, int)
         entries = [_part(storage, robot) for storage in state.copy.allread]
-        own = Own(
+        own = RobotState(
             state.kind,
             _numbers(self.locals[state.kind], state.locals),
             _numbers(self.ports[state.kind], state.ports),
@@ -140,7 +140,7 @@ class ReadWindow:
     of all robots of those allread variables that are read elsewhere than at the robot's own.
     """
 
-    def __init__(self, vault: Vault, kind: int, reads: Reads) -> None:
+    def __init__(self, vault: StateStore, kind: int, reads: Reads) -> None:
         self._vault = vault
         self._reads = reads
         self._kind = kind
@@ -177,7 +177,7 @@ class ReadWindow:
             root.append(robot)
         return Snapshot(tuple(root), codes)
 
-    def _looked_at(self, own: Own) -> tuple[tuple[int, ...], tuple[Codes, ...]]:
+    def _looked_at(self, own: RobotState) -> tuple[tuple[int, ...], tuple[Codes, ...]]:
         numbers = [
             *(own.locals[slot] for slot in self._reads.locals),
             *(own.ports[slot] for slot in self._reads.ports),

@@ -8,7 +8,7 @@ from koord.syntax.system import System, dealt
 from koord.verify.claims import claims_of
 from koord.verify.effort import Deadline, Effort
 from koord.verify.engines.every_n.candidates import candidates
-from koord.verify.engines.every_n.proving import SPARING, Inferred, Proof, Thrift, infer, prove
+from koord.verify.engines.every_n.proving import SPARING, Inferred, Proof, ProofBudget, infer, prove
 from koord.verify.engines.explicit.limits import Limits
 from koord.verify.engines.explicit.property_checks import GoalKind
 from koord.verify.engines.explicit.search import survey
@@ -27,7 +27,7 @@ def system_of(text: str, robots: int = 2) -> System:
     return dealt(program if abstraction is None else abstraction.program, robots, delta_s)
 
 
-def asked(text: str, thrift: Thrift = SPARING) -> Proof:
+def asked(text: str, thrift: ProofBudget = SPARING) -> Proof:
     """What is proved of a program, and why the rest is not."""
     system = system_of(text, max(2, len(program_of(text).agents)))
     effort = Effort.of_seconds(thrift.seconds)

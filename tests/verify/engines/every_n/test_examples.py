@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from koord.verify.engines.every_n.proving import GENEROUS, SPARING, Thrift
+from koord.verify.engines.every_n.proving import GENEROUS, SPARING, ProofBudget
 from tests.sampling import but_slow, first
 from tests.verify.engines.every_n.asking import asked, proved
 
@@ -53,7 +53,7 @@ def test_examples_hold_for_every_number_of_robots(name: str) -> None:
     ),
     ids=["lineform", "task", "follow_points"],
 )
-def test_larger_examples(name: str, claims: set[str], thrift: Thrift) -> None:
+def test_larger_examples(name: str, claims: set[str], thrift: ProofBudget) -> None:
     text = (EXAMPLES / f"{name}.krd").read_text(encoding="utf-8")
     assert {claim.name for claim in asked(text, thrift).proved} >= claims
 

@@ -9,7 +9,7 @@ from koord.syntax.system import System, dealt
 from koord.verify.claims import Claim, ClaimPhase, claims_of
 from koord.verify.effort import Deadline
 from koord.verify.engine_names import Engine
-from koord.verify.engines.explicit.exhaustive import Searching, exhaust
+from koord.verify.engines.explicit.exhaustive import SearchResults, exhaust
 from koord.verify.engines.explicit.limits import Limits
 from koord.verify.engines.explicit.property_checks import Exhausted, OutOfBounds
 from koord.verify.engines.explicit.search import survey
@@ -89,7 +89,7 @@ def test_what_was_found_counts_when_a_search_without_end_is_stopped() -> None:
             raise KeyboardInterrupt
         return replayed(system, recording, claim, phase)
 
-    said = Searching()
+    said = SearchResults()
     with pytest.raises(KeyboardInterrupt):
         exhaust(system, claims, Limits(), Deadline.after(None), judge, lambda text: None, said)
     assert {c.name: v.outcome for c, v in said.verdicts.items()} == {"A": Outcome.VIOLATED}
