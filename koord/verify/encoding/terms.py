@@ -52,9 +52,10 @@ def _keep_freed_memory() -> None:
     all else that makes one.
     """
     if sys.platform == "linux":
-        mallopt = getattr(ctypes.CDLL(None), "mallopt", None)  # other C libraries have none
-        for parameter, value in _KEPT.items() if mallopt is not None else ():
-            mallopt(parameter, value)
+        c_library = ctypes.CDLL(None)
+        if hasattr(c_library, "mallopt"):  # others than glibc may have none
+            for parameter, value in _KEPT.items():
+                c_library.mallopt(parameter, value)
 
 
 _keep_freed_memory()
