@@ -159,7 +159,8 @@ WITHIN = {
     "koord.verify.reduction": _REDUCTION,
     "koord.verify.vacuity": _ENGINES,
     "koord.verify.export": (*_REDUCTION, "koord.verify.engines.bits"),
-    "koord.verify.certificates": _ENGINES,
+    "koord.verify.certificate_form": (),
+    "koord.verify.certificates": (*_ENGINES, "koord.verify.certificate_form"),
     "koord.verify": _EVERYTHING,
 }
 

@@ -16,7 +16,7 @@ from koord.cli.exits import Exit
 from koord.cli.main import COMMANDS, EPILOG
 from koord.recheck import certificate
 from koord.traces import form
-from koord.verify import certificates
+from koord.verify import certificate_form
 from tests import environments
 from tests.test_examples import EXPECTED
 
@@ -203,8 +203,8 @@ def test_what_stays_as_it_is_is_said_of_this_version() -> None:
         "the public API",
     ]
     assert f"`--trace` writes (version {form.VERSION}," in promise
-    assert f"`--certificate` writes (version {certificates.VERSION})" in promise
-    assert certificate.VERSION == certificates.VERSION
+    assert f"`--certificate` writes (version {certificate_form.VERSION})" in promise
+    assert certificate.VERSION == certificate_form.VERSION
     assert f"\n## {koord.__version__} " in (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
     contributing = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
     assert "README.md#what-stays-as-it-is" in contributing

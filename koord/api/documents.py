@@ -75,7 +75,7 @@ def schema_text(document: str) -> str:
 
 
 #: Documents whose schema is made of structs, and published beside this file.
-GENERATED = ("diagnostics", "recheck", "replay", "trace", "verdicts")
+GENERATED = ("certificate", "diagnostics", "recheck", "replay", "trace", "verdicts")
 
 
 def generated(document: str) -> dict[str, Any]:
@@ -83,29 +83,34 @@ def generated(document: str) -> dict[str, Any]:
     from msgspec.json import schema_components
 
     from koord.api import forms, verdict_forms
+    from koord.syntax.forms import VALUES
     from koord.traces import form
+    from koord.verify.certificate_form import CertificateForm
 
     head: dict[str, str]
     whole: type
     others: dict[str, Any]
     head, whole, others = {
+        "certificate": ({"title": "Koord certificate"}, CertificateForm, VALUES),
         "diagnostics": ({"title": "Diagnostics of koord"}, forms.Diagnostics, {}),
         "recheck": (
             {"title": "Verdicts of koord on a certificate"},
             forms.Recheck,
-            forms.VALUES,
+            VALUES,
         ),
-        "replay": ({"title": "Verdicts of koord on a trace"}, forms.Replay, forms.VALUES),
+        "replay": ({"title": "Verdicts of koord on a trace"}, forms.Replay, VALUES),
         "trace": (
             {"$id": "koord-trace-3", "title": "koord trace, versions 1 to 3"},
             form.File,
             form.VALUES,
         ),
-        "verdicts": ({"title": "Verdicts of koord"}, verdict_forms.Verdicts, forms.VALUES),
+        "verdicts": ({"title": "Verdicts of koord"}, verdict_forms.Verdicts, VALUES),
     }[document]
     (top,), found = schema_components([whole], ref_template="#/$defs/{name}")
     for one in found.values():
         del one["title"]  # of the struct
+        if "enum" in one:
+            one.pop("description", None)  # of the enumeration, for who reads the code
         if "description" in one:
             one["description"] = " ".join(one["description"].split())
     own = found.pop(top["$ref"].rpartition("/")[2])

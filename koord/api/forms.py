@@ -2,45 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal, TypeAlias
+from typing import Annotated, Literal, TypeAlias
 
-from msgspec import Meta, Struct
+from msgspec import Meta
 
-Natural: TypeAlias = Annotated[int, Meta(ge=0)]
-FromOne: TypeAlias = Annotated[int, Meta(ge=1)]
-Told: TypeAlias = Annotated[str, Meta(min_length=1)]
+from koord.syntax.forms import Digest, Exact, Form, FromOne, Natural, Tasks, Told, Value, words
+from koord.syntax.forms import NotCovered as NotCovered
+
 #: Rounds count from 0, as in traces; -1 is the start.
 Round: TypeAlias = Annotated[int, Meta(ge=-1)]
 Version: TypeAlias = Annotated[
     Literal[1], Meta(description="Changes when readers of this object have to change.")
 ]
-Exact: TypeAlias = Annotated[str, Meta(extra_json_schema={"$ref": "#/$defs/Fraction"})]
-Value: TypeAlias = Annotated[Any, Meta(extra_json_schema={"$ref": "#/$defs/Value"})]
-
-#: The schemas of values of params, by the names that forms refer to.
-VALUES: dict[str, Any] = {
-    "Fraction": {"type": "string", "pattern": "^-?[0-9]+(/[0-9]+)?$"},
-    "Value": {
-        "description": "An int, a bool, a string or member of an enumeration, a float as a "
-        "fraction, a list; a pos is a list of three.",
-        "oneOf": [
-            {"type": "integer"},
-            {"type": "boolean"},
-            {"type": "string"},
-            {"type": "array", "items": {"$ref": "#/$defs/Value"}},
-            {
-                "type": "object",
-                "additionalProperties": False,
-                "required": ["fraction"],
-                "properties": {"fraction": {"$ref": "#/$defs/Fraction"}},
-            },
-        ],
-    },
-}
-
-
-class Form(Struct, forbid_unknown_fields=True):
-    """A JSON object that allows no further fields."""
 
 
 # --- what something is said about -----------------------------------------------------------------
@@ -77,7 +50,7 @@ class Problem(Form):
         Meta(description="All params by name: the value, and the one that the text gives."),
     ]
     tasks: Annotated[
-        list[tuple[Exact, Exact, Exact]] | None,
+        Tasks | None,
         Meta(description="Where the world's tasks are that a variable starts with; null: nowhere."),
     ]
     properties: Annotated[
@@ -163,10 +136,6 @@ class Replay(Form):
 # --- koord recheck --------------------------------------------------------------------------------
 
 
-def _words(*words: str) -> Meta:
-    return Meta(extra_json_schema={"enum": list(words)})
-
-
 class Place(Form):
     """The beginning of a place in a text; null for none."""
 
@@ -176,12 +145,12 @@ class Place(Form):
 
 
 Met: TypeAlias = Annotated[
-    str, _words("met", "not met", "unknown"), Meta(description="Whether the obligation is met.")
+    str, words("met", "not met", "unknown"), Meta(description="Whether the obligation is met.")
 ]
 
 
 class RecheckedClaim(Form):
-    kind: Annotated[str, _words("property", "fault", "lost update", "contract")]
+    kind: Annotated[str, words("property", "fault", "lost update", "contract")]
     subject: Annotated[
         str, Meta(description="The variable of a lost update, or the contract; else empty.")
     ]
@@ -197,15 +166,10 @@ class RecheckedClaim(Form):
 
 
 class Premise(Form):
-    kind: Annotated[str, _words("assumption", "contract", "summary")]
+    kind: Annotated[str, words("assumption", "contract", "summary")]
     name: str
     statement: Annotated[str, Meta(description="Koord; empty if it is the library's.")]
     place: Place | None
-
-
-class NotCovered(Form):
-    name: str
-    reason: str
 
 
 class Obligation(Form):
@@ -237,18 +201,12 @@ class Recheck(Form):
     version: Annotated[
         Literal[3], Meta(description="Changes when readers of this object have to change.")
     ]
-    verdict: Annotated[str, _words("confirmed", "refuted", "unknown")]
+    verdict: Annotated[str, words("confirmed", "refuted", "unknown")]
     reason: Annotated[str, Meta(description="Why it is not confirmed; empty if it is.")]
     place: Annotated[Place | None, Meta(description="The construct that is not rechecked.")]
     solver: Annotated[str, Meta(description="Which solver was asked, with its version.")]
     program: Annotated[str, Meta(description="The name of the program in the certificate.")]
-    sha256: Annotated[
-        str,
-        Meta(
-            description="Of the program's text.",
-            extra_json_schema={"pattern": "^[0-9a-f]{64}$"},
-        ),
-    ]
+    sha256: Digest
     problem: Problem
     vacuous: Annotated[
         list[str],

@@ -6,9 +6,10 @@ from typing import Annotated, TypeAlias, get_args
 
 from msgspec import UNSET, Meta, UnsetType
 
-from koord.api.forms import Compiled, Form, FromOne, Natural, Told, Version
+from koord.api.forms import Compiled, Version
 from koord.api.forms import Problem as Problem
 from koord.syntax.analysis.premises import PremiseKind
+from koord.syntax.forms import Form, FromOne, Natural, Told, words
 from koord.traces.fairness import EventStatus
 from koord.verify.claims import ClaimKind, ClaimPhase
 from koord.verify.obstacles import Obstacle as _Obstacle
@@ -32,9 +33,7 @@ class Failure(Form):
 
 class Obstacle(Form):
     engine: str
-    kind: Annotated[
-        str, Meta(extra_json_schema={"enum": [each.__name__ for each in get_args(_Obstacle)]})
-    ]
+    kind: Annotated[str, words(*(each.__name__ for each in get_args(_Obstacle)))]
     names: Annotated[
         list[str],
         Meta(description="Variables, sensors or functions that may have too many values."),

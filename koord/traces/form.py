@@ -5,7 +5,6 @@ Values of the program are JSON by their types, see :mod:`koord.traces.value_code
 
 from __future__ import annotations
 
-from enum import Enum
 from typing import Annotated, Any, Final, Literal, TypeAlias
 
 from msgspec import UNSET, Meta, Struct, UnsetType
@@ -13,6 +12,7 @@ from msgspec import UNSET, Meta, Struct, UnsetType
 from koord.semantics.configurations import Turn
 from koord.semantics.oracle import Phase
 from koord.syntax.faults import FaultKind
+from koord.syntax.forms import Natural, defined, words
 from koord.syntax.system import Status
 from koord.traces.trace import Numbers, ViolationKind
 
@@ -30,25 +30,15 @@ LOOP: Final = 2
 STATUS_NAMES = tuple(status.name.lower() for status in sorted(Status))
 
 
-def _defined(name: str) -> Meta:
-    return Meta(extra_json_schema={"$ref": f"#/$defs/{name}"})
-
-
-def _words(words: type[Enum] | tuple[str, ...]) -> Meta:
-    names = list(words) if isinstance(words, tuple) else list(words.__members__)
-    return Meta(extra_json_schema={"enum": names})
-
-
 # What hangs on types of the program, or on how long a number is, is read by the codec of values.
-Rational: TypeAlias = Annotated[Any, _defined("Rational")]
-Param: TypeAlias = Annotated[Any, _defined("Param")]
-Value: TypeAlias = Annotated[Any, _defined("Value")]
-Storage: TypeAlias = Annotated[Any, _defined("Storage")]
+Rational: TypeAlias = Annotated[Any, defined("Rational")]
+Param: TypeAlias = Annotated[Any, defined("Param")]
+Value: TypeAlias = Annotated[Any, defined("Value")]
+Storage: TypeAlias = Annotated[Any, defined("Storage")]
 Variables: TypeAlias = Annotated[
     dict[str, Storage],
     Meta(description="By name; ports as Module.port."),
 ]
-Natural: TypeAlias = Annotated[int, Meta(ge=0)]
 Event: TypeAlias = Annotated[
     str | None, Meta(description="The name of an event of the robot's agent; null for a skip.")
 ]
@@ -113,7 +103,7 @@ class Store(Form):
 
 
 class Robot(Form):
-    status: Annotated[str, _words(STATUS_NAMES)]
+    status: Annotated[str, words(*STATUS_NAMES)]
     ran: Event
     turn: Turn
     locals: Variables
@@ -124,7 +114,7 @@ class Robot(Form):
 
 
 class Fault(Form):
-    kind: Annotated[str, _words(FaultKind)]
+    kind: Annotated[str, words(*FaultKind.__members__)]
     robot: Natural | None
     place: Annotated[
         tuple[str, Natural, Natural, Natural, Natural],

@@ -8,14 +8,16 @@ them. ``koord recheck`` makes obligations of its own: it does not rely on these
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence, Set
+from fractions import Fraction
 
-from msgspec import Struct, field
+from msgspec import Struct, field, to_builtins
 from msgspec.structs import replace
 
 from koord.semantics.domain import disjunction
 from koord.syntax import ast, core
 from koord.syntax.core import PropertyKind
 from koord.syntax.elaboration.settings import Settings
+from koord.syntax.forms import NotCovered, Text
 from koord.syntax.literals import encoded
 from koord.syntax.load import load
 from koord.syntax.parsing.parser import parse
@@ -23,6 +25,7 @@ from koord.syntax.printing.program import stated
 from koord.syntax.printing.quoting import Quoting
 from koord.syntax.source import Source
 from koord.syntax.system import System
+from koord.verify import certificate_form as forms
 from koord.verify.claims import Claim, ClaimKind, ClaimPhase, claims_of
 from koord.verify.effort import Deadline, Effort
 from koord.verify.encoding.unrolling import Unrolling, violations
@@ -33,9 +36,6 @@ from koord.verify.engines.induction.engine import MAX_DEPTH, PROOF_S
 from koord.verify.engines.induction.proving import prove, step_scripts
 from koord.verify.reduction.abstraction import abstracted
 from koord.verify.verdicts import Outcome, Report
-
-FORMAT = "koord certificate"
-VERSION = 3
 
 #: What the configurations are called that a step looks at.
 _MOMENTS = {
@@ -130,35 +130,27 @@ def certificate(
         for name in shown.holding
         if name not in depth_of
     }
-    document: dict[str, object] = {
-        "format": FORMAT,
-        "version": VERSION,
-        "made_by": f"koord {version}",
-        "program": _text(texts.program),
-        "properties": [_text(source) for source in texts.properties],
-        "parameters": {name: encoded(v) for name, v in texts.settings.params.items()},
-        "tasks": None
-        if texts.settings.tasks is None
-        else [[str(x) for x in task] for task in texts.settings.tasks],
-        "kinds": list(system.kinds),
-        "delta": str(system.delta_s),
-        "claims": [
-            {
-                "name": c.name,
-                "kind": c.kind.value,
-                "subject": c.subject,
-                "every_number": c.name in everyone,
-            }
-            for c in claimed
-        ],
-        "invariant": list(_invariant(system.program, texts, found, depth_of, everyone)),
-        "rests_on": rests_on(system.program),
-        "not_covered": [{"name": name, "reason": why} for name, why in not_covered.items()],
-        "obligations": [
-            {"name": name, "smt2": text, "sha256": digest(text)}
+    settings = texts.settings
+    form = forms.CertificateForm(
+        format=forms.FORMAT,
+        version=forms.VERSION,
+        made_by=f"koord {version}",
+        program=_text(texts.program),
+        properties=[_text(source) for source in texts.properties],
+        parameters={name: encoded(v) for name, v in settings.params.items()},
+        tasks=None if settings.tasks is None else [_exact(place) for place in settings.tasks],
+        kinds=list(system.kinds),
+        delta=str(system.delta_s),
+        claims=[forms.Claim(c.name, c.kind.value, c.subject, c.name in everyone) for c in claimed],
+        invariant=list(_invariant(system.program, texts, found, depth_of, everyone)),
+        rests_on=rests_on(system.program),
+        not_covered=[NotCovered(name, why) for name, why in not_covered.items()],
+        obligations=[
+            forms.Obligation(name, text, digest(text))
             for name, text in _obligations(subject, depths)
         ],
-    }
+    )
+    document: dict[str, object] = to_builtins(form)
     return Certificate(document, not_covered)
 
 
@@ -214,8 +206,13 @@ def _with_found(texts: Texts, found: Sequence[tuple[str, Source]]) -> core.Progr
     return program
 
 
-def _text(source: Source) -> dict[str, str]:
-    return {"name": source.name, "text": source.text, "sha256": digest(source.text)}
+def _text(source: Source) -> Text:
+    return Text(source.name, source.text, digest(source.text))
+
+
+def _exact(place: tuple[Fraction, Fraction, Fraction]) -> tuple[str, str, str]:
+    x, y, z = map(str, place)
+    return x, y, z
 
 
 def digest(text: str) -> str:
@@ -267,7 +264,7 @@ def _invariant(
     found: Sequence[tuple[str, Source]],
     depth_of: Mapping[str, int],
     everyone: Set[str],
-) -> Iterator[dict[str, object]]:
+) -> Iterator[forms.Conjunct]:
     """The conjuncts of the invariant as texts: from the program, its property files, or lemmas."""
     kinds = (PropertyKind.INVARIANT, PropertyKind.AT_ROUND)
     names = [p.name for p in program.properties if p.kind in kinds]
@@ -278,27 +275,17 @@ def _invariant(
     ]
     for name, written in zip(names, stated(sections, ast.Invariant), strict=True):
         if name in depth_of:
-            yield {
-                "name": name,
-                "depth": depth_of[name],
-                "every_number": name in everyone,
-                "text": written.text,
-            }
+            yield forms.Conjunct(name, depth_of[name], name in everyone, written.text)
 
 
-def rests_on(program: core.Program) -> dict[str, list[str]]:
+def rests_on(program: core.Program) -> forms.RestsOn:
     """The names of the assumptions, contracts and summaries that a proof may have used."""
-    return {
-        "assumptions": [assumption.name for assumption in program.assumptions],
-        "contracts": [
-            contract.name
-            for agent in program.agents
-            for module in agent.modules
-            if module.environment is None
-            for contract in module.contracts
-        ],
-        "summaries": [e.name for e in program.externals if e.requires or e.ensures],
-    }
+    modules = (m for agent in program.agents for m in agent.modules if m.environment is None)
+    return forms.RestsOn(
+        assumptions=[assumption.name for assumption in program.assumptions],
+        contracts=[contract.name for module in modules for contract in module.contracts],
+        summaries=[e.name for e in program.externals if e.requires or e.ensures],
+    )
 
 
 # --- the obligations ------------------------------------------------------------------------------
