@@ -1,4 +1,4 @@
-"""The JSON that `koord verify` prints: what `koord schema verdicts` describes is made of these."""
+"""Forms of the JSON that `koord verify` prints, from which its schema is generated."""
 
 from __future__ import annotations
 

@@ -451,7 +451,7 @@ def scalars(memory: Memory[Term]) -> list[tuple[Path, Term]]:
 
 
 def with_scalars(memory: Memory[Term], new: dict[Path, Term]) -> Memory[Term]:
-    """A memory with other scalars at some paths."""
+    """The memory with other scalars at some paths."""
     made = memory.copied()
     for name in LISTS:
         storages = getattr(made, name)

@@ -44,7 +44,7 @@ class JointTransition(Struct, frozen=True):
 
     @property
     def endings(self) -> list[Endings]:
-        """What the environment's turn may bring to each robot."""
+        """The possible results of the environment's turn, for each robot."""
         return [c.stopped if self.all_stop else c.evolved for c in self.courses]
 
     def successors(self) -> Iterator[tuple[tuple[int, ...], tuple[int, ...]]]:

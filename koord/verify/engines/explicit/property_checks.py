@@ -79,7 +79,7 @@ ENDS = (LimitReachedError, OutOfBudgetError, TooLargeError, UnboundedError)
 
 
 def end_of(error: Exception, states: int, depth: int | None) -> OutOfBounds | NotFinite:
-    """How a search ends that such an error ends."""
+    """The result of a search that ends with an error."""
     match error:
         case UnboundedError():
             return NotFinite(str(error), NOWHERE)

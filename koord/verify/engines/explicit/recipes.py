@@ -199,7 +199,7 @@ def _has_keys(mask: Mask[Any]) -> bool:
 
 
 def _known(value: Any, scalars: Scalars, codes: Sequence[Codes]) -> Any:
-    """A value with its places looked at."""
+    """The value with the values of its places."""
 
     def looked(atom: Any) -> Any:
         if not isinstance(atom, PlaceOf):

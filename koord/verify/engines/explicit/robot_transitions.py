@@ -54,7 +54,7 @@ class FaultingEvent(NamedTuple):
 
 
 class Endings(Struct, frozen=True, dict=True):
-    """What the environment's turn may bring to a robot, for each of some entries."""
+    """The possible results of the environment's turn for a robot, for each of some entries."""
 
     outcomes: tuple[tuple[EnvironmentOutcome, ...], ...]
 
@@ -70,12 +70,12 @@ class Endings(Struct, frozen=True, dict=True):
 
     @cached_property
     def has_news(self) -> bool:
-        """Whether the environment's turn may bring a fault or a broken promise."""
+        """True if the environment's turn may bring a fault or a broken promise."""
         return any(o.fault is not None or o.broken for o in self.all)
 
     @cached_property
     def may_be_last(self) -> bool:
-        """Whether the environment has no turn after some entry."""
+        """True if the environment has no turn after some entry."""
         return not all(any(o.fault is None for o in each) for each in self.outcomes)
 
 
