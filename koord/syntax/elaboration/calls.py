@@ -21,7 +21,8 @@ from koord.syntax.types import BOOL, FLOAT, INT, POS, ArrayType, ListType, MapTy
 Builtin = Callable[[BodyScope, ast.Call, Type | None], core.Expr | None]
 
 
-def _counted(body: BodyScope, e: ast.Call, count: int) -> bool:
+def counted(body: BodyScope, e: ast.Call, count: int) -> bool:
+    """Check the number of arguments."""
     if len(e.arguments) == count:
         return True
     for argument in e.arguments:
@@ -35,15 +36,18 @@ def _counted(body: BodyScope, e: ast.Call, count: int) -> bool:
     return False
 
 
+def _only(body: BodyScope, e: ast.Call, expected: Type | None = None) -> core.Expr | None:
+    """Elaborate the only argument."""
+    return body.expr(e.arguments[0].value, expected) if counted(body, e, 1) else None
+
+
 def _no_list(body: BodyScope, e: ast.Expr, name: str, given: Type, of: str = "a list") -> None:
     body.error("K229", e.span, f"`{name}` wants {of}, not {a(given)}")
 
 
 def _length(body: BodyScope, e: ast.Call, expected: Type | None) -> core.Expr | None:
-    if not _counted(body, e, 1):
-        return None
     read_before = set(body.shared_reads)
-    value = body.expr(e.arguments[0].value)
+    value = _only(body, e)
     if value is None:
         return None
     if element_of(value.type) is None and not isinstance(value.type, MapType):
@@ -63,7 +67,7 @@ def _fixed(place: core.Place) -> bool:
 
 
 def _contains(body: BodyScope, e: ast.Call, expected: Type | None) -> core.Expr | None:
-    if not _counted(body, e, 2):
+    if not counted(body, e, 2):
         return None
     where, what = (argument.value for argument in e.arguments)
     sequence = body.expr(where)
@@ -83,7 +87,7 @@ def _contains(body: BodyScope, e: ast.Call, expected: Type | None) -> core.Expr 
 
 def _keys(body: BodyScope, e: ast.Call, expected: Type | None) -> core.Expr | None:
     """Elaborate ``keys(m)``: the keys of a map, or the elements of a set, as a list. [E-LIST]"""
-    value = body.expr(e.arguments[0].value) if _counted(body, e, 1) else None
+    value = _only(body, e)
     if value is None:
         return None
     if not isinstance(value.type, MapType):
@@ -94,9 +98,7 @@ def _keys(body: BodyScope, e: ast.Call, expected: Type | None) -> core.Expr | No
 
 def _over_truths(op: core.ListOp) -> Builtin:
     def builtin(body: BodyScope, e: ast.Call, expected: Type | None) -> core.Expr | None:
-        if not _counted(body, e, 1):
-            return None
-        value = body.expr(e.arguments[0].value, ListType(BOOL))
+        value = _only(body, e, ListType(BOOL))
         if value is None:
             return None
         if element_of(value.type) != BOOL:
@@ -109,17 +111,16 @@ def _over_truths(op: core.ListOp) -> Builtin:
 
 def _numbers(body: BodyScope, e: ast.Call) -> list[core.Expr] | None:
     """Elaborate arguments that are all of one number type."""
-    found: list[core.Expr] = []
-    for value in [body.expr(argument.value) for argument in e.arguments]:
-        if value is None:
-            return None
-        found.append(value)
+    values = [body.expr(argument.value) for argument in e.arguments]
+    found = [value for value in values if value is not None]
+    if len(found) < len(values):
+        return None
     for value in found:
         if not is_numeric(value.type):
             _no_list(body, e, e.function.name, value.type, "numbers")
             return None
     if any(value.type == FLOAT for value in found):
-        return [widened(value) if value.type == INT else value for value in found]
+        return list(map(widened, found))
     return found
 
 
@@ -129,7 +130,7 @@ def _pair(e: ast.Call, op: core.BinaryOp, left: core.Expr, right: core.Expr) -> 
 
 def _clamp(body: BodyScope, e: ast.Call, expected: Type | None) -> core.Expr | None:
     """Elaborate ``clamp(x, low, high)`` as ``max(low, min(x, high))``. [E-ARITH]"""
-    found = _numbers(body, e) if _counted(body, e, 3) else None
+    found = _numbers(body, e) if counted(body, e, 3) else None
     if found is None:
         return None
     x, low, high = found
@@ -160,9 +161,7 @@ def _extreme(op: core.ListOp, pair: core.BinaryOp) -> Builtin:
 
 
 def _abs(body: BodyScope, e: ast.Call, expected: Type | None) -> core.Expr | None:
-    if not _counted(body, e, 1):
-        return None
-    value = body.expr(e.arguments[0].value)
+    value = _only(body, e)
     if value is None:
         return None
     if not is_numeric(value.type):
@@ -172,7 +171,7 @@ def _abs(body: BodyScope, e: ast.Call, expected: Type | None) -> core.Expr | Non
 
 
 def _float(body: BodyScope, e: ast.Call, expected: Type | None) -> core.Expr | None:
-    if not _counted(body, e, 1):
+    if not counted(body, e, 1):
         return None
     value = e.arguments[0].value
     return fit(body, body.expr(value), FLOAT, value.span, "the argument of `float`")
@@ -334,8 +333,7 @@ def _choose(body: BodyScope, e: ast.Call) -> core.Expr | None:
         return None
     type_: Type = INT if low.type == INT and high.type == INT else FLOAT
     if type_ == FLOAT:
-        low = widened(low) if low.type == INT else low
-        high = widened(high) if high.type == INT else high
+        low, high = widened(low), widened(high)
     lower = fit(body, low, type_, e.arguments[0].span, "the lower bound")
     upper = fit(body, high, type_, e.arguments[1].span, "the upper bound")
     if lower is None or upper is None:

@@ -10,7 +10,7 @@ from typing import assert_never
 from koord.syntax import ast, core
 from koord.syntax.diagnostics import Note
 from koord.syntax.elaboration.body import BodyScope, SharedWrite, Where
-from koord.syntax.elaboration.calls import METHODS, as_call
+from koord.syntax.elaboration.calls import METHODS, as_call, counted
 from koord.syntax.elaboration.coercion import POISON, fit
 from koord.syntax.elaboration.literals import field_position
 from koord.syntax.elaboration.names import Meaning
@@ -245,15 +245,7 @@ def _changed(
     body: BodyScope, call: ast.Call, count: int, *, reads: bool = True
 ) -> core.Place | None:
     """Elaborate the place that is changed, if the number of arguments is right."""
-    if len(call.arguments) != count:
-        for argument in call.arguments:
-            body.expr(argument.value, POISON)
-        plural = "" if count == 1 else "s"
-        body.error(
-            "K217",
-            call.span,
-            f"`{call.function.name}` takes {count} argument{plural}, not {len(call.arguments)}",
-        )
+    if not counted(body, call, count):
         return None
     place = target(body, call.arguments[0].value)
     if place is None:

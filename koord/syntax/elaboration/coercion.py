@@ -26,7 +26,9 @@ POISON = OpaqueType("?")
 
 
 def widened(value: core.Expr) -> core.Expr:
-    """Widen an ``int`` to a ``float``."""
+    """Widen an ``int`` to a ``float``; any other value stays."""
+    if value.type != INT:
+        return value
     if isinstance(value, core.Const) and isinstance(value.value, int):
         return core.Const(Fraction(value.value), FLOAT, span=value.span)
     return core.Unary(core.UnaryOp.WIDEN, value, FLOAT, span=value.span)

@@ -11,7 +11,6 @@ from koord.syntax.elaboration.symbols import RecordInfo
 from koord.syntax.source import Span
 from koord.syntax.types import (
     FLOAT,
-    INT,
     PRESENT,
     ArrayType,
     ListType,
@@ -97,7 +96,7 @@ def _inferred(
         wanted = wanted or value.type
         values.append(value)
     if any(value.type == FLOAT for value in values):
-        values = [widened(value) if value.type == INT else value for value in values]
+        values = list(map(widened, values))
     element = values[0].type
     fitted = [
         fit(body, value, element, item.span, "an element of this list")

@@ -204,10 +204,7 @@ def _order(body: BodyScope, e: ast.Binary, left: core.Expr, right: core.Expr) ->
 def _same_number(left: core.Expr, right: core.Expr) -> tuple[core.Expr, core.Expr]:
     if left.type == right.type:
         return left, right
-    return (
-        widened(left) if left.type == INT else left,
-        widened(right) if right.type == INT else right,
-    )
+    return widened(left), widened(right)
 
 
 def _arithmetic(
@@ -254,14 +251,13 @@ def _vector(body: BodyScope, e: ast.Binary, left: core.Expr, right: core.Expr) -
         if e.op is ast.BinaryOp.SUB:
             return library_call(body, "subtractedPos", (left, right), e.span)
     elif left.type == POS and is_numeric(right.type):
-        factor = widened(right) if right.type == INT else right
+        factor = widened(right)
         if e.op is ast.BinaryOp.MUL:
             return library_call(body, "scaledPos", (left, factor), e.span)
         if e.op is ast.BinaryOp.DIV:
             return library_call(body, "dividedPos", (left, factor), e.span)
     elif is_numeric(left.type) and e.op is ast.BinaryOp.MUL:
-        factor = widened(left) if left.type == INT else left
-        return library_call(body, "scaledPos", (right, factor), e.span)
+        return library_call(body, "scaledPos", (right, widened(left)), e.span)
     body.error(
         "K229",
         e.span,

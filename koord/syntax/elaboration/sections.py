@@ -46,24 +46,8 @@ class Sections(Struct):
     @property
     def is_empty(self) -> bool:
         """True if there are no sections."""
-        common = self.common
-        return not (
-            self.kinds
-            or self.allread
-            or self.allwrite
-            or self.params
-            or self.records
-            or self.enums
-            or self.functions
-            or common.locals
-            or common.using
-            or common.init
-            or common.events
-            or common.assumptions
-            or common.expectations
-            or common.properties
-            or common.of_run
-        )
+        own = (getattr(self, name) for name in self.__struct_fields__ if name != "common")
+        return self.common == AgentSections("") and not any(own)
 
     @property
     def only_properties(self) -> bool:
