@@ -35,7 +35,7 @@ from koord.syntax.analysis.footprint import updates
 from koord.syntax.core import Home
 from koord.syntax.source import Span
 from koord.syntax.system import System
-from koord.syntax.types import INT, ArrayType, MapType, RecordType, SequenceType, Type
+from koord.syntax.types import INT, ArrayType, MapType, Type, part_types
 from koord.traces.rendering import show_value
 from koord.verify.claims import Claim, ClaimKind, ClaimPhase, StepFindings, broken
 from koord.verify.encoding import moments
@@ -56,14 +56,12 @@ class ModelReader(Struct, frozen=True):
     def value(self, value: Symbolic, type_: Type) -> Value[Constant]:
         """The value of a symbolic value of a type in the model."""
         if isinstance(value, Rec):
-            assert isinstance(type_, RecordType)
-            pairs = zip(value.fields, type_.fields, strict=True)
-            return Rec(tuple(self.value(part, field) for part, (_, field) in pairs))
+            types = part_types(type_, len(value.fields))
+            return Rec(tuple(map(self.value, value.fields, types)))
         if isinstance(value, Seq):
-            assert isinstance(type_, SequenceType)
-            length = self._int(value.length)
-            items = tuple(self.value(item, type_.element) for item in value.items[:length])
-            return Seq(len(items), items)
+            taken = value.items[: self._int(value.length)]
+            types = part_types(type_, len(taken))
+            return Seq(len(taken), tuple(map(self.value, taken, types)))
         if isinstance(value, Table):
             assert isinstance(type_, MapType)
             entries = value.entries[: self._int(value.length)]

@@ -171,15 +171,9 @@ def _form(
     match storage:
         case Cell(is_set=is_set, value=value):
             return (_form(value, type_, found),) if is_set is True else None
-        case Tree(parts=parts):
+        case Tree(parts=parts) | Rec(fields=parts) | Seq(items=parts):
             types = part_types(type_, len(parts))
             return tuple(_form(part, t, found) for part, t in zip(parts, types, strict=True))
-        case Rec(fields=fields):
-            types = part_types(type_, len(fields))
-            return tuple(_form(part, t, found) for part, t in zip(fields, types, strict=True))
-        case Seq(items=items):
-            assert isinstance(type_, SequenceType)
-            return tuple(_form(item, type_.element, found) for item in items)
         case Table(entries=entries):
             assert isinstance(type_, MapType)
             return tuple(

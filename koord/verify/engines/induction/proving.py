@@ -28,7 +28,7 @@ from koord.syntax import core
 from koord.syntax.analysis.symmetry import Symmetry, symmetry_of
 from koord.syntax.core import BinaryOp, QuantifierKind, UnaryOp
 from koord.syntax.system import System
-from koord.syntax.types import INT, ArrayType, RecordType, Type
+from koord.syntax.types import INT, Type, part_types
 from koord.verify.claims import Claim, ClaimPhase, StepFindings, claims_of
 from koord.verify.effort import Deadline, Effort
 from koord.verify.encoding.moments import SymbolicConfiguration
@@ -98,26 +98,19 @@ def _event(ran: Constant) -> int:
 
 
 def _configuration(reader: ModelReader, c: Configuration[Term]) -> Configuration[Constant]:
-    system = reader.system
-    program = system.program
-    store = _store(reader, c.store)
-    robots = tuple(_robot(reader, system, n, robot, store) for n, robot in enumerate(c.robots))
-    assert len(program.allwrite) == len(store.allwrite)
+    program = reader.system.program
+    store = Store(
+        _all(reader, c.store.allread, program.allread),
+        _all(reader, c.store.allwrite, program.allwrite),
+    )
+    robots = tuple(_robot(reader, n, robot, store) for n, robot in enumerate(c.robots))
     return Configuration(robots, store, c.round, c.turn)
 
 
-def _store(reader: ModelReader, store: Store[Term]) -> Store[Constant]:
-    program = reader.system.program
-    return Store(
-        _all(reader, store.allread, program.allread),
-        _all(reader, store.allwrite, program.allwrite),
-    )
-
-
 def _robot(
-    reader: ModelReader, system: System, number: int, robot: Robot[Term], store: Store[Constant]
+    reader: ModelReader, number: int, robot: Robot[Term], store: Store[Constant]
 ) -> Robot[Constant]:
-    agent = system.agent(number)
+    agent = reader.system.agent(number)
     ports = tuple(port.declaration for port in agent.ports)
     read: Robot[Constant] = replace(
         robot,
@@ -139,11 +132,8 @@ def _all(
 
 def _storage(reader: ModelReader, storage: Storage[Term], type_: Type) -> Storage[Constant]:
     if isinstance(storage, Tree):
-        if isinstance(type_, RecordType):
-            parts = zip(storage.parts, (field for _, field in type_.fields), strict=True)
-            return Tree(tuple(_storage(reader, part, field) for part, field in parts))
-        assert isinstance(type_, ArrayType)
-        return Tree(tuple(_storage(reader, part, type_.element) for part in storage.parts))
+        parts = zip(storage.parts, part_types(type_, len(storage.parts)), strict=True)
+        return Tree(tuple(_storage(reader, part, below) for part, below in parts))
     assert isinstance(storage, Cell)
     return Cell(reader.truth(storage.is_set), reader.value(storage.value, type_))
 
