@@ -7,6 +7,8 @@ import gc
 import pytest
 from hypothesis import is_hypothesis_test, settings
 
+from tests.sampling import is_too_long
+
 COMMON = settings(derandomize=True, deadline=None, print_blob=False)
 settings.register_profile("default", COMMON, max_examples=20)
 settings.register_profile("slow", COMMON, max_examples=100)
@@ -20,7 +22,9 @@ def pytest_configure(config: pytest.Config) -> None:
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption(
-        "--one-of-each", action="store_true", help="of the cases of each slow test the first one"
+        "--one-of-each",
+        action="store_true",
+        help="of the cases of each slow test the first one, but for those of tests/sampling.py",
     )
 
 
@@ -40,6 +44,6 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     if config.getoption("one_of_each"):
         chosen: dict[str, pytest.Item] = {}
         for item in items:
-            if item.get_closest_marker("slow"):
+            if item.get_closest_marker("slow") and not is_too_long(item.name):
                 chosen.setdefault(item.nodeid.partition("[")[0], item)
         items[:] = chosen.values()

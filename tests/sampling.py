@@ -2,10 +2,35 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Collection, Iterable
 
 import pytest
 from hypothesis import settings
+
+#: Whole families in blocks of a minute or more. Small samples of them are tests by themselves.
+_FAMILIES = re.compile(r"_many(_|$)|_at_length$|_further_on$")
+
+#: What takes more than 15 seconds of CPU by itself: tests, or single cases of them, and why.
+TOO_LONG = {
+    "test_all_three_refuse_all_mutants_alike": "three readers of some hundred configurations",
+    "test_cars_among_processes_make_the_same_run": "half a minute of a fleet, twice",
+    "test_the_fewest_rounds_are_the_fewest_of_many": "all runs of 60 programs",
+    "test_the_protocol_can_be_checked_by_itself": "eight runs of it in chaos",
+    "test_the_tests_pass_without_mistakes": "all tests that mutants name",
+    "test_the_text_is_typed": "mypy, of all compiled examples",
+    "test_the_tour_can_be_taken_in_an_environment_that_pip_made": "pip installs all extras",
+    "test_threads_verify_examples_under_load": "four examples, four times at once",
+    "test_users_see_what_was_frozen[refinement]": "runs of generated programs",
+    "test_ways_of_generated_programs_differ": "every way to break 100 programs",
+    "test_what_passes_a_limit_is_refused_and_nothing_else[values of a configuration]": "the limit",
+}
+
+
+def is_too_long(test: str) -> bool:
+    """Whether `make sample` leaves out a test, which may be followed by its case."""
+    name = test.partition("[")[0]
+    return name in TOO_LONG or test in TOO_LONG or _FAMILIES.search(name) is not None
 
 
 def first(count: int, cases: Iterable[object]) -> list[object]:
