@@ -15,7 +15,10 @@ _FAMILIES = re.compile(r"_many(_|$)|_at_length$|_further_on$")
 TOO_LONG = {
     "test_all_three_refuse_all_mutants_alike": "three readers of some hundred configurations",
     "test_cars_among_processes_make_the_same_run": "half a minute of a fleet, twice",
+    "test_events_that_never_run_are_told": "what never happens, looked for in all ways",
     "test_the_fewest_rounds_are_the_fewest_of_many": "all runs of 60 programs",
+    "test_nothing_false_is_confirmed_of_a_thousand_edits": "a thousand certificates",
+    "test_some_work_is_done_for_all_rounds": "an engine that is given twenty seconds",
     "test_the_protocol_can_be_checked_by_itself": "eight runs of it in chaos",
     "test_the_tests_pass_without_mistakes": "all tests that mutants name",
     "test_the_text_is_typed": "mypy, of all compiled examples",

@@ -177,7 +177,7 @@ def test_no_run_is_taken_on_trust(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.slow
 def test_it_is_asked_before_rounds_are_unrolled_for_long() -> None:
     text = (EXAMPLES / "broken" / "sats_report_for_ever.krd").read_text(encoding="utf-8")
-    report = verify(of_text(text, 2, Fraction(50)), Bounds(4, 60))
+    report = verify(of_text(text, 2, Fraction(50)), Bounds(4, 600))
     engines = {v.claim.name: v.engine for v in report.verdicts}
     assert engines["Separation"] is Engine.SPACER
     assert engines["Runway"] is Engine.SPACER
