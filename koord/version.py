@@ -1,3 +1,3 @@
-"""The version of this package, which documents that it writes name."""
+"""The version of this package, which the documents that it writes state."""
 
 __version__ = "0.1.0"

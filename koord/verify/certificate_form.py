@@ -1,4 +1,4 @@
-"""The form of certificates: what ``koord schema certificate`` describes is made of these."""
+"""The form of certificates: structs from which ``koord schema certificate`` is generated."""
 
 from __future__ import annotations
 

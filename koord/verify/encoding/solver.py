@@ -1,4 +1,4 @@
-"""The Z3 solver: with the terms, the only files that use Z3."""
+"""The Z3 solver: incremental, with deadlines, effort limits, cores and models."""
 
 from __future__ import annotations
 

@@ -42,7 +42,7 @@ _FIRST = 2
 
 
 def unmet(ledger: Ledger, unbroken_: Collection[Claim], effort: Effort) -> Iterator[Vacuity]:
-    """The goals that no run reaches, among those not reached at ends of rounds, and why."""
+    """Yield a vacuity for each unreachable goal, among those not reached at ends of rounds."""
     wished = reachability_goals_of(ledger.system)
     asking = _Asking(ledger, wished.system, effort)
     goals = {goal.never: goal for goal in wished.all if goal.never in unbroken_}
