@@ -1,4 +1,4 @@
-"""What forms of JSON are made of: structs from which ``koord schema`` is generated."""
+"""Forms of JSON: the base of structs from which ``koord schema`` is generated."""
 
 from __future__ import annotations
 

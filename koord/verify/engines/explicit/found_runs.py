@@ -214,7 +214,7 @@ def as_it_is(robots: tuple[int, ...], shared: tuple[int, ...]) -> State:
 
 
 def _program_turns(joint: JointTransition) -> Iterator[tuple[Doing, ...]]:
-    """What all robots may do in a joint course, before the environment's turn."""
+    """Yield the transitions of all robots in a joint course, before the environment's turn."""
     for chosen in product(*[course.entries for course in joint.courses]):
         yield tuple((entry, None) for entry in chosen)
 

@@ -337,7 +337,7 @@ def _is_last(joint: JointTransition) -> bool:
 
 
 def _holds(each: Check, joint: JointTransition, *, stopped: bool) -> bool:
-    """Whether a statement holds wherever robots may be after their program turns."""
+    """Return whether a statement holds wherever robots may be after their program turns."""
     # What looks the same to the statement need be tried once only.
     courses = joint.courses
     views = [each.views(c.stopped_robots if stopped else c.robots) for c in courses]
