@@ -286,9 +286,7 @@ def _below(crowds: ParameterisedTurns, type_: Type, way: Sequence[int]) -> tuple
     for k in way:
         if isinstance(type_, RecordType):
             fields.append(k)
-        parts = crowds.v.parts(type_)
-        assert parts is not None
-        type_ = parts[k][1]
+        type_ = crowds.v.inner(type_)[k]
     return type_, fields
 
 

@@ -99,11 +99,9 @@ class Racing(Struct):
                 value = v.merge(wins, marks.value, value, type_)
                 rank = t.ite(wins, its_rank, rank)
             return Cell(is_set, value)
-        parts = v.parts(type_)
-        assert parts is not None
         assert isinstance(storage, tuple)
         below = []
-        for k, (part_storage, (_, part)) in enumerate(zip(storage, parts, strict=True)):
+        for k, (part_storage, part) in enumerate(zip(storage, v.inner(type_), strict=True)):
             inner = [(r, m[k]) for r, m in ranked if isinstance(m, tuple)]
             below.append(self._atoms(part_storage, part, inner, rank))
         return tuple(below)

@@ -90,6 +90,12 @@ class Sorts(Struct):
             case _:
                 return None
 
+    def inner(self, type_: Type) -> list[Type]:
+        """The types of the parts of a record or an array."""
+        parts = self.parts(type_)
+        assert parts is not None
+        return [part for _, part in parts]
+
     def sort(self, type_: Type) -> str:
         """The sort of a whole value as one term."""
         match type_:
@@ -192,9 +198,7 @@ class Sorts(Struct):
             if not units:
                 return self.t.op(f"(as seq.empty {sort})", (), sort)
             return units[0] if len(units) == 1 else self.t.op("seq.++", units, sort)
-        parts = self.parts(type_)
-        assert parts is not None
-        packed = [self.pack(v, part) for v, (_, part) in zip(value, parts, strict=True)]
+        packed = [self.pack(v, part) for v, part in zip(value, self.inner(type_), strict=True)]
         return self.t.op(quoted(f"{show(type_)}!make"), packed, sort)
 
     def unpack(self, term: Term, type_: Type) -> Value:

@@ -187,10 +187,9 @@ class Storages(Struct, frozen=True):
             if self.v.parts(type_) is None and isinstance(storage.value, tuple):
                 return Cell(storage.is_set, self.v.pack(storage.value, type_))
             return storage
-        parts = self.v.parts(type_)
-        assert parts is not None
         return tuple(
-            self.loosened(below, part) for below, (_, part) in zip(storage, parts, strict=True)
+            self.loosened(below, part)
+            for below, part in zip(storage, self.v.inner(type_), strict=True)
         )
 
     def read(self, storage: Storage, type_: Type) -> tuple[Value, Term]:
@@ -201,9 +200,7 @@ class Storages(Struct, frozen=True):
             return Family(lambda index: self.read(storage.at(index), element)[0]), whole
         if isinstance(storage, Cell):
             return storage.value, storage.is_set
-        parts = self.v.parts(type_)
-        assert parts is not None
-        below = [self.read(s, part) for s, (_, part) in zip(storage, parts, strict=True)]
+        below = [self.read(s, part) for s, part in zip(storage, self.v.inner(type_), strict=True)]
         return tuple(value for value, _ in below), self.v.t.conjunction(s for _, s in below)
 
     def below(
@@ -242,10 +239,9 @@ class Storages(Struct, frozen=True):
             is_set = self.v.t.ite(condition, a.is_set, b.is_set)
             return Cell(is_set, self.v.merge(condition, a.value, b.value, type_))
         assert isinstance(b, tuple)
-        parts = self.v.parts(type_)
-        assert parts is not None
         return tuple(
-            self.merge(condition, x, y, part) for x, y, (_, part) in zip(a, b, parts, strict=True)
+            self.merge(condition, x, y, part)
+            for x, y, part in zip(a, b, self.v.inner(type_), strict=True)
         )
 
     def merge_robots(self, condition: Term, a: Robot, b: Robot, agent: core.Agent) -> Robot:
@@ -283,10 +279,8 @@ class Storages(Struct, frozen=True):
             assert isinstance(first, Term)
             return self._put_in(storage, self.v.element(type_), first, rest, new, guard)
         assert isinstance(storage, tuple)
-        parts = self.v.parts(type_)
-        assert parts is not None
         changed = []
-        for k, (below, (_, part)) in enumerate(zip(storage, parts, strict=True)):
+        for k, (below, part) in enumerate(zip(storage, self.v.inner(type_), strict=True)):
             if isinstance(first, Field):
                 here = self.v.t.truth(k == first.position)
             else:
@@ -352,10 +346,8 @@ class Storages(Struct, frozen=True):
             element, other = self.v.element(type_), b
             return self.v.every(lambda k: self.same(a.at(k), other.at(k), element))
         assert isinstance(b, tuple)
-        parts = self.v.parts(type_)
-        assert parts is not None
         return self.v.t.conjunction(
-            self.same(x, y, part) for x, y, (_, part) in zip(a, b, parts, strict=True)
+            self.same(x, y, part) for x, y, part in zip(a, b, self.v.inner(type_), strict=True)
         )
 
     def _put_value(
@@ -365,11 +357,9 @@ class Storages(Struct, frozen=True):
             return new
         first, rest = locations[0], locations[1:]
         if isinstance(first, Field):
-            parts = self.v.parts(type_)
-            assert parts is not None
             assert isinstance(value, tuple)
             k = first.position
-            inner = self._put_value(value[k], parts[k][1], rest, new)
+            inner = self._put_value(value[k], self.v.inner(type_)[k], rest, new)
             return (*value[:k], inner, *value[k + 1 :])
         if isinstance(first, AtKey):
             assert isinstance(type_, MapType)
