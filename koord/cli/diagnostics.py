@@ -26,6 +26,7 @@ from koord.syntax.source import NOWHERE, Source, Span, is_whole_file
 #: The flags for the arguments of the public API that messages name.
 _FLAGS = {
     "cluster": "--cluster",
+    "delta_s": "--delta",
     "engine": "--engine",
     "form": "--export",
     "live": "--live",
@@ -34,6 +35,7 @@ _FLAGS = {
     "program": "--program",
     "properties": "--with",
     "resume": "--resume",
+    "robots": "--robots",
 }
 _ARGUMENT = re.compile(rf"`({'|'.join(_FLAGS)})=(?:'(\w+)')?`")
 
@@ -143,7 +145,7 @@ def _walk_on(line: str, left: int, room: int) -> int:
 def in_flags(message: str) -> str:
     """Replace the public API's arguments in a message by flags: `live=`."""
     return _ARGUMENT.sub(
-        lambda found: f"`{_FLAGS[found[1]]} {found[2]}`" if found[2] else _FLAGS[found[1]], message
+        lambda found: f"`{_FLAGS[found[1]]}{f' {found[2]}' if found[2] else ''}`", message
     )
 
 

@@ -54,7 +54,7 @@ def settled_start(
             "K920",
             false.span,
             f"this assumption is false of {system.fleet}, whatever the variables start with",
-            "choose other `--robots` or `--set`, or mend the assumption",
+            "choose other `robots=` or `params=`, or mend the assumption",
         )
     most = inputs.sampler.start_tries
     for _ in range(START_TRIES if most is None else most):

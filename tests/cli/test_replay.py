@@ -218,7 +218,7 @@ def test_another_program_behind_the_trace(trace: Any, capsys: pytest.CaptureFixt
     code, _, err = replayed(capsys, trace, "--program", "other.krd")
     assert code == Exit.BAD_INPUT
     assert "error K914" in err
-    assert "the trace may be of another program than other.krd: leave out --program" in err
+    assert "the trace may be of another program than other.krd: leave out `--program`" in err
     Path("other.krd").write_text("local:\n  int x = y\n", encoding="utf-8")
     code, _, err = replayed(capsys, trace, "--program", "other.krd")
     assert code == Exit.BAD_INPUT
@@ -237,7 +237,7 @@ def test_a_program_mended_by_hand_is_told_apart(
     code, _, err = replayed(capsys, trace)
     assert code == Exit.BAD_INPUT
     assert err.startswith("t.json: error K915: $.program.text: ")
-    assert "= help: undo the change, or name the program behind --program" in err
+    assert "= help: undo the change, or name the program behind `--program`" in err
 
 
 @pytest.mark.parametrize(

@@ -127,12 +127,12 @@ def test_it_is_known_before_the_run() -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "flag"), [("numAgents", "--robots"), ("Nsys", "--robots"), ("delta", "--delta")]
+    ("name", "other"), [("numAgents", "robots="), ("Nsys", "robots="), ("delta", "delta_s=")]
 )
-def test_flags_of_their_own_choose_another(name: str, flag: str) -> None:
+def test_arguments_of_their_own_choose_another(name: str, other: str) -> None:
     found = only(f"param float delta = 2\nparam int numAgents = 2{GO}", **{name: 4})
     assert found.code == "K236"
-    assert found.hint == f"say it with `{flag}`"
+    assert found.hint == f"say it with `{other}`"
 
 
 def test_other_names_of_the_language_are_still_no_params() -> None:

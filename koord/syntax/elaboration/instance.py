@@ -10,7 +10,7 @@ from koord.syntax.core import LEAST_DELTA_S, MOST_DELTA_S, MOST_ROBOTS
 from koord.syntax.elaboration.body import Elaboration
 from koord.syntax.elaboration.params import declared_value
 from koord.syntax.elaboration.phrases import a
-from koord.syntax.elaboration.sections import FLAGS, AgentSections, Sections
+from koord.syntax.elaboration.sections import ARGUMENTS, AgentSections, Sections
 from koord.syntax.elaboration.variables import declared_twice
 from koord.syntax.source import Span
 from koord.syntax.types import FLOAT, INT, show
@@ -74,7 +74,7 @@ def _robots(session: Elaboration, kind: AgentSections) -> int | None:
             session,
             decl.span,
             f"`{decl.name.name}` must be from {least} to {MOST_ROBOTS}, not {value}",
-            f"write such a number, or leave the line out and use `{FLAGS[decl.name.name]}`",
+            f"write such a number, or leave the line out and use `{ARGUMENTS[decl.name.name]}`",
         )
         return None
     return int(value)
@@ -110,7 +110,7 @@ def _only(session: Elaboration, found: list[ast.VarDecl]) -> ast.VarDecl | None:
 def _value(session: Elaboration, decl: ast.VarDecl) -> Fraction | None:
     wanted = FLOAT if decl.name.name == "delta" else INT
     if decl.initial is None:
-        cure = f"state it here, or leave the line out and use `{FLAGS[decl.name.name]}`"
+        cure = f"state it here, or leave the line out and use `{ARGUMENTS[decl.name.name]}`"
         _wrong(session, decl.span, f"`{decl.name.name}` has no value", cure)
         return None
     found = declared_value(session, decl, decl.initial)

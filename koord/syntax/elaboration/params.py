@@ -56,7 +56,7 @@ def param_value(session: Elaboration, decl: ast.VarDecl) -> core.Expr | None:
             "K235",
             decl.span,
             f"the param `{decl.name.name}` has no value",
-            f"give it one here, or with `--set {decl.name.name}=…`",
+            "give it one here, or set it with `params=`",
         )
         return None
     return _initial(body, decl, decl.initial, type_)

@@ -12,8 +12,8 @@ from koord.syntax.elaboration.findings import DiagnosticLog
 
 Stated = ast.Invariant | ast.Eventually | ast.LeadsTo
 
-#: The params that state the instance a program is meant for, and the flags that choose another.
-FLAGS = {"numAgents": "--robots", "Nsys": "--robots", "delta": "--delta"}
+#: The params that state the instance a program is meant for, and the arguments that choose another.
+ARGUMENTS = {"numAgents": "robots=", "Nsys": "robots=", "delta": "delta_s="}
 
 
 class AgentSections(Struct):
@@ -77,7 +77,7 @@ def _place(
             into.allread.extend(decls)
         case ast.VarSection(kind=ast.VarKind.ALLWRITE, decls=decls):
             into.allwrite.extend(decls)
-        case ast.ParamDecl(decl=decl) if decl.name.name in FLAGS:
+        case ast.ParamDecl(decl=decl) if decl.name.name in ARGUMENTS:
             kind.of_run.append(decl)
         case ast.ParamDecl(decl=decl):
             into.params.append(decl)

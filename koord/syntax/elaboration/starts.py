@@ -184,7 +184,7 @@ def check_tasks(
             "K246",
             declaration.span,
             f"`{name}` has {size} elements, but the world has {len(places)} tasks",
-            f"declare it as `Task[] {name}`, or set its size with `--set`",
+            f"declare it as `Task[] {name}`, or set its size with `params=`",
         )
 
 

@@ -12,7 +12,7 @@ from koord.syntax.elaboration.body import BodyScope, Elaboration, Where
 from koord.syntax.elaboration.params import param_value, text_value
 from koord.syntax.elaboration.phrases import did_you_mean
 from koord.syntax.elaboration.resolve_types import resolve
-from koord.syntax.elaboration.sections import FLAGS
+from koord.syntax.elaboration.sections import ARGUMENTS
 from koord.syntax.elaboration.symbols import (
     RESERVED,
     AgentScope,
@@ -113,12 +113,12 @@ def declare_params(session: Elaboration, decls: list[ast.VarDecl]) -> tuple[core
             used.append(core.Parameter(decl.name.name, plain(value), own))
     for name in session.settings.params:
         place = session.settings.places.get(name) or whole_file("<params>")
-        if name in FLAGS:
+        if name in ARGUMENTS:
             session.findings.error(
                 "K236",
                 place,
                 f"`{name}` is of the run, and no `param` of the program",
-                f"say it with `{FLAGS[name]}`",
+                f"say it with `{ARGUMENTS[name]}`",
             )
         elif not isinstance(session.shared.get(name), ParamSymbol) and not session.partial:
             known = [decl.name.name for decl in decls]
