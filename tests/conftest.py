@@ -7,6 +7,7 @@ import gc
 import pytest
 from hypothesis import is_hypothesis_test, settings
 
+from koord.verify.processes import keep_freed_memory
 from tests.sampling import is_too_long
 
 COMMON = settings(derandomize=True, deadline=None, print_blob=False)
@@ -18,6 +19,11 @@ def pytest_configure(config: pytest.Config) -> None:
     """All examples where slow tests are run, and a fifth of them elsewhere."""
     marks = config.option.markexpr
     settings.load_profile("slow" if "slow" in marks.replace("not slow", "") else "default")
+
+
+def pytest_sessionstart() -> None:
+    """Many tests ask Z3 in this process, and not in one of their own."""
+    keep_freed_memory()
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

@@ -8,8 +8,6 @@ uninterpreted sort each.
 
 from __future__ import annotations
 
-import ctypes
-import sys
 from collections.abc import Iterable, Iterator, Sequence
 from fractions import Fraction
 from typing import TypeAlias, assert_never
@@ -39,26 +37,6 @@ Sort: TypeAlias = z3.SortRef
 
 #: What a quick look at a formula costs, in steps of evaluation.
 _QUICK_LOOK = 25
-
-#: How much freed memory stays with the process, and from which size on memory is asked for by
-#: itself, in bytes; with the numbers that glibc has for them.
-_KEPT = {-1: 256 * 2**20, -3: 32 * 2**20}
-
-
-def _keep_freed_memory() -> None:
-    """Let the next context of Z3 have the memory of the last one.
-
-    A context takes 17 MB: to give them back and ask for them anew takes five times as long as
-    all else that makes one.
-    """
-    if sys.platform == "linux":
-        c_library = ctypes.CDLL(None)
-        if hasattr(c_library, "mallopt"):  # others than glibc may have none
-            for parameter, value in _KEPT.items():
-                c_library.mallopt(parameter, value)
-
-
-_keep_freed_memory()
 
 
 class Terms:
