@@ -123,11 +123,6 @@ class ParameterisedSystem(Struct):
         return self.unknowns.terms
 
     @property
-    def everywhere(self) -> System:
-        """The system in which properties are evaluated: no robot runs."""
-        return self.system
-
-    @property
     def last(self) -> Term:
         """The greatest ``pid``."""
         return self.d.binary(BinaryOp.SUB, self.crowd.count, 1)
@@ -194,7 +189,7 @@ class Universal(Struct, frozen=True):
     ) -> Term:
         """The condition that the body holds of some robots in a configuration. [PROP-INVARIANT]"""
         oracle = RobotInputs(world.unknowns, "check", None).oracle(Phase.CHECK, 0)
-        m = machine(world.d, world.everywhere, oracle, bound=self.bound, view=configuration)
+        m = machine(world.d, world.system, oracle, bound=self.bound, view=configuration)
         for name, (slot, _) in zip(names, self.robots, strict=True):
             m.memory.bound[slot] = held(world.d, name)
         truth = statement(m, self.body)

@@ -30,7 +30,7 @@ class ParameterisedInit:
         world, d = self.world, self.world.d
         self.calm: Term = d.fresh("calm init", BOOL)
         inputs = RobotInputs(world.unknowns, "init", None)
-        self._store, faults = declared(d, world.everywhere, inputs)
+        self._store, faults = declared(d, world.system, inputs)
         self.fault: Term = disjunction(d, [fault for fault, _ in faults])
         world.book.note(world.book.implied(self.calm, d.unary(UnaryOp.NOT, self.fault)))
         self._commits = Commits(world, self._store, self.moves, NO_GUARDS, "init", everybody=True)
@@ -58,13 +58,9 @@ class ParameterisedInit:
             legal = conjunction(d, [x.condition for x in turned.legality])
             book.note(book.implied(here, legal))
             moves.append(PossibleTurn(kind, NO_EVENT, here, turned))
-        calm = d.unary(UnaryOp.NOT, self.faults(moves))
+        calm = d.unary(UnaryOp.NOT, faults_of(self.world, moves))
         book.note(book.implied(self.calm, calm))
         return moves
-
-    def faults(self, moves: Sequence[PossibleTurn]) -> Term:
-        """The condition that one of some turns faults."""
-        return faults_of(self.world, moves)
 
     def _at(self, robot: Term) -> list[tuple[Term, Robot[Term]]]:
         self.world.book.name(robot)

@@ -27,7 +27,7 @@ from koord.verify.effort import Deadline, Effort
 from koord.verify.encoding.solver import Solver, SolverAnswer
 from koord.verify.encoding.terms import Term
 from koord.verify.engines.every_n.all_robots import ParameterisedSystem, Universal
-from koord.verify.engines.every_n.initial_states import ArbitraryState, ParameterisedInit
+from koord.verify.engines.every_n.initial_states import ArbitraryState, ParameterisedInit, faults_of
 from koord.verify.engines.every_n.rounds import ParameterisedRound
 
 
@@ -328,7 +328,7 @@ class _Start:
         robot = self._asking.robots[0]
         if claim.kind is ClaimKind.FAULT:
             moves = self._opening.moves(robot)
-            faults = self._opening.faults(moves)
+            faults = faults_of(self._world, moves)
             return [d.binary(core.BinaryOp.OR, self._opening.fault, faults)]
         asked = _universal(claim)
         names = self._asking.robots[: asked.arity]
