@@ -12,7 +12,7 @@ from koord.api.results import Result, diagnostics_dict
 from koord.runtime.configuration.checking import load as load_configuration
 from koord.runtime.configuration.model import RunConfiguration, params
 from koord.syntax.diagnostics import Diagnostic, KoordError, Severity
-from koord.syntax.source import Source
+from koord.syntax.source import Source, counted
 
 
 class ConfigurationReport(Result, frozen=True):
@@ -43,7 +43,7 @@ class ConfigurationReport(Result, frozen=True):
         assert self.configuration is not None
         robots = self.configuration.robots
         vehicles = sorted({robot.vehicle.type_name for robot in robots})
-        count = f"{len(robots)} {'robot' if len(robots) == 1 else 'robots'} ({', '.join(vehicles)})"
+        count = f"{counted(len(robots), 'robot')} ({', '.join(vehicles)})"
         talk = self.configuration.talk
         shared = f" to {talk.shared}" if talk.shared is not None else ""
         length = self.configuration.delta_s

@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from functools import partial
+from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, BinaryIO, Literal, TypeAlias
+from typing import TYPE_CHECKING, Any, BinaryIO, Literal, TypeAlias
 
 from msgspec import Struct
 
 from koord.api.files import check_folder, check_writable, write_atomically, write_folder
-from koord.api.growing import Growing, GrowingFile, remove_part
+from koord.api.growing import Growing, remove_part
 from koord.api.progress import Listener, Progress
 from koord.api.results import ArgumentError
 from koord.syntax.diagnostics import refusal
@@ -23,87 +24,49 @@ if TYPE_CHECKING:
 
 
 class OutputFormat(Struct, frozen=True):
-    """A format of files, or folders, for a run: the libraries that it needs, and their extra."""
+    """A format of files, or folders, for a run: the libraries that it needs, and their extra.
 
-    make: Callable[[RunLog, str], bytes | Mapping[str, bytes]]
+    What makes it is named below ``koord.sim``, and loaded when it is wanted.
+    """
+
+    make: str  #: of a log, and what is ``given`` of the path: the file's bytes, or a folder's files
     libraries: tuple[str, ...]
     extra: str
-    #: Begins such a file while the run goes on, and gives what writes behind it.
-    part: Callable[[RunLog, BinaryIO], Callable[[], None]] | None = None
-    #: Or one that sees to its file, or folder, itself.
-    own: Callable[[RunLog, Path], GrowingFile] | None = None
+    part: str = ""  #: begins such a file while the run goes on, of a log and the open file
+    own: str = ""  #: or sees to its file, or folder, itself, of a log and the path
+    given: Callable[[Path], tuple[str, ...]] = lambda path: ()
+
+    def made(self, recording: RunLog, path: str) -> bytes | Mapping[str, bytes]:
+        """The file of a run, or the files of its folder."""
+        found: bytes | Mapping[str, bytes] = _of_sim(self.make)(recording, *self.given(Path(path)))
+        return found
 
 
-def _mcap(recording: RunLog, path: str) -> bytes:
-    from koord.sim.files.mcap import mcap_of
-
-    return mcap_of(recording)
-
-
-def _page(recording: RunLog, path: str) -> bytes:
-    from koord.sim.viewing import page_of
-
-    return page_of(recording)
+def _of_sim(name: str) -> Any:
+    """A function or a class, by its module below ``koord.sim`` and its name."""
+    module, _, what = name.rpartition(".")
+    return getattr(import_module(f"koord.sim.{module}"), what)
 
 
-def _plot(recording: RunLog, path: str) -> bytes:
-    from koord.sim.files.plots import plot_of
-
-    return plot_of(recording, Path(path).suffix.lower())
-
-
-def _rrd(recording: RunLog, path: str) -> bytes:
-    from koord.sim.files.rerun import rrd_of
-
-    return rrd_of(recording)
-
-
-def _rosbag(recording: RunLog, path: str) -> Mapping[str, bytes]:
-    from koord.sim.files.rosbag import rosbag_of
-
-    return rosbag_of(recording, Path(path).name)
-
-
-def _space(recording: RunLog, path: str) -> bytes:
-    from koord.sim.files.space import space_of
-
-    return space_of(recording)
-
-
-def _part_page(recording: RunLog, file: BinaryIO) -> Callable[[], None]:
-    from koord.sim.viewing import PartPage
-
-    return PartPage(recording, file).grow
-
-
-def _part_mcap(recording: RunLog, file: BinaryIO) -> Callable[[], None]:
-    from koord.sim.files.mcap import PartRecord
-
-    return PartRecord(recording, file).grow
-
-
-def _part_rrd(recording: RunLog, path: Path) -> GrowingFile:
-    from koord.sim.files.rerun import PartRrd
-
-    return PartRrd(recording, path)
-
-
-def _part_bag(recording: RunLog, path: Path) -> GrowingFile:
-    from koord.sim.files.rosbag import PartBag
-
-    return PartBag(recording, path)
-
-
-_PLOTS = dict.fromkeys((".png", ".svg", ".pdf"), OutputFormat(_plot, ("matplotlib",), "plot"))
+_PLOT = OutputFormat(
+    "files.plots.plot_of", ("matplotlib",), "plot", given=lambda path: (path.suffix.lower(),)
+)
+_PLOTS = dict.fromkeys((".png", ".svg", ".pdf"), _PLOT)
 _RECORDS = {
-    ".mcap": OutputFormat(_mcap, ("mcap",), "sim", _part_mcap),
-    ".rrd": OutputFormat(_rrd, ("rerun",), "export", own=_part_rrd),
-    ".rosbag2": OutputFormat(_rosbag, ("rosbags",), "export", own=_part_bag),
+    ".mcap": OutputFormat("files.mcap.mcap_of", ("mcap",), "sim", "files.mcap.PartRecord"),
+    ".rrd": OutputFormat("files.rerun.rrd_of", ("rerun",), "export", own="files.rerun.PartRrd"),
+    ".rosbag2": OutputFormat(
+        "files.rosbag.rosbag_of",
+        ("rosbags",),
+        "export",
+        own="files.rosbag.PartBag",
+        given=lambda path: (path.name,),
+    ),
 }
 _VIEWS = {
-    "2d": OutputFormat(_page, (), "sim", _part_page),
+    "2d": OutputFormat("viewing.page_of", (), "sim", "viewing.PartPage"),
     # What grows shows the run from above: a page of space is made as a whole.
-    "3d": OutputFormat(_space, ("viser",), "view", _part_page),
+    "3d": OutputFormat("files.space.space_of", ("viser",), "view", "viewing.PartPage"),
 }
 
 #: How names of records and of pictures may end.
@@ -193,10 +156,10 @@ def growing(
         pace = stack.enter_context(_served(outputs, recording, tell, paced=paced))
         parts = stack.enter_context(Growing())
         for path, form in outputs.files():
-            if form.part is not None:
-                parts.add(path, partial(form.part, recording))
-            if form.own is not None:
-                parts.add_own(path, partial(form.own, recording))
+            if form.part:
+                parts.add(path, partial(_begun, form.part, recording))
+            if form.own:
+                parts.add_own(path, partial(_of_sim(form.own), recording))
         if tracing is not None and outputs.trace is not None:
             parts.add(outputs.trace, partial(_trace, tracing, simulation))
 
@@ -207,6 +170,11 @@ def growing(
         if simulation.recording.rounds:
             parts.grow()
         yield step
+
+
+def _begun(part: str, recording: RunLog, file: BinaryIO) -> Callable[[], None]:
+    grow: Callable[[], None] = _of_sim(part)(recording, file).grow
+    return grow
 
 
 def _trace(tracing: Tracing, simulation: Simulation, file: BinaryIO) -> Callable[[], None]:
@@ -260,7 +228,7 @@ def keep(outputs: Outputs, recording: RunLog) -> tuple[str, ...]:
     """
     kept = []
     for path, form in outputs.files():
-        made = form.make(recording, path)
+        made = form.made(recording, path)
         if isinstance(made, bytes):
             write_atomically(path, made)
         else:

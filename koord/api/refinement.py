@@ -36,7 +36,7 @@ from koord.refinement.running import Compiled, ready
 from koord.runtime.chaos.network import CALM, CHAOS, LOSS, Faults
 from koord.syntax import core
 from koord.syntax.literals import literal, number
-from koord.syntax.source import Source
+from koord.syntax.source import Source, counted
 from koord.syntax.system import System
 
 #: What happens to messages; chaos: robots crash and come back besides.
@@ -234,8 +234,7 @@ def refine_loaded(
     for one in _all(request, programs):
         target = one.outcome.case.target
         totals = everything[target] = everything[target].plus(one.outcome)
-        many = "run" if totals.runs == 1 else "runs"
-        tell(RunJudged(f"{target.value}: {totals.runs} {many}", runs=totals))
+        tell(RunJudged(f"{target.value}: {counted(totals.runs, 'run')}", runs=totals))
         if one.outcome.failed:
             failure = RefusedRun(one.outcome, _again(request, one)).kept(request.save)
             tell(RunRefused("looking for smaller runs that are refused", refused=failure))

@@ -18,7 +18,7 @@ from koord.api.results import Result, html_table
 from koord.api.robots import exact_number
 from koord.api.traces import Trace, read_trace
 from koord.syntax.budget import ENDLESS, Budget, OutOfBudgetError
-from koord.syntax.source import visible
+from koord.syntax.source import counted, visible
 from koord.traces.replay import Refused, Replayed
 from koord.traces.replay import replay as judge
 from koord.traces.trace import Trace as Recorded
@@ -106,8 +106,8 @@ class ReplayReport(Result, frozen=True):
     def __repr__(self) -> str:
         refused = self.found.refused
         if refused is None:
-            rounds = f"{self.rounds} round{'' if self.rounds == 1 else 's'}"
-            return f"<ReplayReport {self.trace.recorded.problem}: legal, {rounds}>"
+            said = f"legal, {counted(self.rounds, 'round')}"
+            return f"<ReplayReport {self.trace.recorded.problem}: {said}>"
         where = f"round {refused.step.round + 1}"
         said = f"not legal by {refused.rule} in {where}: {refused.reason}"
         return f"<ReplayReport {self.trace.recorded.problem}: {said}>"

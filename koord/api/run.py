@@ -21,7 +21,7 @@ from koord.sampling.running import Run, RunState, new_run
 from koord.semantics.configurations import Configuration, Fault
 from koord.semantics.domain import Constant
 from koord.syntax.budget import Budget, OutOfBudgetError
-from koord.syntax.source import Span
+from koord.syntax.source import Span, counted
 from koord.syntax.system import System
 from koord.traces.trace import Numbers, Tracer, Violation, ViolationKind
 from koord.traces.trace import Trace as Recorded
@@ -117,13 +117,12 @@ class RunReport(Result, frozen=True):
         return self.trace.to_dict()
 
     def __repr__(self) -> str:
-        rounds = f"{self.rounds} round{'' if self.rounds == 1 else 's'}"
         how = "interrupted" if self.interrupted else "done"
         if self.fault is not None:
             how = f"fault: {self.fault.kind.value}"
         elif self.violation is not None:
             how = f"violated: {self.violation.name}"
-        return f"<RunReport {self.trace.recorded.problem}: {how}, {rounds}>"
+        return f"<RunReport {self.trace.recorded.problem}: {how}, {counted(self.rounds, 'round')}>"
 
     def _repr_html_(self) -> str:
         return self.trace._repr_html_()

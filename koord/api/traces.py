@@ -17,7 +17,7 @@ from koord.syntax import core
 from koord.syntax.diagnostics import Diagnostic, KoordError, Severity
 from koord.syntax.elaboration.settings import Settings
 from koord.syntax.load import load as elaborate
-from koord.syntax.source import Source
+from koord.syntax.source import Source, counted
 from koord.traces.codec import decode_document, encode, load_embedded
 from koord.traces.itf import embedded_trace, encode_itf, is_itf
 from koord.traces.json_reader import parse
@@ -81,8 +81,7 @@ class Trace(Result, frozen=True):
         ending = "" if broken is None else f", which breaks {broken.name}"
         fault = self.recorded.configurations[-1].fault
         ending += "" if fault is None else f", which ends in a fault: {fault.kind.value}"
-        rounds = f"{self.rounds} round{'' if self.rounds == 1 else 's'}"
-        return f"<Trace of {self.recorded.problem}: {rounds}{ending}>"
+        return f"<Trace of {self.recorded.problem}: {counted(self.rounds, 'round')}{ending}>"
 
     def _repr_html_(self) -> str:
         from koord.traces.changes import changes

@@ -9,6 +9,7 @@ from koord.cli.arguments import add_files, add_json, add_settings, check_files
 from koord.cli.diagnostics import DiagnosticReport, summary
 from koord.cli.exits import Exit
 from koord.cli.inputs import ReadOptions, check_file
+from koord.syntax.source import counted
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -27,6 +28,5 @@ def main(arguments: argparse.Namespace) -> int:
         check_file(path, reading, report)
     report.print(sys.stdout, as_json=arguments.json)
     if not report.diagnostics and not arguments.json:
-        count = len(arguments.files)
-        print(f"{count} {'file' if count == 1 else 'files'} checked: {summary(0, 0)}")
+        print(f"{counted(len(arguments.files), 'file')} checked: {summary(0, 0)}")
     return Exit.BAD_INPUT if report.errors else Exit.OK

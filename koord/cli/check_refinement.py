@@ -34,6 +34,7 @@ from koord.cli.inputs import ReadOptions, fit_request, load_programs
 from koord.cli.progress import Interruption, LiveLine
 from koord.cli.terminal import Paint, style_of, visible
 from koord.syntax.diagnostics import KoordError
+from koord.syntax.source import counted
 
 if TYPE_CHECKING:
     from koord.api.protocol_check import ProtocolCheck
@@ -108,8 +109,8 @@ def check_worlds(arguments: argparse.Namespace) -> int:
 
 def _runs_line(total: SimulatedRuns) -> str:
     style = style_of(sys.stdout)
-    counted = f"{total.runs} runs, {total.rounds} rounds, {total.steps} steps"
-    about = ", ".join(filter(None, (visible(total.values), counted)))
+    done = f"{total.runs} runs, {total.rounds} rounds, {total.steps} steps"
+    about = ", ".join(filter(None, (visible(total.values), done)))
     if total.refused is None:
         return f"{visible(total.program)}: {about}: no violation"
     said = style.paint("refused", Paint.ERROR)
@@ -268,13 +269,10 @@ def _show(found: Refinement) -> None:
 
 def _line(totals: TargetRuns, *, failed: bool) -> str:
     """Describe the totals of runs on a target."""
-    counted = f"{totals.target.value}: {totals.runs} {_many('run', totals.runs)}, {totals.rounds} "
-    counted += f"{_many('round', totals.rounds)}, {totals.steps} {_many('step', totals.steps)}"
+    counts = ((totals.runs, "run"), (totals.rounds, "round"), (totals.steps, "step"))
+    done = ", ".join(counted(*one) for one in counts)
     ends = f"{totals.faults} ended in a fault"
     if totals.gave_up:
         ends += f", {totals.gave_up} for want of values that the program allows"
-    return f"{counted}: {'1 violation' if failed else 'no violation'} ({ends})"
-
-
-def _many(word: str, count: int) -> str:
-    return word if count == 1 else f"{word}s"
+    found = "1 violation" if failed else "no violation"
+    return f"{totals.target.value}: {done}: {found} ({ends})"

@@ -24,7 +24,7 @@ from koord.cli.diagnostics import DiagnosticReport
 from koord.cli.exits import Exit
 from koord.cli.files import check_writable
 from koord.cli.inputs import fit_request, fitted
-from koord.cli.progress import Interrupts
+from koord.cli.progress import Interruption
 from koord.cli.terminal import visible
 from koord.syntax.diagnostics import KoordError
 
@@ -93,14 +93,14 @@ def main(arguments: argparse.Namespace) -> int:
     found, job = prepared
     if not arguments.json:
         print(visible(str(found.problem)), flush=True)
-    with Interrupts() as interrupts, Board() as board:
+    with Interruption(patient=True) as interruption, Board() as board:
 
         def show(told: Progress) -> None:
             if isinstance(told, FleetHeard):
-                board.is_stopping = interrupts.requested
+                board.is_stopping = interruption.requested
                 board.show(told)
 
-        deployed = deploy_fitted(found, job, request, show, interrupts)
+        deployed = deploy_fitted(found, job, request, show, interruption)
     print(deployed.to_json() if arguments.json else summary(deployed))
     return _ended(deployed)
 

@@ -21,7 +21,7 @@ from msgspec.structs import replace
 from koord.api.results import diagnostics_dict
 from koord.cli.terminal import PLAIN, Paint, Style, cells, style_of, visible
 from koord.syntax.diagnostics import Diagnostic, KoordError, Note, Severity
-from koord.syntax.source import NOWHERE, Source, Span, is_whole_file
+from koord.syntax.source import NOWHERE, Source, Span, counted, is_whole_file
 
 #: The flags for the arguments of the public API that messages name.
 _FLAGS = {
@@ -234,11 +234,8 @@ def render(
 
 def summary(errors: int, warnings: int) -> str:
     """``2 errors, 1 warning``; what there is none of is left out."""
-    parts = [
-        f"{count} {word}" if count == 1 else f"{count} {word}s"
-        for count, word in ((errors, "error"), (warnings, "warning"))
-        if count
-    ]
+    found = ((errors, "error"), (warnings, "warning"))
+    parts = [counted(count, word) for count, word in found if count]
     return ", ".join(parts) or "no errors"
 
 

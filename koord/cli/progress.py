@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
-from typing import Any, TextIO
+from typing import TextIO
 
 from koord.api.progress import Cancellation
 from koord.cli.terminal import cells, is_terminal, style_of, visible
@@ -105,24 +105,25 @@ class Interruption(Cancellation):
 
     Inside the ``with`` the first Ctrl-C cancels the work, which looks between its steps whether
     that is so; a second one raises KeyboardInterrupt, and so does the first where the work does not
-    look in time.
+    look in time, unless it is ``patient``: of work whose end takes its time.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, *, patient: bool = False) -> None:
         super().__init__()
+        self._insists = _HAS_TIMER and not patient
         self._previous: object = None
         self._previous_alarm: object = None
 
     def __enter__(self) -> Interruption:
         if threading.current_thread() is threading.main_thread():
             self._previous = signal.signal(signal.SIGINT, self._on_signal)
-            if _HAS_TIMER:
+            if self._insists:
                 self._previous_alarm = signal.signal(signal.SIGALRM, self._on_signal)
         return self
 
     def __exit__(self, *_: object) -> None:
         if self._previous is not None:
-            if _HAS_TIMER:
+            if self._insists:
                 signal.setitimer(signal.ITIMER_REAL, 0)
                 signal.signal(signal.SIGALRM, self._previous_alarm)  # type: ignore[arg-type]
             signal.signal(signal.SIGINT, self._previous)  # type: ignore[arg-type]
@@ -132,28 +133,8 @@ class Interruption(Cancellation):
         if self.requested:
             raise KeyboardInterrupt
         self.cancel()
-        if _HAS_TIMER:
+        if self._insists:
             signal.setitimer(signal.ITIMER_REAL, INSIST_S)
-
-
-class Interrupts(Cancellation):
-    """Ctrl-C for work that takes time to end; a second one ends it at once."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self._before: Any = None
-
-    def __enter__(self) -> Interrupts:
-        self._before = signal.signal(signal.SIGINT, self._pressed)
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        signal.signal(signal.SIGINT, self._before)
-
-    def _pressed(self, number: int, frame: FrameType | None) -> None:
-        if self.requested:
-            raise KeyboardInterrupt
-        self.cancel()
 
 
 class TimeUpError(Exception):

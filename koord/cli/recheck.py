@@ -6,9 +6,6 @@ import argparse
 import sys
 from collections.abc import Iterable, Sequence
 
-from msgspec import Struct
-
-from koord.api.files import InputFile
 from koord.api.recheck import RecheckReport, read_about, rechecked
 from koord.cli.arguments import add_json, check_files, seconds
 from koord.cli.exits import Exit
@@ -19,20 +16,9 @@ from koord.recheck.checking import CheckedPart, Rechecked, RecheckOutcome
 from koord.recheck.meaning import Premise, PremiseKind, Statement
 from koord.recheck.solving import SolverAnswer
 from koord.syntax.problem import told
-from koord.syntax.source import NOWHERE
+from koord.syntax.source import NOWHERE, Source
 
 _SOLVERS = ("cvc5",)
-
-
-class Request(Struct, frozen=True):
-    """The request for a recheck."""
-
-    name: str
-    raw: bytes
-    program: InputFile | None  #: the program that it should be about
-    timeout_s: float | None
-    seed: int
-    as_json: bool
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -62,27 +48,16 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def main(arguments: argparse.Namespace) -> int:
     given = arguments.program
     check_files([arguments.certificate, *([given] if given is not None else [])])
-    return _recheck(
-        Request(
-            name=name_of(arguments.certificate),
-            raw=read_written(arguments.certificate),
-            program=read_program(given) if given is not None else None,
-            timeout_s=arguments.timeout,
-            seed=arguments.seed % 2**31,
-            as_json=arguments.json,
-        )
-    )
-
-
-def _recheck(request: Request) -> Exit:
-    given = None if request.program is None else request.program.source
-    certificate = read_about(request.raw, request.name, given)
+    name, raw = name_of(arguments.certificate), read_written(arguments.certificate)
+    program = None if given is None else read_program(given).source
+    certificate = read_about(raw, name, program)
     with LiveLine(sys.stderr) as line:
-        report = rechecked(certificate, request.timeout_s, request.seed, line.show)
-    if request.as_json:
+        seed = arguments.seed % 2**31
+        report = rechecked(certificate, arguments.timeout, seed, line.show)
+    if arguments.json:
         print(report.to_json())
     else:
-        for text in _lines(report, request, style_of(sys.stdout)):
+        for text in _lines(report, program, style_of(sys.stdout)):
             print(text)
     codes = {
         RecheckOutcome.CONFIRMED: Exit.VACUOUS if report.vacuous else Exit.OK,
@@ -92,10 +67,10 @@ def _recheck(request: Request) -> Exit:
     return codes[report.outcome]
 
 
-def _lines(report: RecheckReport, request: Request, style: Style) -> list[str]:
+def _lines(report: RecheckReport, program: Source | None, style: Style) -> list[str]:
     certificate, found, about = report.certificate, report.found, report.found.about
     digest = report.sha256
-    of = "" if request.program is None else f", which is {request.program.source.name}"
+    of = "" if program is None else f", which is {program.name}"
     lines = [
         str(about.problem),
         f"  the text in the certificate{of}: SHA-256 {digest}",

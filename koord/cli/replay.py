@@ -8,9 +8,6 @@ from collections.abc import Iterator
 from fractions import Fraction
 from typing import assert_never
 
-from msgspec import Struct
-
-from koord.api.files import InputFile
 from koord.api.replay import ReplayReport, replayed
 from koord.api.traces import read_trace
 from koord.cli.arguments import add_json, check_files, number
@@ -23,21 +20,10 @@ from koord.cli.terminal import Paint, Style, style_of, visible
 from koord.sampling.policies import TakenStep
 from koord.semantics.recordings import Step
 from koord.syntax.diagnostics import KoordError
+from koord.syntax.source import counted
 from koord.traces.names import Names
 from koord.traces.replay import Refused
 from koord.traces.trace import BEFORE_ROUNDS, Trace, Violation, ViolationKind
-
-
-class Request(Struct, frozen=True):
-    """The request for a replay."""
-
-    name: str
-    raw: bytes
-    program: InputFile | None  #: instead of the one that the trace holds
-    as_json: bool
-    show: bool = False
-    slack: Fraction | None = None  #: None: what the trace says
-    compiled: bool = False  #: whether the compiled program is to do the same
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -76,42 +62,28 @@ def _slack(text: str) -> Fraction:
 
 
 def main(arguments: argparse.Namespace) -> int:
-    given = arguments.program
-    check_files([arguments.trace, *([given] if given is not None else [])])
-    return _replay(
-        Request(
-            name=name_of(arguments.trace),
-            raw=read_written(arguments.trace),
-            program=read_program(given) if given is not None else None,
-            as_json=arguments.json,
-            show=arguments.show,
-            slack=arguments.slack,
-            compiled=arguments.compiled,
-        )
-    )
-
-
-def _replay(request: Request) -> Exit:
-    given = request.program.source if request.program is not None else None
+    check_files([arguments.trace, *([arguments.program] if arguments.program is not None else [])])
+    name, raw = name_of(arguments.trace), read_written(arguments.trace)
+    given = None if arguments.program is None else read_program(arguments.program).source
     try:
-        trace = read_trace(request.raw, request.name, given)
+        trace = read_trace(raw, name, given)
     except KoordError as error:
         sources = [given] if given is not None else []
-        report_error(error, as_json=request.as_json, sources=sources)
+        report_error(error, as_json=arguments.json, sources=sources)
         return Exit.BAD_INPUT
-    shown = _Shown(trace) if request.show and not request.as_json else None
+    shown = _Shown(trace) if arguments.show and not arguments.json else None
     report = replayed(
         trace,
         shown.step if shown is not None else _unseen,
-        slack=request.slack,
-        compiled=request.compiled,
+        slack=arguments.slack,
+        compiled=arguments.compiled,
     )
     if shown is not None:
         shown.close()
-    if request.as_json:
+    if arguments.json:
         print(report.to_json())
     else:
-        for line in verdict(request.name, report, style_of(sys.stdout)):
+        for line in verdict(name, report, style_of(sys.stdout)):
             print(line)
         if report.compared:
             for line in rerun_lines(report.departure):
@@ -142,7 +114,7 @@ def verdict(name: str, report: ReplayReport, style: Style) -> Iterator[str]:
     trace, found, refused = report.trace.recorded, report.found, report.refused
     if refused is None:
         good = style.paint("legal", Paint.ADDED)
-        rounds = f"{found.rounds} round{'' if found.rounds == 1 else 's'}"
+        rounds = counted(found.rounds, "round")
         yield (
             f"{visible(name)}: {good}: {found.steps} steps, {rounds}, {trace.numbers.value} numbers"
         )

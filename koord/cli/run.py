@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Callable, Iterator
-from fractions import Fraction
 
 from msgspec import Struct
 
@@ -14,7 +13,7 @@ from koord.api.growing import Growing, part_of, remove_part
 from koord.api.programs import Program
 from koord.api.progress import CancelledError
 from koord.api.results import ArgumentError
-from koord.api.robots import FleetSize, system_of
+from koord.api.robots import system_of
 from koord.api.run import Ending, HowToRun, Policy, RunSession, session_of
 from koord.api.stepping import Option, Shift, Stepper
 from koord.api.traces import Trace, complete_trace
@@ -37,6 +36,7 @@ from koord.semantics.configurations import NO_EVENT
 from koord.semantics.rounds import IllegalStepError
 from koord.syntax.core import PropertyKind
 from koord.syntax.diagnostics import KoordError
+from koord.syntax.source import counted
 from koord.syntax.system import System
 from koord.traces.names import Names
 from koord.traces.trace import BEFORE_ROUNDS, Numbers, Violation, ViolationKind
@@ -134,20 +134,6 @@ def _typed(question: str) -> str | None:
 _PERIOD_S = 0.05
 
 
-class Request(Struct, frozen=True):
-    """The request for a run."""
-
-    fleet: FleetSize
-    rounds: int
-    delta_s: Fraction | None  #: None: as the program states
-    policy: Policy
-    seed: int
-    interactive: bool
-    trace: str | None
-    numbers: Numbers = Numbers.EXACT
-    as_json: bool = False
-
-
 def configure(parser: argparse.ArgumentParser) -> None:
     add_files(parser, several=False)
     add_bounds(parser)
@@ -174,69 +160,58 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def main(arguments: argparse.Namespace) -> int:
     check_files([arguments.file, *arguments.properties])
-    request = Request(
-        fleet=arguments.robots,
-        rounds=arguments.rounds,
-        delta_s=arguments.delta,
-        policy=Policy(arguments.policy),
-        seed=arguments.seed,
-        interactive=arguments.interactive,
-        trace=arguments.trace,
-        numbers=Numbers(arguments.numbers),
-        as_json=arguments.json,
-    )
-    if request.interactive and request.as_json:
+    if arguments.interactive and arguments.json:
         raise argparse.ArgumentTypeError("--interactive and --json do not go together")
-    if request.interactive and DASH in (arguments.file, *arguments.properties):
+    if arguments.interactive and DASH in (arguments.file, *arguments.properties):
         raise argparse.ArgumentTypeError("--interactive reads standard input, and so does -")
-    if request.trace is not None:
-        check_writable(request.trace, (arguments.file, *arguments.properties))
+    if arguments.trace is not None:
+        check_writable(arguments.trace, (arguments.file, *arguments.properties))
     report = DiagnosticReport()
     programs = load_programs([arguments.file], ReadOptions.of(arguments), report)
-    if report.errors and request.as_json:
+    if report.errors and arguments.json:
         report.print(sys.stdout, as_json=True)
     else:
         report.print(sys.stderr, as_json=False)
     if report.errors:
         return Exit.BAD_INPUT
     try:
-        return _run(programs[0], request)
+        return _run(programs[0], arguments)
     except ArgumentError:
         raise
     except KoordError as error:  # of the program, met on the way
-        report_error(error, as_json=request.as_json, sources=report.sources.values())
+        report_error(error, as_json=arguments.json, sources=report.sources.values())
         return Exit.BAD_INPUT
 
 
-def _run(loaded: Program, request: Request) -> Exit:
-    system = system_of(loaded.core, request.fleet, request.delta_s)
-    interruption = None if request.interactive else Interruption()
+def _run(loaded: Program, arguments: argparse.Namespace) -> Exit:
+    system = system_of(loaded.core, arguments.robots, arguments.delta)
+    interruption = None if arguments.interactive else Interruption()
     session = session_of(
         loaded,
         system,
         HowToRun(
-            request.rounds,
-            request.policy,
-            request.numbers,
-            traced=request.trace is not None or request.as_json,
+            arguments.rounds,
+            Policy(arguments.policy),
+            Numbers(arguments.numbers),
+            traced=arguments.trace is not None or arguments.json,
         ),
-        request.seed,
+        arguments.seed,
         None if interruption is None else lambda: interruption.requested,
     )
-    if not request.as_json:
-        print(_heading(loaded, request, system))
+    if not arguments.json:
+        print(_heading(loaded, arguments, system))
     table = RunTable(Names(system), style_of(sys.stdout))
     if interruption is None:
-        return _by_hand(request, Interactive(Stepper(loaded, session, request.rounds), table))
+        return _by_hand(arguments, Interactive(Stepper(loaded, session, arguments.rounds), table))
     with interruption:
-        return _by_policy(session, request, table)
+        return _by_policy(session, arguments, table)
 
 
-def _by_policy(session: RunSession, request: Request, table: RunTable) -> Exit:
-    rounds = None if request.as_json else Rounds(table)
+def _by_policy(session: RunSession, arguments: argparse.Namespace, table: RunTable) -> Exit:
+    rounds = None if arguments.json else Rounds(table)
     with Growing(_PERIOD_S) as growing:
-        if request.trace is not None:
-            growing.add(request.trace, session.part)
+        if arguments.trace is not None:
+            growing.add(arguments.trace, session.part)
         try:
             for taken in session.steps():
                 if taken.step.robot is None:  # between two rounds
@@ -250,50 +225,50 @@ def _by_policy(session: RunSession, request: Request, table: RunTable) -> Exit:
             if rounds is not None:
                 rounds.close()
     if session.tracer is not None:
-        _keep(Trace(session.recorded()), request)
+        _keep(Trace(session.recorded()), arguments)
     ending = session.ending
     if ending.interrupted:
-        if not request.as_json:
-            print(f"\ninterrupted after {_rounds(ending)}")
+        if not arguments.json:
+            print(f"\ninterrupted after {counted(ending.rounds, 'round')}")
         return Exit.INTERRUPTED
-    if not request.as_json:
+    if not arguments.json:
         _conclude(session.program, ending)
     return Exit.VIOLATED if ending.broken else Exit.OK
 
 
-def _by_hand(request: Request, session: Interactive) -> Exit:
+def _by_hand(arguments: argparse.Namespace, session: Interactive) -> Exit:
     stepper = session.stepper
 
     def keep() -> None:
         """Write the trace anew, as steps may have been undone."""
-        if request.trace is not None:
-            write_atomically(part_of(request.trace), stepper.trace().encoded())
+        if arguments.trace is not None:
+            write_atomically(part_of(arguments.trace), stepper.trace().encoded())
 
     session.play(keep)
-    if request.trace is not None:
-        _keep(stepper.trace(), request, has_grown=False)
+    if arguments.trace is not None:
+        _keep(stepper.trace(), arguments, has_grown=False)
     _conclude(stepper.program, stepper.ending)
     return Exit.VIOLATED if stepper.ending.broken else Exit.OK
 
 
-def _keep(trace: Trace, request: Request, *, has_grown: bool = True) -> None:
-    if request.trace is not None:
+def _keep(trace: Trace, arguments: argparse.Namespace, *, has_grown: bool = True) -> None:
+    if arguments.trace is not None:
         if has_grown:
-            complete_trace(request.trace, trace.recorded)
+            complete_trace(arguments.trace, trace.recorded)
         else:
-            trace.save(request.trace)
-        remove_part(request.trace)
-    if request.as_json:
+            trace.save(arguments.trace)
+        remove_part(arguments.trace)
+    if arguments.json:
         sys.stdout.write(trace.encoded().decode("utf-8"))
 
 
 # --- what is printed ----------------------------------------------------------------------------
 
 
-def _heading(loaded: Program, request: Request, system: System) -> str:
-    how = "by hand" if request.interactive else f"policy {request.policy.value}"
+def _heading(loaded: Program, arguments: argparse.Namespace, system: System) -> str:
+    how = "by hand" if arguments.interactive else f"policy {arguments.policy}"
     problem = loaded.problem(system.kinds, system.delta_s)
-    return f"{visible(str(problem))}, {how}, seed {request.seed}"
+    return f"{visible(str(problem))}, {how}, seed {arguments.seed}"
 
 
 def _conclude(loaded: Program, ending: Ending) -> None:
@@ -315,16 +290,11 @@ def conclusion(loaded: Program, ending: Ending, style: Style) -> Iterator[str]:
     else:
         ended = ", and then every robot has stopped" if ending.all_stopped else ""
         invariants = sum(p.kind in _SAFETY for p in ending.system.program.properties)
-        held = (
-            f"; {invariants} invariant{'' if invariants == 1 else 's'} held" if invariants else ""
-        )
-        yield f"{style.paint('done', Paint.ADDED)}: {_rounds(ending)}{ended}, no fault{held}"
+        held = f"; {counted(invariants, 'invariant')} held" if invariants else ""
+        done = f"{style.paint('done', Paint.ADDED)}: {counted(ending.rounds, 'round')}"
+        yield f"{done}{ended}, no fault{held}"
     if ending.place is not None:
         yield from place(loaded.sources, ending.place, style)
-
-
-def _rounds(ending: Ending) -> str:
-    return f"{ending.rounds} round{'' if ending.rounds == 1 else 's'}"
 
 
 _SAFETY = (PropertyKind.INVARIANT, PropertyKind.AT_ROUND)

@@ -27,8 +27,9 @@ from koord.api.sim_report import (
     standing_words,
     still_words,
 )
-from koord.cli.progress import Interruption, Interrupts, LiveLine
+from koord.cli.progress import Interruption, LiveLine
 from koord.cli.terminal import Paint, style_of, visible
+from koord.syntax.source import counted
 
 if TYPE_CHECKING:
     from koord.cli.deployed import Board
@@ -48,8 +49,7 @@ def heading(setup: Setup) -> str:
     if len(agents) > 1:
         of = ", ".join(f"{kinds.count(k)} {agent.name}" for k, agent in enumerate(agents))
         who = f"{of}; on {who}"
-    count = len(setup.devices)
-    robots = f"{count} robot{'' if count == 1 else 's'} ({who})"
+    robots = f"{counted(len(setup.devices), 'robot')} ({who})"
     other = problem.other_fleet
     robots += "" if other is None else f" ({other} in the text)"
     chance = f", by chance: {', '.join(setup.by_chance)}" if setup.by_chance else ""
@@ -152,8 +152,7 @@ def _conclusion(simulated: Simulated) -> Iterator[str]:
         case Ending.VIOLATED:
             pass
         case ending if simulated.broken:
-            count = len(simulated.broken)
-            yield f"{ending.value}; {count} claim{'' if count == 1 else 's'} broken"
+            yield f"{ending.value}; {counted(len(simulated.broken), 'claim')} broken"
         case ending if simulated.standing:
             yield f"{ending.value}; {still_words(len(simulated.standing))}"
         case ending:
@@ -194,7 +193,7 @@ class Shown:
     """Shows a simulation while it goes on, and lets Ctrl-C end it."""
 
     def __init__(self, arguments: argparse.Namespace) -> None:
-        self.cancellation = Interrupts() if arguments.processes else Interruption()
+        self.cancellation = Interruption(patient=arguments.processes)
         self._arguments = arguments
         self._stack = ExitStack()
         self._line = LiveLine(sys.stderr)

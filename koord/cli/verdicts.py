@@ -13,6 +13,7 @@ from koord.api.verify_report import Cones
 from koord.cli.terminal import Paint, Style, visible
 from koord.syntax.analysis.premises import Premise, PremiseKind
 from koord.syntax.problem import Problem
+from koord.syntax.source import counted
 from koord.verify.claims import ClaimKind
 from koord.verify.engine_names import Engine, engine_named
 from koord.verify.failures import Failure
@@ -108,14 +109,13 @@ def lines(found: VerifyReport, style: Style) -> Iterator[str]:
         if verdict.ways is not None and (verdict.ways.complete or verdict.ways.reason):
             yield f"      {_ways(1 + len(verdict.others), verdict.ways)}"
     yield from _in_the_way(found)
-    invariants = found.found_invariants
-    if invariants:
+    if report.found:
         yield ""
         yield "  invariants that were found for it:"
-    for text in invariants[:MOST_SHOWN]:
+    for text in report.found[:MOST_SHOWN]:
         yield f"    {text}"
-    if len(invariants) > MOST_SHOWN:
-        yield f"    … {len(invariants) - MOST_SHOWN} more: --save-invariants FILE writes them all"
+    if len(report.found) > MOST_SHOWN:
+        yield f"    … {len(report.found) - MOST_SHOWN} more: --save-invariants FILE writes them all"
     if report.vacuities:
         yield ""
     for vacuity in report.vacuities:
@@ -153,7 +153,7 @@ def _fairly(fairness: tuple[str, ...]) -> str:
 
 def _ways(count: int, ways: EnumerationResult) -> str:
     """Describe the number of counterexamples, where fewer were found than asked for."""
-    found = f"{count} way{'' if count == 1 else 's'} to break it"
+    found = f"{counted(count, 'way')} to break it"
     if ways.complete:
         return f"{found}: there is no other within the bound"
     return f"{found}; there may be more: {ways.reason}"
@@ -199,19 +199,14 @@ def summary(found: VerifyReport, style: Style) -> str:
     problem, report, most = found.problem, found.report, found.bounds.rounds
     outcome = style.paint(report.outcome.value, PAINT[report.outcome])
     stopped = "interrupted, " if report.interrupted else ""
-    match report.outcome:
-        case Outcome.HOLDS:
-            reach = "every number of rounds" if _everywhere(report) else f"{most} rounds"
-            vacuously = ", but vacuously" if report.is_vacuous else ""
-            text = f"{outcome}{vacuously}: {_claims(report)}, {_robots(problem, report)}, {reach}"
-        case Outcome.VIOLATED:
-            count = sum(v.outcome is Outcome.VIOLATED for v in report.verdicts)
-            text = f"{outcome}: {count} of {_claims(report)}, {_robots(problem, report)}"
-        case Outcome.UNKNOWN:
-            count = sum(v.outcome is Outcome.UNKNOWN for v in report.verdicts)
-            text = f"{outcome}: {count} of {_claims(report)}, {_robots(problem, report)}"
-        case _:
-            assert_never(report.outcome)
+    about = f"{counted(len(report.verdicts), 'claim')}, {_robots(problem, report)}"
+    if report.outcome is Outcome.HOLDS:
+        reach = "every number of rounds" if _everywhere(report) else f"{most} rounds"
+        vacuously = ", but vacuously" if report.is_vacuous else ""
+        text = f"{outcome}{vacuously}: {about}, {reach}"
+    else:
+        count = sum(v.outcome is report.outcome for v in report.verdicts)
+        text = f"{outcome}: {count} of {about}"
     return f"{text}; {stopped}{report.seconds:.2f} s"
 
 
@@ -270,11 +265,6 @@ def _by(verdict: Verdict) -> str:
     if verdict.engine is Engine.INDUCTION and verdict.depth > 1:
         return f"induction over {verdict.depth} rounds"
     return str(verdict.engine.value)
-
-
-def _claims(report: Report) -> str:
-    count = len(report.verdicts)
-    return f"{count} claim{'s' if count != 1 else ''}"
 
 
 def _robots(problem: Problem, report: Report) -> str:

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import argparse
 import sys
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 from koord.api.files import write_atomically
 from koord.api.programs import Program
+from koord.api.verify import Options
 from koord.cli.exits import Exit, gravest
-from koord.cli.requests import Request
 from koord.cli.terminal import is_debugging, style_of
 
 if TYPE_CHECKING:
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
     from koord.verify.failures import Failure
 
 
-def tell(report: VerifyReport, request: Request, told: list[Report]) -> Exit:
+def tell(report: VerifyReport, arguments: argparse.Namespace, told: list[Report]) -> Exit:
     """Show and keep the verdicts on one system; with --json add them to ``told``."""
     # What verdicts are made of loads Z3, and the other commands start without it.
     from koord.api.verdicts import Parts
@@ -30,21 +31,21 @@ def tell(report: VerifyReport, request: Request, told: list[Report]) -> Exit:
     if report.asks_nothing_between:
         _note("no invariant reads a sensor, so none can break between rounds")
     parts = Parts(_complain)
-    if request.as_json:
+    if arguments.json:
         told.append(report.form(parts))
     else:
-        _show(report, request, parts)
-    if request.trace is not None:
+        _show(report, arguments, parts)
+    if arguments.trace is not None:
         with parts.enduring("the trace"):
-            _keep(report, request.trace)
-    if request.found is not None:
+            _keep(report, arguments.trace)
+    if arguments.found is not None:
         with parts.enduring("the file of invariants"):
-            _save(report, request.found)
-    if request.certificate is not None and not report.interrupted:
+            _save(report, arguments.found)
+    if arguments.certificate is not None and not report.interrupted:
         with parts.enduring("the certificate"):
-            _certify(report, request.certificate, request.left_s())
+            _certify(report, arguments.certificate)
     failures = (*report.failures, *parts.failures)
-    if request.as_json:
+    if arguments.json:
         told[-1].failures = failure_forms(failures)
     if is_debugging():
         for failure in failures:
@@ -52,7 +53,7 @@ def tell(report: VerifyReport, request: Request, told: list[Report]) -> Exit:
     return _exit(report)
 
 
-def _show(report: VerifyReport, request: Request, parts: Parts) -> None:
+def _show(report: VerifyReport, arguments: argparse.Namespace, parts: Parts) -> None:
     """Print the verdicts as text, with the runs that break claims."""
     from koord.cli import verdicts
 
@@ -67,14 +68,14 @@ def _show(report: VerifyReport, request: Request, parts: Parts) -> None:
             with parts.enduring(f"the story of {verdict.name}"):
                 for text in counterexamples.lines(verdict, style):
                     print(text)
-        elif request.explain and verdict.found.step is not None:
+        elif arguments.explain and verdict.found.step is not None:
             from koord.cli.counterexamples import step_lines
 
             print()
             with parts.enduring(f"the step of {verdict.name}"):
                 for text in step_lines(verdict, style):
                     print(text)
-    if request.explain:
+    if arguments.explain:
         from koord.cli.verdicts import cone_lines
 
         with parts.enduring("what claims do not depend on"):
@@ -95,7 +96,7 @@ def _show(report: VerifyReport, request: Request, parts: Parts) -> None:
 def tell_sweep(
     program: Program,
     reports: Iterable[VerifyReport],
-    request: Request,
+    arguments: argparse.Namespace,
     told: list[Report],
 ) -> Exit:
     """Report one number of robots after the other; Ctrl-C ends it with those that are done."""
@@ -104,22 +105,22 @@ def tell_sweep(
     from koord.cli import verdicts
 
     style = style_of(sys.stdout)
-    of_all = program.problem(None, request.delta_s)
+    of_all = program.problem(None, arguments.delta)
     points: list[VerifyReport] = []
-    if not request.as_json:
+    if not arguments.json:
         print("\n".join(verdicts.heading(of_all, style)))
     for report in reports:
         points.append(report)
         parts = Parts(_complain)
         told.append(report.form(parts))
-        if not request.as_json:
+        if not arguments.json:
             print(verdicts.row(report, style), flush=True)
         if report.interrupted:
             break
-    if request.plot is not None and points:
+    if arguments.plot is not None and points:
         with Parts(_complain).enduring("the plot"):
-            pictures.draw_sweep(request.plot, of_all, points)
-    if len(points) < len(request.fleets):
+            pictures.draw_sweep(arguments.plot, of_all, points)
+    if len(points) < len(arguments.robots):
         return Exit.INTERRUPTED
     return gravest(_exit(point) for point in points)
 
@@ -156,11 +157,11 @@ def _save(report: VerifyReport, path: str) -> None:
         _note("no invariant was found that a proof rests on")
 
 
-def _certify(report: VerifyReport, path: str, timeout_s: float | None) -> None:
+def _certify(report: VerifyReport, path: str) -> None:
     """Write the certificate of the claims that hold in all rounds; report what is not in it."""
     from koord.api.certify import certify
 
-    made = certify(report, timeout_s=timeout_s)
+    made = certify(report, timeout_s=Options(ends_at=report.ends_at).left_s)
     if made is None:
         _note("no claim is shown by induction in all rounds, so there is nothing to certify")
         return

@@ -12,14 +12,12 @@ from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from msgspec.structs import replace
-
 from koord.api.export import FORMATS, NAME, Wanted, exported
 from koord.api.programs import Program
 from koord.api.progress import cores
 from koord.api.results import ArgumentError
 from koord.api.robots import system_of
-from koord.api.verify import Engine, Question, verify_each
+from koord.api.verify import Engine, Options, Question, engine_of, verify_each
 from koord.cli.arguments import (
     add_bounds,
     add_files,
@@ -36,7 +34,6 @@ from koord.cli.exits import Exit, gravest
 from koord.cli.files import DASH, check_writable
 from koord.cli.inputs import ReadOptions, load_programs
 from koord.cli.progress import Interruption, LiveLine, TimeUpError, time_limit
-from koord.cli.requests import Request, request_of
 from koord.syntax.diagnostics import KoordError
 
 if TYPE_CHECKING:
@@ -250,25 +247,87 @@ def main(arguments: argparse.Namespace) -> int:
     check_files([*arguments.files, *arguments.properties])
     if arguments.export is not None:
         return export(arguments)
-    request = request_of(arguments)
+    _check_flags(arguments)
     if not arguments.watch:
-        return _once(arguments, request)
+        return _once(arguments)
     paths = [*arguments.files, *arguments.properties]
     if DASH in paths:
         raise argparse.ArgumentTypeError("--watch needs files; standard input cannot change")
-    return watched(paths, lambda: _once(arguments, replace(request, asked_at=time.monotonic())))
+    return watched(paths, lambda: _once(arguments))
 
 
-def _once(arguments: argparse.Namespace, request: Request) -> int:
-    """Read the programs and verify them."""
-    report = DiagnosticReport()
+def _check_flags(arguments: argparse.Namespace) -> None:
+    """Raises ArgumentTypeError before any work is done if flags do not go together."""
+    fleets, is_one = arguments.robots, len(arguments.files) == 1
+    if arguments.output != DASH:
+        raise argparse.ArgumentTypeError("-o says where --export writes to: add --export")
+    read = (*arguments.files, *arguments.properties)
+    if arguments.trace is not None:
+        if not is_one:
+            raise argparse.ArgumentTypeError("--trace takes one program at a time")
+        if len(fleets) > 1:
+            raise argparse.ArgumentTypeError("--trace takes one number of robots at a time")
+        check_writable(arguments.trace, read)
+    if arguments.certificate is not None:
+        if not is_one or len(fleets) > 1 or fleets[0].any_number:
+            raise argparse.ArgumentTypeError(
+                "--certificate takes one program and one number of robots"
+            )
+        check_writable(arguments.certificate, read)
+    if arguments.plot is not None:
+        from koord.api.pictures import check_drawable
+
+        if not is_one or len(fleets) == 1:
+            raise argparse.ArgumentTypeError("--plot takes one program and a sweep: --robots 2..10")
+        check_drawable(arguments.plot)
+        check_writable(arguments.plot, read)
+    if arguments.found is not None:
+        if not is_one or len(fleets) > 1:
+            raise argparse.ArgumentTypeError("--save-invariants takes one program at a time")
+        check_writable(arguments.found, read)
+    if arguments.rests_on and len(fleets) > 1:
+        raise argparse.ArgumentTypeError("--rests-on takes one number of robots at a time")
     try:
-        with time_limit(request.left_s()):
+        engine_of(arguments.engine, every_n=fleets[0].any_number)
+    except ArgumentError as error:
+        raise argparse.ArgumentTypeError(_in_flags(error)) from None
+
+
+def _in_flags(error: ArgumentError) -> str:
+    """What is wrong with the engine, in the words of the command line."""
+    if error.argument == "robots":
+        return "--robots any has an engine of its own: leave --engine out"
+    cure = error.message.replace("bits needs none", "--engine bits needs none")
+    return f"--{error.argument} {cure}"
+
+
+def _options(arguments: argparse.Namespace) -> Options:
+    """How verdicts are looked for from now on."""
+    limit_s = arguments.timeout
+    return Options(
+        rounds=arguments.rounds,
+        engine=Engine(arguments.engine),
+        properties=tuple(arguments.names),
+        ends_at=None if limit_s is None else time.monotonic() + limit_s,
+        property_timeout_s=arguments.claim_s,
+        jobs=arguments.jobs,
+        max_violations=arguments.violations,
+        seed=arguments.seed,
+        instants=arguments.instants,
+        rests_on=arguments.rests_on,
+    )
+
+
+def _once(arguments: argparse.Namespace) -> int:
+    """Read the programs and verify them."""
+    report, options = DiagnosticReport(), _options(arguments)
+    try:
+        with time_limit(options.left_s):
             programs = load_programs(arguments.files, ReadOptions.of(arguments), report)
     except TimeUpError:
         print("koord verify: timeout before all programs were read", file=sys.stderr)
         return Exit.UNKNOWN
-    if report.errors and request.as_json:
+    if report.errors and arguments.json:
         report.print(sys.stdout, as_json=True)
     else:
         report.print(sys.stderr, as_json=False)
@@ -276,8 +335,8 @@ def _once(arguments: argparse.Namespace, request: Request) -> int:
         return Exit.BAD_INPUT
     try:
         told: list[Report] = []
-        code = _verified(programs, request, told)
-        if request.as_json:
+        code = _verified(programs, arguments, options, told)
+        if arguments.json:
             from koord.api.verify_report import reports_dict
 
             print(json.dumps(reports_dict(told), indent=2))
@@ -285,45 +344,51 @@ def _once(arguments: argparse.Namespace, request: Request) -> int:
     except ArgumentError:
         raise
     except KoordError as error:  # of the program, met on the way
-        report_error(error, as_json=request.as_json, sources=report.sources.values())
+        report_error(error, as_json=arguments.json, sources=report.sources.values())
         return Exit.BAD_INPUT
 
 
-def _verified(programs: Sequence[Program], request: Request, told: list[Report]) -> Exit:
+def _verified(
+    programs: Sequence[Program],
+    arguments: argparse.Namespace,
+    options: Options,
+    told: list[Report],
+) -> Exit:
     """Verify programs, and show the results of each as soon as they are known."""
     from koord.cli.verified import tell, tell_sweep
 
+    fleets = arguments.robots
     questions = [
         Question(
             program,
-            system_of(program.core, fleet, request.delta_s),
-            every_n=request.fleets[0].any_number,
+            system_of(program.core, fleet, arguments.delta),
+            every_n=fleets[0].any_number,
         )
         for program in programs
-        for fleet in request.fleets
+        for fleet in fleets
     ]
-    answers = _answers(questions, request)
+    answers = _answers(questions, options)
     codes: list[Exit] = []
     for program in programs:
         if Exit.INTERRUPTED in codes:
             break
-        found = islice(answers, len(request.fleets))
-        if len(request.fleets) > 1:
-            codes.append(tell_sweep(program, found, request, told))
+        found = islice(answers, len(fleets))
+        if len(fleets) > 1:
+            codes.append(tell_sweep(program, found, arguments, told))
         else:
-            codes += [tell(report, request, told) for report in found]
+            codes += [tell(report, arguments, told) for report in found]
     if len(codes) < len(programs):
         codes.append(Exit.INTERRUPTED)
     return gravest(codes)
 
 
-def _answers(questions: Sequence[Question], request: Request) -> Iterator[VerifyReport]:
+def _answers(questions: Sequence[Question], options: Options) -> Iterator[VerifyReport]:
     """The reports, in order, with a live line while they are computed."""
     shown = [LiveLine(None)]
     with Interruption() as interruption:
         answers = verify_each(
             questions,
-            request.options,
+            options,
             lambda text: shown[0].show(text),
             lambda: interruption.requested,
         )

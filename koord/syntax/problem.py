@@ -13,6 +13,7 @@ from msgspec import Struct
 
 from koord.syntax import core
 from koord.syntax.literals import encoded, literal, number
+from koord.syntax.source import counted
 
 #: More tasks than these are counted and not listed, in a line.
 _FEW_TASKS = 3
@@ -132,7 +133,7 @@ def told(given: core.Parameter) -> str:
 
 def fleet(program: core.Program, kinds: Sequence[int]) -> str:
     """Print robots by kind: ``3 robots``, ``3 robots (2 Car, 1 Drone)``."""
-    together = f"{len(kinds)} robot{'' if len(kinds) == 1 else 's'}"
+    together = counted(len(kinds), "robot")
     if len(program.agents) == 1:
         return together
     each = ", ".join(f"{kinds.count(k)} {a.name}" for k, a in enumerate(program.agents))

@@ -110,6 +110,11 @@ _TAB = " " * 4
 _ACTING = frozenset({"Cc", "Cf", "Cs", "Zl", "Zp"})
 
 
+def counted(count: int, word: str) -> str:
+    """A number of things in words: ``1 round``, ``2 rounds``."""
+    return f"{count} {word}" if count == 1 else f"{count} {word}s"
+
+
 def visible(text: str) -> str:
     """Escape text from outside, such as names of files, so that it cannot act on a terminal.
 

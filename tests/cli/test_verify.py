@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import json
 import os
 import subprocess
@@ -14,14 +15,15 @@ from typing import Any
 
 import pytest
 from jsonschema import Draft202012Validator
+from msgspec.structs import replace
 
 import koord
 from koord.api.programs import Program
 from koord.api.robots import AS_STATED, FleetSize
 from koord.api.run import Policy
-from koord.api.verify import Engine
+from koord.api.verify import Engine, Options
 from koord.cli import main as frame
-from koord.cli import requests, run, verified, verify
+from koord.cli import run, verified, verify
 from koord.cli.exits import Exit
 from tests.sampling import first
 
@@ -48,10 +50,12 @@ def test_each_property_may_have_a_time_limit(
 
 
 def test_every_flag_of_verify_arrives(monkeypatch: pytest.MonkeyPatch, program: str) -> None:
-    seen: list[tuple[str, requests.Request]] = []
+    seen: list[tuple[list[str], argparse.Namespace, Options]] = []
 
-    def engine(programs: Sequence[Program], request: requests.Request, told: object) -> Exit:
-        seen.extend((loaded.source.name, request) for loaded in programs)
+    def engine(
+        programs: Sequence[Program], arguments: argparse.Namespace, options: Options, told: object
+    ) -> Exit:
+        seen.append(([loaded.source.name for loaded in programs], arguments, options))
         return Exit.UNKNOWN
 
     monkeypatch.setattr(verify, "_verified", engine)
@@ -61,52 +65,45 @@ def test_every_flag_of_verify_arrives(monkeypatch: pytest.MonkeyPatch, program: 
     words += ["--jobs", "3"]
     words += ["--trace", f"{program}.json", "--json"]
     assert frame.main(words) == Exit.UNKNOWN
-    assert seen == [
-        (
-            program,
-            requests.Request(
-                fleets=(FleetSize(3, (("Car", 2), ("Drone", 1))),),
-                rounds=5,
-                delta_s=Fraction(1, 3),
-                engine=Engine.BMC,
-                properties=("Small",),
-                timeout_s=2.5,
-                claim_s=None,
-                jobs=3,
-                violations=4,
-                seed=9,
-                trace=f"{program}.json",
-                certificate=None,
-                plot=None,
-                found=None,
-                rests_on=True,
-                instants=True,
-                explain=True,
-                as_json=True,
-            ),
-        )
-    ]
+    ((names, arguments, options),) = seen
+    assert names == [program]
+    assert arguments.robots == (FleetSize(3, (("Car", 2), ("Drone", 1))),)
+    assert (arguments.delta, arguments.trace) == (Fraction(1, 3), f"{program}.json")
+    assert (arguments.explain, arguments.json) == (True, True)
+    assert (arguments.certificate, arguments.plot, arguments.found) == (None, None, None)
+    left_s = options.left_s
+    assert left_s is not None
+    assert 0 < left_s <= 2.5
+    assert replace(options, ends_at=None) == Options(
+        rounds=5,
+        engine=Engine.BMC,
+        properties=("Small",),
+        property_timeout_s=None,
+        jobs=3,
+        max_violations=4,
+        seed=9,
+        rests_on=True,
+        instants=True,
+    )
 
 
 def test_the_defaults_are_those_of_the_documentation(
     monkeypatch: pytest.MonkeyPatch, program: str
 ) -> None:
-    seen: list[requests.Request] = []
+    seen: list[tuple[argparse.Namespace, Options]] = []
 
-    def engine(loaded: object, request: requests.Request, told: object) -> Exit:
-        seen.append(request)
+    def engine(
+        loaded: object, arguments: argparse.Namespace, options: Options, told: object
+    ) -> Exit:
+        seen.append((arguments, options))
         return Exit.OK
 
     monkeypatch.setattr(verify, "_verified", engine)
     assert frame.main(["verify", program]) == Exit.OK
-    (request,) = seen
-    assert (request.fleets, request.rounds, request.engine) == (
-        (AS_STATED,),
-        20,
-        Engine.AUTO,
-    )
-    assert (request.properties, request.timeout_s, request.trace) == ((), None, None)
-    assert 1 <= request.jobs <= (os.cpu_count() or 1)
+    ((arguments, options),) = seen
+    assert (arguments.robots, options.rounds, options.engine) == ((AS_STATED,), 20, Engine.AUTO)
+    assert (options.properties, options.ends_at, arguments.trace) == ((), None, None)
+    assert 1 <= options.jobs <= (os.cpu_count() or 1)
 
 
 def test_several_programs_end_with_the_gravest_code(
@@ -114,7 +111,7 @@ def test_several_programs_end_with_the_gravest_code(
 ) -> None:
     codes = [Exit.OK, Exit.VIOLATED, Exit.UNKNOWN]
     monkeypatch.setattr(verify, "verify_each", lambda questions, *options: iter(questions))
-    monkeypatch.setattr(verified, "tell", lambda report, request, told: codes.pop())
+    monkeypatch.setattr(verified, "tell", lambda report, arguments, told: codes.pop())
     assert frame.main(["verify", program, program, program]) == Exit.VIOLATED
     assert codes == []
 
@@ -152,27 +149,20 @@ def test_a_trace_that_cannot_be_written_is_told_before_the_work(
 
 
 def test_every_flag_of_run_arrives(monkeypatch: pytest.MonkeyPatch, program: str) -> None:
-    seen: list[run.Request] = []
+    seen: list[argparse.Namespace] = []
 
-    def machine(loaded: Program, request: run.Request) -> Exit:
-        seen.append(request)
+    def machine(loaded: Program, arguments: argparse.Namespace) -> Exit:
+        seen.append(arguments)
         return Exit.OK
 
     monkeypatch.setattr(run, "_run", machine)
     words = ["run", program, "--robots", "2", "--rounds", "0", "--seed", "4"]
     words += ["--policy", "random", "--interactive", "--trace", f"{program}.json", "--delta", "2"]
     assert frame.main(words) == Exit.OK
-    assert seen == [
-        run.Request(
-            fleet=FleetSize(2),
-            rounds=0,
-            delta_s=Fraction(2),
-            policy=Policy.RANDOM,
-            seed=4,
-            interactive=True,
-            trace=f"{program}.json",
-        )
-    ]
+    (given,) = seen
+    assert (given.robots, given.rounds, given.delta) == (FleetSize(2), 0, Fraction(2))
+    assert (given.policy, given.seed, given.interactive) == (Policy.RANDOM.value, 4, True)
+    assert given.trace == f"{program}.json"
 
 
 def test_a_misspelt_property_is_no_verdict(
