@@ -7,6 +7,7 @@ from html import escape
 from typing import TYPE_CHECKING, Any
 
 from msgspec import Struct, to_builtins
+from msgspec.structs import asdict
 
 from koord.api.fitting import NO_FILE, Fitted
 from koord.api.progress import Progress
@@ -107,7 +108,7 @@ class Simulated(Result, frozen=True, kw_only=True):
         setup, fault = self.setup, None
         if self.fault is not None:
             said = {"kind": self.fault.fault.kind.value, "robot": self.fault.robot}
-            fault = to_builtins(self.fault.fault) | said
+            fault = asdict(self.fault.fault) | said
         return {
             "format": "koord-simulated",
             "version": 1,

@@ -5,14 +5,15 @@ Nothing here knows of sockets, clocks or programs. A robot runs its event into a
 on the decision every robot applies the writes to its copy of the store, and keeps or throws away
 its buffer. Output, locals and actuators never leave the robot: they are in the buffer alone.
 
-All values are *plain* (:data:`Plain`), so that any codec of typed data can carry them.
+All values are *plain* (:data:`Plain`), so that any codec of typed data can carry them, and what
+robots tell each other of are arrays without names there (:class:`Flat`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from enum import Enum
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from msgspec import Struct
 
@@ -22,13 +23,29 @@ from koord.syntax.faults import FaultKind
 #: its fields, a list, queue or array the tuple of its items, a map the tuple of its
 #: ``(key, value)`` pairs in their order; ``None`` is an atom that is not set (parts of records and
 #: fixed arrays only). Integers are unbounded.
-Plain = bool | int | float | str | tuple["Plain", ...] | None
+if TYPE_CHECKING:
+    Plain = bool | int | float | str | tuple["Plain", ...] | None
+else:
+
+    class _Anything(type):
+        """Of values that are looked at where they are decoded (``koord.runtime.encoding``)."""
+
+        def __instancecheck__(cls, value: object) -> bool:
+            return True
+
+    class Plain(metaclass=_Anything):
+        """What a decoder makes of such a value."""
+
 
 #: The round of INIT, which comes before round 0.
 INIT_ROUND = -1
 
 
-class Write(Struct, frozen=True):
+class Flat(Struct, frozen=True, array_like=True, forbid_unknown_fields=True):
+    """Data that travel: encoded as the array of their fields, to save bytes."""
+
+
+class Write(Flat, frozen=True):
     """A write to one location of the shared store. [LOCATION] [SHARED-ASSIGN]
 
     ``variable`` counts the allread variables of the program first, then the allwrite ones
@@ -43,7 +60,7 @@ class Write(Struct, frozen=True):
     value: Plain
 
 
-class EventFault(Struct, frozen=True):
+class EventFault(Flat, frozen=True):
     """A fault of a robot's event; ``place`` is ``file:line:column``. [FAULT]"""
 
     kind: FaultKind
@@ -59,7 +76,7 @@ class StopRequests(Enum):
     TO_STOP = 2  #: ``stop``
 
 
-class Attempt(Struct, frozen=True):
+class Attempt(Flat, frozen=True):
     """An event that a robot has run into a buffer, as the others see it.
 
     ``event`` is its position in the robot's events, None for INIT. ``locks`` are the lock classes
@@ -88,7 +105,7 @@ class Proposal(NamedTuple):
     urgent: bool = False
 
 
-class Admitted(Struct, frozen=True):
+class Admitted(Flat, frozen=True):
     """An admitted robot, and the event (the attempt's) that it ran."""
 
     robot: int
@@ -96,7 +113,7 @@ class Admitted(Struct, frozen=True):
     asked: StopRequests = StopRequests.NOTHING
 
 
-class Faulted(Struct, frozen=True):
+class Faulted(Flat, frozen=True):
     """The robot whose fault ends the run. [FAULT]"""
 
     robot: int
@@ -104,7 +121,7 @@ class Faulted(Struct, frozen=True):
     fault: EventFault
 
 
-class Decision(Struct, frozen=True):
+class Decision(Flat, frozen=True):
     """The decision of a round: the same for every robot.
 
     ``ran`` are the robots let through, in their order; every other robot skipped, after them.

@@ -8,27 +8,17 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import Any
 
 import msgspec
-from msgspec import Struct
 
-from koord.runtime.encoding import (
-    FlatProposal,
-    NotPlainError,
-    big_int,
-    encode,
-    flat_proposal,
-    plain,
-    proposal_of,
-)
-from koord.runtime.proposals import Proposal
+from koord.runtime.encoding import decoder, encode
+from koord.runtime.proposals import Flat, Plain, Proposal
 
 #: Attributes in the order of the program's locals and ports, each plain.
-Attributes = tuple[Any, ...]
+Attributes = tuple[Plain, ...]
 
 
-class Page(Struct, frozen=True):
+class Page(Flat, frozen=True):
     """The state of a robot in its journal.
 
     It had acted on all rounds before ``round``; ``turns`` environment turns are still to come.
@@ -45,18 +35,7 @@ class Page(Struct, frozen=True):
     buffers: tuple[tuple[int | None, Attributes], ...]
 
 
-_Flat = tuple[
-    str,
-    int,
-    int,
-    int,
-    tuple[Any, ...],
-    tuple[float, float, float],
-    FlatProposal | None,
-    tuple[tuple[int | None, tuple[Any, ...]], ...],
-]
-
-_DECODER = msgspec.msgpack.Decoder(_Flat, ext_hook=big_int)
+_DECODER = decoder(Page)
 
 
 class Journal:
@@ -68,31 +47,16 @@ class Journal:
 
     def write(self, page: Page) -> None:
         """Replace the journal's page. Raises OSError."""
-        proposal = None if page.proposal is None else flat_proposal(page.proposal)
-        flat = (
-            page.program,
-            page.round,
-            page.status,
-            page.turns,
-            page.attributes,
-            page.position,
-            proposal,
-            page.buffers,
-        )
-        self._new.write_bytes(encode(flat))
+        self._new.write_bytes(encode(page))
         os.replace(self._new, self.path)
 
     def read(self) -> Page | None:
         """The journal's page; None if it is missing or unusable."""
         try:
-            flat = _DECODER.decode(self.path.read_bytes())
-            program, round_, status, turns, attributes, position, proposal, buffers = flat
-            made = None if proposal is None else proposal_of(proposal)
-            own = tuple(map(plain, attributes))
-            kept = tuple((event, tuple(map(plain, state))) for event, state in buffers)
-        except (OSError, msgspec.MsgspecError, NotPlainError, ValueError):
+            found: Page = _DECODER.decode(self.path.read_bytes())
+        except (OSError, msgspec.MsgspecError, ValueError):
             return None
-        return Page(program, round_, status, turns, own, position, made, kept)
+        return found
 
     def forget(self) -> None:
         """Remove the journal: the run is over."""

@@ -7,10 +7,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any, Protocol
 
-import msgspec
-
 from koord.runtime.deploy.journal import Attributes, Journal, Page
-from koord.runtime.encoding import FlatFault, big_int, encode, fault_of, flat_fault
+from koord.runtime.encoding import decoder, encode
 from koord.runtime.motion.world import Point
 from koord.runtime.operations import FaultError
 from koord.runtime.proposals import (
@@ -33,9 +31,7 @@ from koord.runtime.store import AgreedStore
 
 _STATUSES = {StopRequests.TO_STOP: Status.STOPPED, StopRequests.TO_STOP_TOGETHER: Status.ASKED}
 
-_STORE = msgspec.msgpack.Decoder(
-    tuple[tuple[Any, ...], tuple[int, ...], FlatFault | None], ext_hook=big_int
-)
+_STORE = decoder(tuple[tuple[Any, ...], tuple[int, ...], EventFault | None])
 
 
 class DivergedError(Exception):
@@ -198,13 +194,11 @@ class Member:
 
     def show(self) -> bytes:
         statuses = tuple(status.value for status in self.statuses)
-        fault = None if self.fault is None else flat_fault(self.fault)
-        return encode((self.store.snapshot(), statuses, fault))
+        return encode((self.store.snapshot(), statuses, self.fault))
 
     def install(self, round_: int, store: bytes, ran: LastRun | None) -> None:
         """Replace the store; ``ran`` says which of the robot's own turns happened."""
-        snapshot, statuses, fault = _STORE.decode(store)
-        self.fault = None if fault is None else fault_of(fault)
+        snapshot, statuses, self.fault = _STORE.decode(store)
         if round_ == INIT_ROUND:
             return  # nothing has been agreed on yet
         self.store.restore(snapshot)

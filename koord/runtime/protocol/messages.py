@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from hashlib import blake2b
 
-import msgspec
+from msgspec import Struct
 
-from koord.runtime.encoding import encode, flat_decision
-from koord.runtime.proposals import Decision, Proposal
+from koord.runtime.encoding import encode
+from koord.runtime.proposals import Decision, Flat, Proposal
 
 DIGEST_BYTES = 16
 
@@ -18,14 +18,14 @@ GENESIS = bytes(DIGEST_BYTES)
 FIRST_INCARNATION = 0
 
 
-class Admission(msgspec.Struct, frozen=True):
+class Admission(Flat, frozen=True):
     """An admission: a robot that is back counts again, in a new incarnation. (R-ADMIT)"""
 
     robot: int
     incarnation: int
 
 
-class LogEntry(msgspec.Struct, frozen=True):
+class LogEntry(Flat, frozen=True):
     """A log entry: a round's decision with admissions; the unit that robots agree on.
 
     ``late`` are the robots whose proposal was not there in time. ``previous`` is the digest of the
@@ -44,12 +44,10 @@ class LogEntry(msgspec.Struct, frozen=True):
 
 def digest(entry: LogEntry) -> bytes:
     """The digest of the history that ends with an entry."""
-    admitted = tuple((a.robot, a.incarnation) for a in entry.admitted)
-    flat = (flat_decision(entry.decision), entry.previous, admitted, entry.late)
-    return blake2b(encode(flat), digest_size=DIGEST_BYTES).digest()
+    return blake2b(encode(entry), digest_size=DIGEST_BYTES).digest()
 
 
-class Held(msgspec.Struct, frozen=True):
+class Held(Struct, frozen=True):
     """An entry that a robot holds, and the epoch in which it accepted it."""
 
     epoch: int
@@ -61,14 +59,14 @@ class Held(msgspec.Struct, frozen=True):
         return self.entry.decision.round
 
 
-class LastRun(msgspec.Struct, frozen=True):
+class LastRun(Flat, frozen=True):
     """The last round in which a robot was admitted, and the event that it ran."""
 
     round: int
     event: int | None
 
 
-class Position(msgspec.Struct, frozen=True, order=True):
+class Position(Flat, frozen=True, order=True):
     """The position of a robot in the log: the round of its last entry, and its epoch. (R-VOTE)
 
     ``epoch`` is that in which it accepted its last entry, COMMITTED if that is committed.
@@ -87,20 +85,20 @@ class Position(msgspec.Struct, frozen=True, order=True):
 COMMITTED = 2**62
 
 
-class Propose(msgspec.Struct, frozen=True):
+class Propose(Flat, frozen=True):
     """Message: the sender's proposal for the round. (R-BEGIN)"""
 
     proposal: Proposal
 
 
-class Decide(msgspec.Struct, frozen=True):
+class Decide(Flat, frozen=True):
     """Message: the decision of the round, if a majority accepts it. (R-DECIDE)"""
 
     epoch: int
     entry: LogEntry
 
 
-class Acknowledge(msgspec.Struct, frozen=True):
+class Acknowledge(Flat, frozen=True):
     """Message: the sender holds the entry. ``again``: it knows of no commit yet. (R-ACCEPT)"""
 
     epoch: int
@@ -109,7 +107,7 @@ class Acknowledge(msgspec.Struct, frozen=True):
     again: bool = False
 
 
-class Committed(msgspec.Struct, frozen=True):
+class Committed(Flat, frozen=True):
     """Message: a majority holds the entry; act. The next round begins in ``pause_s``.
     (R-MAJORITY)
     """
@@ -120,7 +118,7 @@ class Committed(msgspec.Struct, frozen=True):
     pause_s: float = 0.0
 
 
-class Open(msgspec.Struct, frozen=True):
+class Open(Flat, frozen=True):
     """Message: the round is open, on the history with this digest; propose now. (R-OWED)"""
 
     epoch: int
@@ -128,13 +126,13 @@ class Open(msgspec.Struct, frozen=True):
     chain: bytes
 
 
-class Ask(msgspec.Struct, frozen=True):
+class Ask(Flat, frozen=True):
     """Message: the sender lacks what was committed from this round on. (R-ASK)"""
 
     round: int
 
 
-class History(msgspec.Struct, frozen=True):
+class History(Flat, frozen=True):
     """Message: a committed entry, of this epoch or a lower one; ``last`` of those asked for."""
 
     epoch: int
@@ -142,7 +140,7 @@ class History(msgspec.Struct, frozen=True):
     last: bool = True
 
 
-class Snapshot(msgspec.Struct, frozen=True):
+class Snapshot(Flat, frozen=True):
     """Message: the agreed state before ``round``. (R-SNAPSHOT)"""
 
     epoch: int
@@ -154,39 +152,39 @@ class Snapshot(msgspec.Struct, frozen=True):
     ended: bool = False  #: there are no more rounds
 
 
-class Canvass(msgspec.Struct, frozen=True):
+class Canvass(Flat, frozen=True):
     """Message: the sender asks for support as coordinator of this epoch. (R-CANVASS)"""
 
     epoch: int
     position: Position
 
 
-class Support(msgspec.Struct, frozen=True):
+class Support(Flat, frozen=True):
     """Message: the sender hears no coordinator either. Promises nothing. (R-CANVASS)"""
 
     epoch: int
 
 
-class Candidacy(msgspec.Struct, frozen=True):
+class Candidacy(Flat, frozen=True):
     """Message: the sender asks for the promise of an epoch. (R-STAND)"""
 
     epoch: int
     position: Position
 
 
-class Vote(msgspec.Struct, frozen=True):
+class Vote(Flat, frozen=True):
     """Message: the sender accepts no lower epoch from now on. (R-VOTE)"""
 
     epoch: int
 
 
-class Overruled(msgspec.Struct, frozen=True):
+class Overruled(Flat, frozen=True):
     """Message: the sender has promised a higher epoch, this one. (R-OVERRULED)"""
 
     epoch: int
 
 
-class Hello(msgspec.Struct, frozen=True):
+class Hello(Flat, frozen=True):
     """Message: the sender is back. ``empty``: it needs a snapshot. (R-REJOIN)"""
 
     empty: bool
