@@ -26,9 +26,9 @@ from koord.runtime.protocol.messages import (
 )
 from koord.runtime.protocol.setup import Setup, Timing, decided
 from koord.runtime.protocol.state import fresh
-from koord.runtime.transports.transport import Hub
 from koord.runtime.wire.codec import DatagramWriter, RunKey
 from koord.runtime.wire.frames import Drop
+from tests.runtime.hub import Hub
 
 ROBOTS = 16
 LIMIT_S = 5e-6

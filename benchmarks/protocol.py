@@ -22,8 +22,8 @@ from koord.runtime.exploration.world import ExplorationBounds
 from koord.runtime.node import Peer
 from koord.runtime.protocol.setup import Setup, Timing
 from koord.runtime.protocol.state import fresh
-from koord.runtime.transports.transport import Hub, InProcess
 from koord.runtime.wire.codec import RunKey
+from tests.runtime.hub import Hub, InProcess
 
 ROUNDS = 40
 

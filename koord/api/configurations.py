@@ -73,6 +73,7 @@ def check_configuration(text: Text, program: Loadable | None = None) -> Configur
         sources.append(source_of(text))
         configuration = load_configuration(sources[0])
         if program is None:
+            found += configuration.warnings
             _check_alone(configuration)
         else:
             request = _request(program, configuration)

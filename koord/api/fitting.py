@@ -165,6 +165,7 @@ def _fitted(request: FitRequest, found: list[Diagnostic]) -> Fitted:
     chosen = dict(request.params)
     places: dict[str, Span] = {}
     if given is not None:
+        found += given.warnings
         own = params(given)
         of = given.document.name_place
         places = {k: of(("params", k)) for k in own if k not in chosen}

@@ -11,7 +11,7 @@ from pathlib import Path
 from random import Random
 from typing import Literal, TypeAlias
 
-from msgspec import Struct
+from msgspec import Struct, to_builtins
 from msgspec.structs import replace
 
 from koord.api.files import check_writable
@@ -82,15 +82,15 @@ class RefineRequest(Struct, frozen=True):
             check_writable(str(Path(self.save) / "refinement"))
 
 
-class TargetRuns(Struct, frozen=True):
+class TargetRuns(Struct, frozen=True, rename="camel"):
     """The totals of runs on a target. Runs that gave up found no values that the program allows."""
 
     target: Target
     runs: int = 0
     rounds: int = 0
     steps: int = 0
-    faults: int = 0
     skips: int = 0
+    faults: int = 0
     gave_up: int = 0
 
     def plus(self, one: Tried) -> TargetRuns:
@@ -103,8 +103,8 @@ class TargetRuns(Struct, frozen=True):
             self.runs + 1,
             self.rounds + len(rounds),
             self.steps + one.judged.steps,
-            self.faults + (one.ran.fault_place is not None),
             self.skips + sum(event is None for round_ in rounds for event in round_.events),
+            self.faults + (one.ran.fault_place is not None),
             self.gave_up + (one.ran.gave_up is not None),
         )
 
@@ -124,22 +124,10 @@ class Refinement(Result, frozen=True):
 
     def to_dict(self) -> dict[str, object]:
         """The result as plain data, as ``koord check-refinement --json`` prints it."""
-        targets = [
-            {
-                "target": one.target.value,
-                "runs": one.runs,
-                "rounds": one.rounds,
-                "steps": one.steps,
-                "skips": one.skips,
-                "faults": one.faults,
-                "gaveUp": one.gave_up,
-            }
-            for one in self.targets
-        ]
         return {
             "format": "koord-refinement",
             "version": 1,
-            "targets": targets,
+            "targets": to_builtins(self.targets),
             "failure": None if self.failure is None else self.failure.to_dict(),
             "programs": list(self.programs),
         }

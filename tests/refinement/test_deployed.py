@@ -30,11 +30,11 @@ from koord.runtime.proposals import (
     decide,
 )
 from koord.runtime.robot import Status
-from koord.runtime.transports.transport import Hub
 from koord.syntax import core
 from koord.syntax.faults import FaultKind
 from koord.syntax.system import dealt
 from tests.refinement.running import agrees, program, seeds, sources
+from tests.runtime.hub import Hub
 from tests.sampling import first
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "specs/examples"

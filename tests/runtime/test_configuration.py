@@ -100,7 +100,6 @@ def test_the_paper_s_listing_is_three_equal_robots() -> None:
     assert vehicle.planner is PlannerName.RRT_CAR
     assert vehicle.waypoint_topic is not None
     assert vehicle.waypoint_topic.topic == "waypoint"
-    assert {robot.automaton for robot in configuration.robots} == {"MotTestCar"}
     assert [robot.address for robot in configuration.robots] == [
         ("127.0.0.1", DEFAULT_PORT + 1 + pid) for pid in range(3)
     ]

@@ -30,12 +30,12 @@ from koord.runtime.protocol.messages import LogEntry
 from koord.runtime.protocol.setup import Setup, Timing
 from koord.runtime.protocol.state import State, fresh, returning
 from koord.runtime.robot import Robot, Turn
-from koord.runtime.transports.transport import Hub
 from koord.runtime.transports.udp import Delivery
 from koord.runtime.wire.codec import RunKey
 from koord.runtime.wire.frames import Drop
+from koord.syntax.load import load
 from koord.syntax.source import Source
-from tests.loading import example_program
+from tests.runtime.hub import Hub
 
 EXAMPLES = Path(__file__).parents[2] / "specs" / "examples"
 DELTA_S = 0.1
@@ -43,7 +43,9 @@ DELTA_S = 0.1
 
 @cache
 def classes(name: str) -> tuple[type[Robot], ...]:
-    program = example_program(name)
+    path = EXAMPLES / f"{name}.krd"
+    program = load(Source(path.name, path.read_text(encoding="utf-8"))).program
+    assert program is not None
     return loaded(compiled(program))
 
 

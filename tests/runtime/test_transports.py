@@ -18,10 +18,11 @@ from koord.runtime.chaos.storm import Journal, StormRobot
 from koord.runtime.node import Peer
 from koord.runtime.protocol.setup import Setup, Timing
 from koord.runtime.protocol.state import fresh
-from koord.runtime.transports.transport import Hub, Transport, TransportError
+from koord.runtime.transports.transport import Transport, TransportError
 from koord.runtime.transports.udp import Delivery, Plan, Udp, on_this_machine
 from koord.runtime.wire.codec import RunKey
 from koord.runtime.wire.frames import LONGEST, Drop
+from tests.runtime.hub import Hub
 from tests.runtime.together import KEY, together
 
 Make = Callable[[int], list[Transport]]

@@ -8,8 +8,9 @@ from koord.runtime.chaos.storm import Journal, StormRobot
 from koord.runtime.node import Peer
 from koord.runtime.protocol.setup import Setup
 from koord.runtime.protocol.state import State, fresh
-from koord.runtime.transports.transport import Hub, Transport
+from koord.runtime.transports.transport import Transport
 from koord.runtime.wire.codec import RunKey
+from tests.runtime.hub import Hub
 
 KEY = b"the key of the tests"
 

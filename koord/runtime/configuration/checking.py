@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from difflib import get_close_matches
 from ipaddress import AddressValueError, IPv4Address
-from typing import Any, TypeVar, get_type_hints
+from typing import Any, get_type_hints
 
 import msgspec
 
@@ -34,7 +34,7 @@ from koord.runtime.configuration.reading import Document, Path, problem, read
 from koord.runtime.motion.bodies import VEHICLES, Level, PlannerName, Steering
 from koord.runtime.motion.world import Box, Disc, Obstacle, Point, Polygon, World
 from koord.syntax.collector import uncollected
-from koord.syntax.diagnostics import Diagnostic, KoordError
+from koord.syntax.diagnostics import Diagnostic, KoordError, Severity
 from koord.syntax.source import Source
 
 DEFAULT_PORT = 61_820
@@ -49,7 +49,13 @@ _TOPICS: Mapping[str, tuple[str, ...]] = {
     "waypoint_topic": ("PoseStamped", "String"),  # the paper's listing has the latter
 }
 
-T = TypeVar("T")
+#: Fields of the published middleware that are read, and change nothing; and what does.
+_IDLE: Mapping[str, str] = {
+    "mutex_handler": "robots that enter one lock class are kept apart by the protocol",
+    "nbr_pids": "every robot talks with all others",
+    "plist": "a robot listens on the `port` of its device",
+    "queue_size": "nothing is sent over ROS here",
+}
 
 #: How msgspec says where: ``$.agents[0].pid``, with ``[...]`` for an unnamed entry of a mapping.
 _WHERE = re.compile(r" - at `(key in )?\$([^`]*)`$")
@@ -178,7 +184,15 @@ class _Checker:
             form.world is not None and form.world.bounds is not None,
             form.monitor,
             self._document,
+            tuple(self._idle()),
         )
+
+    def _idle(self) -> Iterator[Diagnostic]:
+        """Warnings of fields that have no effect. (K938)"""
+        for path, span in self._document.names.items():
+            if path[-1] in _IDLE and path[0] != "params":
+                story = f"`{path[-1]}` has no effect"
+                yield Diagnostic("K938", Severity.WARNING, span, story, _IDLE[str(path[-1])])
 
     def _agents(self, form: Form) -> list[tuple[Agent, Path]]:
         """The robots by pid, and their places in the file."""
@@ -234,9 +248,7 @@ class _Checker:
         elif position is not None:
             path = (*path, "position")
         address = (ip, port)
-        return RobotPlace(
-            agent.pid, vehicle, automaton, agent.kind, place, address, agent.heading, path
-        )
+        return RobotPlace(agent.pid, vehicle, agent.kind, place, address, agent.heading, path)
 
     def _device(self, form: Form, agent: Agent, path: Path) -> tuple[str, Device, Path]:
         """The device that a robot runs on, its name, and its place in the file."""

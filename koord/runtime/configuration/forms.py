@@ -109,7 +109,7 @@ class SimulationForm(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw
     scanner: ScannerForm | None = None
 
 
-class Device(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+class Device(Motion, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """A vehicle."""
 
     bot_type: TypeName = "CAR"
@@ -119,13 +119,6 @@ class Device(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tr
     speed: Positive | None = None  #: m/s, at which it follows paths
     motion: Motion | None = None
     simulation: SimulationForm = SimulationForm()
-    motion_automata: list[Name] = []
-    planner: Name | None = None
-    ros_node_prefix: str | None = None
-    positioning_topic: Topic | None = None
-    reached_topic: Topic | None = None
-    waypoint_topic: Topic | None = None
-    queue_size: Natural | None = None
 
 
 class Agent(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):

@@ -12,7 +12,7 @@ from koord.runtime.configuration.reading import Document, Path, problem
 from koord.runtime.motion.bodies import VEHICLES, PlannerName, VehicleType
 from koord.runtime.motion.world import Point, World
 from koord.syntax.content import ByContent
-from koord.syntax.diagnostics import KoordError
+from koord.syntax.diagnostics import Diagnostic, KoordError
 from koord.syntax.elaboration.settings import ParamValue
 from koord.syntax.literals import NumberOutOfRangeError, is_number, read_number
 from koord.syntax.source import Source, Span
@@ -44,7 +44,6 @@ class RobotPlace(Struct, frozen=True):
 
     pid: int
     vehicle: Vehicle
-    automaton: str | None
     kind: str | None
     position: Point | None
     address: tuple[str, int]
@@ -75,7 +74,7 @@ class Talk(Struct, frozen=True):
 class RunConfiguration(ByContent, frozen=True):
     """The configuration of a run. ``robots[i]`` has pid i."""
 
-    ASIDE: ClassVar[frozenset[str]] = frozenset({"document"})
+    ASIDE: ClassVar[frozenset[str]] = frozenset({"document", "warnings"})
 
     name: str
     robots: tuple[RobotPlace, ...]
@@ -89,6 +88,7 @@ class RunConfiguration(ByContent, frozen=True):
     bounded: bool = False  #: whether it is said how large the world is
     monitor: MonitorForm = field(default_factory=MonitorForm)
     document: Document = field(default_factory=lambda: Document(Source("", ""), {}))
+    warnings: tuple[Diagnostic, ...] = ()  #: of fields that have no effect
 
     def place(self, *path: str | int) -> Span:
         """The span of a field in the file."""

@@ -1,11 +1,8 @@
-"""The interface of transports, and a network within one process."""
+"""The interface of transports."""
 
 from __future__ import annotations
 
-from collections import deque
 from typing import Protocol
-
-from msgspec import Struct
 
 
 class Transport(Protocol):
@@ -34,51 +31,3 @@ class TransportError(Exception):
         super().__init__(message)
         self.message = message
         self.hint = hint
-
-
-# --- within one process ---------------------------------------------------------------------------
-
-
-class Hub:
-    """A network within one process: the inboxes of all robots of a run."""
-
-    def __init__(self, robots: int) -> None:
-        self.robots = robots
-        self.sent = 0  #: datagrams, one to all counted once
-        self.inboxes: list[deque[bytes]] = [deque() for _ in range(self.robots)]
-
-    def transport(self, pid: int) -> InProcess:
-        """Make one robot's transport."""
-        return InProcess(self, pid)
-
-
-class InProcess(Struct):
-    """One robot's transport on a hub. It never waits, as nobody else moves meanwhile."""
-
-    hub: Hub
-    pid: int
-    closed: bool = False
-
-    def send(self, to: int, datagram: bytes) -> None:
-        self.hub.sent += 1
-        if not self.closed and to != self.pid:
-            self.hub.inboxes[to].append(datagram)
-
-    def tell(self, datagram: bytes) -> None:
-        self.hub.sent += 1
-        if self.closed:
-            return
-        for robot, inbox in enumerate(self.hub.inboxes):
-            if robot != self.pid:
-                inbox.append(datagram)
-
-    def receive(self, timeout_s: float) -> list[bytes]:
-        inbox = self.hub.inboxes[self.pid]
-        if self.closed:
-            return []
-        came = list(inbox)
-        inbox.clear()
-        return came
-
-    def close(self) -> None:
-        self.closed = True
