@@ -57,9 +57,6 @@ devices:
         bot_type: CAR
         planner: RRT_CAR
         speed: 0.5
-        positioning_topic: {topic: /where, type: PoseStamped}
-        reached_topic: {topic: there, type: String}
-        waypoint_topic: {topic: waypoint, type: geometry_msgs/PoseStamped}
         simulation: {level: simple, noise: {position: 0.01}, visit: {epsilon: 0.1}}
     drone: {bot_type: QUAD, planner: STRAIGHT}
 leader_pid: 1
@@ -182,6 +179,15 @@ def test_the_whole_is_right(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
     assert agree([WHOLE], tmp_path, capsys) == 0
 
 
+def test_all_three_tell_of_fields_without_effect(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = WHOLE.replace("leader_pid: 1", "leader_pid: 1\nmutex_handler: BaseMutexHandler")
+    one, two, three = refused(tmp_path, text, capsys)
+    assert [(d.code, d.span.line) for d in one] == [("K938", 12)]
+    assert one == two == three
+
+
 def test_all_three_refuse_the_same_alike(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -203,7 +209,6 @@ def test_all_three_refuse_all_mutants_alike(
         ("planner: RRT_CAR", "planner: RRT_KAR", "no planner RRT_KAR"),
         ("planner: STRAIGHT", "planner: RRT_CAR", "RRT_CAR is no planner for a QUAD"),
         (", planner: STRAIGHT", "", "how drone plans its paths"),
-        ("type: String", "type: Bool", "a reached_topic is of type String"),
         ("kind: Bird", "kind: Fish", "of kind Fish"),
         ("away: 3.0", "away: far", "away"),
         ("away: 3.0", "far: 3.0", "no `param` named `far`"),

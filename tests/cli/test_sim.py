@@ -228,12 +228,6 @@ ARENA = "world: {bounds: {low: [-4, -4, 0], high: [4, 4, 3]}}\n"
             None,
         ),
         (ONE + "world: {scattered: 3}", 2, "how large the world is, nor where robot 0", "bounds"),
-        (
-            ONE + "device:\n  waypoint_topic: {topic: a, type: Pose}",
-            3,
-            "of type PoseStamped",
-            "PoseStamped",
-        ),
         ("num_robots: 90\nworld:\n  start: {low: [0, 0], high: [1, 1]}", 3, "no room", "position"),
         ("a: &a {b: *a}", 1, "this contains itself", None),
         (ONE + "params:\n  tasks: {}", 3, "no value of a param", "number"),

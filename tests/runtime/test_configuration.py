@@ -98,13 +98,29 @@ def test_the_paper_s_listing_is_three_equal_robots() -> None:
     (vehicle,) = {robot.vehicle for robot in configuration.robots}
     assert (vehicle.name, vehicle.type_name) == ("hotdec_car", "CAR")
     assert vehicle.planner is PlannerName.RRT_CAR
-    assert vehicle.waypoint_topic is not None
-    assert vehicle.waypoint_topic.topic == "waypoint"
     assert [robot.address for robot in configuration.robots] == [
         ("127.0.0.1", DEFAULT_PORT + 1 + pid) for pid in range(3)
     ]
     assert configuration.talk.shared == DEFAULT_GROUP
     assert configuration.delta_s is None
+
+
+def test_fields_of_the_published_middleware_have_no_effect_and_this_is_told() -> None:
+    """Each kind of field once, where it stands first."""
+    told = [(d.span.line, d.message) for d in loaded(SEVERAL).warnings]
+    assert told == [
+        (line, f"`{name}` has no effect")
+        for line, name in (
+            (2, "mutex_handler"),
+            (17, "ros_node_prefix"),
+            (18, "queue_size"),
+            (19, "waypoint_topic"),
+            (20, "reached_topic"),
+            (21, "positioning_topic"),
+        )
+    ]
+    assert {d.code for d in loaded(SEVERAL).warnings} == {"K938"}
+    assert not loaded("num_robots: 1\nparams: {plist: 1.0}").warnings
 
 
 def test_the_form_of_several_robots_names_a_device_for_each() -> None:
@@ -113,7 +129,6 @@ def test_the_form_of_several_robots_names_a_device_for_each() -> None:
     assert (car.vehicle.name, drone.vehicle.name) == ("car", "drone")
     planners = [robot.vehicle.planner for robot in (car, drone)]
     assert planners == [PlannerName.RRT_STAR_CAR, PlannerName.RRT_STAR_DRONE]
-    assert drone.vehicle.positioning_topic == car.vehicle.positioning_topic is not None
     assert (car.address, drone.address) == (("127.0.1.0", 61820), ("127.0.1.1", 61820))
     assert configuration.talk.carrier is Carrier.BROADCAST
     assert configuration.talk.shared == "127.255.255.255"

@@ -20,7 +20,6 @@ from koord.runtime.configuration.forms import (
     Motion,
     NetworkForm,
     ObstacleForm,
-    Topic,
     WorldForm,
 )
 from koord.runtime.configuration.model import (
@@ -35,27 +34,22 @@ from koord.runtime.motion.bodies import VEHICLES, Level, PlannerName, Steering
 from koord.runtime.motion.world import Box, Disc, Obstacle, Point, Polygon, World
 from koord.syntax.collector import uncollected
 from koord.syntax.diagnostics import Diagnostic, KoordError, Severity
-from koord.syntax.source import Source
+from koord.syntax.source import Source, Span
 
 DEFAULT_PORT = 61_820
 
 #: In the block of addresses that any organisation may use for itself.
 DEFAULT_GROUP = "239.255.75.1"
 
-#: What is sent on the topics of a device. (paper, VI-B)
-_TOPICS: Mapping[str, tuple[str, ...]] = {
-    "positioning_topic": ("PoseStamped",),
-    "reached_topic": ("String",),
-    "waypoint_topic": ("PoseStamped", "String"),  # the paper's listing has the latter
-}
-
 #: Fields of the published middleware that are read, and change nothing; and what does.
 _IDLE: Mapping[str, str] = {
     "mutex_handler": "robots that enter one lock class are kept apart by the protocol",
     "nbr_pids": "every robot talks with all others",
     "plist": "a robot listens on the `port` of its device",
-    "queue_size": "nothing is sent over ROS here",
-}
+} | dict.fromkeys(
+    ("positioning_topic", "queue_size", "reached_topic", "ros_node_prefix", "waypoint_topic"),
+    "robots send and hear nothing over ROS here",
+)
 
 #: How msgspec says where: ``$.agents[0].pid``, with ``[...]`` for an unnamed entry of a mapping.
 _WHERE = re.compile(r" - at `(key in )?\$([^`]*)`$")
@@ -188,11 +182,14 @@ class _Checker:
         )
 
     def _idle(self) -> Iterator[Diagnostic]:
-        """Warnings of fields that have no effect. (K938)"""
+        """A warning for each kind of field that has no effect, at the first. (K938)"""
+        places: dict[str, Span] = {}
         for path, span in self._document.names.items():
-            if path[-1] in _IDLE and path[0] != "params":
-                story = f"`{path[-1]}` has no effect"
-                yield Diagnostic("K938", Severity.WARNING, span, story, _IDLE[str(path[-1])])
+            if path[0] != "params" and path[-1] in _IDLE:
+                places.setdefault(str(path[-1]), span)
+        for name, span in places.items():
+            story = f"`{name}` has no effect"
+            yield Diagnostic("K938", Severity.WARNING, span, story, _IDLE[name])
 
     def _agents(self, form: Form) -> list[tuple[Agent, Path]]:
         """The robots by pid, and their places in the file."""
@@ -274,20 +271,14 @@ class _Checker:
         motion = device.motion if device.motion is not None else Motion()
         where = path if device.planner is not None else (*path, "motion")
         planner = self._planner(device.planner or motion.planner, device.bot_type, where)
-        topics = {
-            port: self._topic(getattr(device, port) or getattr(motion, port), port, types, path)
-            for port, types in _TOPICS.items()
-        }
         return Vehicle(
             name,
             device.bot_type,
             planner,
             device.speed,
             tuple(device.motion_automata or motion.motion_automata),
-            device.ros_node_prefix or motion.ros_node_prefix,
-            simulation=device.simulation,
-            path=path,
-            **topics,
+            device.simulation,
+            path,
         )
 
     def _planner(self, name: str | None, type_name: str, path: Path) -> PlannerName | None:
@@ -296,17 +287,6 @@ class _Checker:
             self._once((*path, "planner"), *found)
             return None
         return found
-
-    def _topic(
-        self, topic: Topic | None, port: str, types: tuple[str, ...], path: Path
-    ) -> Topic | None:
-        """Check a topic and return it: its type is known, and may be written with its package."""
-        if topic is not None and topic.type.rpartition("/")[2] not in types:
-            known = " or ".join(types)
-            inside = (*path, port) if (*path, port) in self._document.spans else (*path, "motion")
-            where = inside if inside[-1] == port else (*inside, port)
-            self._once((*where, "type"), f"a {port} is of type {known}", f"write type: {types[0]}")
-        return topic
 
     def _once(self, path: Path, message: str, hint: str) -> None:
         """Report a problem of a device once, though each robot on it is checked."""

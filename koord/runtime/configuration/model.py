@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 
 from msgspec import Struct, field
 
-from koord.runtime.configuration.forms import Carrier, MonitorForm, SimulationForm, Topic
+from koord.runtime.configuration.forms import Carrier, MonitorForm, SimulationForm
 from koord.runtime.configuration.reading import Document, Path, problem
 from koord.runtime.motion.bodies import VEHICLES, PlannerName, VehicleType
 from koord.runtime.motion.world import Point, World
@@ -26,10 +26,6 @@ class Vehicle(Struct, frozen=True):
     planner: PlannerName | None = None
     speed_mps: float | None = None
     automata: tuple[str, ...] = ()
-    ros_node_prefix: str | None = None
-    positioning_topic: Topic | None = None
-    reached_topic: Topic | None = None
-    waypoint_topic: Topic | None = None
     simulation: SimulationForm = field(default_factory=SimulationForm)
     path: Path = ()  #: where it stands in the file
 
