@@ -13,8 +13,9 @@ from msgspec import Struct, field
 
 from koord.refinement.sampling_hosts import SeededHost, settled_starts
 from koord.runtime.compile.naming import PythonNames
+from koord.runtime.ports import plain_name, port_name
 from koord.runtime.robot import Host, Key, Robot, Turn
-from koord.sim.hosting import ANSWERED, SENSED, plain_name
+from koord.sim.hosting import ANSWERED, SENSED
 from koord.syntax.system import System
 
 
@@ -34,7 +35,7 @@ class FallbackHost(Struct):
 
     def read(self, robot: Robot) -> Mapping[str, Any]:
         readings = dict(self.world.read(robot))
-        unknown = [name for name in robot.SENSORS if name.rpartition("_")[2] not in SENSED]
+        unknown = [name for name in robot.SENSORS if port_name(name) not in SENSED]
         if unknown:
             drawn = self._of(robot.pid).read(robot)
             readings |= {name: drawn[name] for name in unknown}

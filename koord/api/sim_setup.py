@@ -11,8 +11,9 @@ from koord.api.fitting import NO_FILE, Fitted, task_count
 from koord.runtime.compile import compiled
 from koord.runtime.compile.loading import loaded
 from koord.runtime.compile.watching import Watched, WatchedKind, watched
+from koord.runtime.ports import plain_name
 from koord.sim.claims import Checked, Watching
-from koord.sim.hosting import ANSWERED, SENSED, plain_name
+from koord.sim.hosting import ANSWERED, SENSED
 from koord.sim.running import Cast, Simulation
 from koord.syntax import core
 from koord.syntax.collector import uncollected

@@ -33,10 +33,11 @@ from koord.refinement.trace_merge import gathered
 from koord.runtime.chaos.network import CALM, Faults, Network, Newborn
 from koord.runtime.chaos.unreliable import Unreliable
 from koord.runtime.configuration.checking import load as load_configuration
-from koord.runtime.deploy.ideal import IdealHost, is_place, point_of, unanswered
+from koord.runtime.deploy.ideal import IdealHost, unanswered
 from koord.runtime.deploy.local import Launch, LocalProcesses, launched, local_plan
 from koord.runtime.deploy.member import Platform
 from koord.runtime.deploy.running import Job
+from koord.runtime.ports import is_place, point_of
 from koord.runtime.protocol.messages import Message
 from koord.runtime.protocol.setup import Setup, Timing
 from koord.runtime.protocol.state import fresh, returning

@@ -12,38 +12,29 @@ from typing import Any
 
 from msgspec import Struct, field
 
-from koord.refinement.translation import PHASES, Translation, started_type, to_plain
+from koord.refinement.translation import PHASES, Translation, to_plain
 from koord.runtime.compile.naming import PythonNames
 from koord.runtime.motion.world import Point
+from koord.runtime.ports import PLACES
 from koord.runtime.proposals import Proposal
 from koord.runtime.robot import Host, Key, Robot, Turn
+from koord.semantics.domain import Constant
 from koord.semantics.oracle import Phase
 from koord.semantics.recordings import Answer, Concrete, Round
 from koord.semantics.storage import contents
-from koord.semantics.values import Rec
+from koord.semantics.values import Rec, map_scalars
 from koord.syntax.core import Direction, ExternalKind
-from koord.syntax.types import FloatType, MapType, RecordType, SequenceType, Type
+from koord.syntax.types import FloatType, Type
 from koord.traces.trace import BEFORE_ROUNDS, Trace
 
 
 def as_given(value: Concrete, type_: Type) -> Any:
     """Convert a recorded value for a robot, with floats as doubles."""
-    return _doubles(to_plain(value), type_)
+    return to_plain(map_scalars(value, type_, _double))
 
 
-def _doubles(value: Any, type_: Type) -> Any:
-    match type_:
-        case FloatType():
-            return float(value)
-        case RecordType(fields=fields):
-            pairs = zip(value, fields, strict=True)
-            return tuple(_doubles(part, of) for part, (_, of) in pairs)
-        case SequenceType(element=element):
-            return tuple(_doubles(item, element) for item in value)
-        case MapType(key=key, value=held):
-            return tuple((_doubles(k, key), _doubles(v, held)) for k, v in value)
-        case _:
-            return value
+def _double(number: Constant, type_: Type) -> Constant:
+    return float(number) if isinstance(type_, FloatType) else number
 
 
 class ReplayingHost:
@@ -81,7 +72,7 @@ class ReplayingHost:
         found = self._starts.get((variable.home, variable.slot, robot))
         if found is None:
             return self.other.start(robot, name)
-        return as_given(found, started_type(variable))
+        return as_given(found, variable.own_type)
 
     def read(self, robot: Robot) -> Mapping[str, Any]:
         rounds = self.trace.recording.rounds
@@ -154,7 +145,7 @@ def _place(trace: Trace, number: int, robot: int) -> Point:
     agent = trace.system.agent(robot)
     for port in agent.ports:
         variable = port.declaration.variable
-        if port.direction is not Direction.SENSOR or variable.name not in ("psn", "position"):
+        if port.direction is not Direction.SENSOR or variable.name not in PLACES:
             continue
         storage = trace.configurations[number].robots[robot].ports[variable.slot]
         value, is_set = contents(trace.numbers.domain, storage, variable.type)

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from random import Random
 from typing import Any
 
-from koord.refinement.translation import PHASES, Translation, started_type, to_plain
+from koord.refinement.translation import PHASES, Translation, to_plain
 from koord.runtime.compile.naming import PythonNames
 from koord.runtime.motion.world import Point
 from koord.runtime.proposals import rotating
@@ -140,7 +140,7 @@ class SeededHost:
         declaration = self._translation.declaration(robot, name)
         sampler = self._inputs.sampler
         sampler.rng = Random(f"{self._seed} {robot} {name}")
-        type_ = started_type(declaration.variable)
+        type_ = declaration.variable.own_type
         value = sampler.value(type_, (), declaration.length)
         sampler.rng = self._own
         return to_plain(value)

@@ -27,7 +27,7 @@ from koord.refinement.instrumented_robot import (
     Undeclared,
 )
 from koord.refinement.running import CompiledRun, opening_order, schedule_of
-from koord.refinement.translation import started_type, to_fault
+from koord.refinement.translation import to_fault
 from koord.runtime.proposals import INIT_ROUND, Decision
 from koord.runtime.proposals import EventFault as Found
 from koord.semantics.configurations import Configuration, Robot, Store, Written
@@ -172,7 +172,7 @@ class _Gathering(Struct):
             wanted += [(pid, entry) for entry in (*program.allread, *agent.locals, *ports)]
         for robot, entry in wanted:
             variable = entry.variable
-            value = default(DOUBLES, started_type(variable), self.system.robots)
+            value = default(DOUBLES, variable.own_type, self.system.robots)
             key = (variable.home, variable.slot, robot)
             starts.setdefault(key, Start(*key, value))
 

@@ -99,7 +99,7 @@ class Translation:
     def start(self, robot: int | None, name: str, value: Any) -> Start:
         """The recorded start of an attribute."""
         variable = self.declaration(robot, name).variable
-        return Start(variable.home, variable.slot, robot, to_value(value, started_type(variable)))
+        return Start(variable.home, variable.slot, robot, to_value(value, variable.own_type))
 
     def attribute(self, start: Start) -> str:
         """The attribute of a recorded start."""
@@ -170,14 +170,6 @@ class Translation:
             )
             for entry in entries
         )
-
-
-def started_type(variable: core.Variable) -> Type:
-    """The type of an attribute's start; for an allread variable, of its own entry."""
-    if variable.home is core.Home.ALLREAD:
-        assert isinstance(variable.type, ArrayType)
-        return variable.type.element
-    return variable.type
 
 
 def _declared(

@@ -21,7 +21,7 @@ from koord.semantics.values import Rec, Seq, Table, map_scalars
 from koord.syntax import core
 from koord.syntax.core import Home
 from koord.syntax.diagnostics import Diagnostic, KoordError, Severity
-from koord.syntax.types import FLOAT, ArrayType, FloatType, Type
+from koord.syntax.types import FLOAT, FloatType, Type
 from koord.traces.rendering import show_value
 
 Question: TypeAlias = "tuple[str, tuple[Concrete, ...]]"
@@ -76,11 +76,7 @@ class SampledInputs(Struct):
         variable = declaration.variable
         key = (variable.home, variable.slot, robot)
         if key not in self.starts:
-            type_ = variable.type
-            if variable.home is Home.ALLREAD:
-                assert isinstance(type_, ArrayType)
-                type_ = type_.element
-            self.types[key], self.lengths[key] = type_, declaration.length
+            self.types[key], self.lengths[key] = variable.own_type, declaration.length
             self.redraw(key)
         return self.starts[key]
 

@@ -13,7 +13,8 @@ from msgspec.structs import replace
 from koord.runtime.configuration.model import RunConfiguration
 from koord.runtime.configuration.reading import problem
 from koord.runtime.motion.world import Disc, Obstacle, Point, World
-from koord.sim.hosting import GOALS, WAYS, plain_name
+from koord.runtime.ports import GOALS, plain_name
+from koord.sim.hosting import WAYS
 from koord.syntax import core
 from koord.syntax.analysis.folding import constant
 from koord.syntax.diagnostics import KoordError
@@ -61,7 +62,7 @@ def moves(program: core.Program) -> bool:
     """Return whether a program sends robots anywhere, or asks for paths."""
     ports = (port.declaration.variable.name for agent in program.agents for port in agent.ports)
     asked = (plain_name(external.name) for external in program.externals)
-    return not GOALS.isdisjoint(ports) or not WAYS.isdisjoint(asked)
+    return not set(GOALS).isdisjoint(ports) or not WAYS.isdisjoint(asked)
 
 
 def around(world: World, places: Iterable[Point]) -> World:

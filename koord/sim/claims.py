@@ -19,10 +19,10 @@ from koord.runtime.compile.loading import loaded
 from koord.runtime.compile.watching import Watched, WatchedClaim, WatchedKind
 from koord.runtime.motion.world import Point
 from koord.runtime.operations import FaultError
+from koord.runtime.ports import DONE, PLACES, placed, port_name
 from koord.runtime.robot import Host, Key, Robot, Turn
 from koord.runtime.shapes import Shape, from_plain
 from koord.runtime.watch import Watch
-from koord.sim.hosting import placed
 from koord.sim.running import BrokenClaim, Simulation, WatchPoint
 
 #: What is looked at when.
@@ -288,10 +288,10 @@ def _shown(value: object) -> str:
 def _measured(one: type[Robot]) -> Iterator[tuple[str, Shape | None]]:
     """The sensors of a robot for its position or for ``reached``, each with its shape."""
     for name in one.SENSORS:
-        port = name.rpartition("_")[2]
-        if port in ("psn", "position"):
+        port = port_name(name)
+        if port in PLACES:
             yield name, one.PORTS[name]
-        elif port in ("reached", "done"):
+        elif port in DONE:
             yield name, None
 
 

@@ -1,14 +1,13 @@
-"""The simulated world as the host of compiled programs: sensors, actuators and library.
+"""The simulated world as the host of compiled programs: their sensors, actuators and library.
 
 A round's environment turn has two parts: :meth:`Hosted.pass_time` hands the robots' actuators to
-the fleet and lets δ pass; then every robot reads its sensors. Which port is which is told by its
-name, as in the library of the language. An actuator counts as an order when its value changes.
+the fleet and lets δ pass; then every robot reads its sensors. An actuator counts as an order when
+its value changes; the last that changed counts.
 """
 
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from random import Random
 from typing import Any
@@ -17,6 +16,18 @@ import numpy as np
 
 from koord.runtime.motion.library import Library, occupied
 from koord.runtime.motion.world import Point
+from koord.runtime.ports import (
+    DONE,
+    GOALS,
+    PLACES,
+    is_place,
+    is_set,
+    placed,
+    plain_name,
+    point_of,
+    port_name,
+    shape_of,
+)
 from koord.runtime.robot import Key, Robot, Turn
 from koord.runtime.shapes import (
     Array,
@@ -26,14 +37,10 @@ from koord.runtime.shapes import (
     ScalarKind,
     Shape,
     default,
-    element_of,
 )
 from koord.runtime.shapes import Sequence as ListOf
 from koord.sim.fleet import Fleet, Sensed
 from koord.sim.lidar import Scanner
-
-#: Actuators that send a robot somewhere; the last that changed counts.
-GOALS = frozenset({"route", "path", "target", "waypoint", "goal"})
 
 #: What programs ask for ways.
 WAYS = frozenset({"findPath", "getPathFromTask"})
@@ -48,7 +55,7 @@ ANSWERED = frozenset(
 )
 
 #: The sensors that vehicles have, by the ends of their names.
-SENSED = frozenset({"psn", "position", "reached", "done", "planner", "pscan"})
+SENSED = frozenset({*PLACES, *DONE, "planner", "pscan"})
 
 #: What cells of a map are called where nothing is known of them, and where nothing stands.
 _UNKNOWN, _FREE = "unknown", "free"
@@ -77,7 +84,7 @@ class Hosted:
         }
         self._goals = [list(_goals(one)) for one in self.classes]
         self._sensors = [
-            [(name, one.PORTS[name], name.rpartition("_")[2]) for name in one.SENSORS]
+            [(name, one.PORTS[name], port_name(name)) for name in one.SENSORS]
             for one in self.classes
         ]
         self._sent: list[dict[str, Any]] = [{} for _ in kinds]
@@ -105,8 +112,9 @@ class Hosted:
 
     def start(self, robot: int | None, name: str) -> Any:
         """The start of a variable: the robot's position, the world's tasks, or a default. [INIT]"""
-        shape, robots = self._shape(robot, name), len(self.kinds)
-        if robot is not None and name.rpartition("_")[2] in ("psn", "position"):
+        program = self.classes[0 if robot is None else self.kinds[robot]]
+        shape, robots = shape_of(program, name, shared=robot is None), len(self.kinds)
+        if robot is not None and is_place(name):
             return placed(shape, self.sensed[robot].psn)
         if isinstance(shape, Array) and _is_task(shape.element):
             return tuple(self._task(shape.element, k) for k in range(shape.size))
@@ -118,9 +126,9 @@ class Hosted:
         readings: dict[str, Any] = {}
         for name, shape, port in self._sensors[self.kinds[robot.pid]]:
             match port:
-                case "psn" | "position":
+                case _ if port in PLACES:
                     readings[name] = placed(shape, sensed.psn)
-                case "reached" | "done":
+                case _ if port in DONE:
                     readings[name] = sensed.reached
                 case "planner":
                     readings[name] = sensed.planner.value
@@ -144,7 +152,7 @@ class Hosted:
             case "findPath", (start, goal):
                 return library.find_path(robot, tuple(start), tuple(goal))
             case "findPath", (start, goal, obstacles):
-                points = [_point(p) for p in obstacles]
+                points = [point_of(p) for p in obstacles]
                 return library.find_path_around(robot, tuple(start), tuple(goal), points)
             case "getPathFromTask", (task,):
                 return library.path_from_task(robot, tuple(task[0]))
@@ -161,7 +169,7 @@ class Hosted:
             case "scanToMap", (scan,):
                 return _drawn(result, library.scan_to_map(scan))
             case "pickFrontierPos", (known, near):
-                return library.pick_frontier(robot, _known(known), _point(near))
+                return library.pick_frontier(robot, _known(known), point_of(near))
             case "findObs", (known,):
                 return library.find_obstacles(_known(known))
             case "world", (int(cell),):
@@ -181,9 +189,9 @@ class Hosted:
             return
         self._sent[robot][name] = value
         if isinstance(shape, ListOf | Array):
-            self.fleet.follow(robot, [_point(p) for p in value if _is_set(p)])
-        elif _is_set(value):
-            self.fleet.go_to(robot, _point(value))
+            self.fleet.follow(robot, [point_of(p) for p in value if is_set(p)])
+        elif is_set(value):
+            self.fleet.go_to(robot, point_of(value))
 
     def _scan(self, robot: int, sensed: Sensed) -> tuple[Point, ...]:
         scanner = self.scanners.get(robot)
@@ -206,54 +214,20 @@ class Hosted:
             if isinstance(part, Scalar) and part.kind is ScalarKind.INT:
                 values[k] = -1  # nobody's
         if number < len(tasks):
-            values[0] = _point(tasks[number])
+            values[0] = point_of(tasks[number])
         return tuple(values)
-
-    def _shape(self, robot: int | None, name: str) -> Shape:
-        """The shape of a variable; of an allread one, that of the robot's own entry."""
-        program = self.classes[0 if robot is None else self.kinds[robot]]
-        if robot is not None:
-            known = program.LOCALS.get(name) or program.PORTS.get(name)
-            if known is not None:
-                return known
-        (shape,) = [v.shape for v in program.SHARED.variables if v.name == name]
-        return shape if robot is None else element_of(shape)
-
-
-def plain_name(function: str) -> str:
-    """The name of a function in the text: core programs number all but the first of one name."""
-    return re.sub(r"_\d+$", "", function)
 
 
 def _goals(one: type[Robot]) -> Iterator[tuple[str, Shape]]:
     """The actuators of a robot that set its goal."""
     for name, shape in one.PORTS.items():
-        if name.rpartition("_")[2] in GOALS and name not in one.SENSORS:
+        if port_name(name) in GOALS and name not in one.SENSORS:
             yield name, shape
 
 
 def _is_task(shape: Shape) -> bool:
     """Return whether a shape is a task: a record that begins with a position."""
     return isinstance(shape, Record) and bool(shape.fields) and isinstance(shape.fields[0], Record)
-
-
-def _is_set(place: Any) -> bool:
-    return place is not None and not (isinstance(place, tuple) and any(c is None for c in place))
-
-
-def placed(shape: Shape, point: Point) -> Any:
-    """Convert a position to the program's form: a record of two or three floats, or one float."""
-    if isinstance(shape, Scalar):
-        return point[0]
-    assert isinstance(shape, Record)
-    return point[: len(shape.fields)]
-
-
-def _point(place: Any) -> Point:
-    if isinstance(place, int | float):
-        return float(place), 0.0, 0.0
-    x, y, *z = place
-    return float(x), float(y), float(z[0]) if z else 0.0
 
 
 def _drawn(shape: Shape, seen: Mapping[int, bool]) -> Any:

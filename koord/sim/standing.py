@@ -18,9 +18,10 @@ from koord.runtime.motion.automaton import MotionState
 from koord.runtime.motion.bodies import Body
 from koord.runtime.motion.planning import Hindrance, Plight, hindrance
 from koord.runtime.motion.world import Point, World
+from koord.runtime.ports import plain_name
 from koord.runtime.robot import Host, Key, Robot, Status, Turn
 from koord.sim.fleet import Sensed
-from koord.sim.hosting import WAYS, plain_name
+from koord.sim.hosting import WAYS
 
 #: A program that has not asked for so long does not ask any more.
 _ASKS_S = 1.0

@@ -15,7 +15,7 @@ from msgspec import Struct
 
 from koord.syntax.literals import ParamValue
 from koord.syntax.source import Placed
-from koord.syntax.types import BOOL, Type
+from koord.syntax.types import BOOL, ArrayType, Type
 
 
 class Node(Placed, frozen=True):
@@ -47,6 +47,14 @@ class Variable(Struct, frozen=True):
     slot: int
     name: str
     type: Type
+
+    @property
+    def own_type(self) -> Type:
+        """The type of what one robot has of it, and starts with: of ``ALLREAD``, its own entry."""
+        if self.home is not Home.ALLREAD:
+            return self.type
+        assert isinstance(self.type, ArrayType)
+        return self.type.element
 
 
 class IndexStep(Node, frozen=True):

@@ -23,7 +23,7 @@ from koord.semantics.values import Rec, Seq, Table
 from koord.syntax import core
 from koord.syntax.core import Home
 from koord.syntax.system import System
-from koord.syntax.types import INT, ArrayType, Type
+from koord.syntax.types import INT, Type
 from koord.traces.value_bounds import Found, Location, StatementReader, candidates
 
 T = TypeVar("T")
@@ -129,7 +129,7 @@ class ExploringInputs(Struct):
     def start(self, declaration: core.Declaration, robot: int | None) -> Concrete:
         variable = declaration.variable
         where = (variable.home, variable.slot, robot)
-        type_ = started_type(variable)
+        type_ = variable.own_type
         found = candidates(type_, where, self.starting, self.system.robots, declaration.length)
         self._starts[where] = Start(*where, self._pick(found, variable.name))
         return self._starts[where].value
@@ -224,14 +224,6 @@ class _ExploringOracle(Struct):
 
     def vouches_for(self, function: core.External) -> bool:
         return False
-
-
-def started_type(variable: core.Variable) -> Type:
-    """The type of an arbitrary start: for an allread variable, of a robot's own entry."""
-    if variable.home is Home.ALLREAD:
-        assert isinstance(variable.type, ArrayType)
-        return variable.type.element
-    return variable.type
 
 
 # --- reading statements ---------------------------------------------------------------------------

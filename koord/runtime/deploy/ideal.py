@@ -1,24 +1,28 @@
-"""Ideal robots without a platform: points that move to their targets at a given speed.
-
-Which port is which is told by its name, as in the library of the language: ``psn`` and ``reached``
-are what a motion module senses, ``path``, ``route``, ``target`` and ``waypoint`` where it is sent.
-"""
+"""Robots without a platform: points that go where they are told, at a given speed."""
 
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from random import Random
 from typing import Any
 
 from koord.runtime.motion.world import Point, World
+from koord.runtime.ports import (
+    DONE,
+    GOALS,
+    PLACES,
+    is_place,
+    is_set,
+    placed,
+    plain_name,
+    point_of,
+    shape_of,
+)
 from koord.runtime.robot import Key, Robot, Turn
-from koord.runtime.shapes import Array, Record, Scalar, Shape, blank, default, element_of
+from koord.runtime.shapes import Array, Record, Shape, default
 from koord.runtime.shapes import Sequence as ListOf
-
-_GOALS = ("path", "route", "target", "waypoint", "goal")
 
 #: Robots that begin nowhere in particular stand in a row, so far apart.
 APART_M = 1.0
@@ -31,12 +35,7 @@ _SLACK = 1e-9
 
 def unanswered(functions: Mapping[str, Shape]) -> tuple[str, ...]:
     """The external functions that :class:`IdealHost` cannot answer."""
-    return tuple(name for name in functions if _plain_name(name) not in _LIBRARY)
-
-
-def _plain_name(name: str) -> str:
-    """The name of a function in the text: core programs number all but the first of one name."""
-    return re.sub(r"_\d+$", "", name)
+    return tuple(name for name in functions if plain_name(name) not in _LIBRARY)
 
 
 class IdealHost:
@@ -76,22 +75,13 @@ class IdealHost:
 
     def start(self, robot: int | None, name: str) -> Any:
         """The start of a variable: the robot's position, a random task, or a default. [INIT]"""
-        shape = self._shape(name, shared=robot is None)
+        shape = shape_of(self.program, name, shared=robot is None)
         robots = self.robots
         if is_place(name):
-            return self._as(shape, self.position)
+            return placed(shape, self.position)
         if isinstance(shape, Array) and _is_task(shape.element):
             return tuple(self._task(shape.element, k, robots) for k in range(shape.size))
         return default(shape, robots)
-
-    def _shape(self, name: str, *, shared: bool) -> Shape:
-        """The shape of a variable; of an allread one, that of the robot's own entry."""
-        program = self.program
-        known = None if shared else program.LOCALS.get(name) or program.PORTS.get(name)
-        if known is not None:
-            return known
-        (shape,) = [v.shape for v in program.SHARED.variables if v.name == name]
-        return shape if shared else element_of(shape)
 
     def _task(self, shape: Shape, number: int, robots: int) -> Any:
         """A task somewhere in the world, the same for all robots."""
@@ -109,12 +99,12 @@ class IdealHost:
         for name in robot.SENSORS:
             module, _, port = name.rpartition("_")
             shape = robot.PORTS[name]
-            if port in ("psn", "position"):
+            if port in PLACES:
                 self._move(self._goals(robot, module))
-                readings[name] = self._as(shape, self.position)
+                readings[name] = placed(shape, self.position)
         for name in robot.SENSORS:
             module, _, port = name.rpartition("_")
-            if port in ("reached", "done"):
+            if port in DONE:
                 readings[name] = self._done >= len(self._path)
             elif name not in readings and getattr(robot, name) is None:
                 readings[name] = default(robot.PORTS[name], robot.numAgents)
@@ -123,7 +113,7 @@ class IdealHost:
     def ask(
         self, turn: Turn, robot: int, key: Key, function: str, arguments: tuple[Any, ...]
     ) -> Any:
-        return _LIBRARY[_plain_name(function)](self, *arguments)
+        return _LIBRARY[plain_name(function)](self, *arguments)
 
     def choose(self, turn: Turn, robot: int, key: Key, low: Any, high: Any) -> Any:
         if isinstance(low, float):
@@ -134,14 +124,14 @@ class IdealHost:
 
     def _goals(self, robot: Robot, module: str) -> tuple[Point, ...]:
         """The goals that the program has set for the robot, or none."""
-        for port in _GOALS:
+        for port in GOALS:
             sent = getattr(robot, f"{module}_{port}", None)
             shape = robot.PORTS.get(f"{module}_{port}")
             if sent is None or shape is None:
                 continue
             if isinstance(shape, ListOf | Array):
-                return tuple(point_of(one) for one in sent if _is_set(one))
-            if not _is_set(sent):
+                return tuple(point_of(one) for one in sent if is_set(one))
+            if not is_set(sent):
                 continue
             return (point_of(sent),)
         return ()
@@ -160,34 +150,9 @@ class IdealHost:
             self.position, left = goal, left - far
             self._done += 1
 
-    def _as(self, shape: Shape, point: Point) -> Any:
-        """A position in the program's form: a record of two or three floats, or one float."""
-        if isinstance(shape, Scalar):
-            return point[0]
-        if isinstance(shape, Record):
-            return tuple(point[: len(shape.fields)])
-        return blank(shape, 0)
-
 
 def _is_task(shape: Shape) -> bool:
     return isinstance(shape, Record) and shape.make.__name__ == "Task"
-
-
-def is_place(name: str) -> bool:
-    """Return whether a port senses the robot's position."""
-    return name.endswith(("_psn", "_position"))
-
-
-def _is_set(sent: Any) -> bool:
-    return sent is not None and not (isinstance(sent, tuple) and any(p is None for p in sent))
-
-
-def point_of(sent: Any) -> Point:
-    """Convert a position in any form to three coordinates, in metres."""
-    if isinstance(sent, int | float):
-        return (float(sent), 0.0, 0.0)
-    x, y, *z = sent
-    return (float(x), float(y), float(z[0]) if z else 0.0)
 
 
 def _towards(start: Point, goal: Point, part: float) -> Point:

@@ -33,7 +33,7 @@ from koord.syntax.elaboration.starts import assumed
 from koord.syntax.elaboration.statements import block
 from koord.syntax.elaboration.symbols import AgentScope, FunctionTable, Named, VariableSymbol
 from koord.syntax.source import NOWHERE
-from koord.syntax.types import BOOL, ArrayType
+from koord.syntax.types import BOOL
 from koord.syntax.walk import with_blocks
 
 
@@ -318,10 +318,7 @@ def _shared(
         symbol = session.shared.get(decl.name.name)
         if not isinstance(symbol, VariableSymbol) or symbol.declared is not decl.name:
             continue
-        type_ = symbol.variable.type
-        if where is Where.INITIAL:
-            assert isinstance(type_, ArrayType)
-            type_ = type_.element
+        type_ = symbol.variable.own_type
         body = BodyScope(session, where, None, session.findings)
         initial = starts.initial_value(body, decl, type_, core.Start.UNSET)
         result.append(core.Declaration(symbol.variable, initial, span=decl.span))

@@ -20,7 +20,7 @@ from koord.syntax.source import Span
 from koord.syntax.system import System
 from koord.syntax.types import INT, Type
 from koord.syntax.walk import nodes, reached, statements, written
-from koord.traces.enumeration import result_reader, sensors_reader, started_type, starts_reader
+from koord.traces.enumeration import result_reader, sensors_reader, starts_reader
 from koord.traces.value_bounds import Found, StatementReader, candidates
 
 
@@ -90,7 +90,7 @@ def _starts(system: System) -> Iterator[NotFinite]:
             continue
         for robot in robots:
             where = (variable.home, variable.slot, robot)
-            type_ = started_type(variable)
+            type_ = variable.own_type
             if candidates(type_, where, found, system.robots, entry.length) is None:
                 reason = f"{name} may start with any number of values"
                 yield NotFinite(reason, entry.span, name)
