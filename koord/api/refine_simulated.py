@@ -100,10 +100,10 @@ def _judged(
     fitted = fit(wanted)
     tracing = Tracing(fitted)
     made = simulation(fitted, Simulation, keep_going=True, tracing=tracing.hear)
-    tracing.begun(made.begin(), made)
+    tracing.heard(made.begin(), made)
     check_begun(fitted, made)
     for decision in run(made, limit_s(fitted, rounds, None)):
-        tracing.round(decision, made)
+        tracing.heard(decision, made)
     ran = tracing.ran(made)
     judged = tracing.judged(ran)
     found = replace(

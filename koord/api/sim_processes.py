@@ -20,7 +20,7 @@ from koord.api.sim_setup import cast, fallback, limit_s, simulation
 from koord.api.sim_trace import Tracing
 from koord.runtime.deploy.local import Launch, LocalProcesses, launched, local_plan
 from koord.runtime.deploy.running import Job as Deployment
-from koord.runtime.proposals import INIT_ROUND, Decision
+from koord.runtime.proposals import Decision
 from koord.runtime.transports.transport import TransportError
 from koord.sim.processes import Followed, RobotMaker
 from koord.sim.running import Ending
@@ -78,10 +78,7 @@ def simulate_processes(
             follower = _Follower(fleet, deployment, followed, tell, cancellation)
             for decision in follower.rounds():
                 if tracing is not None:
-                    if decision.round == INIT_ROUND:
-                        tracing.begun(decision, followed)
-                    else:
-                        tracing.round(decision, followed)
+                    tracing.heard(decision, followed)
                 round_is_over(followed.time_s)
             died = fleet.died
     except TransportError as error:

@@ -57,7 +57,7 @@ def play(
     began = time.perf_counter()
     first = simulation.begin()
     if tracing is not None:
-        tracing.begun(first, simulation)
+        tracing.heard(first, simulation)
     check_begun(fitted, simulation)
     setup = setup_of(fitted)
     tell(SimulationBegun("the run begins", setup=setup))
@@ -66,7 +66,7 @@ def play(
         for decision in run(simulation, limit):
             tell(round_over(simulation))
             if tracing is not None:
-                tracing.round(decision, simulation)
+                tracing.heard(decision, simulation)
             round_is_over(simulation.time_s)
             for one in simulation.noticed[told:_MOST_TOLD]:
                 tell(StandsStill(standing_words(one), standing=one))

@@ -48,15 +48,10 @@ class Tracing:
         """True if INIT is over."""
         return self._hearing is not None and self._hearing.is_begun
 
-    def begun(self, decision: Decision, simulation: Simulation) -> None:
-        """Record the end of INIT."""
+    def heard(self, decision: Decision, simulation: Simulation) -> None:
+        """INIT, or a round, is over."""
         assert self._hearing is not None
-        self._hearing.begun(decision, simulation.engine)
-
-    def round(self, decision: Decision, simulation: Simulation) -> None:
-        """Record the end of a round."""
-        assert self._hearing is not None
-        self._hearing.round(decision, simulation.engine)
+        self._hearing.heard(decision, simulation.engine)
 
     def ran(self, simulation: Simulation) -> CompiledRun:
         """The run so far. Raises KoordError."""

@@ -20,7 +20,7 @@ from koord.sampling.sampled_inputs import SampledInputs
 from koord.sampling.values import Sampler
 from koord.semantics.configurations import Configuration
 from koord.semantics.domain import Constant
-from koord.semantics.recordings import Opening, Recording, Round
+from koord.semantics.recordings import Answer, Opening, Reading, Recording, Round
 from koord.syntax import core
 from koord.syntax.diagnostics import KoordError
 from koord.syntax.source import Span
@@ -98,25 +98,46 @@ def ended_in(trace: Trace, ended: Ended | None) -> CompiledRun:
     return CompiledRun(replace(trace, configurations=(*before, faulted)), ended.fault.place)
 
 
-class _Recorder(Struct):
-    """The recording of a run, gathered from its fleet and its host."""
+class Recorder(Struct):
+    """Gathers the recording of a run, and its configurations, from what its fleet did."""
 
-    host: SampledHost
+    made: Compiled
+    translation: Translation
     opening: Opening = field(default=Opening(()))
     rounds: list[Round] = field(default_factory=list)
     configurations: list[Configuration[Constant]] = field(default_factory=list)
 
-    def see(self, fleet: RoundEngine) -> None:
-        seen = self.host.translation.configuration(fleet)
-        self.configurations.append(seen)
-        self.host.inputs.forget_round()
-        self.host.inputs.look_at(seen)
+    def begun(self, opening: Opening, fleet: RoundEngine) -> None:
+        """INIT is over."""
+        self.opening = opening
+        self.configurations.append(self.translation.configuration(fleet))
 
-    def add(self, decision: Decision) -> None:
-        cut, inputs = decision.fault is not None, self.host.inputs
-        order, events = schedule_of(decision, self.host.system.robots)
-        readings = () if cut else inputs.recorded_readings()
-        self.rounds.append(Round(order, events, readings, inputs.recorded_answers(), cut))
+    def round(
+        self,
+        decision: Decision,
+        readings: tuple[Reading, ...],
+        answers: tuple[Answer, ...],
+        fleet: RoundEngine,
+    ) -> None:
+        """A round is over, or cut by a fault; then nobody read anything."""
+        order, events = schedule_of(decision, self.translation.system.robots)
+        cut = decision.fault is not None
+        self.rounds.append(Round(order, events, () if cut else readings, answers, cut))
+        last = self.configurations[-1]
+        self.configurations.append(last if cut else self.translation.configuration(fleet))
+
+    def trace(self, sources: Sources, recording: Recording, fleet: RoundEngine) -> Trace:
+        """The run so far, or of a ``recording`` of its first rounds, with what it wrote."""
+        rounds = len(recording.rounds)
+        shown = (one for one in fleet.shown if one.round < rounds)
+        return Trace(
+            sources,
+            self.translation.system,
+            Numbers.DOUBLE,
+            recording,
+            tuple(self.configurations[: rounds + 1]),
+            tuple(self.made.emitted(shown)),
+        )
 
 
 def run(
@@ -136,50 +157,44 @@ def run(
     Everything that is left open hangs on the generator. A run for which no start, readings or
     answers are found ends where it got to.
     """
-    inputs = SampledInputs(Sampler(system, Numbers.DOUBLE, rng))
-    host = SampledHost(Translation(system, made.names), inputs)
-    recorder = _Recorder(host)
+    translation = Translation(system, made.names)
+    host = SampledHost(translation, SampledInputs(Sampler(system, Numbers.DOUBLE, rng)))
+    recorder = Recorder(made, translation)
     fleet = RoundEngine(made.classes, system.kinds, float(system.delta_s), host)
     gave_up: KoordError | None = None
     try:
-        _play(fleet, recorder, schedule, rounds, largest)
+        _play(fleet, host, recorder, schedule, rounds, largest)
     except KoordError as error:
         gave_up = error
-    shown = [one for one in fleet.shown if one.round < len(recorder.rounds)]
-    trace = Trace(
-        sources,
-        system,
-        Numbers.DOUBLE,
-        Recording(recorder.opening, tuple(recorder.rounds)),
-        tuple(recorder.configurations),
-        tuple(made.emitted(shown)),
-    )
+    recording = Recording(recorder.opening, tuple(recorder.rounds))
+    trace = recorder.trace(sources, recording, fleet)
     return ended_in(trace, fleet.ended) if gave_up is None else CompiledRun(trace, None, gave_up)
 
 
 def _play(
-    fleet: RoundEngine, recorder: _Recorder, schedule: Schedule, rounds: int, largest: int | None
+    fleet: RoundEngine,
+    host: SampledHost,
+    recorder: Recorder,
+    schedule: Schedule,
+    rounds: int,
+    largest: int | None,
 ) -> None:
-    host, inputs = recorder.host, recorder.host.inputs
+    inputs = host.inputs
     order = schedule.order(INIT_ROUND, host.system.robots)
     host.settle_start(order)
     fleet.begin(order)
-    recorder.opening = Opening(
-        order, inputs.recorded_starts(), inputs.recorded_answers(checks=True)
-    )
-    recorder.see(fleet)
+    answers = inputs.recorded_answers(checks=True)
+    recorder.begun(Opening(order, inputs.recorded_starts(), answers), fleet)
     while fleet.ended is None and len(recorder.rounds) < rounds and not fleet.all_stopped:
+        inputs.forget_round()
+        inputs.look_at(recorder.configurations[-1])
         if largest is not None and max(map(size_of, fleet.robots)) > largest:
             return
         decision = fleet.program_turns(schedule)
-        if decision.fault is not None:
-            recorder.add(decision)
-            recorder.configurations.append(recorder.configurations[-1])
-            return
-        host.settle_readings(host.translation.configuration(fleet))
-        fleet.environment_turn()
-        recorder.add(decision)
-        recorder.see(fleet)
+        if decision.fault is None:
+            host.settle_readings(host.translation.configuration(fleet))
+            fleet.environment_turn()
+        recorder.round(decision, inputs.recorded_readings(), inputs.recorded_answers(), fleet)
 
 
 def size_of(robot: Robot) -> int:

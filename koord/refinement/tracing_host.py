@@ -12,19 +12,17 @@ from typing import Any, TypeAlias
 from msgspec.structs import replace
 
 from koord.refinement.completion import Completing, PutOffError, with_summaries
-from koord.refinement.running import Compiled, CompiledRun, ended_in, opening_order, schedule_of
+from koord.refinement.running import Compiled, CompiledRun, Recorder, ended_in, opening_order
 from koord.refinement.translation import PHASES, Translation, to_plain, to_value
 from koord.runtime.engine import RoundEngine
-from koord.runtime.proposals import Decision
+from koord.runtime.proposals import INIT_ROUND, Decision
 from koord.runtime.robot import Host, Key, Robot, Turn
 from koord.runtime.shapes import Shape, from_plain
-from koord.semantics.configurations import Configuration
-from koord.semantics.domain import Constant
 from koord.semantics.recordings import Answer, Concrete, Opening, Reading, Recording, Round, Start
 from koord.syntax import core
 from koord.syntax.core import Home
 from koord.syntax.system import System
-from koord.traces.trace import Numbers, Sources, Trace
+from koord.traces.trace import Sources, Trace
 
 #: Is told of what a host gave in a turn.
 Tell: TypeAlias = Callable[[Turn, Start | Reading | Answer], None]
@@ -85,14 +83,12 @@ class TracedFleet(TracingHost):
     ) -> None:
         shapes = {name: s for one in made.classes for name, s in one.EXTERNALS.items()}
         super().__init__(host, Translation(system, made.names), shapes, self._note)
-        self.made, self.system = made, system
+        self.system = system
         self.world = host if world is None else world
         self._starts: dict[tuple[Home, int, int | None], Start] = {}
         self._readings: list[Reading] = []
         self._answers: list[Answer] = []
-        self._opening = Opening(())
-        self._rounds: list[Round] = []
-        self._configurations: list[Configuration[Constant]] = []
+        self._recorder = Recorder(made, self.translation)
         self._completing = Completing(system, self._lasting)
         self._complete: list[Round] = []  #: the rounds with all answers, as far as they are known
         self._complete_opening: Opening | None = None
@@ -111,23 +107,18 @@ class TracedFleet(TracingHost):
     @property
     def is_begun(self) -> bool:
         """True if INIT is over."""
-        return bool(self._configurations)
+        return bool(self._recorder.configurations)
 
-    def begun(self, decision: Decision, fleet: RoundEngine) -> None:
-        """Record the end of INIT."""
-        order = opening_order(decision, self.system.robots)
-        self._opening = Opening(order, tuple(self._starts.values()), self._taken())
-        self._configurations.append(self.translation.configuration(fleet))
-
-    def round(self, decision: Decision, fleet: RoundEngine) -> None:
-        """Record the end of a round, or its cut by a fault."""
-        order, events = schedule_of(decision, self.system.robots)
-        cut = decision.fault is not None
-        readings = () if cut else tuple(self._readings)
-        self._readings = []
-        self._rounds.append(Round(order, events, readings, self._taken(), cut))
-        last = self._configurations[-1]
-        self._configurations.append(last if cut else self.translation.configuration(fleet))
+    def heard(self, decision: Decision, fleet: RoundEngine) -> None:
+        """INIT, or a round, is over, or cut by a fault."""
+        readings, answers = tuple(self._readings), tuple(self._answers)
+        self._readings, self._answers = [], []
+        if decision.round == INIT_ROUND:
+            order = opening_order(decision, self.system.robots)
+            starts = tuple(self._starts.values())
+            self._recorder.begun(Opening(order, starts, answers), fleet)
+        else:
+            self._recorder.round(decision, readings, answers, fleet)
 
     def so_far(
         self,
@@ -143,32 +134,23 @@ class TracedFleet(TracingHost):
         """
         self.shapes = {**shapes, **self.shapes}
         if self._complete_opening is None:
-            self._complete_opening = self._completing.opening(self._opening)
-        known = self._rounds if whole else [one for one in self._rounds if not one.cut]
-        new = known[len(self._complete) :]
-        self._complete += map(self._completing.round, new)
-        return Trace(
-            sources,
-            self.system,
-            Numbers.DOUBLE,
-            Recording(self._complete_opening, tuple(self._complete)),
-            tuple(self._configurations[: len(known) + 1]),
-            tuple(one for one in self.made.emitted(fleet.shown) if one.round < len(known)),
-        )
+            self._complete_opening = self._completing.opening(self._recorder.opening)
+        rounds = self._recorder.rounds
+        known = rounds if whole else [one for one in rounds if not one.cut]
+        self._complete += map(self._completing.round, known[len(self._complete) :])
+        recording = Recording(self._complete_opening, tuple(self._complete))
+        return self._recorder.trace(sources, recording, fleet)
 
     def ran(self, fleet: RoundEngine, sources: Sources, shapes: Mapping[str, Shape]) -> CompiledRun:
         """The run, completed by the answers that the rules ask for. Raises KoordError."""
         trace = self.so_far(fleet, sources, shapes, whole=True)
         if self._completing.put_off:
-            bare = replace(trace, recording=Recording(self._opening, tuple(self._rounds)))
+            recorded = Recording(self._recorder.opening, tuple(self._recorder.rounds))
+            bare = replace(trace, recording=recorded)
             trace = with_summaries(bare, self._library)
         return ended_in(trace, fleet.ended)
 
     # --- inside -----------------------------------------------------------------------------------
-
-    def _taken(self) -> tuple[Answer, ...]:
-        answers, self._answers = tuple(self._answers), []
-        return answers
 
     def _library(
         self, external: core.External, arguments: tuple[Concrete, ...], robot: int | None

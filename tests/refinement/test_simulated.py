@@ -34,9 +34,9 @@ def job(name: str, configuration: str | None = None, seed: int = 0) -> Fitted:
 def judged(of: Fitted, time_s: float) -> tuple[Judged, Simulation]:
     tracing = Tracing(of)
     made = simulation(of, Simulation, tracing=tracing.hear)
-    tracing.begun(made.begin(), made)
+    tracing.heard(made.begin(), made)
     for decision in run(made, time_s):
-        tracing.round(decision, made)
+        tracing.heard(decision, made)
     return tracing.judged(tracing.ran(made)), made
 
 
@@ -78,7 +78,7 @@ def test_vehicles_that_leave_their_paths_are_refused() -> None:
     of = job("task", "task_mixed")
     tracing = Tracing(of)
     made = simulation(of, Simulation, tracing=tracing.hear)
-    tracing.begun(made.begin(), made)
+    tracing.heard(made.begin(), made)
     original = made.fleet.sensed
 
     def elsewhere() -> Any:
@@ -86,7 +86,7 @@ def test_vehicles_that_leave_their_paths_are_refused() -> None:
 
     made.fleet.sensed = elsewhere  # type: ignore[method-assign]
     for decision in run(made, 1.0):
-        tracing.round(decision, made)
+        tracing.heard(decision, made)
     found = tracing.judged(tracing.ran(made))
     assert found.refused is not None
     assert found.refused.rule == "ENV-CONTRACT"
@@ -182,11 +182,11 @@ def test_a_trace_that_grows_is_a_piece_of_the_one_that_is_kept(name: str) -> Non
         fitted = job(name)
         tracing = Tracing(fitted)
         made = simulation(fitted, Simulation, tracing=tracing.hear, check_summaries=True)
-        tracing.begun(made.begin(), made)
+        tracing.heard(made.begin(), made)
         file = io.BytesIO()
         part = GrowingTrace(file)
         for decision in run(made, 0.8):
-            tracing.round(decision, made)
+            tracing.heard(decision, made)
             if grows:
                 part.grow(tracing.so_far(made))
         traces.append(encode(tracing.trace(tracing.ran(made))))
