@@ -6,7 +6,8 @@ and summaries hold.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any
 
 from msgspec import Struct, field
@@ -24,7 +25,6 @@ class FallbackHost(Struct):
 
     world: Host
     system: System
-    names: PythonNames
     seed: int
     starts: Mapping[tuple[int | None, str], Any]
     _seeded: dict[int, SeededHost] = field(default_factory=dict)
@@ -53,27 +53,16 @@ class FallbackHost(Struct):
 
     def _of(self, pid: int) -> SeededHost:
         if pid not in self._seeded:
-            self._seeded[pid] = SeededHost(self.system, self.names, str(self.seed), pid)
+            names = PythonNames(self.system.program)
+            self._seeded[pid] = SeededHost(self.system, names, str(self.seed), pid)
         return self._seeded[pid]
 
 
-class Fallback(Struct, frozen=True):
-    """A factory of the fallback hosts of a run, which agree in all processes."""
+def fallback(system: System, seed: int, *, starts: bool) -> Callable[[Host], Host]:
+    """Make the fallback hosts of a run. All say the same, in whichever process they are.
 
-    system: System
-    seed: int
-    starts: Mapping[tuple[int | None, str], Any]
-
-    @classmethod
-    def of(cls, system: System, seed: int, *, starts: bool) -> Fallback:
-        """Make a host; with ``starts``, variables start as assumptions require.
-
-        Raises KoordError where no such starts are found.
-        """
-        settled = settled_starts(system, PythonNames(system.program), seed) if starts else {}
-        return cls(system, seed, settled)
-
-    def __call__(self, world: Host) -> Host:
-        return FallbackHost(
-            world, self.system, PythonNames(self.system.program), self.seed, self.starts
-        )
+    With ``starts``, variables start as assumptions ask for. Raises KoordError where no such starts
+    are found.
+    """
+    settled = settled_starts(system, PythonNames(system.program), seed) if starts else {}
+    return partial(FallbackHost, system=system, seed=seed, starts=settled)

@@ -52,11 +52,11 @@ def fallback(fitted: Fitted) -> Callable[[Host], Host] | None:
     starts = bool(program.assumptions) and not _is_placed(program)
     if not starts and not unanswered(program):
         return None
-    from koord.api.fallback_host import Fallback
+    from koord.api import fallback_host
     from koord.syntax.system import System
 
     system = System(program, fitted.kinds, fitted.delta_s)
-    return Fallback.of(system, fitted.scene.seed, starts=starts)
+    return fallback_host.fallback(system, fitted.scene.seed, starts=starts)
 
 
 @uncollected()
