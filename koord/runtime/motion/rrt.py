@@ -9,10 +9,9 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Callable, Sequence
-from functools import wraps
 from itertools import pairwise
 from threading import Lock
-from typing import Any, ParamSpec, TypeVar
+from typing import Any
 
 import numpy as np
 from msgspec import Struct
@@ -66,43 +65,50 @@ def _new_lock() -> None:
 if hasattr(os, "register_at_fork"):
     os.register_at_fork(after_in_child=_new_lock)
 
-Given = ParamSpec("Given")
-Made = TypeVar("Made")
 
-
-def _one_at_a_time(plan: Callable[Given, Made]) -> Callable[Given, Made]:
-    @wraps(plan)
-    def alone(*args: Given.args, **kwargs: Given.kwargs) -> Made:
-        with _chance:
-            return plan(*args, **kwargs)
-
-    return alone
-
-
-class SpacePlanner(Struct, frozen=True):
-    """A planner for bodies that set out in any direction: RRT in R³, or on the ground plane."""
+class TreePlanner(Struct, frozen=True):
+    """Paths by a tree that grows from the seed."""
 
     ground: Ground
     effort: PlanningEffort
     optimal: bool
 
-    @_one_at_a_time
     def plan(
         self, start: Pose, goal: Point, seed: int, avoid: Sequence[Point] = ()
     ) -> Floats | None:
-        """A path of few points; the straight line if it is free."""
-        body, world = self.ground.body, self.ground.world
-        if not suits(body, world, goal):
+        """A path from the start to exactly the goal; None if there is none, or none was found."""
+        if not suits(self.ground.body, self.ground.world, goal):
             return None
         free = self.ground.field(avoid)
-        direct = np.array([start.position, goal])
-        if free.path_free(direct, body.radius_m):
-            return direct
-        util.RNG.setSeed(seed % 2**31 + 1)
+        if self._is_direct(free, start, goal):
+            return np.array([start.position, goal])
+        with _chance:
+            util.RNG.setSeed(seed % 2**31 + 1)
+            points = self._grown(free, start, goal)
+        if points is not None:
+            points[0], points[-1] = start.position, goal
+        return points
+
+    def _is_direct(self, free: Field, start: Pose, goal: Point) -> bool:
+        """Whether no tree is needed."""
+        raise NotImplementedError
+
+    def _grown(self, free: Field, start: Pose, goal: Point) -> Floats | None:
+        """The points of a path that a tree came upon."""
+        raise NotImplementedError
+
+
+class SpacePlanner(TreePlanner, frozen=True):
+    """Paths of few points for what can set out in every direction: in R³, or on the ground."""
+
+    def _is_direct(self, free: Field, start: Pose, goal: Point) -> bool:
+        return free.path_free(np.array([start.position, goal]), self.ground.body.radius_m)
+
+    def _grown(self, free: Field, start: Pose, goal: Point) -> Floats | None:
+        body = self.ground.body
         axes = 2 if body.ON_GROUND else 3
-        space = _bounded(base.RealVectorStateSpace(axes), world, axes)
-        reach = body.radius_m + MARGIN_M
-        enough = _leaving(free, start.position, reach)
+        space = _bounded(base.RealVectorStateSpace(axes), self.ground.world, axes)
+        enough = _leaving(free, start.position, body.radius_m + MARGIN_M)
 
         height = (lambda _: start.position[2]) if body.ON_GROUND else (lambda state: state[2])
 
@@ -117,29 +123,20 @@ class SpacePlanner(Struct, frozen=True):
         if path is None:
             return None
         geometric.PathSimplifier(query.information).reduceVertices(path, maxSteps=30)
-        states = path.getStates()
-        return _pinned(np.array([(s[0], s[1], height(s)) for s in states]), start.position, goal)
+        return np.array([(s[0], s[1], height(s)) for s in path.getStates()])
 
 
-class CurvePlanner(Struct, frozen=True):
-    """A planner for cars, forwards and backwards: RRT on Reeds–Shepp curves."""
+class CurvePlanner(TreePlanner, frozen=True):
+    """Paths that a car can drive, forwards and backwards: trees of Reeds–Shepp curves.
 
-    ground: Ground
-    effort: PlanningEffort
-    optimal: bool
+    Their points are 0.15 m apart; where the car turns about, there is a point as well.
+    """
 
-    @_one_at_a_time
-    def plan(
-        self, start: Pose, goal: Point, seed: int, avoid: Sequence[Point] = ()
-    ) -> Floats | None:
-        """Plan a path of points 0.15 m apart, with a point wherever the car reverses."""
+    def _is_direct(self, free: Field, start: Pose, goal: Point) -> bool:
+        return math.dist(start.position, goal) < _HERE_M
+
+    def _grown(self, free: Field, start: Pose, goal: Point) -> Floats | None:
         body, world = self.ground.body, self.ground.world
-        if not suits(body, world, goal):
-            return None
-        if math.dist(start.position, goal) < _HERE_M:
-            return np.array([start.position, goal])
-        free = self.ground.field(avoid)
-        util.RNG.setSeed(seed % 2**31 + 1)
         space = _bounded(base.ReedsSheppStateSpace(body.turning_m * _WIDER), world, 2)
         valid = car_fits(free, body, start)
         query = _Query(space, valid, self.effort, self.optimal, range_m=2.5)
@@ -157,8 +154,7 @@ class CurvePlanner(Struct, frozen=True):
         path.interpolate(max(8, math.ceil(path.length() / 0.02)))
         fine = np.array([(s.getX(), s.getY(), s.getYaw()) for s in path.getStates()])
         flat = spaced(fine)
-        points = np.column_stack([flat, np.full(len(flat), world.ground)])
-        return _pinned(points, start.position, goal)
+        return np.column_stack([flat, np.full(len(flat), world.ground)])
 
 
 def _bounded(space: Any, world: World, axes: int) -> Any:
@@ -273,12 +269,6 @@ def _place(state: Any, position: Point, heading_rad: float) -> None:
     state.setX(position[0])
     state.setY(position[1])
     state.setYaw(math.remainder(heading_rad, 2 * math.pi))
-
-
-def _pinned(points: Floats, start: Point, goal: Point) -> Floats:
-    """The path with its ends set to exactly the start and the goal."""
-    points[0], points[-1] = start, goal
-    return points
 
 
 def spaced(fine: Floats) -> Floats:
