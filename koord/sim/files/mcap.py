@@ -12,9 +12,23 @@ import math
 from collections.abc import Iterable, Iterator
 from typing import IO
 
-from koord.runtime.motion.world import Box, Disc, Obstacle
+import numpy as np
+
+from koord.runtime.motion.world import Obstacle, Polygon
 from koord.runtime.records import RecordFile
 from koord.runtime.shapes import Array, PerRobot, Sequence, element_of
+from koord.sim.files.drawing import (
+    TASKS,
+    WALL,
+    Colour,
+    Solid,
+    body_of,
+    fractions,
+    hue,
+    ran,
+    rings,
+    solid_of,
+)
 from koord.sim.files.schemas import CHANGES, LOG, ROUND, SCENE, TRANSFORMS, Message, named
 from koord.sim.run_log import (
     SHARED,
@@ -36,17 +50,6 @@ _WORLD = "world"
 
 #: Straight paths are drawn at most so often; some programs give a new one in every round.
 _STRAIGHT_S = 1.0
-
-#: Of tasks that are open, assigned, done.
-_TASK_COLOURS = ((0.83, 0.23, 0.2), (0.85, 0.55, 0.1), (0.15, 0.6, 0.33))
-_HUES = (
-    (0.18, 0.44, 0.87),
-    (0.72, 0.26, 0.6),
-    (0.05, 0.56, 0.62),
-    (0.54, 0.39, 0.16),
-    (0.42, 0.29, 0.85),
-    (0.35, 0.44, 0.51),
-)
 
 
 def mcap_of(recording: RunLog) -> bytes:
@@ -135,16 +138,11 @@ def _messages(recording: RunLog) -> Iterator[_Timed]:
 
 
 def _round(header: Header, done: LoggedRound) -> Iterator[_Timed]:
-    deeds = done.deeds.tolist()
     message = {
         "round": done.number,
-        "ran": [
-            {"robot": k, "event": header.agents[header.robots[k].agent].events[deed]}
-            for k, deed in enumerate(deeds)
-            if deed >= 0
-        ],
-        "blocked": [k for k, deed in enumerate(deeds) if deed == Idle.BLOCKED],
-        "stopped": [k for k, deed in enumerate(deeds) if deed == Idle.STOPPED],
+        "ran": [{"robot": k, "event": event} for k, event in ran(header, done)],
+        "blocked": np.flatnonzero(done.deeds == Idle.BLOCKED).tolist(),
+        "stopped": np.flatnonzero(done.deeds == Idle.STOPPED).tolist(),
     }
     yield done.time_s, "/rounds", ROUND, message, done.number
     for topic, is_shared in (("/shared", True), ("/local", False)):
@@ -202,37 +200,26 @@ def _world(header: Header) -> Iterator[Message]:
     edges = [(a, corners[(k + 1) % 4]) for k, a in enumerate(corners)]
     points = [_vector(*at, z) for z in (z0, z1) for edge in edges for at in edge]
     points += [_vector(*at, z) for at in corners for z in (z0, z1)]
-    yield _entity("bounds", lines=[_lines(points, (0.5, 0.55, 0.6), pairs=True)])
+    yield _entity("bounds", lines=[_lines(points, WALL, pairs=True)])
     for k, obstacle in enumerate(header.world.obstacles):
         yield _obstacle(f"obstacle {k}", obstacle, z1)
 
 
 def _obstacle(name: str, obstacle: Obstacle, roof: float) -> Message:
-    low, high = obstacle.low_z, min(obstacle.high_z, roof)
-    colour = _colour((0.55, 0.6, 0.67), 0.6)
-    match obstacle:
-        case Box(low=(x0, y0, _), high=(x1, y1, _)):
-            middle = ((x0 + x1) / 2, (y0 + y1) / 2, (low + high) / 2)
-            cube = _placed(*middle) | {
-                "size": _vector(x1 - x0, y1 - y0, high - low),
-                "color": colour,
-            }
-            return _entity(name, cubes=[cube])
-        case Disc(centre=(x, y), radius_m=radius):
-            cylinder = _placed(x, y, (low + high) / 2) | {
-                "size": _vector(2 * radius, 2 * radius, high - low),
-                "bottom_scale": 1.0,
-                "top_scale": 1.0,
-                "color": colour,
-            }
-            return _entity(name, cylinders=[cylinder])
-        case polygon:
-            ends = [*polygon.corners, polygon.corners[0]]
-            rings = [[_vector(*at, z) for at in ends] for z in (low, high)]
-            walls = [_vector(*at, z) for at in polygon.corners for z in (low, high)]
-            shade = (0.55, 0.6, 0.67)
-            lines = [_lines(ring, shade) for ring in rings]
-            return _entity(name, lines=[*lines, _lines(walls, shade, pairs=True)])
+    if not isinstance(obstacle, Polygon):
+        return _entity(name, **_body(solid_of(obstacle, roof), _colour(WALL, 0.6)))
+    low, high = rings(obstacle, roof)
+    edges = [_lines([_vector(*at) for at in ring], WALL) for ring in (low, high)]
+    walls = [_vector(*at) for wall in zip(low[1:], high[1:], strict=True) for at in wall]
+    return _entity(name, lines=[*edges, _lines(walls, WALL, pairs=True)])
+
+
+def _body(solid: Solid, colour: Message) -> Message:
+    """A solid as a part of an entity."""
+    made = _placed(*solid.middle) | {"size": _vector(*solid.size), "color": colour}
+    if solid.is_box:
+        return {"cubes": [made]}
+    return {"cylinders": [made | {"bottom_scale": 1.0, "top_scale": 1.0}]}
 
 
 def _vehicles(header: Header) -> Iterator[Message]:
@@ -241,27 +228,16 @@ def _vehicles(header: Header) -> Iterator[Message]:
 
 
 def _vehicle(k: int, robot: LoggedRobot) -> Message:
-    colour, frame = _colour(_HUES[k % len(_HUES)]), f"robot {k}"
     text = _placed(0.0, 0.0, 0.35) | {
         "billboard": True,
         "font_size": 14.0,
         "scale_invariant": True,
-        "color": _colour((1.0, 1.0, 1.0)),
+        "color": _colour((255, 255, 255)),
         "text": str(k),
     }
-    if robot.look.is_box:
-        cube = _placed(robot.middle_m, 0.0, 0.08) | {
-            "size": _vector(robot.length_m, robot.width_m, 0.16),
-            "color": colour,
-        }
-        return _entity(frame, frame, cubes=[cube], texts=[text])
-    cylinder = _placed(0.0, 0.0, 0.0) | {
-        "size": _vector(2 * robot.radius_m, 2 * robot.radius_m, 0.1),
-        "bottom_scale": 1.0,
-        "top_scale": 1.0,
-        "color": colour,
-    }
-    return _entity(frame, frame, cylinders=[cylinder], texts=[text])
+    return _entity(
+        f"robot {k}", f"robot {k}", texts=[text], **_body(body_of(robot), _colour(hue(k)))
+    )
 
 
 def _tasks(header: Header) -> Iterator[Message]:
@@ -273,7 +249,7 @@ def _task(header: Header, number: int, state: TaskState, time_s: float) -> Messa
     x, y, z = header.world.tasks[number]
     sphere = _placed(x, y, z) | {
         "size": _vector(0.2, 0.2, 0.2),
-        "color": _colour(_TASK_COLOURS[state]),
+        "color": _colour(TASKS[state]),
     }
     state_words = {"key": "state", "value": state.name.lower()}
     return _entity(f"task {number}", time_s=time_s, spheres=[sphere], metadata=[state_words])
@@ -281,7 +257,7 @@ def _task(header: Header, number: int, state: TaskState, time_s: float) -> Messa
 
 def _path(planned: LoggedPath) -> Message:
     points = [_vector(*point) for point in planned.points.tolist()]
-    line = _lines(points, _HUES[planned.robot % len(_HUES)])
+    line = _lines(points, hue(planned.robot))
     return _entity(f"path {planned.robot}", time_s=planned.time_s, lines=[line])
 
 
@@ -316,9 +292,7 @@ def _entity(name: str, frame: str = _WORLD, time_s: float = 0.0, **parts: list[M
     }
 
 
-def _lines(
-    points: list[Message], shade: tuple[float, float, float], *, pairs: bool = False
-) -> Message:
+def _lines(points: list[Message], shade: Colour, *, pairs: bool = False) -> Message:
     """Lines through points; ``pairs``: one between every two of them."""
     return {
         "type": 2 if pairs else 0,
@@ -345,8 +319,8 @@ def _fine(value: float) -> float:
     return round(value, 3) or 0
 
 
-def _colour(shade: tuple[float, float, float], alpha: float = 1.0) -> Message:
-    red, green, blue = shade
+def _colour(shade: Colour, alpha: float = 1.0) -> Message:
+    red, green, blue = fractions(shade)
     return {"r": red, "g": green, "b": blue, "a": alpha}
 
 

@@ -3,22 +3,14 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from koord.runtime.motion.world import Box, Disc, Obstacle, World
+from koord.runtime.motion.world import Obstacle, Polygon, World
+from koord.sim.files.drawing import TASKS, WALL, hue, ran, rings, solid_of
 from koord.sim.run_log import Header, LogSizes, RunLog, TaskState, turns_of
-
-_HUES = (0x2F6FDEFF, 0xB8429AFF, 0x0E8F9EFF, 0x8A6428FF, 0x6C4BD8FF, 0x5A7182FF)
-_TASKS = {
-    TaskState.OPEN: 0xD43B34FF,
-    TaskState.ASSIGNED: 0xE0961EFF,
-    TaskState.DONE: 0x1D8A4EFF,
-}
-_WALL = 0x96A0AFFF
 
 _TIMELINE = "time"
 
@@ -80,7 +72,7 @@ class PartRrd:
         if not tasks:
             return
         labels = [f"{k}: {state.name.lower()}" for k, state in enumerate(self._states)]
-        colours = [_TASKS[state] for state in self._states]
+        colours = [TASKS[state] for state in self._states]
         points = self._rerun.Points3D(tasks, colors=colours, radii=0.1, labels=labels)
         self._stream.log("world/tasks", points)
 
@@ -88,39 +80,35 @@ class PartRrd:
 def _draw_world(rerun: Any, stream: Any, world: World) -> None:
     low, high = np.array(world.low), np.array(world.high)
     stream.log("world", rerun.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-    bounds = rerun.Boxes3D(mins=[low], sizes=[high - low], colors=[_WALL])
+    bounds = rerun.Boxes3D(mins=[low], sizes=[high - low], colors=[WALL])
     stream.log("world/bounds", bounds, static=True)
     for k, obstacle in enumerate(world.obstacles):
         stream.log(f"world/obstacles/{k}", _prism(rerun, obstacle, world), static=True)
 
 
 def _prism(rerun: Any, obstacle: Obstacle, world: World) -> Any:
-    low, high = obstacle.low_z, min(obstacle.high_z, world.high[2])
-    match obstacle:
-        case Box(low=(x0, y0, _), high=(x1, y1, _)):
-            return rerun.Boxes3D(
-                mins=[(x0, y0, low)],
-                sizes=[(x1 - x0, y1 - y0, high - low)],
-                colors=[_WALL],
-                fill_mode="solid",
-            )
-        case Disc(centre=(x, y), radius_m=radius):
-            return rerun.Cylinders3D(
-                lengths=[high - low],
-                radii=[radius],
-                centers=[(x, y, (low + high) / 2)],
-                colors=[_WALL],
-                fill_mode="solid",
-            )
-        case polygon:
-            ring = [*polygon.corners, polygon.corners[0]]
-            strips = [[(x, y, z) for x, y in ring] for z in (low, high)]
-            strips += [[(x, y, low), (x, y, high)] for x, y in polygon.corners]
-            return rerun.LineStrips3D(strips, colors=[_WALL])
+    roof = world.high[2]
+    if isinstance(obstacle, Polygon):
+        low, high = rings(obstacle, roof)
+        walls = zip(low[1:], high[1:], strict=True)
+        return rerun.LineStrips3D([low, high, *map(list, walls)], colors=[WALL])
+    solid = solid_of(obstacle, roof)
+    if solid.is_box:
+        return rerun.Boxes3D(
+            centers=[solid.middle], sizes=[solid.size], colors=[WALL], fill_mode="solid"
+        )
+    wide, _, high_m = solid.size
+    return rerun.Cylinders3D(
+        lengths=[high_m],
+        radii=[wide / 2],
+        centers=[solid.middle],
+        colors=[WALL],
+        fill_mode="solid",
+    )
 
 
 def _draw_body(rerun: Any, stream: Any, header: Header, number: int) -> None:
-    robot, colour = header.robots[number], _HUES[number % len(_HUES)]
+    robot, colour = header.robots[number], hue(number)
     if robot.look.is_box:
         half = (robot.length_m / 2, robot.width_m / 2, 0.08)
         centre = (robot.middle_m, 0.0, 0.08)
@@ -147,7 +135,7 @@ def _draw_poses(rerun: Any, stream: Any, recording: RunLog, number: int) -> None
 def _draw_paths(rerun: Any, stream: Any, recording: RunLog) -> None:
     for planned in recording.paths:
         stream.set_time(_TIMELINE, duration=planned.time_s)
-        colour = _HUES[planned.robot % len(_HUES)]
+        colour = hue(planned.robot)
         strip = rerun.LineStrips3D([planned.points], colors=[colour])
         stream.log(f"world/paths/{planned.robot}", strip)
 
@@ -156,7 +144,7 @@ def _tell(rerun: Any, stream: Any, recording: RunLog) -> None:
     """Log events, output and violations as text."""
     header = recording.header
     for done in recording.rounds:
-        words = [*_events(header, done.deeds.tolist())]
+        words = [f"robot {k}: {event}" for k, event in ran(header, done)]
         words += [f"robot {said.robot} {said.stream}: {said.text}" for said in done.said]
         stream.set_time(_TIMELINE, duration=done.time_s)
         for line in words:
@@ -165,14 +153,6 @@ def _tell(rerun: Any, stream: Any, recording: RunLog) -> None:
         stream.set_time(_TIMELINE, duration=violation.time_s)
         line = f"{violation.claim}: {violation.words}"
         stream.log("log", rerun.TextLog(line, level="ERROR"))
-
-
-def _events(header: Header, deeds: Sequence[int]) -> list[str]:
-    return [
-        f"robot {k}: {header.agents[header.robots[k].agent].events[deed]}"
-        for k, deed in enumerate(deeds)
-        if deed >= 0
-    ]
 
 
 def _tell_distance(rerun: Any, stream: Any, recording: RunLog) -> None:

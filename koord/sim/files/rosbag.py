@@ -15,21 +15,25 @@ from typing import Any
 
 import numpy as np
 
-from koord.runtime.motion.world import Box, Disc, Obstacle
-from koord.sim.run_log import Header, LoggedRobot, LogSizes, RunLog, TaskState, turns_of
+from koord.runtime.motion.world import Point, Polygon
+from koord.sim.files.drawing import (
+    TASKS,
+    WALL,
+    Colour,
+    Solid,
+    body_of,
+    fractions,
+    hue,
+    ran,
+    rings,
+    solid_of,
+)
+from koord.sim.run_log import LogSizes, RunLog, TaskState, turns_of
 
 _WORLD = "world"
 
 #: Of `visualization_msgs/Marker`.
 _LINE_STRIP, _CUBE, _SPHERE, _CYLINDER = 4, 1, 2, 3
-
-_TASKS = {
-    TaskState.OPEN: (0.83, 0.23, 0.2),
-    TaskState.ASSIGNED: (0.88, 0.59, 0.12),
-    TaskState.DONE: (0.11, 0.54, 0.31),
-}
-_WALL = (0.59, 0.63, 0.69)
-_HUES = ((0.18, 0.44, 0.87), (0.72, 0.26, 0.6), (0.05, 0.56, 0.62), (0.54, 0.39, 0.16))
 
 #: Time in nanoseconds, topic, message.
 _Timed = tuple[int, str, Any]
@@ -134,9 +138,9 @@ class _Messages:
             marker = self._task(change.task, change.state, change.time_s)
             yield _ns(change.time_s), "/scene", self._markers([marker])
         for done in self.recording.rounds:
-            ran = _ran(self.header, done.deeds.tolist())
-            if ran:
-                text = json.dumps({"round": done.number, "ran": ran})
+            events = {str(k): event for k, event in ran(self.header, done)}
+            if events:
+                text = json.dumps({"round": done.number, "ran": events})
                 yield _ns(done.time_s), "/events", self._make("std_msgs/msg/String", text)
         for broken in self.recording.violations:
             text = json.dumps(
@@ -164,32 +168,19 @@ class _Messages:
     def _world(self) -> Iterator[Any]:
         (x0, y0, z), (x1, y1, _) = self.header.world.low, self.header.world.high
         ring = [(x0, y0, z), (x1, y0, z), (x1, y1, z), (x0, y1, z), (x0, y0, z)]
-        yield self._marker("bounds", 0, _LINE_STRIP, (0, 0, 0), (0.03, 0, 0), _WALL, points=ring)
+        yield self._line("bounds", 0, ring)
+        roof = self.header.world.high[2]
         for k, obstacle in enumerate(self.header.world.obstacles):
-            yield self._obstacle(k, obstacle, self.header.world.high[2])
-
-    def _obstacle(self, number: int, obstacle: Obstacle, roof: float) -> Any:
-        low, high = obstacle.low_z, min(obstacle.high_z, roof)
-        name, middle = "obstacles", (low + high) / 2
-        match obstacle:
-            case Box(low=(x0, y0, _), high=(x1, y1, _)):
-                place = ((x0 + x1) / 2, (y0 + y1) / 2, middle)
-                size = (x1 - x0, y1 - y0, high - low)
-                return self._marker(name, number, _CUBE, place, size, _WALL)
-            case Disc(centre=(x, y), radius_m=radius):
-                size = (2 * radius, 2 * radius, high - low)
-                return self._marker(name, number, _CYLINDER, (x, y, middle), size, _WALL)
-            case polygon:
-                ends = [*polygon.corners, polygon.corners[0]]
-                ring = [(x, y, z) for z in (low, high) for x, y in ends]
-                size = (0.03, 0.0, 0.0)
-                return self._marker(name, number, _LINE_STRIP, (0, 0, 0), size, _WALL, points=ring)
+            if isinstance(obstacle, Polygon):
+                yield self._line(
+                    "obstacles", k, [at for ring in rings(obstacle, roof) for at in ring]
+                )
+            else:
+                yield self._solid("obstacles", k, solid_of(obstacle, roof), WALL)
 
     def _robots(self) -> Iterator[Any]:
         for k, robot in enumerate(self.header.robots):
-            kind, place, size = _body(robot)
-            colour, frame = _HUES[k % len(_HUES)], f"robot_{k}"
-            yield self._marker("robots", k, kind, place, size, colour, frame=frame)
+            yield self._solid("robots", k, body_of(robot), hue(k), frame=f"robot_{k}")
 
     def _tasks(self) -> Iterator[Any]:
         for k in range(len(self.header.world.tasks)):
@@ -197,18 +188,28 @@ class _Messages:
 
     def _task(self, number: int, state: TaskState, time_s: float) -> Any:
         place, size = self.header.world.tasks[number], (0.2, 0.2, 0.2)
-        return self._marker("tasks", number, _SPHERE, place, size, _TASKS[state], time_s=time_s)
+        return self._marker("tasks", number, _SPHERE, place, size, TASKS[state], time_s=time_s)
+
+    def _line(self, name: str, number: int, points: list[Point]) -> Any:
+        size = (0.03, 0.0, 0.0)
+        return self._marker(name, number, _LINE_STRIP, (0, 0, 0), size, WALL, points=points)
+
+    def _solid(
+        self, name: str, number: int, solid: Solid, colour: Colour, frame: str = _WORLD
+    ) -> Any:
+        kind = _CUBE if solid.is_box else _CYLINDER
+        return self._marker(name, number, kind, solid.middle, solid.size, colour, frame=frame)
 
     def _marker(
         self,
         name: str,
         number: int,
         kind: int,
-        place: tuple[float, float, float],
-        size: tuple[float, float, float],
-        colour: tuple[float, float, float],
+        place: Point,
+        size: Point,
+        colour: Colour,
         *,
-        points: list[tuple[float, float, float]] | None = None,
+        points: Iterable[Point] = (),
         frame: str = _WORLD,
         time_s: float = 0.0,
     ) -> Any:
@@ -224,10 +225,10 @@ class _Messages:
             action=0,
             pose=self._pose(*place, self._turn()),
             scale=self._make("geometry_msgs/msg/Vector3", *map(float, size)),
-            color=self._make("std_msgs/msg/ColorRGBA", *colour, 1.0),
+            color=self._make("std_msgs/msg/ColorRGBA", *fractions(colour), 1.0),
             lifetime=self._make("builtin_interfaces/msg/Duration", 0, 0),
             frame_locked=True,
-            points=[self._make("geometry_msgs/msg/Point", *p) for p in points or []],
+            points=[self._make("geometry_msgs/msg/Point", *p) for p in points],
             colors=[],
             texture_resource="",
             texture=image,
@@ -257,22 +258,6 @@ class _Messages:
 
     def _make(self, kind: str, *values: Any, **named: Any) -> Any:
         return self._types[kind](*values, **named)
-
-
-def _body(robot: LoggedRobot) -> tuple[int, tuple[float, float, float], tuple[float, float, float]]:
-    """The type, pose and size of a robot's marker in its own frame."""
-    if robot.look.is_box:
-        return _CUBE, (robot.middle_m, 0.0, 0.08), (robot.length_m, robot.width_m, 0.16)
-    return _CYLINDER, (0.0, 0.0, 0.0), (2 * robot.radius_m, 2 * robot.radius_m, 0.1)
-
-
-def _ran(header: Header, deeds: list[int]) -> dict[str, str]:
-    """The events that ran, by robot."""
-    return {
-        str(k): header.agents[header.robots[k].agent].events[deed]
-        for k, deed in enumerate(deeds)
-        if deed >= 0
-    }
 
 
 def _ns(time_s: float) -> int:

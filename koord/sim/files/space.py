@@ -13,24 +13,10 @@ import numpy as np
 
 from koord.runtime.motion.arrays import Floats
 from koord.runtime.motion.world import Box, Disc, Obstacle, World
+from koord.sim.files.drawing import TASKS, WALL, heights, hue
 from koord.sim.run_log import Header, RunLog, TaskState, turns_of
 
-_HUES = (
-    (47, 111, 222),
-    (184, 66, 154),
-    (14, 143, 158),
-    (138, 100, 40),
-    (108, 75, 216),
-    (90, 113, 130),
-    (47, 147, 216),
-    (160, 60, 98),
-)
-_TASKS = {
-    TaskState.OPEN: (212, 59, 52),
-    TaskState.ASSIGNED: (224, 150, 30),
-    TaskState.DONE: (29, 138, 78),
-}
-_WALL, _EDGE, _BAD = (150, 160, 175), (120, 130, 145), (204, 41, 54)
+_EDGE, _BAD = (120, 130, 145), (204, 41, 54)
 
 #: Poses are shown so often; the viewer draws each of them.
 _SHOWN_S = 0.1
@@ -125,7 +111,7 @@ def _draw_world(scene: Any, world: World) -> None:
     for k, obstacle in enumerate(world.obstacles):
         vertices, faces = _prism(obstacle, world)
         scene.add_mesh_simple(
-            f"/obstacles/{k}", vertices, faces, color=_WALL, opacity=0.75, side="double"
+            f"/obstacles/{k}", vertices, faces, color=WALL, opacity=0.75, side="double"
         )
 
 
@@ -139,9 +125,9 @@ def _prism(obstacle: Obstacle, world: World) -> tuple[Floats, Any]:
             ring = np.array(corners)
         case polygon:
             ring = np.array(polygon.corners)
-    k, heights = len(ring), (obstacle.low_z, min(obstacle.high_z, world.high[2]))
-    rings = [np.column_stack([ring, np.full(k, z)]) for z in heights]
-    ends = [np.append(ring.mean(0), z)[None] for z in heights]
+    k, ends_z = len(ring), heights(obstacle, world.high[2])
+    rings = [np.column_stack([ring, np.full(k, z)]) for z in ends_z]
+    ends = [np.append(ring.mean(0), z)[None] for z in ends_z]
     following = np.roll(np.arange(k), -1)
     walls = [[a, b, b + k] for a, b in enumerate(following)]
     walls += [[a, b + k, a + k] for a, b in enumerate(following)]
@@ -153,12 +139,12 @@ def _draw_task(scene: Any, header: Header, number: int, state: TaskState) -> Non
     """Draw a task as a ball; redrawing replaces it. States differ in size too."""
     radius = {TaskState.OPEN: 0.1, TaskState.ASSIGNED: 0.14, TaskState.DONE: 0.06}[state]
     place = header.world.tasks[number]
-    scene.add_icosphere(f"/tasks/{number}", radius, color=_TASKS[state], position=place)
+    scene.add_icosphere(f"/tasks/{number}", radius, color=TASKS[state], position=place)
 
 
 def _draw_robot(scene: Any, header: Header, number: int) -> Any:
     """Draw a robot about its frame, which is moved later."""
-    robot, colour = header.robots[number], _HUES[number % len(_HUES)]
+    robot, colour = header.robots[number], hue(number)
     name = f"/robots/{number}"
     frame = scene.add_frame(name, show_axes=False)
     dark = tuple(part // 2 for part in colour)
@@ -198,7 +184,7 @@ def _draw_trails(scene: Any, recording: RunLog) -> None:
     for k in range(poses.shape[1]):
         line = poses[::stride, k, :3]
         points = np.stack([line[:-1], line[1:]], axis=1)
-        colour = _HUES[k % len(_HUES)]
+        colour = hue(k)
         scene.add_line_segments(
             f"/trails/{k}", points=points, colors=colour, thickness=1.5, thickness_units="screen"
         )
