@@ -49,7 +49,7 @@ class Tracing:
         return self._hearing is not None and self._hearing.is_begun
 
     def heard(self, decision: Decision, simulation: Simulation) -> None:
-        """INIT, or a round, is over."""
+        """Record the end of INIT or of a round."""
         assert self._hearing is not None
         self._hearing.heard(decision, simulation.engine)
 

@@ -99,7 +99,7 @@ def ended_in(trace: Trace, ended: Ended | None) -> CompiledRun:
 
 
 class Recorder(Struct):
-    """Gathers the recording of a run, and its configurations, from what its fleet did."""
+    """The recording of a run and its configurations, gathered from its fleet."""
 
     made: Compiled
     translation: Translation
@@ -108,7 +108,7 @@ class Recorder(Struct):
     configurations: list[Configuration[Constant]] = field(default_factory=list)
 
     def begun(self, opening: Opening, fleet: RoundEngine) -> None:
-        """INIT is over."""
+        """Record the end of INIT."""
         self.opening = opening
         self.configurations.append(self.translation.configuration(fleet))
 
@@ -119,7 +119,7 @@ class Recorder(Struct):
         answers: tuple[Answer, ...],
         fleet: RoundEngine,
     ) -> None:
-        """A round is over, or cut by a fault; then nobody read anything."""
+        """Record the end of a round, or its cut by a fault: then nobody read anything."""
         order, events = schedule_of(decision, self.translation.system.robots)
         cut = decision.fault is not None
         self.rounds.append(Round(order, events, () if cut else readings, answers, cut))
@@ -127,7 +127,7 @@ class Recorder(Struct):
         self.configurations.append(last if cut else self.translation.configuration(fleet))
 
     def trace(self, sources: Sources, recording: Recording, fleet: RoundEngine) -> Trace:
-        """The run so far, or of a ``recording`` of its first rounds, with what it wrote."""
+        """Make a trace of a recording of the first rounds, with their output."""
         rounds = len(recording.rounds)
         shown = (one for one in fleet.shown if one.round < rounds)
         return Trace(

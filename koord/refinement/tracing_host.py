@@ -110,7 +110,7 @@ class TracedFleet(TracingHost):
         return bool(self._recorder.configurations)
 
     def heard(self, decision: Decision, fleet: RoundEngine) -> None:
-        """INIT, or a round, is over, or cut by a fault."""
+        """Record the end of INIT or of a round, or its cut by a fault."""
         readings, answers = tuple(self._readings), tuple(self._answers)
         self._readings, self._answers = [], []
         if decision.round == INIT_ROUND:

@@ -1,4 +1,4 @@
-"""What ports and functions of compiled programs mean to the world that they run in.
+"""The meaning of ports and functions of compiled programs to the world that they run in.
 
 Which port is which is told by its name, as in the library of the language: ``psn`` and ``reached``
 (or ``position`` and ``done``) are what a motion module senses, :data:`GOALS` where it is sent.
@@ -16,22 +16,22 @@ from koord.runtime.shapes import Record, Scalar, Shape, element_of
 #: Actuators that send a robot somewhere.
 GOALS = ("path", "route", "target", "waypoint", "goal")
 
-PLACES = ("psn", "position")  #: sensors that say where a robot is
-DONE = ("reached", "done")  #: sensors that say whether it is there
+PLACES = ("psn", "position")  #: sensors of a robot's position
+DONE = ("reached", "done")  #: sensors of whether it has arrived
 
 
 def port_name(name: str) -> str:
-    """The name of a port without that of its module."""
+    """Strip the name of its module from a port's."""
     return name.rpartition("_")[2]
 
 
 def is_place(name: str) -> bool:
-    """Whether a port says where the robot is."""
+    """Return whether a port senses the robot's position."""
     return port_name(name) in PLACES
 
 
 def plain_name(function: str) -> str:
-    """The name of a function in the text: of functions with one name all but the first count."""
+    """The name of a function in the text: later ones of several with one name are numbered."""
     return re.sub(r"_\d+$", "", function)
 
 
@@ -45,12 +45,12 @@ def shape_of(program: type[Robot], name: str, *, shared: bool) -> Shape:
 
 
 def is_set(place: Any) -> bool:
-    """Whether a place has been given, with all its coordinates."""
+    """Return whether a position has been given, with all its coordinates."""
     return place is not None and not (isinstance(place, tuple) and any(c is None for c in place))
 
 
 def placed(shape: Shape, point: Point) -> Any:
-    """A place as a program has it: a record of two or three coordinates, or one number."""
+    """Convert a position to the program's form: a record of two or three floats, or one float."""
     if isinstance(shape, Scalar):
         return point[0]
     assert isinstance(shape, Record)
@@ -58,7 +58,7 @@ def placed(shape: Shape, point: Point) -> Any:
 
 
 def point_of(place: Any) -> Point:
-    """Any of the forms of a place as three coordinates."""
+    """Convert a position in any form to three coordinates, in metres."""
     if isinstance(place, int | float):
         return float(place), 0.0, 0.0
     x, y, *z = place

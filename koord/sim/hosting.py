@@ -1,4 +1,4 @@
-"""The simulated world as the host of compiled programs: their sensors, actuators and library.
+"""The simulated world as the host of compiled programs: sensors, actuators and library.
 
 A round's environment turn has two parts: :meth:`Hosted.pass_time` hands the robots' actuators to
 the fleet and lets δ pass; then every robot reads its sensors. An actuator counts as an order when

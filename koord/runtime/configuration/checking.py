@@ -182,7 +182,7 @@ class _Checker:
         )
 
     def _idle(self) -> Iterator[Diagnostic]:
-        """A warning for each kind of field that has no effect, at the first. (K938)"""
+        """Warn of each kind of field that has no effect, at its first place. (K938)"""
         places: dict[str, Span] = {}
         for path, span in self._document.names.items():
             if path[0] != "params" and path[-1] in _IDLE:

@@ -1,4 +1,4 @@
-"""Robots without a platform: points that go where they are told, at a given speed."""
+"""Ideal robots without a platform: points that move to their targets at a given speed."""
 
 from __future__ import annotations
 

@@ -67,7 +67,7 @@ if hasattr(os, "register_at_fork"):
 
 
 class TreePlanner(Struct, frozen=True):
-    """Paths by a tree that grows from the seed."""
+    """A planner that grows a random tree from the seed."""
 
     ground: Ground
     effort: PlanningEffort
@@ -76,7 +76,7 @@ class TreePlanner(Struct, frozen=True):
     def plan(
         self, start: Pose, goal: Point, seed: int, avoid: Sequence[Point] = ()
     ) -> Floats | None:
-        """A path from the start to exactly the goal; None if there is none, or none was found."""
+        """Plan a path from exactly the start to exactly the goal; None if none was found."""
         if not suits(self.ground.body, self.ground.world, goal):
             return None
         free = self.ground.field(avoid)
@@ -90,16 +90,16 @@ class TreePlanner(Struct, frozen=True):
         return points
 
     def _is_direct(self, free: Field, start: Pose, goal: Point) -> bool:
-        """Whether no tree is needed."""
+        """Return whether the straight line does, without a tree."""
         raise NotImplementedError
 
     def _grown(self, free: Field, start: Pose, goal: Point) -> Floats | None:
-        """The points of a path that a tree came upon."""
+        """Grow a tree, and return the points of a path in it."""
         raise NotImplementedError
 
 
 class SpacePlanner(TreePlanner, frozen=True):
-    """Paths of few points for what can set out in every direction: in R³, or on the ground."""
+    """A planner for bodies that set out in any direction: RRT in R³, or on the ground plane."""
 
     def _is_direct(self, free: Field, start: Pose, goal: Point) -> bool:
         return free.path_free(np.array([start.position, goal]), self.ground.body.radius_m)
@@ -127,9 +127,9 @@ class SpacePlanner(TreePlanner, frozen=True):
 
 
 class CurvePlanner(TreePlanner, frozen=True):
-    """Paths that a car can drive, forwards and backwards: trees of Reeds–Shepp curves.
+    """A planner for cars, forwards and backwards: RRT on Reeds–Shepp curves.
 
-    Their points are 0.15 m apart; where the car turns about, there is a point as well.
+    Points of a path are 0.15 m apart, with a point wherever the car reverses.
     """
 
     def _is_direct(self, free: Field, start: Pose, goal: Point) -> bool:

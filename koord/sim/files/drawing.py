@@ -1,4 +1,4 @@
-"""What all files draw alike: colours, obstacles and robots as simple bodies, what robots ran."""
+"""Shared by all files of runs: colours, obstacles and robots as simple bodies, events that ran."""
 
 from __future__ import annotations
 
@@ -31,18 +31,18 @@ WALL: Colour = (150, 160, 175)
 
 
 def hue(robot: int) -> Colour:
-    """The colour of a robot."""
+    """Return the colour of a robot."""
     return _HUES[robot % len(_HUES)]
 
 
 def fractions(colour: Colour) -> tuple[float, float, float]:
-    """Red, green and blue from 0 to 1."""
+    """Convert a colour to red, green and blue from 0 to 1."""
     red, green, blue = (round(part / 255, 3) for part in colour)
     return red, green, blue
 
 
 class Solid(Struct, frozen=True):
-    """A box along the axes or an upright cylinder: its middle, and how large it is."""
+    """A box along the axes or an upright cylinder, by its centre and size, in metres."""
 
     is_box: bool
     middle: Point
@@ -50,12 +50,12 @@ class Solid(Struct, frozen=True):
 
 
 def heights(obstacle: Obstacle, roof: float) -> tuple[float, float]:
-    """From where to where an obstacle stands under a roof."""
+    """The lower and upper height of an obstacle, cut at a roof."""
     return obstacle.low_z, min(obstacle.high_z, roof)
 
 
 def solid_of(obstacle: Box | Disc, roof: float) -> Solid:
-    """An obstacle under a roof."""
+    """The body of an obstacle, cut at a roof."""
     low, high = heights(obstacle, roof)
     if isinstance(obstacle, Disc):
         x, y = obstacle.centre
@@ -67,20 +67,20 @@ def solid_of(obstacle: Box | Disc, roof: float) -> Solid:
 
 
 def rings(obstacle: Polygon, roof: float) -> list[list[Point]]:
-    """The lower and the upper edge of an obstacle under a roof, closed."""
+    """The lower and upper edge of an obstacle, cut at a roof; both are closed."""
     ends = [*obstacle.corners, obstacle.corners[0]]
     return [[(x, y, z) for x, y in ends] for z in heights(obstacle, roof)]
 
 
 def body_of(robot: LoggedRobot) -> Solid:
-    """A robot in its own frame."""
+    """The body of a robot in its own frame."""
     if robot.look.is_box:
         return Solid(True, (robot.middle_m, 0.0, 0.08), (robot.length_m, robot.width_m, 0.16))
     return Solid(False, (0.0, 0.0, 0.0), (2 * robot.radius_m, 2 * robot.radius_m, 0.1))
 
 
 def ran(header: Header, done: LoggedRound) -> Iterator[tuple[int, str]]:
-    """Who ran something in a round, and the event."""
+    """The robots that ran an event in a round, and which."""
     for k, deed in enumerate(done.deeds.tolist()):
         if deed >= 0:
             yield k, header.agents[header.robots[k].agent].events[deed]
