@@ -9,11 +9,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from enum import Enum
-from typing import Any, ClassVar, Protocol
-
-from msgspec import Struct
+from typing import Any, ClassVar
 
 from koord.runtime import shapes
+from koord.runtime.buffers import Buffer, Event, Written
+from koord.runtime.hosts import Host, Key, Turn
 from koord.runtime.operations import (
     UNSET,
     FaultError,
@@ -61,17 +61,6 @@ from koord.runtime.shapes import Sequence as ListOf
 from koord.runtime.store import Layout, Shared
 from koord.syntax.faults import FaultKind
 
-#: Names one evaluation of ``choose`` or of an external function within one turn. [RECORDING]
-Key = tuple[int, ...]
-
-
-class Turn(Enum):
-    """The turn in which a program calls its host."""
-
-    INIT = "init"
-    PROG = "prog"
-    ENV = "env"
-
 
 class Status(Enum):
     """The status of a robot: whether it runs events. [STOP]"""
@@ -79,68 +68,6 @@ class Status(Enum):
     RUNNING = 0
     ASKED = 1  #: goes on until everyone asked
     STOPPED = 2
-
-
-class Host(Protocol):
-    """The environment of a program: sensors, external functions, choices.
-
-    Values are what :mod:`koord.runtime.shapes` says; lists do for tuples, and tuples for records.
-    """
-
-    def start(self, robot: int | None, name: str) -> Any:
-        """The start of an arbitrary variable; ``robot`` is None for allwrite variables."""
-        ...
-
-    def read(self, robot: Robot) -> Mapping[str, Any]:
-        """The readings of the sensors without a model after a round, by attribute."""
-        ...
-
-    def ask(
-        self, turn: Turn, robot: int, key: Key, function: str, arguments: tuple[Any, ...]
-    ) -> Any:
-        """The answer of an external function, whose ``requires`` are met."""
-        ...
-
-    def choose(self, turn: Turn, robot: int, key: Key, low: Any, high: Any) -> Any:
-        """A value from ``low`` to ``high``, both included."""
-        ...
-
-
-class Event(Struct, frozen=True):
-    """An event of a compiled program. Without ``pre`` it is always enabled."""
-
-    name: str
-    effect: Callable[[Any], None]
-    pre: Callable[[Any], bool] | None = None
-    urgent: bool = False
-
-
-class Written(Struct, frozen=True):
-    """The output of one statement to a stream; ``place`` is that of the statement. [OUTPUT]"""
-
-    stream: str
-    place: str
-    values: tuple[Any, ...]
-
-
-class Buffer:
-    """A tentative event (None: INIT): its changes, which take effect only on commit.
-
-    ``in_pre`` says of a fault that already ``pre`` cannot be evaluated: then the event does not
-    oblige the robot.
-    """
-
-    __slots__ = ("asked", "event", "fault", "in_pre", "locks", "output", "state", "writes")
-
-    def __init__(self, event: int | None) -> None:
-        self.event = event
-        self.state: dict[str, Any] = {}
-        self.writes: list[tuple[str, tuple[Any, ...], Any]] = []
-        self.locks: set[int] = set()
-        self.output: list[Written] = []
-        self.asked = StopRequests.NOTHING
-        self.fault: EventFault | None = None
-        self.in_pre = False
 
 
 class Robot:

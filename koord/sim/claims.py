@@ -17,10 +17,11 @@ from msgspec import Struct, field
 
 from koord.runtime.compile.loading import loaded
 from koord.runtime.compile.watching import Watched, WatchedClaim, WatchedKind
+from koord.runtime.hosts import Forwarding, Host, Key, Turn
 from koord.runtime.motion.world import Point
 from koord.runtime.operations import FaultError
 from koord.runtime.ports import DONE, PLACES, placed, port_name
-from koord.runtime.robot import Host, Key, Robot, Turn
+from koord.runtime.robot import Robot
 from koord.runtime.shapes import Shape, from_plain
 from koord.runtime.watch import Watch
 from koord.sim.running import BrokenClaim, Simulation, WatchPoint
@@ -215,14 +216,14 @@ class Watching:
         return sorted(broken) if broken else []
 
 
-class Checked:
+class Checked(Forwarding):
     """A host that checks every answer against the function's summary in the program.
 
     It may stand between a program and its host from the beginning; :meth:`hold` says against what.
     """
 
     def __init__(self, host: Host) -> None:
-        self.host = host
+        super().__init__(host)
         self.looked: dict[str, int] = {}
         self._summaries: dict[str, WatchedClaim] = {}
         self._watch: Watch | None = None
@@ -234,15 +235,6 @@ class Checked:
         self._watch = watch_of(watched, run)
         self._summaries = {c.function: c for c in watched.claims if c.sort is WatchedKind.SUMMARY}
         self._now_s = lambda: run.fleet.now_s
-
-    def start(self, robot: int | None, name: str) -> Any:
-        return self.host.start(robot, name)
-
-    def read(self, robot: Robot) -> Mapping[str, Any]:
-        return self.host.read(robot)
-
-    def choose(self, turn: Turn, robot: int, key: Key, low: Any, high: Any) -> Any:
-        return self.host.choose(turn, robot, key, low, high)
 
     def ask(
         self, turn: Turn, robot: int, key: Key, function: str, arguments: tuple[Any, ...]

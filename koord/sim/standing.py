@@ -8,18 +8,19 @@ move that may change, and so it counts once nobody has moved for a while.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from math import dist
 from typing import Any
 
 from msgspec import Struct
 
+from koord.runtime.hosts import Forwarding, Host, Key, Turn
 from koord.runtime.motion.automaton import MotionState
 from koord.runtime.motion.bodies import Body
 from koord.runtime.motion.planning import Hindrance, Plight, hindrance
 from koord.runtime.motion.world import Point, World
 from koord.runtime.ports import plain_name
-from koord.runtime.robot import Host, Key, Robot, Status, Turn
+from koord.runtime.robot import Robot, Status
 from koord.sim.fleet import Sensed
 from koord.sim.hosting import WAYS
 
@@ -149,17 +150,12 @@ class Watchman:
         yield _standing(pid, wants[goal], Plight(why, goal), more)
 
 
-class _Heard(Struct):
+class _Heard(Forwarding):
     """A host whose answers to programs are observed; those to claims alone are not."""
 
-    host: Host
-    watchman: Watchman
-
-    def start(self, robot: int | None, name: str) -> Any:
-        return self.host.start(robot, name)
-
-    def read(self, robot: Robot) -> Mapping[str, Any]:
-        return self.host.read(robot)
+    def __init__(self, host: Host, watchman: Watchman) -> None:
+        super().__init__(host)
+        self.watchman = watchman
 
     def ask(
         self, turn: Turn, robot: int, key: Key, function: str, arguments: tuple[Any, ...]
@@ -168,9 +164,6 @@ class _Heard(Struct):
         if key:
             self.watchman.answered(robot, function, arguments, answer)
         return answer
-
-    def choose(self, turn: Turn, robot: int, key: Key, low: Any, high: Any) -> Any:
-        return self.host.choose(turn, robot, key, low, high)
 
 
 def _standing(pid: int, since_s: float, plight: Plight, more: str = "") -> StandingRobot:

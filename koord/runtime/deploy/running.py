@@ -12,6 +12,7 @@ from typing import Any
 from msgspec import Struct
 from msgspec.structs import replace
 
+from koord.runtime.buffers import Written
 from koord.runtime.configuration.model import RunConfiguration
 from koord.runtime.deploy.ideal import IdealHost
 from koord.runtime.deploy.journal import Journal
@@ -22,7 +23,7 @@ from koord.runtime.proposals import INIT_ROUND, Admitted
 from koord.runtime.protocol.messages import LogEntry
 from koord.runtime.protocol.setup import Setup, Timing
 from koord.runtime.protocol.state import fresh, returning
-from koord.runtime.robot import Robot, Written
+from koord.runtime.robot import Robot
 from koord.runtime.shapes import ShapeError
 from koord.runtime.transports.transport import Transport
 from koord.runtime.wire.codec import RunKey
