@@ -60,9 +60,9 @@ class FallbackHost(Struct):
 
 
 def fallback(system: System, seed: int, *, starts: bool) -> Callable[[Host], Host]:
-    """Make the fallback hosts of a run. All say the same, in whichever process they are.
+    """Return what makes the fallback hosts of a run, which agree in all processes.
 
-    With ``starts``, variables start as assumptions ask for. Raises KoordError where no such starts
+    With ``starts``, variables start as assumptions require. Raises KoordError where no such starts
     are found.
     """
     settled = settled_starts(system, PythonNames(system.program), seed) if starts else {}

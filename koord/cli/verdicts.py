@@ -109,13 +109,14 @@ def lines(found: VerifyReport, style: Style) -> Iterator[str]:
         if verdict.ways is not None and (verdict.ways.complete or verdict.ways.reason):
             yield f"      {_ways(1 + len(verdict.others), verdict.ways)}"
     yield from _in_the_way(found)
-    if report.found:
+    invariants = found.found_invariants
+    if invariants:
         yield ""
         yield "  invariants that were found for it:"
-    for text in report.found[:MOST_SHOWN]:
+    for text in invariants[:MOST_SHOWN]:
         yield f"    {text}"
-    if len(report.found) > MOST_SHOWN:
-        yield f"    … {len(report.found) - MOST_SHOWN} more: --save-invariants FILE writes them all"
+    if len(invariants) > MOST_SHOWN:
+        yield f"    … {len(invariants) - MOST_SHOWN} more: --save-invariants FILE writes them all"
     if report.vacuities:
         yield ""
     for vacuity in report.vacuities:
