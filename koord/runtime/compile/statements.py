@@ -5,11 +5,6 @@ from __future__ import annotations
 from typing import assert_never
 
 from koord.runtime.compile.expressions import (
-    ATOM,
-    NOT,
-    OR,
-    Code,
-    Scope,
     expression,
     field_name,
     integers,
@@ -19,6 +14,7 @@ from koord.runtime.compile.expressions import (
 )
 from koord.runtime.compile.knowledge import assigned_slots
 from koord.runtime.compile.naming import is_tree, shape, string, tuple_of
+from koord.runtime.compile.scope import ATOM, NOT, OR, Code, Scope
 from koord.syntax import core
 from koord.syntax.core import Home
 from koord.syntax.types import ArrayType, MapType, QueueType, RecordType

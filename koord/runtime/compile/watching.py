@@ -13,9 +13,9 @@ from fractions import Fraction
 from msgspec import Struct, field
 from msgspec.structs import replace
 
-from koord.runtime.compile.expressions import Scope
+from koord.runtime.compile.module import Module
 from koord.runtime.compile.naming import PythonNames, string, tuple_of
-from koord.runtime.compile.program import Module
+from koord.runtime.compile.scope import Scope
 from koord.runtime.compile.slack import Loosening
 from koord.runtime.compile.statements import Lines, indented
 from koord.syntax import core
