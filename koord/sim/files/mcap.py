@@ -216,10 +216,9 @@ def _obstacle(name: str, obstacle: Obstacle, roof: float) -> Message:
 
 def _body(solid: Solid, colour: Message) -> Message:
     """A solid as a part of an entity."""
-    made = _placed(*solid.middle) | {"size": _vector(*solid.size), "color": colour}
-    if solid.is_box:
-        return {"cubes": [made]}
-    return {"cylinders": [made | {"bottom_scale": 1.0, "top_scale": 1.0}]}
+    ends = {} if solid.is_box else {"bottom_scale": 1.0, "top_scale": 1.0}
+    made = _placed(*solid.middle) | {"size": _vector(*solid.size), **ends, "color": colour}
+    return {"cubes" if solid.is_box else "cylinders": [made]}
 
 
 def _vehicles(header: Header) -> Iterator[Message]:
