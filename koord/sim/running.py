@@ -22,12 +22,13 @@ from koord.runtime.motion.planning import Pose
 from koord.runtime.motion.world import Point
 from koord.runtime.proposals import Decision
 from koord.runtime.robot import Robot
+from koord.sim.digest import Digest, events_of
 from koord.sim.fleet import Fleet
 from koord.sim.hosting import Hosted
 from koord.sim.lidar import Scanner
 from koord.sim.measuring import Figures, Gauge
 from koord.sim.observing import Observer, deeds_of, header_of
-from koord.sim.run_log import Digest, RunLog, RunLogger, events_of
+from koord.sim.run_log import RunLog, RunLogger
 from koord.sim.scene import Scene
 from koord.sim.standing import StandingRobot, Watchman
 from koord.syntax.collector import uncollected

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from koord.runtime.motion.arrays import Floats
 from koord.runtime.motion.bodies import Pace
 from koord.runtime.motion.geometry import length, point_path
-from koord.runtime.motion.group import Routes
+from koord.runtime.motion.routes import Routes
 
 PACE = Pace(cruise_mps=1.0, accel_mps2=1.0, lateral_mps2=2.0)
 CAR_PACE = Pace(
