@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import time
 
-from msgspec import Struct, to_builtins
+from msgspec import Struct, convert
 
+from koord.api import verdict_forms as forms
 from koord.api.programs import Program
 from koord.semantics.domain import EXACT
 from koord.semantics.recordings import execute
@@ -42,6 +43,18 @@ def fairness_of(
     return Fair(why, excluding(text, lasso, until))
 
 
-def fairness_dict(fair: Fair) -> dict[str, object]:
-    """The explanation as plain data; rounds count from 1."""
-    return {**to_builtins(fair.why), "excluded_by": fair.excluding}
+def fairness_form(fair: Fair) -> forms.FairRun:
+    """The explanation as JSON has it; rounds count from 1."""
+    robots = [
+        forms.FairRobot(
+            robot=of.robot,
+            runs=list(of.runs),
+            not_ready=list(of.idle),
+            skips_though_ready=list(of.skips),
+            events=convert(of.events, list[forms.FairEvent], from_attributes=True),
+            locks=convert(of.locks, list[forms.FairLock], from_attributes=True),
+        )
+        for of in fair.why.robots
+    ]
+    expectations = convert(fair.why.expectations, list[forms.Expectation], from_attributes=True)
+    return forms.FairRun(list(fair.why.rounds), robots, expectations, list(fair.excluding))

@@ -39,5 +39,5 @@ class Digest:
         self._hash.update(np.ascontiguousarray(positions, dtype=np.float64).tobytes())
 
     def hexdigest(self) -> str:
-        """The hash so far."""
+        """The hexadecimal digest so far."""
         return self._hash.hexdigest()

@@ -20,9 +20,6 @@ from koord.semantics.recordings import Recording
 from koord.syntax.system import System
 from koord.traces.lassos import Lasso, able_in, holds_at, ran
 
-#: In files idle rounds and those of skips have longer names.
-_TOLD_AS = {"idle": "not_ready", "skips": "skips_though_ready"}
-
 
 class EventStatus(Enum):
     """The status of an event in the loop of a lasso: whether it runs and when it is enabled."""
@@ -37,9 +34,9 @@ class OfEvent(Struct, frozen=True):
     """An event of a robot: the rounds before which it may be enabled, and those that run it."""
 
     event: str
-    standing: EventStatus
     enabled: tuple[int, ...]
     ran: tuple[int, ...]
+    standing: EventStatus
 
 
 class OfLock(Struct, frozen=True):
@@ -50,7 +47,7 @@ class OfLock(Struct, frozen=True):
     granted: tuple[int, ...]
 
 
-class OfRobot(Struct, frozen=True, rename=_TOLD_AS):
+class OfRobot(Struct, frozen=True):
     """The reason that the loop is fair to a robot: rounds in which it runs, or is not ready before.
 
     ``skips`` are the rounds in which it skips though it is ready. [FAIR-ROBOT] [FAIR-LOCK]
@@ -110,7 +107,7 @@ def _of_robot(lasso: Lasso, rounds: tuple[int, ...], robot: int) -> OfRobot:
     for position, event in enumerate(system.agent(robot).events):
         enabled = tuple(n for n in rounds if able[n].events[position])
         here = tuple(n for n in rounds if pairs[n][1].events[robot] == position)
-        events.append(OfEvent(event.name, _standing(rounds, enabled, here), enabled, here))
+        events.append(OfEvent(event.name, enabled, here, _standing(rounds, enabled, here)))
     locks = []
     for k in (k for whose, k in locks_of(system) if whose == robot):
         of = {p for p, event in enumerate(system.agent(robot).events) if k in event.lock_classes}

@@ -34,8 +34,8 @@ from koord.runtime.robot import Robot
 from koord.runtime.transports.udp import Delivery
 from koord.runtime.wire.codec import RunKey
 from koord.runtime.wire.frames import Drop
-from koord.syntax.load import load
 from koord.syntax.source import Source
+from tests.loading import example_program
 from tests.runtime.hub import Hub
 
 EXAMPLES = Path(__file__).parents[2] / "specs" / "examples"
@@ -44,9 +44,7 @@ DELTA_S = 0.1
 
 @cache
 def classes(name: str) -> tuple[type[Robot], ...]:
-    path = EXAMPLES / f"{name}.krd"
-    program = load(Source(path.name, path.read_text(encoding="utf-8"))).program
-    assert program is not None
+    program = example_program(name)
     return loaded(compiled(program))
 
 

@@ -189,7 +189,7 @@ class Module:
         return lines
 
     def declare(self) -> Lines:
-        """The initial values of the allwrite variables. [INIT]"""
+        """Set the allwrite variables to their initial values. [INIT]"""
         scope = self.scope(None, sure=set())
         body: Lines = []
         for entry in self.program.allwrite:

@@ -31,7 +31,7 @@ class Spot(Struct, frozen=True):
 
 
 class Routes:
-    """The routes of ``count`` robots. A robot without one has a route of one point: ``size`` 0."""
+    """The routes of ``count`` robots. ``size`` is 0 for a robot that stays at one point."""
 
     def __init__(self, count: int, pace: Pace, room: int = 2) -> None:
         self.pace = pace
