@@ -14,9 +14,8 @@ from msgspec import Struct, field
 
 from koord.refinement.sampling_hosts import SeededHost, settled_starts
 from koord.runtime.compile.naming import PythonNames
-from koord.runtime.hosts import Host, Key, Turn
 from koord.runtime.ports import plain_name, port_name
-from koord.runtime.robot import Robot
+from koord.runtime.robot import Host, Key, Robot, Turn
 from koord.sim.hosting import ANSWERED, SENSED
 from koord.syntax.system import System
 

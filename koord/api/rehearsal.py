@@ -14,7 +14,7 @@ from koord.api.traces import read_trace
 from koord.refinement.replaying_host import RecordedSchedule, ReplayingHost, places
 from koord.refinement.running import ready
 from koord.runtime.configuration.checking import load as load_configuration
-from koord.runtime.hosts import Host
+from koord.runtime.robot import Host
 from koord.sim.running import Cast
 from koord.sim.scene import POINT_SLACK_M
 from koord.sim.staging import Staged

@@ -11,8 +11,8 @@ from koord.refinement.judging import Judged, judge
 from koord.refinement.running import CompiledRun, ready
 from koord.refinement.tracing_host import TracedFleet
 from koord.runtime.compile.slack import loosened
-from koord.runtime.hosts import Host
 from koord.runtime.proposals import Decision
+from koord.runtime.robot import Host
 from koord.runtime.shapes import Shape
 from koord.sim.running import Simulation
 from koord.syntax.analysis.limits import excesses

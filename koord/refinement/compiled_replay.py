@@ -32,10 +32,9 @@ from koord.refinement.running import Compiled, ready, schedule_of
 from koord.refinement.translation import to_fault
 from koord.runtime.compile import NumberTooLargeError
 from koord.runtime.engine import RoundEngine
-from koord.runtime.hosts import Key, Turn
 from koord.runtime.operations import FaultError
 from koord.runtime.proposals import Decision
-from koord.runtime.robot import Robot
+from koord.runtime.robot import Key, Robot, Turn
 from koord.semantics.configurations import Configuration
 from koord.semantics.configurations import Robot as RobotState
 from koord.semantics.domain import Constant

@@ -17,11 +17,10 @@ from koord.refinement.tracing_host import TracingHost
 from koord.refinement.translation import Translation, to_written
 from koord.runtime.deploy.journal import Journal
 from koord.runtime.deploy.member import Member, Platform
-from koord.runtime.hosts import Turn
 from koord.runtime.motion.world import Point
 from koord.runtime.proposals import INIT_ROUND, Admitted, Decision, EventFault, Faulted, Proposal
 from koord.runtime.protocol.messages import LogEntry
-from koord.runtime.robot import Robot
+from koord.runtime.robot import Robot, Turn
 from koord.semantics.configurations import Robot as RobotState
 from koord.semantics.configurations import Written
 from koord.semantics.domain import Constant

@@ -14,11 +14,10 @@ from msgspec import Struct, field
 
 from koord.refinement.translation import PHASES, Translation, to_plain
 from koord.runtime.compile.naming import PythonNames
-from koord.runtime.hosts import Host, Key, Turn
 from koord.runtime.motion.world import Point
 from koord.runtime.ports import PLACES
 from koord.runtime.proposals import Proposal
-from koord.runtime.robot import Robot
+from koord.runtime.robot import Host, Key, Robot, Turn
 from koord.semantics.domain import Constant
 from koord.semantics.oracle import Phase
 from koord.semantics.recordings import Answer, Concrete, Round

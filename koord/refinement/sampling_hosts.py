@@ -8,10 +8,9 @@ from typing import Any
 
 from koord.refinement.translation import PHASES, Translation, to_plain
 from koord.runtime.compile.naming import PythonNames
-from koord.runtime.hosts import Key, Turn
 from koord.runtime.motion.world import Point
 from koord.runtime.proposals import rotating
-from koord.runtime.robot import Robot
+from koord.runtime.robot import Key, Robot, Turn
 from koord.sampling.initial_state_search import settle_readings, settle_robot, settled_start
 from koord.sampling.sampled_inputs import Question, SampledInputs
 from koord.sampling.values import Sampler

@@ -15,9 +15,8 @@ from koord.refinement.completion import Completing, PutOffError, with_summaries
 from koord.refinement.running import Compiled, CompiledRun, Recorder, ended_in, opening_order
 from koord.refinement.translation import PHASES, Translation, to_plain, to_value
 from koord.runtime.engine import RoundEngine
-from koord.runtime.hosts import Host, Key, Turn
 from koord.runtime.proposals import INIT_ROUND, Decision
-from koord.runtime.robot import Robot
+from koord.runtime.robot import Host, Key, Robot, Turn
 from koord.runtime.shapes import Shape, from_plain
 from koord.semantics.recordings import Answer, Concrete, Opening, Reading, Recording, Round, Start
 from koord.syntax import core

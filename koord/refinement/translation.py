@@ -9,8 +9,8 @@ from koord.runtime import proposals
 from koord.runtime.buffers import Written as Output
 from koord.runtime.compile.naming import PythonNames
 from koord.runtime.engine import RoundEngine
-from koord.runtime.hosts import Turn
 from koord.runtime.robot import Robot as Running
+from koord.runtime.robot import Turn
 from koord.semantics.configurations import NO_EVENT, Configuration, Fault, Robot, Store, Written
 from koord.semantics.domain import DOUBLES, Constant
 from koord.semantics.oracle import Phase

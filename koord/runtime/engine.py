@@ -14,10 +14,9 @@ from typing import Protocol
 from msgspec import Struct, field
 
 from koord.runtime.buffers import Written
-from koord.runtime.hosts import Host
 from koord.runtime.operations import FaultError
 from koord.runtime.proposals import INIT_ROUND, Decision, EventFault, Proposal, decide, rotating
-from koord.runtime.robot import Robot, Status
+from koord.runtime.robot import Host, Robot, Status
 from koord.runtime.store import AgreedStore
 
 

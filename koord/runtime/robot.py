@@ -9,11 +9,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from enum import Enum
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Protocol
 
 from koord.runtime import shapes
 from koord.runtime.buffers import Buffer, Event, Written
-from koord.runtime.hosts import Host, Key, Turn
 from koord.runtime.operations import (
     UNSET,
     FaultError,
@@ -61,6 +60,17 @@ from koord.runtime.shapes import Sequence as ListOf
 from koord.runtime.store import Layout, Shared
 from koord.syntax.faults import FaultKind
 
+#: Names one evaluation of ``choose`` or of an external function within one turn. [RECORDING]
+Key = tuple[int, ...]
+
+
+class Turn(Enum):
+    """The turn in which a program calls its host."""
+
+    INIT = "init"
+    PROG = "prog"
+    ENV = "env"
+
 
 class Status(Enum):
     """The status of a robot: whether it runs events. [STOP]"""
@@ -68,6 +78,52 @@ class Status(Enum):
     RUNNING = 0
     ASKED = 1  #: goes on until everyone asked
     STOPPED = 2
+
+
+class Host(Protocol):
+    """The environment of a program: sensors, external functions, choices.
+
+    Values are what :mod:`koord.runtime.shapes` says; lists do for tuples, and tuples for records.
+    """
+
+    def start(self, robot: int | None, name: str) -> Any:
+        """The start of an arbitrary variable; ``robot`` is None for allwrite variables."""
+        ...
+
+    def read(self, robot: Robot) -> Mapping[str, Any]:
+        """The readings of the sensors without a model after a round, by attribute."""
+        ...
+
+    def ask(
+        self, turn: Turn, robot: int, key: Key, function: str, arguments: tuple[Any, ...]
+    ) -> Any:
+        """The answer of an external function, whose ``requires`` are met."""
+        ...
+
+    def choose(self, turn: Turn, robot: int, key: Key, low: Any, high: Any) -> Any:
+        """A value from ``low`` to ``high``, both included."""
+        ...
+
+
+class Forwarding:
+    """A host that asks another; what it changes of the answers, subclasses say."""
+
+    def __init__(self, host: Host) -> None:
+        self.host = host
+
+    def start(self, robot: int | None, name: str) -> Any:
+        return self.host.start(robot, name)
+
+    def read(self, robot: Robot) -> Mapping[str, Any]:
+        return self.host.read(robot)
+
+    def ask(
+        self, turn: Turn, robot: int, key: Key, function: str, arguments: tuple[Any, ...]
+    ) -> Any:
+        return self.host.ask(turn, robot, key, function, arguments)
+
+    def choose(self, turn: Turn, robot: int, key: Key, low: Any, high: Any) -> Any:
+        return self.host.choose(turn, robot, key, low, high)
 
 
 class Robot:

@@ -6,9 +6,8 @@ from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from typing import Any
 
-from koord.runtime.hosts import Host, Key, Turn
 from koord.runtime.operations import FaultError
-from koord.runtime.robot import Robot, Status
+from koord.runtime.robot import Host, Key, Robot, Status, Turn
 from koord.runtime.shapes import Record, Scalar, Shape, from_plain
 from koord.syntax.faults import FaultKind
 

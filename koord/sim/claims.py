@@ -17,11 +17,10 @@ from msgspec import Struct, field
 
 from koord.runtime.compile.loading import loaded
 from koord.runtime.compile.watching import Watched, WatchedClaim, WatchedKind
-from koord.runtime.hosts import Forwarding, Host, Key, Turn
 from koord.runtime.motion.world import Point
 from koord.runtime.operations import FaultError
 from koord.runtime.ports import DONE, PLACES, placed, port_name
-from koord.runtime.robot import Robot
+from koord.runtime.robot import Forwarding, Host, Key, Robot, Turn
 from koord.runtime.shapes import Shape, from_plain
 from koord.runtime.watch import Watch
 from koord.sim.running import BrokenClaim, Simulation, WatchPoint

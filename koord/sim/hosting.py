@@ -14,7 +14,6 @@ from typing import Any
 
 import numpy as np
 
-from koord.runtime.hosts import Key, Turn
 from koord.runtime.motion.library import Library, occupied
 from koord.runtime.motion.world import Point
 from koord.runtime.ports import (
@@ -29,7 +28,7 @@ from koord.runtime.ports import (
     port_name,
     shape_of,
 )
-from koord.runtime.robot import Robot
+from koord.runtime.robot import Key, Robot, Turn
 from koord.runtime.shapes import (
     Array,
     Enumeration,

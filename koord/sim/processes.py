@@ -20,13 +20,12 @@ from msgspec import Struct, field
 
 from koord.runtime.deploy.member import Member
 from koord.runtime.deploy.running import Job, RoundReport
-from koord.runtime.hosts import Host, Key, Turn
 from koord.runtime.motion.arrays import Bools, Floats, Ints
 from koord.runtime.motion.planning import Hindrance
 from koord.runtime.motion.world import Point
 from koord.runtime.proposals import INIT_ROUND, Decision, Proposal, rotating
 from koord.runtime.protocol.messages import LogEntry
-from koord.runtime.robot import Robot
+from koord.runtime.robot import Host, Key, Robot, Turn
 from koord.sim.fleet import Fleet, Sensed
 from koord.sim.running import Cast, Simulation, host_of
 from koord.sim.scene import Scene

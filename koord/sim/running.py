@@ -14,14 +14,13 @@ from msgspec import Struct
 
 from koord.runtime.engine import Deployed, Ended, Schedule
 from koord.runtime.engine import RoundEngine as Engine
-from koord.runtime.hosts import Host
 from koord.runtime.motion.automaton import MotionState
 from koord.runtime.motion.library import Chart, Library
 from koord.runtime.motion.planners import planner
 from koord.runtime.motion.planning import Pose
 from koord.runtime.motion.world import Point
 from koord.runtime.proposals import Decision
-from koord.runtime.robot import Robot
+from koord.runtime.robot import Host, Robot
 from koord.sim.digest import Digest, events_of
 from koord.sim.fleet import Fleet
 from koord.sim.hosting import Hosted

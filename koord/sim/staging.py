@@ -8,12 +8,12 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from koord.runtime.engine import Schedule
-from koord.runtime.hosts import Host
 from koord.runtime.motion.arrays import Floats
 from koord.runtime.motion.bodies import IdealBody, PlannerName
 from koord.runtime.motion.clearance import Clearance
 from koord.runtime.motion.world import Point, World
 from koord.runtime.proposals import Decision
+from koord.runtime.robot import Host
 from koord.sim.fleet import Fleet, Placed
 from koord.sim.running import Cast, Ending, Simulation
 from koord.sim.scene import POINT_SLACK_M, Scene

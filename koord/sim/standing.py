@@ -14,13 +14,12 @@ from typing import Any
 
 from msgspec import Struct
 
-from koord.runtime.hosts import Forwarding, Host, Key, Turn
 from koord.runtime.motion.automaton import MotionState
 from koord.runtime.motion.bodies import Body
 from koord.runtime.motion.planning import Hindrance, Plight, hindrance
 from koord.runtime.motion.world import Point, World
 from koord.runtime.ports import plain_name
-from koord.runtime.robot import Robot, Status
+from koord.runtime.robot import Forwarding, Host, Key, Robot, Status, Turn
 from koord.sim.fleet import Sensed
 from koord.sim.hosting import WAYS
 

@@ -23,14 +23,13 @@ from koord.runtime.deploy.member import DivergedError, Member
 from koord.runtime.deploy.running import Job, Runner
 from koord.runtime.deploy.status import Tally, status_of
 from koord.runtime.engine import Deployed, RoundEngine
-from koord.runtime.hosts import Turn
 from koord.runtime.node import Peer
 from koord.runtime.proposals import Attempt, Decision, Proposal, Write
 from koord.runtime.protocol.events import Reason
 from koord.runtime.protocol.messages import LogEntry
 from koord.runtime.protocol.setup import Setup, Timing
 from koord.runtime.protocol.state import State, fresh, returning
-from koord.runtime.robot import Robot
+from koord.runtime.robot import Robot, Turn
 from koord.runtime.transports.udp import Delivery
 from koord.runtime.wire.codec import RunKey
 from koord.runtime.wire.frames import Drop

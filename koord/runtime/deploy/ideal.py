@@ -8,7 +8,6 @@ from itertools import pairwise
 from random import Random
 from typing import Any
 
-from koord.runtime.hosts import Key, Turn
 from koord.runtime.motion.world import Point, World
 from koord.runtime.ports import (
     DONE,
@@ -21,7 +20,7 @@ from koord.runtime.ports import (
     point_of,
     shape_of,
 )
-from koord.runtime.robot import Robot
+from koord.runtime.robot import Key, Robot, Turn
 from koord.runtime.shapes import Array, Record, Shape, default
 from koord.runtime.shapes import Sequence as ListOf
 

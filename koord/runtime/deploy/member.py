@@ -10,7 +10,6 @@ from typing import Any, Protocol
 from koord.runtime.buffers import Buffer, Written
 from koord.runtime.deploy.journal import Attributes, Journal, Page
 from koord.runtime.encoding import decoder, encode
-from koord.runtime.hosts import Host
 from koord.runtime.motion.world import Point
 from koord.runtime.operations import FaultError
 from koord.runtime.proposals import (
@@ -27,7 +26,7 @@ from koord.runtime.proposals import (
 )
 from koord.runtime.protocol.events import Reason
 from koord.runtime.protocol.messages import LastRun, LogEntry
-from koord.runtime.robot import Robot, Status
+from koord.runtime.robot import Host, Robot, Status
 from koord.runtime.shapes import ShapeError, from_plain, to_plain
 from koord.runtime.store import AgreedStore
 

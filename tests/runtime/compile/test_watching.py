@@ -15,8 +15,7 @@ from koord.runtime.compile.loading import loaded
 from koord.runtime.compile.naming import PythonNames
 from koord.runtime.compile.watching import WatchedKind, watched
 from koord.runtime.engine import AtRandom, RoundEngine
-from koord.runtime.hosts import Host
-from koord.runtime.robot import Robot
+from koord.runtime.robot import Host, Robot
 from koord.runtime.watch import Watch
 from koord.semantics.domain import DOUBLES
 from koord.semantics.properties import holds_in
