@@ -22,9 +22,7 @@ def events_of(decision: Decision, robots: int) -> Ints:
 
 
 class Digest:
-    """A hash of a run, round by round: the robots' events, and their positions when it was
-    decided.
-    """
+    """A hash of a run: in each round, the robots' events and their positions."""
 
     def __init__(self) -> None:
         self._hash = hashlib.sha256()
