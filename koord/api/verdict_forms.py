@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, TypeAlias, get_args
+from typing import Annotated, TypeAlias
 
 from msgspec import UNSET, Meta, UnsetType
 
@@ -31,9 +31,14 @@ class Failure(Form):
     ]
 
 
+def _kinds(of: type[_Obstacle]) -> list[str]:
+    """The names of all kinds of obstacles, each before those that are kinds of it."""
+    return [name for kind in of.__subclasses__() for name in (kind.__name__, *_kinds(kind))]
+
+
 class Obstacle(Form):
     engine: str
-    kind: Annotated[str, words(*(each.__name__ for each in get_args(_Obstacle)))]
+    kind: Annotated[str, words(*_kinds(_Obstacle))]
     names: Annotated[
         list[str],
         Meta(description="Variables, sensors or functions that may have too many values."),
