@@ -18,11 +18,11 @@ QUICK = [
     ("hvac.krd", 1, "40"),
     ("leader_elect.krd", 3, "1/10"),
     ("lineform_1d.krd", 3, "10"),
-    ("shortest_path.krd", 3, "1/10"),
-    ("sum_of_ids.krd", 3, "1/10"),
 ]
 
 SLOW = [
+    ("shortest_path.krd", 3, "1/10"),
+    ("sum_of_ids.krd", 3, "1/10"),
     ("fischer.krd", 2, "1"),
     ("follow_path.krd", 2, "1/10"),
     ("task.krd", 2, "1/10"),

@@ -179,5 +179,6 @@ def fun f(int a) -> int: extern
 def fun g(int[] a) -> int: extern
     ensures: length(a) > 3 and result == 1
 """
-    asked = ask(once(declared, "int x = 0", "x = f(1) + g([1])", "Any: x >= 0"), robots=1, rounds=2)
+    program = once(declared, "int x = 0", "x = f(1) + g([1])", "Any: x >= 0")
+    asked = ask(program, robots=1, rounds=2, choice=Engine.BMC)
     assert not any("can meet its" in told for told in asked.empty)

@@ -134,8 +134,8 @@ urgent Look:
   eff: seen = Clock.time
 invariant Sure{when}: seen == Clock.time implies seen >= 0
 """
-    assert ask(of_text(text.format(when=""))).empty == []
-    (late,) = ask(of_text(text.format(when=" at round"))).empty
+    assert ask(of_text(text.format(when="")), rounds=2).empty == []
+    (late,) = ask(of_text(text.format(when=" at round")), rounds=2).empty
     assert late.startswith("supposition Sure: ")
 
 

@@ -29,7 +29,7 @@ def abc_of() -> str | None:
     return shutil.which("berkeley-abc") or shutil.which("abc")
 
 
-SEEDS = range(9_000, 9_025)
+SEEDS = range(9_000, 9_040)
 
 
 def circuit(seed: int) -> Circuit | None:
@@ -62,7 +62,7 @@ def test_aiger_steps_as_the_circuit_does() -> None:
             # Legal steps are rare among random ones: go on from any state as well.
             state = after if random.random() < 0.5 else [random.random() < 0.5 for _ in after]
             count += 1
-    assert count >= 200
+    assert count >= 400
 
 
 def test_what_init_breaks_is_bad_before_it_is_over_and_never_again() -> None:
@@ -90,13 +90,13 @@ def test_what_init_breaks_is_bad_before_it_is_over_and_never_again() -> None:
                 assert is_bad == (over if given[begun >> 1] else first), seed
                 early += first and not given[begun >> 1]
                 late += first and given[begun >> 1] and not over
-    assert min(early, late) >= 3
+    assert min(early, late) >= 5
 
 
 @pytest.mark.parametrize("rounds", first(1, [2, 0]))
 def test_smt_lib_asks_whether_a_claim_breaks(rounds: int) -> None:
     count: Counter[str] = Counter()
-    for seed in range(9_000, 9_018):
+    for seed in range(9_000, 9_025):
         of = circuit(seed)
         if of is None:
             continue
@@ -106,7 +106,7 @@ def test_smt_lib_asks_whether_a_claim_breaks(rounds: int) -> None:
         breaks = bounded(system(Random(seed), FINITE), rounds=rounds).rounds
         assert (answer == z3.sat) == bool(breaks), seed
         count[str(answer)] += 1
-    assert min(count["sat"], count["unsat"]) >= 3, count
+    assert min(count["sat"], count["unsat"]) >= 5, count
 
 
 def test_vmt_is_well_formed_and_says_the_same() -> None:
@@ -134,7 +134,7 @@ def test_the_command_writes_a_file(tmp_path: Path, capsys: pytest.CaptureFixture
 
 
 def test_binary_aiger_says_the_same() -> None:
-    for seed in SEEDS[:10]:
+    for seed in SEEDS[:20]:
         # A graph grows with each question, so each form has a circuit of its own.
         one, two = circuit(seed), circuit(seed)
         if one is None or two is None:

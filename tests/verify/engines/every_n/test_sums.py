@@ -43,7 +43,13 @@ def test_a_counter_counts() -> None:
 @pytest.mark.parametrize(
     ("old", "new", "claim"),
     but_slow(
-        ["      n = n + 1", "pre: not done[pid]", "count <= numAgents", "pre: count == numAgents"],
+        [
+            "    atomic:\n      done[pid] = true\n      count",
+            "      n = n + 1",
+            "pre: not done[pid]",
+            "count <= numAgents",
+            "pre: count == numAgents",
+        ],
         [
             ("count + 1", "count + 2", "Right"),
             ("      n = n + 1", "      n = n + 2", "Right"),
