@@ -88,7 +88,7 @@ PLAIN = (
     "koord.traces.trace",
     "koord.verify.claims.ClaimKind",
     "koord.verify.engine_names",
-    "koord.verify.failures.Failure",
+    "koord.verify.obstacles.Failure",
     "koord.verify.proof_core.ProofCore",
     "koord.verify.verdicts",
     "koord.recheck.checking.RecheckOutcome",

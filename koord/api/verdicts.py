@@ -21,7 +21,7 @@ from koord.traces.trace import Trace as Recorded
 from koord.verify import obstacles
 from koord.verify.claims import Claim, ClaimKind, rule_of
 from koord.verify.engine_names import Engine
-from koord.verify.failures import Failure, failure_of
+from koord.verify.obstacles import Failure, failure_of
 from koord.verify.verdicts import (
     Counterexample,
     Outcome,

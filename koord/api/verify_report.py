@@ -25,7 +25,7 @@ from koord.syntax.source import visible
 from koord.syntax.system import System
 from koord.verify.claims import ClaimKind
 from koord.verify.engine_names import Engine
-from koord.verify.failures import Failure
+from koord.verify.obstacles import Failure
 from koord.verify.reduction.influence import Happens, Part
 from koord.verify.reduction.problems import identity
 from koord.verify.reduction.slicing import Slices

@@ -16,7 +16,7 @@ from koord.syntax.problem import Problem
 from koord.syntax.source import counted
 from koord.verify.claims import ClaimKind
 from koord.verify.engine_names import Engine, engine_named
-from koord.verify.failures import Failure
+from koord.verify.obstacles import Failure
 from koord.verify.proof_core import ProofCore
 from koord.verify.verdicts import (
     Emptiness,

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from koord.api.verdict_forms import Report
     from koord.api.verdicts import Parts
     from koord.api.verify_report import VerifyReport
-    from koord.verify.failures import Failure
+    from koord.verify.obstacles import Failure
 
 
 def tell(report: VerifyReport, arguments: argparse.Namespace, told: list[Report]) -> Exit:

@@ -6,8 +6,8 @@ from collections.abc import Callable, Sequence
 from functools import partial
 
 from koord.verify.claims import Claim
-from koord.verify.failures import Failure
 from koord.verify.ledger import Extract, Ledger
+from koord.verify.obstacles import Failure
 from koord.verify.processes import Pool, Progress, can_fork
 
 

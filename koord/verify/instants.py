@@ -34,8 +34,7 @@ from koord.verify.encoding.terms import Term
 from koord.verify.encoding.unknowns import Symbolic
 from koord.verify.encoding.unrolling import Unrolling
 from koord.verify.engine_names import Engine
-from koord.verify.failures import SHADOWS, Failure, failure_of
-from koord.verify.obstacles import Unshown
+from koord.verify.obstacles import SHADOWS, Failure, Unshown, failure_of
 from koord.verify.processes import was_interrupted
 from koord.verify.reduction.shadows import (
     BETWEEN,

@@ -22,14 +22,15 @@ from koord.syntax.system import System
 from koord.verify.claims import Claim, ClaimPhase
 from koord.verify.effort import Deadline
 from koord.verify.engine_names import Engine
-from koord.verify.failures import Failure, failure_of
 from koord.verify.obstacles import (
     Beyond,
+    Failure,
     Interrupted,
     Obstacle,
     TimeUp,
     TooLong,
     failed_at,
+    failure_of,
     gave_up,
 )
 from koord.verify.processes import was_interrupted

@@ -14,8 +14,7 @@ from koord.syntax.source import Span
 from koord.syntax.system import System
 from koord.verify.claims import Claim, ClaimPhase
 from koord.verify.engine_names import Engine
-from koord.verify.failures import Failure
-from koord.verify.obstacles import Obstacle
+from koord.verify.obstacles import Failure, Obstacle
 
 
 class Outcome(Enum):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import TypeAlias
 
 from msgspec import Struct
 from msgspec.structs import replace
@@ -13,9 +14,10 @@ from koord.semantics.turns import Turned
 from koord.syntax.core import UnaryOp
 from koord.syntax.types import INT
 from koord.verify.claims import ClaimPhase, StepFindings
-from koord.verify.encoding.races import Before
 from koord.verify.encoding.symbols import SymbolicInputs
 from koord.verify.encoding.terms import Term, Terms
+
+Before: TypeAlias = "dict[tuple[int, int], Term]"
 
 
 class EventOption(Struct, frozen=True):

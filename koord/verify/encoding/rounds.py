@@ -39,16 +39,17 @@ from koord.verify.encoding.choices import (
     one_event_each,
     one_winner_each,
     order_of,
+    racy_variables,
     who_acts,
 )
 from koord.verify.encoding.moments import (
+    Before,
     EventOption,
     SymbolicConfiguration,
     SymbolicInit,
     SymbolicRound,
     turn_taken,
 )
-from koord.verify.encoding.races import Before, racy_variables
 from koord.verify.encoding.symbols import SymbolicInputs
 from koord.verify.encoding.terms import Term, Terms
 from koord.verify.encoding.unknowns import Unknowns

@@ -21,8 +21,8 @@ from koord.verify.claims import Claim, ClaimPhase, claims_of, liveness_of
 from koord.verify.each_claim import note_end
 from koord.verify.effort import Effort
 from koord.verify.engine_names import Engine
-from koord.verify.failures import Failure
 from koord.verify.ledger import Extract, Ledger, VerificationProblem, reach_of
+from koord.verify.obstacles import Failure
 from koord.verify.processes import Job, JobChannel, Pool, Progress, can_fork
 from koord.verify.reduction.influence import Cone, Part
 from koord.verify.reduction.problems import Identity, identity, problem_of

@@ -13,9 +13,8 @@ from koord.verify.claims import Claim, claims_of, liveness_of
 from koord.verify.effort import Deadline
 from koord.verify.engine_names import Engine
 from koord.verify.engines.engine import Workers
-from koord.verify.failures import VACUITY, Failure
 from koord.verify.ledger import Extract, Ledger, Reach
-from koord.verify.obstacles import Unreplayed, WholeRuns
+from koord.verify.obstacles import VACUITY, Failure, Unreplayed, WholeRuns
 from koord.verify.processes import Pool, Progress
 from koord.verify.reduction.influence import Cone, Part
 from koord.verify.reduction.problems import abstract_problem, identity, plain_problem

@@ -9,9 +9,8 @@ from msgspec.structs import replace
 
 from koord.syntax.budget import OutOfBudgetError
 from koord.verify.engine_names import engine_named
-from koord.verify.failures import Failure
 from koord.verify.ledger import Ledger, Reach, reach_of
-from koord.verify.obstacles import TimeUp
+from koord.verify.obstacles import Failure, TimeUp
 from koord.verify.verdicts import Outcome, Verdict
 
 

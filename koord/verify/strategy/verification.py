@@ -18,8 +18,8 @@ from koord.verify.effort import Deadline
 from koord.verify.engine_names import Engine
 from koord.verify.engines.bmc.engine import others
 from koord.verify.engines.engine import Workers
-from koord.verify.failures import VACUITY, Failure, failure_of
 from koord.verify.ledger import Ledger, VerificationProblem, reach_of
+from koord.verify.obstacles import VACUITY, Failure, failure_of
 from koord.verify.processes import Job, Pool, Progress, was_interrupted
 from koord.verify.reduction.problems import identity, plain_problem, problem_of
 from koord.verify.reduction.slicing import Slices

@@ -21,7 +21,13 @@ from koord.syntax.types import (
     Type,
     is_flat,
 )
-from koord.verify.encoding.races import Write, precedes, racy_variables, set_where_written, winning
+from koord.verify.encoding.choices import (
+    Write,
+    precedes,
+    racy_variables,
+    set_where_written,
+    winning,
+)
 from koord.verify.encoding.terms import Term, Terms
 from tests.semantics.building import (
     TRUE,

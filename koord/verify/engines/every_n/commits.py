@@ -16,7 +16,7 @@ from koord.syntax import core
 from koord.syntax.analysis.footprint import WriteExtent
 from koord.syntax.core import BinaryOp
 from koord.syntax.types import INT, is_flat
-from koord.verify.encoding.races import racy_places
+from koord.verify.encoding.choices import racy_places
 from koord.verify.encoding.terms import Term, Terms
 from koord.verify.engines.every_n.all_robots import ParameterisedSystem
 
