@@ -117,7 +117,7 @@ def compare(seed: int) -> str:
 @pytest.mark.parametrize("seeds", blocks(6, of=20, count=4))
 def test_as_the_plain_lassos(seeds: range) -> None:
     count = Counter(compare(seed) for seed in seeds)
-    assert count["violated"] >= len(seeds) // 4, count
+    assert count["violated"] >= len(seeds) // 5, count
 
 
 @pytest.mark.slow
