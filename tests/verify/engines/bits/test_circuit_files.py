@@ -93,6 +93,29 @@ def test_what_init_breaks_is_bad_before_it_is_over_and_never_again() -> None:
     assert min(early, late) >= 5
 
 
+def test_a_run_is_one_of_the_rules_no_more_after_an_illegal_step() -> None:
+    """What is asked goes on, so that latches have values, but nothing there breaks a claim."""
+    legal = illegal = 0
+    for seed in SEEDS[:10]:
+        of = circuit(seed)
+        if of is None:
+            continue
+        g, machine, random = of.d.graph, machine_of(of), Random(seed)
+        begun, valid, *others = machine.latches
+        free = [x >> 1 for x in (*machine.inputs, *(latch.literal for latch in others))]
+        for _ in range(40):
+            given = {node: random.random() < 0.5 for node in free}
+            given |= {begun.literal >> 1: True, valid.literal >> 1: random.random() < 0.5}
+            still, steps, *bad = g.values(
+                [valid.next, of.steps, *(x for _, x in machine.bad)], given
+            )
+            assert still == (given[valid.literal >> 1] and steps), seed
+            assert given[valid.literal >> 1] or not any(bad), seed
+            legal += still
+            illegal += steps and not still
+    assert min(legal, illegal) >= 5
+
+
 @pytest.mark.parametrize("rounds", first(1, [2, 0]))
 def test_smt_lib_asks_whether_a_claim_breaks(rounds: int) -> None:
     count: Counter[str] = Counter()
