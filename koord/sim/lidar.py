@@ -23,7 +23,7 @@ class Scanner:
     """A scanner in a world: the edges of obstacles at its height, and the walls around."""
 
     def __init__(self, lidar: Lidar, world: World, height_m: float) -> None:
-        self.lidar, self.height_m = lidar, height_m
+        self.lidar = lidar
         (x0, y0, _), (x1, y1, _) = world.low, world.high
         rings = [((x0, y0), (x1, y0), (x1, y1), (x0, y1))]
         discs: list[tuple[float, float, float]] = []

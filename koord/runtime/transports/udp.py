@@ -5,6 +5,7 @@ from __future__ import annotations
 import select
 import socket
 import struct
+from contextlib import suppress
 from enum import Enum
 
 from msgspec import Struct
@@ -55,7 +56,6 @@ class Udp:
     def __init__(self, plan: Plan, pid: int) -> None:
         """Open the sockets. Raises TransportError."""
         self.sent = 0
-        self.unsent = 0  #: the kernel would not take them
         self._plan = plan
         self._own = plan.addresses[pid]
         self._others = tuple(a for i, a in enumerate(plan.addresses) if i != pid)
@@ -100,12 +100,10 @@ class Udp:
             self._send(address, datagram)
 
     def _send(self, address: Address, datagram: bytes) -> None:
-        try:
+        # Full buffers, no route, a port that is closed: to the protocol it is all loss.
+        with suppress(OSError):
             self._socket.sendto(datagram, address)
             self.sent += 1
-        except OSError:
-            # Full buffers, no route, a port that is closed: to the protocol it is all loss.
-            self.unsent += 1
 
     def receive(self, timeout_s: float) -> list[bytes]:
         came: list[bytes] = []
