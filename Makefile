@@ -25,7 +25,9 @@ BENCHMARKS := $(filter-out benchmarks/harness.py,$(sort $(wildcard benchmarks/*.
 
 .PHONY: check format lint types test sample slow fuzz bench clean
 
-check: lint types test
+# Types are checked beside the tests: by themselves they would keep one core busy.
+check: lint
+	@$(MAKE) --no-print-directory --output-sync=target -j 2 types test
 
 lint: $(INSTALLED)
 	$(BIN)/ruff format --check .

@@ -58,7 +58,7 @@ def _has_maps(of: System) -> bool:
     return any(isinstance(getattr(node, "type", None), MapType) for node in nodes(of.program))
 
 
-@pytest.mark.parametrize("seeds", blocks(6, of=40, count=4))
+@pytest.mark.parametrize("seeds", blocks(4, of=40, count=4))
 def test_bits_say_what_the_search_says(seeds: range) -> None:
     count = sum((compare(seed) for seed in seeds), Counter[str]())
     assert count["holds"] >= len(seeds), count

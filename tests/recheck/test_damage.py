@@ -17,7 +17,7 @@ from koord.recheck.solving import SolverAnswer
 from koord.syntax.diagnostics import KoordError
 from koord.verify.certificates import digest
 from tests.recheck.certificates import Document, document_of, rechecked
-from tests.sampling import sampled
+from tests.sampling import first, sampled
 
 pytest.importorskip("cvc5")
 
@@ -128,7 +128,7 @@ def tampered(change: Callable[[str], str], which: int = 2) -> Document:
     return document
 
 
-@pytest.mark.parametrize("kind", TAMPERED)
+@pytest.mark.parametrize("kind", first(8, TAMPERED))
 def test_scripts_that_are_none_are_named(kind: str) -> None:
     change, story = TAMPERED[kind]
     with pytest.raises(KoordError) as found:

@@ -111,13 +111,13 @@ def test_what_is_edited_is_confirmed_before() -> None:
     assert count == Counter(confirmed=2, shown=count["shown"])
 
 
-@pytest.mark.parametrize("count", first(1, [4, len(FALSE)]))
+@pytest.mark.parametrize("count", first(1, [2, len(FALSE)]))
 def test_what_is_false_is_not_confirmed(count: int) -> None:
     documents = [forged(*false, everyone=k == 0) for k, false in enumerate(FALSE[:count])]
     assert judged(documents)["confirmed"] <= 1  # the door lets nobody in twice
 
 
-@pytest.mark.parametrize("count", first(1, [4, len(CHANGES)]))
+@pytest.mark.parametrize("count", first(1, [2, len(CHANGES)]))
 def test_what_was_shown_of_another_program_is_not_confirmed(count: int) -> None:
     assert judged(altered(*change) for change in CHANGES[:count])["refuted"] >= count // 2
 
