@@ -20,7 +20,7 @@ from tests.mutants.mutant import ROOT, VARIABLE, Mutant
 RUNS = (("not slow", 300), ("slow or generated", 3600))
 
 #: pytest's exit codes: all passed, some failed, none is so marked. Others are mistakes of ours.
-PASSED, FAILED, UNKNOWN_TEST, NONE = 0, 1, 4, 5
+PASSED, FAILED, INTERRUPTED, UNKNOWN_TEST, NONE = 0, 1, 2, 4, 5
 
 _FAILURE = re.compile(r"^(?:FAILED|ERROR) (\S+)", re.MULTILINE)
 
@@ -59,6 +59,8 @@ def _caught_by(mutant: Mutant, marks: str, timeout_s: int) -> str:
         return "no end" if "not slow" in marks else ""
     if done.returncode == UNKNOWN_TEST and "not found" in done.stderr:
         return ""
+    if done.returncode == INTERRUPTED and "KeyboardInterrupt" in done.stdout:
+        return "KeyboardInterrupt"  # nobody pressed Ctrl-C
     if done.returncode not in (PASSED, FAILED, NONE):
         raise RuntimeError(f"{mutant.name}: {done.stdout}{done.stderr}")
     found = _FAILURE.search(done.stdout)

@@ -87,6 +87,16 @@ def test_what_is_false_at_the_start() -> None:
     assert verdict.counterexample.round == 0
 
 
+def test_what_is_false_at_the_start_alone() -> None:
+    """Nobody may skip, so that every moment of every round is behind it."""
+    text = COUNTER.replace("Up:", "urgent Up:").replace("x < 7", "x < 2")
+    text = text.replace("Jump:", "urgent Stay:").replace("x == 5", "x >= 2").replace("40", "2")
+    verdict = asked(of_text(text + "invariant Late: x > 0\n", 1))["Late"]
+    assert verdict.outcome is Outcome.VIOLATED
+    assert verdict.counterexample is not None
+    assert verdict.counterexample.round == 0
+
+
 def test_faults_are_found() -> None:
     text = COUNTER.replace("int x = 0", "int x = 0\n  int[5] of = [1, 1, 1, 1, 1]")
     text = text.replace("x = 40", "x = of[x]") + "invariant Low: x < 30\n"
