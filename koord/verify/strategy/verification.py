@@ -128,7 +128,7 @@ class _Verification(Struct, frozen=True):
         verdicts, ledger, last = self._of_states(problem, slices, known, search)
         cut = last.interrupted
         search.wanted &= not cut and not ledger.stopped
-        if self._claims_of_runs():
+        if any(map(self._is_asked, liveness_of(self.system))):
             search.begin(ledger)
         unreachable = _Vacuities()
         if search.job is None:
@@ -151,9 +151,6 @@ class _Verification(Struct, frozen=True):
 
     def _is_asked(self, claim: Claim) -> bool:
         return not self.names or claim.name in self.names
-
-    def _claims_of_runs(self) -> list[Claim]:
-        return [claim for claim in liveness_of(self.system) if self._is_asked(claim)]
 
     def _of_states(
         self,
@@ -181,8 +178,6 @@ class _Verification(Struct, frozen=True):
         self, slices: Slices, proved: Sequence[Claim], known: Sequence[Verdict], *, cut: bool
     ) -> LivenessVerdicts:
         """Verdicts on the claims about runs that are asked about, if there are any."""
-        if not self._claims_of_runs():
-            return LivenessVerdicts(())
         live = settled(
             slices,
             self.bounds,
