@@ -48,9 +48,7 @@ class Stepper(Struct):
 
     program: Program
     session: RunSession
-    rounds: int
     taken: list[Step] = field(default_factory=list)
-    violation: Violation | None = None
     _past: list[RunState] = field(default_factory=list)
 
     @property
@@ -63,12 +61,19 @@ class Stepper(Struct):
         return self._noted(self.run.begin())
 
     @property
+    def rounds(self) -> int:
+        """The number of rounds after which the run ends."""
+        return self.session.play.rounds
+
+    @property
+    def violation(self) -> Violation | None:
+        """The first violation of the run, if there is one by now."""
+        return self.session.play.violation
+
+    @property
     def is_over(self) -> bool:
         """True if no step can follow: a fault, a violation, the last round, all stopped."""
-        if self.violation is not None or self.run.configuration.fault is not None:
-            return True
-        begun = len(self.run.waiting) < self.run.system.robots
-        return not begun and (self.run.round >= self.rounds or self.run.all_stopped)
+        return self.session.play.is_over
 
     def options(self) -> tuple[Option, ...]:
         """The possible next turns; none where the environment's turn is next."""
@@ -110,7 +115,7 @@ class Stepper(Struct):
 
     def _noted(self, step: Step) -> Step:
         self.taken.append(step)
-        self.violation = self.session.play.watch.after(step)
+        self.session.play.violation = self.session.play.watch.after(step)
         return step
 
     def undo(self) -> bool:
@@ -124,7 +129,7 @@ class Stepper(Struct):
             self.run.go_back(self._past.pop())
             if self.taken.pop().rule != "ENV-TRANS":
                 break
-        self.violation = None
+        self.session.play.violation = None
         return True
 
     @property
@@ -157,6 +162,6 @@ def step(
     loaded = program_of(program)
     system = system_of(loaded.core, fleet_of(robots), delta_of(delta_s))
     how = HowToRun(rounds, numbers=Numbers(numbers), traced=False)
-    stepper = Stepper(loaded, session_of(loaded, system, how, seed, None), rounds)
+    stepper = Stepper(loaded, session_of(loaded, system, how, seed, None))
     stepper.begin()
     return stepper

@@ -202,7 +202,7 @@ def _run(loaded: Program, arguments: argparse.Namespace) -> Exit:
         print(_heading(loaded, arguments, system))
     table = RunTable(Names(system), style_of(sys.stdout))
     if interruption is None:
-        return _by_hand(arguments, Interactive(Stepper(loaded, session, arguments.rounds), table))
+        return _by_hand(arguments, Interactive(Stepper(loaded, session), table))
     with interruption:
         return _by_policy(session, arguments, table)
 

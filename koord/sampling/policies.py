@@ -90,7 +90,7 @@ class Play(Struct):
         Raises KoordError where an assumption, a contract or a summary cannot be met.
         """
         yield from self._observed(TakenStep(self.run.begin()))
-        while not self._over:
+        while not self.is_over:
             waiting = self.run.waiting
             if waiting:
                 yield from self._observed(take(self.run, self.policy.move(self.run, waiting)))
@@ -102,7 +102,8 @@ class Play(Struct):
         yield taken
 
     @property
-    def _over(self) -> bool:
+    def is_over(self) -> bool:
+        """True if no step can follow: a fault, a violation, the last round, all stopped."""
         if self.violation is not None or self.run.configuration.fault is not None:
             return True
         begun = len(self.run.waiting) < self.run.system.robots
