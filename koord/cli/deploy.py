@@ -63,8 +63,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.epilog = (
         "exit codes: 0 the rounds were done, or all robots have stopped, 1 a fault ended the run, "
         "2 errors in the input, 3 robots stopped before all rounds were "
-        "done, 130 stopped with Ctrl-C (a second one "
-        "stops at once)"
+        "done, 130 stopped with Ctrl-C, 143 by SIGTERM, 129 by SIGHUP "
+        "(robots stop safely; a second one stops at once)"
     )
 
 

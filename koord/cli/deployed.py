@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from rich.console import Console
@@ -37,8 +38,7 @@ class Board:
         return self
 
     def __exit__(self, *_: object) -> None:
-        if self._live is not None:
-            self._live.stop()
+        self._close()
 
     def show(self, heard: FleetHeard) -> None:
         """Show the present status of the robots."""
@@ -50,7 +50,16 @@ class Board:
         made = table(heard, rows)
         if self.is_stopping:
             made.title = f"{made.title}, stopping (Ctrl-C again: at once)"
-        self._live.update(made, refresh=True)
+        try:
+            self._live.update(made, refresh=True)
+        except OSError:
+            self._close()  # the terminal went away; the robots go on, or come to a safe stop
+
+    def _close(self) -> None:
+        if self._live is not None:
+            with suppress(OSError):
+                self._live.stop()
+            self._live = None
 
 
 def table(heard: FleetHeard, rows: int = MOST_ROWS) -> Table:

@@ -184,10 +184,10 @@ def entry() -> NoReturn:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command and return the exit code. No exception leaves, whatever the input."""
     with Endings() as endings:
-        return endings.code(_run(argv))
+        return endings.code(_run(argv, endings))
 
 
-def _run(argv: Sequence[str] | None) -> int:
+def _run(argv: Sequence[str] | None, endings: Endings) -> int:
     for stream in (sys.stdout, sys.stderr):
         _make_total(stream)
     try:
@@ -207,7 +207,8 @@ def _run(argv: Sequence[str] | None) -> int:
         if isinstance(error, OSError) and _is_of_output(error):
             _abandon(sys.stdout)
             _complain(f"koord: error: the output cannot be written: {error.strerror}")
-            return Exit.BAD_INPUT
+            # A terminal that hangs up takes the output with it.
+            return Exit.BAD_INPUT if endings.by is None else Exit.INTERRUPTED
         _report_internal(error)
         return Exit.INTERNAL
     return code

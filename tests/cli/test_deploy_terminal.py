@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import fcntl
+import json
 import os
 import pty
 import re
@@ -16,6 +17,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import pytest
+from mcap.reader import make_reader
 
 from koord.api.deployed import FleetHeard
 from koord.cli.deployed import table
@@ -58,6 +60,12 @@ class Screen:
     def press_ctrl_c(self) -> None:
         os.write(self._terminal, b"\x03")
 
+    def hang_up(self) -> None:
+        """Close the terminal, if that has not been done."""
+        if self._terminal >= 0:
+            os.close(self._terminal)
+            self._terminal = -1
+
     @property
     def code(self) -> int:
         return self.process.wait(PATIENCE_S)
@@ -69,7 +77,10 @@ def deployed(folder: Path, *words: str, columns: int = 80) -> Iterator[Screen]:
     config.write_text("num_robots: 3\ndelta: 0.05\n", encoding="utf-8")
     ours, theirs = pty.openpty()
     fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("HHHH", 24, columns, 0, 0))
-    command = [sys.executable, "-m", "koord", "deploy", str(EXAMPLES / "leader_elect.krd")]
+    # The tests may run under nohup, and so would the command.
+    heard = "import signal; signal.signal(signal.SIGHUP, signal.SIG_DFL)"
+    start = f"{heard}; from koord.cli.main import entry; entry()"
+    command = [sys.executable, "-c", start, "deploy", str(EXAMPLES / "leader_elect.krd")]
     process = subprocess.Popen(
         [*command, str(config), "--all-local", *words],
         stdin=theirs,
@@ -79,13 +90,14 @@ def deployed(folder: Path, *words: str, columns: int = 80) -> Iterator[Screen]:
         preexec_fn=lambda: fcntl.ioctl(0, termios.TIOCSCTTY, 0),
     )
     os.close(theirs)
+    screen = Screen(process, ours)
     try:
-        yield Screen(process, ours)
+        yield screen
     finally:
         with suppress(ProcessLookupError):
             os.killpg(process.pid, 9)
         process.wait()
-        os.close(ours)
+        screen.hang_up()
 
 
 def test_the_first_ctrl_c_stops_safely_with_a_summary(tmp_path: Path) -> None:
@@ -121,6 +133,17 @@ def test_the_second_ctrl_c_stops_at_once(tmp_path: Path) -> None:
         assert screen.code == Exit.INTERRUPTED
     assert "rounds of 3 robots" not in text
     assert "koord: interrupted" in text
+
+
+def test_a_terminal_that_hangs_up_ends_the_run_in_good_order(tmp_path: Path) -> None:
+    record = tmp_path / "run.mcap"
+    with deployed(tmp_path, "--record", str(record)) as screen:
+        screen.read_until(r"round [2-9]")
+        screen.hang_up()
+        assert screen.code == Exit.HUNG_UP
+    with record.open("rb") as file:
+        told = [json.loads(one.data) for _, _, one in make_reader(file).iter_messages()]
+    assert {one["pid"] for one in told if "pid" in one} == {0, 1, 2}
 
 
 def test_a_run_that_ends_leaves_its_summary_alone(tmp_path: Path) -> None:

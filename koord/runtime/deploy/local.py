@@ -9,8 +9,10 @@ import signal
 import socket
 import time
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
+from types import FrameType
 from typing import assert_never
 
 from msgspec import Struct, field
@@ -221,9 +223,37 @@ def _process(arguments: tuple[Launch, int, Connection]) -> BaseProcess:
     return multiprocessing.Process(target=_robot, args=arguments, daemon=True)
 
 
+class _Asked:
+    """What asks a robot's process to end: a signal, or the first process by a word or by its end.
+
+    The first signal asks for a safe stop; another one ends the process at once. Ctrl-C is left to
+    the first process, and what it ignores (a hang-up under nohup) is ignored here as well.
+    """
+
+    def __init__(self, end: Connection) -> None:
+        self.by: int | None = None  #: the signal
+        self._end = end
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        for name in ("SIGTERM", "SIGHUP"):
+            number = getattr(signal, name, None)  # Windows has no SIGHUP
+            if number is not None and signal.getsignal(number) is not signal.SIG_IGN:
+                signal.signal(number, self._on_signal)
+
+    def __call__(self) -> bool:
+        parent = multiprocessing.parent_process()
+        is_orphan = parent is not None and os.getppid() != parent.pid
+        return self.by is not None or is_orphan or self._end.poll()
+
+    def _on_signal(self, number: int, frame: FrameType | None) -> None:
+        if self.by is not None:
+            signal.signal(number, signal.SIG_DFL)
+            os.kill(os.getpid(), number)
+        self.by = number
+
+
 def _robot(launch: Launch, pid: int, end: Connection) -> None:
-    """Run a robot as the main function of its process. Ctrl-C is left to the first process."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    """Run a robot as the main function of its process."""
+    asked = _Asked(end)
     try:
         transport = launch.carry(launch.plan, pid)
     except TransportError as error:
@@ -231,18 +261,12 @@ def _robot(launch: Launch, pid: int, end: Connection) -> None:
         return
     runner = Runner(launch.job, pid, transport, make=launch.make)
     runner.keeps_moments = launch.keeps_moments
-    parent = os.getppid()
 
     def report(status: RobotReport) -> None:
         moments = tuple(runner.moments)
         runner.moments.clear()
-        try:
+        with suppress(OSError):  # nobody hears it any more: it is told to stop
             end.send((status, moments))
-        except OSError:
-            os.kill(os.getpid(), signal.SIGTERM)
 
-    def is_told_to_stop() -> bool:
-        return os.getppid() != parent or end.poll()
-
-    report(runner.run(is_told_to_stop, report))
+    report(runner.run(asked, report))
     end.close()

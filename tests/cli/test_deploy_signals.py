@@ -1,0 +1,187 @@
+"""``koord deploy`` that is told to end, or whose processes are: robots stop safely, all is kept."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+from mcap.reader import make_reader
+
+from koord.cli.exits import Exit
+
+SUM = str(Path(__file__).parents[2] / "specs" / "examples" / "sum_of_ids.krd")
+
+#: Runs the command line. Robots write down whether they hold; what the live table would show of a
+#: run goes to standard error.
+DRIVER = """
+import os, signal, sys
+from pathlib import Path
+import koord.cli.deploy as deploy
+import koord.runtime.deploy.running as running
+from koord.cli.deployed import story
+from koord.cli.main import main
+
+class Noted(running.IdealHost):
+    def __setattr__(self, name, value):
+        super().__setattr__(name, value)
+        if name == "holding":
+            Path(f"holds-{self.pid}").write_text(str(value))
+
+class Told(deploy.Board):
+    def show(self, heard):
+        said = "stopping" if self.is_stopping else f"round {heard.round}"
+        stories = [f"{pid} {story(one)}" for pid, one in sorted(heard.statuses.items())]
+        print("; ".join([said, *stories]), file=sys.stderr, flush=True)
+
+running.IdealHost, deploy.Board = Noted, Told
+signal.signal(signal.SIGHUP, signal.SIG_DFL)  # the tests may run under nohup
+sys.exit(main(sys.argv[1:]))
+"""
+
+#: Nothing here takes long; who waits longer than this waits for ever.
+PATIENCE_S = 60.0
+
+
+@dataclass
+class Command:
+    """A command that runs, with its folder and what it has said of itself."""
+
+    process: subprocess.Popen[str]
+    folder: Path
+    said: str = ""
+
+    def wait_for(self, pattern: str) -> None:
+        """Wait until standard error has a line with this pattern."""
+        assert self.process.stderr is not None
+        for line in self.process.stderr:
+            self.said += line
+            if re.search(pattern, line):
+                return
+        raise AssertionError(self.said)
+
+    @property
+    def robots(self) -> list[int]:
+        """The ids of the robots' processes, in the order of their start."""
+        words = ["ps", "-o", "pid=", "--ppid", str(self.process.pid)]
+        listed = subprocess.run(words, capture_output=True, check=True, text=True)
+        return sorted(int(pid) for pid in listed.stdout.split())
+
+    def ended(self) -> tuple[int, str]:
+        """Wait for the end of all processes; return the exit code and standard output."""
+        out, err = self.process.communicate(timeout=PATIENCE_S)
+        self.said += err
+        return self.process.returncode, out
+
+    def holds(self) -> list[str]:
+        """What each robot last wrote down: whether it holds."""
+        return [path.read_text("utf-8") for path in sorted(self.folder.glob("holds-*"))]
+
+    def recorded(self) -> list[dict[str, Any]]:
+        with (self.folder / "run.mcap").open("rb") as file:
+            return [json.loads(one.data) for _, _, one in make_reader(file).iter_messages()]
+
+
+@contextmanager
+def command(folder: Path, robots: int, *words: str) -> Iterator[Command]:
+    (folder / "driver.py").write_text(DRIVER, "utf-8")
+    key = "network: {key: sixteen letters ok, transport: unicast}"
+    (folder / "c.yaml").write_text(f"num_robots: {robots}\ndelta: 0.05\n{key}\n", "utf-8")
+    process = subprocess.Popen(
+        [sys.executable, "driver.py", "deploy", SUM, "c.yaml", *words],
+        cwd=folder,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    try:
+        yield Command(process, folder)
+    finally:
+        with suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
+        process.communicate()
+
+
+ALL = ("--all-local", "--record", "run.mcap", "--state", "noted")
+ONE = ("--pid", "0", "--record", "run.mcap", "--state", "noted")
+CODES = {
+    signal.SIGTERM: Exit.TERMINATED,
+    signal.SIGHUP: Exit.HUNG_UP,
+    signal.SIGINT: Exit.INTERRUPTED,
+}
+
+
+@pytest.mark.parametrize(
+    ("number", "words", "robots"),
+    [
+        (signal.SIGTERM, ALL, 3),
+        (signal.SIGHUP, ONE, 1),
+        pytest.param(signal.SIGHUP, ALL, 3, marks=pytest.mark.slow),
+        pytest.param(signal.SIGTERM, ONE, 1, marks=pytest.mark.slow),
+        pytest.param(signal.SIGINT, ONE, 1, marks=pytest.mark.slow),
+    ],
+)
+def test_a_run_that_is_asked_to_end_stops_safely_and_keeps_all(
+    number: signal.Signals, words: tuple[str, ...], robots: int, tmp_path: Path
+) -> None:
+    """The first process alone is asked."""
+    with command(tmp_path, robots, *words, "--json") as run:
+        run.wait_for("round [3-9]")
+        os.kill(run.process.pid, number)
+        code, out = run.ended()
+        assert code == CODES[number], run.said
+        assert run.holds() == ["True"] * robots
+        told = json.loads(out)["robots"]
+        assert [one["pid"] for one in told] == list(range(robots))
+        rounds = {one["round"] for one in run.recorded() if "took_s" in one and "event" in one}
+        assert max(rounds) == max(one["round"] for one in told) - 1
+        assert len(list((tmp_path / "noted").iterdir())) == robots
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+def test_all_processes_may_be_asked_to_end_together(number: signal.Signals, tmp_path: Path) -> None:
+    """As a terminal does that hangs up, and who ends a service."""
+    with command(tmp_path, 3, *ALL) as run:
+        run.wait_for("round [3-9]")
+        os.killpg(run.process.pid, number)
+        code, out = run.ended()
+        assert code == CODES[number], run.said
+        assert run.holds() == ["True"] * 3
+        assert "rounds of 3 robots" in out
+        assert "its process" not in out
+
+
+def test_a_second_signal_stops_at_once(tmp_path: Path) -> None:
+    """The robots are stopped meanwhile, so that no first one could be enough."""
+    with command(tmp_path, 3, *ALL) as run:
+        run.wait_for("round [3-9]")
+        for robot in run.robots:
+            os.kill(robot, signal.SIGSTOP)
+        os.kill(run.process.pid, signal.SIGTERM)
+        run.wait_for("stopping")
+        os.kill(run.process.pid, signal.SIGTERM)
+        code, out = run.ended()
+        assert code == Exit.TERMINATED
+        assert "koord: interrupted" in run.said
+        assert "rounds of 3 robots" not in out
+        assert run.recorded()
+
+
+def test_robots_whose_first_process_is_killed_stop_safely_by_themselves(tmp_path: Path) -> None:
+    with command(tmp_path, 3, *ALL) as run:
+        run.wait_for("round [3-9]")
+        os.kill(run.process.pid, signal.SIGKILL)
+        code, _ = run.ended()  # the pipes have their end when the last process has
+        assert code == -signal.SIGKILL
+        assert run.holds() == ["True"] * 3
+        assert len(list((tmp_path / "noted").iterdir())) == 3
