@@ -55,6 +55,7 @@ DOCUMENTS: Mapping[str, str] = {
     "verdicts": "what `koord verify --json` prints",
     "diagnostics": "what `--json` prints of any command when its input has mistakes",
     "trace": "traces, as `--trace FILE` and `koord run --json` write them",
+    "part": "lines of parts, as `koord deploy --pid I --trace FILE` writes them",
     "certificate": "certificates, as `koord verify --certificate` writes them",
     "recheck": "what `koord recheck --json` prints",
     "replay": "what `koord replay --json` prints",
@@ -75,7 +76,7 @@ def schema_text(document: str) -> str:
 
 
 #: Documents whose schema is made of structs, and published beside this file.
-GENERATED = ("certificate", "diagnostics", "recheck", "replay", "trace", "verdicts")
+GENERATED = ("certificate", "diagnostics", "part", "recheck", "replay", "trace", "verdicts")
 
 
 def generated(document: str) -> dict[str, Any]:
@@ -83,16 +84,22 @@ def generated(document: str) -> dict[str, Any]:
     from msgspec.json import schema_components
 
     from koord.api import forms, verdict_forms
+    from koord.refinement import part_form
     from koord.syntax.forms import VALUES
     from koord.traces import form
     from koord.verify.certificate_form import CertificateForm
 
     head: dict[str, str]
-    whole: type
+    whole: Any
     others: dict[str, Any]
     head, whole, others = {
         "certificate": ({"title": "Koord certificate"}, CertificateForm, VALUES),
         "diagnostics": ({"title": "Diagnostics of koord"}, forms.Diagnostics, {}),
+        "part": (
+            {"$id": "koord-part-1", "title": "A line of a part of a deployed run"},
+            part_form.AnyLine,
+            form.VALUES,
+        ),
         "recheck": (
             {"title": "Verdicts of koord on a certificate"},
             forms.Recheck,
@@ -113,7 +120,7 @@ def generated(document: str) -> dict[str, Any]:
             one.pop("description", None)  # of the enumeration, for who reads the code
         if "description" in one:
             one["description"] = " ".join(one["description"].split())
-    own = found.pop(top["$ref"].rpartition("/")[2])
+    own = found.pop(top["$ref"].rpartition("/")[2]) if "$ref" in top else {"anyOf": top["anyOf"]}
     draft = "https://json-schema.org/draft/2020-12/schema"
     return {"$schema": draft, **head, **own, "$defs": {**others, **found}}
 
@@ -122,8 +129,8 @@ def schema(document: str = "configuration") -> dict[str, Any]:
     """The JSON Schema of what koord reads and writes.
 
     ``document`` is ``"configuration"``, ``"verdicts"``, ``"diagnostics"``, ``"trace"``,
-    ``"certificate"``, ``"recheck"`` or ``"replay"``. Raises :class:`koord.ArgumentError` for
-    another one.
+    ``"part"``, ``"certificate"``, ``"recheck"`` or ``"replay"``. Raises
+    :class:`koord.ArgumentError` for another one.
 
     >>> koord.schema("verdicts")["title"]
     """

@@ -8,10 +8,10 @@ carries their messages differs, and where the time comes from.
 
 from __future__ import annotations
 
-import pickle
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
+from fractions import Fraction
 from pathlib import Path
 from random import Random
 from tempfile import TemporaryDirectory
@@ -24,9 +24,11 @@ from koord.refinement.instrumented_robot import (
     GAVE_UP,
     GaveUpError,
     InstrumentedRobot,
-    Told,
     Witness,
 )
+from koord.refinement.part_reading import read_part
+from koord.refinement.parts import PartWriter, Whose
+from koord.refinement.reports import Told
 from koord.refinement.running import Compiled, CompiledRun
 from koord.refinement.sampling_hosts import SeededHost, settled_starts
 from koord.refinement.trace_merge import gathered
@@ -44,9 +46,11 @@ from koord.runtime.protocol.state import fresh, returning
 from koord.runtime.transports.transport import Transport
 from koord.runtime.transports.udp import Plan, Udp
 from koord.runtime.wire.bodies import kind_and_body, message_of
+from koord.syntax import core
 from koord.syntax.diagnostics import KoordError
 from koord.syntax.source import Source
 from koord.syntax.system import System
+from koord.traces.codec import Subject
 from koord.traces.trace import Sources
 
 #: A run that is not over after so long is stuck: virtual seconds, and real ones.
@@ -126,9 +130,30 @@ class Expedition(Struct, frozen=True):
         robot = program(pid, job.kinds, job.delta_s, host)
         return InstrumentedRobot(robot, host, job.journal(pid), job.program, self.largest)
 
-    def ran(self, told: list[list[Told]]) -> CompiledRun:
+    def part(self, folder: Path, pid: int) -> PartWriter:
+        """The part of a robot in a process of its own."""
+        subject = Subject(self.sources, self.system, Fraction(0))
+        return PartWriter(_part_in(folder, pid), lambda: Whose("a check", pid, subject))
+
+    def told(self, folder: Path) -> list[tuple[Told, ...]]:
+        """What robots in processes have told, by pid."""
+
+        def load(_: Sources) -> core.Program:
+            return self.system.program
+
+        files = [_part_in(folder, pid) for pid in range(self.system.robots)]
+        return [
+            read_part(file.read_bytes(), file.name, load).told if file.exists() else ()
+            for file in files
+        ]
+
+    def ran(self, told: Sequence[Sequence[Told]]) -> CompiledRun:
         library = self.host(0).answer if self.is_seeded else None
         return gathered(self.sources, self.system, told, self.rounds, library)
+
+
+def _part_in(folder: Path, pid: int) -> Path:
+    return folder / f"{pid}.jsonl"
 
 
 # --- in virtual time ----------------------------------------------------------------------------
@@ -226,7 +251,7 @@ def over_udp(expedition: Expedition) -> CompiledRun:
             return replace(expedition.ran([]), gave_up=error)
 
         def make(job: Job, pid: int) -> InstrumentedRobot:
-            return expedition.member(job, pid, starts, written_to(folder / f"{pid}.told"))
+            return expedition.member(job, pid, starts, expedition.part(folder, pid).tell)
 
         def carry(plan: Plan, pid: int) -> Transport:
             udp = Udp(plan, pid)
@@ -239,8 +264,7 @@ def over_udp(expedition: Expedition) -> CompiledRun:
         finally:
             fleet.kill()
             fleet.join()
-        told = [list(read_from(folder / f"{pid}.told")) for pid in range(job.robots)]
-        return expedition.ran(told)
+        return expedition.ran(expedition.told(folder))
 
 
 def _watch(fleet: LocalProcesses, faults: Faults, draw: Random) -> None:
@@ -278,25 +302,3 @@ def spare(fleet: LocalProcesses) -> int:
     robots = len(fleet.processes)
     voters = sum(status.is_voter and status.round >= 0 for status in fleet.statuses.values())
     return voters - (robots // 2 + 1)
-
-
-def written_to(path: Path) -> Callable[[Told], None]:
-    """A function that writes each report at once, so that it outlives the process."""
-    file = path.open("ab", buffering=0)
-
-    def tell(told: Told) -> None:
-        file.write(pickle.dumps(told))
-
-    return tell
-
-
-def read_from(path: Path) -> Iterator[Told]:
-    """Yield the complete reports in a file of our own processes."""
-    if not path.exists():
-        return
-    with path.open("rb") as file:
-        while True:
-            try:
-                yield pickle.load(file)
-            except (EOFError, pickle.UnpicklingError):
-                return

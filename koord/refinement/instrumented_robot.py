@@ -8,10 +8,23 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, TypeAlias
+from typing import Any
 
-from msgspec import Struct
-
+from koord.refinement.reports import (
+    Acted,
+    Began,
+    Coordinated,
+    GaveUp,
+    Kept,
+    Left,
+    Sensed,
+    Stood,
+    Stumbled,
+    Told,
+    TurnAnswers,
+    Undeclared,
+    shortened,
+)
 from koord.refinement.running import Compiled, size_of
 from koord.refinement.tracing_host import TracingHost
 from koord.refinement.translation import Translation, to_written
@@ -21,98 +34,12 @@ from koord.runtime.motion.world import Point
 from koord.runtime.proposals import INIT_ROUND, Admitted, Decision, EventFault, Faulted, Proposal
 from koord.runtime.protocol.messages import LogEntry
 from koord.runtime.robot import Robot, Turn
-from koord.semantics.configurations import Robot as RobotState
-from koord.semantics.configurations import Written
-from koord.semantics.domain import Constant
 from koord.semantics.recordings import Answer, Reading, Start
 from koord.syntax.diagnostics import Diagnostic, KoordError
 from koord.syntax.system import System
 
 #: What a robot says that gave up.
 GAVE_UP = "gave up"
-
-# --- what is told -------------------------------------------------------------------------------
-
-
-class Began(Struct, frozen=True):
-    """Report: the start of an arbitrary variable."""
-
-    start: Start
-
-
-class Undeclared(Struct, frozen=True):
-    """Report: the start of a shared variable is a fault. [INIT]"""
-
-
-class TurnAnswers(Struct, frozen=True):
-    """Report: an answer in a round's turn; INIT's round is -1."""
-
-    round: int
-    answer: Answer
-
-
-class Sensed(Struct, frozen=True):
-    """Report: a sensor's reading at the end of a round."""
-
-    round: int
-    reading: Reading
-
-
-class Stood(Struct, frozen=True):
-    """Report: the robot's state when a round began."""
-
-    round: int
-    robot: RobotState[Constant]
-
-
-class Stumbled(Struct, frozen=True):
-    """Report: the robot's environment model faulted at the end of a round."""
-
-    round: int
-    fault: EventFault
-
-
-class Acted(Struct, frozen=True):
-    """Report: a decision that the robot acted on."""
-
-    decision: Decision
-
-
-class Kept(Struct, frozen=True):
-    """Report: the robot was admitted in a round, with its output."""
-
-    round: int
-    written: tuple[Written[Constant], ...]
-
-
-class Coordinated(Struct, frozen=True):
-    """Report: the robot decided a round as coordinator, at a time of this machine's clock."""
-
-    round: int
-    at_s: float
-
-
-class GaveUp(Struct, frozen=True):
-    """Report: the robot's host found no values that the program allows, or too large ones."""
-
-    why: tuple[Diagnostic, ...]  #: nothing, if values became too large
-
-
-Told: TypeAlias = (
-    Began
-    | Undeclared
-    | TurnAnswers
-    | Sensed
-    | Stood
-    | Stumbled
-    | Acted
-    | Kept
-    | Coordinated
-    | GaveUp
-)
-
-
-# --- robots that tell ---------------------------------------------------------------------------
 
 
 class Witness(TracingHost):
@@ -247,7 +174,7 @@ class InstrumentedRobot(Member):
         return super().decided(round_, proposals)
 
     def commit(self, entry: LogEntry, kept: Admitted | None) -> None:
-        self._witness.say(Acted(entry.decision))
+        self._witness.say(Acted(shortened(entry.decision)))
         super().commit(entry, kept)
 
     def _act(self, kept: Admitted | None, changed: dict[str, Any]) -> None:
@@ -265,18 +192,14 @@ class InstrumentedRobot(Member):
         if self._proposal is not None and self._proposal is not self._from_journal:
             self._witness.kept(self._proposal.round, self.robot, event)
 
-    def forget(self) -> None:
-        self.finish()
-        super().forget()
-
     def finish(self) -> None:
         """Take the environment's turn after the last round, to observe the final state."""
-        if self.mute or self.fault is not None or self.round == INIT_ROUND:
-            return
-        try:
-            fault = self._sense()
-        except KoordError as error:
-            self._given_up(error.diagnostics)
-            return
-        if fault is None:
-            self._witness.stood(self.round, self.robot)
+        if not (self.mute or self.fault is not None or self.round == INIT_ROUND):
+            try:
+                fault = self._sense()
+            except KoordError as error:
+                self._given_up(error.diagnostics)
+                return
+            if fault is None:
+                self._witness.stood(self.round, self.robot)
+        self._witness.say(Left(self.round))

@@ -13,12 +13,13 @@ from msgspec import Struct, field
 from msgspec.structs import replace
 
 from koord.refinement.completion import Library, with_summaries
-from koord.refinement.instrumented_robot import (
+from koord.refinement.reports import (
     Acted,
     Began,
     Coordinated,
     GaveUp,
     Kept,
+    Left,
     Sensed,
     Stood,
     Stumbled,
@@ -88,7 +89,7 @@ class _Heard(Struct):
                 self.stumbled[round_, pid] = fault
             case Kept(round=round_, written=written):
                 self.written[round_, pid] = written
-            case Coordinated():
+            case Coordinated() | Left():
                 pass  # says who, and when; all that was decided is told by those who acted on it
             case GaveUp(why=why):
                 self.gave_up = KoordError(why) if why else self.gave_up

@@ -10,13 +10,14 @@ import json
 from collections.abc import Callable, Iterable
 from fractions import Fraction
 from itertools import starmap
-from typing import Any, TypeAlias
+from typing import Any, Protocol, TypeAlias
 
 from msgspec import UNSET, Struct, to_builtins
 from msgspec.structs import replace
 
 from koord.syntax import core
 from koord.syntax.diagnostics import KoordError, Severity, refusal
+from koord.syntax.forms import Natural
 from koord.syntax.source import Source, visible
 from koord.syntax.system import System
 from koord.traces import form
@@ -64,22 +65,29 @@ def rendered_rounds(rounds: Iterable[object]) -> str:
 
 def to_json(trace: Trace, *, with_rounds: bool = True) -> dict[str, Json]:
     """A trace as a JSON object."""
-    sources, tasks = trace.sources, trace.sources.tasks
     file = form.File(
         format=FORMAT,
         version=_version(trace),
-        program=_encode_text(sources.program),
-        properties=list(map(_encode_text, sources.properties)),
-        params={name: encode_param(value) for name, value in sources.params},
-        tasks=None if tasks is None else [_encode_task(*task) for task in tasks],
-        robots=list(trace.system.kinds),
-        delta=encode_fraction(trace.system.delta_s),
+        **encode_subject(trace.sources, trace.system),
         numbers=trace.numbers,
         slack=encode_fraction(trace.slack) if trace.slack else UNSET,
         run=encode_run(trace, with_rounds=with_rounds),
     )
     found: dict[str, Json] = to_builtins(file)
     return found
+
+
+def encode_subject(sources: Sources, system: System) -> dict[str, Any]:
+    """Encode what a file is about, as fields of its form."""
+    tasks = sources.tasks
+    return {
+        "program": _encode_text(sources.program),
+        "properties": list(map(_encode_text, sources.properties)),
+        "params": {name: encode_param(value) for name, value in sources.params},
+        "tasks": None if tasks is None else [_encode_task(*task) for task in tasks],
+        "robots": list(system.kinds),
+        "delta": encode_fraction(system.delta_s),
+    }
 
 
 def _version(trace: Trace) -> form.Version:
@@ -117,29 +125,35 @@ def decode_document(document: object, name: str, load: Load | None = None, at: s
     try:
         _check_format(document, name)
         file = JsonNode(document).form(form.File)
-        header = _header(file)
-        program = (load if load is not None else load_embedded)(header.sources)
-        system = System(program, tuple(file.robots), header.delta_s)
-        known = len(program.agents)
-        if any(kind >= known for kind in file.robots):
-            reason = f"the robots are of {max(file.robots) + 1} kinds, but the program has {known}"
-            raise FormError(reason, "", "K914")
-        trace = decode_run(file.run, header.sources, system, file.numbers)
+        subject = decode_subject(file, load if load is not None else load_embedded)
+        trace = decode_run(file.run, subject.sources, subject.system, file.numbers)
     except FormError as error:
         raise error.refusal(name, at, file) from None
-    return replace(trace, slack=header.slack)
+    return replace(trace, slack=subject.slack)
 
 
-class _Header(Struct, frozen=True):
-    """The head of a trace file: the texts and settings from which its program is loaded."""
+class Headed(Protocol):
+    """A form with the fields that say what program was run, by whom, and how long a round took."""
+
+    program: form.Text
+    properties: list[form.Text]
+    params: dict[str, form.Param]
+    tasks: list[tuple[form.Rational, form.Rational, form.Rational]] | None
+    robots: list[Natural]
+    delta: form.Rational
+    slack: form.Rational
+
+
+class Subject(Struct, frozen=True):
+    """The subject of a file: the texts and settings, the system made of them, and the slack."""
 
     sources: Sources
-    delta_s: Fraction
+    system: System
     slack: Fraction
 
 
-def _header(file: form.File) -> _Header:
-    """Decode the head of a trace. Raises FormError."""
+def decode_subject(file: Headed, load: Load) -> Subject:
+    """Decode what a file is about, and load its program. Raises FormError and KoordError."""
     sources = Sources(
         _decode_text(file.program),
         tuple(map(_decode_text, file.properties)),
@@ -157,7 +171,12 @@ def _header(file: form.File) -> _Header:
         slack = decode_fraction(JsonNode(file.slack, ".slack"))
     if slack < 0:
         raise FormError("the slack should be at least 0", ".slack")
-    return _Header(sources, delta_s, slack)
+    program = load(sources)
+    known = len(program.agents)
+    if any(kind >= known for kind in file.robots):
+        reason = f"the robots are of {max(file.robots) + 1} kinds, but the program has {known}"
+        raise FormError(reason, "", "K914")
+    return Subject(sources, System(program, tuple(file.robots), delta_s), slack)
 
 
 def _decode_task(number: int, task: tuple[object, ...]) -> tuple[Fraction, Fraction, Fraction]:

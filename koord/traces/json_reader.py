@@ -32,10 +32,12 @@ class FormError(Exception):
         super().__init__(message)
         self.message, self.path, self.code, self.part = message, path, code, part
 
-    def refusal(self, file: str, path: str, form: Struct | None = None) -> KoordError:
+    def refusal(
+        self, file: str | Span, path: str, form: Struct | None = None, hint: str = WRITE_ANEW
+    ) -> KoordError:
         """Make the KoordError for users: ``path`` is where the document stands in the file."""
         path += "" if self.part is None else next(_paths(form, self.part))
-        hint = _HINTS.get(self.code, WRITE_ANEW)
+        hint = _HINTS.get(self.code, hint)
         return refusal(self.code, file, f"{path}{self.path}: {self.message}", hint)
 
 

@@ -31,8 +31,8 @@ def encode_run(trace: Trace, *, with_rounds: bool = True) -> form.Run:
     return form.Run(
         opening=form.Opening(
             list(opening.order),
-            [_start(names, start) for start in opening.starts],
-            [_answer(names, answer) for answer in opening.answers],
+            [encode_start(names, start) for start in opening.starts],
+            [encode_answer(names, answer) for answer in opening.answers],
             _outputs(trace, BEFORE_ROUNDS).get(BEFORE_ROUNDS, []),
         ),
         initial=encode_configuration(names, trace.configurations[0]),
@@ -53,8 +53,8 @@ def encode_rounds(trace: Trace, first: int = 0) -> list[form.Round]:
         form.Round(
             list(round_.order),
             [_event(names, robot, position) for robot, position in enumerate(round_.events)],
-            [_reading(names, reading) for reading in round_.readings],
-            [_answer(names, answer) for answer in round_.answers],
+            [encode_reading(names, reading) for reading in round_.readings],
+            [encode_answer(names, answer) for answer in round_.answers],
             round_.cut,
             written.get(number, []),
             encode_configuration(names, configuration),
@@ -68,26 +68,26 @@ def _outputs(trace: Trace, first: int) -> dict[int, list[form.Output]]:
     written: dict[int, list[form.Output]] = {}
     for emitted in trace.outputs:
         if emitted.round >= first:
-            written.setdefault(emitted.round, []).append(_output(emitted))
+            of_round = written.setdefault(emitted.round, [])
+            of_round.append(encode_output(emitted.robot, emitted.written))
     return written
 
 
-def _output(emitted: Emitted) -> form.Output:
-    written = emitted.written
+def encode_output(robot: int | None, written: Written[Constant]) -> form.Output:
     values = list(map(encode_value, written.values, written.types))
-    return form.Output(emitted.robot, written.stream, list(map(show, written.types)), values)
+    return form.Output(robot, written.stream, list(map(show, written.types)), values)
 
 
 def _event(names: Names, robot: int, position: int | None) -> str | None:
     return None if position is None else names.of(robot).events[position]
 
 
-def _reading(names: Names, reading: recordings.Reading) -> form.Reading:
+def encode_reading(names: Names, reading: recordings.Reading) -> form.Reading:
     port = names.of(reading.robot).ports[reading.slot]
     return form.Reading(reading.robot, port.name, encode_value(reading.value, port.type))
 
 
-def _start(names: Names, start: recordings.Start) -> form.Start:
+def encode_start(names: Names, start: recordings.Start) -> form.Start:
     named = startable(names, start.home, start.robot)[start.slot]
     home = cast(form.Home, start.home.value)
     return form.Start(home, named.name, start.robot, encode_value(start.value, named.type))
@@ -108,7 +108,7 @@ def startable(names: Names, home: Home, robot: int | None) -> Sequence[Named]:
             return names.of(robot).ports
 
 
-def _answer(names: Names, answer: recordings.Answer) -> form.Answer:
+def encode_answer(names: Names, answer: recordings.Answer) -> form.Answer:
     result, parameters = answer_types(names, answer.function, answer.key[0])
     return form.Answer(
         answer.phase,
@@ -140,18 +140,19 @@ def encode_configuration(
         fault=UNSET if fault is None else _fault(fault),
         store=_store(names, configuration.store),
         robots=[
-            _robot(names, number, robot, configuration.store)
+            encode_robot(names, number, robot, configuration.store)
             for number, robot in enumerate(configuration.robots)
         ],
     )
 
 
-def _robot(
+def encode_robot(
     names: Names,
     number: int,
     robot: configurations.Robot[Constant],
-    store: configurations.Store[Constant],
+    store: configurations.Store[Constant] | None = None,
 ) -> form.Robot:
+    """Encode the state of a robot; its copy is left out where it equals the store."""
     own = names.of(number)
     assert isinstance(robot.status, int)
     assert isinstance(robot.ran, int)
@@ -184,10 +185,10 @@ def _fault(fault: configurations.Fault) -> form.Fault:
 
 def decode_run(run: form.Run, sources: Sources, system: System, numbers: Numbers) -> Trace:
     """Decode a system's trace from the run in a file. Raises FormError."""
-    return _Decoding(Names(system), numbers).trace(run, sources)
+    return Decoding(Names(system), numbers).trace(run, sources)
 
 
-class _Decoding(Struct, frozen=True):
+class Decoding(Struct, frozen=True):
     """The names and the number domain by which the values of a run are decoded."""
 
     names: Names

@@ -121,7 +121,7 @@ SHOWN = (
     ),
     Mutant(
         "traces with the kept names of ports are not read",
-        "traces.run_codec._Decoding.variables",
+        "traces.run_codec.Decoding.variables",
         "n.older if n.name not in held and n.older in held else n.name",
         "n.name",
         ("tests/semantics/test_port_names.py",),

@@ -5,15 +5,17 @@ from __future__ import annotations
 import multiprocessing
 import time
 from collections import Counter
+from collections.abc import Sequence
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from msgspec import Struct
 
-from koord.refinement.deployed import Expedition, read_from, spare, written_to
-from koord.refinement.instrumented_robot import Acted, Coordinated, InstrumentedRobot, Told
+from koord.refinement.deployed import Expedition, spare
+from koord.refinement.instrumented_robot import InstrumentedRobot
 from koord.refinement.judging import Judged, judge
+from koord.refinement.reports import Acted, Coordinated, Told
 from koord.runtime.chaos.network import Faults
 from koord.runtime.deploy.local import Launch, LocalProcesses, launched
 from koord.runtime.deploy.running import Job
@@ -50,7 +52,7 @@ def storm(
         starts = expedition.starts()
 
         def make(job: Job, pid: int) -> InstrumentedRobot:
-            return expedition.member(job, pid, starts, written_to(folder / f"{pid}.told"))
+            return expedition.member(job, pid, starts, expedition.part(folder, pid).tell)
 
         hub = BadHub(folder / "hub", faults, expedition.seed)
         fork = multiprocessing.get_context("fork")
@@ -72,7 +74,7 @@ def storm(
             carrying.kill()
             carrying.join()
             hub.close()
-        told = [list(read_from(folder / f"{pid}.told")) for pid in range(job.robots)]
+        told = expedition.told(folder)
     first, last, rounds = _span(told)
     return Stormy(
         rounds,
@@ -120,14 +122,14 @@ def _coordinator(fleet: LocalProcesses) -> int | None:
     return followed.most_common(1)[0][0] if followed else None
 
 
-def _span(told: list[list[Told]]) -> tuple[float, float, int]:
+def _span(told: Sequence[Sequence[Told]]) -> tuple[float, float, int]:
     """When the first and the last round were decided, and how many were acted on."""
     times = [one.at_s for story in told for one in story if isinstance(one, Coordinated)]
     acted = [one.decision.round for story in told for one in story if isinstance(one, Acted)]
     return min(times, default=0.0), max(times, default=0.0), max(acted, default=-1) + 1
 
 
-def _successions(killed: list[tuple[int, float]], told: list[list[Told]]) -> list[float]:
+def _successions(killed: list[tuple[int, float]], told: Sequence[Sequence[Told]]) -> list[float]:
     """How long nobody decided anything after each death."""
     found = []
     for robot, at_s in killed:

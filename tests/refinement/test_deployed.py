@@ -12,7 +12,8 @@ from msgspec.structs import replace
 
 from koord.refinement import running
 from koord.refinement.cases import Case, SchedulePolicy, Target, Tried, generated, tried
-from koord.refinement.instrumented_robot import Acted, InstrumentedRobot
+from koord.refinement.instrumented_robot import InstrumentedRobot
+from koord.refinement.reports import Acted
 from koord.refinement.running import ready
 from koord.refinement.trace_merge import DisagreementError, gathered
 from koord.runtime.chaos.network import CALM, CHAOS, LOSS, Faults

@@ -243,6 +243,9 @@ class Member:
         self.host.position = page.position
         return True
 
+    def finish(self) -> None:
+        """Do what is to be done when the robot leaves the run in good order."""
+
     def forget(self) -> None:
         """Forget the journal: the run is over."""
         if self._journal is not None:

@@ -87,10 +87,16 @@ class RoundReport(Struct, frozen=True):
 
 def ideal_member(job: Job, pid: int) -> Member:
     """Make a robot without a platform."""
+    host = ideal_host(job, pid)
+    robot = host.program(pid, job.kinds, job.delta_s, host)
+    return Member(robot, host, job.journal(pid), job.program)
+
+
+def ideal_host(job: Job, pid: int) -> IdealHost:
+    """Make the host of a robot without a platform."""
     place = job.configuration.robots[pid]
-    program = job.classes[job.kinds[pid]]
-    host = IdealHost(
-        program,
+    return IdealHost(
+        job.classes[job.kinds[pid]],
         pid,
         job.robots,
         job.delta_s,
@@ -99,8 +105,6 @@ def ideal_member(job: Job, pid: int) -> Member:
         place.vehicle.speed_mps,
         job.configuration.world,
     )
-    robot = program(pid, job.kinds, job.delta_s, host)
-    return Member(robot, host, job.journal(pid), job.program)
 
 
 #: Makes a robot of a run.
@@ -205,6 +209,8 @@ class Runner:
             if leave_at is not None and now >= leave_at:
                 self.member.forget()
                 break
+        if self.trouble is None:
+            self.member.finish()
         self.member.host.holding = True  # a safe stop: nobody will tell it to go on
         self.peer.transport.close()
         return self.status
