@@ -17,6 +17,7 @@ TOO_LONG = {
     "test_cars_among_processes_make_the_same_run": "half a minute of a fleet, twice",
     "test_events_that_never_run_are_told": "what never happens, looked for in all ways",
     "test_the_fewest_rounds_are_the_fewest_of_many": "all runs of 60 programs",
+    "test_floods_delay_nobody[100000]": "700,000 datagrams",
     "test_nothing_false_is_confirmed_of_a_thousand_edits": "a thousand certificates",
     "test_some_work_is_done_for_all_rounds": "an engine that is given twenty seconds",
     "test_the_protocol_can_be_checked_by_itself": "eight runs of it in chaos",

@@ -1,0 +1,224 @@
+"""Robots that crash, lose or damage what they noted, or find that nothing can be written."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from tests.deployed.conftest import MakeFleet
+from tests.sampling import first
+
+#: The capabilities with which root may write where nobody may.
+_UNBOUND = ("setpriv", "--bounding-set=-dac_override,-dac_read_search,-fowner", "--inh-caps=-all")
+
+
+def _as_a_user() -> tuple[str, ...]:
+    """What a command is started with so that a read-only folder is one to it."""
+    if os.geteuid() != 0:
+        return ()
+    if shutil.which("setpriv") is None:
+        pytest.skip("to root no folder is read-only, and there is no setpriv")
+    return _UNBOUND
+
+
+# --- with their journals --------------------------------------------------------------------------
+
+
+def test_the_coordinator_crashes_and_comes_back(fleet_of: MakeFleet) -> None:
+    fleet = fleet_of(3)
+    fleet.start_all()
+    fleet.until_round(5)
+    fleet[0].kill()
+    fleet.until_further(5, 1, 2)
+    fleet.again(0)
+    fleet.until_further(10)
+    fleet.stop()
+    assert fleet.disagreements() == []
+    assert fleet[0].report["ran"] > 0
+
+
+@pytest.mark.xfail(strict=True, reason="the fleet is rejoining for ever")
+@pytest.mark.parametrize("killed", first(1, [((2, 3),), ((0, 1, 2, 3),)]))
+def test_as_many_as_like_crash_and_come_back(fleet_of: MakeFleet, killed: tuple[int, ...]) -> None:
+    fleet = fleet_of(4)
+    fleet.start_all()
+    fleet.until_round(5)
+    for pid in killed:
+        fleet[pid].kill()
+    for pid in killed:
+        fleet.again(pid)
+    fleet.heard_at_s("0", "1", "2", "3")
+    fleet.until_further(10, within_s=5.0)
+    fleet.stop()
+    assert fleet.disagreements() == []
+    assert all(one.report["ran"] > 0 for one in fleet)
+
+
+@pytest.mark.xfail(strict=True, reason="the fleet is rejoining for ever")
+def test_the_same_commands_after_ctrl_c_go_on(fleet_of: MakeFleet) -> None:
+    fleet = fleet_of(3)
+    fleet.start_all()
+    fleet.until_round(5)
+    fleet.stop()
+    done = fleet.round
+    for pid in range(3):
+        fleet.again(pid)
+    fleet.heard_at_s("0", "1", "2")
+    fleet.until_round(done + 10, within_s=5.0)
+    fleet.stop()
+    assert fleet.disagreements() == []
+    assert all(one.rounds[0].round >= done - 1 for one in fleet)
+
+
+@pytest.mark.xfail(strict=True, reason="incarnations are times of the clock")
+def test_a_clock_that_goes_back_shuts_nobody_out(fleet_of: MakeFleet) -> None:
+    fleet = fleet_of(3)
+    fleet.start_all()
+    fleet.until_round(5)
+    fleet[2].kill()
+    fleet.again(2)
+    fleet.until_further(5)
+    fleet[2].kill()
+    fleet.again(2, clock_shift_s=-3600.0)
+    fleet.heard_at_s("2")
+    fleet.until_further(10, within_s=5.0)
+    fleet.stop()
+    assert fleet.disagreements() == []
+    assert fleet[2].report["ran"] > 0
+
+
+# --- without them ---------------------------------------------------------------------------------
+
+
+@pytest.mark.xfail(strict=True, reason="it begins a run of its own, or is not said to be mute")
+@pytest.mark.parametrize("how", first(1, ["gone", "fresh", "elsewhere"]))
+def test_a_robot_without_its_journal_joins_mute_and_says_so(
+    fleet_of: MakeFleet, tmp_path: Path, how: str
+) -> None:
+    fleet = fleet_of(3)
+    fleet.start_all()
+    fleet.until_round(5)
+    fleet[2].kill()
+    if how == "gone":
+        shutil.rmtree(fleet.folder / "2" / "state")
+        fleet.again(2)
+    elif how == "fresh":
+        fleet.again(2, words=("--fresh",))
+    else:
+        fleet.again(2, state=tmp_path / "elsewhere")
+    since_s = fleet.heard_at_s("2")
+    fleet.until_told(fleet[2], "journal", since_s, 2.0)
+    fleet.until_further(10, within_s=5.0)
+    fleet.stop()
+    assert fleet.disagreements() == []
+    assert fleet[2].report["is_mute"]
+    assert fleet[2].report["ran"] == 0
+    assert all(one.report["trouble"] is None for one in fleet)
+
+
+# --- with damaged ones ----------------------------------------------------------------------------
+
+
+def _cut_short(content: bytes, other: bytes) -> bytes:
+    return content[: len(content) * 2 // 3]
+
+
+def _flipped(content: bytes, other: bytes) -> bytes:
+    at = len(content) // 2
+    return content[:at] + bytes((content[at] ^ 0x10,)) + content[at + 1 :]
+
+
+def _emptied(content: bytes, other: bytes) -> bytes:
+    return b""
+
+
+def _of_another(content: bytes, other: bytes) -> bytes:
+    return other
+
+
+@pytest.mark.xfail(strict=True, reason="nothing is said of what is wrong with a journal")
+@pytest.mark.parametrize("damage", first(1, [_cut_short, _flipped, _emptied, _of_another]))
+def test_a_damaged_journal_is_named_and_harms_nobody(
+    fleet_of: MakeFleet, damage: Callable[[bytes, bytes], bytes]
+) -> None:
+    fleet = fleet_of(3)
+    fleet.start_all()
+    fleet.until_round(5)
+    fleet[2].kill()
+    own, others = (sorted((fleet.folder / pid / "state").iterdir()) for pid in ("2", "1"))
+    for path, other in zip(own, others, strict=False):
+        path.write_bytes(damage(path.read_bytes(), other.read_bytes()))
+    fleet.again(2)
+    since_s = fleet.heard_at_s("2")
+    fleet.until_told(fleet[2], "journal", since_s, 2.0)
+    fleet.until_further(10, within_s=5.0)
+    fleet.stop()
+    assert fleet.disagreements() == []
+    assert all(one.report["trouble"] is None for one in fleet)
+
+
+# --- nothing can be written -----------------------------------------------------------------------
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="limits of other processes are Linux's")
+@pytest.mark.xfail(strict=True, reason="the robot stops")
+def test_a_full_disk_is_waited_for(fleet_of: MakeFleet) -> None:
+    fleet = fleet_of(3)
+    fleet.start(0)
+    fleet.start(1)
+    fleet.start(2, records=False)
+    fleet.until_round(5, 0, 1)
+    fleet[2].fill_disk()
+    fleet.until(lambda: fleet[2].told_at_s("journal|disk"), "told", 3.0)
+    fleet.until_further(10, 0, 1, within_s=5.0)
+    assert fleet[2].is_alive
+    late = fleet[0].status["late"]
+    fleet[2].free_disk()
+    fleet.until_further(20, 0, 1)
+    assert late == fleet[0].status["late"]
+    fleet.stop()
+    assert fleet.disagreements() == []
+    ended = fleet[2].report
+    assert ended["trouble"] is None
+    assert not ended["is_mute"]
+    assert ended["round"] >= fleet[0].report["round"] - 2
+    assert ended["skipped"] < ended["ran"]
+
+
+@pytest.mark.xfail(strict=True, reason="the robot stops, without a word on standard error")
+def test_a_folder_that_nobody_may_write_to_is_named(fleet_of: MakeFleet, tmp_path: Path) -> None:
+    before = _as_a_user()
+    folder = tmp_path / "read-only"
+    folder.mkdir(mode=0o500)
+    fleet = fleet_of(1)
+    one = fleet.start(0, state=folder, before=before)
+    fleet.until(lambda: one.told_at_s("read-only"), "named", 5.0)
+    assert "Traceback" not in one.err
+    folder.chmod(0o700)
+    if not one.is_alive:  # it may have waited, or have left
+        assert one.process.returncode == 2
+        fleet.again(0)
+    fleet.until_round(5)
+
+
+# --- signals --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("number", "code"), first(1, [(signal.SIGTERM, 143), (signal.SIGHUP, 129)])
+)
+def test_robots_that_are_asked_to_end_have_recorded_all(
+    fleet_of: MakeFleet, number: signal.Signals, code: int
+) -> None:
+    fleet = fleet_of(1)
+    one = fleet.start(0)
+    fleet.until_round(5)
+    one.signal(number)
+    assert one.end() == code
+    assert [said.round for said in one.rounds] == list(range(-1, one.report["round"]))
