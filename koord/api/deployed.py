@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from msgspec import to_builtins
+from msgspec import field, to_builtins
 
 from koord.api.progress import Progress
 from koord.api.results import Result, html_table
@@ -15,6 +15,7 @@ from koord.syntax.problem import Problem
 if TYPE_CHECKING:
     from koord.runtime.deploy.running import Job
     from koord.runtime.deploy.status import RobotReport as RobotReport
+    from koord.runtime.deploy.supervision import ProcessReport as ProcessReport
 
 
 class Deployed(Result, frozen=True, kw_only=True):
@@ -26,6 +27,9 @@ class Deployed(Result, frozen=True, kw_only=True):
     kinds: tuple[int, ...]
     rounds: int | None  #: that were to be done; None: until somebody ends it
     interrupted: bool
+    #: What became of the robots' processes, by pid, if each robot was one on this machine.
+    processes: Mapping[int, ProcessReport] = field(default_factory=dict)
+    stuck: str | None = None  #: why no round could be decided any more, if that ended the run
     warnings: tuple[Diagnostic, ...] = ()
 
     @classmethod
@@ -49,7 +53,9 @@ class Deployed(Result, frozen=True, kw_only=True):
 
     @property
     def is_complete(self) -> bool:
-        """True if the rounds were done, or all robots have stopped."""
+        """True if the rounds were done, or all robots have stopped, and no process was lost."""
+        if self.stuck is not None or any(one.is_lost for one in self.processes.values()):
+            return False
         states = self.statuses.values()
         done = [one.is_over or one.all_stopped or self.rounds is None for one in states]
         return bool(done) and all(done)
@@ -65,13 +71,17 @@ class Deployed(Result, frozen=True, kw_only=True):
         for pid in sorted(self.statuses):
             status = self.statuses[pid]
             holding = None if status.holding is None else status.holding.value
-            robots.append({**to_builtins(status), "holding": holding, "drops": dict(status.drops)})
+            told = {**to_builtins(status), "holding": holding, "drops": dict(status.drops)}
+            if pid in self.processes:
+                told["process"] = self.processes[pid].to_dict()
+            robots.append(told)
         return {
             "format": "koord-deployed",
             "version": 1,
             "program": self.problem.texts[0],
             "problem": self.problem.document(),
             "robots": robots,
+            "stuck": self.stuck,
         }
 
     def __repr__(self) -> str:
@@ -79,7 +89,8 @@ class Deployed(Result, frozen=True, kw_only=True):
         done = max((one.round for one in states), default=-1)
         ran, skipped = sum(one.ran for one in states), sum(one.skipped for one in states)
         how = "a robot is in trouble" if self.in_trouble else "interrupted"
-        how = how if self.in_trouble or self.interrupted else "done"
+        if not self.in_trouble and not self.interrupted:
+            how = "done" if self.is_complete else "not all robots came to the end"
         whose = f"{len(states)} of {len(self.kinds)} robots"
         return (
             f"<Deployed {self.problem.name}, {whose}: {done} rounds, {ran} events, "
@@ -90,10 +101,14 @@ class Deployed(Result, frozen=True, kw_only=True):
         columns = ("robot", "round", "ran", "skipped", "late", "")
         states = (self.statuses[pid] for pid in sorted(self.statuses))
         rows = [
-            (one.pid, one.round, one.ran, one.skipped, one.late, one.fault or one.trouble or "")
+            (one.pid, one.round, one.ran, one.skipped, one.late, self._remark(one))
             for one in states
         ]
         return html_table(str(self.problem), columns, rows)
+
+    def _remark(self, status: RobotReport) -> str:
+        process = self.processes.get(status.pid)
+        return status.fault or status.trouble or (process.story if process is not None else "")
 
 
 class FleetHeard(Progress, frozen=True, kw_only=True):
@@ -101,13 +116,26 @@ class FleetHeard(Progress, frozen=True, kw_only=True):
 
     statuses: Mapping[int, RobotReport]
     rounds: int | None  #: that are to be done; None: until somebody ends it
+    #: What became of the robots' processes, by pid, if each robot is one on this machine.
+    processes: Mapping[int, ProcessReport] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, statuses: Mapping[int, RobotReport], rounds: int | None) -> FleetHeard:
+    def of(
+        cls,
+        statuses: Mapping[int, RobotReport],
+        rounds: int | None,
+        processes: Mapping[int, ProcessReport] | None = None,
+    ) -> FleetHeard:
         """Make the progress from the robots' reports so far."""
         first = max((0, *(status.round for status in statuses.values())))
         said = f"round {first}, {len(statuses)} robots heard"
-        return cls(said, round=first, statuses=dict(statuses), rounds=rounds)
+        return cls(
+            said,
+            round=first,
+            statuses=dict(statuses),
+            rounds=rounds,
+            processes=dict(processes or {}),
+        )
 
     def lags(self) -> dict[int, int]:
         """The number of rounds by which each robot is behind, as far as old reports can tell."""

@@ -8,6 +8,8 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from os import PathLike, fspath
 from pathlib import Path
+from tempfile import TemporaryDirectory
+from types import MappingProxyType
 
 from msgspec import Struct
 from msgspec.structs import replace
@@ -18,16 +20,19 @@ from koord.api.files import check_writable
 from koord.api.fitting import Configurable, Fitted, fit, fit_request
 from koord.api.programs import Loadable, Value
 from koord.api.progress import Cancellation, Listener, asker, heard_by
+from koord.api.results import ArgumentError
 from koord.api.robots import Seconds
 from koord.runtime.compile import compiled
 from koord.runtime.compile.loading import loaded
 from koord.runtime.configuration.model import RunConfiguration
 from koord.runtime.deploy.ideal import unanswered
-from koord.runtime.deploy.local import Launch, launched, local_plan, transport_of
+from koord.runtime.deploy.local import Launch, local_plan, transport_of
 from koord.runtime.deploy.recording import DeploymentRecord
 from koord.runtime.deploy.running import Job as Job
 from koord.runtime.deploy.running import RoundReport, Runner
 from koord.runtime.deploy.status import RobotReport as RobotReport
+from koord.runtime.deploy.supervised import SupervisedProcesses
+from koord.runtime.deploy.supervision import ProcessReport
 from koord.runtime.motion.libraries import require
 from koord.runtime.robot import Robot
 from koord.runtime.transports.transport import TransportError
@@ -37,6 +42,9 @@ from koord.syntax.source import whole_file
 
 #: Where a robot notes where it is, if nobody says.
 _STATE = ".koord"
+
+#: Why one robot is not restarted.
+ALONE = "this is for robots that are all processes on this machine; what starts one restarts it"
 
 #: How long processes are waited for at a time.
 _WAIT_S = 0.2
@@ -52,6 +60,7 @@ class DeployRequest(Struct, frozen=True):
     state: str | None = None
     fresh: bool = False
     record: str | None = None
+    restart: bool = False
 
 
 def deploy(
@@ -67,6 +76,7 @@ def deploy(
     state: str | PathLike[str] | None = None,
     fresh: bool = False,
     record: str | PathLike[str] | None = None,
+    restart: bool = False,
     progress: Listener | None = None,
     cancellation: Cancellation | None = None,
 ) -> Deployed:
@@ -78,7 +88,9 @@ def deploy(
     the length of a round in seconds, instead of the configuration's. ``run`` is the name of the
     run, the same for all robots; ``state`` the folder in which a robot notes where it is, to go on
     after a crash (with a ``pid``: ``.koord``), and ``fresh`` forgets what was noted. What robots do
-    is recorded in the file ``record``, as MCAP. ``progress`` hears :class:`FleetHeard`.
+    is recorded in the file ``record``, as MCAP. ``restart`` (without a ``pid``): robots whose
+    processes crash or are killed are started again, and go on where they were. The run ends where
+    no round can be decided any more. ``progress`` hears :class:`FleetHeard`.
 
     Raises :class:`koord.KoordError` for what is wrong with the input, or with the network.
 
@@ -93,7 +105,10 @@ def deploy(
         state=None if state is None else fspath(state),
         fresh=fresh,
         record=None if record is None else fspath(record),
+        restart=restart,
     )
+    if restart and pid is not None:
+        raise ArgumentError("restart", ALONE)
     if request.record is not None:
         check_writable(request.record)
         require(("mcap",), "record")
@@ -211,29 +226,29 @@ def _one(of: _Deployment, pid: int) -> Deployed:
 
 def _all(of: _Deployment) -> Deployed:
     """Run all robots, each in a process."""
-    job, request, tell, is_stopping = of.job, of.request, of.tell, False
+    job, request, tell = of.job, of.request, of.tell
     with ExitStack() as stack:
-        if request.state is not None:
-            job = stack.enter_context(_noting(job, request.state, of=range(job.robots)))
+        state = request.state
+        if state is None and request.restart:
+            state = stack.enter_context(TemporaryDirectory(prefix="koord-"))
+        if state is not None:
+            job = stack.enter_context(_noting(job, state, of=range(job.robots)))
         recorder = of.recorder(stack)
-        plan = local_plan(job.configuration, job.robots)
-        fleet = launched(Launch(job, plan, keeps_moments=recorder is not None))
-        stack.callback(fleet.join)
-        stack.callback(fleet.kill)
+        launch = Launch(
+            job, local_plan(job.configuration, job.robots), keeps_moments=recorder is not None
+        )
+        fleet = SupervisedProcesses(launch, restarts=request.restart)
+        stack.callback(fleet.close)
         tell(FleetHeard.of({}, job.rounds))
         while not fleet.is_over:
-            news = list(fleet.news(_WAIT_S))
-            if fleet.failures:
-                raise fleet.failures[0]
+            news = fleet.turn(_WAIT_S)
             if recorder is not None:
-                heard = fleet.statuses.keys() | set(fleet.died)
-                recorder.hear(news, is_sure=len(heard) == job.robots or fleet.is_over)
-            tell(FleetHeard.of(fleet.statuses, job.rounds))
-            if of.is_cancelled() and not is_stopping:
-                is_stopping = True
+                recorder.hear(news, is_sure=fleet.is_accepted, processes=fleet.processes)
+            tell(FleetHeard.of(fleet.statuses, job.rounds, fleet.processes))
+            if of.is_cancelled():
                 fleet.stop()
-        tell(FleetHeard.of(fleet.statuses, job.rounds))
-    return of.ended(fleet.statuses)
+        tell(FleetHeard.of(fleet.statuses, job.rounds, fleet.processes))
+    return replace(of.ended(fleet.statuses), processes=dict(fleet.processes), stuck=fleet.stuck)
 
 
 @contextmanager
@@ -262,6 +277,10 @@ def _noting(job: Job, path: str, of: Iterable[int] = ()) -> Iterator[Job]:
         raise
 
 
+#: The processes of a robot that runs in this one.
+_NOBODY: Mapping[int, ProcessReport] = MappingProxyType({})
+
+
 class _Recorder:
     """The record of a run, begun once the run is accepted, with all earlier reports."""
 
@@ -271,9 +290,13 @@ class _Recorder:
         self._early: list[tuple[RobotReport, tuple[RoundReport, ...]]] = []
 
     def hear(
-        self, news: Iterable[tuple[RobotReport, tuple[RoundReport, ...]]], *, is_sure: bool
+        self,
+        news: Iterable[tuple[RobotReport, tuple[RoundReport, ...]]],
+        processes: Mapping[int, ProcessReport] = _NOBODY,
+        *,
+        is_sure: bool,
     ) -> None:
-        """Record the reports of robots."""
+        """Record the reports of robots, and what became of their ``processes``."""
         self._early += news
         if not is_sure:
             return
@@ -285,6 +308,6 @@ class _Recorder:
         for status, moments in self._early:
             now = time.time_ns()
             self._record.moments(moments, now)
-            self._record.status(status, now)
+            self._record.status(status, now, processes.get(status.pid))
         self._early.clear()
         self._record.flush()

@@ -120,8 +120,7 @@ class _Follower(Struct):
             if not is_stopped and (is_cancelled() or not is_known):
                 is_stopped = True
                 fleet.stop()
-            if fleet.failures:
-                raise fleet.failures[0]
+            fleet.check()
         yield from followed.rounds(is_over=True)
         if followed.ending is None:
             followed.end(self._ending(is_interrupted=is_cancelled()))

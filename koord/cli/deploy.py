@@ -8,7 +8,7 @@ from argparse import ArgumentTypeError
 from importlib.util import find_spec
 
 from koord.api.deployed import Deployed, FleetHeard
-from koord.api.deployment import DeployRequest, Job, deploy_fitted, job_of
+from koord.api.deployment import ALONE, DeployRequest, Job, deploy_fitted, job_of
 from koord.api.fitting import Fitted
 from koord.api.progress import Progress
 from koord.cli.arguments import (
@@ -57,13 +57,18 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--fresh", action="store_true", help="forget what was noted: this is a first start"
     )
+    parser.add_argument(
+        "--restart",
+        action="store_true",
+        help="start robots again whose processes crash or are killed (with --all-local)",
+    )
     parser.add_argument("--record", metavar="FILE", help="record what robots do, as MCAP")
     add_settings(parser)
     add_json(parser, "how each robot ended")
     parser.epilog = (
         "exit codes: 0 the rounds were done, or all robots have stopped, 1 a fault ended the run, "
         "2 errors in the input, 3 robots stopped before all rounds were "
-        "done, 130 stopped with Ctrl-C, 143 by SIGTERM, 129 by SIGHUP "
+        "done, or their processes ended, 130 stopped with Ctrl-C, 143 by SIGTERM, 129 by SIGHUP "
         "(robots stop safely; a second one stops at once)"
     )
 
@@ -72,6 +77,8 @@ def main(arguments: argparse.Namespace) -> int:
     check_files([arguments.file, arguments.config, *arguments.properties])
     if arguments.all_local == (arguments.pid is not None):
         raise ArgumentTypeError("say --pid I for one robot, or --all-local for all of them")
+    if arguments.restart and arguments.pid is not None:
+        raise ArgumentTypeError(f"--restart: {ALONE}")
     if arguments.record is not None:
         check_writable(arguments.record)
         if find_spec("mcap") is None:
@@ -84,6 +91,7 @@ def main(arguments: argparse.Namespace) -> int:
         state=arguments.state,
         fresh=arguments.fresh,
         record=arguments.record,
+        restart=arguments.restart,
     )
     report = DiagnosticReport()
     prepared = prepare(arguments, request, report)

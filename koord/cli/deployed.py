@@ -13,7 +13,7 @@ from rich.table import Table
 from koord.api.deployed import Deployed, FleetHeard
 
 if TYPE_CHECKING:
-    from koord.api.deployed import RobotReport
+    from koord.api.deployed import ProcessReport, RobotReport
 
 #: More robots than this nobody reads; the rest is told in the last row.
 MOST_ROWS = 40
@@ -64,12 +64,14 @@ class Board:
 
 def table(heard: FleetHeard, rows: int = MOST_ROWS) -> Table:
     """A row for each robot; if there are too many, first those with something to report."""
-    statuses, lags = heard.statuses, heard.lags()
+    statuses, lags, processes = heard.statuses, heard.lags(), heard.processes
     title = f"round {heard.round}" + ("" if heard.rounds is None else f" of {heard.rounds}")
     made = Table(title=title, title_justify="left", box=None, pad_edge=False)
     shown = sorted(statuses)
     if len(shown) > rows:
-        shown = sorted(shown, key=lambda pid: (not story(statuses[pid]), pid))[:rows]
+        shown = sorted(shown, key=lambda pid: (not story(statuses[pid], processes.get(pid)), pid))[
+            :rows
+        ]
     for name in ("robot", "round", "lag", "ran", "skipped", "late", "dropped", "coordinator"):
         made.add_column(name, justify="right")
     made.add_column("")
@@ -84,15 +86,23 @@ def table(heard: FleetHeard, rows: int = MOST_ROWS) -> Table:
             str(status.late),
             str(sum(n for _, n in status.drops)),
             "-" if status.coordinator is None else str(status.coordinator),
-            story(status),
+            story(status, processes.get(pid)),
         )
     if len(statuses) > len(shown):
         made.add_row("…", "", "", "", "", "", "", "", f"and {len(statuses) - len(shown)} more")
     return made
 
 
-def story(status: RobotReport) -> str:
-    """The remark on a robot in the table."""
+def story(status: RobotReport, process: ProcessReport | None = None) -> str:
+    """The remark on a robot in the table: on its process, if it was lost, and how it is doing."""
+    if process is None:
+        return _doing(status)
+    if process.is_lost:
+        return process.story
+    return "; ".join(filter(None, (_doing(status), process.restarted)))
+
+
+def _doing(status: RobotReport) -> str:
     if status.trouble is not None:
         return f"stopped: {status.trouble}"
     if status.fault is not None:
@@ -148,5 +158,9 @@ def summary(deployed: Deployed) -> str:
         lines.append("all robots have stopped")
     elif behind:
         lines.append(f"not at the last round: {', '.join(behind)}")
-    lines += sorted({story(status) for status in everyone if status.fault or status.trouble})
+    lines += sorted({_doing(status) for status in everyone if status.fault or status.trouble})
+    ends = sorted(deployed.processes.items())
+    lines += [f"robot {pid}: {process.story}" for pid, process in ends if process.story]
+    if deployed.stuck is not None:
+        lines.append(deployed.stuck)
     return "\n".join(lines)

@@ -274,8 +274,7 @@ def _watch(fleet: LocalProcesses, faults: Faults, draw: Random) -> None:
     while not fleet.is_over:
         for _ in fleet.news(0.05):
             pass
-        if fleet.failures:
-            raise fleet.failures[0]
+        fleet.check()
         for status in fleet.statuses.values():
             if status.trouble is not None and GAVE_UP not in status.trouble:
                 raise BrokenError(status.trouble)

@@ -40,7 +40,8 @@ class Noted(running.IdealHost):
 class Told(deploy.Board):
     def show(self, heard):
         said = "stopping" if self.is_stopping else f"round {heard.round}"
-        stories = [f"{pid} {story(one)}" for pid, one in sorted(heard.statuses.items())]
+        robots = sorted(heard.statuses.items())
+        stories = [f"{pid} {story(one, heard.processes.get(pid))}" for pid, one in robots]
         print("; ".join([said, *stories]), file=sys.stderr, flush=True)
 
 running.IdealHost, deploy.Board = Noted, Told
@@ -185,3 +186,37 @@ def test_robots_whose_first_process_is_killed_stop_safely_by_themselves(tmp_path
         assert code == -signal.SIGKILL
         assert run.holds() == ["True"] * 3
         assert len(list((tmp_path / "noted").iterdir())) == 3
+
+
+# --- robots whose processes are killed ------------------------------------------------------------
+
+
+def test_a_run_that_has_lost_its_majority_ends_with_a_summary(tmp_path: Path) -> None:
+    with command(tmp_path, 3, *ALL, "--json") as run:
+        run.wait_for("round [3-9]")
+        for robot in run.robots[-2:]:
+            os.kill(robot, signal.SIGKILL)
+        run.wait_for(r"1 its process was killed \(signal 9\)")
+        code, out = run.ended()
+        assert code == Exit.UNKNOWN
+        told = json.loads(out)
+        assert told["stuck"].startswith("no round can be decided any more without robots 1 and 2:")
+        ends = [one["process"]["end"] for one in told["robots"]]
+        assert ends[0] is None
+        assert [one["signal"] for one in ends[1:]] == [signal.SIGKILL] * 2
+        lost = [one for one in run.recorded() if one.get("process", {}).get("state") == "lost"]
+        assert {one["pid"] for one in lost} == {1, 2}
+        assert run.holds()[0] == "True"
+
+
+def test_a_robot_that_is_killed_is_restarted_and_told_of(tmp_path: Path) -> None:
+    with command(tmp_path, 3, *ALL, "--rounds", "40", "--restart") as run:
+        run.wait_for("round [3-9]")
+        os.kill(run.robots[-1], signal.SIGKILL)
+        run.wait_for("2 .*restarted once")
+        code, out = run.ended()
+        assert code == Exit.OK, out
+        assert out.startswith(f"{SUM}: 3 robots, δ = 0.05 s\n40 rounds of 3 robots: ")
+        assert re.search(r"robot 2: its process was killed .* in round \d+; restarted once\n", out)
+        back = [one for one in run.recorded() if one.get("process", {}).get("restarts") == 1]
+        assert {one["pid"] for one in back} == {2}

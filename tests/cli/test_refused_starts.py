@@ -12,6 +12,7 @@ from koord.api import campaign_runs, deployment
 from koord.cli.exits import Exit
 from koord.cli.main import main
 from koord.runtime.configuration.model import RunConfiguration
+from koord.runtime.deploy import supervised
 from koord.runtime.deploy.local import LocalProcesses
 from koord.runtime.deploy.running import RoundReport
 from koord.runtime.deploy.status import RobotReport
@@ -138,7 +139,7 @@ def test_nothing_is_recorded_before_all_robots_can_talk(
 
         def news(self, timeout_s: float) -> Iterator[tuple[RobotReport, tuple[RoundReport, ...]]]:
             if self.statuses:
-                self.failures.append(TransportError("robot 1 cannot begin"))
+                self.failures[1] = TransportError("robot 1 cannot begin")
                 return
             self.statuses[0] = RobotReport(
                 **dict.fromkeys(RobotReport.__annotations__, 0)
@@ -150,7 +151,7 @@ def test_nothing_is_recorded_before_all_robots_can_talk(
         def is_over(self) -> bool:
             return False
 
-    monkeypatch.setattr(deployment, "launched", Halves)
+    monkeypatch.setattr(supervised, "launched", Halves)
     before = tree(folder)
     words = ["app.krd", "two.yaml", "--all-local", "--record", "old.mcap"]
     assert main(["deploy", *words]) == Exit.BAD_INPUT

@@ -6,6 +6,8 @@ from tests.mutants.mutant import Mutant
 
 DEPLOY = "tests/runtime/test_deploy.py"
 ELECTIONS = "tests/runtime/test_elections.py"
+SUPERVISED = "tests/runtime/test_supervision.py"
+STRUCK = "tests/api/test_supervised.py"
 JUDGED = "tests/refinement/test_deployed.py"
 
 #: What is caught by judging runs, mostly.
@@ -107,5 +109,54 @@ DEPLOYED = (
         "reason is not None",
         "reason is None",
         (DEPLOY,),
+    ),
+    Mutant(
+        "a robot that is asked to end by a signal does so at once",
+        "runtime.deploy.local._Asked._on_signal",
+        "self.by is not None",
+        "self.by is None",
+        (STRUCK,),
+    ),
+    Mutant(
+        "who dies at once is restarted for ever",
+        "runtime.deploy.supervision.Supervisor.ended",
+        "self._deaths[pid] + 1",
+        "1",
+        (SUPERVISED,),
+    ),
+    Mutant(
+        "who lives for long is given up one day",
+        "runtime.deploy.supervision.Supervisor.ended",
+        "now - self._started[pid] < AT_ONCE_S",
+        "True",
+        (SUPERVISED,),
+    ),
+    Mutant(
+        "robots are restarted that nobody could tell anything",
+        "runtime.deploy.supervision.Supervisor._state_after",
+        "self.is_stopping or any(map(_is_done, self.statuses.values()))",
+        "self.is_stopping",
+        (SUPERVISED,),
+    ),
+    Mutant(
+        "half of the robots are a majority",
+        "runtime.deploy.supervision.Supervisor._hindrance",
+        "robots // 2 + 1",
+        "(robots + 1) // 2",
+        (SUPERVISED,),
+    ),
+    Mutant(
+        "robots that may not skip are not missed",
+        "runtime.deploy.supervision.Supervisor._hindrance",
+        "pid in self._owing",
+        "pid not in self.processes",
+        (SUPERVISED,),
+    ),
+    Mutant(
+        "a robot that is back counts from nothing",
+        "runtime.deploy.supervision.Supervisor.heard",
+        "before is None",
+        "before is not status",
+        (SUPERVISED,),
     ),
 )

@@ -97,8 +97,7 @@ def _watched(
     while not fleet.is_over:
         for _ in fleet.news(0.05):
             pass
-        if fleet.failures:
-            raise fleet.failures[0]
+        fleet.check()
         if not hub.is_alive():
             raise OSError("the hub has fallen over")
         now = time.monotonic()

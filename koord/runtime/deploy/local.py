@@ -19,8 +19,9 @@ from msgspec import Struct, field
 
 from koord.runtime.configuration.forms import Carrier
 from koord.runtime.configuration.model import RunConfiguration
-from koord.runtime.deploy.running import Job, Make, RoundReport, Runner, ideal_member
+from koord.runtime.deploy.running import Job, Make, RoundReport, Runner, described, ideal_member
 from koord.runtime.deploy.status import RobotReport
+from koord.runtime.deploy.supervision import EndCause, ProcessEnd
 from koord.runtime.transports.routed import Routed
 from koord.runtime.transports.transport import Transport, TransportError
 from koord.runtime.transports.udp import Delivery, Plan, Udp, on_this_machine
@@ -101,10 +102,20 @@ def transport_of(configuration: RunConfiguration, run: str, pid: int) -> Transpo
     return Udp(plan_of(configuration), pid)
 
 
-#: What a robot's process says: how it is doing and what it did, or why it could not begin.
-News = tuple[RobotReport, tuple[RoundReport, ...]] | TransportError
+class Farewell(Struct, frozen=True):
+    """The last word of a robot's process that ends before its time: the signal, or the error."""
+
+    signal: int | None = None
+    error: str | None = None
+
+
+#: What a robot's process says: how it is doing and what it did, or why it ends.
+News = tuple[RobotReport, tuple[RoundReport, ...]] | TransportError | Farewell
 
 _STOP = b"stop"
+
+#: How long a process may take to end after its last word.
+_REAP_S = 1.0
 
 
 #: Opens the network of one robot. Raises TransportError.
@@ -128,7 +139,9 @@ class LocalProcesses(Struct):
     processes: list[BaseProcess] = field(default_factory=list)
     ends: list[Connection] = field(default_factory=list)
     statuses: dict[int, RobotReport] = field(default_factory=dict)
-    failures: list[TransportError] = field(default_factory=list)
+    failures: dict[int, TransportError] = field(default_factory=dict)
+    farewells: dict[int, Farewell] = field(default_factory=dict)
+    _closed: list[int] = field(default_factory=list)  #: whose ends have not been asked for
 
     @property
     def alive(self) -> int:
@@ -139,7 +152,13 @@ class LocalProcesses(Struct):
     def died(self) -> tuple[int, ...]:
         """The robots whose processes ended abnormally."""
         codes = enumerate(process.exitcode for process in self.processes)
-        return tuple(pid for pid, code in codes if code not in (None, 0))
+        died = {pid for pid, code in codes if code not in (None, 0)}
+        return tuple(sorted(died | self.farewells.keys()))
+
+    def check(self) -> None:
+        """Raise the TransportError of a robot that could not begin, if there is one."""
+        for error in self.failures.values():
+            raise error
 
     def news(self, timeout_s: float) -> Iterator[tuple[RobotReport, tuple[RoundReport, ...]]]:
         """Yield new reports of processes, waiting at most ``timeout_s`` for the first."""
@@ -149,17 +168,48 @@ class LocalProcesses(Struct):
             return
         for ready in wait(open_ends, timeout_s):
             assert isinstance(ready, Connection)
+            pid = self.ends.index(ready)
             try:
                 said: News = ready.recv()
             except (EOFError, OSError):
                 ready.close()
+                self._closed.append(pid)
                 continue
-            if isinstance(said, TransportError):
-                self.failures.append(said)
-                continue
-            status, moments = said
-            self.statuses[status.pid] = status
-            yield status, moments
+            match said:
+                case TransportError():
+                    self.failures[pid] = said
+                case Farewell():
+                    self.farewells[pid] = said
+                case (status, moments):
+                    self.statuses[pid] = status
+                    yield status, moments
+
+    def ended(self) -> Iterator[ProcessEnd]:
+        """Yield how the processes ended that have since this was last asked."""
+        closed, self._closed = self._closed, []
+        for pid in closed:
+            process = self.processes[pid]
+            with FORKING:
+                process.join(_REAP_S)
+                if process.exitcode is None:
+                    process.kill()
+                    process.join()
+            yield self._end_of(pid, process.exitcode or 0)
+
+    def _end_of(self, pid: int, code: int) -> ProcessEnd:
+        status, farewell = self.statuses.get(pid), self.farewells.get(pid, Farewell())
+        round_ = None if status is None else status.round
+        if status is not None and (status.is_over or status.all_stopped):
+            return ProcessEnd(pid, EndCause.DONE, round_)
+        if code < 0:
+            return ProcessEnd(pid, EndCause.KILLED, round_, signal=-code)
+        failure, trouble = self.failures.get(pid), None if status is None else status.trouble
+        error = trouble or farewell.error or (None if failure is None else failure.message)
+        if error is None and code > 0:
+            error = f"exit code {code}"
+        if error is not None:
+            return ProcessEnd(pid, EndCause.CRASHED, round_, detail=error)
+        return ProcessEnd(pid, EndCause.STOPPED, round_, farewell.signal)
 
     @property
     def is_over(self) -> bool:
@@ -170,10 +220,8 @@ class LocalProcesses(Struct):
         """Ask all processes to stop safely."""
         for end in self.ends:
             if not end.closed:
-                try:
+                with suppress(OSError):  # it has ended, which is heard next
                     end.send_bytes(_STOP)
-                except OSError:
-                    end.close()
 
     def kill(self) -> None:
         """End all processes at once."""
@@ -187,6 +235,8 @@ class LocalProcesses(Struct):
         self.processes[pid].join()
         self.ends[pid].close()
         self.statuses.pop(pid, None)
+        self.failures.pop(pid, None)
+        self.farewells.pop(pid, None)
         self.processes[pid], self.ends[pid] = _started(self.launch, pid)
 
     def join(self) -> None:
@@ -217,10 +267,11 @@ def _started(launch: Launch, pid: int) -> tuple[BaseProcess, Connection]:
 
 def _process(arguments: tuple[Launch, int, Connection]) -> BaseProcess:
     """The process of a robot; where the system supports it, forked with all modules loaded."""
+    name = f"robot {arguments[1]}"
     if "fork" in multiprocessing.get_all_start_methods():
         fork = multiprocessing.get_context("fork")
-        return fork.Process(target=_robot, args=arguments, daemon=True)
-    return multiprocessing.Process(target=_robot, args=arguments, daemon=True)
+        return fork.Process(target=_robot, name=name, args=arguments, daemon=True)
+    return multiprocessing.Process(target=_robot, name=name, args=arguments, daemon=True)
 
 
 class _Asked:
@@ -259,14 +310,21 @@ def _robot(launch: Launch, pid: int, end: Connection) -> None:
     except TransportError as error:
         end.send(error)
         return
-    runner = Runner(launch.job, pid, transport, make=launch.make)
-    runner.keeps_moments = launch.keeps_moments
+    try:
+        runner = Runner(launch.job, pid, transport, make=launch.make)
+        runner.keeps_moments = launch.keeps_moments
 
-    def report(status: RobotReport) -> None:
-        moments = tuple(runner.moments)
-        runner.moments.clear()
-        with suppress(OSError):  # nobody hears it any more: it is told to stop
-            end.send((status, moments))
+        def report(status: RobotReport) -> None:
+            moments = tuple(runner.moments)
+            runner.moments.clear()
+            with suppress(OSError):  # nobody hears it any more: it is told to stop
+                end.send((status, moments))
 
-    report(runner.run(asked, report))
+        report(runner.run(asked, report))
+        farewell = None if asked.by is None else Farewell(signal=asked.by)
+    except Exception as error:  # whatever it is: it is told
+        farewell = Farewell(error=described(error))
+    if farewell is not None:
+        with suppress(OSError):
+            end.send(farewell)
     end.close()

@@ -8,6 +8,7 @@ from msgspec import to_builtins
 
 from koord.runtime.deploy.running import RoundReport
 from koord.runtime.deploy.status import RobotReport
+from koord.runtime.deploy.supervision import ProcessReport
 from koord.runtime.records import RecordFile
 from koord.syntax.problem import Problem
 
@@ -54,10 +55,14 @@ class DeploymentRecord:
             }
             self._file.add(f"/robots/{moment.pid}", _ROBOTS, message, now_ns, moment.round)
 
-    def status(self, status: RobotReport, now_ns: int) -> None:
-        """Write the status of a robot."""
+    def status(
+        self, status: RobotReport, now_ns: int, process: ProcessReport | None = None
+    ) -> None:
+        """Write the status of a robot, and what became of its ``process``, if it has its own."""
         message = to_builtins(status)
         message["holding"] = None if status.holding is None else status.holding.value
+        if process is not None:
+            message["process"] = process.to_dict()
         self._file.add("/status", _STATUS, message, now_ns, status.round)
 
     def flush(self) -> None:

@@ -111,6 +111,12 @@ def ideal_host(job: Job, pid: int) -> IdealHost:
 Make = Callable[[Job, int], Member]
 
 
+def described(error: Exception) -> str:
+    """An error that nobody expected, in a line, with its place."""
+    place = traceback.extract_tb(error.__traceback__)[-1]
+    return f"{type(error).__name__}: {error} ({Path(place.filename).name}:{place.lineno})"
+
+
 class Runner:
     """A robot of a run. ``report`` gets its status now and then, ``seen`` each of its rounds."""
 
@@ -194,9 +200,7 @@ class Runner:
                 self.trouble = str(error)
                 break
             except Exception as error:  # whatever it is: the robot stops safely, and tells
-                place = traceback.extract_tb(error.__traceback__)[-1]
-                what = f"{type(error).__name__}: {error}"
-                self.trouble = f"{what} ({Path(place.filename).name}:{place.lineno})"
+                self.trouble = described(error)
                 break
             now = self._clock()
             if now >= next_report:

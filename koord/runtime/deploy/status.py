@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from msgspec import Struct
+from msgspec.structs import replace
 
 from koord.runtime.deploy.member import Member
 from koord.runtime.node import Peer
+from koord.runtime.proposals import INIT_ROUND
 from koord.runtime.protocol.coordinating import waiting_for
 from koord.runtime.protocol.events import Reason
 
@@ -35,6 +37,51 @@ class RobotReport(Struct, frozen=True):
     is_voter: bool  #: whether its voice counts; not at once after a crash
     fault: str | None = None
     trouble: str | None = None  #: why it had to stop, if that is not the program's doing
+
+
+def unheard(pid: int) -> RobotReport:
+    """The status of a robot that has never said anything."""
+    return RobotReport(
+        pid=pid,
+        round=INIT_ROUND,
+        behind=0,
+        coordinator=None,
+        epoch=0,
+        holding=None,
+        waiting_for=(),
+        ran=0,
+        skipped=0,
+        late=0,
+        overdue=0,
+        longest_s=0.0,
+        took_s=0.0,
+        sent=0,
+        received=0,
+        drops=(),
+        is_over=False,
+        all_stopped=False,
+        is_mute=False,
+        is_voter=False,
+    )
+
+
+def continued(before: RobotReport, now: RobotReport) -> RobotReport:
+    """The status of a robot that is back, with what it had counted before."""
+    drops = dict(before.drops)
+    for reason, count in now.drops:
+        drops[reason] = drops.get(reason, 0) + count
+    return replace(
+        now,
+        ran=before.ran + now.ran,
+        skipped=before.skipped + now.skipped,
+        late=before.late + now.late,
+        overdue=before.overdue + now.overdue,
+        longest_s=max(before.longest_s, now.longest_s),
+        took_s=before.took_s + now.took_s,
+        sent=before.sent + now.sent,
+        received=before.received + now.received,
+        drops=tuple(drops.items()),
+    )
 
 
 class Tally(Struct):

@@ -1,0 +1,122 @@
+"""Deployments whose robots are killed, crash or stop: who is told of, and who comes back."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import koord
+from koord.api.deployed import FleetHeard
+from koord.runtime.deploy import local, supervision
+from koord.runtime.deploy.running import Runner
+from koord.runtime.deploy.supervision import EndCause, ProcessState
+
+COUNT = koord.Source("count.krd", "local:\n  int x = 0\nUp:\n  pre: true\n  eff: x = x + 1\n")
+THREE = koord.read_configuration(koord.Source("three.yaml", "num_robots: 3\ndelta: 0.05\n"))
+
+
+def strike(number: int, *robots: int) -> Callable[[koord.Progress], None]:
+    """A listener that sends a signal to the processes of robots, when all have done some rounds."""
+    left = set(robots)
+
+    def hear(told: koord.Progress) -> None:
+        assert isinstance(told, FleetHeard)
+        rounds = [status.round for status in told.statuses.values()]
+        if len(rounds) == 3 and min(rounds) >= 3:
+            for process in multiprocessing.active_children():
+                pid = int(process.name.removeprefix("robot "))
+                if pid in left and process.pid is not None:
+                    left.remove(pid)
+                    os.kill(process.pid, number)
+
+    return hear
+
+
+def test_a_robot_whose_process_is_killed_is_restarted_and_goes_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    strikes = strike(signal.SIGKILL, 1)
+    deployed = koord.deploy(COUNT, THREE, rounds=40, restart=True, progress=strikes)
+    assert deployed.ok
+    assert {pid: one.round for pid, one in deployed.statuses.items()} == {0: 40, 1: 40, 2: 40}
+    assert {pid: one.restarts for pid, one in deployed.processes.items()} == {0: 0, 1: 1, 2: 0}
+    assert not deployed.statuses[1].is_mute
+    process = deployed.to_dict()["robots"][1]["process"]  # type: ignore[index]
+    assert process["restarts"] == 1
+    assert (process["end"]["cause"], process["end"]["signal"]) == ("killed", signal.SIGKILL)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_run_that_has_lost_its_majority_ends_and_says_so() -> None:
+    deployed = koord.deploy(COUNT, THREE, progress=strike(signal.SIGKILL, 1, 2))
+    assert not deployed.ok
+    assert not deployed.interrupted
+    assert deployed.stuck == (
+        "no round can be decided any more without robots 1 and 2: 1 of 3 is no majority"
+    )
+    assert [deployed.processes[pid].is_lost for pid in range(3)] == [False, True, True]
+    assert "its process was killed (signal 9) in round" in deployed._repr_html_()
+    assert "not all robots came to the end" in repr(deployed)
+
+
+def test_a_robot_that_is_asked_to_end_stops_and_the_others_go_on() -> None:
+    strikes = strike(signal.SIGTERM, 1)
+    deployed = koord.deploy(COUNT, THREE, rounds=20, restart=True, progress=strikes)
+    end = deployed.processes[1].end
+    assert end is not None
+    assert (end.cause, end.signal) == (EndCause.STOPPED, signal.SIGTERM)
+    assert [deployed.statuses[pid].is_over for pid in range(3)] == [True, False, True]
+    assert deployed.stuck is None
+    assert not deployed.is_complete
+
+
+class Crashing(Runner):
+    """A robot that falls over at once, if it is robot 1."""
+
+    def run(self, *arguments: Any) -> Any:
+        if self.member.robot.pid == 1:
+            raise ValueError("no such thing")
+        return super().run(*arguments)
+
+
+@pytest.mark.parametrize("restart", [False, True])
+def test_a_robot_that_crashes_at_once_is_told_of_and_given_up(
+    restart: bool, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(local, "Runner", Crashing)
+    deployed = koord.deploy(COUNT, THREE, restart=restart)
+    assert capfd.readouterr() == ("", "")
+    assert deployed.stuck == "the run cannot begin without robot 1"
+    process = deployed.processes[1]
+    assert process.end is not None
+    assert process.end.cause is EndCause.CRASHED
+    assert "ValueError: no such thing (test_supervised.py:" in process.story
+    assert process.restarts == (supervision.MOST_DEATHS - 1 if restart else 0)
+    assert (process.state is ProcessState.GIVEN_UP) == restart
+
+
+def test_a_robot_that_does_not_stop_is_killed_and_told_of(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(supervision, "STOP_S", 1.0)
+    stop, strikes = koord.Cancellation(), strike(signal.SIGSTOP, 1)
+
+    def hear(told: koord.Progress) -> None:
+        strikes(told)
+        if told.round is not None and told.round >= 6:
+            stop.cancel()
+
+    deployed = koord.deploy(COUNT, THREE, progress=hear, cancellation=stop)
+    assert deployed.interrupted
+    assert "did not stop, and was killed" in deployed.processes[1].story
+    assert not deployed.processes[0].story
+
+
+def test_one_robot_is_not_restarted_by_itself() -> None:
+    with pytest.raises(koord.KoordError, match="what starts one restarts it"):
+        koord.deploy(COUNT, THREE, pid=0, restart=True)
