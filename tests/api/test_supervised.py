@@ -5,11 +5,13 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
+from msgspec.structs import replace
 
 import koord
 from koord.api.deployed import FleetHeard
@@ -21,14 +23,19 @@ COUNT = koord.Source("count.krd", "local:\n  int x = 0\nUp:\n  pre: true\n  eff:
 THREE = koord.read_configuration(koord.Source("three.yaml", "num_robots: 3\ndelta: 0.05\n"))
 
 
+@pytest.fixture(autouse=True)
+def hasty(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Robots that can decide nothing are given up soon."""
+    monkeypatch.setattr(supervision, "STUCK_S", 0.3)
+
+
 def strike(number: int, *robots: int) -> Callable[[koord.Progress], None]:
     """A listener that sends a signal to the processes of robots, when all have done some rounds."""
     left = set(robots)
 
     def hear(told: koord.Progress) -> None:
         assert isinstance(told, FleetHeard)
-        rounds = [status.round for status in told.statuses.values()]
-        if len(rounds) == 3 and min(rounds) >= 3:
+        if all(pid in told.statuses and told.statuses[pid].round >= 3 for pid in robots):
             for process in multiprocessing.active_children():
                 pid = int(process.name.removeprefix("robot "))
                 if pid in left and process.pid is not None:
@@ -100,6 +107,36 @@ def test_a_robot_that_crashes_at_once_is_told_of_and_given_up(
     assert "ValueError: no such thing (test_supervised.py:" in process.story
     assert process.restarts == (supervision.MOST_DEATHS - 1 if restart else 0)
     assert (process.state is ProcessState.GIVEN_UP) == restart
+
+
+class Deaf(Runner):
+    """A robot that hears that it is to stop, says so, and goes on; unless it is robot 0."""
+
+    def run(self, is_told_to_stop: Any, report: Any) -> Any:
+        if self.member.robot.pid == 0:
+            return super().run(is_told_to_stop, report)
+        report(replace(self.status, round=3))
+        while not is_told_to_stop():
+            time.sleep(0.01)
+        report(replace(self.status, round=4))
+        signal.pause()
+
+
+def test_a_second_signal_ends_a_robot_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(local, "Runner", Deaf)
+    once, again = strike(signal.SIGTERM, 1), strike(signal.SIGHUP, 1)
+
+    def hear(told: koord.Progress) -> None:
+        assert isinstance(told, FleetHeard)
+        if 1 in told.statuses:
+            (once if told.statuses[1].round == 3 else again)(told)
+
+    two = koord.read_configuration(koord.Source("two.yaml", "num_robots: 2\ndelta: 0.05\n"))
+    deployed = koord.deploy(COUNT, two, progress=hear)
+    end = deployed.processes[1].end
+    assert end is not None
+    assert (end.cause, end.signal) == (EndCause.KILLED, signal.SIGHUP)
+    assert deployed.stuck is not None
 
 
 def test_a_robot_that_does_not_stop_is_killed_and_told_of(monkeypatch: pytest.MonkeyPatch) -> None:
