@@ -9,7 +9,6 @@ from contextlib import ExitStack, contextmanager, suppress
 from os import PathLike, fspath
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from types import MappingProxyType
 
 from msgspec import Struct
 from msgspec.structs import replace
@@ -43,8 +42,10 @@ from koord.syntax.source import whole_file
 #: Where a robot notes where it is, if nobody says.
 _STATE = ".koord"
 
-#: Why one robot is not restarted.
-ALONE = "this is for robots that are all processes on this machine; what starts one restarts it"
+#: Why a robot that runs by itself is not restarted.
+NOT_RESTARTED = (
+    "this is for robots that are all processes on this machine; what starts one restarts it"
+)
 
 #: How long processes are waited for at a time.
 _WAIT_S = 0.2
@@ -108,7 +109,7 @@ def deploy(
         restart=restart,
     )
     if restart and pid is not None:
-        raise ArgumentError("restart", ALONE)
+        raise ArgumentError("restart", NOT_RESTARTED)
     if request.record is not None:
         check_writable(request.record)
         require(("mcap",), "record")
@@ -277,10 +278,6 @@ def _noting(job: Job, path: str, of: Iterable[int] = ()) -> Iterator[Job]:
         raise
 
 
-#: The processes of a robot that runs in this one.
-_NOBODY: Mapping[int, ProcessReport] = MappingProxyType({})
-
-
 class _Recorder:
     """The record of a run, begun once the run is accepted, with all earlier reports."""
 
@@ -292,11 +289,11 @@ class _Recorder:
     def hear(
         self,
         news: Iterable[tuple[RobotReport, tuple[RoundReport, ...]]],
-        processes: Mapping[int, ProcessReport] = _NOBODY,
+        processes: Mapping[int, ProcessReport] | None = None,
         *,
         is_sure: bool,
     ) -> None:
-        """Record the reports of robots, and what became of their ``processes``."""
+        """Record the reports of robots, and what became of their own ``processes``, if any."""
         self._early += news
         if not is_sure:
             return
@@ -308,6 +305,6 @@ class _Recorder:
         for status, moments in self._early:
             now = time.time_ns()
             self._record.moments(moments, now)
-            self._record.status(status, now, processes.get(status.pid))
+            self._record.status(status, now, (processes or {}).get(status.pid))
         self._early.clear()
         self._record.flush()

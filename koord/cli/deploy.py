@@ -8,7 +8,7 @@ from argparse import ArgumentTypeError
 from importlib.util import find_spec
 
 from koord.api.deployed import Deployed, FleetHeard
-from koord.api.deployment import ALONE, DeployRequest, Job, deploy_fitted, job_of
+from koord.api.deployment import NOT_RESTARTED, DeployRequest, Job, deploy_fitted, job_of
 from koord.api.fitting import Fitted
 from koord.api.progress import Progress
 from koord.cli.arguments import (
@@ -78,7 +78,7 @@ def main(arguments: argparse.Namespace) -> int:
     if arguments.all_local == (arguments.pid is not None):
         raise ArgumentTypeError("say --pid I for one robot, or --all-local for all of them")
     if arguments.restart and arguments.pid is not None:
-        raise ArgumentTypeError(f"--restart: {ALONE}")
+        raise ArgumentTypeError(f"--restart: {NOT_RESTARTED}")
     if arguments.record is not None:
         check_writable(arguments.record)
         if find_spec("mcap") is None:

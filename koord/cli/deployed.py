@@ -158,9 +158,10 @@ def summary(deployed: Deployed) -> str:
         lines.append("all robots have stopped")
     elif behind:
         lines.append(f"not at the last round: {', '.join(behind)}")
-    lines += sorted({_doing(status) for status in everyone if status.fault or status.trouble})
-    ends = sorted(deployed.processes.items())
-    lines += [f"robot {pid}: {process.story}" for pid, process in ends if process.story]
+    ends = {pid: one.story for pid, one in deployed.processes.items() if one.story}
+    untold = [status for status in everyone if status.pid not in ends]
+    lines += sorted({_doing(status) for status in untold if status.fault or status.trouble})
+    lines += [f"robot {pid}: {ends[pid]}" for pid in sorted(ends)]
     if deployed.stuck is not None:
         lines.append(deployed.stuck)
     return "\n".join(lines)

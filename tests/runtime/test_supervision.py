@@ -202,11 +202,11 @@ def test_robots_that_are_told_to_stop_are_not_stuck_but_have_only_so_long() -> N
         (ProcessEnd(0, EndCause.KILLED, 7, 11), "its process was killed (signal 11) in round 7"),
         (
             ProcessEnd(0, EndCause.KILLED, -1, 9),
-            "its process was killed (signal 9) before the first round",
+            "its process was killed (signal 9) before it took part",
         ),
         (
             ProcessEnd(0, EndCause.CRASHED, None, detail="OSError: no"),
-            "its process crashed before it was heard: OSError: no",
+            "its process crashed before it took part: OSError: no",
         ),
         (
             ProcessEnd(0, EndCause.STOPPED, 0, 15),

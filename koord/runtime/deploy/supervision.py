@@ -47,13 +47,8 @@ class ProcessEnd(Struct, frozen=True):
     detail: str | None = None  #: what it crashed with
 
     def __str__(self) -> str:
-        match self.round:
-            case None:
-                when = "before it was heard"
-            case int(number) if number <= INIT_ROUND:
-                when = "before the first round"
-            case number:
-                when = f"in round {number}"
+        took_part = self.round is not None and self.round > INIT_ROUND
+        when = f"in round {self.round}" if took_part else "before it took part"
         match self.cause:
             case EndCause.DONE:
                 return "done"
