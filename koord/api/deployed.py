@@ -86,7 +86,7 @@ class Deployed(Result, frozen=True, kw_only=True):
 
     def __repr__(self) -> str:
         states = self.statuses.values()
-        done = max((one.round for one in states), default=-1)
+        done = max((0, *(one.round for one in states)))
         ran, skipped = sum(one.ran for one in states), sum(one.skipped for one in states)
         how = "a robot is in trouble" if self.in_trouble else "interrupted"
         if not self.in_trouble and not self.interrupted:

@@ -15,6 +15,7 @@ from msgspec.structs import replace
 
 import koord
 from koord.api.deployed import FleetHeard
+from koord.cli.deployed import summary
 from koord.runtime.deploy import local, supervision
 from koord.runtime.deploy.running import Runner
 from koord.runtime.deploy.supervision import EndCause, ProcessState
@@ -107,6 +108,24 @@ def test_a_robot_that_crashes_at_once_is_told_of_and_given_up(
     assert "ValueError: no such thing (test_supervised.py:" in process.story
     assert process.restarts == (supervision.MOST_DEATHS - 1 if restart else 0)
     assert (process.state is ProcessState.GIVEN_UP) == restart
+
+
+def test_robots_that_are_all_killed_at_the_start_are_all_told_of(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    class Dead(Runner):
+        def run(self, *_: Any) -> Any:
+            os.kill(os.getpid(), signal.SIGKILL)
+
+    monkeypatch.setattr(local, "Runner", Dead)
+    deployed = koord.deploy(COUNT, THREE)
+    assert not deployed.is_complete
+    assert "3 of 3 robots: 0 rounds" in repr(deployed)
+    told = summary(deployed).splitlines()
+    assert told[0].startswith("0 rounds of 3 robots: 0 events")
+    assert told[-3:] == [
+        f"robot {pid}: its process was killed (signal 9) before it took part" for pid in range(3)
+    ]
 
 
 class Deaf(Runner):
