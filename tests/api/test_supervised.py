@@ -6,7 +6,6 @@ import multiprocessing
 import os
 import signal
 import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -30,27 +29,32 @@ def hasty(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(supervision, "STUCK_S", 0.3)
 
 
-def strike(number: int, *robots: int) -> Callable[[koord.Progress], None]:
-    """A listener that sends a signal to the processes of robots, when all have done some rounds."""
-    left = set(robots)
+class Strike:
+    """A listener that sends a signal to the processes of robots, when they have done some rounds.
 
-    def hear(told: koord.Progress) -> None:
+    ``left`` are those that it has yet to send it to.
+    """
+
+    def __init__(self, number: int, *robots: int) -> None:
+        self.left = set(robots)
+        self._number = number
+
+    def __call__(self, told: koord.Progress) -> None:
         assert isinstance(told, FleetHeard)
-        if all(pid in told.statuses and told.statuses[pid].round >= 3 for pid in robots):
-            for process in multiprocessing.active_children():
-                pid = int(process.name.removeprefix("robot "))
-                if pid in left and process.pid is not None:
-                    left.remove(pid)
-                    os.kill(process.pid, number)
-
-    return hear
+        if any(pid not in told.statuses or told.statuses[pid].round < 3 for pid in self.left):
+            return
+        children = multiprocessing.active_children()
+        robots = {process.name: process.pid for process in children if process.pid is not None}
+        for pid in self.left & {pid for pid in range(3) if f"robot {pid}" in robots}:
+            self.left.remove(pid)
+            os.kill(robots[f"robot {pid}"], self._number)
 
 
 def test_a_robot_whose_process_is_killed_is_restarted_and_goes_on(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    strikes = strike(signal.SIGKILL, 1)
+    strikes = Strike(signal.SIGKILL, 1)
     deployed = koord.deploy(COUNT, THREE, rounds=40, restart=True, progress=strikes)
     assert deployed.ok
     assert {pid: one.round for pid, one in deployed.statuses.items()} == {0: 40, 1: 40, 2: 40}
@@ -63,7 +67,7 @@ def test_a_robot_whose_process_is_killed_is_restarted_and_goes_on(
 
 
 def test_a_run_that_has_lost_its_majority_ends_and_says_so() -> None:
-    deployed = koord.deploy(COUNT, THREE, progress=strike(signal.SIGKILL, 1, 2))
+    deployed = koord.deploy(COUNT, THREE, progress=Strike(signal.SIGKILL, 1, 2))
     assert not deployed.ok
     assert not deployed.interrupted
     assert deployed.stuck == (
@@ -75,7 +79,7 @@ def test_a_run_that_has_lost_its_majority_ends_and_says_so() -> None:
 
 
 def test_a_robot_that_is_asked_to_end_stops_and_the_others_go_on() -> None:
-    strikes = strike(signal.SIGTERM, 1)
+    strikes = Strike(signal.SIGTERM, 1)
     deployed = koord.deploy(COUNT, THREE, rounds=20, restart=True, progress=strikes)
     end = deployed.processes[1].end
     assert end is not None
@@ -143,7 +147,7 @@ class Deaf(Runner):
 
 def test_a_second_signal_ends_a_robot_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(local, "Runner", Deaf)
-    once, again = strike(signal.SIGTERM, 1), strike(signal.SIGHUP, 1)
+    once, again = Strike(signal.SIGTERM, 1), Strike(signal.SIGHUP, 1)
 
     def hear(told: koord.Progress) -> None:
         assert isinstance(told, FleetHeard)
@@ -160,11 +164,11 @@ def test_a_second_signal_ends_a_robot_at_once(monkeypatch: pytest.MonkeyPatch) -
 
 def test_a_robot_that_does_not_stop_is_killed_and_told_of(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(supervision, "STOP_S", 1.0)
-    stop, strikes = koord.Cancellation(), strike(signal.SIGSTOP, 1)
+    stop, strikes = koord.Cancellation(), Strike(signal.SIGSTOP, 1)
 
     def hear(told: koord.Progress) -> None:
         strikes(told)
-        if told.round is not None and told.round >= 6:
+        if not strikes.left:
             stop.cancel()
 
     deployed = koord.deploy(COUNT, THREE, progress=hear, cancellation=stop)
