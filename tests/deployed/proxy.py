@@ -14,6 +14,7 @@ import time
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from heapq import heappop, heappush
+from itertools import cycle
 from queue import SimpleQueue
 from random import Random
 from typing import NamedTuple
@@ -31,7 +32,7 @@ CALM = Faults(least_delay_s=0.0, most_delay_s=0.0)
 _LARGEST = 65_535
 
 #: What is sent at once before there is a pause, so that buffers of a usual size hold it.
-_BURST = 50
+_BURST, _PAUSE_S = 50, 0.005
 
 
 class Datagram(NamedTuple):
@@ -106,21 +107,19 @@ class Proxy:
                 source.sendto(data, seat.address)
 
     def replay(self, recorded: Iterable[Datagram]) -> int:
-        """Send recorded datagrams again, as fast as buffers hold them; return how many."""
-        sent = 0
-        for sent, one in enumerate(recorded, 1):
-            self.inject(one.to, one.data, one.sender)
-            if sent % _BURST == 0:
-                time.sleep(0.005)
-        return sent
+        """Send recorded datagrams again, as :meth:`flood` does; return how many."""
+        return self._paced((one.to, one.data, one.sender) for one in recorded)
 
     def flood(self, to: Sequence[int], datagrams: Iterable[bytes]) -> int:
         """Send datagrams to robots in turn, as fast as buffers hold them; return how many."""
+        return self._paced((pid, data, None) for pid, data in zip(cycle(to), datagrams))
+
+    def _paced(self, injected: Iterable[tuple[int, bytes, int | None]]) -> int:
         sent = 0
-        for sent, data in enumerate(datagrams, 1):
-            self.inject(to[sent % len(to)], data)
+        for sent, one in enumerate(injected, 1):
+            self.inject(*one)
             if sent % _BURST == 0:
-                time.sleep(0.005)
+                time.sleep(_PAUSE_S)
         return sent
 
     def close(self) -> None:

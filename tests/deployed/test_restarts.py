@@ -5,8 +5,10 @@ from __future__ import annotations
 import os
 import shutil
 import signal
+import subprocess
 import sys
 from collections.abc import Callable
+from itertools import repeat
 from pathlib import Path
 
 import pytest
@@ -91,6 +93,43 @@ def test_a_clock_that_goes_back_shuts_nobody_out(fleet_of: MakeFleet) -> None:
     fleet.stop()
     assert fleet.disagreements() == []
     assert fleet[2].report["ran"] > 0
+
+
+@pytest.mark.slow
+@pytest.mark.xfail(strict=True, reason="the fleet is rejoining for ever")
+def test_an_old_disk_that_is_brought_back_undoes_nothing(
+    fleet_of: MakeFleet, tmp_path: Path
+) -> None:
+    fleet = fleet_of(3)
+    fleet.start_all()
+    fleet.until_round(5)
+    shutil.copytree(fleet.folder / "2" / "state", tmp_path / "old")
+    fleet.until_further(10)
+    for pid in range(3):
+        fleet[pid].kill()
+    for pid in range(3):
+        fleet.again(pid, **({"state": tmp_path / "old"} if pid == 2 else {}))
+    fleet.heard_at_s("0", "1", "2")
+    fleet.until_further(10, within_s=8.0)
+    fleet.stop()
+    assert fleet.disagreements() == []
+    assert all(one.report["trouble"] is None for one in fleet)
+
+
+@pytest.mark.slow
+@pytest.mark.xfail(strict=True, reason="the fleet is rejoining for ever")
+def test_robots_may_share_a_folder(fleet_of: MakeFleet, tmp_path: Path) -> None:
+    fleet = fleet_of(3, state=tmp_path / "shared")
+    fleet.start_all()
+    fleet.until_round(5)
+    for pid in range(3):
+        fleet[pid].kill()
+    for pid in range(3):
+        fleet.again(pid)
+    fleet.until_further(10)
+    fleet.stop()
+    assert fleet.disagreements() == []
+    assert all(one.report["ran"] > 0 for one in fleet)
 
 
 # --- without them ---------------------------------------------------------------------------------
@@ -189,6 +228,35 @@ def test_a_full_disk_is_waited_for(fleet_of: MakeFleet) -> None:
     assert not ended["is_mute"]
     assert ended["round"] >= fleet[0].report["round"] - 2
     assert ended["skipped"] < ended["ran"]
+
+
+@pytest.mark.slow
+@pytest.mark.xfail(strict=True, reason="the robot stops")
+def test_a_file_system_without_room_is_waited_for(fleet_of: MakeFleet, tmp_path: Path) -> None:
+    """As above, with a file system of its own, of half a megabyte."""
+    folder = tmp_path / "small"
+    folder.mkdir()
+    mounted = 'mount -t tmpfs -o size=512k none "$0" && exec "$@"'
+    before = ("unshare", "-rm", "sh", "-c", mounted, str(folder))
+    tried = subprocess.run([*before, "true"], capture_output=True, check=False)
+    if tried.returncode != 0:
+        pytest.skip("file systems cannot be mounted here")
+    fleet = fleet_of(3)
+    fleet.start(0)
+    fleet.start(1)
+    small = fleet.start(2, state=folder, before=before, records=False)
+    fleet.until_round(5, 0, 1)
+    ballast = Path(f"/proc/{small.process.pid}/root/{folder}/ballast")
+    with ballast.open("wb", buffering=0) as file, pytest.raises(OSError, match="No space left"):
+        file.writelines(repeat(bytes(512)))
+    fleet.until(lambda: small.told_at_s("journal|disk|space"), "told", 3.0)
+    fleet.until_further(10, 0, 1, within_s=5.0)
+    ballast.unlink()
+    fleet.until_further(20, 0, 1)
+    fleet.stop()
+    assert fleet.disagreements() == []
+    assert small.report["trouble"] is None
+    assert small.report["round"] >= fleet[0].report["round"] - 2
 
 
 @pytest.mark.xfail(strict=True, reason="the robot stops, without a word on standard error")
