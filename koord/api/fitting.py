@@ -32,6 +32,7 @@ from koord.runtime.configuration.checking import load as load_configuration
 from koord.runtime.configuration.model import RunConfiguration, Scatter, params
 from koord.runtime.motion.libraries import SIM
 from koord.runtime.motion.world import World
+from koord.runtime.ports import SENSED
 from koord.syntax import core
 from koord.syntax.collector import uncollected
 from koord.syntax.diagnostics import Diagnostic, KoordError, Severity
@@ -345,6 +346,12 @@ def task_count(program: core.Program) -> int | None:
             case _:
                 pass
     return None
+
+
+def is_placed(program: core.Program) -> bool:
+    """Return whether a program reads positions or tasks, whose starts a world determines."""
+    names = {port.declaration.variable.name for agent in program.agents for port in agent.ports}
+    return not names.isdisjoint(SENSED) or task_count(program) is not None
 
 
 def _is_task(type_: Type) -> bool:

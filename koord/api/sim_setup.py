@@ -7,13 +7,13 @@ from fractions import Fraction
 from typing import TYPE_CHECKING, TypeVar
 
 import koord.api.sim_libraries  # noqa: F401
-from koord.api.fitting import NO_FILE, Fitted, task_count
+from koord.api.fitting import NO_FILE, Fitted, is_placed
 from koord.runtime.compile import compiled
 from koord.runtime.compile.loading import loaded
 from koord.runtime.compile.watching import Watched, WatchedKind, watched
-from koord.runtime.ports import plain_name
+from koord.runtime.ports import SENSED, plain_name
 from koord.sim.claims import Checked, Watching
-from koord.sim.hosting import ANSWERED, SENSED
+from koord.sim.hosting import ANSWERED
 from koord.sim.running import Cast, Simulation
 from koord.syntax import core
 from koord.syntax.collector import uncollected
@@ -49,7 +49,7 @@ def slack(fitted: Fitted) -> Fraction:
 def fallback(fitted: Fitted) -> Callable[[Host], Host] | None:
     """The fallback host for queries that no world answers, if there are any. Raises KoordError."""
     program = fitted.program.core
-    starts = bool(program.assumptions) and not _is_placed(program)
+    starts = bool(program.assumptions) and not is_placed(program)
     if not starts and not unanswered(program):
         return None
     from koord.api import fallback_host
@@ -164,14 +164,8 @@ def check_begun(fitted: Fitted, simulation: Simulation) -> None:
 
 def _cure(fitted: Fitted) -> str:
     """The hint for a run that cannot begin."""
-    if not _is_placed(fitted.program.core):
+    if not is_placed(fitted.program.core):
         return "give the variables that it speaks of an initial value"
     if fitted.configuration.name == NO_FILE:
         return "name a configuration that says where robots are, with `position`"
     return "say where robots are with `position`"
-
-
-def _is_placed(program: core.Program) -> bool:
-    """Return whether a program reads positions or tasks, whose starts a world determines."""
-    names = {port.declaration.variable.name for agent in program.agents for port in agent.ports}
-    return not names.isdisjoint(SENSED) or task_count(program) is not None

@@ -11,13 +11,16 @@ from typing import Any
 
 from koord.runtime.motion.world import Point
 from koord.runtime.robot import Robot
-from koord.runtime.shapes import Record, Scalar, Shape, element_of
+from koord.runtime.shapes import Record, Scalar, ScalarKind, Shape, default, element_of
 
 #: Actuators that send a robot somewhere.
 GOALS = ("path", "route", "target", "waypoint", "goal")
 
 PLACES = ("psn", "position")  #: sensors of a robot's position
 DONE = ("reached", "done")  #: sensors of whether it has arrived
+
+#: The sensors that vehicles have, by the ends of their names.
+SENSED = frozenset({*PLACES, *DONE, "planner", "pscan"})
 
 
 def port_name(name: str) -> str:
@@ -63,3 +66,20 @@ def point_of(place: Any) -> Point:
         return float(place), 0.0, 0.0
     x, y, *z = place
     return float(x), float(y), float(z[0]) if z else 0.0
+
+
+def is_task(shape: Shape) -> bool:
+    """Return whether a shape is a task: a record that begins with a position."""
+    return isinstance(shape, Record) and bool(shape.fields) and isinstance(shape.fields[0], Record)
+
+
+def task_at(shape: Shape, place: Point | None, robots: int) -> Any:
+    """The start of a task at a place, which is nobody's yet."""
+    assert isinstance(shape, Record)
+    values = list(default(shape, robots))
+    for k, part in enumerate(shape.fields):
+        if isinstance(part, Scalar) and part.kind is ScalarKind.INT:
+            values[k] = -1
+    if place is not None:
+        values[0] = placed(shape.fields[0], point_of(place))
+    return tuple(values)

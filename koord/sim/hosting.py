@@ -22,19 +22,18 @@ from koord.runtime.ports import (
     PLACES,
     is_place,
     is_set,
+    is_task,
     placed,
     plain_name,
     point_of,
     port_name,
     shape_of,
+    task_at,
 )
 from koord.runtime.robot import Key, Robot, Turn
 from koord.runtime.shapes import (
     Array,
     Enumeration,
-    Record,
-    Scalar,
-    ScalarKind,
     Shape,
     default,
 )
@@ -53,9 +52,6 @@ ANSWERED = frozenset(
         *("scanToMap", "pickFrontierPos", "findObs", "world"),
     }
 )
-
-#: The sensors that vehicles have, by the ends of their names.
-SENSED = frozenset({*PLACES, *DONE, "planner", "pscan"})
 
 #: What cells of a map are called where nothing is known of them, and where nothing stands.
 _UNKNOWN, _FREE = "unknown", "free"
@@ -116,8 +112,9 @@ class Hosted:
         shape, robots = shape_of(program, name, shared=robot is None), len(self.kinds)
         if robot is not None and is_place(name):
             return placed(shape, self.sensed[robot].psn)
-        if isinstance(shape, Array) and _is_task(shape.element):
-            return tuple(self._task(shape.element, k) for k in range(shape.size))
+        if isinstance(shape, Array) and is_task(shape.element):
+            tasks = (*self.fleet.world.tasks, *[None] * shape.size)
+            return tuple(task_at(shape.element, tasks[k], robots) for k in range(shape.size))
         return default(shape, robots)
 
     def read(self, robot: Robot) -> Mapping[str, Any]:
@@ -206,28 +203,12 @@ class Hosted:
                 return program.EXTERNALS[function]
         raise LookupError(function)
 
-    def _task(self, shape: Shape, number: int) -> Any:
-        assert isinstance(shape, Record)
-        values = list(default(shape, len(self.kinds)))
-        tasks = self.fleet.world.tasks
-        for k, part in enumerate(shape.fields):
-            if isinstance(part, Scalar) and part.kind is ScalarKind.INT:
-                values[k] = -1  # nobody's
-        if number < len(tasks):
-            values[0] = point_of(tasks[number])
-        return tuple(values)
-
 
 def _goals(one: type[Robot]) -> Iterator[tuple[str, Shape]]:
     """The actuators of a robot that set its goal."""
     for name, shape in one.PORTS.items():
         if port_name(name) in GOALS and name not in one.SENSORS:
             yield name, shape
-
-
-def _is_task(shape: Shape) -> bool:
-    """Return whether a shape is a task: a record that begins with a position."""
-    return isinstance(shape, Record) and bool(shape.fields) and isinstance(shape.fields[0], Record)
 
 
 def _drawn(shape: Shape, seen: Mapping[int, bool]) -> Any:

@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from random import Random
+from types import MappingProxyType
 from typing import Any
 
 from koord.runtime.motion.world import Point, World
@@ -15,13 +16,15 @@ from koord.runtime.ports import (
     PLACES,
     is_place,
     is_set,
+    is_task,
     placed,
     plain_name,
     point_of,
     shape_of,
+    task_at,
 )
 from koord.runtime.robot import Key, Robot, Turn
-from koord.runtime.shapes import Array, Record, Shape, default
+from koord.runtime.shapes import Array, Shape, default
 from koord.runtime.shapes import Sequence as ListOf
 
 #: Robots that begin nowhere in particular stand in a row, so far apart.
@@ -51,10 +54,13 @@ class IdealHost:
         position: Point | None = None,
         speed_mps: float | None = None,
         world: World | None = None,
+        starts: Mapping[tuple[int | None, str], Any] = MappingProxyType({}),
     ) -> None:
+        """Make a host; ``starts`` are those of variables that begin as the program assumes."""
         self.program = program
         self.pid = pid
         self.robots = robots
+        self.starts = starts
         self.world = world if world is not None else World()
         self.position: Point = position if position is not None else self._place(pid)
         self.holding = False
@@ -74,24 +80,26 @@ class IdealHost:
     # --- the host of a compiled robot -----------------------------------------------------------
 
     def start(self, robot: int | None, name: str) -> Any:
-        """The start of a variable: the robot's position, a random task, or a default. [INIT]"""
+        """The start of a variable: the robot's position, the tasks, or a default. [INIT]"""
+        if (robot, name) in self.starts:
+            return self.starts[robot, name]
         shape = shape_of(self.program, name, shared=robot is None)
         robots = self.robots
         if is_place(name):
             return placed(shape, self.position)
-        if isinstance(shape, Array) and _is_task(shape.element):
-            return tuple(self._task(shape.element, k, robots) for k in range(shape.size))
+        if isinstance(shape, Array) and is_task(shape.element):
+            spots = map(self._spot, range(shape.size))
+            return tuple(task_at(shape.element, spot, robots) for spot in spots)
         return default(shape, robots)
 
-    def _task(self, shape: Shape, number: int, robots: int) -> Any:
-        """A task somewhere in the world, the same for all robots."""
-        assert isinstance(shape, Record)
-        values = list(default(shape, robots))
+    def _spot(self, number: int) -> Point:
+        """The place of a task: the world's, or else somewhere in it, the same for all robots."""
+        if number < len(self.world.tasks):
+            return self.world.tasks[number]
         low, high = self.world.low, self.world.high
         draw = Random(f"task {number}")
-        spot = tuple(draw.uniform(a + 0.5, b - 0.5) for a, b in zip(low[:2], high[:2], strict=True))
-        values[0] = (*spot, low[2])
-        return tuple(values)
+        x, y = (draw.uniform(a + 0.5, b - 0.5) for a, b in zip(low[:2], high[:2], strict=True))
+        return (x, y, low[2])
 
     def read(self, robot: Robot) -> Mapping[str, Any]:
         """The sensors' readings δ later: the point has moved on, unless it holds. [ENV-FREE]"""
@@ -149,10 +157,6 @@ class IdealHost:
                 return
             self.position, left = goal, left - far
             self._done += 1
-
-
-def _is_task(shape: Shape) -> bool:
-    return isinstance(shape, Record) and shape.make.__name__ == "Task"
 
 
 def _towards(start: Point, goal: Point, part: float) -> Point:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from hashlib import blake2b
 from pathlib import Path
 from typing import Any
@@ -48,6 +48,7 @@ class Job(Struct, frozen=True):
     rounds: int | None
     journals: Path | None  #: the folder that robots write down in where they are
     unhurried_s: float = 0.1  #: as long as rounds are, for who waits, if they have no pace
+    starts: Mapping[tuple[int | None, str], Any] = {}  #: by robot and attribute, if any are assumed
 
     @property
     def robots(self) -> int:
@@ -104,6 +105,7 @@ def ideal_host(job: Job, pid: int) -> IdealHost:
         place.position,
         place.vehicle.speed_mps,
         job.configuration.world,
+        job.starts,
     )
 
 
