@@ -35,6 +35,8 @@ if TYPE_CHECKING:
     from koord.api.export import Exported as Exported
     from koord.api.export import export as export
     from koord.api.fitting import read_configuration as read_configuration
+    from koord.api.merge import Merged as Merged
+    from koord.api.merge import merge as merge
     from koord.api.programs import CheckReport as CheckReport
     from koord.api.programs import Program as Program
     from koord.api.programs import check as check
@@ -83,6 +85,7 @@ _HOMES = {
     "koord.api.documents": ("codes", "explain", "format", "schema"),
     "koord.api.export": ("Exported", "export"),
     "koord.api.fitting": ("read_configuration",),
+    "koord.api.merge": ("Merged", "merge"),
     "koord.api.programs": ("CheckReport", "Program", "check", "load"),
     "koord.api.progress": ("Cancellation", "CancelledError", "Progress"),
     "koord.api.protocol_check": ("ProtocolCheck", "check_protocol"),

@@ -13,6 +13,7 @@ from koord.syntax.diagnostics import Diagnostic
 from koord.syntax.problem import Problem
 
 if TYPE_CHECKING:
+    from koord.api.merge import Merged
     from koord.runtime.deploy.running import Job
     from koord.runtime.deploy.status import RobotReport as RobotReport
     from koord.runtime.deploy.supervision import ProcessReport as ProcessReport
@@ -31,6 +32,8 @@ class Deployed(Result, frozen=True, kw_only=True):
     processes: Mapping[int, ProcessReport] = field(default_factory=dict)
     stuck: str | None = None  #: why no round could be decided any more, if that ended the run
     warnings: tuple[Diagnostic, ...] = ()
+    merged: Merged | None = None  #: what all robots have told, if there is to be a trace
+    unmerged: tuple[Diagnostic, ...] = ()  #: why there is no trace, or no whole part of one
 
     @classmethod
     def of(
@@ -62,8 +65,9 @@ class Deployed(Result, frozen=True, kw_only=True):
 
     @property
     def ok(self) -> bool:
-        """True if the run was completed without trouble or interruption."""
-        return self.is_complete and not self.in_trouble and not self.interrupted
+        """True if the run was completed without trouble or interruption, and its trace is legal."""
+        is_told = not self.unmerged and (self.merged is None or self.merged.ok)
+        return self.is_complete and not self.in_trouble and not self.interrupted and is_told
 
     def to_dict(self) -> dict[str, object]:
         """The result as plain data, as ``koord deploy --json`` prints it."""
@@ -82,6 +86,7 @@ class Deployed(Result, frozen=True, kw_only=True):
             "problem": self.problem.document(),
             "robots": robots,
             "stuck": self.stuck,
+            "trace": None if self.merged is None else self.merged.to_dict(),
         }
 
     def __repr__(self) -> str:

@@ -9,6 +9,7 @@ from contextlib import ExitStack, contextmanager, suppress
 from os import PathLike, fspath
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any
 
 from msgspec import Struct
 from msgspec.structs import replace
@@ -16,7 +17,7 @@ from msgspec.structs import replace
 from koord.api.configurations import check_start
 from koord.api.deployed import Deployed, FleetHeard
 from koord.api.files import check_writable
-from koord.api.fitting import Configurable, Fitted, fit, fit_request
+from koord.api.fitting import Configurable, Fitted, fit, fit_request, is_placed
 from koord.api.programs import Loadable, Value
 from koord.api.progress import Cancellation, Listener, asker, heard_by
 from koord.api.results import ArgumentError
@@ -28,7 +29,7 @@ from koord.runtime.deploy.ideal import unanswered
 from koord.runtime.deploy.local import Launch, local_plan, transport_of
 from koord.runtime.deploy.recording import DeploymentRecord
 from koord.runtime.deploy.running import Job as Job
-from koord.runtime.deploy.running import RoundReport, Runner
+from koord.runtime.deploy.running import RoundReport, Runner, ideal_member
 from koord.runtime.deploy.status import RobotReport as RobotReport
 from koord.runtime.deploy.supervised import SupervisedProcesses
 from koord.runtime.deploy.supervision import ProcessReport
@@ -38,6 +39,10 @@ from koord.runtime.transports.transport import TransportError
 from koord.syntax.diagnostics import Diagnostic, KoordError, Severity, refusal
 from koord.syntax.problem import Problem
 from koord.syntax.source import whole_file
+from koord.syntax.system import System
+
+if TYPE_CHECKING:
+    from koord.api.deployed_parts import Parts
 
 #: Where a robot notes where it is, if nobody says.
 _STATE = ".koord"
@@ -62,6 +67,7 @@ class DeployRequest(Struct, frozen=True):
     fresh: bool = False
     record: str | None = None
     restart: bool = False
+    trace: str | None = None
 
 
 def deploy(
@@ -78,6 +84,7 @@ def deploy(
     fresh: bool = False,
     record: str | PathLike[str] | None = None,
     restart: bool = False,
+    trace: str | PathLike[str] | None = None,
     progress: Listener | None = None,
     cancellation: Cancellation | None = None,
 ) -> Deployed:
@@ -91,7 +98,9 @@ def deploy(
     after a crash (with a ``pid``: ``.koord``), and ``fresh`` forgets what was noted. What robots do
     is recorded in the file ``record``, as MCAP. ``restart`` (without a ``pid``): robots whose
     processes crash or are killed are started again, and go on where they were. The run ends where
-    no round can be decided any more. ``progress`` hears :class:`FleetHeard`.
+    no round can be decided any more. What robots do is told in the file ``trace``: that of the run,
+    judged by the rules (``merged`` of the result); with a ``pid`` the robot's part of it, for
+    :func:`koord.merge`. ``progress`` hears :class:`FleetHeard`.
 
     Raises :class:`koord.KoordError` for what is wrong with the input, or with the network.
 
@@ -107,9 +116,12 @@ def deploy(
         fresh=fresh,
         record=None if record is None else fspath(record),
         restart=restart,
+        trace=None if trace is None else fspath(trace),
     )
     if restart and pid is not None:
         raise ArgumentError("restart", NOT_RESTARTED)
+    if request.trace is not None:
+        check_writable(request.trace)
     if request.record is not None:
         check_writable(request.record)
         require(("mcap",), "record")
@@ -141,7 +153,23 @@ def job_of(fitted: Fitted, request: DeployRequest) -> Job:
         pace_s=0.0 if request.as_fast_as_possible else configuration.delta_s,
         rounds=request.rounds,
         journals=None,
+        starts=_starts(fitted),
     )
+
+
+def _starts(fitted: Fitted) -> Mapping[tuple[int | None, str], Any]:
+    """Starts as the program assumes them, equal for all robots; where they are is configured.
+
+    Raises KoordError where there are none.
+    """
+    program = fitted.program.core
+    if not program.assumptions or is_placed(program):
+        return {}
+    from koord.refinement.sampling_hosts import settled_starts
+    from koord.runtime.compile.naming import PythonNames
+
+    system = System(program, fitted.kinds, fitted.delta_s)
+    return settled_starts(system, PythonNames(program), fitted.configuration.seed)
 
 
 def _unanswered(
@@ -169,7 +197,7 @@ def deploy_fitted(
     cancellation: Cancellation | None = None,
 ) -> Deployed:
     """As :func:`deploy`, for a prepared run. Raises KoordError."""
-    deployment = _Deployment(job, fitted.problem, request, heard_by(progress), asker(cancellation))
+    deployment = _Deployment(fitted, job, request, heard_by(progress), asker(cancellation))
     try:
         deployed = _all(deployment) if request.pid is None else _one(deployment, request.pid)
     except TransportError as error:
@@ -180,19 +208,49 @@ def deploy_fitted(
 class _Deployment(Struct, frozen=True):
     """A prepared run, with its listener and its cancellation."""
 
+    fitted: Fitted
     job: Job
-    problem: Problem
     request: DeployRequest
     tell: Listener
     is_cancelled: Callable[[], bool]
 
-    def recorder(self, stack: ExitStack) -> _Recorder | None:
+    def recorder(self, stack: ExitStack, parts: Parts | None) -> _Recorder | None:
         path = self.request.record
-        return None if path is None else _Recorder(path, self.problem, stack)
+        if path is None:
+            return None
+        assert parts is not None
+        return _Recorder(path, self.fitted.problem, parts, stack)
+
+    def parts(self, stack: ExitStack, job: Job) -> Parts | None:
+        """The parts that robots are to write; None if nobody wants to judge the run."""
+        trace, pid = self.request.trace, self.request.pid
+        if trace is None and self.request.record is None:
+            return None
+        from koord.api.deployed_parts import Parts, folder_of, part_files
+
+        if trace is not None and pid is not None:
+            return Parts.of(self.fitted, job, {pid: Path(trace)})
+        pids = range(job.robots) if pid is None else (pid,)
+        folder = None if trace is None else folder_of(trace)
+        files = part_files(folder, pids, goes_on=self.request.state is not None)
+        return Parts.of(self.fitted, job, stack.enter_context(files))
+
+    def traced(self, ended: Deployed, parts: Parts) -> Deployed:
+        """Write the trace of all robots, if one is wanted, and judge it. Raises KoordError."""
+        if self.request.trace is None:
+            return ended
+        try:
+            merged = parts.merged()
+        except KoordError as error:
+            return replace(ended, unmerged=error.diagnostics)
+        merged.trace.save(self.request.trace)
+        if ended.is_complete or self.request.state is None:
+            parts.remove()  # else the run may go on
+        return replace(ended, merged=merged)
 
     def ended(self, statuses: Mapping[int, RobotReport]) -> Deployed:
         """Make the result from the robots' last reports."""
-        return Deployed.of(self.job, self.problem, statuses, interrupted=self.is_cancelled())
+        return Deployed.of(self.job, self.fitted.problem, statuses, interrupted=self.is_cancelled())
 
 
 def _one(of: _Deployment, pid: int) -> Deployed:
@@ -210,8 +268,10 @@ def _one(of: _Deployment, pid: int) -> Deployed:
         journal = job.journal(pid)
         if request.fresh and journal is not None:
             journal.forget()
-        recorder = of.recorder(stack)
-        runner = Runner(job, pid, transport)
+        parts = of.parts(stack, job)
+        recorder = of.recorder(stack, parts)
+        make = ideal_member if parts is None else parts.member
+        runner = Runner(job, pid, transport, make=make)
         runner.keeps_moments = recorder is not None
 
         def report(status: RobotReport) -> None:
@@ -222,7 +282,9 @@ def _one(of: _Deployment, pid: int) -> Deployed:
 
         last = runner.run(of.is_cancelled, report)
         report(last)
-    return of.ended({pid: last})
+        trouble = None if parts is None else parts.trouble
+    ended = of.ended({pid: last})
+    return ended if trouble is None else replace(ended, unmerged=trouble.diagnostics)
 
 
 def _all(of: _Deployment) -> Deployed:
@@ -234,10 +296,11 @@ def _all(of: _Deployment) -> Deployed:
             state = stack.enter_context(TemporaryDirectory(prefix="koord-"))
         if state is not None:
             job = stack.enter_context(_noting(job, state, of=range(job.robots)))
-        recorder = of.recorder(stack)
-        launch = Launch(
-            job, local_plan(job.configuration, job.robots), keeps_moments=recorder is not None
-        )
+        parts = of.parts(stack, job)
+        recorder = of.recorder(stack, parts)
+        make = ideal_member if parts is None else parts.member
+        plan = local_plan(job.configuration, job.robots)
+        launch = Launch(job, plan, make, keeps_moments=recorder is not None)
         fleet = SupervisedProcesses(launch, restarts=request.restart)
         stack.callback(fleet.close)
         tell(FleetHeard.of({}, job.rounds))
@@ -249,7 +312,10 @@ def _all(of: _Deployment) -> Deployed:
             if of.is_cancelled():
                 fleet.stop()
         tell(FleetHeard.of(fleet.statuses, job.rounds, fleet.processes))
-    return replace(of.ended(fleet.statuses), processes=dict(fleet.processes), stuck=fleet.stuck)
+        ended = replace(
+            of.ended(fleet.statuses), processes=dict(fleet.processes), stuck=fleet.stuck
+        )
+        return ended if parts is None else of.traced(ended, parts)
 
 
 @contextmanager
@@ -281,8 +347,9 @@ def _noting(job: Job, path: str, of: Iterable[int] = ()) -> Iterator[Job]:
 class _Recorder:
     """The record of a run, begun once the run is accepted, with all earlier reports."""
 
-    def __init__(self, path: str, problem: Problem, stack: ExitStack) -> None:
+    def __init__(self, path: str, problem: Problem, parts: Parts, stack: ExitStack) -> None:
         self._path, self._problem, self._stack = path, problem, stack
+        self._tails = parts.tails()
         self._record: DeploymentRecord | None = None
         self._early: list[tuple[RobotReport, tuple[RoundReport, ...]]] = []
 
@@ -307,4 +374,6 @@ class _Recorder:
             self._record.moments(moments, now)
             self._record.status(status, now, (processes or {}).get(status.pid))
         self._early.clear()
+        for pid, tail in self._tails.items():
+            self._record.told(pid, tail.lines(), time.time_ns())
         self._record.flush()

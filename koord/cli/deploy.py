@@ -20,10 +20,11 @@ from koord.cli.arguments import (
     rounds,
 )
 from koord.cli.deployed import Board, summary
-from koord.cli.diagnostics import DiagnosticReport
+from koord.cli.diagnostics import DiagnosticReport, report_error
 from koord.cli.exits import Exit
 from koord.cli.files import check_writable
 from koord.cli.inputs import fit_request, fitted
+from koord.cli.merged import merge_lines, refusal_code
 from koord.cli.progress import Interruption
 from koord.cli.terminal import visible
 from koord.syntax.diagnostics import KoordError
@@ -63,13 +64,21 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="start robots again whose processes crash or are killed (with --all-local)",
     )
     parser.add_argument("--record", metavar="FILE", help="record what robots do, as MCAP")
+    parser.add_argument(
+        "--trace",
+        metavar="FILE",
+        help="write the trace of the run, for `koord replay`; with --pid the robot's part of it, "
+        "for `koord merge`",
+    )
     add_settings(parser)
     add_json(parser, "how each robot ended")
     parser.epilog = (
-        "exit codes: 0 the rounds were done, or all robots have stopped, 1 a fault ended the run, "
+        "exit codes: 0 the rounds were done, or all robots have stopped, 1 a fault ended the run "
+        "or its trace is not legal, "
         "2 errors in the input, 3 robots stopped before all rounds were "
-        "done, or their processes ended, 130 stopped with Ctrl-C, 143 by SIGTERM, 129 by SIGHUP "
-        "(robots stop safely; a second one stops at once)"
+        "done or the trace lacks some, or their processes ended, 130 stopped with Ctrl-C, "
+        "143 by SIGTERM, 129 by SIGHUP (robots stop safely; a second one stops at once, and leaves "
+        "the parts of RUN.json in RUN.parts)"
     )
 
 
@@ -79,6 +88,8 @@ def main(arguments: argparse.Namespace) -> int:
         raise ArgumentTypeError("say --pid I for one robot, or --all-local for all of them")
     if arguments.restart and arguments.pid is not None:
         raise ArgumentTypeError(f"--restart: {NOT_RESTARTED}")
+    if arguments.trace is not None:
+        check_writable(arguments.trace, [arguments.file, arguments.config])
     if arguments.record is not None:
         check_writable(arguments.record)
         if find_spec("mcap") is None:
@@ -92,6 +103,7 @@ def main(arguments: argparse.Namespace) -> int:
         fresh=arguments.fresh,
         record=arguments.record,
         restart=arguments.restart,
+        trace=arguments.trace,
     )
     report = DiagnosticReport()
     prepared = prepare(arguments, request, report)
@@ -110,6 +122,11 @@ def main(arguments: argparse.Namespace) -> int:
 
         deployed = deploy_fitted(found, job, request, show, interruption)
     print(deployed.to_json() if arguments.json else summary(deployed))
+    if deployed.merged is not None and not arguments.json:
+        for line in merge_lines(arguments.trace, deployed.merged):
+            print(line)
+    if deployed.unmerged:
+        report_error(KoordError(deployed.unmerged), as_json=False)
     return _ended(deployed)
 
 
@@ -129,8 +146,12 @@ def prepare(
 
 
 def _ended(deployed: Deployed) -> int:
-    if deployed.in_trouble:
+    merged = deployed.merged
+    if deployed.in_trouble or (merged is not None and merged.refused is not None):
         return Exit.VIOLATED
+    if deployed.unmerged:
+        return refusal_code(deployed.unmerged)
     if deployed.interrupted:
         return Exit.INTERRUPTED
-    return Exit.OK if deployed.is_complete else Exit.UNKNOWN
+    is_whole = merged is None or merged.is_whole
+    return Exit.OK if deployed.is_complete and is_whole else Exit.UNKNOWN

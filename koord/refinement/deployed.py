@@ -20,6 +20,7 @@ from typing import Any
 from msgspec import Struct
 from msgspec.structs import replace
 
+from koord.refinement.hearing import Heard
 from koord.refinement.instrumented_robot import (
     GAVE_UP,
     GaveUpError,
@@ -149,7 +150,8 @@ class Expedition(Struct, frozen=True):
 
     def ran(self, told: Sequence[Sequence[Told]]) -> CompiledRun:
         library = self.host(0).answer if self.is_seeded else None
-        return gathered(self.sources, self.system, told, self.rounds, library)
+        heard = Heard.of(enumerate(told))
+        return gathered(self.sources, self.system, heard, self.rounds, library)
 
 
 def _part_in(folder: Path, pid: int) -> Path:
@@ -187,12 +189,17 @@ def over_network(expedition: Expedition) -> CompiledRun:
 
     Raises StuckError, DisagreementError.
     """
+    try:
+        return expedition.ran(told_over_network(expedition))
+    except KoordError as error:  # no start that the program allows
+        return replace(expedition.ran([]), gave_up=error)
+
+
+def told_over_network(expedition: Expedition) -> list[list[Told]]:
+    """As :func:`over_network`: what robots tell, by pid. Raises StuckError, KoordError."""
     with TemporaryDirectory() as folder:
         job = expedition.job(Path(folder), 0.0)
-        try:
-            crew = _Crew(expedition, job, expedition.starts())
-        except KoordError as error:
-            return replace(expedition.ran([]), gave_up=error)
+        crew = _Crew(expedition, job, expedition.starts())
         setup = Setup(job.robots, Timing.of(job.delta_s, job.robots))
         network = Network(
             setup, expedition.faults, expedition.seed, crew.switch_on, _over_the_wire(job.robots)
@@ -203,7 +210,7 @@ def over_network(expedition: Expedition) -> CompiledRun:
         for pid, node in enumerate(network.nodes):
             if node is not None:
                 crew.members[pid].finish()
-        return expedition.ran(crew.told)
+        return crew.told
 
 
 def _play(network: Network, storm_s: float) -> None:

@@ -30,6 +30,7 @@ from koord.refinement.tracing_host import TracingHost
 from koord.refinement.translation import Translation, to_written
 from koord.runtime.deploy.journal import Journal
 from koord.runtime.deploy.member import Member, Platform
+from koord.runtime.deploy.running import Job, ideal_host
 from koord.runtime.motion.world import Point
 from koord.runtime.proposals import INIT_ROUND, Admitted, Decision, EventFault, Faulted, Proposal
 from koord.runtime.protocol.messages import LogEntry
@@ -203,3 +204,13 @@ class InstrumentedRobot(Member):
             if fault is None:
                 self._witness.stood(self.round, self.robot)
         self._witness.say(Left(self.round))
+
+
+def instrumented(
+    job: Job, pid: int, made: Compiled, system: System, tell: Callable[[Told], None]
+) -> InstrumentedRobot:
+    """Make a robot without a platform, as ``koord deploy`` does, that reports its actions."""
+    host = ideal_host(job, pid)
+    witness = Witness(host, made, system, {}, tell)
+    robot = host.program(pid, job.kinds, job.delta_s, witness)
+    return InstrumentedRobot(robot, witness, job.journal(pid), job.program)

@@ -20,6 +20,7 @@ from koord.syntax.diagnostics import Diagnostic, KoordError, Severity, refusal
 from koord.syntax.faults import FaultKind
 from koord.syntax.source import Span, whole_file
 from koord.traces.codec import Load, decode_subject
+from koord.traces.form import Form
 from koord.traces.json_reader import FormError, JsonNode, parse, shortened
 from koord.traces.names import Names
 from koord.traces.run_codec import Decoding
@@ -37,6 +38,9 @@ class Part(Struct, frozen=True):
 
 #: What is advised where a part is damaged.
 _WITHOUT = "the file was changed or damaged: merge the other parts without it"
+
+#: What is advised where a file is none.
+_NO_PART = "name files that `koord deploy --pid I --trace FILE` or `--record FILE` wrote"
 
 
 def read_part(raw: bytes, name: str, load: Load) -> Part:
@@ -76,10 +80,9 @@ def read_lines(lines: Iterable[bytes], name: str, load: Load, *, is_torn: bool =
 
 def _head(raw: bytes, place: Span) -> part_form.Head:
     """Decode the first line of a part. Raises KoordError and FormError."""
-    document = _parsed(raw, place)
+    document = _parsed(raw, place, _NO_PART)
     if not isinstance(document, dict) or document.get("format") != FORMAT:
-        hint = "name files that `koord deploy --pid I --trace FILE` or `--record FILE` wrote"
-        raise refusal("K911", place.file, "this is no part of a run, though it is JSON", hint)
+        raise refusal("K911", place.file, "this is no part of a run, though it is JSON", _NO_PART)
     version = document.get("version")
     if isinstance(version, int) and not isinstance(version, bool) and version > VERSION:
         reason = f"the part has version {version}; this koord reads version {VERSION}"
@@ -100,12 +103,12 @@ def _line(raw: bytes, place: Span) -> part_form.AnyLine:
 _DECODER = msgspec.json.Decoder(part_form.AnyLine)
 
 
-def _parsed(raw: bytes, place: Span) -> object:
+def _parsed(raw: bytes, place: Span, hint: str = _WITHOUT) -> object:
     try:
         document: object = parse(raw, place.file)
     except KoordError as error:
         message = error.diagnostics[0].message
-        raise refusal("K910", place, f"the line is damaged: {message}", _WITHOUT) from None
+        raise refusal("K910", place, f"the line is damaged: {message}", hint) from None
     return document
 
 
@@ -155,6 +158,8 @@ class _Reading(Struct):
             case part_form.Acted():
                 return reports.Acted(self._decision(line))
             case part_form.Kept(round=round_, output=output):
+                for one in output:
+                    self._own(one.robot, ".robot", one)
                 written = tuple(of.output(one, round_).written for one in output)
                 return reports.Kept(round_, written)
             case part_form.Coordinated(round=round_, at_s=at_s):
@@ -170,10 +175,10 @@ class _Reading(Struct):
                 raise AssertionError("heads tell nothing")
         assert_never(line)
 
-    def _own(self, robot: int, path: str, line: part_form.AnyLine) -> None:
+    def _own(self, robot: int | None, path: str, part: Form) -> None:
         if robot != self.whose.pid:
-            reason = f"robot {self.whose.pid} tells of robot {robot}"
-            raise FormError(reason, path, part=line)
+            reason = f"it is told by robot {self.whose.pid}, of robot {robot}"
+            raise FormError(reason, path, part=part)
 
     def _decision(self, line: part_form.Acted) -> Decision:
         try:

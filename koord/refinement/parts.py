@@ -21,6 +21,7 @@ from koord.refinement import part_form, reports
 from koord.refinement.part_form import FORMAT, VERSION
 from koord.refinement.reports import Told
 from koord.runtime.proposals import Decision, EventFault
+from koord.syntax.source import visible
 from koord.traces.codec import Subject, encode_subject
 from koord.traces.names import Names
 from koord.traces.run_codec import (
@@ -39,6 +40,27 @@ class Whose(Struct, frozen=True):
     run: str
     pid: int
     subject: Subject
+
+
+def difference(one: Whose, other: Whose) -> str | None:
+    """What makes two parts those of different runs, or None. Where files lay does not matter."""
+    ours, theirs = one.subject, other.subject
+    system, their_system = ours.system, theirs.system
+    if one.run != other.run:
+        return f"the run {visible(one.run)!r} is not {visible(other.run)!r}"
+    if [text.text for text in ours.sources.texts] != [text.text for text in theirs.sources.texts]:
+        return "the text of the program differs"
+    given, theirs_given = dict(ours.sources.params), dict(theirs.sources.params)
+    for name in sorted(given.keys() | theirs_given.keys()):
+        if given.get(name) != theirs_given.get(name):
+            return f"the param {name} differs"
+    if ours.sources.tasks != theirs.sources.tasks:
+        return "the tasks differ"
+    if system.kinds != their_system.kinds:
+        return "the robots differ, or their kinds"
+    if system.delta_s != their_system.delta_s:
+        return f"δ = {float(system.delta_s):g} s is not {float(their_system.delta_s):g} s"
+    return None if ours.slack == theirs.slack else "the slack differs"
 
 
 class PartWriter:
@@ -94,8 +116,8 @@ def _begun(path: Path, whose: Whose) -> bytes:
         head = msgspec.json.decode(found.partition(b"\n")[0], type=part_form.Head)
     except (FileNotFoundError, msgspec.MsgspecError):
         return b""
-    ours = nameless(encode_head(whose, 0))
-    return found[: found.rindex(b"\n") + 1] if nameless(head) == ours else b""
+    is_ours = nameless(head) == nameless(encode_head(whose, 0))
+    return found[: found.rindex(b"\n") + 1] if is_ours else b""
 
 
 def nameless(head: part_form.Head) -> part_form.Head:

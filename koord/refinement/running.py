@@ -46,13 +46,13 @@ class Compiled(Struct, frozen=True):
                 yield Emitted(one.round, robot, to_written(written, self.places[written.place]))
 
 
-def ready(program: core.Program) -> Compiled:
-    """Compile a program and load its classes."""
+def ready(program: core.Program, classes: tuple[type[Robot], ...] = ()) -> Compiled:
+    """Compile a program and load its classes, unless they are there already."""
     names = PythonNames(program)
     outputs = {
         place_of(names, node.span): node for node in nodes(program) if isinstance(node, core.Output)
     }
-    return Compiled(program, names, loaded(compiled(program)), outputs)
+    return Compiled(program, names, classes or loaded(compiled(program)), outputs)
 
 
 def place_of(names: PythonNames, span: Span) -> str:

@@ -7,33 +7,19 @@ in rounds that it was not there for are those of the reference. All that was see
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator
 
-from msgspec import Struct, field
+from msgspec import Struct
 from msgspec.structs import replace
 
 from koord.refinement.completion import Library, with_summaries
-from koord.refinement.reports import (
-    Acted,
-    Began,
-    Coordinated,
-    GaveUp,
-    Kept,
-    Left,
-    Sensed,
-    Stood,
-    Stumbled,
-    Told,
-    TurnAnswers,
-    Undeclared,
-)
+from koord.refinement.hearing import Heard, ran_in
 from koord.refinement.running import CompiledRun, opening_order, schedule_of
 from koord.refinement.translation import to_fault
 from koord.runtime.proposals import INIT_ROUND, Decision
 from koord.runtime.proposals import EventFault as Found
-from koord.semantics.configurations import Configuration, Robot, Store, Written
+from koord.semantics.configurations import Configuration
 from koord.semantics.domain import DOUBLES, Constant
-from koord.semantics.oracle import Key, Phase
 from koord.semantics.recordings import (
     Answer,
     Opening,
@@ -44,90 +30,35 @@ from koord.semantics.recordings import (
     Step,
     execute,
 )
-from koord.semantics.rounds import IllegalStepError
+from koord.semantics.rounds import IllegalStepError, unset_start
 from koord.semantics.values import default
 from koord.syntax import core
-from koord.syntax.core import Home
 from koord.syntax.diagnostics import KoordError
 from koord.syntax.system import System
 from koord.traces.trace import Emitted, Numbers, Sources, Trace
 
 
-class DisagreementError(Exception):
-    """Raised where two robots acted on different decisions of a round, or started differently."""
-
-
-class _Heard(Struct):
-    """The reports of all robots, by subject. Of duplicates the last counts."""
-
-    decisions: dict[int, Decision] = field(default_factory=dict)
-    starts: dict[tuple[Home, int, int | None], Start] = field(default_factory=dict)
-    answers: dict[int, dict[tuple[Phase, int, Key], Answer]] = field(default_factory=dict)
-    readings: dict[int, dict[tuple[int, int], Reading]] = field(default_factory=dict)
-    stood: dict[tuple[int, int], Robot[Constant]] = field(default_factory=dict)
-    stumbled: dict[tuple[int, int], Found] = field(default_factory=dict)
-    written: dict[tuple[int, int], tuple[Written[Constant], ...]] = field(default_factory=dict)
-    undeclared: bool = False
-    gave_up: KoordError | None = None
-
-    def hear(self, pid: int, told: Told) -> None:
-        match told:
-            case Began(start=start):
-                key = (start.home, start.slot, start.robot)
-                if repr(self.starts.setdefault(key, start)) != repr(start):
-                    raise DisagreementError(f"{pid} began with {start}, not {self.starts[key]}")
-            case Undeclared():
-                self.undeclared = True
-            case TurnAnswers(round=round_, answer=answer):
-                of_round = self.answers.setdefault(round_, {})
-                of_round[answer.phase, answer.robot, answer.key] = answer
-            case Sensed(round=round_, reading=reading):
-                self.readings.setdefault(round_, {})[pid, reading.slot] = reading
-            case Stood(round=round_, robot=robot):
-                self.stood[round_, pid] = robot
-            case Stumbled(round=round_, fault=fault):
-                self.stumbled[round_, pid] = fault
-            case Kept(round=round_, written=written):
-                self.written[round_, pid] = written
-            case Coordinated() | Left():
-                pass  # says who, and when; all that was decided is told by those who acted on it
-            case GaveUp(why=why):
-                self.gave_up = KoordError(why) if why else self.gave_up
-            case Acted(decision=decision):
-                round_ = decision.round
-                # As texts, because what is no number does not equal itself.
-                if repr(self.decisions.setdefault(round_, decision)) != repr(decision):
-                    raise DisagreementError(
-                        f"{pid} acted on {decision} in round {round_}, "
-                        f"another robot on {self.decisions[round_]}"
-                    )
-
-
 def gathered(
     sources: Sources,
     system: System,
-    told: Sequence[Sequence[Told]],
+    heard: Heard,
     rounds: int | None = None,
     library: Library | None = None,
 ) -> CompiledRun:
-    """Merge reports to a run of at most so many rounds. ``told[i]`` is by robot i.
+    """Merge reports to a run of at most so many rounds.
 
     ``library`` answers what only the rules ask; without one the reference's does.
 
     It gives up where no readings or answers are found that the program allows, of a robot that was
-    switched off or to questions that only the rules have. Raises DisagreementError.
+    switched off or to questions that only the rules have.
     """
-    heard = _Heard()
-    for pid, story in enumerate(told):
-        for one in story:
-            heard.hear(pid, one)
     return _Gathering(sources, system, heard, rounds, library).ran()
 
 
 class _Gathering(Struct):
     sources: Sources
     system: System
-    heard: _Heard
+    heard: Heard
     most: int | None
     library: Library | None
 
@@ -141,17 +72,16 @@ class _Gathering(Struct):
             return CompiledRun(bare, gave_up=heard.gave_up)
         order = opening_order(first, system.robots)
         fault = self._fault_of(first)
-        if fault is not None:
-            self._begin_the_rest()
+        self._begin_the_rest(range(system.robots) if fault is not None else self._silent)
         opening = Opening(order, tuple(heard.starts.values()), self._answers(INIT_ROUND))
         rounds: list[Round] = []
         while fault is None and (self.most is None or len(rounds) < self.most):
             number = len(rounds)
             decision = heard.decisions.get(number)
-            if decision is None or not self._is_whole(number, decision):
+            if decision is None or (decision.fault is not None and decision.fault.event is None):
                 break
             fault = self._fault_of(decision) or self._stumbled(number)
-            cut = decision.fault is not None
+            cut = not self._is_whole(number, decision)
             turns, events = schedule_of(decision, system.robots)
             readings = () if cut else self._readings(number)
             rounds.append(Round(turns, events, readings, self._answers(number), cut))
@@ -163,15 +93,26 @@ class _Gathering(Struct):
             return CompiledRun(bare, None, error)
         return CompiledRun(trace, None if fault is None else fault[1].place, heard.gave_up)
 
-    def _begin_the_rest(self) -> None:
-        """Fill in the starts that robots did not reach, because INIT ended in a fault."""
+    @property
+    def _silent(self) -> list[int]:
+        """The robots that tell nothing at all."""
+        return [i for i in range(self.system.robots) if i not in self.heard.tellers]
+
+    def _begin_the_rest(self, robots: Iterable[int]) -> None:
+        """Fill in starts that nobody tells: of robots that are silent, or that a fault of INIT
+        forestalled.
+        """
         program, starts = self.system.program, self.heard.starts
-        wanted: list[tuple[int | None, core.Declaration]] = [(None, e) for e in program.allwrite]
-        for pid in range(self.system.robots):
+        wanted: list[tuple[int | None, core.Declaration]] = []
+        for pid in robots:
             agent = self.system.agent(pid)
             ports = [port.declaration for port in agent.ports]
             wanted += [(pid, entry) for entry in (*program.allread, *agent.locals, *ports)]
+        if wanted:
+            wanted += [(None, entry) for entry in program.allwrite]
         for robot, entry in wanted:
+            if entry.initial is not core.Start.ARBITRARY:
+                continue
             variable = entry.variable
             value = default(DOUBLES, variable.own_type, self.system.robots)
             key = (variable.home, variable.slot, robot)
@@ -180,11 +121,18 @@ class _Gathering(Struct):
     # --- rounds -----------------------------------------------------------------------------------
 
     def _is_whole(self, number: int, decision: Decision) -> bool:
-        """Return whether the environment's turn of a round is known to have happened."""
+        """Return whether the environment's turn of a round is known to have happened.
+
+        The next round has been decided after it; else a robot tells of it.
+        """
         if decision.fault is not None:
-            return decision.fault.event is not None
-        return any((number + 1, i) in self.heard.stood for i in range(self.system.robots)) or any(
-            (number, i) in self.heard.stumbled for i in range(self.system.robots)
+            return False
+        robots, following = range(self.system.robots), number + 1
+        heard = self.heard
+        return (
+            following in heard.decisions
+            or any((following, i) in heard.stood for i in robots)
+            or any((number, i) in heard.stumbled for i in robots)
         )
 
     def _fault_of(self, decision: Decision) -> tuple[int | None, Found] | None:
@@ -226,7 +174,7 @@ class _Gathering(Struct):
         except IllegalStepError:
             pass  # replay finds the same step, and tells of it
         # Behind an illegal step, or a fault in INIT, there is nothing to compare any more.
-        nothing: Configuration[Constant] = Configuration((), Store((), ()), 0)
+        nothing = unset_start(DOUBLES, self.system)
         configurations.append(nothing if last is None else self._configuration(last))
         while len(configurations) <= len(trace.recording.rounds):
             configurations.append(configurations[-1])
@@ -245,7 +193,7 @@ class _Gathering(Struct):
     def _outputs(self, step: Step) -> Iterator[Emitted]:
         """Yield the output of a step, as reported by its robot."""
         if step.rule == "INIT":
-            for pid in self._who_began():
+            for pid in ran_in(self.heard.decisions[INIT_ROUND]):
                 told = self.heard.written.get((INIT_ROUND, pid), ())
                 yield from (Emitted(INIT_ROUND, None, written) for written in told)
             return
@@ -253,10 +201,3 @@ class _Gathering(Struct):
             return
         told = self.heard.written.get((step.round, step.robot), step.stepped.output)
         yield from (Emitted(step.round, step.robot, written) for written in told)
-
-    def _who_began(self) -> Iterator[int]:
-        """Yield the robots admitted in INIT, in order, and the one that faulted."""
-        decision = self.heard.decisions[INIT_ROUND]
-        yield from (taken.robot for taken in decision.ran)
-        if decision.fault is not None:
-            yield decision.fault.robot

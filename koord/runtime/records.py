@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import io
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import IO, Any
@@ -62,11 +63,11 @@ class RecordFile:
         self,
         topic: str,
         schema: tuple[str, dict[str, Any]],
-        message: dict[str, Any],
+        message: dict[str, Any] | bytes,
         time_ns: int,
         sequence: int = 0,
     ) -> None:
-        """Add a message; ``schema`` is a unique name and a JSON schema."""
+        """Add a message, which may be encoded; ``schema`` is a unique name and a JSON schema."""
         if topic not in self._channels:
             self._channels[topic] = self._writer.register_channel(
                 topic=topic, message_encoding="json", schema_id=self._schema(*schema)
@@ -76,7 +77,7 @@ class RecordFile:
             log_time=time_ns,
             publish_time=time_ns,
             sequence=max(sequence, 0),
-            data=msgspec.json.encode(message),
+            data=message if isinstance(message, bytes) else msgspec.json.encode(message),
         )
 
     def describe(self, name: str, values: dict[str, str]) -> None:
@@ -111,3 +112,28 @@ class RecordFile:
                 name=name, encoding="jsonschema", data=msgspec.json.encode(schema)
             )
         return self._schemas[name]
+
+
+class DamagedRecordError(Exception):
+    """Raised for a file that is no MCAP file, or is damaged."""
+
+
+def read_messages(raw: bytes, prefix: str) -> Iterator[tuple[str, bytes]]:
+    """Yield the messages of the topics that begin with ``prefix``, in the order of the file.
+
+    The caller has checked that the library is installed. Raises DamagedRecordError.
+    """
+    from mcap.reader import NonSeekingReader
+
+    reader: Any = NonSeekingReader(io.BytesIO(raw))
+    try:
+        for _, channel, message in reader.iter_messages(log_time_order=False):
+            if channel.topic.startswith(prefix):
+                yield channel.topic, message.data
+    except Exception as error:  # of the library, of decompression: whatever bytes lead to
+        raise DamagedRecordError(str(error) or type(error).__name__) from None
+
+
+def is_record(raw: bytes) -> bool:
+    """Return whether a file is MCAP, by how it begins."""
+    return raw.startswith(b"\x89MCAP")

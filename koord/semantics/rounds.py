@@ -88,6 +88,11 @@ def faulted_start(d: Domain[V], system: System, stepped: Stepped[V]) -> Stepped[
     fault = stepped.configuration.fault
     if fault is None:
         return stepped
+    return replace(stepped, configuration=replace(unset_start(d, system), fault=fault))
+
+
+def unset_start(d: Domain[V], system: System) -> Configuration[V]:
+    """The configuration in which nothing is set, as no robot has started."""
     program, size = system.program, system.size
 
     def nothing(declarations: Iterable[core.Declaration]) -> tuple[Storage[V], ...]:
@@ -106,7 +111,7 @@ def faulted_start(d: Domain[V], system: System, stepped: Stepped[V]) -> Stepped[
         )
         for kind in system.kinds
     )
-    return replace(stepped, configuration=Configuration(robots, store, 0, fault=fault))
+    return Configuration(robots, store, 0)
 
 
 def enabled(

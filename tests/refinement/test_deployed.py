@@ -12,17 +12,16 @@ from msgspec.structs import replace
 
 from koord.refinement import running
 from koord.refinement.cases import Case, SchedulePolicy, Target, Tried, generated, tried
+from koord.refinement.hearing import DisagreementError, Heard
 from koord.refinement.instrumented_robot import InstrumentedRobot
 from koord.refinement.reports import Acted
 from koord.refinement.running import ready
-from koord.refinement.trace_merge import DisagreementError, gathered
 from koord.runtime.chaos.network import CALM, CHAOS, LOSS, Faults
 from koord.runtime.chaos.unreliable import Unreliable
 from koord.runtime.compile import compiled
 from koord.runtime.deploy.member import Member
 from koord.runtime.engine import Deployed, Unheard
 from koord.runtime.proposals import (
-    INIT_ROUND,
     Admitted,
     Attempt,
     Decision,
@@ -193,10 +192,10 @@ def test_output_that_does_not_leave_is_missed(monkeypatch: pytest.MonkeyPatch) -
 
 def test_two_decisions_of_one_round_are_noticed() -> None:
     """(I-AGREE)"""
-    system = dealt(program(COUNT), 2)
-    one, other = (Decision(INIT_ROUND, (Admitted(i, None),), (), ()) for i in range(2))
-    with pytest.raises(DisagreementError):
-        gathered(sources(COUNT), system, [[Acted(one)], [Acted(other)]])
+    one, other = (Decision(3, (Admitted(i, None),), (), ()) for i in range(2))
+    with pytest.raises(DisagreementError) as caught:
+        Heard.of([(0, [Acted(one)]), (2, [Acted(other)])])
+    assert str(caught.value) == "robots 0 and 2 acted on different decisions in round 4"
 
 
 def test_a_wrong_program_is_refused_wherever_it_runs(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import IO, Any
 
 from msgspec import to_builtins
@@ -26,11 +27,16 @@ _ROBOTS: tuple[str, dict[str, Any]] = (
         },
     },
 )
+_PART: tuple[str, dict[str, Any]] = ("koord.part", {"type": "object"})
+
+#: The topics of what robots tell of the run, a line of a part a message.
+PARTS = "/parts/"
+
 _STATUS: tuple[str, dict[str, Any]] = ("koord.status", {"type": "object"})
 
 
 class DeploymentRecord:
-    """An MCAP recording: a JSON channel per robot (``/robots/0``), and one for statuses."""
+    """An MCAP recording: JSON channels of robots (``/robots/0``, ``/parts/0``) and of statuses."""
 
     def __init__(self, file: IO[bytes]) -> None:
         self._file = RecordFile(file)
@@ -64,6 +70,11 @@ class DeploymentRecord:
         if process is not None:
             message["process"] = process.to_dict()
         self._file.add("/status", _STATUS, message, now_ns, status.round)
+
+    def told(self, pid: int, lines: Iterable[bytes], now_ns: int) -> None:
+        """Write lines of a robot's part."""
+        for line in lines:
+            self._file.add(f"{PARTS}{pid}", _PART, line, now_ns)
 
     def flush(self) -> None:
         """Flush all messages; the file is readable from then on, even if this process is killed."""

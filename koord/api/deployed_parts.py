@@ -1,0 +1,134 @@
+"""The parts of a deployed run while it goes on: files that robots write, and where they lie."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager, suppress
+from fractions import Fraction
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from msgspec import Struct, field
+
+from koord.api.fitting import Fitted
+from koord.api.merge import Merged, merge
+from koord.api.traces import sources_of
+from koord.refinement.instrumented_robot import instrumented
+from koord.refinement.parts import PartWriter, Whose
+from koord.refinement.running import Compiled, ready
+from koord.runtime.deploy.member import Member
+from koord.runtime.deploy.running import Job
+from koord.runtime.transports.transport import TransportError
+from koord.syntax.analysis.limits import excesses
+from koord.syntax.diagnostics import KoordError, refusal
+from koord.syntax.source import visible
+from koord.syntax.system import System
+from koord.traces.codec import Subject
+
+
+class Parts(Struct, frozen=True):
+    """The parts of a run, each in a file, and the robots that write them."""
+
+    subject: Subject
+    made: Compiled
+    files: Mapping[int, Path]  #: by pid
+    writers: dict[int, PartWriter] = field(default_factory=dict)  #: of this process
+
+    @staticmethod
+    def of(fitted: Fitted, job: Job, files: Mapping[int, Path]) -> Parts:
+        """Parts in these files. Raises KoordError where the reference could not judge the run."""
+        program = fitted.program
+        found = excesses(program.core, fitted.kinds)
+        if found:
+            raise KoordError(found)
+        system = System(program.core, fitted.kinds, fitted.delta_s)
+        subject = Subject(sources_of(program), system, Fraction(0))
+        return Parts(subject, ready(program.core, job.classes), files)
+
+    def member(self, job: Job, pid: int) -> Member:
+        """Make a robot that writes its part."""
+        whose = Whose(job.run, pid, self.subject)
+        writer = self.writers[pid] = PartWriter(self.files[pid], lambda: whose)
+        return instrumented(job, pid, self.made, self.subject.system, writer.tell)
+
+    def merged(self) -> Merged:
+        """The trace of the run, which is over. Raises KoordError."""
+        return merge(file for file in self.files.values() if file.exists())
+
+    def remove(self) -> None:
+        """Remove the files, of which there is a trace."""
+        remove(self.files.values())
+
+    def tails(self) -> dict[int, PartTail]:
+        """What is new in each file, by pid."""
+        return {pid: PartTail(file) for pid, file in self.files.items()}
+
+    @property
+    def trouble(self) -> KoordError | None:
+        """Why a robot of this process could not write its part to the end, if so."""
+        for writer in self.writers.values():
+            if writer.trouble is not None:
+                story = f"cannot be written any more: {writer.trouble.strerror}"
+                return refusal("K903", visible(str(writer.path)), story)
+        return None
+
+
+def folder_of(trace: str) -> Path:
+    """The folder of the parts of all robots while the run goes on, beside its trace."""
+    return Path(trace).with_suffix(".parts")
+
+
+@contextmanager
+def part_files(
+    folder: Path | None, pids: Iterable[int], *, goes_on: bool = False
+) -> Iterator[dict[int, Path]]:
+    """The files of robots' parts, by pid, in a folder (None: one that nobody sees).
+
+    What lies there is that of a run that was killed: it is removed, unless that run ``goes_on``.
+    """
+    with ExitStack() as stack:
+        if folder is None:
+            folder = Path(stack.enter_context(TemporaryDirectory()))
+        is_new = not folder.exists()
+        files = {pid: folder / f"{pid}.jsonl" for pid in pids}
+        try:
+            if not goes_on:
+                remove(files.values())
+            folder.mkdir(exist_ok=True)
+        except OSError as error:
+            story = f"cannot be written: {error.strerror}"
+            raise refusal("K903", visible(str(folder)), story) from None
+        try:
+            yield files
+        except (KoordError, TransportError):
+            if is_new:
+                remove(files.values())
+            raise
+
+
+def remove(files: Iterable[Path]) -> None:
+    """Remove the files of parts, and their folder if nothing else is there."""
+    folders = set()
+    for file in files:
+        file.unlink(missing_ok=True)
+        folders.add(file.parent)
+    for folder in folders:
+        with suppress(OSError):
+            folder.rmdir()
+
+
+class PartTail(Struct):
+    """What is new in a part that grows."""
+
+    file: Path
+    read: int = 0
+
+    def lines(self) -> list[bytes]:
+        """The whole lines that were added since the last call, without their ends."""
+        if not self.file.exists():
+            return []
+        with self.file.open("rb") as part:
+            part.seek(self.read)
+            new, end, _ = part.read().rpartition(b"\n")
+        self.read += len(new) + len(end)
+        return new.split(b"\n") if end else []

@@ -1,0 +1,227 @@
+"""Merging: what the robots of a deployed run have told, as one trace that can be judged."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Iterator, Mapping
+from enum import Enum
+from typing import Final
+
+from msgspec import Struct, to_builtins
+
+from koord.api.files import read_written
+from koord.api.results import ArgumentError, Result, html_table
+from koord.api.traces import Trace
+from koord.refinement.hearing import DisagreementError, Heard
+from koord.refinement.judging import judge
+from koord.refinement.part_reading import Part, read_lines, read_part
+from koord.refinement.parts import difference
+from koord.refinement.reports import Acted, Left
+from koord.refinement.trace_merge import gathered
+from koord.runtime.deploy.recording import PARTS
+from koord.runtime.motion.libraries import require
+from koord.runtime.records import DamagedRecordError, is_record, read_messages
+from koord.syntax import core
+from koord.syntax.diagnostics import KoordError, refusal
+from koord.syntax.source import counted, visible
+from koord.traces.codec import Load, load_embedded
+from koord.traces.replay import Refused
+from koord.traces.trace import Sources
+
+#: Raised when the JSON changes in a way that its readers must know of.
+MERGED_VERSION: Final = 1
+
+
+class PartEnd(Enum):
+    """How a part ends."""
+
+    LEFT = "left"  #: the robot stopped in good order, and said so
+    SILENT = "silent"  #: it was ended, or its part could not be written any more
+    TORN = "torn"  #: the same, in the middle of a line
+
+
+class PartRead(Struct, frozen=True):
+    """A part that was merged: the robot's, its file, the rounds that it acted on, its end."""
+
+    pid: int
+    name: str
+    rounds: int
+    end: PartEnd
+
+
+class Merged(Result, frozen=True, kw_only=True):
+    """The trace of a deployed run, with what it was merged of and how it is judged.
+
+    ``missing`` are robots of which there is no part. ``rounds_told`` is how many rounds the run had
+    at least; the trace has fewer where no part tells of one.
+    """
+
+    trace: Trace
+    parts: tuple[PartRead, ...]
+    missing: tuple[int, ...]
+    rounds_told: int
+    refused: Refused | None  #: the first step that no rule allows
+
+    @property
+    def is_whole(self) -> bool:
+        """True if there is a part of each robot, and the trace goes to the end of the run."""
+        return not self.missing and self.trace.rounds == self.rounds_told
+
+    @property
+    def ok(self) -> bool:
+        """True if the run is whole and legal."""
+        return self.is_whole and self.refused is None
+
+    def to_dict(self) -> dict[str, object]:
+        """The result as plain data, as ``koord merge --json`` prints it."""
+        problem, refused = self.trace.recorded.problem, self.refused
+        return {
+            "format": "koord-merged",
+            "version": MERGED_VERSION,
+            "program": problem.texts[0],
+            "problem": problem.document(),
+            "rounds": self.trace.rounds,
+            "rounds_told": self.rounds_told,
+            "parts": [to_builtins(part) for part in self.parts],
+            "missing": list(self.missing),
+            "refused": None
+            if refused is None
+            else {"rule": refused.rule, "round": refused.step.round, "reason": refused.reason},
+        }
+
+    def __repr__(self) -> str:
+        how = "legal" if self.refused is None else f"not legal by {self.refused.rule}"
+        rounds = counted(self.trace.rounds, "round")
+        return f"<Merged {self.trace.recorded.problem}: {rounds}, {how}>"
+
+    def _repr_html_(self) -> str:
+        rows = [(part.pid, part.name, part.rounds, part.end.value) for part in self.parts]
+        return html_table(repr(self), ("robot", "part", "rounds", "end"), rows)
+
+
+def merge(parts: Iterable[str | os.PathLike[str]]) -> Merged:
+    """Merge what robots of a deployed run have told to one trace, and judge it by the rules.
+
+    ``parts`` are files that ``koord deploy --pid I --trace FILE`` wrote, or recordings
+    (``--record``). Of robots that were ended, or of which there is no part, what nobody saw is
+    filled in as the program allows: sensors by their contracts, states by the rules.
+
+    Raises :class:`koord.KoordError` for files that are damaged, or of different runs (K918); where
+    what is missing cannot be filled in (K918); and where two robots tell that they acted on
+    different decisions (K919).
+
+    >>> koord.merge(["part0.jsonl", "part1.jsonl"]).trace.save("run.json")
+    """
+    loading = _Loading()
+    read = [part for path in parts for part in _read(os.fspath(path), loading.load)]
+    if not read:
+        raise ArgumentError("parts", "there is no part to merge")
+    return merged(_one_of_each(read))
+
+
+def merged(parts: Mapping[int, Part]) -> Merged:
+    """As :func:`merge`, of the parts of one run by pid."""
+    first = next(iter(parts.values()))
+    subject = first.whose.subject
+    system = subject.system
+    missing = tuple(pid for pid in range(system.robots) if pid not in parts)
+    try:
+        heard = Heard.of((pid, part.told) for pid, part in parts.items())
+    except DisagreementError as error:
+        files = " and ".join(dict.fromkeys(parts[pid].name for pid in error.robots))
+        raise refusal("K919", files, str(error)) from None
+    coverage = heard.coverage(system.robots)
+    if coverage.known == coverage.told == 0 and not heard.decisions:
+        raise refusal("K918", first.name, "no part tells how the run began", _cure(missing))
+    ran = gathered(subject.sources, system, heard)
+    judged = judge(ran)
+    refused = judged.refused
+    unseen = {pid: r for pid, r in coverage.unseen.items() if refused and r <= refused.step.round}
+    if ran.gave_up is not None or unseen:
+        why = ran.gave_up.diagnostics[0].message if ran.gave_up is not None else ""
+        if refused is not None:
+            why = f"in round {refused.step.round + 1}, {refused.reason} [{refused.rule}]"
+        whose = ", ".join(map(str, unseen or missing)) or "that were ended"
+        story = f"what robots {whose} did cannot be filled in: {why}"
+        raise refusal("K918", first.name, story, _cure(missing))
+    return Merged(
+        trace=Trace(judged.trace),
+        parts=tuple(_described(parts[pid]) for pid in sorted(parts)),
+        missing=missing,
+        rounds_told=coverage.told,
+        refused=refused,
+    )
+
+
+def _cure(missing: tuple[int, ...]) -> str | None:
+    if not missing:
+        return None
+    return f"name the parts of the robots {', '.join(map(str, missing))} as well"
+
+
+def _described(part: Part) -> PartRead:
+    acted = [one.decision.round for one in part.told if isinstance(one, Acted)]
+    end = PartEnd.SILENT
+    if part.is_torn:
+        end = PartEnd.TORN
+    elif part.told and isinstance(part.told[-1], Left):
+        end = PartEnd.LEFT
+    return PartRead(part.whose.pid, part.name, max(acted, default=-1) + 1, end)
+
+
+def _one_of_each(parts: Iterable[Part]) -> dict[int, Part]:
+    """The part of each robot. Raises KoordError where they are not of one run."""
+    found: dict[int, Part] = {}
+    first: Part | None = None
+    for part in parts:
+        first = part if first is None else first
+        differs = difference(first.whose, part.whose)
+        if differs is not None:
+            raise _apart(first, part, differs)
+        pid = part.whose.pid
+        before = found.setdefault(pid, part)
+        if before is part:
+            continue
+        longer, shorter = sorted((before, part), key=lambda one: -len(one.told))
+        if repr(longer.told[: len(shorter.told)]) != repr(shorter.told):
+            raise _apart(before, part, f"these are two parts of robot {pid}, which differ")
+        found[pid] = longer
+    return found
+
+
+def _apart(one: Part, other: Part, story: str) -> KoordError:
+    hint = f"leave out {other.name}, or {one.name}"
+    return refusal("K918", other.name, f"it does not belong to {one.name}: {story}", hint)
+
+
+class _Loading(Struct):
+    """Programs that were loaded already: all parts of a run hold the same."""
+
+    known: dict[str, core.Program] = {}
+
+    def load(self, sources: Sources) -> core.Program:
+        texts = [text.text for text in sources.texts]
+        key = repr((texts, sources.params, sources.tasks))
+        if key not in self.known:
+            self.known[key] = load_embedded(sources)
+        return self.known[key]
+
+
+def _read(path: str, load: Load) -> Iterator[Part]:
+    """The parts in a file. Raises KoordError."""
+    name, raw = visible(path), read_written(path)
+    if not is_record(raw):
+        yield read_part(raw, name, load)
+        return
+    require(("mcap",), "record")
+    lines: dict[str, list[bytes]] = {}
+    try:
+        for topic, line in read_messages(raw, PARTS):
+            lines.setdefault(topic, []).append(line)
+    except DamagedRecordError as error:
+        raise refusal("K910", name, f"the recording is damaged: {error}") from None
+    if not lines:
+        hint = "koord deploy --record records what robots tell"
+        raise refusal("K911", name, "the recording has no parts of a run", hint)
+    for topic in sorted(lines):
+        yield read_lines(lines[topic], f"{name}{topic}", load)
