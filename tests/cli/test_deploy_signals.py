@@ -49,6 +49,9 @@ signal.signal(signal.SIGHUP, signal.SIG_DFL)  # the tests may run under nohup
 sys.exit(main(sys.argv[1:]))
 """
 
+#: What is told of a run that is under way.
+UNDER_WAY = r"round ([3-9]|\d\d)"
+
 #: Nothing here takes long; who waits longer than this waits for ever.
 PATIENCE_S = 60.0
 
@@ -137,7 +140,7 @@ def test_a_run_that_is_asked_to_end_stops_safely_and_keeps_all(
 ) -> None:
     """The first process alone is asked."""
     with command(tmp_path, robots, *words, "--json") as run:
-        run.wait_for("round [3-9]")
+        run.wait_for(UNDER_WAY)
         os.kill(run.process.pid, number)
         code, out = run.ended()
         assert code == CODES[number], run.said
@@ -153,7 +156,7 @@ def test_a_run_that_is_asked_to_end_stops_safely_and_keeps_all(
 def test_all_processes_may_be_asked_to_end_together(number: signal.Signals, tmp_path: Path) -> None:
     """As a terminal does that hangs up, and who ends a service."""
     with command(tmp_path, 3, *ALL) as run:
-        run.wait_for("round [3-9]")
+        run.wait_for(UNDER_WAY)
         os.killpg(run.process.pid, number)
         code, out = run.ended()
         assert code == CODES[number], run.said
@@ -165,7 +168,7 @@ def test_all_processes_may_be_asked_to_end_together(number: signal.Signals, tmp_
 def test_a_second_signal_stops_at_once(tmp_path: Path) -> None:
     """The robots are stopped meanwhile, so that no first one could be enough."""
     with command(tmp_path, 3, *ALL) as run:
-        run.wait_for("round [3-9]")
+        run.wait_for(UNDER_WAY)
         for robot in run.robots:
             os.kill(robot, signal.SIGSTOP)
         os.kill(run.process.pid, signal.SIGTERM)
@@ -180,7 +183,7 @@ def test_a_second_signal_stops_at_once(tmp_path: Path) -> None:
 
 def test_robots_whose_first_process_is_killed_stop_safely_by_themselves(tmp_path: Path) -> None:
     with command(tmp_path, 3, *ALL) as run:
-        run.wait_for("round [3-9]")
+        run.wait_for(UNDER_WAY)
         os.kill(run.process.pid, signal.SIGKILL)
         code, _ = run.ended()  # the pipes have their end when the last process has
         assert code == -signal.SIGKILL
@@ -193,7 +196,7 @@ def test_robots_whose_first_process_is_killed_stop_safely_by_themselves(tmp_path
 
 def test_a_run_that_has_lost_its_majority_ends_with_a_summary(tmp_path: Path) -> None:
     with command(tmp_path, 3, *ALL, "--json") as run:
-        run.wait_for("round [3-9]")
+        run.wait_for(UNDER_WAY)
         for robot in run.robots[-2:]:
             os.kill(robot, signal.SIGKILL)
         run.wait_for(r"1 its process was killed \(signal 9\)")
@@ -211,7 +214,7 @@ def test_a_run_that_has_lost_its_majority_ends_with_a_summary(tmp_path: Path) ->
 
 def test_a_robot_that_is_killed_is_restarted_and_told_of(tmp_path: Path) -> None:
     with command(tmp_path, 3, *ALL, "--rounds", "40", "--restart") as run:
-        run.wait_for("round [3-9]")
+        run.wait_for(UNDER_WAY)
         os.kill(run.robots[-1], signal.SIGKILL)
         run.wait_for("2 .*restarted once")
         code, out = run.ended()
