@@ -53,7 +53,7 @@ def read(path: Path) -> Recording | None:
         told = json.loads(message.data)
         if channel.topic == "/status":
             made.statuses.append(told)
-        else:
+        elif channel.topic.startswith("/robots/"):
             values = [ast.literal_eval(one["values"]) for one in told["output"]]
             found, lost = values[0] if values else (None, None)
             made.rounds.append(Said(told["round"], told["event"], told["late"], found, lost))
