@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import sys
 import time
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
@@ -11,6 +13,7 @@ from rich.live import Live
 from rich.table import Table
 
 from koord.api.deployed import Deployed, FleetHeard
+from koord.cli.terminal import visible
 
 if TYPE_CHECKING:
     from koord.api.deployed import ProcessReport, RobotReport
@@ -22,12 +25,19 @@ MOST_ROWS = 40
 _OTHER_LINES = 4
 
 
+_HOLDS = "holds: "
+
+#: Robots hold for a moment now and then: only what lasts longer is worth a line.
+_LASTING_S = 1.0
+
+
 class Board:
-    """A table that is redrawn while robots run; nothing is drawn without a terminal."""
+    """A table that is redrawn while robots run; without a terminal, lines of what is noticed."""
 
     def __init__(self) -> None:
         self._console = Console(stderr=True)
         self._live: Live | None = None
+        self._lines = Lines(self._print)
         self._shown_at = 0.0
         self.is_stopping = False
 
@@ -43,6 +53,8 @@ class Board:
     def show(self, heard: FleetHeard) -> None:
         """Show the present status of the robots."""
         now = time.monotonic()
+        if not self._console.is_terminal:
+            self._lines.hear(heard, now)
         if self._live is None or now < self._shown_at + 0.2:
             return
         self._shown_at = now
@@ -55,11 +67,54 @@ class Board:
         except OSError:
             self._close()  # the terminal went away; the robots go on, or come to a safe stop
 
+    def _print(self, line: str) -> None:
+        with suppress(OSError):  # nobody reads it any more; the robots go on
+            print(visible(line), file=sys.stderr, flush=True)
+
     def _close(self) -> None:
         if self._live is not None:
             with suppress(OSError):
                 self._live.stop()
             self._live = None
+
+
+class Lines:
+    """What is remarkable about robots, a line each time that it begins or ends."""
+
+    def __init__(self, say: Callable[[str], None]) -> None:
+        self._say = say
+        self._since: dict[tuple[int, str], float] = {}
+        self._said: set[tuple[int, str]] = set()
+        self._holding: set[int] = set()  #: the robots of which that was said
+
+    def hear(self, heard: FleetHeard, now: float) -> None:
+        """Say what is new, and what is over."""
+        remarks = {
+            (pid, remark)
+            for pid, status in heard.statuses.items()
+            if not status.is_over
+            for remark in _remarks(status, heard.processes.get(pid))
+        }
+        self._since = {one: self._since.get(one, now) for one in remarks}
+        self._said &= remarks
+        for pid, remark in sorted(remarks - self._said):
+            holds = remark.startswith(_HOLDS)
+            if not holds or now >= self._since[pid, remark] + _LASTING_S:
+                self._said.add((pid, remark))
+                self._holding |= {pid} if holds else set()
+                self._say(f"robot {pid}: {remark}")
+        still = {pid for pid, remark in remarks if remark.startswith(_HOLDS)}
+        for pid in sorted(self._holding - still):
+            status = heard.statuses.get(pid)
+            if status is not None and not status.is_over:
+                self._say(f"robot {pid}: goes on, in round {status.round}")
+        self._holding &= still
+
+
+def _remarks(status: RobotReport, process: ProcessReport | None) -> Iterator[str]:
+    remark = story(status, process)
+    if remark:
+        yield remark
 
 
 def table(heard: FleetHeard, rows: int = MOST_ROWS) -> Table:
@@ -116,7 +171,7 @@ def _doing(status: RobotReport) -> str:
     if status.holding is None:
         return ""
     whom = ", ".join(map(str, status.waiting_for))
-    return f"holds: {status.holding.value}" + (f": {whom}" if whom else "")
+    return f"{_HOLDS}{status.holding.value}" + (f": {whom}" if whom else "")
 
 
 def _division(deployed: Deployed) -> str:

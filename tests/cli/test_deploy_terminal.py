@@ -20,9 +20,11 @@ import pytest
 from mcap.reader import make_reader
 
 from koord.api.deployed import FleetHeard
-from koord.cli.deployed import table
+from koord.cli.deployed import Lines, table
 from koord.cli.exits import Exit
 from koord.runtime.deploy.status import RobotReport
+from koord.runtime.protocol.events import Reason
+from tests.deployed.fleet import free_port
 
 EXAMPLES = Path(__file__).parents[2] / "specs" / "examples"
 
@@ -200,3 +202,55 @@ def test_what_does_not_fit_is_counted_and_trouble_comes_first(rows: int) -> None
     assert "7" in shown
     assert shown[-1] == "…"
     assert column(statuses, "", rows)[-1] == f"and {9 - rows} more"
+
+
+# --- without a terminal ---------------------------------------------------------------------------
+
+
+def test_without_a_terminal_what_lasts_is_said_once_and_so_is_its_end() -> None:
+    said: list[str] = []
+    lines = Lines(said.append)
+
+    def hear(at: float, *statuses: RobotReport) -> None:
+        lines.hear(FleetHeard.of({one.pid: one for one in statuses}, None), at)
+
+    holding = status(1, 4, holding=Reason.UNDECIDED)
+    hear(0.0, status(0, 4), holding)
+    hear(0.5, status(0, 5), status(1, 5))
+    hear(1.0, status(0, 5), holding)
+    assert said == []
+    hear(1.9, status(0, 5), holding)
+    hear(2.1, status(0, 5), holding)
+    hear(2.4, status(0, 5, is_mute=True), holding)
+    hear(9.0, status(0, 5, is_mute=True), status(1, 7))
+    assert said == [
+        "robot 1: holds: the round is not decided",
+        "robot 0: came back without its journal: runs no events",
+        "robot 1: goes on, in round 7",
+    ]
+    hear(10.0, status(0, 8, is_over=True), status(1, 8, is_over=True))
+    assert len(said) == 3
+
+
+def test_why_a_robot_waits_is_said_without_a_terminal(tmp_path: Path) -> None:
+    config = tmp_path / "c.yaml"
+    config.write_text(
+        "agents: [{pid: 0, on_device: a}, {pid: 1, on_device: b}]\n"
+        f"devices: {{a: {{ip: 127.0.0.1, port: {free_port()}}}, "
+        f"b: {{ip: 127.0.0.1, port: {free_port()}}}}}\n"
+        "delta: 0.05\nnetwork: {transport: unicast, key: sixteen letters ok}\n",
+        encoding="utf-8",
+    )
+    words = ["deploy", str(EXAMPLES / "sum_of_ids.krd"), str(config), "--pid", "1"]
+    process = subprocess.Popen(
+        [sys.executable, "-m", "koord", *words, "--state", str(tmp_path)],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    assert process.stderr is not None
+    with process.stderr as stream:
+        said = stream.readline()
+        process.kill()
+    process.wait()
+    assert said.startswith("robot 1: holds: ")

@@ -254,7 +254,7 @@ class Fleet:
     def _started(self, start: Start) -> RobotProcess:
         seat = self._seats.get(start.place)
         if seat is None:
-            seat = self.proxy.seat(start.place, start.pid, ("127.0.0.1", _free_port()))
+            seat = self.proxy.seat(start.place, start.pid, ("127.0.0.1", free_port()))
             self._seats[start.place] = seat
         seat.heard_at_s = None
         number = len(self.every)
@@ -353,7 +353,7 @@ class Fleet:
         return "\n".join(told)
 
 
-def _free_port() -> int:
+def free_port() -> int:
     """A port of this machine that nobody listens on."""
     while True:
         port = _PORTS[secrets.randbelow(len(_PORTS))]
