@@ -26,13 +26,14 @@ from koord.runtime.protocol.messages import (
 )
 from koord.runtime.protocol.setup import Setup, Timing, decided
 from koord.runtime.protocol.state import fresh
-from koord.runtime.wire.codec import DatagramWriter, RunKey
-from koord.runtime.wire.frames import Drop
+from koord.runtime.wire.codec import Channel, DatagramWriter
+from koord.runtime.wire.frames import Drop, run_key
 from tests.runtime.hub import Hub
 
 ROBOTS = 16
 LIMIT_S = 5e-6
-RUN = RunKey("a run", b"the key of all robots", ROBOTS)
+SHARED_KEY = b"the key of all robots"
+KEY = run_key(SHARED_KEY, b"a run")
 
 #: Under which reasons a datagram of each kind may be counted.
 KINDS: dict[str, tuple[Drop, ...]] = {
@@ -46,9 +47,9 @@ KINDS: dict[str, tuple[Drop, ...]] = {
 }
 
 
-def real(run: RunKey, pid: int, many: int) -> list[bytes]:
+def real(key: bytes, pid: int, many: int) -> list[bytes]:
     """Datagrams as robots send them."""
-    writer = DatagramWriter(run, pid)
+    writer = DatagramWriter(Channel(key, ROBOTS, pid))
     decision: Decision = decided(3, [proposal_of(i, 3) for i in range(ROBOTS)])
     messages: list[Message] = [
         Propose(proposal_of(1, 3)),
@@ -66,7 +67,7 @@ def real(run: RunKey, pid: int, many: int) -> list[bytes]:
 def hostile(kind: str, many: int) -> Iterator[bytes]:
     """Datagrams of a kind; made outside of what is measured."""
     random = Random(kind)
-    good = real(RUN, 1, 64)
+    good = real(KEY, 1, 64)
     for k in range(many):
         one = good[k % len(good)]
         match kind:
@@ -86,11 +87,11 @@ def hostile(kind: str, many: int) -> Iterator[bytes]:
 def prepared(kind: str, many: int) -> list[bytes]:
     match kind:
         case "wrong key":
-            return real(RunKey(RUN.id, b"another key altogether", ROBOTS), 1, many)
+            return real(run_key(b"another key altogether", b"a run"), 1, many)
         case "of another run":
-            return real(RunKey("another run", RUN.key, ROBOTS), 1, many)
+            return real(run_key(SHARED_KEY, b"another run"), 1, many)
         case "from a stranger":
-            return real(RunKey(RUN.id, RUN.key, 10 * ROBOTS), 10 * ROBOTS - 1, many)
+            return real(KEY, 10 * ROBOTS - 1, many)
         case _:
             return list(hostile(kind, many))
 
@@ -99,11 +100,13 @@ def attacked(report: Report, kind: str, many: int) -> float:
     """CPU seconds that a datagram takes."""
     hub = Hub(ROBOTS)
     setup = Setup(ROBOTS, Timing.of(0.1, ROBOTS))
-    peer = Peer(RUN, setup, fresh(setup, 0, 9), StormRobot(0, Journal()), hub.transport(0), float)
+    robot = StormRobot(0, Journal())
+    channel = Channel(KEY, ROBOTS, 0)
+    peer = Peer(channel, setup, fresh(setup, 0), robot, hub.transport(0), float)
     peer.start()
     peer.turn(0.0)  # its own proposal
     if kind == "replayed":
-        hub.inboxes[0].extend(real(RUN, 1, 64))
+        hub.inboxes[0].extend(real(KEY, 1, 64))
         peer.turn(0.0)
         peer.drops.clear()
     before = peer.node.state

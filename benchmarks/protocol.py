@@ -22,7 +22,8 @@ from koord.runtime.exploration.world import ExplorationBounds
 from koord.runtime.node import Peer
 from koord.runtime.protocol.setup import Setup, Timing
 from koord.runtime.protocol.state import fresh
-from koord.runtime.wire.codec import RunKey
+from koord.runtime.wire.codec import Channel
+from koord.runtime.wire.frames import run_key
 from tests.runtime.hub import Hub, InProcess
 
 ROUNDS = 40
@@ -49,12 +50,12 @@ class Counting(InProcess):
 def calm(robots: int) -> dict[str, float]:
     """Datagrams, pieces and bytes of a round."""
     setup = Setup(robots, Timing.of(0.1, robots))
-    hub, run, now = Hub(robots), RunKey("a run", b"a key", robots), [0.0]
+    hub, key, now = Hub(robots), run_key(b"a key", b"a run"), [0.0]
     peers = [
         Peer(
-            run,
+            Channel(key, robots, pid),
             setup,
-            fresh(setup, pid, 9),
+            fresh(setup, pid),
             StormRobot(pid, Journal()),
             Counting(hub, pid),
             lambda: now[0],

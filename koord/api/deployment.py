@@ -6,6 +6,7 @@ import secrets
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
+from hashlib import blake2b
 from os import PathLike, fspath
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -28,14 +29,16 @@ from koord.runtime.configuration.model import RunConfiguration
 from koord.runtime.deploy.ideal import unanswered
 from koord.runtime.deploy.local import Launch, local_plan, transport_of
 from koord.runtime.deploy.recording import DeploymentRecord
+from koord.runtime.deploy.running import CannotTakePartError, RoundReport, Runner, ideal_member
 from koord.runtime.deploy.running import Job as Job
-from koord.runtime.deploy.running import RoundReport, Runner, ideal_member
 from koord.runtime.deploy.status import RobotReport as RobotReport
 from koord.runtime.deploy.supervised import SupervisedProcesses
 from koord.runtime.deploy.supervision import ProcessReport
 from koord.runtime.motion.libraries import require
+from koord.runtime.protocol.handshake import Fingerprint
 from koord.runtime.robot import Robot
 from koord.runtime.transports.transport import TransportError
+from koord.syntax import core
 from koord.syntax.diagnostics import Diagnostic, KoordError, Severity, refusal
 from koord.syntax.problem import Problem
 from koord.syntax.source import whole_file
@@ -139,7 +142,7 @@ def job_of(fitted: Fitted, request: DeployRequest) -> Job:
         raise KoordError(missing)
     run = request.run or configuration.talk.run
     if request.pid is None:  # on one machine nobody else needs to know the key
-        key, run = secrets.token_bytes(32), f"{run} {secrets.token_hex(4)}"
+        key = secrets.token_bytes(32)
     else:
         assert configuration.talk.key is not None
         key = configuration.talk.key
@@ -154,6 +157,8 @@ def job_of(fitted: Fitted, request: DeployRequest) -> Job:
         rounds=request.rounds,
         journals=None,
         starts=_starts(fitted),
+        program=_program(fitted.program.core),
+        insists=request.fresh,
     )
 
 
@@ -170,6 +175,14 @@ def _starts(fitted: Fitted) -> Mapping[tuple[int | None, str], Any]:
 
     system = System(program, fitted.kinds, fitted.delta_s)
     return settled_starts(system, PythonNames(program), fitted.configuration.seed)
+
+
+def _program(program: core.Program) -> Fingerprint:
+    """What robots run, as all have to: the compiled program, whatever its file is called."""
+    text = compiled(replace(program, name="program"))
+    digest = blake2b(text.encode(), digest_size=8).hexdigest()
+    params = tuple((f"param {one.name}", str(one.value)) for one in program.parameters)
+    return (("program", digest), *params)
 
 
 def _unanswered(
@@ -202,6 +215,9 @@ def deploy_fitted(
         deployed = _all(deployment) if request.pid is None else _one(deployment, request.pid)
     except TransportError as error:
         raise refusal("K933", job.configuration.name, error.message, error.hint or None) from None
+    except CannotTakePartError as error:
+        where = error.file or job.configuration.name
+        raise refusal("K939", where, error.message, error.hint) from None
     return replace(deployed, warnings=fitted.warnings)
 
 
@@ -265,9 +281,6 @@ def _one(of: _Deployment, pid: int) -> Deployed:
     with ExitStack() as stack:
         stack.callback(transport.close)
         job = stack.enter_context(_noting(job, request.state or _STATE))
-        journal = job.journal(pid)
-        if request.fresh and journal is not None:
-            journal.forget()
         parts = of.parts(stack, job)
         recorder = of.recorder(stack, parts)
         make = ideal_member if parts is None else parts.member
@@ -295,7 +308,7 @@ def _all(of: _Deployment) -> Deployed:
         if state is None and request.restart:
             state = stack.enter_context(TemporaryDirectory(prefix="koord-"))
         if state is not None:
-            job = stack.enter_context(_noting(job, state, of=range(job.robots)))
+            job = stack.enter_context(_noting(job, state))
         parts = of.parts(stack, job)
         recorder = of.recorder(stack, parts)
         make = ideal_member if parts is None else parts.member
@@ -319,11 +332,10 @@ def _all(of: _Deployment) -> Deployed:
 
 
 @contextmanager
-def _noting(job: Job, path: str, of: Iterable[int] = ()) -> Iterator[Job]:
+def _noting(job: Job, path: str) -> Iterator[Job]:
     """The run with a folder of journals, which is made if need be.
 
-    A start that is refused leaves none: neither the folder nor journals ``of`` these robots, of
-    which this is the first start. Raises KoordError.
+    A start that is refused leaves no empty one. Raises KoordError.
     """
     folder = Path(path)
     made = [one for one in (folder, *folder.parents) if not one.exists()]
@@ -335,9 +347,6 @@ def _noting(job: Job, path: str, of: Iterable[int] = ()) -> Iterator[Job]:
     try:
         yield job
     except (KoordError, TransportError):
-        for journal in map(job.journal, of):
-            if journal is not None:
-                journal.forget()
         for one in made:
             with suppress(OSError):  # others may have noted something
                 one.rmdir()

@@ -33,15 +33,18 @@ from koord.refinement.reports import Told
 from koord.refinement.running import Compiled, CompiledRun
 from koord.refinement.sampling_hosts import SeededHost, settled_starts
 from koord.refinement.trace_merge import gathered
-from koord.runtime.chaos.network import CALM, Faults, Network, Newborn
+from koord.runtime.chaos.network import CALM, Faults, Network, Newborn, SwitchedOn
 from koord.runtime.chaos.unreliable import Unreliable
 from koord.runtime.configuration.checking import load as load_configuration
 from koord.runtime.deploy.ideal import IdealHost, unanswered
+from koord.runtime.deploy.journal import Entered, Journal
 from koord.runtime.deploy.local import Launch, LocalProcesses, launched, local_plan
 from koord.runtime.deploy.member import Platform
+from koord.runtime.deploy.resuming import come_back, enter
 from koord.runtime.deploy.running import Job
 from koord.runtime.ports import is_place, point_of
-from koord.runtime.protocol.messages import Message
+from koord.runtime.protocol.handshake import RUN_BYTES
+from koord.runtime.protocol.messages import INCARNATION_STEP, Message
 from koord.runtime.protocol.setup import Setup, Timing
 from koord.runtime.protocol.state import fresh, returning
 from koord.runtime.transports.transport import Transport
@@ -53,6 +56,9 @@ from koord.syntax.source import Source
 from koord.syntax.system import System
 from koord.traces.codec import Subject
 from koord.traces.trace import Sources
+
+#: The identity of runs in virtual time.
+_RUN = bytes(RUN_BYTES)
 
 #: A run that is not over after so long is stuck: virtual seconds, and real ones.
 _VIRTUAL_S, _REAL_S = 300.0, 60.0
@@ -129,7 +135,7 @@ class Expedition(Struct, frozen=True):
             body = IdealHost(program, pid, job.robots, job.delta_s, self.seed, place)
         host = Witness(body, made, self.system, starts, tell)
         robot = program(pid, job.kinds, job.delta_s, host)
-        return InstrumentedRobot(robot, host, job.journal(pid), job.program, self.largest)
+        return InstrumentedRobot(robot, host, self.largest)
 
     def part(self, folder: Path, pid: int) -> PartWriter:
         """The part of a robot in a process of its own."""
@@ -170,18 +176,37 @@ class _Crew:
         self.starts = starts
         self.members: dict[int, InstrumentedRobot] = {}
         self.told: list[list[Told]] = [[] for _ in range(self.job.robots)]
+        self._journals: dict[int, Journal] = {}
 
-    def switch_on(self, pid: int, incarnation: int, back: bool) -> Newborn:
+    def switch_on(self, pid: int, start: int, how: SwitchedOn) -> Newborn:
         job = self.job
         member = self.expedition.member(job, pid, self.starts, self.told[pid].append)
         self.members[pid] = member
         timing = Timing.of(job.delta_s, job.robots)
         setup = Setup(job.robots, timing, owing=job.owing, rounds=job.rounds, decide=member.decided)
-        journal = job.journal(pid)
-        if journal is not None and journal.read() is not None:
-            member.come_back()
-            return Newborn(member, setup, returning(setup, pid, incarnation))
-        return Newborn(member, setup, fresh(setup, pid, incarnation))
+        journal = self._journal(pid, has_disk=how is not SwitchedOn.LOST)
+        kept = journal.read()
+        if kept is not None:
+            state, _ = come_back(setup, member, journal, kept)
+            return Newborn(member, setup, state)
+        incarnation = 0 if how is SwitchedOn.FIRST else start * INCARNATION_STEP
+        enter(member, journal, Entered(_RUN, pid, "", incarnation), start)
+        if how is SwitchedOn.FIRST:
+            return Newborn(member, setup, fresh(setup, pid))
+        member.mute = True
+        return Newborn(member, setup, returning(setup, pid, incarnation))
+
+    def _journal(self, pid: int, *, has_disk: bool) -> Journal:
+        """The journal of a robot whose process before, if there was one, is dead."""
+        before = self._journals.get(pid)
+        if before is not None:
+            before.close()
+            if not has_disk:
+                before.forget()
+        journal = self.job.journal(pid)
+        assert journal is not None
+        self._journals[pid] = journal
+        return journal
 
 
 def over_network(expedition: Expedition) -> CompiledRun:
@@ -201,9 +226,11 @@ def told_over_network(expedition: Expedition) -> list[list[Told]]:
         job = expedition.job(Path(folder), 0.0)
         crew = _Crew(expedition, job, expedition.starts())
         setup = Setup(job.robots, Timing.of(job.delta_s, job.robots))
-        network = Network(
-            setup, expedition.faults, expedition.seed, crew.switch_on, _over_the_wire(job.robots)
-        )
+        faults = expedition.faults
+        if job.owing:  # who has lost its locals is mute, and the others would wait for it
+            faults = replace(faults, losses=0.0)
+        carry = _over_the_wire(job.robots)
+        network = Network(setup, faults, expedition.seed, crew.switch_on, carry)
         storm_s = _STORM_ROUNDS * job.delta_s
         with suppress(GaveUpError):
             _play(network, storm_s)

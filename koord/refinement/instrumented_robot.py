@@ -28,7 +28,7 @@ from koord.refinement.reports import (
 from koord.refinement.running import Compiled, size_of
 from koord.refinement.tracing_host import TracingHost
 from koord.refinement.translation import Translation, to_written
-from koord.runtime.deploy.journal import Journal
+from koord.runtime.deploy.journal import Recollection
 from koord.runtime.deploy.member import Member, Platform
 from koord.runtime.deploy.running import Job, ideal_host
 from koord.runtime.motion.world import Point
@@ -119,15 +119,8 @@ class InstrumentedRobot(Member):
     It gives up if its host does, or if a value is larger than ``largest``. Raises GaveUpError.
     """
 
-    def __init__(
-        self,
-        robot: Robot,
-        host: Platform,
-        journal: Journal | None,
-        program: str,
-        largest: int | None = None,
-    ) -> None:
-        super().__init__(robot, host, journal, program)
+    def __init__(self, robot: Robot, host: Platform, largest: int | None = None) -> None:
+        super().__init__(robot, host)
         self._largest = largest
         assert isinstance(robot.host, Witness)
         self._witness = robot.host
@@ -165,10 +158,9 @@ class InstrumentedRobot(Member):
             self._witness.say(Stumbled(self._round_of(Turn.ENV), fault))
         return fault
 
-    def come_back(self) -> bool:
-        known = super().come_back()
-        self._from_journal = self._proposal
-        return known
+    def recall(self, what: Recollection) -> None:
+        self._from_journal = None if what.page is None else what.page.proposal
+        super().recall(what)
 
     def decided(self, round_: int, proposals: Sequence[Proposal | None]) -> Decision:
         self._witness.say(Coordinated(round_, time.monotonic()))
@@ -213,4 +205,4 @@ def instrumented(
     host = ideal_host(job, pid)
     witness = Witness(host, made, system, {}, tell)
     robot = host.program(pid, job.kinds, job.delta_s, witness)
-    return InstrumentedRobot(robot, witness, job.journal(pid), job.program)
+    return InstrumentedRobot(robot, witness)

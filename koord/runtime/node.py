@@ -6,7 +6,7 @@ real networks and over simulated ones.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from enum import Enum
 from typing import Protocol, assert_never
 
@@ -28,6 +28,7 @@ from koord.runtime.protocol.events import (
     Received,
     Resume,
     RunEnded,
+    Save,
     Send,
     ShowStore,
     Started,
@@ -38,9 +39,9 @@ from koord.runtime.protocol.events import (
 from koord.runtime.protocol.machine import step
 from koord.runtime.protocol.messages import LastRun, LogEntry, Message
 from koord.runtime.protocol.setup import Setup
-from koord.runtime.protocol.state import State
+from koord.runtime.protocol.state import Durable, State, durable
 from koord.runtime.transports.transport import Transport
-from koord.runtime.wire.codec import DatagramReader, DatagramWriter, RunKey
+from koord.runtime.wire.codec import Channel, DatagramReader, DatagramWriter, is_handshake
 from koord.runtime.wire.frames import Drops
 
 
@@ -49,6 +50,9 @@ class Participant(Protocol):
 
     def propose(self, round_: int) -> Proposal | None:
         """Sense, run the first enabled event into a buffer, and propose. None: stay mute."""
+
+    def save(self, kept: Durable) -> bool:
+        """Write to the disk, and return whether it is there for good. (R-SAVE)"""
 
     def commit(self, entry: LogEntry, kept: Admitted | None) -> None:
         """Act on a decision: apply the writes; keep the buffer or discard it."""
@@ -79,8 +83,15 @@ class PendingWork(Enum):
     ROUND = "round"  #: the next round begins, and the program has to run
 
 
+#: How long a robot that cannot write waits before it tries again.
+_WRITE_AGAIN_S = 0.5
+
+
 class Node:
-    """A driver of one robot's protocol machine. Not thread-safe."""
+    """A driver of one robot's protocol machine. Not thread-safe.
+
+    A robot that cannot write to its disk does and hears nothing until it can. (R-SAVE)
+    """
 
     def __init__(self, setup: Setup, state: State, robot: Participant, outbox: Outbox) -> None:
         self.setup = setup
@@ -90,16 +101,21 @@ class Node:
         self._outbox = outbox
         self._due: dict[Timer | PendingWork, float] = {}
         self._work = 0
+        self._kept_back: list[Effect] = []  #: from a Save that failed on
+        self._write_at = 0.0
 
     def start(self, now: float) -> None:
         self._do(Started(now))
 
     def receive(self, now: float, sender: int, incarnation: int, message: Message) -> None:
-        self._do(Received(now, sender, incarnation, message))
+        if not self._kept_back:
+            self._do(Received(now, sender, incarnation, message))
 
     def wake(self, now: float) -> None:
         """Expire every timer that is due."""
-        while True:
+        if self._kept_back and not self._try_again(now):
+            return
+        while not self._kept_back:
             due = [(at, i, timer) for i, (timer, at) in enumerate(self._due.items()) if at <= now]
             if not due:
                 return
@@ -115,12 +131,40 @@ class Node:
     @property
     def due(self) -> float | None:
         """The time at which to wake the node next, or None."""
+        if self._kept_back:
+            return self._write_at
         return min(self._due.values(), default=None)
+
+    @property
+    def is_unwritable(self) -> bool:
+        """True if what was to be saved is not on the disk. (R-SAVE)"""
+        return bool(self._kept_back)
 
     def _do(self, event: Event) -> None:
         self.state, effects = step(self.setup, self.state, event)
-        for effect in effects:
-            self._carry_out(effect, event.now)
+        self._carry_out_all(effects, event.now)
+
+    def _carry_out_all(self, effects: Sequence[Effect], now: float) -> None:
+        for done, effect in enumerate(effects):
+            if isinstance(effect, Save):
+                if not self._robot.save(durable(self.state)):
+                    self._kept_back = list(effects[done:])
+                    self._write_at = now + _WRITE_AGAIN_S
+                    self._robot.hold(Reason.UNWRITABLE)
+                    return
+            else:
+                self._carry_out(effect, now)
+
+    def _try_again(self, now: float) -> bool:
+        """Try to write once more; return whether the robot goes on."""
+        if now < self._write_at:
+            return False
+        effects, self._kept_back = self._kept_back, []
+        self._carry_out_all(effects, now)
+        if self._kept_back:
+            return False
+        self._robot.hold(self.state.holding)
+        return True
 
     def _carry_out(self, effect: Effect, now: float) -> None:
         match effect:
@@ -149,6 +193,8 @@ class Node:
                 self._robot.hold(None)
             case RunEnded():
                 self.over = True
+            case Save():
+                raise AssertionError("is carried out by whoever has the effects after it")
             case _:
                 assert_never(effect)
 
@@ -166,11 +212,14 @@ class Counts(Struct):
 
 
 class Peer:
-    """One robot of a run on a network: its node, its wire and its transport."""
+    """One robot of a run on a network: its node, its wire and its transport.
+
+    ``on_handshake`` gets the datagrams of handshakes.
+    """
 
     def __init__(
         self,
-        run: RunKey,
+        channel: Channel,
         setup: Setup,
         state: State,
         robot: Participant,
@@ -180,14 +229,27 @@ class Peer:
         self.counts = Counts()
         self.transport = transport
         self.node = Node(setup, state, robot, self)
-        self._writer = DatagramWriter(run, state.pid)
-        self._reader = DatagramReader(run, state.pid)
+        self.start_number = channel.start
+        self.heard_at: dict[int, float] = {}  #: when each robot was heard last
+        self.on_handshake: Callable[[bytes], None] = _ignored
+        self._writer = DatagramWriter(channel)
+        self._reader = DatagramReader(channel)
         self._clock = clock
 
     @property
     def drops(self) -> Drops:
         """The datagrams that were dropped, by reason."""
         return self._reader.drops
+
+    def start_of(self, robot: int) -> int:
+        """The highest start heard from a robot; 0: none. (R-START)"""
+        return self._reader.start_of(robot)
+
+    def start_again(self, start: int) -> None:
+        """Go on as in another start. (R-START)"""
+        self.start_number = start
+        self._writer.start_again(start)
+        self._reader.start = start
 
     # --- the node's outbox ----------------------------------------------------------------------
 
@@ -222,7 +284,21 @@ class Peer:
             return
         self._reader.round = self.node.state.round
         for datagram in datagrams:
-            letter = self._reader.read(datagram)
-            if letter is not None:
-                self.counts.received += 1
-                self.node.receive(self._clock(), letter.sender, letter.incarnation, letter.message)
+            self.read(datagram)
+
+    def read(self, datagram: bytes) -> None:
+        """Process a datagram."""
+        if is_handshake(datagram):
+            self.on_handshake(datagram)
+            return
+        letter = self._reader.read(datagram)
+        if letter is None:
+            return
+        now = self._clock()
+        self.counts.received += 1
+        self.heard_at[letter.sender] = now
+        self.node.receive(now, letter.sender, letter.incarnation, letter.message)
+
+
+def _ignored(datagram: bytes) -> None:
+    """Drop a datagram of a handshake: this run had none."""

@@ -158,7 +158,7 @@ class RobotMaker(Struct, frozen=True):
     def __call__(self, job: Job, pid: int) -> Member:
         body = SimulatedBody(self.cast, self.scene, pid, self.supplied)
         robot = job.classes[job.kinds[pid]](pid, job.kinds, job.delta_s, body)
-        member = Member(robot, body, job.journal(pid), job.program)
+        member = Member(robot, body)
 
         def tell(entry: LogEntry) -> RoundStory:
             decision = entry.decision

@@ -49,7 +49,7 @@ DEPLOYED = (
     ),
     Mutant(
         "a robot that is back has not written down what it senses",
-        "runtime.deploy.member.Member.come_back",
+        "runtime.deploy.member.Member._take_up",
         "page.turns",
         "1",
         (JUDGED,),
@@ -98,7 +98,7 @@ DEPLOYED = (
     ),
     Mutant(
         "a digest says nothing of the store",
-        "runtime.deploy.member.Member.commit",
+        "runtime.deploy.member.Member._apply",
         "decision.digest != self.store.digest()",
         "decision.digest == b''",
         (DEPLOY,),

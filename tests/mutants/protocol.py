@@ -9,6 +9,10 @@ ELECTIONS = "tests/runtime/test_elections.py"
 EXPLORATION = "tests/runtime/test_exploration.py"
 CHAOS = "tests/runtime/test_chaos.py"
 WIRE = "tests/runtime/test_wire.py"
+RECOVERY = "tests/runtime/test_recovery.py"
+HANDSHAKE = "tests/runtime/test_handshake.py"
+JOURNAL = "tests/runtime/test_journal.py"
+DEPLOY = "tests/runtime/test_deploy.py"
 
 #: What keeps robots in agreement, and what keeps them going.
 PROTOCOL = (
@@ -224,9 +228,9 @@ PROTOCOL = (
     ),
     Mutant(
         "nobody is told that it has a twin",
-        "runtime.protocol.committing._end_if_over",
-        "state.roster[state.pid] > state.incarnation",
-        "state.roster[state.pid] < 0",
+        "runtime.protocol.committing.commit",
+        "turn.state.roster[state.pid] > state.incarnation",
+        "turn.state.roster[state.pid] < 0",
         (ELECTIONS,),
     ),
     Mutant(
@@ -270,30 +274,30 @@ WIRE_MISTAKES = (
     ),
     Mutant(
         "the key is the same for every run",
-        "runtime.wire.frames.session_key",
-        "run.encode()",
-        "b''",
+        "runtime.wire.frames.run_key",
+        "_derived(shared_key, identity, b'koord run')",
+        "_derived(shared_key, b'', b'koord run')",
         (WIRE,),
     ),
     Mutant(
         "replays are let in",
         "runtime.wire.codec.Window.is_new",
-        "ahead <= -WIDTH or self.seen & bit",
-        "ahead <= -WIDTH",
+        "self.seen & bit",
+        "self.seen < bit",
         (WIRE,),
     ),
     Mutant(
         "what is older than the window is let in",
         "runtime.wire.codec.Window.is_new",
-        "ahead <= -WIDTH or self.seen & bit",
-        "ahead > -WIDTH and self.seen & bit",
+        "if ahead <= -WIDTH:\n    return False",
+        "if ahead <= -WIDTH:\n    return True",
         (WIRE,),
     ),
     Mutant(
         "a robot is replayed from before its restart",
         "runtime.wire.codec.Window.is_new",
-        "if incarnation < self.incarnation:\n    return False",
-        "pass",
+        "number - self.newest",
+        "number % START_STEP - self.newest % START_STEP",
         (WIRE,),
     ),
     Mutant(
@@ -326,7 +330,7 @@ WIRE_MISTAKES = (
     ),
     Mutant(
         "nonsense with the right key raises",
-        "runtime.wire.bodies.message_of",
+        "runtime.wire.bodies._decoded",
         "(msgspec.MsgspecError, ValueError, RecursionError)",
         "KeyError",
         (WIRE,),
@@ -344,5 +348,145 @@ WIRE_MISTAKES = (
         'int.from_bytes(data, "big", signed=True)',
         'int.from_bytes(data, "big", signed=False)',
         (WIRE,),
+    ),
+    Mutant(
+        "promises are not saved",
+        "runtime.protocol.state.must_save",
+        "before.promised != after.promised",
+        "before.promised > after.promised",
+        (RECOVERY,),
+    ),
+    Mutant(
+        "entries are acknowledged before they are saved",
+        "runtime.protocol.machine._with_save",
+        "next(sends, len(effects))",
+        "len(effects)",
+        (RECOVERY,),
+    ),
+    Mutant(
+        "a robot that recovers votes",
+        "runtime.protocol.state.State.is_voter",
+        "self.is_on_roster and self.recovery is None",
+        "self.is_on_roster",
+        (RECOVERY,),
+    ),
+    Mutant(
+        "an old promise is believed",
+        "runtime.protocol.recovering.on_answer",
+        "turn.promise(message.promised)",
+        "turn.hear(message.promised)",
+        (RECOVERY,),
+    ),
+    Mutant(
+        "an old entry is kept",
+        "runtime.protocol.recovering._take_over",
+        "mine.epoch >= tentative.epoch",
+        "mine.epoch >= 0",
+        (RECOVERY,),
+    ),
+    Mutant(
+        "recovery ends before all have answered",
+        "runtime.protocol.recovering._end_if_all_answered",
+        "state.recovery.answered >= others and not state.is_behind",
+        "len(state.recovery.answered) > 0 and not state.is_behind",
+        (RECOVERY,),
+    ),
+    Mutant(
+        "a second proposal is made after a crash",
+        "runtime.protocol.recovering._end",
+        "state.round == INIT_ROUND or state.pid in turn.setup.owing",
+        "state.round >= INIT_ROUND",
+        (RECOVERY,),
+    ),
+    Mutant(
+        "answers to an earlier start count",
+        "runtime.protocol.recovering.on_answer",
+        "recovery is None or recovery.start != message.start",
+        "recovery is None",
+        (RECOVERY,),
+    ),
+    Mutant(
+        "who has lost its disk answers as one who remembers",
+        "runtime.protocol.recovering.on_recovery",
+        "not state.is_on_roster",
+        "state.recovery is state",
+        (RECOVERY,),
+    ),
+    Mutant(
+        "old joins are on the roll",
+        "runtime.protocol.handshake._on_join",
+        "party.is_leader and message.heard == party.nonce and state.run == NO_RUN",
+        "party.is_leader and state.run == NO_RUN",
+        (HANDSHAKE,),
+    ),
+    Mutant(
+        "any roll is entered",
+        "runtime.protocol.handshake.receive",
+        "nonces[party.pid] == party.nonce",
+        "nonces[party.pid] != NO_RUN",
+        (HANDSHAKE,),
+    ),
+    Mutant(
+        "the identity is that of the program",
+        "runtime.protocol.handshake.Party.identity",
+        "(self.fingerprint, nonces)",
+        "(self.fingerprint, len(nonces))",
+        (HANDSHAKE,),
+    ),
+    Mutant(
+        "one answer is enough to come late",
+        "runtime.protocol.handshake._on_running",
+        "len(said) < party.enough",
+        "len(said) < 1",
+        (HANDSHAKE,),
+    ),
+    Mutant(
+        "answers to an earlier nonce count",
+        "runtime.protocol.handshake.receive",
+        "sender == party.pid or message.nonce != party.nonce",
+        "sender == party.pid",
+        (HANDSHAKE,),
+    ),
+    Mutant(
+        "another program is let in",
+        "runtime.protocol.handshake._on_join",
+        "message.fingerprint != party.fingerprint",
+        "len(message.fingerprint) != len(party.fingerprint)",
+        (HANDSHAKE,),
+    ),
+    Mutant(
+        "a journal's records need not be whole",
+        "runtime.deploy.journal._record_at",
+        "len(body) < size",
+        "len(body) < 0",
+        (JOURNAL,),
+    ),
+    Mutant(
+        "a journal's damage is not seen",
+        "runtime.deploy.journal._record_at",
+        "crc32(data[at : at + _LENGTH] + body)",
+        'int.from_bytes(data[at + _LENGTH : at + _HEAD], "big")',
+        (JOURNAL,),
+    ),
+    Mutant(
+        "a write that failed is left in the journal",
+        "runtime.deploy.journal.Journal.add",
+        "if torn:\n    os.ftruncate(self._file, self._size)",
+        "self._size = os.fstat(self._file).st_size",
+        (JOURNAL,),
+    ),
+    Mutant(
+        "a journal is not on the disk",
+        "runtime.deploy.journal.Journal.add",
+        "if sync:\n    os.fdatasync(self._file)",
+        "pass",
+        (JOURNAL,),
+    ),
+    Mutant(
+        "a robot that cannot write goes on",
+        "runtime.node.Node._carry_out_all",
+        "not self._robot.save(durable(self.state))",
+        "self._robot.save(durable(self.state)) is None",
+        (DEPLOY,),
     ),
 )

@@ -22,6 +22,7 @@ from koord.runtime.protocol.events import (
     Received,
     Resume,
     RunEnded,
+    Save,
     Send,
     ShowStore,
     Started,
@@ -32,7 +33,7 @@ from koord.runtime.protocol.events import (
 from koord.runtime.protocol.machine import step
 from koord.runtime.protocol.messages import LogEntry, Message
 from koord.runtime.protocol.setup import Setup, Timing
-from koord.runtime.protocol.state import State, fresh, returning
+from koord.runtime.protocol.state import Durable, State, durable, fresh, recovered, returning
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,6 +59,7 @@ class Fleet:
     holds: dict[int, list[Reason | None]] = field(default_factory=dict)
     over: list[int] = field(default_factory=list)  #: those that were told that the run is
     effects: list[Effect] = field(default_factory=list)  #: of the last step
+    disks: dict[int, Durable] = field(default_factory=dict)  #: what robots have saved
     now: float = 0.0
 
     def on(self, robot: int, state: State) -> None:
@@ -71,8 +73,13 @@ class Fleet:
         self.do(robot, Started(self.now))
 
     def back(self, robot: int, incarnation: int) -> None:
-        """Switch a robot on that was in the run before."""
+        """Switch a robot on that has lost its journal."""
         self.on(robot, returning(self.setup, robot, incarnation))
+
+    def resume(self, robot: int, start: int = 2, disk: Durable | None = None) -> None:
+        """Switch a robot on that has its journal, or an old one."""
+        kept = self.disks[robot] if disk is None else disk
+        self.on(robot, recovered(self.setup, robot, kept, start))
 
     def off(self, robot: int) -> None:
         del self.states[robot]
@@ -114,6 +121,8 @@ class Fleet:
                 self.work[robot] = None
             case RunEnded():
                 self.over.append(robot)
+            case Save():
+                self.disks[robot] = durable(self.states[robot])
 
     def _post(self, sender: int, to: int, message: Message) -> None:
         self.mail.append(Parcel(sender, self.states[sender].incarnation, to, message))
@@ -199,7 +208,7 @@ def fleet(
     chosen = timing if timing is not None else Timing.of(0.1, robots)
     made = Fleet(Setup(robots, chosen, owing, rounds, kept=kept))
     for robot in range(robots):
-        made.on(robot, fresh(made.setup, robot, spare=1_000 + robot))
+        made.on(robot, fresh(made.setup, robot))
     return made
 
 

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import errno
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import cache, partial
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -16,23 +17,25 @@ from koord.cli.deployed import story
 from koord.runtime.compile import compiled
 from koord.runtime.compile.loading import loaded
 from koord.runtime.configuration.checking import load as load_configuration
+from koord.runtime.deploy import journal as journal_module
 from koord.runtime.deploy.ideal import IdealHost, unanswered
-from koord.runtime.deploy.journal import Journal, Page
+from koord.runtime.deploy.journal import AnyRecord, DamagedError, Entered, Journal
 from koord.runtime.deploy.local import hears_itself, local_plan
 from koord.runtime.deploy.member import DivergedError, Member
-from koord.runtime.deploy.running import Job, Runner
+from koord.runtime.deploy.resuming import come_back, enter
+from koord.runtime.deploy.running import CannotTakePartError, Job, Runner
 from koord.runtime.deploy.status import Tally, status_of
 from koord.runtime.engine import Deployed, RoundEngine
 from koord.runtime.node import Peer
-from koord.runtime.proposals import Attempt, Decision, Proposal, Write
+from koord.runtime.proposals import Decision, Proposal
 from koord.runtime.protocol.events import Reason
-from koord.runtime.protocol.messages import LogEntry
+from koord.runtime.protocol.messages import INCARNATION_STEP, LogEntry
 from koord.runtime.protocol.setup import Setup, Timing
-from koord.runtime.protocol.state import State, fresh, returning
+from koord.runtime.protocol.state import fresh, returning
 from koord.runtime.robot import Robot, Turn
 from koord.runtime.transports.udp import Delivery
-from koord.runtime.wire.codec import RunKey
-from koord.runtime.wire.frames import Drop
+from koord.runtime.wire.codec import Channel
+from koord.runtime.wire.frames import run_key
 from koord.syntax.source import Source
 from tests.loading import example_program
 from tests.runtime.hub import Hub
@@ -52,12 +55,11 @@ def host(name: str, pid: int, robots: int) -> IdealHost:
     return IdealHost(program, pid, robots, DELTA_S, seed=1)
 
 
-def member(name: str, pid: int, robots: int, folder: Path | None = None) -> Member:
+def member(name: str, pid: int, robots: int) -> Member:
     kinds = tuple(i % len(classes(name)) for i in range(robots))
     made = host(name, pid, robots)
     robot = classes(name)[kinds[pid]](pid, kinds, DELTA_S, made)
-    journal = None if folder is None else Journal(folder / f"{pid}.journal")
-    return Member(robot, made, journal, name)
+    return Member(robot, made)
 
 
 @dataclass
@@ -71,39 +73,59 @@ class Deployment:
     now: float = 0.0
     peers: dict[int, Peer] = field(default_factory=dict)
     members: dict[int, Member] = field(default_factory=dict)
+    journals: dict[int, Journal] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.hub = Hub(self.robots)
         for pid in range(self.robots):
-            self.on(pid, partial(fresh, pid=pid, spare=1_000 + pid))
+            self.on(pid)
 
-    def on(self, pid: int, state: Callable[[Setup], State], *, back: bool = False) -> None:
-        made = self.members[pid] = member(self.name, pid, self.robots, self.folder)
-        if back:
-            made.come_back()
+    def on(self, pid: int, start: int = 1) -> None:
+        """Switch a robot on: with its journal, if it has one; after the first start without."""
+        made = self.members[pid] = member(self.name, pid, self.robots)
         timing = Timing.of(DELTA_S, self.robots)
         setup = Setup(self.robots, timing, rounds=self.rounds, decide=made.decided)
+        journal = self._journal(pid)
+        kept = None if journal is None else journal.read()
+        if journal is not None and kept is not None:
+            state, start = come_back(setup, made, journal, kept)
+        else:
+            incarnation = 0 if start == 1 else start * INCARNATION_STEP
+            enter(made, journal, Entered(bytes(16), pid, "", incarnation), start)
+            made.mute = start > 1
+            state = fresh(setup, pid) if start == 1 else returning(setup, pid, incarnation)
         self.hub.inboxes[pid].clear()
         transport = self.hub.transport(pid)
-        run = RunKey("a run", b"a key", self.robots)
-        peer = self.peers[pid] = Peer(run, setup, state(setup), made, transport, lambda: self.now)
+        channel = Channel(run_key(b"a key", bytes(16)), self.robots, pid, start)
+        peer = self.peers[pid] = Peer(channel, setup, state, made, transport, lambda: self.now)
         peer.start()
 
-    def back(self, pid: int, incarnation: int) -> None:
-        self.on(pid, lambda setup: returning(setup, pid, incarnation), back=True)
+    def _journal(self, pid: int) -> Journal | None:
+        if self.folder is None:
+            return None
+        if pid in self.journals:
+            self.journals[pid].close()
+        journal = self.journals[pid] = Journal(self.folder / f"{pid}.journal")
+        return journal
+
+    def back(self, pid: int) -> None:
+        self.on(pid, start=2)
 
     def off(self, pid: int) -> None:
         del self.peers[pid]
 
+    def turn(self) -> None:
+        for peer in self.peers.values():
+            peer.turn(0.0)
+        if not any(self.hub.inboxes[pid] for pid in self.peers):
+            due = [peer.node.due for peer in self.peers.values() if peer.node.due is not None]
+            self.now = max(self.now, min(due, default=self.now))
+
     def run(self, until: int) -> None:
         for _ in range(50_000):
-            for peer in self.peers.values():
-                peer.turn(0.0)
+            self.turn()
             if all(peer.node.state.round >= until for peer in self.peers.values()):
                 return
-            if not any(self.hub.inboxes[pid] for pid in self.peers):
-                due = [peer.node.due for peer in self.peers.values() if peer.node.due is not None]
-                self.now = max(self.now, min(due))
         raise AssertionError(f"{ {i: p.node.state.round for i, p in self.peers.items()} }")
 
     def values(self, pid: int) -> dict[str, Any]:
@@ -158,16 +180,21 @@ def test_deployed_robots_do_what_the_engine_does(name: str) -> None:
 
 @pytest.mark.parametrize("name", ["lineform", "task", "sum_of_ids"])
 def test_a_robot_comes_back_as_the_one_that_it_was(name: str, tmp_path: Path) -> None:
-    """(R-REJOIN) (R-SNAPSHOT): its locals and ports from the journal, the store from the others."""
+    """(R-RESUME): all of it from the journal, and what it missed from the others."""
     deployment = Deployment(name, 3, tmp_path)
     deployment.run(until=6)
-    before = deployment.values(2)
+    before, was = deployment.values(2), deployment.peers[2].node.state
     deployment.off(2)
     deployment.run(until=deployment.peers[0].node.state.round + 5)
-    deployment.back(2, incarnation=7)
-    own = {*deployment.members[2].robot.LOCALS, *deployment.members[2].robot.PORTS}
-    after = deployment.values(2)
-    assert {n: after[n] for n in own} == {n: before[n] for n in own}
+    deployment.back(2)
+    assert deployment.values(2) == before
+    state = deployment.peers[2].node.state
+    assert (state.round, state.chain, state.mine) == (was.round, was.chain, was.mine)
+    assert (state.promised, state.roster, state.last_ran) == (
+        was.promised,
+        was.roster,
+        was.last_ran,
+    )
     deployment.run(until=deployment.peers[0].node.state.round + 4)
     assert deployment.peers[2].node.state.is_voter
     assert not deployment.members[2].mute
@@ -186,7 +213,7 @@ def test_the_coordinator_s_death_is_survived_with_its_journal(tmp_path: Path) ->
     deployment.off(0)
     deployment.run(until=10)
     assert {peer.node.state.leader for peer in deployment.peers.values()} == {1}
-    deployment.back(0, incarnation=9)
+    deployment.back(0)
     deployment.run(until=20)
     positions = [deployment.values(pid)["x"] for pid in range(3)]
     assert positions[0] == positions[1] == positions[2]
@@ -199,7 +226,7 @@ def test_a_robot_that_lost_its_journal_runs_nothing_and_still_counts(tmp_path: P
     deployment.off(2)
     deployment.run(until=8)
     (tmp_path / "2.journal").unlink()
-    deployment.back(2, incarnation=7)
+    deployment.back(2)
     assert deployment.members[2].mute
     deployment.run(until=14)
     assert deployment.peers[2].node.state.is_voter
@@ -215,34 +242,86 @@ def test_a_run_ends_and_nobody_can_come_back_to_it(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
+def unwritable(deployment: Deployment) -> list[int]:
+    return [pid for pid, peer in deployment.peers.items() if peer.node.is_unwritable]
+
+
+def test_a_robot_whose_disk_is_full_holds_until_it_is_not(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """(R-SAVE): it says nothing meanwhile, and to the others it is slow."""
+    deployment = Deployment("lineform", 3, tmp_path)
+    deployment.run(until=5)
+    broken = deployment.journals[2]
+    add = Journal.add
+
+    def full(journal: Journal, *records: AnyRecord, sync: bool = True) -> None:
+        if journal is broken:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        add(journal, *records, sync=sync)
+
+    peer, others = deployment.peers[2], (deployment.peers[0], deployment.peers[1])
+    with monkeypatch.context() as patch:
+        patch.setattr(Journal, "add", full)
+        while any(other.node.state.round < 12 for other in others):
+            deployment.turn()
+        sent = peer.counts.sent
+        for _ in range(100):
+            deployment.turn()
+        assert unwritable(deployment) == [2]
+        assert peer.counts.sent == sent
+        assert deployment.members[2].unwritable == "No space left on device"
+        status = status_of(peer, deployment.members[2], Tally())
+        assert status.holding is Reason.UNWRITABLE
+    deployment.run(until=40)
+    assert unwritable(deployment) == []
+    assert deployment.members[2].robot.ran is not None
+    assert not deployment.members[2].host.holding
+
+
+def test_all_robots_crash_and_go_on(tmp_path: Path) -> None:
+    """(R-RESUME): the store, the locals and what was decided are on their disks."""
+    deployment = Deployment("sum_of_ids", 4, tmp_path)
+    deployment.run(until=3)
+    rounds = [peer.node.state.round for peer in deployment.peers.values()]
+    for pid in range(4):
+        deployment.off(pid)
+    for pid in range(4):
+        deployment.back(pid)
+    assert [peer.node.state.round for peer in deployment.peers.values()] == rounds
+    deployment.run(until=60)
+    assert deployment.members[0].store.values["sum"] == 4 * 3
+    assert not any(made.mute for made in deployment.members.values())
+
+
+def test_a_journal_that_is_long_is_cut_down(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """(R-SNAPSHOT): to a checkpoint, from which the robot is the same."""
+    monkeypatch.setattr(journal_module, "CHECKPOINT_BYTES", 2_000)
+    deployment = Deployment("lineform", 3, tmp_path)
+    deployment.run(until=60)
+    size = (tmp_path / "1.journal").stat().st_size
+    assert size < 8_000
+    before, was = deployment.values(1), deployment.peers[1].node.state
+    deployment.off(1)
+    deployment.back(1)
+    assert deployment.values(1) == before
+    state = deployment.peers[1].node.state
+    assert (state.round, state.chain) == (was.round, was.chain)
+
+
 # --- the journal ----------------------------------------------------------------------------------
-
-
-def test_a_page_is_read_as_it_was_written(tmp_path: Path) -> None:
-    journal = Journal(tmp_path / "0.journal")
-    assert journal.read() is None
-    proposal = Proposal(0, 3, (Attempt(1, (Write(0, (1,), (2**70, "x", None)),), (0,)),), True)
-    attributes = (1, 2.5, (True, None), "text", -(2**80))
-    page = Page("p", 3, 0, 1, attributes, (1.0, 2.0, 3.0), proposal, ((1, attributes),))
-    journal.write(page)
-    assert journal.read() == page
-    journal.forget()
-    assert journal.read() is None
-
-
-@pytest.mark.parametrize("damage", [b"", b"\x93", b"\xc0", bytes(100)])
-def test_a_damaged_journal_is_none(tmp_path: Path, damage: bytes) -> None:
-    journal = Journal(tmp_path / "0.journal")
-    journal.path.write_bytes(damage)
-    assert journal.read() is None
 
 
 def test_another_program_s_journal_is_not_believed(tmp_path: Path) -> None:
     deployment = Deployment("lineform", 1, tmp_path)
     deployment.run(until=3)
-    other = member("sum_of_ids", 0, 1, tmp_path)
-    assert not other.come_back()
-    assert other.mute
+    deployment.journals[0].close()
+    kept = Journal(tmp_path / "0.journal").read()
+    assert kept is not None
+    with pytest.raises(DamagedError, match="does not fit the program"):
+        member("sum_of_ids", 0, 1).recall(kept)
 
 
 def test_a_robot_holds_until_it_is_told_to_go_on() -> None:
@@ -324,22 +403,30 @@ def test_what_happens_on_this_machine_is_heard_on_it_or_goes_round() -> None:
     assert local_plan(alone, 3).reach is Delivery.EACH
 
 
-def test_robots_with_other_programs_do_not_hear_each_other() -> None:
-    """Writes of another program would be nonsense; so its datagrams are as good as forged."""
-    hub = Hub(2)
+def test_robots_with_other_programs_name_each_other() -> None:
+    """(R-NAME): writes of another program would be nonsense."""
+    hub, now = Hub(2), [0.0]
     runners = []
     for pid, name in enumerate(("lineform", "sum_of_ids")):
         configuration = load_configuration(Source("c.yaml", "num_robots: 2\n"))
         kinds = (0, 0)
         job = Job(classes(name), kinds, configuration, b"key", "run", 0.1, 0.0, 5, None)
-        runners.append(Runner(job, pid, hub.transport(pid), lambda: 0.0))
-    for runner in runners:
-        runner.peer.start()
-    for _ in range(20):
-        for runner in runners:
-            runner.peer.turn(0.0)
-    assert runners[0].peer.drops[Drop.FORGED] > 0
-    assert [runner.peer.node.state.round for runner in runners] == [-1, -1]
+        runners.append(Runner(job, pid, hub.transport(pid), lambda: now[0]))
+    refused = None
+    while refused is None:
+        now[0] += 0.1
+        assert now[0] < 2.0
+        runners[0].step()
+        try:
+            runners[1].step()
+        except CannotTakePartError as error:
+            refused = str(error)
+    one, other = "2 (SumOfIds, SumOfIds)", "2 (Lineform, Lineform)"
+    what = f"robot 1 runs something else than robot 0: robots: {one} here, {other} there"
+    assert refused == what
+    told = f"robot 1 runs something else (robots: {other} here, {one} there)"
+    assert runners[0].status.notes == (told,)
+    assert runners[0].status.holding is Reason.GATHERING
 
 
 def test_a_robot_whose_store_differs_stops_and_says_so(monkeypatch: pytest.MonkeyPatch) -> None:

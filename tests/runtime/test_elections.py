@@ -485,28 +485,6 @@ def test_an_old_hello_admits_nobody() -> None:
     assert office.guests == ()
 
 
-def test_a_first_start_that_is_none_is_noticed() -> None:
-    """(R-FRESH)"""
-    robots = begun()
-    robots.run_round()
-    robots.off(2)
-    robots.lose()
-    robots.on(2, fresh(robots.setup, 2, spare=77))
-    robots.mail = [Parcel(0, 0, 2, Open(0, 1, robots.states[0].chain))]
-    robots.settle()
-    assert robots.states[2].incarnation == 77
-    assert robots.states[2].round == 1
-    robots.run_round()
-    assert robots.states[2].is_voter
-
-
-def test_a_first_start_is_not_taken_for_a_return() -> None:
-    """(R-FRESH)"""
-    robots = fleet()
-    robots.run_round()
-    assert all(state.incarnation == 0 for state in robots.states.values())
-
-
 def test_a_majority_is_left_to_admit_those_who_are_back() -> None:
     """(R-ADMIT)"""
     robots = begun()
@@ -549,7 +527,7 @@ def test_who_is_back_when_the_run_is_over_learns_that() -> None:
 def test_a_robot_that_has_yet_to_be_admitted_is_told_as_well() -> None:
     """(R-TEACH)"""
     robots = over()
-    state = fresh(robots.setup, 0, 9)
+    state = fresh(robots.setup, 0)
     robots.on(0, changed(state, incarnation=9, round=0, office=Follower(None)))
     robots.lose()
     robots.fire(0, Timer.SILENCE)  # it is no voter, and says Hello
@@ -562,7 +540,7 @@ def test_who_holds_a_round_is_taught_that_it_is_committed() -> None:
     robots = over()
     held = robots.states[1].log[-1]
     state = changed(
-        fresh(robots.setup, 0, 9),
+        fresh(robots.setup, 0),
         round=held.round,
         chain=held.entry.previous,
         tentative=held,

@@ -1,7 +1,7 @@
 """Everything that can happen to three robots, to a bound, and the invariants in all of it.
 
 The network is the set of what was sent, so that loss, delay, duplication and reordering are all in;
-timers run down whenever they like; robots crash and come back empty.
+timers run down whenever they like; robots crash and come back, with their disks or without.
 """
 
 from __future__ import annotations
@@ -181,7 +181,7 @@ def test_acting_without_a_majority_is_seen() -> None:
 def test_a_coordinator_that_lost_a_round_is_seen() -> None:
     """(I-LASTING)"""
     held = Held(0, entry(0), digest(entry(0)))
-    state = fresh(SETUP, 0, 1)
+    state = fresh(SETUP, 0)
     assert isinstance(state.office, Coordinator)
     late = changed(state, round=0, promised=3)
     assert list(lasting(late, [held]))

@@ -20,8 +20,8 @@ from koord.runtime.protocol.setup import Setup, Timing
 from koord.runtime.protocol.state import fresh
 from koord.runtime.transports.transport import Transport, TransportError
 from koord.runtime.transports.udp import Delivery, Plan, Udp, on_this_machine
-from koord.runtime.wire.codec import RunKey
-from koord.runtime.wire.frames import LONGEST, Drop
+from koord.runtime.wire.codec import Channel
+from koord.runtime.wire.frames import LONGEST, Drop, run_key
 from tests.runtime.hub import Hub
 from tests.runtime.together import KEY, together
 
@@ -179,10 +179,15 @@ def test_sending_to_a_robot_that_is_gone_is_loss(make: Make) -> None:
 def test_robots_agree_over_it(make: Make) -> None:
     """Three robots on one thread, as fast as it goes."""
     setup = Setup(3, Timing.of(0.0, 3))
-    run = RunKey("a run", KEY, 3)
+    key = run_key(KEY, b"a run")
     peers = [
         Peer(
-            run, setup, fresh(setup, pid, 99), StormRobot(pid, Journal()), transport, time.monotonic
+            Channel(key, 3, pid),
+            setup,
+            fresh(setup, pid),
+            StormRobot(pid, Journal()),
+            transport,
+            time.monotonic,
         )
         for pid, transport in enumerate(make(3))
     ]
@@ -242,7 +247,7 @@ def test_a_run_in_virtual_time_sends_what_it_should(robots: int) -> None:
 def test_robots_of_two_runs_on_one_network_do_not_disturb_each_other() -> None:
     """Their datagrams are as good as forged to each other."""
     made = together(Setup(2, Timing.of(0.1, 2)))
-    stranger = made.join(fresh(made.setup, 1, 7), made.hub.transport(1), run="another")
+    stranger = made.join(fresh(made.setup, 1), made.hub.transport(1), run=b"another")
     made.peers.pop()
     made.ledgers.pop()
     for _ in range(3):

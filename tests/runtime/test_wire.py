@@ -22,6 +22,16 @@ from koord.runtime.proposals import (
     StopRequests,
     Write,
 )
+from koord.runtime.protocol.handshake import (
+    NONCE_BYTES,
+    RUN_BYTES,
+    HandshakeMessage,
+    Join,
+    RefusalReason,
+    Refused,
+    Roll,
+    Running,
+)
 from koord.runtime.protocol.messages import (
     Acknowledge,
     Admission,
@@ -39,28 +49,49 @@ from koord.runtime.protocol.messages import (
     Overruled,
     Position,
     Propose,
+    Recovery,
+    RecoveryAnswer,
     Snapshot,
     Support,
+    Tentative,
     Vote,
 )
-from koord.runtime.wire.bodies import MessageKind, message_of
+from koord.runtime.wire.bodies import (
+    FIRST_HANDSHAKE_KIND,
+    MessageKind,
+    handshake_of,
+    message_of,
+)
 from koord.runtime.wire.codec import (
     LONG_PAST,
     MOST_PIECES,
     WIDTH,
     Assembly,
+    Channel,
     DatagramReader,
     DatagramWriter,
-    RunKey,
+    HandshakeReader,
     Window,
     cut,
 )
-from koord.runtime.wire.frames import HEADER_BYTES, LONGEST, ROOM, Drop, Frame, Seal, session_key
+from koord.runtime.wire.frames import (
+    HEADER_BYTES,
+    LONGEST,
+    ROOM,
+    START_STEP,
+    Drop,
+    Frame,
+    Seal,
+    fleet_key,
+    run_key,
+)
 from koord.syntax.faults import FaultKind
 from tests.sampling import examples
 
 ROBOTS = 5
-RUN = RunKey("monday", b"a key of enough bytes", ROBOTS)
+SHARED_KEY = b"a key of enough bytes"
+KEY = run_key(SHARED_KEY, b"monday")
+ME = Channel(KEY, ROBOTS, 0)
 
 # --- strategies -----------------------------------------------------------------------------------
 
@@ -133,11 +164,28 @@ messages: st.SearchStrategy[Message] = st.one_of(
     st.builds(Vote, epochs),
     st.builds(Overruled, epochs),
     st.builds(Hello, st.booleans()),
+    st.builds(Recovery, st.integers(1, 2**20)),
+    st.builds(
+        RecoveryAnswer,
+        st.integers(1, 2**20),
+        epochs,
+        rounds,
+        st.none() | st.builds(Tentative, epochs, entries),
+    ),
+)
+nonces = st.binary(min_size=NONCE_BYTES, max_size=NONCE_BYTES)
+fingerprints = st.lists(st.tuples(st.text(max_size=9), st.text(max_size=9)), max_size=4).map(tuple)
+identities = st.just(b"") | st.binary(min_size=RUN_BYTES, max_size=RUN_BYTES)
+handshakes: st.SearchStrategy[HandshakeMessage] = st.one_of(
+    st.builds(Join, nonces, st.just(b"") | nonces, identities, fingerprints),
+    st.builds(Roll, st.lists(nonces, max_size=200).map(tuple)),
+    st.builds(Running, nonces, identities, st.integers(0, 2**62), st.integers(0, 2**20)),
+    st.builds(Refused, nonces, st.sampled_from(RefusalReason), fingerprints),
 )
 
 
-def sent(message: Message, pid: int = 1, run: RunKey = RUN) -> list[bytes]:
-    return DatagramWriter(run, pid).datagrams(3, 7, message)
+def sent(message: Message, pid: int = 1, key: bytes = KEY, start: int = 1) -> list[bytes]:
+    return DatagramWriter(Channel(key, ROBOTS, pid, start)).datagrams(3, 7, message)
 
 
 def big(size: int) -> Snapshot:
@@ -151,7 +199,7 @@ def big(size: int) -> Snapshot:
 @given(messages)
 @examples(300)
 def test_what_is_written_is_read(message: Message) -> None:
-    reader = DatagramReader(RUN, 0)
+    reader = DatagramReader(ME)
     letters = [reader.read(datagram) for datagram in sent(message)]
     assert letters[:-1] == [None] * (len(letters) - 1)
     last = letters[-1]
@@ -162,17 +210,30 @@ def test_what_is_written_is_read(message: Message) -> None:
     assert not reader.drops
 
 
+@given(handshakes)
+@examples(200)
+def test_what_is_said_in_a_handshake_is_read(message: HandshakeMessage) -> None:
+    key = fleet_key(SHARED_KEY, "koord")
+    datagrams = DatagramWriter(Channel(key, ROBOTS, 3, 77)).datagrams(0, 0, message)
+    reader = HandshakeReader(key, ROBOTS)
+    assert [reader.read(datagram) for datagram in datagrams][-1] == (3, message)
+    assert not reader.drops
+    another = HandshakeReader(fleet_key(SHARED_KEY, "another run"), ROBOTS)
+    assert all(another.read(datagram) is None for datagram in datagrams)
+    assert another.drops[Drop.FORGED] == len(datagrams)
+
+
 def test_every_kind_of_message_has_a_number() -> None:
     import typing
 
-    assert len(MessageKind) == len(typing.get_args(Message))
+    assert len(MessageKind) == len(typing.get_args(Message | HandshakeMessage))
 
 
 @pytest.mark.parametrize("value", [2**64, -(2**63) - 1, 10**300, -(10**300)])
 def test_whole_numbers_of_any_size_survive(value: int) -> None:
     message = Propose(Proposal(1, 0, (Attempt(0, (Write(0, (value,), (value, (value,))),)),)))
     (datagram,) = sent(message)
-    letter = DatagramReader(RUN, 0).read(datagram)
+    letter = DatagramReader(ME).read(datagram)
     assert letter is not None
     assert letter.message == message
 
@@ -180,7 +241,7 @@ def test_whole_numbers_of_any_size_survive(value: int) -> None:
 def test_floats_survive_to_the_last_bit() -> None:
     for value in (-0.0, 5e-324, float("inf"), 0.1 + 0.2):
         message = Propose(Proposal(1, 0, (Attempt(0, (Write(0, (), value),)),)))
-        letter = DatagramReader(RUN, 0).read(sent(message)[0])
+        letter = DatagramReader(ME).read(sent(message)[0])
         assert letter is not None
         assert repr(letter.message) == repr(message)
 
@@ -192,7 +253,7 @@ def test_long_messages_travel_in_pieces_in_any_order(size: int) -> None:
     assert all(len(datagram) <= LONGEST for datagram in datagrams)
     assert len(datagrams) <= size // ROOM + 2
     Random(size).shuffle(datagrams)
-    reader = DatagramReader(RUN, 0)
+    reader = DatagramReader(ME)
     letters = [letter for datagram in datagrams if (letter := reader.read(datagram)) is not None]
     assert [letter.message for letter in letters] == [message]
     assert not reader.drops
@@ -216,20 +277,20 @@ def dropped(reader: DatagramReader, datagram: bytes) -> Drop:
 
 def test_each_kind_of_bad_datagram_is_counted_as_what_it_is() -> None:
     (good,) = sent(Ask(3))
-    reader = DatagramReader(RUN, 0)
+    reader = DatagramReader(ME)
     assert dropped(reader, b"") is Drop.SIZE
     assert dropped(reader, good[:20]) is Drop.SIZE
     assert dropped(reader, good + bytes(LONGEST)) is Drop.SIZE
     assert dropped(reader, b"X" + good[1:]) is Drop.NOT_KOORD
     assert dropped(reader, good[:1] + b"\x09" + good[2:]) is Drop.VERSION
     assert dropped(reader, sent(Ask(3), pid=0)[0]) is Drop.STRANGER
-    stranger = sent(Ask(3), pid=9, run=RunKey(RUN.id, RUN.key, 20))
-    assert dropped(reader, stranger[0]) is Drop.STRANGER
-    assert dropped(reader, sent(Ask(3), run=RunKey(RUN.id, b"another key", 5))[0]) is Drop.FORGED
-    assert dropped(reader, sent(Ask(3), run=RunKey("tuesday", RUN.key, 5))[0]) is Drop.FORGED
+    assert dropped(reader, sent(Ask(3), pid=0, start=2)[0]) is Drop.TWIN
+    assert dropped(reader, sent(Ask(3), pid=9)[0]) is Drop.STRANGER
+    for other in (run_key(b"another key", b"monday"), run_key(SHARED_KEY, b"tuesday")):
+        assert dropped(reader, sent(Ask(3), key=other)[0]) is Drop.FORGED
     assert reader.read(good) is not None
     assert dropped(reader, good) is Drop.REPLAYED
-    assert reader.drops.total() == 10
+    assert reader.drops.total() == 11
 
 
 @pytest.mark.parametrize("at", range(sent(Ask(3))[0].__len__() * 8))
@@ -237,7 +298,7 @@ def test_no_bit_can_be_flipped(at: int) -> None:
     (good,) = sent(Ask(3))
     flipped = bytearray(good)
     flipped[at // 8] ^= 1 << at % 8
-    reader = DatagramReader(RUN, 0)
+    reader = DatagramReader(ME)
     assert dropped(reader, bytes(flipped)) in (
         Drop.FORGED,
         Drop.STRANGER,
@@ -250,17 +311,21 @@ def test_no_bit_can_be_flipped(at: int) -> None:
 @given(st.binary(max_size=LONGEST + 10))
 @examples(300)
 def test_random_bytes_are_dropped(datagram: bytes) -> None:
-    dropped(DatagramReader(RUN, 0), datagram)
+    dropped(DatagramReader(ME), datagram)
 
 
 @given(st.sampled_from(MessageKind), st.binary(max_size=60))
 @examples(500)
 def test_authentic_nonsense_does_not_raise(kind: MessageKind, body: bytes) -> None:
     """A robot that has gone mad, with the right key."""
-    seal = Seal(session_key(RUN.key, RUN.id))
-    reader = DatagramReader(RUN, 0)
+    seal = Seal(KEY)
+    reader = DatagramReader(ME)
     letter = reader.read(seal.put_on(Frame(kind, 1, 0, 0, 0, 0, 1, body)))
     assert (letter is None) == (reader.drops[Drop.MALFORMED] == 1)
+    if kind >= FIRST_HANDSHAKE_KIND:
+        assert letter is None
+    else:
+        assert handshake_of(kind, body) is None
 
 
 @pytest.mark.parametrize(
@@ -293,23 +358,20 @@ def test_extensions_other_than_whole_numbers_are_no_messages() -> None:
 
 def test_snapshots_of_another_fleet_are_no_messages() -> None:
     datagrams = sent(Snapshot(0, 0, b"", (0,) * 4, (None,) * 4, b""))
-    assert dropped(DatagramReader(RUN, 0), datagrams[0]) is Drop.MALFORMED
+    assert dropped(DatagramReader(ME), datagrams[0]) is Drop.MALFORMED
 
 
 def test_pauses_that_would_stop_the_fleet_are_no_messages() -> None:
     for pause_s in (-1.0, float("nan"), float("inf")):
-        assert (
-            dropped(DatagramReader(RUN, 0), sent(Committed(0, 0, b"", pause_s))[0])
-            is Drop.MALFORMED
-        )
+        assert dropped(DatagramReader(ME), sent(Committed(0, 0, b"", pause_s))[0]) is Drop.MALFORMED
 
 
 def test_rounds_long_past_are_not_looked_at() -> None:
-    reader = DatagramReader(RUN, 0)
+    reader = DatagramReader(ME)
     reader.round = 7 + LONG_PAST + 1
     assert dropped(reader, sent(Ask(3))[0]) is Drop.OLD
     reader.round -= 1
-    assert reader.read(DatagramWriter(RUN, 2).datagrams(0, 7, Ask(3))[0]) is not None
+    assert reader.read(sent(Ask(3), pid=2)[0]) is not None
 
 
 def test_the_round_is_covered_by_the_proof() -> None:
@@ -317,7 +379,7 @@ def test_the_round_is_covered_by_the_proof() -> None:
     at = HEADER_BYTES - 8
     assert struct.unpack_from("!i", good, at) == (7,)
     later = good[:at] + struct.pack("!i", 8) + good[at + 4 :]
-    assert dropped(DatagramReader(RUN, 0), later) is Drop.FORGED
+    assert dropped(DatagramReader(ME), later) is Drop.FORGED
 
 
 # --- replays --------------------------------------------------------------------------------------
@@ -328,19 +390,23 @@ def test_a_number_counts_once(numbers: list[int]) -> None:
     window = Window()
     seen: set[int] = set()
     for number in numbers:
-        new = window.is_new(0, number)
+        new = window.is_new(number)
         newest = max(seen, default=-1)
         assert new == (number not in seen and number > newest - WIDTH)
         if new:
             seen.add(number)
 
 
-def test_a_new_incarnation_starts_over_and_the_old_one_is_no_more() -> None:
+def test_a_new_start_is_heard_and_the_old_one_is_no_more() -> None:
+    """(R-START)"""
     window = Window()
-    assert window.is_new(0, 100)
-    assert window.is_new(5, 0)
-    assert not window.is_new(0, 101)
-    assert not window.is_new(5, 0)
+    assert window.is_new(START_STEP + 100)
+    assert window.start == 1
+    assert window.is_new(5 * START_STEP)
+    assert window.start == 5
+    assert not window.is_new(START_STEP + 101)
+    assert not window.is_new(5 * START_STEP)
+    assert window.is_new(5 * START_STEP + 1)
 
 
 # --- pieces ---------------------------------------------------------------------------------------
@@ -384,8 +450,8 @@ def test_memory_for_unfinished_messages_is_bounded() -> None:
 
 
 def test_messages_that_gave_way_are_counted() -> None:
-    reader = DatagramReader(RUN, 0, Assembly(most_bytes=2 * ROOM))
-    writer = DatagramWriter(RUN, 1)
+    reader = DatagramReader(ME, Assembly(most_bytes=2 * ROOM))
+    writer = DatagramWriter(Channel(KEY, ROBOTS, 1))
     for _ in range(5):
         reader.read(writer.datagrams(0, 0, big(3 * ROOM))[0])
     assert reader.drops[Drop.UNFINISHED] == 3

@@ -9,7 +9,8 @@ from koord.runtime.node import Peer
 from koord.runtime.protocol.setup import Setup
 from koord.runtime.protocol.state import State, fresh
 from koord.runtime.transports.transport import Transport
-from koord.runtime.wire.codec import RunKey
+from koord.runtime.wire.codec import Channel
+from koord.runtime.wire.frames import run_key
 from tests.runtime.hub import Hub
 
 KEY = b"the key of the tests"
@@ -25,10 +26,10 @@ class Together:
     peers: list[Peer] = field(default_factory=list)
     ledgers: list[StormRobot] = field(default_factory=list)
 
-    def join(self, state: State, transport: Transport, run: str = "tests") -> Peer:
+    def join(self, state: State, transport: Transport, run: bytes = b"tests") -> Peer:
         ledger = StormRobot(state.pid, Journal())
-        known = RunKey(run, KEY, self.setup.robots)
-        peer = Peer(known, self.setup, state, ledger, transport, lambda: self.now)
+        channel = Channel(run_key(KEY, run), self.setup.robots, state.pid)
+        peer = Peer(channel, self.setup, state, ledger, transport, lambda: self.now)
         self.peers.append(peer)
         self.ledgers.append(ledger)
         peer.start()
@@ -50,5 +51,5 @@ class Together:
 def together(setup: Setup) -> Together:
     made = Together(setup, Hub(setup.robots))
     for pid in range(setup.robots):
-        made.join(fresh(setup, pid, spare=1_000 + pid), made.hub.transport(pid))
+        made.join(fresh(setup, pid), made.hub.transport(pid))
     return made

@@ -56,14 +56,20 @@ class _Walks(Search):
         return self._walked(len(seen), deepest, None)
 
     def _chosen(self, world: ProtocolState, random: Random) -> Transition | None:
-        """A transition; now and then a crash, if a majority that knows everything is left."""
+        """A transition; now and then a crash. A majority that remembers is left."""
         crashes: list[Transition] = []
         others: list[Transition] = []
+        remembering = sum(
+            local.disk.roster[local.pid] == local.disk.incarnation
+            for local in map(self.explorer.locals.__getitem__, world.locals)
+        )
+        may_lose = remembering > self.explorer.setup.majority
         for transition in self.explorer.transitions(world):
-            (crashes if transition.cause is Act.CRASH else others).append(transition)
-        voters = sum(state.is_voter for state in self.explorer.states(world))
-        may_crash = voters > self.explorer.setup.majority or not others
-        if crashes and may_crash and random.random() < CRASHES:
+            if transition.cause is Act.CRASH:
+                crashes.append(transition)
+            elif may_lose or transition.cause is not Act.LOST:
+                others.append(transition)
+        if crashes and random.random() < CRASHES:
             return random.choice(crashes)
         timers = [t for t in others if isinstance(t.cause, Timer)]
         if timers and random.random() < TIMERS:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from enum import Enum
 from heapq import heappop, heappush
 from random import Random
 
@@ -26,6 +27,7 @@ class Faults(Struct, frozen=True):
     least_outage_s: float = 0.1
     most_outage_s: float = 1.0
     for_ever: float = 0.0  #: the part of the crashes after which a robot does not come back
+    losses: float = 0.2  #: the part of the crashes that a robot's disk does not survive
     cuts_per_s: float = 0.0  #: how often the network falls into two parts
     cut_s: float = 0.5
     coordinator_dies_every_s: float = 0.0
@@ -72,9 +74,10 @@ class Wake(Struct, frozen=True):
 
 
 class Birth(Struct, frozen=True):
-    """The restart of a robot that was down."""
+    """The restart of a robot that was down, with its disk or without."""
 
     robot: int
+    has_disk: bool
 
 
 class Weather(Struct, frozen=True):
@@ -98,8 +101,16 @@ class Newborn(Struct, frozen=True):
     state: State
 
 
-#: Switches a robot on: who, with which incarnation, and whether it was on before.
-SwitchOn = Callable[[int, int, bool], Newborn]
+class SwitchedOn(Enum):
+    """The ways in which a robot is switched on."""
+
+    FIRST = "for the first time"
+    KEPT = "again, with its disk"
+    LOST = "again, without its disk"
+
+
+#: Switches a robot on: who, in which start of all robots', and how.
+SwitchOn = Callable[[int, int, SwitchedOn], Newborn]
 
 #: How often crashes and cuts are drawn.
 WEATHER_S = 0.1
@@ -133,7 +144,7 @@ class Network:
         self._cut_until = 0.0
         self._killed_at = 0.0
         for robot in range(setup.robots):
-            self._switch_on(robot, back=False)
+            self._switch_on(robot, SwitchedOn.FIRST)
         self._later(WEATHER_S, Weather())
 
     def step(self) -> int | None:
@@ -155,8 +166,8 @@ class Network:
                 node.wake(self.now)
                 self._await(robot)
                 return robot
-            case Birth(robot=robot):
-                self._switch_on(robot, back=True)
+            case Birth(robot=robot, has_disk=has_disk):
+                self._switch_on(robot, SwitchedOn.KEPT if has_disk else SwitchedOn.LOST)
                 return robot
             case Weather():
                 self._draw_weather()
@@ -166,12 +177,12 @@ class Network:
         """The states of the robots that are up."""
         return (node.state for node in self.nodes if node is not None)
 
-    def crash(self, robot: int, outage_s: float | None) -> None:
+    def crash(self, robot: int, outage_s: float | None, *, has_disk: bool = True) -> None:
         """Switch a robot off, for a number of seconds, or for ever (None)."""
         self.nodes[robot] = None
         self.crashes += 1
         if outage_s is not None:
-            self._later(outage_s, Birth(robot))
+            self._later(outage_s, Birth(robot, has_disk))
 
     # --- the robots' outboxes -------------------------------------------------------------------
 
@@ -205,9 +216,9 @@ class Network:
 
     # --- crashes and cuts -----------------------------------------------------------------------
 
-    def _switch_on(self, robot: int, *, back: bool) -> None:
+    def _switch_on(self, robot: int, how: SwitchedOn) -> None:
         self._births += 1
-        new = self._new(robot, self._births, back)
+        new = self._new(robot, self._births, how)
         node = Node(new.setup, new.state, new.robot, _Outbox(self, robot))
         self.nodes[robot] = node
         node.start(self.now)
@@ -216,20 +227,21 @@ class Network:
     def _draw_weather(self) -> None:
         faults, draw = self.faults, self._random
         self._later(WEATHER_S, Weather())
-        down = sum(node is None for node in self.nodes)
-        spare = self.setup.robots - self.setup.majority - down - self._newcomers()
+        spare = self.setup.robots - self.setup.majority - self._lost - self._newcomers()
         for robot, node in enumerate(self.nodes):
             if node is None or not draw.random() < faults.crashes_per_s * WEATHER_S:
                 continue
-            if spare > 0:
-                spare -= 1
-                self._outage(robot)
+            # A majority has to remember; disks do.
+            loses = draw.random() < faults.losses
+            if spare > 0 or not loses:
+                spare -= loses
+                self._outage(robot, has_disk=not loses)
         every = faults.coordinator_dies_every_s
-        if every and self.now - self._killed_at >= every and spare > 0:
+        if every and self.now - self._killed_at >= every:
             for robot, node in enumerate(self.nodes):
                 if node is not None and isinstance(node.state.office, Coordinator):
                     self._killed_at = self.now
-                    self._outage(robot)
+                    self._outage(robot, has_disk=True)
                     break
         if self.now >= self._cut_until:
             self._cut = frozenset()
@@ -238,15 +250,21 @@ class Network:
                 self._cut = frozenset(draw.sample(range(self.setup.robots), size))
                 self._cut_until = self.now + faults.cut_s
 
+    @property
+    def _lost(self) -> int:
+        """Robots that are down and will be back without a disk, or never."""
+        coming = sum(isinstance(due.what, Birth) and due.what.has_disk for due in self._due)
+        return sum(node is None for node in self.nodes) - coming
+
     def _newcomers(self) -> int:
         """Robots that are back and not yet admitted: for a majority they count as down."""
-        return sum(1 for state in self.running() if not state.is_voter or state.round < 0)
+        return sum(1 for state in self.running() if not state.is_on_roster or state.round < 0)
 
-    def _outage(self, robot: int) -> None:
+    def _outage(self, robot: int, *, has_disk: bool) -> None:
         faults, draw = self.faults, self._random
         for_ever = draw.random() < faults.for_ever
         outage_s = draw.uniform(faults.least_outage_s, faults.most_outage_s)
-        self.crash(robot, None if for_ever else outage_s)
+        self.crash(robot, None if for_ever else outage_s, has_disk=has_disk)
 
     def _is_cut(self, one: int, other: int) -> bool:
         return self.now < self._cut_until and (one in self._cut) != (other in self._cut)

@@ -13,7 +13,7 @@ import msgspec
 from msgspec import Struct, field
 from msgspec.structs import replace
 
-from koord.runtime.chaos.network import CALM, Faults, Network, Newborn, Sent
+from koord.runtime.chaos.network import CALM, Faults, Network, Newborn, Sent, SwitchedOn
 from koord.runtime.exploration.claims import (
     Accepted,
     BrokenInvariant,
@@ -25,9 +25,23 @@ from koord.runtime.exploration.claims import (
 )
 from koord.runtime.proposals import INIT_ROUND, Admitted, Attempt, Plain, Proposal, Write
 from koord.runtime.protocol.events import Reason
-from koord.runtime.protocol.messages import Acknowledge, Decide, Held, LastRun, LogEntry
+from koord.runtime.protocol.messages import (
+    INCARNATION_STEP,
+    Acknowledge,
+    Decide,
+    Held,
+    LastRun,
+    LogEntry,
+)
 from koord.runtime.protocol.setup import Setup
-from koord.runtime.protocol.state import Coordinator, State, fresh, returning
+from koord.runtime.protocol.state import (
+    Coordinator,
+    Durable,
+    State,
+    fresh,
+    recovered,
+    returning,
+)
 
 #: The variable that all robots write in their atomic block, and how many blocks there are.
 SHARED, CLASSES = 0, 2
@@ -55,10 +69,13 @@ def proposal_of(robot: int, round_: int) -> Proposal:
 
 
 class Journal(Struct):
-    """The state that survives a crash: the last proposal made, and the rounds that were kept."""
+    """The disk of a robot: its last proposal, the rounds that were kept, and what it saved."""
 
     proposed: Proposal | None = None
     kept: list[int] = field(default_factory=list)
+    saved: Durable | None = None
+    store: dict[tuple[Plain, ...], Plain] = field(default_factory=dict)
+    is_mute: bool = False  #: an earlier disk was lost, and the robot's locals with it
 
 
 class StormRobot:
@@ -74,11 +91,21 @@ class StormRobot:
 
     def propose(self, round_: int) -> Proposal | None:
         """Propose for a round. A robot that is back is silent until the others are where it was."""
+        if self._journal.is_mute:
+            return None
         before = self._journal.proposed
         if before is not None and before.round >= round_:
             return before if before.round == round_ else None
         self._journal.proposed = proposal_of(self.pid, round_)
         return self._journal.proposed
+
+    def save(self, kept: Durable) -> bool:
+        self._journal.saved, self._journal.store = kept, dict(self.store)
+        return True
+
+    def come_back(self, saved: Durable) -> None:
+        """Be where the disk says. Entries that were committed since are committed again."""
+        self.store, self.round = dict(self._journal.store), saved.round
 
     def commit(self, entry: LogEntry, kept: Admitted | None) -> None:
         if entry.round != self.round:
@@ -92,6 +119,8 @@ class StormRobot:
 
     def _keep(self, round_: int) -> None:
         journal = self._journal
+        if journal.is_mute:
+            return
         if journal.kept and round_ <= journal.kept[-1]:
             return  # before the crash
         if journal.proposed is None or journal.proposed.round != round_:
@@ -120,11 +149,20 @@ class Ledgers:
         self.ledgers = [StormRobot(pid, journal) for pid, journal in enumerate(self.journals)]
         self._setup = setup
 
-    def switch_on(self, pid: int, incarnation: int, back: bool) -> Newborn:
+    def switch_on(self, pid: int, start: int, how: SwitchedOn) -> Newborn:
         """Switch a robot on: its memory is empty except for its journal."""
-        ledger = self.ledgers[pid] = StormRobot(pid, self.journals[pid])
-        begin = returning if back else fresh
-        return Newborn(ledger, self._setup, begin(self._setup, pid, incarnation))
+        setup = self._setup
+        if how is SwitchedOn.LOST:
+            self.journals[pid] = Journal(is_mute=True)
+        journal = self.journals[pid]
+        ledger = self.ledgers[pid] = StormRobot(pid, journal)
+        saved = journal.saved
+        if how is SwitchedOn.LOST or (saved is None and journal.is_mute):
+            return Newborn(ledger, setup, returning(setup, pid, start * INCARNATION_STEP))
+        if saved is None:
+            return Newborn(ledger, setup, fresh(setup, pid))
+        ledger.come_back(saved)
+        return Newborn(ledger, setup, recovered(setup, pid, saved, start))
 
 
 class Weathered(Struct, frozen=True):
@@ -272,7 +310,7 @@ class _Watch:
     def at_the_end(self, network: Network, ledgers: Ledgers) -> BrokenInvariant | None:
         """The violation, if a robot's own records disagree with the decisions about it."""
         for robot, journal in enumerate(ledgers.journals):
-            if network.nodes[robot] is None:
+            if network.nodes[robot] is None or journal.is_mute:
                 continue
             through = [
                 held.round

@@ -19,7 +19,15 @@ from msgspec import Struct, field
 
 from koord.runtime.configuration.forms import Carrier
 from koord.runtime.configuration.model import RunConfiguration
-from koord.runtime.deploy.running import Job, Make, RoundReport, Runner, described, ideal_member
+from koord.runtime.deploy.running import (
+    CannotTakePartError,
+    Job,
+    Make,
+    RoundReport,
+    Runner,
+    described,
+    ideal_member,
+)
 from koord.runtime.deploy.status import RobotReport
 from koord.runtime.deploy.supervision import EndCause, ProcessEnd
 from koord.runtime.transports.routed import Routed
@@ -110,7 +118,7 @@ class Farewell(Struct, frozen=True):
 
 
 #: What a robot's process says: how it is doing and what it did, or why it ends.
-News = tuple[RobotReport, tuple[RoundReport, ...]] | TransportError | Farewell
+News = tuple[RobotReport, tuple[RoundReport, ...]] | TransportError | CannotTakePartError | Farewell
 
 _STOP = b"stop"
 
@@ -139,7 +147,7 @@ class LocalProcesses(Struct):
     processes: list[BaseProcess] = field(default_factory=list)
     ends: list[Connection] = field(default_factory=list)
     statuses: dict[int, RobotReport] = field(default_factory=dict)
-    failures: dict[int, TransportError] = field(default_factory=dict)
+    failures: dict[int, TransportError | CannotTakePartError] = field(default_factory=dict)
     farewells: dict[int, Farewell] = field(default_factory=dict)
     _closed: list[int] = field(default_factory=list)  #: whose ends have not been asked for
 
@@ -176,7 +184,7 @@ class LocalProcesses(Struct):
                 self._closed.append(pid)
                 continue
             match said:
-                case TransportError():
+                case TransportError() | CannotTakePartError():
                     self.failures[pid] = said
                 case Farewell():
                     self.farewells[pid] = said
@@ -322,6 +330,9 @@ def _robot(launch: Launch, pid: int, end: Connection) -> None:
 
         report(runner.run(asked, report))
         farewell = None if asked.by is None else Farewell(signal=asked.by)
+    except CannotTakePartError as error:
+        end.send(error)
+        farewell = None
     except Exception as error:  # whatever it is: it is told
         farewell = Farewell(error=described(error))
     if farewell is not None:

@@ -7,8 +7,22 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any, Protocol
 
+import msgspec
+
 from koord.runtime.buffers import Buffer, Written
-from koord.runtime.deploy.journal import Attributes, Journal, Page
+from koord.runtime.deploy.journal import (
+    AnyRecord,
+    Attributes,
+    Checkpoint,
+    Committed,
+    DamagedError,
+    Entered,
+    Journal,
+    Page,
+    Recollection,
+    Start,
+    Vow,
+)
 from koord.runtime.encoding import decoder, encode
 from koord.runtime.motion.world import Point
 from koord.runtime.operations import FaultError
@@ -24,8 +38,10 @@ from koord.runtime.proposals import (
     decide,
     rotating,
 )
+from koord.runtime.protocol.committing import admitted_of
 from koord.runtime.protocol.events import Reason
-from koord.runtime.protocol.messages import LastRun, LogEntry
+from koord.runtime.protocol.messages import LastRun, LogEntry, Tentative
+from koord.runtime.protocol.state import Durable
 from koord.runtime.robot import Host, Robot, Status
 from koord.runtime.shapes import ShapeError, from_plain, to_plain
 from koord.runtime.store import AgreedStore
@@ -49,8 +65,7 @@ class Platform(Host, Protocol):
 class Member:
     """A member: a robot with its program, its copy of the store, and its journal."""
 
-    def __init__(self, robot: Robot, host: Platform, journal: Journal | None, program: str) -> None:
-        """Make a member; ``program`` is the digest that its journal has to have."""
+    def __init__(self, robot: Robot, host: Platform) -> None:
         self.robot = robot
         self.host = host
         self.store = AgreedStore(robot.SHARED, robot.numAgents)
@@ -62,15 +77,19 @@ class Member:
         self.output: list[Written] = []  #: not yet shown
         self.seen: Callable[[LogEntry, Admitted | None], None] = _nobody
         self.tell: Callable[[LogEntry], Any] = _nothing  #: what is to be said of a round besides
-        self._journal = journal
-        self._program = program
+        self.unwritable: str | None = None  #: why its journal cannot be written
+        self._journal: Journal | None = None
+        self._identity: tuple[Entered, Start] | None = None
+        self._unwritten: list[AnyRecord] = []
+        self._is_rewritten = False  #: the journal needs a checkpoint
         self._turns = 0
         self._proposal: Proposal | None = None
+        self._written: tuple[Proposal | None, Tentative | None] = (None, None)
 
     # --- rounds ---------------------------------------------------------------------------------
 
     def propose(self, round_: int) -> Proposal | None:
-        """Sense, run the first enabled event into a buffer, write the journal, and propose."""
+        """Sense, run the first enabled event into a buffer, and propose."""
         before = self._proposal
         if self.mute or round_ < self.round:
             return None
@@ -84,7 +103,6 @@ class Member:
         else:
             made = self.robot.propose(round_)
         self._proposal = made
-        self._write_down()
         return made
 
     def _begin(self) -> EventFault | None:
@@ -109,10 +127,16 @@ class Member:
 
     def commit(self, entry: LogEntry, kept: Admitted | None) -> None:
         """Act on a decision. [SHARED-ASSIGN] [SKIP] [STOP]"""
+        is_new = entry.round >= self.round
+        self._apply(entry, kept)
+        self._note_commit(entry)
+        if is_new:
+            self.seen(entry, kept)
+
+    def _apply(self, entry: LogEntry, kept: Admitted | None) -> None:
         decision = entry.decision
         if decision.fault is not None:
             self._end(decision.fault, kept)
-            self.seen(entry, kept)
             return
         if entry.round == INIT_ROUND and self._proposal is None:
             self._begin()
@@ -125,7 +149,6 @@ class Member:
             return
         self._act(kept, changed)
         self._after(entry.round)
-        self.seen(entry, kept)
 
     def _end(self, faulted: Faulted, kept: Admitted | None) -> None:
         """End the run; output up to a fault is written. [FAULT] [OUTPUT]"""
@@ -199,11 +222,9 @@ class Member:
 
     def install(self, round_: int, store: bytes, ran: LastRun | None) -> None:
         """Replace the store; ``ran`` says which of the robot's own turns happened."""
-        snapshot, statuses, self.fault = _STORE.decode(store)
-        if round_ == INIT_ROUND:
-            return  # nothing has been agreed on yet
-        self.store.restore(snapshot)
-        self.statuses = [Status(status) for status in statuses]
+        self._restore(store)
+        self._is_rewritten = True
+        self._unwritten.clear()
         changed = dict(self.store.values)
         mine = self._proposal
         if round_ <= self.round:
@@ -222,26 +243,44 @@ class Member:
         self._turns += missed
         self._at(round_)
 
-    def come_back(self) -> bool:
-        """Resume from the journal. Without one the robot stays mute."""
-        page = self._journal.read() if self._journal is not None else None
-        if page is None or page.program != self._program:
-            self.mute = True
-            return False
-        robot = self.robot
+    def _restore(self, store: bytes) -> None:
+        snapshot, statuses, self.fault = _STORE.decode(store)
+        self.store.restore(snapshot)
+        self.statuses = [Status(status) for status in statuses]
+
+    def recall(self, what: Recollection) -> None:
+        """Be where the journal says that the robot was. (R-RESUME) Raises DamagedError."""
+        page = what.page
         try:
-            if page.round == INIT_ROUND:
-                self._begin()
-            vars(robot).update(self._attributes(page.attributes))
-            buffers = {event: self._buffer(event, plain) for event, plain in page.buffers}
-        except (ShapeError, ValueError):
-            self.mute = True
-            return False
-        robot._buffers = buffers
+            if what.checkpoint is not None:
+                self._restore(what.checkpoint.store)
+                self.mute = what.checkpoint.mute
+                self._at(what.checkpoint.round)
+            for entry in what.entries:
+                if page is not None and entry.round >= page.round:
+                    self._take_up(page)
+                    page = None
+                self._apply(entry, admitted_of(entry, self.robot.pid) if page is None else None)
+            if page is not None:
+                self._take_up(page)
+            elif what.page is None and self.round > INIT_ROUND:
+                self.mute = True
+        except (ShapeError, ValueError, KeyError, DivergedError, msgspec.MsgspecError) as error:
+            raise DamagedError(f"it does not fit the program: {error}") from None
+        self.output.clear()  # it was written before the crash
+        self._written = (self._proposal, None)
+
+    def _take_up(self, page: Page) -> None:
+        """Be as before the last proposal, which may still be let through."""
+        robot = self.robot
+        if page.round == INIT_ROUND:
+            self._begin()
+        vars(robot).update(self._attributes(page.attributes))
+        vars(robot).update(self.store.values)
+        robot._buffers = {event: self._buffer(event, plain) for event, plain in page.buffers}
         robot.status = Status(page.status)
         self.round, self._turns, self._proposal = page.round, page.turns, page.proposal
         self.host.position = page.position
-        return True
 
     def finish(self) -> None:
         """Do what is to be done when the robot leaves the run in good order."""
@@ -253,15 +292,67 @@ class Member:
 
     # --- the journal ----------------------------------------------------------------------------
 
-    def _write_down(self) -> None:
-        """Write the journal before a proposal is sent, once a round."""
-        if self._journal is None or self.mute:
+    def keep(self, journal: Journal, entered: Entered, start: Start) -> None:
+        """Keep a journal from now on, which says that the robot has entered a run."""
+        self._journal, self._identity = journal, (entered, start)
+
+    def save(self, kept: Durable) -> bool:
+        """Write what messages may speak of; return whether it is on the disk. (R-SAVE)"""
+        journal, identity = self._journal, self._identity
+        if journal is None or identity is None:
+            return True
+        held = kept.tentative
+        tentative = None if held is None else Tentative(held.epoch, held.entry)
+        vow = Vow(kept.incarnation, kept.promised, tentative)
+        page = self._page()
+        try:
+            if (self._is_rewritten or journal.is_long) and kept.round == self.round:
+                journal.begin(*identity, self._checkpoint(kept), vow, *page)
+                self._is_rewritten = False
+            else:
+                new = page if self._proposal is not self._written[0] else ()
+                journal.add(*self._unwritten, *new, vow)
+        except OSError as error:
+            self.unwritable = error.strerror or str(error)
+            return False
+        self.unwritable = None
+        self._unwritten.clear()
+        self._written = (self._proposal, tentative)
+        return True
+
+    def _checkpoint(self, kept: Durable) -> Checkpoint:
+        return Checkpoint(
+            kept.round,
+            kept.chain,
+            kept.roster,
+            kept.last_ran,
+            self.show(),
+            kept.ended,
+            self.mute,
+        )
+
+    def _note_commit(self, entry: LogEntry) -> None:
+        """Write a commit, which need not be on the disk at once."""
+        journal = self._journal
+        if journal is None or self._is_rewritten:
             return
+        told = self._written[1]
+        known = told is not None and told.entry == entry
+        self._unwritten.append(Committed(None if known else entry))
+        try:
+            journal.add(*self._unwritten, sync=False)
+        except OSError:
+            return  # it is written with what is next
+        self._unwritten.clear()
+
+    def _page(self) -> tuple[Page, ...]:
+        """The robot itself, unless it is mute."""
+        if self.mute:
+            return ()
         robot, proposal = self.robot, self._proposal
         pending = proposal is not None and proposal.round >= self.round
         buffers = robot._buffers.items() if pending else ()
         page = Page(
-            self._program,
             self.round,
             robot.status.value,
             self._turns,
@@ -270,7 +361,7 @@ class Member:
             proposal,
             tuple((event, self._plain(b.state)) for event, b in buffers if b.state),
         )
-        self._journal.write(page)
+        return (page,)
 
     def _plain(self, state: dict[str, Any]) -> Attributes:
         own = {**self.robot.LOCALS, **self.robot.PORTS}
@@ -287,7 +378,6 @@ class Member:
     def _buffer(self, event: int | None, plain: Attributes) -> Buffer:
         buffer = Buffer(event)
         buffer.state = {**vars(self.robot), **self._attributes(plain)}
-        assert self._proposal is None
         return buffer
 
 

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import time
 import traceback
+from collections import Counter
 from collections.abc import Callable, Mapping
+from contextlib import suppress
+from functools import partial
 from hashlib import blake2b
 from pathlib import Path
 from typing import Any
@@ -15,24 +18,69 @@ from msgspec.structs import replace
 from koord.runtime.buffers import Written
 from koord.runtime.configuration.model import RunConfiguration
 from koord.runtime.deploy.ideal import IdealHost
-from koord.runtime.deploy.journal import Journal
+from koord.runtime.deploy.joining import Joining, drawn
+from koord.runtime.deploy.journal import (
+    DamagedError,
+    Entered,
+    InUseError,
+    Journal,
+    Recollection,
+    Start,
+)
 from koord.runtime.deploy.member import DivergedError, Member
-from koord.runtime.deploy.status import RobotReport, Tally, status_of
+from koord.runtime.deploy.resuming import come_back, enter
+from koord.runtime.deploy.status import RobotReport, Tally, gathering, status_of
 from koord.runtime.node import Clock, Peer
 from koord.runtime.proposals import INIT_ROUND, Admitted
-from koord.runtime.protocol.messages import LogEntry
+from koord.runtime.protocol.events import Reason
+from koord.runtime.protocol.handshake import (
+    NO_RUN,
+    Enter,
+    EnterLate,
+    Fingerprint,
+    Known,
+    Party,
+    TurnedAway,
+    differing,
+)
+from koord.runtime.protocol.messages import FIRST_INCARNATION, LogEntry, incarnation_above
 from koord.runtime.protocol.setup import Setup, Timing
-from koord.runtime.protocol.state import fresh, returning
+from koord.runtime.protocol.state import Rejoining, State, fresh, returning
 from koord.runtime.robot import Robot
 from koord.runtime.shapes import ShapeError
 from koord.runtime.transports.transport import Transport
-from koord.runtime.wire.codec import RunKey
+from koord.runtime.wire.codec import Channel
+from koord.runtime.wire.frames import fleet_key, run_key
+from koord.version import __version__
 
 #: How often a robot says how it is doing.
 REPORT_S = 0.25
 
 #: How long a robot stays to answer others after its last round, in rounds.
 LINGERING = 8
+
+#: Who was heard this long ago is there.
+_PRESENT_S = 1.0
+
+
+#: How long a robot that cannot write its journal waits before it tries again.
+_AGAIN_S = 0.5
+
+
+class CannotTakePartError(Exception):
+    """Raised where a robot cannot take part in a run, with a cure. (R-NAME)
+
+    ``file`` is the journal, if that is why.
+    """
+
+    def __init__(self, message: str, hint: str, file: str = "") -> None:
+        super().__init__(message)
+        self.message = message
+        self.hint = hint
+        self.file = file
+
+    def __reduce__(self) -> tuple[type[CannotTakePartError], tuple[str, str, str]]:
+        return type(self), (self.message, self.hint, self.file)
 
 
 class Job(Struct, frozen=True):
@@ -46,9 +94,11 @@ class Job(Struct, frozen=True):
     delta_s: float
     pace_s: float  #: how often rounds begin: δ, or 0 for as fast as it goes
     rounds: int | None
-    journals: Path | None  #: the folder that robots write down in where they are
+    journals: Path | None  #: the folder of the robots' journals
     unhurried_s: float = 0.1  #: as long as rounds are, for who waits, if they have no pace
     starts: Mapping[tuple[int | None, str], Any] = {}  #: by robot and attribute, if any are assumed
+    program: Fingerprint = ()  #: what the robots run, by name, as texts
+    insists: bool = False  #: on a new run, whatever journals say
 
     @property
     def robots(self) -> int:
@@ -60,10 +110,30 @@ class Job(Struct, frozen=True):
         return frozenset(pid for pid, kind in enumerate(self.kinds) if self.classes[kind].owes())
 
     @property
-    def program(self) -> str:
-        """A digest of the program, for journals."""
-        text = repr([(c.SOURCE, c.SHARED, dict(c.LOCALS), dict(c.PORTS)) for c in self.classes])
+    def fingerprint(self) -> Fingerprint:
+        """What all robots have to have in common. (R-JOIN)"""
+        kinds = ", ".join(self.classes[kind].__name__ for kind in self.kinds)
+        return (
+            ("koord", __version__),
+            *self.program,
+            ("robots", f"{self.robots} ({kinds})"),
+            ("delta", f"{self.delta_s:g} s"),
+            ("pace", f"{self.pace_s:g} s"),
+            ("rounds", "no end" if self.rounds is None else str(self.rounds)),
+            ("leader_pid", str(self.configuration.leader)),
+            *((("starts", self._starts_digest),) if self.starts else ()),
+        )
+
+    @property
+    def _starts_digest(self) -> str:
+        text = repr(sorted(self.starts.items(), key=repr))
         return blake2b(text.encode(), digest_size=8).hexdigest()
+
+    def party(self, pid: int) -> Party:
+        """A robot's part in the handshake, at a new start."""
+        key = fleet_key(self.key, self.run)
+        leader = self.configuration.leader
+        return Party(pid, self.robots, leader, drawn(), self.fingerprint, key, self.insists)
 
     def journal(self, pid: int) -> Journal | None:
         """The journal of a robot, or None."""
@@ -90,7 +160,7 @@ def ideal_member(job: Job, pid: int) -> Member:
     """Make a robot without a platform."""
     host = ideal_host(job, pid)
     robot = host.program(pid, job.kinds, job.delta_s, host)
-    return Member(robot, host, job.journal(pid), job.program)
+    return Member(robot, host)
 
 
 def ideal_host(job: Job, pid: int) -> IdealHost:
@@ -107,6 +177,10 @@ def ideal_host(job: Job, pid: int) -> IdealHost:
         job.configuration.world,
         job.starts,
     )
+
+
+#: Datagrams of a run that come before it is known to this robot: so many are kept.
+_MOST_EARLY = 256
 
 
 #: Makes a robot of a run.
@@ -135,11 +209,33 @@ class Runner:
         self.moments: list[RoundReport] = []  #: not yet taken by anyone
         self.keeps_moments = False
         self.trouble: str | None = None  #: why it had to stop
+        self.peer: Peer | None = None  #: None: it is in no run yet
+        self.run_id = NO_RUN
+        self._pid = pid
+        self._transport = transport
         self._clock = clock
         self._committed_at: float | None = None
-        self.member = make(job, pid)
+        self._make = make
+        self._early: list[bytes] = []
+        self._is_back = False  #: with its journal
+        self._has_started_again = False
+        self._remarks: list[str] = []
+        self._new_member()
+        self._journal = job.journal(pid)
+        kept = self._recollected()
+        party, run = job.party(pid), NO_RUN if kept is None else kept.entered.run
+        self.joining = Joining(party, transport, clock, run)
+        self._pending: Callable[[], None] | None = None
+        if kept is not None:
+            self._pending = partial(self._come_back, kept)
+        self._pending_at = clock()
+
+    def _new_member(self) -> None:
+        """Make the robot, as it is before its first round."""
+        job, pid = self.job, self._pid
+        self.member = self._make(job, pid)
         self.member.seen = self._saw
-        setup = Setup(
+        self._setup = Setup(
             job.robots,
             Timing.of(job.pace_s, job.robots, job.unhurried_s),
             owing=job.owing,
@@ -147,16 +243,168 @@ class Runner:
             first=job.configuration.leader,
             decide=self.member.decided,
         )
-        incarnation = time.time_ns()
-        journal = job.journal(pid)
-        if journal is not None and journal.read() is not None:
-            self.member.come_back()
-            state = returning(setup, pid, incarnation)
+
+    # --- the way into a run ---------------------------------------------------------------------
+
+    def _recollected(self) -> Recollection | None:
+        """What the journal says, if it is of this program and can be used.
+
+        Raises CannotTakePartError.
+        """
+        journal = self._journal
+        if journal is None:
+            return None
+        try:
+            kept = journal.read()
+            if kept is None or self.job.insists:
+                return None
+            entered = kept.entered
+            if (entered.pid, entered.fingerprint) != (self._pid, self._print):
+                self._remarks.append("its journal is of another program or robot: not used")
+                return None
+        except DamagedError as error:
+            self._remarks.append(f"its journal is damaged: {error}")
+            return None
+        except InUseError:
+            story = f"another process is robot {self._pid}, and has its journal in use"
+            hint = "stop it first, or say another --pid"
+            raise CannotTakePartError(story, hint, str(journal.path)) from None
+        except OSError as error:
+            story = f"the journal cannot be read: {error.strerror}"
+            hint = "say another folder with --state, or make it readable"
+            raise CannotTakePartError(story, hint, str(journal.path)) from None
+        return kept
+
+    @property
+    def _print(self) -> str:
+        return blake2b(repr(self.job.fingerprint).encode(), digest_size=16).hexdigest()
+
+    def _come_back(self, kept: Recollection) -> None:
+        """Go on with the run of the journal. (R-RESUME)"""
+        assert self._journal is not None
+        try:
+            state, start = come_back(self._setup, self.member, self._journal, kept)
+        except DamagedError as error:
+            self._remarks.append(f"its journal is damaged: {error}")
+            self._new_member()
+            self.joining = Joining(self.joining.party, self._transport, self._clock)
+            return
+        self.joining.nonces = kept.entered.nonces
+        self.joining.higher = self._start_again
+        self._is_back = True
+        self._begin(kept.entered.run, state, start)
+
+    def _enter(self, ending: Enter | EnterLate) -> None:
+        """Enter a run: from its beginning, or as one that has lost its journal."""
+        start, incarnation = 1, FIRST_INCARNATION
+        nonces: tuple[bytes, ...] = ()
+        match ending:
+            case Enter(run=run, nonces=roll):
+                nonces = roll
+                state = fresh(self._setup, self._pid)
+            case EnterLate(run=run):
+                self._set_aside()
+                self.member.mute = True
+                start = ending.start + 1
+                drawn_ = int.from_bytes(self.joining.party.nonce, "big")
+                incarnation = incarnation_above(ending.incarnation, drawn_)
+                state = returning(self._setup, self._pid, incarnation)
+        entered = Entered(run, self._pid, self._print, incarnation, nonces)
+        enter(self.member, self._journal, entered, start)
+        self._begin(run, state, start)
+
+    def _set_aside(self) -> None:
+        """Make room for another run than that of the journal. (R-LATE)"""
+        if self._journal is not None:
+            self._journal.set_aside()
+        if self._is_back:
+            self._remarks.append("its journal is of another run: set aside")
+            self._is_back = False
+            self._new_member()
+
+    def _begin(self, run: bytes, state: State, start: int) -> None:
+        job = self.job
+        self.run_id = run
+        channel = Channel(run_key(job.key, run), job.robots, self._pid, start)
+        self.peer = peer = Peer(
+            channel, self._setup, state, self.member, self._transport, self._clock
+        )
+        peer.on_handshake = lambda datagram: self.joining.answer(datagram, self._known)
+        peer.start()
+        early, self._early = self._early, []
+        for datagram in early:
+            peer.read(datagram)
+        self.joining.say_roll()
+
+    def _known(self, robot: int) -> Known | None:
+        """What this robot knows of another. (R-RUNNING)"""
+        peer = self.peer
+        if peer is None or isinstance(peer.node.state.office, Rejoining):
+            return None
+        state = peer.node.state
+        heard_at = peer.heard_at.get(robot)
+        is_heard = heard_at is not None and self._clock() - heard_at < _PRESENT_S
+        return Known(state.roster[robot], peer.start_of(robot), is_heard)
+
+    def _start_again(self, heard: int) -> None:
+        """Go on with a higher start than one that was heard. (R-START)
+
+        The first time it may be of this very number, from before the disk was an old one; later it
+        is what this process itself has said.
+        """
+        peer = self.peer
+        if peer is None or heard < peer.start_number + self._has_started_again:
+            return
+        self._has_started_again = True
+        if self._journal is not None:
+            with suppress(OSError):  # the next start takes one above it all the same
+                self._journal.add(Start(heard + 1))
+        peer.start_again(heard + 1)
+
+    def _join(self) -> None:
+        """Take the next step of the handshake. Raises CannotTakePartError."""
+        peer = self.peer
+        if self._pending is not None:
+            self._try(self._pending)
+        elif peer is None:
+            self._early += self.joining.turn(REPORT_S / 4)
+            del self._early[:-_MOST_EARLY]
+        elif self._is_back and peer.node.state.holding is not None:
+            self.joining.wake()
+        ending = self.joining.ending
+        if ending is None or not (peer is None or self._is_back):
+            return
+        self.joining.ending = None
+        if isinstance(ending, TurnedAway):
+            raise self._turned_away(ending)
+        self._try(partial(self._enter, ending))
+
+    def _try(self, action: Callable[[], None]) -> None:
+        """Enter a run; if the journal cannot be written, try again later. (R-SAVE)"""
+        now = self._clock()
+        if now < self._pending_at:
+            self._early += self.joining.others(min(REPORT_S / 4, self._pending_at - now))
+            del self._early[:-_MOST_EARLY]
+            return
+        try:
+            action()
+        except OSError as error:
+            self._pending, self._pending_at = action, now + _AGAIN_S
+            self.member.unwritable = error.strerror or str(error)
         else:
-            state = fresh(setup, pid, incarnation)
-        # Robots with another program are of another run: they do not even hear each other.
-        run = RunKey(f"{job.run} {job.program} {job.robots}", job.key, job.robots)
-        self.peer = Peer(run, setup, state, self.member, transport, clock)
+            self._pending, self.member.unwritable = None, None
+
+    def _turned_away(self, ending: TurnedAway) -> CannotTakePartError:
+        if ending.fingerprint is None:
+            return CannotTakePartError(
+                f"robot {self._pid} is to begin a new run, and the others are in one",
+                "leave --fresh out: the robot then joins their run; or start all robots again",
+            )
+        what = "; ".join(differing(self.job.fingerprint, ending.fingerprint))
+        return CannotTakePartError(
+            f"robot {self._pid} runs something else than robot {ending.by}: {what}",
+            "give all robots the same program, params, configuration and version of koord",
+        )
 
     def _saw(self, entry: LogEntry, kept: Admitted | None) -> None:
         pid, tally, now = self.member.robot.pid, self.tally, self._clock()
@@ -185,19 +433,39 @@ class Runner:
 
     @property
     def status(self) -> RobotReport:
-        status = status_of(self.peer, self.member, self.tally)
-        return replace(status, trouble=self.trouble)
+        if self.peer is None:
+            status = gathering(self._pid, self.joining.missing())
+        else:
+            status = status_of(self.peer, self.member, self.tally)
+        drops = Counter(dict(status.drops))
+        drops.update({drop.value: n for drop, n in self.joining.drops.items()})
+        notes = (*self._remarks, *self.joining.notes)
+        if self.member.unwritable is not None:
+            status = replace(status, holding=Reason.UNWRITABLE)
+            notes = (*notes, f"its journal cannot be written: {self.member.unwritable}")
+        return replace(
+            status,
+            trouble=self.trouble,
+            notes=notes,
+            run=self.run_id.hex()[:8],
+            drops=tuple(drops.items()),
+        )
 
     def run(
         self, is_told_to_stop: Callable[[], bool], report: Callable[[RobotReport], None]
     ) -> RobotReport:
-        """Run until the run is over, all robots have stopped, or the robot is told to stop."""
-        self.peer.start()
+        """Run until the run is over, all robots have stopped, or the robot is told to stop.
+
+        Raises CannotTakePartError.
+        """
         next_report = self._clock()
         leave_at: float | None = None
         while True:
             try:
-                self.peer.turn(REPORT_S / 4)
+                self.step()
+            except CannotTakePartError:
+                self._stop()
+                raise
             except (DivergedError, ShapeError) as error:
                 self.trouble = str(error)
                 break
@@ -210,13 +478,28 @@ class Runner:
                 report(self.status)
                 if is_told_to_stop():
                     break
-            if leave_at is None and (self.peer.node.over or self.member.all_stopped):
+            if leave_at is None and (self._is_over or self.member.all_stopped):
                 leave_at = now + max(LINGERING * self.job.delta_s, 0.5)
             if leave_at is not None and now >= leave_at:
                 self.member.forget()
                 break
         if self.trouble is None:
             self.member.finish()
-        self.member.host.holding = True  # a safe stop: nobody will tell it to go on
-        self.peer.transport.close()
+        self._stop()
         return self.status
+
+    def step(self) -> None:
+        """Take a step: of the handshake, or of the run. Raises CannotTakePartError."""
+        self._join()
+        if self.peer is not None:
+            self.peer.turn(REPORT_S / 4)
+
+    @property
+    def _is_over(self) -> bool:
+        return self.peer is not None and self.peer.node.over
+
+    def _stop(self) -> None:
+        self.member.host.holding = True  # a safe stop: nobody will tell it to go on
+        self._transport.close()
+        if self._journal is not None:
+            self._journal.close()

@@ -37,6 +37,9 @@ class RobotReport(Struct, frozen=True):
     is_voter: bool  #: whether its voice counts; not at once after a crash
     fault: str | None = None
     trouble: str | None = None  #: why it had to stop, if that is not the program's doing
+    notes: tuple[str, ...] = ()  #: what it has noticed of itself and of other robots
+    run: str = ""  #: the beginning of the run's identity; empty: it is in no run yet
+    start: int = 0  #: how often its process was started in this run
 
 
 def unheard(pid: int) -> RobotReport:
@@ -95,6 +98,32 @@ class Tally(Struct):
     took_s: float = 0.0
 
 
+def gathering(pid: int, missing: tuple[int, ...]) -> RobotReport:
+    """The status of a robot that is in no run yet. (R-JOIN)"""
+    return RobotReport(
+        pid=pid,
+        round=INIT_ROUND,
+        behind=0,
+        coordinator=None,
+        epoch=0,
+        holding=Reason.GATHERING,
+        waiting_for=missing,
+        ran=0,
+        skipped=0,
+        late=0,
+        overdue=0,
+        longest_s=0.0,
+        took_s=0.0,
+        sent=0,
+        received=0,
+        drops=(),
+        is_over=False,
+        all_stopped=False,
+        is_mute=False,
+        is_voter=False,
+    )
+
+
 def status_of(peer: Peer, member: Member, tally: Tally) -> RobotReport:
     """Make the status report of a robot."""
     state = peer.node.state
@@ -105,7 +134,7 @@ def status_of(peer: Peer, member: Member, tally: Tally) -> RobotReport:
         behind=max(0, state.target - state.round),
         coordinator=state.leader,
         epoch=state.promised,
-        holding=state.holding,
+        holding=Reason.UNWRITABLE if peer.node.is_unwritable else state.holding,
         waiting_for=waiting_for(state) if state.holding is Reason.ROUND_OPEN else (),
         ran=tally.ran,
         skipped=tally.skipped,
@@ -121,4 +150,5 @@ def status_of(peer: Peer, member: Member, tally: Tally) -> RobotReport:
         is_mute=member.mute,
         is_voter=state.is_voter,
         fault=None if fault is None else f"{fault.place}: {fault.kind.value}",
+        start=peer.start_number,
     )

@@ -10,9 +10,18 @@ from collections.abc import Callable, Iterable, Sequence
 from msgspec import Struct
 
 from koord.runtime.proposals import INIT_ROUND, Attempt, Proposal
-from koord.runtime.protocol.messages import Held, LogEntry
+from koord.runtime.protocol.messages import (
+    Acknowledge,
+    Candidacy,
+    Decide,
+    Held,
+    LogEntry,
+    Message,
+    Propose,
+    Vote,
+)
 from koord.runtime.protocol.setup import Setup
-from koord.runtime.protocol.state import Coordinator, State
+from koord.runtime.protocol.state import Coordinator, Durable, State
 
 #: What a robot proposes for a round, whenever and in whichever incarnation it is asked.
 ProposalOf = Callable[[int, int], Proposal]
@@ -107,3 +116,27 @@ def lasting(state: State, committed: Sequence[Held]) -> Iterable[BrokenInvariant
         if mine is None or mine.digest != held.digest:
             story = f"coordinator {state.pid} of epoch {state.promised} lacks round {held.round}"
             yield BrokenInvariant("I-LASTING", story)
+
+
+def saved(
+    message: Message, incarnation: int, state: State, disk: Durable
+) -> Iterable[BrokenInvariant]:
+    """Yield a violation if a message speaks of what is not on its sender's disk. (I-SAVED)
+
+    What is committed is on the disks of others.
+    """
+    match message:
+        case Vote(epoch=epoch) | Candidacy(epoch=epoch):
+            kept = disk.promised >= epoch
+        case Acknowledge(epoch=epoch, round=round_, digest=mark):
+            held = disk.tentative is not None and disk.tentative.digest == mark
+            kept = disk.promised >= epoch and (held or state.round > round_)
+        case Decide(epoch=epoch, entry=entry):
+            held = disk.tentative is not None and disk.tentative.entry == entry
+            kept = disk.promised >= epoch and (held or state.round > entry.round)
+        case Propose(proposal=proposal):
+            kept = disk.mine == proposal or disk.round > proposal.round
+        case _:
+            kept = True
+    if not kept or disk.incarnation != incarnation:
+        yield BrokenInvariant("I-SAVED", f"{state.pid} says what its disk does not: {message}")

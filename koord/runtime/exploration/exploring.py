@@ -14,10 +14,10 @@ from koord.runtime.exploration.claims import (
     agree,
     lasting,
     one_winner,
+    saved,
     valid,
 )
 from koord.runtime.exploration.world import (
-    DOWN,
     Cause,
     ExplorationBounds,
     Explorer,
@@ -66,6 +66,7 @@ class Search:
         self._epochs: set[int] = set()
         self.transitions = 0
         self._lasting: set[tuple[int, int]] = set()
+        self._disks: set[tuple[int, int]] = set()
 
     def run(self) -> Explored:
         start = self.explorer.initial()
@@ -120,16 +121,32 @@ class Search:
         for local in after.locals:
             yield from self._of_coordinator(local, after)
         if after.sent != world.sent:
+            yield from self._of_disk(world, after, transition.robot)
             rival = self.explorer.contradiction(world, after)
             if rival is not None:
                 yield BrokenInvariant("I-ONE-ENTRY", f"another entry of its epoch: {rival.message}")
 
     def _of_coordinator(self, local: int, world: ProtocolState) -> Iterable[BrokenInvariant]:
         """Yield committed entries that a coordinator lacks, once per state. (I-LASTING)"""
-        if local == DOWN or (local, world.acted) in self._lasting:
+        state = self.explorer.locals[local].state
+        if state is None or (local, world.acted) in self._lasting:
             return
         self._lasting.add((local, world.acted))
-        yield from lasting(self.explorer.locals[local].state, self.explorer.acted(world))
+        yield from lasting(state, self.explorer.acted(world))
+
+    def _of_disk(
+        self, world: ProtocolState, after: ProtocolState, robot: int
+    ) -> Iterable[BrokenInvariant]:
+        """Yield what a robot says that is not on its disk, once per state. (I-SAVED)"""
+        new = after.sent & ~world.sent
+        local = after.locals[robot]
+        if (local, new) in self._disks:
+            return
+        self._disks.add((local, new))
+        at = self.explorer.locals[local]
+        assert at.state is not None
+        for parcel in self.explorer.these(new):
+            yield from saved(parcel.message, parcel.incarnation, at.state, at.disk)
 
     def _of_commit(
         self, world: ProtocolState, after: ProtocolState, transition: Transition, held: Held
@@ -137,14 +154,14 @@ class Search:
         yield from agree(self.explorer.acted(after)[held.round + 1].entry, held.entry)
         yield from one_winner(held.entry, self.explorer.propose)
         yield from valid(held.entry, self.explorer.propose)
-        local = world.locals[transition.robot]
-        roster = self.explorer.locals[local].state.roster
+        state = self.explorer.locals[world.locals[transition.robot]].state
+        assert state is not None
         accepted = [
             Accepted(m.epoch, parcel.sender, parcel.incarnation)
             for parcel in self.explorer.sent(after)
             if isinstance(m := parcel.message, Acknowledge) and m.digest == held.digest
         ]
-        yield from acted_rightly(self.explorer.setup, held, roster, accepted)
+        yield from acted_rightly(self.explorer.setup, held, state.roster, accepted)
 
     def _story(self, world: ProtocolState, last: Transition) -> tuple[str, ...]:
         lines = [self.explorer.tell(last.robot, last.cause)]

@@ -2,7 +2,8 @@
 
 The network is the *set* of messages sent so far. A message in it may arrive at any time, any number
 of times, or never: this is loss, delay, duplication and reordering at once. Timers run down
-whenever they like, since safety must not depend on durations. Robots crash, and come back empty.
+whenever they like, since safety must not depend on durations. Robots crash, and come back with
+their disk, with an old one, or without; a robot may also be switched on twice.
 
 Robots and messages are numbered, and a robot's step is worked out once: what happens to the whole
 is then a look-up in tables.
@@ -31,6 +32,7 @@ from koord.runtime.protocol.events import (
     Install,
     Proposed,
     Received,
+    Save,
     Send,
     ShowStore,
     Started,
@@ -39,15 +41,29 @@ from koord.runtime.protocol.events import (
     Timer,
 )
 from koord.runtime.protocol.machine import step
-from koord.runtime.protocol.messages import Decide, Held, Message
+from koord.runtime.protocol.messages import INCARNATION_STEP, Decide, Held, Message
 from koord.runtime.protocol.setup import Setup
-from koord.runtime.protocol.state import Canvassing, Coordinator, State, fresh, returning
-
-#: The robot is switched off.
-DOWN = -1
+from koord.runtime.protocol.state import (
+    Canvassing,
+    Coordinator,
+    Durable,
+    State,
+    durable,
+    fresh,
+    recovered,
+    returning,
+)
 
 #: Only what changes what can be sent; holding changes nothing for the others.
-_TIMERS = frozenset({Timer.DEADLINE, Timer.SILENCE})
+_TIMERS = frozenset({Timer.DEADLINE, Timer.SILENCE, Timer.RECOVERY})
+
+
+class Disk(Enum):
+    """The disks with which a robot may come back."""
+
+    KEPT = "its disk"
+    OLD = "an old disk"
+    LOST = "no disk"
 
 
 class ExplorationBounds(Struct, frozen=True):
@@ -58,6 +74,8 @@ class ExplorationBounds(Struct, frozen=True):
     epoch: int = 2  #: the highest that anybody stands for
     crashes: int = 1
     restarts: int = 0
+    disks: frozenset[Disk] = frozenset({Disk.KEPT, Disk.LOST})  #: at restarts
+    twins: int = 0  #: robots that are switched on a second time, on another machine
     settled: bool = (
         True  #: begin when all robots have committed INIT, not when they are switched on
     )
@@ -68,11 +86,21 @@ class ExplorationBounds(Struct, frozen=True):
 
 
 class Local(msgspec.Struct, frozen=True):
-    """A robot's state with its timers; ``work`` is the round that it has to propose for."""
+    """A robot's state (None: it is down) with its timers and its disk.
 
-    state: State
+    ``work`` is the round that it has to propose for. ``older`` are its disk before it was last
+    written, and the first. A robot that is ``mute`` has lost its locals, and proposes nothing. One
+    that brought back an old disk is not ``trusted``: its recovery ends when all have answered.
+    """
+
+    pid: int
+    state: State | None
     timers: frozenset[Timer]
     work: int | None
+    disk: Durable
+    older: tuple[Durable, ...]
+    mute: bool = False
+    trusted: bool = True
 
 
 class Parcel(msgspec.Struct, frozen=True):
@@ -89,19 +117,30 @@ class Act(Enum):
 
     WORK = "proposes"
     CRASH = "crashes"
-    RESTART = "is back"
+    KEPT = "is back with its disk"
+    OLD = "is back with the disk of a moment ago"
+    OLDEST = "is back with its first disk"
+    LOST = "is back without its disk"
+    TWIN = "is switched on a second time"
 
 
 Cause = int | Timer | Act  #: an ``int`` is the number of the message that arrives
 
 
+_DISKS = {Act.KEPT: Disk.KEPT, Act.OLD: Disk.OLD, Act.OLDEST: Disk.OLD, Act.LOST: Disk.LOST}
+
+
 class ProtocolState(msgspec.Struct, frozen=True):
-    """A global state: the robots, the set of messages, used-up bounds, committed entries."""
+    """A global state: the robots, the set of messages, used-up bounds, committed entries.
+
+    ``locals`` are those of the robots, in their order, and then those of twins.
+    """
 
     locals: tuple[int, ...]
     sent: int = 0
     crashes: int = 0
     restarts: int = 0
+    old: int = 0  #: disks that were brought back
     acted: int = 0  #: which history: from INIT on, what anybody has ever committed first
 
 
@@ -114,7 +153,7 @@ class RobotAction(Struct, frozen=True):
 
 
 class Transition(Struct, frozen=True):
-    """A transition of the global state."""
+    """A transition of the global state. ``robot`` is a place in ``locals``."""
 
     robot: int
     cause: Cause
@@ -153,48 +192,65 @@ class Explorer:
 
     def initial(self) -> ProtocolState:
         """The initial state: all robots have been switched on, at once."""
-        world = ProtocolState((DOWN,) * self.setup.robots)
+        world = ProtocolState((-1,) * self.setup.robots)
         for robot in range(self.setup.robots):
-            started = self._started(fresh(self.setup, robot, spare=1_000))
+            state = fresh(self.setup, robot)
+            disk = durable(state)
+            started = self._started(Local(robot, state, frozenset(), None, disk, (disk,)))
             world = self._after(world, robot, started)
         return self._settled(world) if self.bounds.settled else world
 
     def _settled(self, world: ProtocolState) -> ProtocolState:
-        """The state after everyone has committed INIT, with no message in transit."""
+        """The state after everyone has committed INIT and saved, with no message in transit."""
         while any(state.round < 0 for state in self.states(world)):
             world = next(
                 transition.world
                 for transition in self.transitions(world)
-                if not isinstance(transition.cause, Timer) and transition.cause is not Act.CRASH
+                if isinstance(transition.cause, int) or transition.cause is Act.WORK
             )
-        return replace(world, sent=0)
+        return replace(world, sent=0, locals=tuple(map(self._all_saved, world.locals)))
+
+    def _all_saved(self, number: int) -> int:
+        """The number of a robot's state with all of it on its only disk."""
+        local = self.locals[number]
+        assert local.state is not None
+        disk = durable(local.state)
+        return self._number(replace(local, disk=disk, older=(disk,)))
 
     def transitions(self, world: ProtocolState) -> Iterator[Transition]:
         """Yield all transitions that change the state."""
         for robot, local in enumerate(world.locals):
-            if local == DOWN:
+            if self.locals[local].state is None:
                 if world.restarts < self.bounds.restarts:
-                    yield self._restart(world, robot)
+                    yield from self._restarts(world, robot)
                 continue
-            for cause in self._causes(world, robot, local):
+            for cause in self._causes(world, local):
                 move = self._move(local, cause)
                 if move is None or (move.local == local and not move.sent & ~world.sent):
                     continue
                 yield Transition(robot, cause, self._after(world, robot, move), move.committed)
             if world.crashes < self.bounds.crashes:
-                off = _put(world.locals, robot, DOWN)
+                off = _put(world.locals, robot, self._number(_down(self.locals[local])))
                 crashed = replace(world, locals=off, crashes=world.crashes + 1)
                 yield Transition(robot, Act.CRASH, crashed, ())
+        if len(world.locals) < self.setup.robots + self.bounds.twins:
+            for robot in range(self.setup.robots):
+                yield self._twin(world, robot)
 
     def states(self, world: ProtocolState) -> Iterator[State]:
         """The states of the robots that are up."""
         for local in world.locals:
-            if local != DOWN:
-                yield self.locals[local].state
+            state = self.locals[local].state
+            if state is not None:
+                yield state
 
     def sent(self, world: ProtocolState) -> Iterator[Parcel]:
         """The messages ever sent."""
-        return (self.parcels[number] for number in _bits(world.sent))
+        return self.these(world.sent)
+
+    def these(self, messages: int) -> Iterator[Parcel]:
+        """The messages of a set of bits."""
+        return (self.parcels[number] for number in _bits(messages))
 
     def acted(self, world: ProtocolState) -> tuple[Held, ...]:
         """The entries first committed by any robot, from INIT on."""
@@ -222,10 +278,14 @@ class Explorer:
 
     # --- one robot ------------------------------------------------------------------------------
 
-    def _causes(self, world: ProtocolState, robot: int, local: int) -> Iterator[Cause]:
+    def _causes(self, world: ProtocolState, local: int) -> Iterator[Cause]:
         one = self.locals[local]
-        yield from _bits(world.sent & self._to[robot])
-        yield from (timer for timer in Timer if timer in one.timers)
+        yield from _bits(world.sent & self._to[one.pid])
+        yield from (
+            timer
+            for timer in Timer
+            if timer in one.timers and (one.trusted or timer is not Timer.RECOVERY)
+        )
         if one.work is not None:
             yield Act.WORK
 
@@ -237,6 +297,7 @@ class Explorer:
 
     def _worked_out(self, local: Local, cause: Cause) -> RobotAction | None:
         state = local.state
+        assert state is not None
         over = state.round >= self.bounds.rounds
         match cause:
             case int(number):
@@ -258,8 +319,8 @@ class Explorer:
         return self._stepped(local, event)
 
     def _stepped(self, local: Local, event: Event) -> RobotAction | None:
-        before = local.state
-        state, effects = step(self.setup, before, event)
+        assert local.state is not None
+        state, effects = step(self.setup, local.state, event)
         local = replace(local, state=state)
         sent = 0
         committed: list[Held] = []
@@ -267,8 +328,8 @@ class Explorer:
             if isinstance(effect, Commit):
                 committed.append(next(h for h in state.log if h.entry is effect.entry))
             elif isinstance(effect, ShowStore):
-                shown = StoreShown(0.0, effect.to, local.state.round, b"")
-                after, more = step(self.setup, local.state, shown)
+                shown = StoreShown(0.0, effect.to, state.round, b"")
+                after, more = step(self.setup, state, shown)
                 local = replace(local, state=after)
                 for extra in more:
                     local, bits = self._carried_out(local, extra)
@@ -276,13 +337,14 @@ class Explorer:
             else:
                 local, bits = self._carried_out(local, effect)
                 sent |= bits
-        if _highest_epoch(local.state) > self.bounds.epoch:
+        if _highest_epoch(state) > self.bounds.epoch:
             return None
         move = RobotAction(self._number(local), sent, tuple(committed))
         return self._with_work(local, move) if self.bounds.eager else move
 
     def _with_work(self, local: Local, move: RobotAction) -> RobotAction:
         """The robot's step, followed by its own proposal if one is due."""
+        assert local.state is not None
         if local.work is None or local.state.round >= self.bounds.rounds:
             return move
         worked = self._worked_out(local, Act.WORK)
@@ -290,22 +352,33 @@ class Explorer:
         return RobotAction(worked.local, move.sent | worked.sent, move.committed + worked.committed)
 
     def _carried_out(self, local: Local, effect: Effect) -> tuple[Local, int]:
+        state = local.state
+        assert state is not None
         match effect:
+            case Save():
+                return self._saved(local, state), 0
             case Send(to=to, message=message):
-                return local, self._post(local.state, (to,), message)
+                return local, self._post(state, (to,), message)
             case Tell(message=message):
-                others = (i for i in range(self.setup.robots) if i != local.state.pid)
-                return local, self._post(local.state, others, message)
+                others = (i for i in range(self.setup.robots) if i != state.pid)
+                return local, self._post(state, others, message)
             case Arm(timer=timer) if timer in self._timers:
                 return replace(local, timers=local.timers | {timer}), 0
             case Disarm(timer=timer):
                 return replace(local, timers=local.timers - {timer}), 0
             case Begin(round=round_):
-                return replace(local, work=round_), 0
+                return replace(local, work=None if local.mute else round_), 0
             case Install():
                 return replace(local, work=None), 0
             case _:
                 return local, 0
+
+    def _saved(self, local: Local, state: State) -> Local:
+        """The robot after it has written to its disk. (R-SAVE)"""
+        older = local.older
+        if Disk.OLD in self.bounds.disks:
+            older = tuple(dict.fromkeys((older[0], local.disk)))
+        return replace(local, disk=durable(state), older=older)
 
     def _post(self, state: State, to: Iterable[int], message: Message) -> int:
         bits = 0
@@ -337,11 +410,12 @@ class Explorer:
 
     def _number(self, local: Local) -> int:
         """The number of a robot's state, without details that make no difference."""
-        state = replace(local.state, tries=0, holding=None)
-        if isinstance(state.office, Coordinator):
-            # Having been heard keeps a coordinator in office; so does a timer that does not expire.
-            state = replace(state, office=replace(state.office, heard=frozenset()))
-        local = replace(local, state=state)
+        if local.state is not None:
+            state = replace(local.state, tries=0, holding=None)
+            if isinstance(state.office, Coordinator):
+                # Being heard keeps a coordinator in office; so does a timer that does not expire.
+                state = replace(state, office=replace(state.office, heard=frozenset()))
+            local = replace(local, state=state)
         number = self._local_numbers.get(local)
         if number is None:
             number = self._local_numbers[local] = len(self.locals)
@@ -350,16 +424,42 @@ class Explorer:
 
     # --- the whole ------------------------------------------------------------------------------
 
-    def _started(self, state: State) -> RobotAction:
-        move = self._stepped(Local(state, frozenset(), None), Started(0.0))
+    def _started(self, local: Local) -> RobotAction:
+        move = self._stepped(local, Started(0.0))
         assert move is not None
         return move
 
-    def _restart(self, world: ProtocolState, robot: int) -> Transition:
-        incarnation = world.restarts + 1
-        move = self._started(returning(self.setup, robot, incarnation))
-        after = replace(self._after(world, robot, move), restarts=incarnation)
-        return Transition(robot, Act.RESTART, after, ())
+    def _restarts(self, world: ProtocolState, robot: int) -> Iterator[Transition]:
+        """Yield the ways in which a robot may be back; an old disk is brought back once."""
+        down = self.locals[world.locals[robot]]
+        start = world.restarts + 1
+        written = {Act.KEPT: down.disk, Act.OLD: down.older[-1], Act.OLDEST: down.older[0]}
+        for act, disk in _DISKS.items():
+            if disk not in self.bounds.disks or (disk is Disk.OLD and (world.old or down.mute)):
+                continue
+            if disk is Disk.LOST:
+                back = self._without_disk(down.pid, start)
+            else:
+                state = recovered(self.setup, down.pid, written[act], start)
+                trusted = disk is Disk.KEPT and down.trusted
+                back = replace(down, state=state, disk=written[act], trusted=trusted)
+            after = self._after(world, robot, self._started(back))
+            old = world.old + (disk is Disk.OLD)
+            yield Transition(robot, act, replace(after, restarts=start, old=old), ())
+
+    def _twin(self, world: ProtocolState, pid: int) -> Transition:
+        """A second process with a pid, which has no disk."""
+        start = self.bounds.restarts + len(world.locals)
+        widened = replace(world, locals=(*world.locals, -1))
+        move = self._started(self._without_disk(pid, start))
+        return Transition(
+            len(world.locals), Act.TWIN, self._after(widened, len(world.locals), move), ()
+        )
+
+    def _without_disk(self, pid: int, start: int) -> Local:
+        state = returning(self.setup, pid, start * INCARNATION_STEP)
+        disk = durable(state)
+        return Local(pid, state, frozenset(), None, disk, (disk,), mute=True)
 
     def _after(self, world: ProtocolState, robot: int, move: RobotAction) -> ProtocolState:
         acted = world.acted
@@ -379,6 +479,11 @@ class Explorer:
 def _highest_epoch(state: State) -> int:
     standing = state.office.epoch if isinstance(state.office, Canvassing) else 0
     return max(state.promised, standing)
+
+
+def _down(local: Local) -> Local:
+    """A robot after a crash: only its disk is left."""
+    return replace(local, state=None, timers=frozenset(), work=None)
 
 
 def _put(numbers: tuple[int, ...], place: int, number: int) -> tuple[int, ...]:

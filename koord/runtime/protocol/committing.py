@@ -4,16 +4,24 @@ from __future__ import annotations
 
 from koord.runtime.proposals import Admitted
 from koord.runtime.protocol.events import Begin, Commit, Reason, RunEnded, Timer
-from koord.runtime.protocol.messages import Held, Hello, LastRun, LogEntry
+from koord.runtime.protocol.messages import (
+    Held,
+    Hello,
+    LastRun,
+    LogEntry,
+    incarnation_above,
+)
 from koord.runtime.protocol.state import Coordinator, Retired, StepContext
 
 
 def commit(turn: StepContext, held: Held) -> None:
     """Commit the entry of the robot's round, which a majority is known to hold. (R-COMMIT)"""
     state = turn.state
+    was_on_roster = state.is_on_roster
     entry = held.entry
     assert (entry.round, entry.previous) == (state.round, state.chain)
-    kept = _kept(entry, state.pid)
+    kept = admitted_of(entry, state.pid)
+    roster, last_ran = after_entry(state.roster, state.last_ran, entry)
     log = (*state.log, held)
     turn.change(
         round=state.round + 1,
@@ -21,16 +29,36 @@ def commit(turn: StepContext, held: Held) -> None:
         tentative=None,
         mine=None,
         log=log[-turn.setup.kept :],
-        roster=_roster(state.roster, entry),
-        last_ran=_last_ran(state.last_ran, entry),
+        roster=roster,
+        last_ran=last_ran,
         target=max(state.target, state.round + 1),
     )
     turn.want(Commit(entry, kept))
-    _end_if_over(turn, entry)
+    if turn.state.roster[state.pid] > state.incarnation:
+        if was_on_roster:
+            retire(turn)
+            return
+        outrank(turn)
+    if entry.decision.fault is not None or turn.state.round == turn.setup.rounds:
+        end(turn)
 
 
-def _kept(entry: LogEntry, pid: int) -> Admitted | None:
+def outrank(turn: StepContext) -> None:
+    """Take an incarnation above one that was admitted in an earlier life. (R-ADMIT)"""
+    state = turn.state
+    turn.change(incarnation=incarnation_above(state.roster[state.pid], state.incarnation))
+
+
+def admitted_of(entry: LogEntry, pid: int) -> Admitted | None:
+    """A robot's turn in an entry; None if it was not let through."""
     return next((taken for taken in entry.decision.ran if taken.robot == pid), None)
+
+
+def after_entry(
+    roster: tuple[int, ...], last_ran: tuple[LastRun | None, ...], entry: LogEntry
+) -> tuple[tuple[int, ...], tuple[LastRun | None, ...]]:
+    """The roster, and what robots last ran, after an entry is committed."""
+    return _roster(roster, entry), _last_ran(last_ran, entry)
 
 
 def _roster(roster: tuple[int, ...], entry: LogEntry) -> tuple[int, ...]:
@@ -50,14 +78,6 @@ def _last_ran(before: tuple[LastRun | None, ...], entry: LogEntry) -> tuple[Last
     for taken in entry.decision.ran:
         changed[taken.robot] = LastRun(entry.round, taken.event)
     return tuple(changed)
-
-
-def _end_if_over(turn: StepContext, entry: LogEntry) -> None:
-    state = turn.state
-    if state.roster[state.pid] > state.incarnation:
-        retire(turn)
-    elif entry.decision.fault is not None or state.round == turn.setup.rounds:
-        end(turn)
 
 
 def end(turn: StepContext) -> None:
@@ -88,12 +108,12 @@ def go_on(turn: StepContext, pause_s: float) -> None:
         if not isinstance(state.office, Coordinator):
             turn.disarm(Timer.RESEND)
         return
-    if state.is_behind:
+    if state.is_behind or state.recovery is not None:
         return
     turn.resume()
     turn.want(Begin(state.round, pause_s))
     turn.arm(Timer.HOLD, pause_s + turn.setup.timing.hold_s)
-    if not state.is_voter and state.leader is not None:
+    if not state.is_on_roster and state.leader is not None:
         turn.send(state.leader, Hello(empty=False))
     if not isinstance(state.office, Coordinator):
         # Nothing is waited for until the proposal is made; what was is answered.

@@ -17,6 +17,7 @@ class Timer(Enum):
     RESEND = "resend"  #: what is not answered is sent again (R-AGAIN)
     SILENCE = "silence"  #: the coordinator, or the majority, is not heard (R-SILENCE)
     HOLD = "hold"  #: a commit is overdue (R-HOLD)
+    RECOVERY = "recovery"  #: not all others have said what was forgotten (R-RESUME)
 
 
 class Reason(Enum):
@@ -28,6 +29,10 @@ class Reason(Enum):
     UNDECIDED = "the round is not decided"
     BEHIND = "catching up"
     REJOINING = "rejoining"
+    RECOVERING = "recovering"
+    GATHERING = "waits for the other robots"
+    NEVER_BEGAN = "lost its journal before INIT: start all robots again, with --fresh"
+    UNWRITABLE = "its journal cannot be written"
     TWICE = "another robot has taken this pid"
 
 
@@ -89,6 +94,10 @@ class Tell(msgspec.Struct, frozen=True):
     """Effect: send a message to all other robots."""
 
     message: Message
+
+
+class Save(msgspec.Struct, frozen=True):
+    """Effect: write what is durable of the state to the disk; then only go on. (R-SAVE)"""
 
 
 class Begin(msgspec.Struct, frozen=True):
@@ -153,5 +162,16 @@ class Disarm(msgspec.Struct, frozen=True):
 
 
 Effect = (
-    Send | Tell | Begin | Commit | Install | ShowStore | Hold | Resume | RunEnded | Arm | Disarm
+    Save
+    | Send
+    | Tell
+    | Begin
+    | Commit
+    | Install
+    | ShowStore
+    | Hold
+    | Resume
+    | RunEnded
+    | Arm
+    | Disarm
 )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from koord.runtime.proposals import INIT_ROUND, Proposal
-from koord.runtime.protocol.committing import commit, end, go_on, retire
+from koord.runtime.protocol.committing import commit, end, go_on, outrank, retire
 from koord.runtime.protocol.events import Install, Reason, ShowStore, Timer
 from koord.runtime.protocol.messages import (
     Acknowledge,
@@ -166,6 +166,9 @@ def on_snapshot(turn: StepContext, sender: int, message: Snapshot) -> None:
     rejoining = isinstance(state.office, Rejoining)
     if message.round <= state.round and not rejoining:
         return
+    if message.round == INIT_ROUND:
+        turn.hold(Reason.NEVER_BEGAN)
+        return  # nothing has been agreed on, and it may have proposed
     _learn_epoch(turn, message.epoch)
     if rejoining:
         turn.take(Follower(sender))
@@ -181,8 +184,11 @@ def on_snapshot(turn: StepContext, sender: int, message: Snapshot) -> None:
     )
     turn.want(Install(message.round, message.store, message.last_ran[state.pid]))
     if message.roster[state.pid] > state.incarnation:
-        retire(turn)
-    elif message.ended:
+        if state.is_on_roster:
+            retire(turn)
+            return
+        outrank(turn)
+    if message.ended:
         end(turn)
     else:
         turn.watch_leader()
@@ -223,23 +229,7 @@ def _unanswered(state: State) -> Ask | Acknowledge | Propose | None:
 
 def rejoin(turn: StepContext) -> None:
     """Ask for a snapshot, again and again. (R-REJOIN)"""
-    turn.hold(Reason.REJOINING)
+    if turn.state.holding is not Reason.NEVER_BEGAN:
+        turn.hold(Reason.REJOINING)
     turn.tell(Hello(empty=True))
     turn.await_longer()
-
-
-def is_back(turn: StepContext, round_: int) -> bool:
-    """Return whether a supposedly first start is a restart. (R-FRESH)"""
-    state = turn.state
-    if round_ > INIT_ROUND and state.round == INIT_ROUND and state.mine is None:
-        return state.incarnation != state.spare and state.tentative is None
-    return False
-
-
-def start_over(turn: StepContext) -> None:
-    """Rejoin in a new incarnation. (R-FRESH)"""
-    turn.change(incarnation=turn.state.spare)
-    turn.take(Rejoining())
-    turn.disarm(Timer.DEADLINE)
-    turn.disarm(Timer.SILENCE)
-    rejoin(turn)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import assert_never
 
 from koord.runtime.proposals import INIT_ROUND
-from koord.runtime.protocol import coordinating, electing, following
+from koord.runtime.protocol import coordinating, electing, following, recovering
 from koord.runtime.protocol.events import (
     Begin,
     Effect,
@@ -14,8 +14,11 @@ from koord.runtime.protocol.events import (
     Proposed,
     Reason,
     Received,
+    Save,
+    Send,
     Started,
     StoreShown,
+    Tell,
     Timer,
 )
 from koord.runtime.protocol.messages import (
@@ -31,6 +34,8 @@ from koord.runtime.protocol.messages import (
     Open,
     Overruled,
     Propose,
+    Recovery,
+    RecoveryAnswer,
     Snapshot,
     Support,
     Vote,
@@ -45,6 +50,7 @@ from koord.runtime.protocol.state import (
     Retired,
     State,
     StepContext,
+    must_save,
 )
 
 
@@ -67,11 +73,23 @@ def step(setup: Setup, state: State, event: Event) -> tuple[State, tuple[Effect,
             _show(turn, event)
         case _:
             assert_never(event)
-    return turn.state, tuple(turn.effects)
+    return turn.state, _with_save(state, turn)
+
+
+def _with_save(before: State, turn: StepContext) -> tuple[Effect, ...]:
+    """The effects of a step; what has to be on the disk is, before a message leaves. (R-SAVE)"""
+    effects = turn.effects
+    if must_save(before, turn.state):
+        sends = (i for i, one in enumerate(effects) if isinstance(one, Send | Tell))
+        effects.insert(next(sends, len(effects)), Save())
+    return tuple(effects)
 
 
 def _start(turn: StepContext) -> None:
     timing = turn.setup.timing
+    if turn.state.recovery is not None:
+        recovering.recover(turn)
+        return
     match turn.state.office:
         case Rejoining():
             following.rejoin(turn)
@@ -113,9 +131,6 @@ def _show(turn: StepContext, event: StoreShown) -> None:
 
 def _receive(turn: StepContext, sender: int, incarnation: int, message: Message) -> None:
     coordinating.note(turn, sender)
-    if following.is_back(turn, _round_of(message)):
-        following.start_over(turn)
-        return
     if isinstance(turn.state.office, Rejoining):
         if isinstance(message, Snapshot):
             following.on_snapshot(turn, sender, message)
@@ -149,29 +164,10 @@ def _receive(turn: StepContext, sender: int, incarnation: int, message: Message)
             electing.on_vote(turn, sender, incarnation, message)
         case Overruled():
             electing.on_overruled(turn, message)
-        case _:
-            assert_never(message)
-
-
-def _round_of(message: Message) -> int:
-    """The round that a message shows to have been reached, INIT's if none."""
-    match message:
-        case Propose(proposal=proposal):
-            return proposal.round
-        case Decide(entry=entry) | History(entry=entry):
-            return entry.round
-        case (
-            Acknowledge(round=round_)
-            | Committed(round=round_)
-            | Open(round=round_)
-            | Ask(round=round_)
-            | Snapshot(round=round_)
-        ):
-            return round_
-        case Canvass(position=position) | Candidacy(position=position):
-            return position.round
-        case Support() | Vote() | Overruled() | Hello():
-            return INIT_ROUND
+        case Recovery():
+            recovering.on_recovery(turn, sender, message)
+        case RecoveryAnswer():
+            recovering.on_answer(turn, sender, message)
         case _:
             assert_never(message)
 
@@ -189,11 +185,16 @@ def _expire(turn: StepContext, timer: Timer) -> None:
             electing.silence(turn)
         case Timer.HOLD:
             turn.hold(_why(turn.state))
+        case Timer.RECOVERY:
+            recovering.believe(turn)
         case _:
             assert_never(timer)
 
 
 def _resend(turn: StepContext) -> None:
+    if turn.state.recovery is not None:
+        recovering.ask(turn)
+        return
     match turn.state.office:
         case Follower():
             following.resend(turn)
@@ -211,6 +212,8 @@ def _resend(turn: StepContext) -> None:
 
 def _why(state: State) -> Reason:
     """The reason why a commit is overdue, as far as this robot can know."""
+    if state.recovery is not None:
+        return Reason.RECOVERING
     match state.office:
         case Rejoining():
             return Reason.REJOINING

@@ -14,8 +14,16 @@ DIGEST_BYTES = 16
 #: What stands for the history before INIT.
 GENESIS = bytes(DIGEST_BYTES)
 
-#: The incarnation of a robot's first start.
+#: The incarnation of a robot that enters a run at its beginning. (R-ENTER)
 FIRST_INCARNATION = 0
+
+#: An incarnation is a count times this, and a random number that no other robot has drawn.
+INCARNATION_STEP = 1 << 48
+
+
+def incarnation_above(known: int, drawn: int) -> int:
+    """The incarnation whose count is one above a known one's. (R-LATE) (R-ADMIT)"""
+    return (known // INCARNATION_STEP + 1) * INCARNATION_STEP + drawn % INCARNATION_STEP
 
 
 class Admission(Flat, frozen=True):
@@ -185,9 +193,31 @@ class Overruled(Flat, frozen=True):
 
 
 class Hello(Flat, frozen=True):
-    """Message: the sender is back. ``empty``: it needs a snapshot. (R-REJOIN)"""
+    """Message: the sender has lost its journal. ``empty``: it needs a snapshot. (R-REJOIN)"""
 
     empty: bool
+
+
+class Recovery(Flat, frozen=True):
+    """Message: the sender is back with its journal: what has it forgotten? (R-RESUME)"""
+
+    start: int  #: the number of the sender's start
+
+
+class RecoveryAnswer(Flat, frozen=True):
+    """Message: what the sender has promised and holds, for a start of the receiver. (R-RESUME)"""
+
+    start: int
+    promised: int
+    round: int
+    tentative: Tentative | None
+
+
+class Tentative(Flat, frozen=True):
+    """An entry that is not known to be committed, and the epoch in which it was accepted."""
+
+    epoch: int
+    entry: LogEntry
 
 
 Message = (
@@ -205,4 +235,6 @@ Message = (
     | Vote
     | Overruled
     | Hello
+    | Recovery
+    | RecoveryAnswer
 )

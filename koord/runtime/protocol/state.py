@@ -66,7 +66,7 @@ class Coordinator(msgspec.Struct, frozen=True):
 
 
 class Rejoining(msgspec.Struct, frozen=True):
-    """Office: is back after a crash, and waits for a snapshot. (R-REJOIN)"""
+    """Office: is back without a journal, and waits for a snapshot. (R-REJOIN)"""
 
 
 class Retired(msgspec.Struct, frozen=True):
@@ -76,12 +76,18 @@ class Retired(msgspec.Struct, frozen=True):
 Office = Follower | Canvassing | Candidate | Coordinator | Rejoining | Retired
 
 
+class Recovering(msgspec.Struct, frozen=True):
+    """A recovery: the number of the start, and who has answered. (R-RESUME)"""
+
+    start: int
+    answered: frozenset[int] = frozenset()
+
+
 class State(msgspec.Struct, frozen=True):
     """The state of one robot in the protocol."""
 
     pid: int
     incarnation: int
-    spare: int  #: a new incarnation, should this turn out to be no first start (R-FRESH)
     office: Office
     roster: tuple[int, ...]
     last_ran: tuple[LastRun | None, ...]
@@ -92,6 +98,7 @@ class State(msgspec.Struct, frozen=True):
     tentative: Held | None = None
     log: tuple[Held, ...] = ()
     mine: Proposal | None = None
+    recovery: Recovering | None = None  #: it is back with its journal, and asks what it forgot
     target: int = INIT_ROUND  #: the highest round known to be open somewhere (R-ASK)
     holding: Reason | None = None
     ended: bool = False
@@ -99,7 +106,12 @@ class State(msgspec.Struct, frozen=True):
 
     @property
     def is_voter(self) -> bool:
-        """True if the robot's acknowledgements and votes count."""
+        """True if the robot may acknowledge and vote."""
+        return self.is_on_roster and self.recovery is None
+
+    @property
+    def is_on_roster(self) -> bool:
+        """True if it is this incarnation of the robot that counts."""
         return self.roster[self.pid] == self.incarnation
 
     @property
@@ -135,24 +147,93 @@ class State(msgspec.Struct, frozen=True):
         return self.roster[robot] == incarnation
 
 
-def fresh(setup: Setup, pid: int, spare: int) -> State:
-    """The state of a robot that is switched on for the first time in this run."""
+def fresh(setup: Setup, pid: int) -> State:
+    """The state of a robot that is switched on for the first time in this run. (R-ENTER)"""
     office: Office = Follower(setup.coordinator(0))
     if pid == setup.coordinator(0):
         office = Coordinator((None,) * setup.robots)
-    return _new(setup, pid, FIRST_INCARNATION, spare, office)
+    return _new(setup, pid, FIRST_INCARNATION, office)
 
 
 def returning(setup: Setup, pid: int, incarnation: int) -> State:
-    """The state of a robot that is back. ``incarnation`` is above all that it had."""
-    return _new(setup, pid, incarnation, incarnation, Rejoining())
+    """The state of a robot that is back without its journal. (R-REJOIN)
+
+    ``incarnation`` is one that the robot never had.
+    """
+    return _new(setup, pid, incarnation, Rejoining())
 
 
-def _new(setup: Setup, pid: int, incarnation: int, spare: int, office: Office) -> State:
+class Durable(msgspec.Struct, frozen=True):
+    """The part of the state that is on the robot's disk. (R-SAVE)"""
+
+    incarnation: int
+    promised: int
+    round: int
+    chain: bytes
+    roster: tuple[int, ...]
+    last_ran: tuple[LastRun | None, ...]
+    tentative: Held | None
+    log: tuple[Held, ...]
+    mine: Proposal | None
+    ended: bool
+
+
+def durable(state: State) -> Durable:
+    """The part of a state that a crash must not lose. (R-SAVE)"""
+    return Durable(
+        state.incarnation,
+        state.promised,
+        state.round,
+        state.chain,
+        state.roster,
+        state.last_ran,
+        state.tentative,
+        state.log,
+        state.mine,
+        state.ended,
+    )
+
+
+def must_save(before: State, after: State) -> bool:
+    """Return whether a step changed what messages may speak of. (R-SAVE)"""
+    return (
+        before.promised != after.promised
+        or before.incarnation != after.incarnation
+        or (after.tentative is not None and before.tentative is not after.tentative)
+        or (after.mine is not None and before.mine is not after.mine)
+    )
+
+
+def recovered(setup: Setup, pid: int, kept: Durable, start: int) -> State:
+    """The state of a robot that is back with its journal. (R-RESUME)
+
+    One that was not admitted yet has told nothing that counts, and goes on to rejoin.
+    """
+    if kept.roster[pid] != kept.incarnation:
+        return returning(setup, pid, kept.incarnation)
+    return State(
+        pid=pid,
+        incarnation=kept.incarnation,
+        office=Follower(None),
+        roster=kept.roster,
+        last_ran=kept.last_ran,
+        promised=kept.promised,
+        seen=kept.promised,
+        round=kept.round,
+        chain=kept.chain,
+        tentative=kept.tentative,
+        log=kept.log,
+        mine=kept.mine,
+        recovery=Recovering(start),
+        target=kept.round,
+        ended=kept.ended,
+    )
+
+
+def _new(setup: Setup, pid: int, incarnation: int, office: Office) -> State:
     return State(
         pid=pid,
         incarnation=incarnation,
-        spare=spare,
         office=office,
         roster=(FIRST_INCARNATION,) * setup.robots,
         last_ran=(None,) * setup.robots,

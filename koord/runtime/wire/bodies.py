@@ -4,11 +4,20 @@ from __future__ import annotations
 
 from enum import IntEnum
 from functools import cache
-from typing import Any
+from typing import Any, assert_never
 
 import msgspec
 
 from koord.runtime.encoding import decoder, encode
+from koord.runtime.protocol.handshake import (
+    NONCE_BYTES,
+    RUN_BYTES,
+    HandshakeMessage,
+    Join,
+    Refused,
+    Roll,
+    Running,
+)
 from koord.runtime.protocol.messages import (
     Acknowledge,
     Ask,
@@ -22,10 +31,14 @@ from koord.runtime.protocol.messages import (
     Open,
     Overruled,
     Propose,
+    Recovery,
+    RecoveryAnswer,
     Snapshot,
     Support,
+    Tentative,
     Vote,
 )
+from koord.runtime.wire.frames import MOST_STARTS
 
 
 class MessageKind(IntEnum):
@@ -45,9 +58,19 @@ class MessageKind(IntEnum):
     VOTE = 12
     OVERRULED = 13
     HELLO = 14
+    RECOVERY = 15
+    RECOVERY_ANSWER = 16
+    JOIN = 32
+    ROLL = 33
+    RUNNING = 34
+    REFUSED = 35
 
 
-_KINDS: dict[type[Message], MessageKind] = {
+#: Messages of this kind and above are said before a run, and proved with another key.
+FIRST_HANDSHAKE_KIND = MessageKind.JOIN
+
+
+_KINDS: dict[type[Message | HandshakeMessage], MessageKind] = {
     Propose: MessageKind.PROPOSE,
     Decide: MessageKind.DECIDE,
     Acknowledge: MessageKind.ACKNOWLEDGE,
@@ -62,6 +85,12 @@ _KINDS: dict[type[Message], MessageKind] = {
     Vote: MessageKind.VOTE,
     Overruled: MessageKind.OVERRULED,
     Hello: MessageKind.HELLO,
+    Recovery: MessageKind.RECOVERY,
+    RecoveryAnswer: MessageKind.RECOVERY_ANSWER,
+    Join: MessageKind.JOIN,
+    Roll: MessageKind.ROLL,
+    Running: MessageKind.RUNNING,
+    Refused: MessageKind.REFUSED,
 }
 _TYPES = {kind: type_ for type_, kind in _KINDS.items()}
 
@@ -71,18 +100,49 @@ def _decoder(kind: MessageKind) -> msgspec.msgpack.Decoder[Any]:
     return decoder(_TYPES[kind])
 
 
-def kind_and_body(message: Message) -> tuple[MessageKind, bytes]:
+def kind_and_body(message: Message | HandshakeMessage) -> tuple[MessageKind, bytes]:
     """Encode a message to its kind and body."""
     return _KINDS[type(message)], encode(message)
 
 
 def message_of(kind: int, body: bytes, robots: int) -> Message | None:
-    """Decode a message from a whole body; None if it is malformed."""
+    """Decode a message of a run from a whole body; None if it is malformed."""
+    if kind >= FIRST_HANDSHAKE_KIND:
+        return None
+    message: Message | None = _decoded(kind, body)
+    return message if message is not None and _fits(message, robots) else None
+
+
+def handshake_of(kind: int, body: bytes) -> HandshakeMessage | None:
+    """Decode a message of a handshake from a whole body; None if it is malformed."""
+    if kind < FIRST_HANDSHAKE_KIND:
+        return None
+    message: HandshakeMessage | None = _decoded(kind, body)
+    return message if message is not None and _is_well_formed(message) else None
+
+
+def _decoded(kind: int, body: bytes) -> Any:
     try:
-        message: Message = _decoder(MessageKind(kind)).decode(body)
+        return _decoder(MessageKind(kind)).decode(body)
     except (msgspec.MsgspecError, ValueError, RecursionError):
         return None
-    return message if _fits(message, robots) else None
+
+
+def _is_well_formed(message: HandshakeMessage) -> bool:
+    """Return whether nonces and identities have the right lengths."""
+    match message:
+        case Join(nonce=nonce, heard=heard, run=run):
+            lengths = (len(heard) in (0, NONCE_BYTES), len(run) in (0, RUN_BYTES))
+            return len(nonce) == NONCE_BYTES and all(lengths)
+        case Roll(nonces=nonces):
+            return all(len(nonce) == NONCE_BYTES for nonce in nonces)
+        case Running(nonce=nonce, run=run, incarnation=incarnation, start=start):
+            ranges = 0 <= incarnation < 1 << 63 and 0 <= start < MOST_STARTS
+            return ranges and len(nonce) == NONCE_BYTES and len(run) in (0, RUN_BYTES)
+        case Refused(nonce=nonce):
+            return len(nonce) == NONCE_BYTES
+        case _:
+            assert_never(message)
 
 
 def _fits(message: Message, robots: int) -> bool:
@@ -94,6 +154,8 @@ def _fits(message: Message, robots: int) -> bool:
             return all(0 <= robot < robots for robot in named)
         case Propose(proposal=proposal):
             return 0 <= proposal.robot < robots
+        case RecoveryAnswer(tentative=Tentative(entry=entry)):
+            return _fits(History(0, entry), robots)
         case Snapshot(roster=roster, last_ran=last_ran):
             return len(roster) == len(last_ran) == robots
         case Committed(pause_s=pause_s):

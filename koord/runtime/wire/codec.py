@@ -6,9 +6,25 @@ from collections import OrderedDict
 
 from msgspec import Struct, field
 
+from koord.runtime.protocol.handshake import HandshakeMessage
 from koord.runtime.protocol.messages import Message
-from koord.runtime.wire.bodies import kind_and_body, message_of
-from koord.runtime.wire.frames import ROOM, Drop, Drops, Frame, Seal, session_key
+from koord.runtime.wire.bodies import (
+    FIRST_HANDSHAKE_KIND,
+    handshake_of,
+    kind_and_body,
+    message_of,
+)
+from koord.runtime.wire.frames import (
+    HEADER_BYTES,
+    KIND_AT,
+    NAME,
+    ROOM,
+    START_STEP,
+    Drop,
+    Drops,
+    Frame,
+    Seal,
+)
 
 #: The longest message has so many pieces; a snapshot of a megabyte fits.
 MOST_PIECES = 4096
@@ -86,26 +102,30 @@ _MASK = (1 << WIDTH) - 1
 
 
 class Window(Struct):
-    """A replay window of one sender: the newest number, and a bit for each of those before it."""
+    """A replay window of one sender: the newest number, and a bit for each of those before it.
 
-    incarnation: int = 0
+    What was sent before the sender's latest start is never new. (R-START)
+    """
+
     newest: int = -1
     seen: int = 0
 
-    def is_new(self, incarnation: int, number: int) -> bool:
+    @property
+    def start(self) -> int:
+        """The highest start heard; 0: none."""
+        return max(0, self.newest // START_STEP)
+
+    def is_new(self, number: int) -> bool:
         """Return whether a datagram's number is new, and mark it as seen."""
-        if incarnation != self.incarnation:
-            if incarnation < self.incarnation:
-                return False
-            self.incarnation, self.newest, self.seen = incarnation, number, 1
-            return True
         ahead = number - self.newest
         if ahead > 0:
             self.seen = ((self.seen << ahead) | 1) & _MASK if ahead < WIDTH else 1
             self.newest = number
             return True
+        if ahead <= -WIDTH:
+            return False
         bit = 1 << -ahead
-        if ahead <= -WIDTH or self.seen & bit:
+        if self.seen & bit:
             return False
         self.seen |= bit
         return True
@@ -123,12 +143,13 @@ class Letter(Struct):
     message: Message
 
 
-class RunKey(Struct, frozen=True):
-    """The identity of a run: its id, its key, and the number of robots."""
+class Channel(Struct, frozen=True):
+    """One robot's end of the wire: the key, the number of robots, its pid and its start."""
 
-    id: str
     key: bytes
     robots: int
+    pid: int
+    start: int = 1
 
 
 class DatagramWriter:
@@ -136,12 +157,18 @@ class DatagramWriter:
 
     __slots__ = ("_number", "_pid", "_seal")
 
-    def __init__(self, run: RunKey, pid: int) -> None:
-        self._seal = Seal(session_key(run.key, run.id))
-        self._pid = pid
-        self._number = 0
+    def __init__(self, channel: Channel) -> None:
+        self._seal = Seal(channel.key)
+        self._pid = channel.pid
+        self._number = channel.start * START_STEP
 
-    def datagrams(self, incarnation: int, round_: int, message: Message) -> list[bytes]:
+    def start_again(self, start: int) -> None:
+        """Go on with the numbers of another start. (R-START)"""
+        self._number = start * START_STEP
+
+    def datagrams(
+        self, incarnation: int, round_: int, message: Message | HandshakeMessage
+    ) -> list[bytes]:
         """Encode a message as datagrams; ``round_`` is where the sender is."""
         kind, body = kind_and_body(message)
         pieces = cut(body)
@@ -158,24 +185,25 @@ class DatagramWriter:
 class DatagramReader:
     """The receiver's side of the wire format. ``read`` never raises, whatever the bytes."""
 
-    __slots__ = ("_assembly", "_pid", "_robots", "_seal", "_windows", "drops", "round")
+    __slots__ = ("_assembly", "_channel", "_seal", "_windows", "drops", "round", "start")
 
-    def __init__(self, run: RunKey, pid: int, assembly: Assembly | None = None) -> None:
+    def __init__(self, channel: Channel, assembly: Assembly | None = None) -> None:
         self.drops: Drops = Drops()
         self.round = -1  #: where this robot is
-        self._seal = Seal(session_key(run.key, run.id))
-        self._pid = pid
-        self._robots = run.robots
-        self._windows = [Window() for _ in range(run.robots)]
+        self.start = channel.start
+        self._channel = channel
+        self._seal = Seal(channel.key)
+        self._windows = [Window() for _ in range(channel.robots)]
         self._assembly = assembly if assembly is not None else Assembly()
 
     def read(self, datagram: bytes) -> Letter | None:
         """Read a datagram; return the message that it completes, if any. Drops are counted."""
-        frame = self._seal.take_off(datagram, self._robots, self._pid)
+        channel = self._channel
+        frame = self._seal.take_off(datagram, channel.robots, channel.pid, self.start)
         if isinstance(frame, Drop):
             self.drops[frame] += 1
             return None
-        if not self._windows[frame.sender].is_new(frame.incarnation, frame.number):
+        if not self._windows[frame.sender].is_new(frame.number):
             self.drops[Drop.REPLAYED] += 1
             return None
         if frame.round < self.round - LONG_PAST:
@@ -194,7 +222,61 @@ class DatagramReader:
             self.drops[Drop.UNFINISHED] += self._assembly.dropped - before
         if body is None or isinstance(body, Drop):
             return body
-        message = message_of(frame.kind, body, self._robots)
+        message = message_of(frame.kind, body, self._channel.robots)
         if message is None:
             return Drop.MALFORMED
         return Letter(frame.sender, frame.incarnation, message)
+
+    def start_of(self, sender: int) -> int:
+        """The highest start heard from a robot; 0: none. (R-START)"""
+        return self._windows[sender].start
+
+
+#: Nobody's pid: all senders are read.
+_NOBODY = -1
+
+#: What unfinished messages of a handshake may take up.
+_HANDSHAKE_BYTES = 1 << 20
+
+
+class HandshakeReader:
+    """The receiver's side of the handshake. ``read`` never raises, whatever the bytes.
+
+    Replays are dropped by the nonces in the messages, not here. (I-FRESH)
+    """
+
+    __slots__ = ("_assembly", "_robots", "_seal", "drops")
+
+    def __init__(self, key: bytes, robots: int) -> None:
+        self.drops: Drops = Drops()
+        self._seal = Seal(key)
+        self._robots = robots
+        self._assembly = Assembly(_HANDSHAKE_BYTES)
+
+    def read(self, datagram: bytes) -> tuple[int, HandshakeMessage] | None:
+        """Read a datagram; return the message that it completes, and its sender."""
+        frame = self._seal.take_off(datagram, self._robots, _NOBODY, 0)
+        if isinstance(frame, Drop):
+            self.drops[frame] += 1
+            return None
+        body = self._assembly.add(frame)
+        if body is None or isinstance(body, Drop):
+            self.drops.update([body] if body is not None else [])
+            return None
+        message = handshake_of(frame.kind, body)
+        if message is None:
+            self.drops[Drop.MALFORMED] += 1
+            return None
+        return frame.sender, message
+
+
+def claimed_sender(datagram: bytes) -> int | None:
+    """The pid in whose name a datagram is, authentic or not; None if it is no datagram of ours."""
+    if len(datagram) < HEADER_BYTES or datagram[0] != NAME:
+        return None
+    return int.from_bytes(datagram[3:5], "big")
+
+
+def is_handshake(datagram: bytes) -> bool:
+    """Return whether a datagram says to be part of a handshake."""
+    return len(datagram) > KIND_AT and datagram[KIND_AT] >= FIRST_HANDSHAKE_KIND
