@@ -45,7 +45,9 @@ if TYPE_CHECKING:
     from koord.api.progress import CancelledError as CancelledError
     from koord.api.progress import Progress as Progress
     from koord.api.protocol_check import ProtocolCheck as ProtocolCheck
+    from koord.api.protocol_check import ProtocolProof as ProtocolProof
     from koord.api.protocol_check import check_protocol as check_protocol
+    from koord.api.protocol_check import prove_protocol as prove_protocol
     from koord.api.recheck import RecheckReport as RecheckReport
     from koord.api.recheck import recheck as recheck
     from koord.api.refine_simulated import SimulatedRuns as SimulatedRuns
@@ -88,7 +90,12 @@ _HOMES = {
     "koord.api.merge": ("Merged", "merge"),
     "koord.api.programs": ("CheckReport", "Program", "check", "load"),
     "koord.api.progress": ("Cancellation", "CancelledError", "Progress"),
-    "koord.api.protocol_check": ("ProtocolCheck", "check_protocol"),
+    "koord.api.protocol_check": (
+        "ProtocolCheck",
+        "ProtocolProof",
+        "check_protocol",
+        "prove_protocol",
+    ),
     "koord.api.recheck": ("RecheckReport", "recheck"),
     "koord.api.refine_simulated": ("SimulatedRuns", "refine_simulated"),
     "koord.api.refinement": ("Refinement", "refine"),

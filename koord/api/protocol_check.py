@@ -1,6 +1,7 @@
-"""The check of the round-commit protocol itself: explorations and simulated networks.
+"""The check of the round-commit protocol itself: explorations, simulated networks, and a proof.
 
-All interleavings of three robots are explored to a bound; simulated networks have every fault.
+All interleavings of three robots are explored to a bound; simulated networks have every fault; the
+proof is for every number of robots.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from collections.abc import Iterator, Mapping
 from koord.api.progress import Cancellation, Listener, Progress, asker, heard_by
 from koord.api.refinement import NETWORKS, Network
 from koord.api.results import ArgumentError, Result, html_table
+from koord.refinement.protocol_proof.steps import Answer, Step
 from koord.runtime.chaos.network import Faults
 from koord.runtime.chaos.storm import Weathered, weather
 from koord.runtime.exploration.exploring import Explored, explore
@@ -117,6 +119,85 @@ def check_protocol(
         tell(Progress(what))
         explored[what] = explore(bounds)
     return ProtocolCheck(explored, tuple(weathered), is_cancelled())
+
+
+class ProtocolProof(Result, frozen=True):
+    """The steps of the proof that the protocol is safe for every number of robots."""
+
+    steps: tuple[Step, ...]
+    interrupted: bool = False
+
+    @property
+    def open(self) -> tuple[Step, ...]:
+        """The steps that were not proved."""
+        return tuple(step for step in self.steps if step.answer is not Answer.PROVED)
+
+    @property
+    def refuted(self) -> tuple[Step, ...]:
+        """The steps to which there is a counterexample."""
+        return tuple(step for step in self.steps if step.answer is Answer.REFUTED)
+
+    @property
+    def ok(self) -> bool:
+        """True if every step was proved."""
+        return not self.open and not self.interrupted
+
+    @property
+    def invariants(self) -> tuple[str, ...]:
+        """The ids of the invariants of specs/protocol that were proved."""
+        if self.open:
+            return ()
+        return tuple(step.statement for step in self.steps if step.statement.startswith("I-"))
+
+    def to_dict(self) -> dict[str, object]:
+        """The result as plain data, as ``koord check-refinement --json`` prints it."""
+        return {
+            "format": "koord-protocol-proof",
+            "version": 1,
+            "proved": self.ok,
+            "invariants": list(self.invariants),
+            "steps": [
+                {
+                    "action": step.action,
+                    "rule": step.rule,
+                    "statement": step.statement,
+                    "answer": step.answer.value,
+                    "seconds": round(step.seconds, 3),
+                    "counterexample": list(step.counterexample),
+                }
+                for step in self.steps
+            ],
+        }
+
+    def __repr__(self) -> str:
+        said = "; ".join(f"{one.action or 'claims'}: {one.statement}" for one in self.open)
+        return f"<ProtocolProof {len(self.steps)} steps: {said or 'all proved'}>"
+
+    def _repr_html_(self) -> str:
+        rows = [(one.action, one.statement, one.answer.value) for one in self.steps]
+        return html_table(repr(self), ("action", "statement", "answer"), rows)
+
+
+def prove_protocol(
+    *,
+    progress: Listener | None = None,
+    cancellation: Cancellation | None = None,
+) -> ProtocolProof:
+    """Prove the protocol safe for every number of robots, rounds, epochs, crashes and returns.
+
+    Z3 is asked whether each action of a model in first-order logic keeps each statement of an
+    inductive invariant, and whether the invariants of specs/protocol follow from it.
+    """
+    from koord.refinement.protocol_proof.proving import Prover
+
+    tell, is_cancelled = heard_by(progress), asker(cancellation)
+    steps = []
+    for step in Prover().steps():
+        steps.append(step)
+        tell(Progress(f"{step.action or 'claims'}: {step.statement}"))
+        if is_cancelled():
+            break
+    return ProtocolProof(tuple(steps), is_cancelled())
 
 
 def _runs(count: int, seed: int, faults: Faults) -> Iterator[Weathered]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+from itertools import groupby
 from typing import TYPE_CHECKING
 
 from koord.api.programs import Program
@@ -37,7 +38,7 @@ from koord.syntax.diagnostics import KoordError
 from koord.syntax.source import counted
 
 if TYPE_CHECKING:
-    from koord.api.protocol_check import ProtocolCheck
+    from koord.api.protocol_check import ProtocolCheck, ProtocolProof
     from koord.api.refine_simulated import SimulatedRuns
 
 
@@ -71,6 +72,43 @@ def _show_protocol(checked: ProtocolCheck, network: str) -> None:
         print(f"broken: {story}")
     if not checked.broken:
         print("every invariant of specs/protocol held")
+
+
+def prove_for_every_number(arguments: argparse.Namespace) -> int:
+    """Prove the protocol for every number of robots, print the proof, and return the exit code."""
+    from koord.api.protocol_check import prove_protocol
+
+    with Interruption() as interruption, LiveLine(sys.stderr) as line:
+        proof = prove_protocol(
+            progress=lambda told: line.show(told.message), cancellation=interruption
+        )
+    if arguments.json:
+        sys.stdout.write(proof.to_json() + "\n")
+    else:
+        _show_proof(proof)
+    if proof.interrupted:
+        return Exit.INTERRUPTED
+    if proof.ok:
+        return Exit.OK
+    return Exit.VIOLATED if proof.refuted else Exit.UNKNOWN
+
+
+def _show_proof(proof: ProtocolProof) -> None:
+    open_ = set(proof.open)
+    for about, steps in groupby(proof.steps, lambda one: (one.action, one.rule)):
+        of_it = tuple(steps)
+        kept = counted(len(of_it) - len(open_.intersection(of_it)), "statement")
+        print("{} ({}): {} proved".format(*about, kept) if about[0] else f"claims: {kept} proved")
+    for step in proof.open:
+        print(f"not proved ({step.answer.value}): {step.action or 'claims'}: {step.statement}")
+        for fact in step.counterexample:
+            print(f"  {fact}")
+    if proof.ok:
+        seconds = sum(step.seconds for step in proof.steps)
+        print(
+            "proved for every number of robots, rounds and epochs: "
+            f"{', '.join(proof.invariants)}, in {seconds:.1f} s"
+        )
 
 
 def check_worlds(arguments: argparse.Namespace) -> int:
@@ -144,6 +182,11 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "one process, K/10 over a simulated network, K/50 over UDP)",
     )
     parser.add_argument(
+        "--for-every-number",
+        action="store_true",
+        help="with --target protocol: instead, prove it safe for every number of robots (Z3)",
+    )
+    parser.add_argument(
         "--rounds", metavar="R", type=rounds, default=8, help="how many rounds a run (8)"
     )
     parser.add_argument(
@@ -184,6 +227,8 @@ def main(arguments: argparse.Namespace) -> int:
     check_files([*arguments.files, *arguments.properties])
     if arguments.target == _PROTOCOL:
         return _protocol(arguments)
+    if arguments.for_every_number:
+        raise argparse.ArgumentTypeError("--for-every-number needs --target protocol")
     if arguments.target == _SIMULATOR:
         return _simulator(arguments)
     if arguments.case is not None and arguments.files:
@@ -238,7 +283,8 @@ def _protocol(arguments: argparse.Namespace) -> int:
         raise argparse.ArgumentTypeError(
             "--target protocol is of no program: it takes no file, no case"
         )
-
+    if arguments.for_every_number:
+        return prove_for_every_number(arguments)
     return check_protocol_alone(arguments)
 
 
