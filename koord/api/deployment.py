@@ -27,6 +27,7 @@ from koord.runtime.compile import compiled
 from koord.runtime.compile.loading import loaded
 from koord.runtime.configuration.model import RunConfiguration
 from koord.runtime.deploy.ideal import unanswered
+from koord.runtime.deploy.joining import knock
 from koord.runtime.deploy.local import Launch, local_plan, transport_of
 from koord.runtime.deploy.recording import DeploymentRecord
 from koord.runtime.deploy.running import CannotTakePartError, RoundReport, Runner, ideal_member
@@ -178,9 +179,17 @@ def _starts(fitted: Fitted) -> Mapping[tuple[int | None, str], Any]:
 
 
 def _program(program: core.Program) -> Fingerprint:
-    """What robots run, as all have to: the compiled program, whatever its file is called."""
-    text = compiled(replace(program, name="program"))
-    digest = blake2b(text.encode(), digest_size=8).hexdigest()
+    """What robots run, as all have to, whatever its file is called and however it is laid out."""
+    parts = (
+        program.agents,
+        program.allread,
+        program.allwrite,
+        program.functions,
+        program.externals,
+        program.lock_classes,
+    )
+    # Nodes show what they mean, and not where they stand.
+    digest = blake2b(repr(parts).encode(), digest_size=8).hexdigest()
     params = tuple((f"param {one.name}", str(one.value)) for one in program.parameters)
     return (("program", digest), *params)
 
@@ -277,7 +286,12 @@ def _one(of: _Deployment, pid: int) -> Deployed:
         hint = f"the pids are 0 to {job.robots - 1}"
         raise refusal("K932", job.configuration.name, story, hint)
     # Nothing is written before it is sure that this robot can talk to the others.
-    transport = transport_of(job.configuration, job.run, pid)
+    try:
+        transport = transport_of(job.configuration, job.run, pid)
+    except TransportError:
+        with suppress(OSError):
+            knock(job.party(pid), job.configuration.robots[pid].address)
+        raise
     with ExitStack() as stack:
         stack.callback(transport.close)
         job = stack.enter_context(_noting(job, request.state or _STATE))

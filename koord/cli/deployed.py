@@ -112,9 +112,10 @@ class Lines:
 
 
 def _remarks(status: RobotReport, process: ProcessReport | None) -> Iterator[str]:
-    remark = story(status, process)
+    remark = _standing(status, process)
     if remark:
         yield remark
+    yield from status.notes
 
 
 def table(heard: FleetHeard, rows: int = MOST_ROWS) -> Table:
@@ -149,7 +150,12 @@ def table(heard: FleetHeard, rows: int = MOST_ROWS) -> Table:
 
 
 def story(status: RobotReport, process: ProcessReport | None = None) -> str:
-    """The remark on a robot in the table: on its process, if it was lost, and how it is doing."""
+    """The remark on a robot in the table: how it is doing, and what it has noticed."""
+    return "; ".join(filter(None, (_standing(status, process), *status.notes)))
+
+
+def _standing(status: RobotReport, process: ProcessReport | None) -> str:
+    """How a robot is doing; of its process, if that was lost."""
     if process is None:
         return _doing(status)
     if process.is_lost:

@@ -410,7 +410,9 @@ def test_robots_with_other_programs_name_each_other() -> None:
     for pid, name in enumerate(("lineform", "sum_of_ids")):
         configuration = load_configuration(Source("c.yaml", "num_robots: 2\n"))
         kinds = (0, 0)
+        program = (("program", name),)
         job = Job(classes(name), kinds, configuration, b"key", "run", 0.1, 0.0, 5, None)
+        job = replace(job, program=program)
         runners.append(Runner(job, pid, hub.transport(pid), lambda: now[0]))
     refused = None
     while refused is None:
@@ -421,10 +423,9 @@ def test_robots_with_other_programs_name_each_other() -> None:
             runners[1].step()
         except CannotTakePartError as error:
             refused = str(error)
-    one, other = "2 (SumOfIds, SumOfIds)", "2 (Lineform, Lineform)"
-    what = f"robot 1 runs something else than robot 0: robots: {one} here, {other} there"
+    what = "robot 1 runs something else than robot 0: program: sum_of_ids here, lineform there"
     assert refused == what
-    told = f"robot 1 runs something else (robots: {other} here, {one} there)"
+    told = "robot 1 runs something else (program: lineform here, sum_of_ids there)"
     assert runners[0].status.notes == (told,)
     assert runners[0].status.holding is Reason.GATHERING
 

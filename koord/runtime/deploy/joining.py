@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import secrets
+import socket
 from collections import OrderedDict
 from collections.abc import Callable
 
@@ -67,6 +68,17 @@ def drawn() -> bytes:
 
 #: What ends a handshake for a robot.
 Ending = Enter | EnterLate | TurnedAway
+
+
+def knock(party: Party, address: tuple[str, int]) -> None:
+    """Say Join to whoever has a robot's address already, so that it names this process too.
+
+    (R-NAME) Raises OSError.
+    """
+    channel = Channel(party.fleet_key, party.robots, party.pid, secrets.randbelow(MOST_STARTS))
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as own:
+        for datagram in DatagramWriter(channel).datagrams(0, 0, join(party, waiting(party))):
+            own.sendto(datagram, address)
 
 
 class _Note(Struct):

@@ -112,11 +112,12 @@ class Job(Struct, frozen=True):
     @property
     def fingerprint(self) -> Fingerprint:
         """What all robots have to have in common. (R-JOIN)"""
-        kinds = ", ".join(self.classes[kind].__name__ for kind in self.kinds)
+        several = len(self.classes) > 1  # else the name of the only kind is the file's
+        names = ", ".join(self.classes[kind].__name__ for kind in self.kinds) if several else ""
         return (
             ("koord", __version__),
             *self.program,
-            ("robots", f"{self.robots} ({kinds})"),
+            ("robots", f"{self.robots} ({names})" if several else str(self.robots)),
             ("delta", f"{self.delta_s:g} s"),
             ("pace", f"{self.pace_s:g} s"),
             ("rounds", "no end" if self.rounds is None else str(self.rounds)),
