@@ -106,16 +106,18 @@ class Lines:
         still = {pid for pid, remark in remarks if remark.startswith(_HOLDS)}
         for pid in sorted(self._holding - still):
             status = heard.statuses.get(pid)
-            if status is not None and not status.is_over:
+            process = heard.processes.get(pid)
+            is_lost = process is not None and process.is_lost
+            if status is not None and not status.is_over and not is_lost:
                 self._say(f"robot {pid}: goes on, in round {status.round}")
         self._holding &= still
 
 
 def _remarks(status: RobotReport, process: ProcessReport | None) -> Iterator[str]:
-    remark = _standing(status, process)
-    if remark:
-        yield remark
-    yield from status.notes
+    if process is not None and process.story:
+        yield process.story
+    if process is None or not process.is_lost:
+        yield from filter(None, (_doing(status), *status.notes))
 
 
 def table(heard: FleetHeard, rows: int = MOST_ROWS) -> Table:

@@ -23,6 +23,7 @@ from koord.api.deployed import FleetHeard
 from koord.cli.deployed import Lines, table
 from koord.cli.exits import Exit
 from koord.runtime.deploy.status import RobotReport
+from koord.runtime.deploy.supervision import EndCause, ProcessEnd, ProcessReport, ProcessState
 from koord.runtime.protocol.events import Reason
 from tests.deployed.fleet import free_port
 
@@ -230,6 +231,23 @@ def test_without_a_terminal_what_lasts_is_said_once_and_so_is_its_end() -> None:
     ]
     hear(10.0, status(0, 8, is_over=True), status(1, 8, is_over=True))
     assert len(said) == 3
+
+
+def test_robots_whose_processes_end_have_a_line_and_do_not_go_on() -> None:
+    said: list[str] = []
+    lines = Lines(said.append)
+    end = ProcessEnd(1, EndCause.KILLED, 4, signal=9)
+    running = ProcessReport()
+    back = ProcessReport(restarts=1, end=end)
+    lost = ProcessReport(ProcessState.LOST, end=end)
+    holding = status(1, 4, holding=Reason.UNDECIDED)
+    for at, process in ((0.0, running), (1.0, running), (2.0, back), (3.0, back), (4.0, lost)):
+        lines.hear(FleetHeard.of({1: holding}, None, {1: process}), at)
+    assert said == [
+        "robot 1: holds: the round is not decided",
+        "robot 1: its process was killed (signal 9) in round 4; restarted once",
+        "robot 1: its process was killed (signal 9) in round 4",
+    ]
 
 
 def test_why_a_robot_waits_is_said_without_a_terminal(tmp_path: Path) -> None:
