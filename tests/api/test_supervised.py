@@ -66,6 +66,16 @@ def test_a_robot_whose_process_is_killed_is_restarted_and_goes_on(
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize("fresh", [False, True])
+def test_all_robots_may_be_killed_at_once_and_go_on(fresh: bool) -> None:
+    strikes = Strike(signal.SIGKILL, 0, 1, 2)
+    deployed = koord.deploy(COUNT, THREE, rounds=30, restart=True, fresh=fresh, progress=strikes)
+    assert deployed.ok
+    assert [deployed.processes[pid].restarts for pid in range(3)] == [1, 1, 1]
+    assert [deployed.statuses[pid].round for pid in range(3)] == [30, 30, 30]
+    assert not any(status.is_mute for status in deployed.statuses.values())
+
+
 def test_a_run_that_has_lost_its_majority_ends_and_says_so() -> None:
     deployed = koord.deploy(COUNT, THREE, progress=Strike(signal.SIGKILL, 1, 2))
     assert not deployed.ok

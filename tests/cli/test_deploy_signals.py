@@ -90,9 +90,15 @@ class Command:
         """What each robot last wrote down: whether it holds."""
         return [path.read_text("utf-8") for path in sorted(self.folder.glob("holds-*"))]
 
-    def recorded(self) -> list[dict[str, Any]]:
+    def recorded(self, topic: str = "/status") -> list[dict[str, Any]]:
+        """The messages on a topic and those below it."""
         with (self.folder / "run.mcap").open("rb") as file:
-            return [json.loads(one.data) for _, _, one in make_reader(file).iter_messages()]
+            said = make_reader(file).iter_messages()
+            return [json.loads(one.data) for _, at, one in said if at.topic.startswith(topic)]
+
+    def rounds(self, pid: int) -> list[int]:
+        """The rounds that a robot has acted on, by the recording."""
+        return [one["round"] for one in self.recorded(f"/robots/{pid}")]
 
 
 @contextmanager
@@ -147,9 +153,25 @@ def test_a_run_that_is_asked_to_end_stops_safely_and_keeps_all(
         assert run.holds() == ["True"] * robots
         told = json.loads(out)["robots"]
         assert [one["pid"] for one in told] == list(range(robots))
-        rounds = {one["round"] for one in run.recorded() if "took_s" in one and "event" in one}
-        assert max(rounds) == max(one["round"] for one in told) - 1
+        assert [max(run.rounds(pid)) for pid in range(robots)] == [one["round"] - 1 for one in told]
         assert len(list((tmp_path / "noted").iterdir())) == robots
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGKILL])
+def test_the_same_command_goes_on(number: signal.Signals, tmp_path: Path) -> None:
+    """Nobody acts on a round a second time."""
+    words = (*ALL, "--rounds", "40")
+    with command(tmp_path, 3, *words) as run:
+        run.wait_for(UNDER_WAY)
+        os.kill(run.process.pid, number)
+        run.ended()
+        before = [max(run.rounds(pid)) for pid in range(3)]
+    with command(tmp_path, 3, *words) as run:
+        code, out = run.ended()
+        assert code == Exit.OK, out
+        assert all(min(run.rounds(pid)) > before[pid] for pid in range(3))
+        assert [max(run.rounds(pid)) for pid in range(3)] == [39] * 3
+    assert list((tmp_path / "noted").iterdir()) == []
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
@@ -207,7 +229,7 @@ def test_a_run_that_has_lost_its_majority_ends_with_a_summary(tmp_path: Path) ->
         ends = [one["process"]["end"] for one in told["robots"]]
         assert ends[0] is None
         assert [one["signal"] for one in ends[1:]] == [signal.SIGKILL] * 2
-        lost = [one for one in run.recorded() if one.get("process", {}).get("state") == "lost"]
+        lost = [one for one in run.recorded() if one["process"]["state"] == "lost"]
         assert {one["pid"] for one in lost} == {1, 2}
         assert run.holds()[0] == "True"
 
@@ -221,5 +243,5 @@ def test_a_robot_that_is_killed_is_restarted_and_told_of(tmp_path: Path) -> None
         assert code == Exit.OK, out
         assert out.startswith(f"{SUM}: 3 robots, δ = 0.05 s\n40 rounds of 3 robots: ")
         assert re.search(r"robot 2: its process was killed .* in round \d+; restarted once\n", out)
-        back = [one for one in run.recorded() if one.get("process", {}).get("restarts") == 1]
+        back = [one for one in run.recorded() if one["process"]["restarts"] == 1]
         assert {one["pid"] for one in back} == {2}

@@ -16,6 +16,7 @@ from types import FrameType
 from typing import assert_never
 
 from msgspec import Struct, field
+from msgspec.structs import replace
 
 from koord.runtime.configuration.forms import Carrier
 from koord.runtime.configuration.model import RunConfiguration
@@ -245,7 +246,9 @@ class LocalProcesses(Struct):
         self.statuses.pop(pid, None)
         self.failures.pop(pid, None)
         self.farewells.pop(pid, None)
-        self.processes[pid], self.ends[pid] = _started(self.launch, pid)
+        # Who comes back belongs to the run that there is, also if that was to be a new one.
+        launch = replace(self.launch, job=replace(self.launch.job, insists=False))
+        self.processes[pid], self.ends[pid] = _started(launch, pid)
 
     def join(self) -> None:
         """Wait until all processes have ended."""
