@@ -196,8 +196,9 @@ def summary(deployed: Deployed) -> str:
     if not statuses:
         return "no robot has said anything"
     everyone = list(statuses.values())
-    done = max(0, *(status.round for status in everyone))
-    behind = [str(status.pid) for status in everyone if status.round < done]
+    last = max(status.round for status in everyone)
+    done = max(0, last)
+    behind = [str(status.pid) for status in everyone if status.round < last]
     drops: dict[str, int] = {}
     for status in everyone:
         for reason, count in status.drops:
