@@ -201,9 +201,16 @@ PROTOCOL = (
     Mutant(
         "votes of another epoch count",
         "runtime.protocol.electing.on_vote",
-        "isinstance(state.office, Candidate) and message.epoch == state.promised",
-        "isinstance(state.office, Candidate)",
+        "not isinstance(state.office, Candidate) or message.epoch != state.promised",
+        "not isinstance(state.office, Candidate)",
         (ELECTIONS,),
+    ),
+    Mutant(
+        "votes for another process of the pid count",
+        "runtime.protocol.electing.on_vote",
+        "message.candidate == state.incarnation",
+        "message.candidate >= 0",
+        (ELECTIONS, "tests/runtime/test_twins.py"),
     ),
     Mutant(
         "who hears its coordinator supports another",

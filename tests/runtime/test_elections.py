@@ -276,9 +276,24 @@ def test_a_vote_of_another_epoch_does_not_count() -> None:
     robots.of(Canvass)
     robots.of(Support)
     robots.lose()
-    robots.mail = [Parcel(i, 0, 1, Vote(0)) for i in (2, 3, 4)]
+    robots.mail = [Parcel(i, 0, 1, Vote(0, 0)) for i in (2, 3, 4)]
     robots.deliver()
     assert isinstance(robots.states[1].office, Candidate)
+
+
+def test_a_vote_for_another_process_of_the_pid_does_not_count() -> None:
+    """(R-OFFICE)"""
+    robots = orphaned(5)
+    robots.fire(1, Timer.SILENCE)
+    robots.of(Canvass)
+    robots.of(Support)
+    robots.lose()
+    robots.mail = [Parcel(i, 0, 1, Vote(1, 7)) for i in (2, 3, 4)]
+    robots.deliver()
+    assert isinstance(robots.states[1].office, Candidate)
+    robots.mail = [Parcel(i, 0, 1, Vote(1, 0)) for i in (2, 3, 4)]
+    robots.deliver()
+    assert isinstance(robots.states[1].office, Coordinator)
 
 
 def test_a_coordinator_that_hears_no_majority_steps_down() -> None:
@@ -411,7 +426,7 @@ def test_a_vote_from_before_a_restart_does_not_elect() -> None:
     robots.off(0)
     robots.fire(1, Timer.SILENCE)
     robots.fire(1, Timer.SILENCE)
-    robots.mail = [Parcel(2, 0, 1, Support(1)), Parcel(2, 0, 1, Vote(1))]
+    robots.mail = [Parcel(2, 0, 1, Support(1)), Parcel(2, 0, 1, Vote(1, 0))]
     robots.deliver()
     assert isinstance(robots.states[1].office, Canvassing)
 

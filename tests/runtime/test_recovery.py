@@ -104,9 +104,9 @@ def test_what_is_said_and_not_saved_is_seen() -> None:
     robots.run_round()
     state = robots.states[1]
     disk = durable(state)
-    assert not list(saved(Vote(state.promised), 0, state, disk))
-    assert list(saved(Vote(state.promised + 1), 0, state, disk))
-    assert list(saved(Vote(state.promised), 5, state, disk))
+    assert not list(saved(Vote(state.promised, 0), 0, state, disk))
+    assert list(saved(Vote(state.promised + 1, 0), 0, state, disk))
+    assert list(saved(Vote(state.promised, 0), 5, state, disk))
     robots.propose(1)
     (proposal,) = (p.message for p in robots.mail if isinstance(p.message, Propose))
     assert list(saved(proposal, 0, robots.states[1], disk))

@@ -161,7 +161,7 @@ messages: st.SearchStrategy[Message] = st.one_of(
     st.builds(Canvass, epochs, positions),
     st.builds(Candidacy, epochs, positions),
     st.builds(Support, epochs),
-    st.builds(Vote, epochs),
+    st.builds(Vote, epochs, st.integers(0, 2**63)),
     st.builds(Overruled, epochs),
     st.builds(Hello, st.booleans()),
     st.builds(Recovery, st.integers(1, 2**20)),

@@ -111,7 +111,7 @@ def _stand_if_supported(turn: StepContext) -> None:
     _count(turn, state.pid, state.incarnation)
 
 
-def on_candidacy(turn: StepContext, sender: int, message: Candidacy) -> None:
+def on_candidacy(turn: StepContext, sender: int, incarnation: int, message: Candidacy) -> None:
     """Handle a Candidacy. (R-VOTE)"""
     state, setup = turn.state, turn.setup
     epoch = message.epoch
@@ -128,13 +128,15 @@ def on_candidacy(turn: StepContext, sender: int, message: Candidacy) -> None:
         turn.promise(epoch)
         turn.follow_nobody()
         turn.watch_leader()
-    turn.send(sender, Vote(epoch))
+    turn.send(sender, Vote(epoch, incarnation))
 
 
 def on_vote(turn: StepContext, sender: int, incarnation: int, message: Vote) -> None:
     """Handle a Vote. (R-OFFICE)"""
     state = turn.state
-    if isinstance(state.office, Candidate) and message.epoch == state.promised:
+    if not isinstance(state.office, Candidate) or message.epoch != state.promised:
+        return
+    if message.candidate == state.incarnation:
         _count(turn, sender, incarnation)
 
 

@@ -159,7 +159,7 @@ def _receive(turn: StepContext, sender: int, incarnation: int, message: Message)
         case Support():
             electing.on_support(turn, sender, incarnation, message)
         case Candidacy():
-            electing.on_candidacy(turn, sender, message)
+            electing.on_candidacy(turn, sender, incarnation, message)
         case Vote():
             electing.on_vote(turn, sender, incarnation, message)
         case Overruled():

@@ -181,9 +181,13 @@ class Candidacy(Flat, frozen=True):
 
 
 class Vote(Flat, frozen=True):
-    """Message: the sender accepts no lower epoch from now on. (R-VOTE)"""
+    """Message: the sender accepts no lower epoch from now on. (R-VOTE)
+
+    ``candidate`` is the incarnation that asked: its position was looked at, and it alone counts it.
+    """
 
     epoch: int
+    candidate: int
 
 
 class Overruled(Flat, frozen=True):
