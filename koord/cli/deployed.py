@@ -97,20 +97,35 @@ class Lines:
         }
         self._since = {one: self._since.get(one, now) for one in remarks}
         self._said &= remarks
+        new: dict[str, list[int]] = {}
         for pid, remark in sorted(remarks - self._said):
             holds = remark.startswith(_HOLDS)
             if not holds or now >= self._since[pid, remark] + _LASTING_S:
                 self._said.add((pid, remark))
                 self._holding |= {pid} if holds else set()
-                self._say(f"robot {pid}: {remark}")
+                new.setdefault(remark, []).append(pid)
         still = {pid for pid, remark in remarks if remark.startswith(_HOLDS)}
         for pid in sorted(self._holding - still):
             status = heard.statuses.get(pid)
             process = heard.processes.get(pid)
             is_lost = process is not None and process.is_lost
             if status is not None and not status.is_over and not is_lost:
-                self._say(f"robot {pid}: goes on, in round {status.round}")
+                new.setdefault(f"goes on, in round {status.round}", []).append(pid)
         self._holding &= still
+        for remark, pids in new.items():
+            self._say(f"{_named(pids)}: {remark}")
+
+
+def _named(pids: list[int]) -> str:
+    """Robots by pid, in words: ``robots 0, 3–7``."""
+    spans: list[list[int]] = []
+    for pid in pids:
+        if spans and spans[-1][-1] == pid - 1:
+            spans[-1].append(pid)
+        else:
+            spans.append([pid])
+    said = [f"{one[0]}–{one[-1]}" if len(one) > 2 else ", ".join(map(str, one)) for one in spans]
+    return f"robot {said[0]}" if len(pids) == 1 else f"robots {', '.join(said)}"
 
 
 def _remarks(status: RobotReport, process: ProcessReport | None) -> Iterator[str]:

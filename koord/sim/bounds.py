@@ -25,19 +25,26 @@ from koord.syntax.walk import nodes
 #: Around all places there is so much room for robots to turn and to pass each other.
 MARGIN_M = 2.0
 
+#: The ground that a robot gets in a world without bounds, where nobody says where it begins.
+_ROOM_M2 = 4.0
+
 #: There is so much room above the ground, and above the highest place.
 _ROOM_M, _ABOVE_M = 3.0, 1.0
 
 
-def world_of(configuration: RunConfiguration, landmarks: Sequence[Point] | None) -> World:
+def world_of(
+    configuration: RunConfiguration, landmarks: Sequence[Point] | None, robots: int
+) -> World:
     """The world of a configuration, with its bounds, or bounds with room for all places.
 
     ``landmarks`` are the places that a program names, None if it moves nobody. Raises KoordError if
     bounds are to be asked for. (K931)
     """
     world = configuration.world if configuration.world is not None else World()
-    if configuration.bounded or landmarks is None:
+    if configuration.bounded:
         return world
+    if landmarks is None:
+        return _with_room(world, robots)
     lost = [robot.pid for robot in configuration.robots if robot.position is None]
     if lost and configuration.scatter.start is None:
         where = configuration.place("world") if configuration.world else configuration.place()
@@ -45,6 +52,16 @@ def world_of(configuration: RunConfiguration, landmarks: Sequence[Point] | None)
         hint = "write world: {bounds: {low: [-5, -5, 0], high: [5, 5, 3]}}, or a `position`"
         raise KoordError((problem(where, story, hint),))
     return around(world, [*landmarks, *_places(configuration, world)])
+
+
+def _with_room(world: World, robots: int) -> World:
+    """A world enlarged where needed, so that so many robots may stand in it anywhere."""
+    (x0, y0, z0), (x1, y1, z1) = world.low, world.high
+    scale = math.sqrt(robots * _ROOM_M2 / ((x1 - x0) * (y1 - y0)))
+    if scale <= 1:
+        return world
+    low, high = (x0 * scale, y0 * scale, z0), (x1 * scale, y1 * scale, z1)
+    return replace(world, low=low, high=high)
 
 
 def widened(world: World, places: Sequence[Point]) -> World:

@@ -90,7 +90,7 @@ def scene(
             models[place.vehicle] = _model(place.vehicle)
     if problems:
         raise KoordError(tuple(problems))
-    world = world_of(configuration, landmarks)
+    world = world_of(configuration, landmarks, len(places))
     _refuse(configuration, world_complaints(world), places)
     bodies = [models[place.vehicle].body for place in places]
     clearance = clearance_of(bodies, TRACKING_M, world.ground)

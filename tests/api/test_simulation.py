@@ -232,6 +232,8 @@ def test_a_configuration_is_checked_by_itself_and_with_a_program() -> None:
     assert "<ConfigurationReport a.yaml: 2 robots" in repr(alone)
     both = koord.check_configuration(MIXED, TASK)
     assert (both.ok, both.program) == (True, str(TASK))
+    many = koord.check_configuration(koord.Source("a.yaml", "num_robots: 300\n"), COUNT)
+    assert many.ok, "there is room for as many as one likes, where nobody says how much"
     wrong = koord.check_configuration(koord.Source("a.yaml", "agents: [{kind: Boat}]\n"), COUNT)
     assert not wrong.ok
     Draft202012Validator(koord.schema("diagnostics")).validate(wrong.to_dict())

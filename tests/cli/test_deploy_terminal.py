@@ -250,6 +250,21 @@ def test_robots_whose_processes_end_have_a_line_and_do_not_go_on() -> None:
     ]
 
 
+def test_what_many_robots_do_is_said_in_one_line() -> None:
+    said: list[str] = []
+    lines = Lines(said.append)
+    many = {pid: status(pid, 4, holding=Reason.UNDECIDED) for pid in (0, 1, 2, 5, 8, 9)}
+    for at in (0.0, 9.0):
+        lines.hear(FleetHeard.of(many, None), at)
+    noticed = {3: status(3, 4, notes=("robot 2 runs something else",))}
+    lines.hear(FleetHeard.of({pid: status(pid, 5) for pid in many} | noticed, None), 9.5)
+    assert said == [
+        "robots 0–2, 5, 8, 9: holds: the round is not decided",
+        "robot 3: robot 2 runs something else",
+        "robots 0–2, 5, 8, 9: goes on, in round 5",
+    ]
+
+
 def test_why_a_robot_waits_is_said_without_a_terminal(tmp_path: Path) -> None:
     config = tmp_path / "c.yaml"
     config.write_text(
