@@ -15,7 +15,7 @@ from koord.runtime.configuration.model import RunConfiguration
 from koord.runtime.deploy import supervised
 from koord.runtime.deploy.local import LocalProcesses
 from koord.runtime.deploy.running import RoundReport
-from koord.runtime.deploy.status import RobotReport
+from koord.runtime.deploy.status import RobotReport, unheard
 from koord.runtime.transports.transport import TransportError
 from koord.runtime.transports.udp import Plan, on_this_machine
 
@@ -141,10 +141,7 @@ def test_nothing_is_recorded_before_all_robots_can_talk(
             if self.statuses:
                 self.failures[1] = TransportError("robot 1 cannot begin")
                 return
-            self.statuses[0] = RobotReport(
-                **dict.fromkeys(RobotReport.__annotations__, 0)
-                | {"drops": (), "waiting_for": (), "holding": None}  # type: ignore[arg-type]
-            )
+            self.statuses[0] = unheard(0)
             yield self.statuses[0], ()
 
         @property

@@ -94,6 +94,8 @@ def _leaves(path: str, value: object) -> Iterator[str]:
     match value:
         case dict() if value:
             hidden = {*LEFT_OUT, "sha256"} if isinstance(value.get("smt2"), str) else LEFT_OUT
+            if "is_voter" in value:  # of a robot: the identity of its run is drawn
+                hidden = {*hidden, "run"}
             for key, part in value.items():
                 yield from _leaves(f"{path}.{key}", "…" if key in hidden else part)
         case list() if value and not _is_row(value):
