@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal, TypeAlias
 
-from msgspec import Meta
+from msgspec import UNSET, Meta, UnsetType
 
 from koord.syntax.forms import Digest, Exact, Form, FromOne, Natural, Tasks, Told, Value, words
 from koord.syntax.forms import NotCovered as NotCovered
@@ -105,6 +105,15 @@ class Compiled(Form):
     ]
 
 
+class Broken(Form):
+    """The first claim that a run of robots breaks, on its way."""
+
+    kind: Annotated[str, words("property", "contract")]
+    name: str
+    round: Round
+    robot: Annotated[Natural | None, Meta(description="Whose turn broke it; null: no robot's.")]
+
+
 class Replay(Form):
     """The answer of `koord replay --json`. Rounds count from 0, as in traces; -1 is the start."""
 
@@ -131,6 +140,14 @@ class Replay(Form):
         ),
     ]
     compiled: Annotated[Compiled | None, Meta(description="With --compiled, of a legal trace.")]
+    broken: Annotated[
+        Broken | UnsetType | None,
+        Meta(description="Only of a legal run of robots: on doubles, and without slack."),
+    ] = UNSET
+    unjudged: Annotated[
+        list[str] | UnsetType,
+        Meta(description="Properties of such a run that ask what nobody answered."),
+    ] = UNSET
 
 
 # --- koord recheck --------------------------------------------------------------------------------

@@ -10,6 +10,7 @@ from typing import Final
 from msgspec import Struct, to_builtins
 
 from koord.api.files import read_written
+from koord.api.replay import broken_form
 from koord.api.results import ArgumentError, Result, html_table
 from koord.api.traces import Trace
 from koord.refinement.hearing import DisagreementError, Heard
@@ -21,12 +22,13 @@ from koord.refinement.trace_merge import gathered
 from koord.runtime.deploy.recording import PARTS
 from koord.runtime.motion.libraries import require
 from koord.runtime.records import DamagedRecordError, is_record, read_messages
+from koord.sampling.monitors import Watch
 from koord.syntax import core
 from koord.syntax.diagnostics import KoordError, refusal
 from koord.syntax.source import counted, visible
 from koord.traces.codec import Load, load_embedded
 from koord.traces.replay import Refused
-from koord.traces.trace import Sources
+from koord.traces.trace import Sources, Violation
 
 #: Raised when the JSON changes in a way that its readers must know of.
 MERGED_VERSION: Final = 1
@@ -61,6 +63,8 @@ class Merged(Result, frozen=True, kw_only=True):
     missing: tuple[int, ...]
     rounds_told: int
     refused: Refused | None  #: the first step that no rule allows
+    broken: Violation | None  #: the first property or contract that the run breaks, if it is legal
+    unjudged: tuple[str, ...]  #: properties that ask what nobody answered
 
     @property
     def is_whole(self) -> bool:
@@ -69,8 +73,13 @@ class Merged(Result, frozen=True, kw_only=True):
 
     @property
     def ok(self) -> bool:
-        """True if the run is whole and legal."""
-        return self.is_whole and self.refused is None
+        """True if the run is whole and legal, and breaks nothing."""
+        return self.is_whole and not self.is_wrong
+
+    @property
+    def is_wrong(self) -> bool:
+        """True if a step of the run is not legal, or breaks a property or a contract."""
+        return self.refused is not None or self.broken is not None
 
     def to_dict(self) -> dict[str, object]:
         """The result as plain data, as ``koord merge --json`` prints it."""
@@ -87,10 +96,13 @@ class Merged(Result, frozen=True, kw_only=True):
             "refused": None
             if refused is None
             else {"rule": refused.rule, "round": refused.step.round, "reason": refused.reason},
+            "broken": None if self.broken is None else to_builtins(broken_form(self.broken)),
+            "unjudged": list(self.unjudged),
         }
 
     def __repr__(self) -> str:
         how = "legal" if self.refused is None else f"not legal by {self.refused.rule}"
+        how += "" if self.broken is None else f", breaks {self.broken.name}"
         rounds = counted(self.trace.rounds, "round")
         return f"<Merged {self.trace.recorded.problem}: {rounds}, {how}>"
 
@@ -134,7 +146,8 @@ def merged(parts: Mapping[int, Part]) -> Merged:
     if coverage.known == coverage.told == 0 and not heard.decisions:
         raise refusal("K918", first.name, "no part tells how the run began", _cure(missing))
     ran = gathered(subject.sources, system, heard)
-    judged = judge(ran)
+    watch = Watch.of(ran.trace)
+    judged = judge(ran, watch.see)
     refused = judged.refused
     unseen = {pid: r for pid, r in coverage.unseen.items() if refused and r <= refused.step.round}
     if ran.gave_up is not None or unseen:
@@ -150,6 +163,8 @@ def merged(parts: Mapping[int, Part]) -> Merged:
         missing=missing,
         rounds_told=coverage.told,
         refused=refused,
+        broken=watch.violation if refused is None else None,
+        unjudged=watch.unjudged,
     )
 
 

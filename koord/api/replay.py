@@ -17,10 +17,12 @@ from koord.api.progress import Cancellation, Listener, Progress, asker, ended
 from koord.api.results import Result, html_table
 from koord.api.robots import exact_number
 from koord.api.traces import Trace, read_trace
+from koord.sampling.monitors import Watch
 from koord.syntax.budget import ENDLESS, Budget, OutOfBudgetError
 from koord.syntax.source import counted, visible
 from koord.traces.replay import Refused, Replayed
 from koord.traces.replay import replay as judge
+from koord.traces.trace import Numbers, Violation
 from koord.traces.trace import Trace as Recorded
 
 if TYPE_CHECKING:
@@ -52,13 +54,17 @@ class ReplayReport(Result, frozen=True):
     """The result of a replay: the numbers of legal steps and rounds, and the first illegal step.
 
     If ``compared``, the compiled program ran it as well, and ``departure`` is where it did
-    something else; None: it did the same.
+    something else; None: it did the same. Of a run of robots (on doubles, without slack and without
+    a violation at its end) ``broken`` is the first property or contract that it breaks, and
+    ``unjudged`` are properties that ask what nobody answered.
     """
 
     trace: Trace
     found: Replayed
     compared: bool = False
     departure: Rerun = None
+    broken: Violation | None = None
+    unjudged: tuple[str, ...] = ()
 
     @property
     def legal(self) -> bool:
@@ -100,6 +106,9 @@ class ReplayReport(Result, frozen=True):
             cut_off=recorded.cut_off,
             compiled=compiled_form(self.departure, first=0) if self.compared else None,
         )
+        if self.legal and is_of_robots(recorded):
+            made.broken = None if self.broken is None else broken_form(self.broken)
+            made.unjudged = list(self.unjudged)
         plain: dict[str, object] = to_builtins(made)
         return plain
 
@@ -107,6 +116,7 @@ class ReplayReport(Result, frozen=True):
         refused = self.found.refused
         if refused is None:
             said = f"legal, {counted(self.rounds, 'round')}"
+            said += "" if self.broken is None else f", breaks {self.broken.name}"
             return f"<ReplayReport {self.trace.recorded.problem}: {said}>"
         where = f"round {refused.step.round + 1}"
         said = f"not legal by {refused.rule} in {where}: {refused.reason}"
@@ -119,6 +129,11 @@ class ReplayReport(Result, frozen=True):
         columns = ("robot", "location", "by the rules", "recorded")
         rows = [(c.robot, c.name, c.old, c.new) for c in refused.differences]
         return html_table(repr(self), columns, rows)
+
+
+def broken_form(broken: Violation) -> forms.Broken:
+    """The violation of a claim as JSON."""
+    return forms.Broken(broken.kind.value, broken.name, broken.round, broken.robot)
 
 
 def _refusal(refused: Refused) -> forms.Refusal:
@@ -196,12 +211,32 @@ def replayed(
     """As :func:`replay`; ``shown`` is called with each legal step. Raises OutOfBudgetError."""
     if slack is not None:
         recorded = replace(recorded, slack=slack)
-    found = judge(_loosened(recorded, budget), shown)
-    if not compiled or found.refused is not None:
-        return ReplayReport(Trace(recorded), found)
+    judged = _loosened(recorded, budget)
+    watch = Watch.of(judged) if is_of_robots(recorded) else None
+
+    def seen(step: Step) -> None:
+        shown(step)
+        if watch is not None:
+            watch.see(step)
+
+    report = ReplayReport(Trace(recorded), judge(judged, seen))
+    if watch is not None and report.legal:
+        report = replace(report, broken=watch.violation, unjudged=watch.unjudged)
+    if not compiled or not report.legal:
+        return report
     from koord.refinement.compiled_replay import rerun
 
-    return ReplayReport(Trace(recorded), found, True, rerun(recorded, budget=budget))
+    return replace(report, compared=True, departure=rerun(recorded, budget=budget))
+
+
+def is_of_robots(recorded: Recorded) -> bool:
+    """Return whether a trace is a run of robots that is to be judged on its way.
+
+    Vehicles keep claims with slack, and are judged where they are simulated; what claims a
+    violation shows it at its end.
+    """
+    is_open = recorded.violation is None and recorded.recording.loop is None
+    return is_open and recorded.numbers is Numbers.DOUBLE and not recorded.slack
 
 
 def _loosened(recorded: Recorded, budget: Budget) -> Recorded:

@@ -74,7 +74,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add_json(parser, "how each robot ended")
     parser.epilog = (
         "exit codes: 0 the rounds were done, or all robots have stopped, 1 a fault ended the run "
-        "or its trace is not legal, "
+        "or its trace is not legal or breaks a property, "
         "2 errors in the input, 3 robots stopped before all rounds were "
         "done or the trace lacks some, or their processes ended, 130 stopped with Ctrl-C, "
         "143 by SIGTERM, 129 by SIGHUP (robots stop safely; a second one stops at once, and leaves "
@@ -147,7 +147,7 @@ def prepare(
 
 def _ended(deployed: Deployed) -> int:
     merged = deployed.merged
-    if deployed.in_trouble or (merged is not None and merged.refused is not None):
+    if deployed.in_trouble or (merged is not None and merged.is_wrong):
         return Exit.VIOLATED
     if deployed.unmerged:
         return refusal_code(deployed.unmerged)

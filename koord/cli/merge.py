@@ -25,9 +25,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )
     add_json(parser, "what was merged")
     parser.epilog = (
-        "exit codes: 0 the whole run was merged and is legal, 1 a step is not, or two robots acted "
-        "on different decisions, 2 parts that are damaged, of different runs or too few, 3 merged "
-        "without the parts of some robots, or not to the end of the run"
+        "exit codes: 0 the whole run was merged and is legal, 1 a step is not, a property is "
+        "broken, or two robots acted on different decisions, 2 parts that are damaged, of "
+        "different runs or too few, 3 merged without the parts of some robots, or not to the end"
     )
 
 
@@ -49,6 +49,6 @@ def main(arguments: argparse.Namespace) -> int:
 
 
 def _code(merged: Merged) -> int:
-    if merged.refused is not None:
+    if merged.is_wrong:
         return Exit.VIOLATED
     return Exit.OK if merged.is_whole else Exit.UNKNOWN

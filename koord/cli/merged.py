@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from koord.cli.exits import Exit
 from koord.cli.terminal import visible
+from koord.cli.violations import claim_lines
 from koord.syntax.diagnostics import Diagnostic
 from koord.syntax.source import counted
 
@@ -26,6 +27,7 @@ def merge_lines(path: str, merged: Merged) -> Iterator[str]:
     what = f"{counted(trace.rounds, 'round')} of {counted(trace.robots, 'robot')}"
     if refused is None:
         yield f"{visible(path)}: {what}, every step legal"
+        yield from claim_lines(merged.broken, merged.unjudged)
     else:
         where = f"round {refused.step.round + 1}" if refused.step.round >= 0 else "INIT"
         yield f"{visible(path)}: {what}, not legal by {refused.rule} in {where}"

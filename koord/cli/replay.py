@@ -6,7 +6,6 @@ import argparse
 import sys
 from collections.abc import Iterator
 from fractions import Fraction
-from typing import assert_never
 
 from koord.api.replay import ReplayReport, replayed
 from koord.api.traces import read_trace
@@ -17,13 +16,14 @@ from koord.cli.exits import Exit
 from koord.cli.files import name_of, read_program, read_written
 from koord.cli.tables import Rounds, RunTable, repeats
 from koord.cli.terminal import Paint, Style, style_of, visible
+from koord.cli.violations import claim_lines, does
 from koord.sampling.policies import TakenStep
 from koord.semantics.recordings import Step
 from koord.syntax.diagnostics import KoordError
 from koord.syntax.source import counted
 from koord.traces.names import Names
 from koord.traces.replay import Refused
-from koord.traces.trace import BEFORE_ROUNDS, Trace, Violation, ViolationKind
+from koord.traces.trace import BEFORE_ROUNDS, Trace
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -49,8 +49,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )
     add_json(parser, "the answer")
     parser.epilog = (
-        "exit codes: 0 every step is legal, 1 a step is not or the compiled program does something "
-        "else, 2 errors in the input"
+        "exit codes: 0 every step is legal, 1 a step is not, a run of robots breaks a property on "
+        "its way, or the compiled program does something else, 2 errors in the input"
     )
 
 
@@ -88,7 +88,8 @@ def main(arguments: argparse.Namespace) -> int:
         if report.compared:
             for line in rerun_lines(report.departure):
                 print(line)
-    return Exit.OK if report.legal and report.agrees else Exit.VIOLATED
+    is_good = report.legal and report.agrees and report.broken is None
+    return Exit.OK if is_good else Exit.VIOLATED
 
 
 class _Shown:
@@ -119,6 +120,7 @@ def verdict(name: str, report: ReplayReport, style: Style) -> Iterator[str]:
             f"{visible(name)}: {good}: {found.steps} steps, {rounds}, {trace.numbers.value} numbers"
         )
         yield f"  a run of {visible(str(trace.problem))}"
+        yield from claim_lines(report.broken, report.unjudged)
         yield from _end(trace)
         if trace.cut_off:
             yield f"  the file is cut off: what the run did after {rounds} is not known"
@@ -145,20 +147,7 @@ def _end(trace: Trace) -> Iterator[str]:
     if trace.recording.loop is not None:
         yield f"  {repeats(trace.recording)}, and every robot and lock is dealt with fairly"
     if trace.violation is not None:
-        yield f"  it {_does(trace.violation)}, as it says"
-
-
-def _does(violation: Violation) -> str:
-    """Describe the violation in which a run ends."""
-    name = visible(violation.name)
-    match violation.kind:
-        case ViolationKind.PROPERTY:
-            return f"breaks {name}"
-        case ViolationKind.CONTRACT:
-            return f"breaks contract {name}"
-        case ViolationKind.LOST_UPDATE:
-            return f"loses an update of {name}"
-    assert_never(violation.kind)
+        yield f"  it {does(trace.violation)}, as it says"
 
 
 def _where(refused: Refused) -> str:

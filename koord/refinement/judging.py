@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from msgspec import Struct
 from msgspec.structs import replace
 
@@ -29,10 +31,11 @@ class Judged(Struct, frozen=True):
         return self.replayed.steps
 
 
-def judge(ran: CompiledRun) -> Judged:
+def judge(ran: CompiledRun, seen: Callable[[Step], None] = lambda step: None) -> Judged:
     """Replay a run on the reference semantics over doubles, rule by rule, for equality.
 
-    Of a fault, its place in the text is compared as well.
+    Of a fault, its place in the text is compared as well. ``seen`` is called with each step that is
+    right.
     """
     if not ran.trace.configurations:
         nothing = Replayed(0, 0, None)
@@ -42,6 +45,7 @@ def judge(ran: CompiledRun) -> Judged:
 
     def keep(step: Step) -> None:
         last[:] = [step]
+        seen(step)
 
     replayed = replay(trace, keep)
     refused = replayed.refused

@@ -16,12 +16,14 @@ from koord.semantics.expressions import statement
 from koord.semantics.oracle import Inputs, Phase
 from koord.semantics.properties import holds_in
 from koord.semantics.recordings import Step
+from koord.semantics.rounds import IllegalStepError
 from koord.semantics.statements import machine
 from koord.semantics.storage import held
 from koord.syntax import core
 from koord.syntax.core import PropertyKind
 from koord.syntax.system import System
-from koord.traces.trace import Violation, ViolationKind
+from koord.traces.replay import PropertyInputs, answered
+from koord.traces.trace import Trace, Violation, ViolationKind
 
 
 class _Watched(Struct):
@@ -42,11 +44,16 @@ class _Watched(Struct):
 
 
 class Monitor(Struct):
-    """A monitor of the properties in a run's observed configurations."""
+    """A monitor of the properties in a run's observed configurations.
+
+    Properties that ask what nobody answers are from then on ``unjudged``; where that is None,
+    looking at one raises IllegalStepError.
+    """
 
     d: Domain[Constant]
     system: System
     inputs: Inputs[Constant]
+    unjudged: dict[str, None] | None = None
     _watched: dict[str, _Watched] = field(default_factory=dict)
     _seen: Configuration[Constant] | None = None
 
@@ -64,7 +71,16 @@ class Monitor(Struct):
             at_round = stated.kind is PropertyKind.AT_ROUND
             if stated.kind is not PropertyKind.INVARIANT and not (at_round and between_rounds):
                 continue
-            if not self.holds(stated, step.configuration):
+            if self.unjudged and stated.name in self.unjudged:
+                continue
+            try:
+                holds = self.holds(stated, step.configuration)
+            except IllegalStepError:
+                if self.unjudged is None:
+                    raise
+                self.unjudged[stated.name] = None
+                continue
+            if not holds:
                 return Violation(ViolationKind.PROPERTY, stated.name, step.round, step.robot)
         return None
 
@@ -104,3 +120,26 @@ class Monitor(Struct):
         for slot, robot in part.robots.items():
             m.memory.bound[slot] = held(self.d, robot)
         return statement(m, part.condition) is True
+
+
+class Watch(Struct):
+    """A watch over a recorded run: the first claim that it breaks. [PROP-INVARIANT]"""
+
+    monitor: Monitor
+    violation: Violation | None = None
+
+    @staticmethod
+    def of(trace: Trace) -> Watch:
+        """Watch the run of a trace, of which the answers of functions are known."""
+        inputs = PropertyInputs((), answered(trace))
+        return Watch(Monitor(trace.numbers.domain, trace.system, inputs, unjudged={}))
+
+    @property
+    def unjudged(self) -> tuple[str, ...]:
+        """The properties that ask what nobody answered."""
+        return tuple(self.monitor.unjudged or ())
+
+    def see(self, step: Step) -> None:
+        """See the next step of the run."""
+        if self.violation is None:
+            self.violation = self.monitor.after(step)

@@ -193,18 +193,7 @@ class _Replay:
                 if position is not None and not 0 <= position < len(events):
                     plan = ExpectedStep("SELECT", number, robot)
                     raise self.refusal("SELECT", plan, f"the robot has no event {position}")
-        for answer in self.answers():
-            if answer.function is not None:
-                self.functions[answer.function, answer.arguments] = answer.value
-
-    def answers(self) -> Iterator[Answer]:
-        """The answers of mathematical functions in the whole run, also for properties."""
-        kinds = {f.name: f.kind for f in self.trace.system.program.externals}
-        recording = self.trace.recording
-        for answers in (recording.opening.answers, *(r.answers for r in recording.rounds)):
-            for answer in answers:
-                if kinds.get(answer.function or "") is core.ExternalKind.FUNCTION:
-                    yield answer
+        self.functions = answered(trace)
 
     # --- step by step ---------------------------------------------------------------------------
 
@@ -298,7 +287,7 @@ class _Replay:
             return "PROP-ROUND", False
         recording, at = self.trace.recording, last.configuration
         seen = recording.opening if last.round == BEFORE_ROUNDS else recording.rounds[last.round]
-        inputs = _PropertyInputs(seen.answers, self.functions)
+        inputs = PropertyInputs(seen.answers, self.functions)
         system, claim = self.trace.system, stated.condition
         try:
             holds, legality = holds_in(self.d, system, at, claim, stated.bound, inputs)
@@ -318,7 +307,19 @@ class _Replay:
         return update_lost(self.d, trace.system, start, round_, name)
 
 
-class _PropertyInputs(RecordedInputs):
+def answered(trace: Trace) -> dict[Question, Concrete]:
+    """The answers of mathematical functions in the whole run of a trace, also for properties."""
+    kinds = {f.name: f.kind for f in trace.system.program.externals}
+    recording = trace.recording
+    return {
+        (answer.function, answer.arguments): answer.value
+        for answers in (recording.opening.answers, *(r.answers for r in recording.rounds))
+        for answer in answers
+        if answer.function is not None and kinds.get(answer.function) is core.ExternalKind.FUNCTION
+    }
+
+
+class PropertyInputs(RecordedInputs):
     """The inputs that properties were evaluated with, and functions' answers in the whole run."""
 
     def __init__(self, answers: Iterable[Answer], functions: Mapping[Question, Concrete]) -> None:

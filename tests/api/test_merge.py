@@ -373,3 +373,40 @@ def put_down(files: list[Path], parts: list[list[Line]], *, number: bool) -> Non
 def schedule(merged: Merged) -> list[object]:
     recording = merged.trace.recorded.recording
     return [recording.opening.order, *((r.order, r.events, r.cut) for r in recording.rounds)]
+
+
+# --- what is claimed ------------------------------------------------------------------------------
+
+
+def test_the_first_property_that_a_run_breaks_is_told(tmp_path: Path) -> None:
+    """[PROP-INVARIANT]: the trace goes on to the end of the run, and replay tells of it as well."""
+    text = f"{COUNT}invariant Small: sum < 5\ninvariant Tiny: sum < 9\n"
+    merged = koord.merge(part_files(tmp_path, text))
+    assert merged.refused is None
+    assert not merged.ok
+    assert merged.broken is not None
+    assert (merged.broken.name, merged.broken.round) == ("Small", 4)
+    assert merged.trace.rounds == 12
+    assert "breaks Small" in repr(merged)
+    report = koord.replay(merged.trace)
+    assert report.legal
+    assert report.broken == merged.broken
+    assert "breaks Small" in repr(report)
+
+
+def test_a_contract_that_a_model_breaks_is_told(tmp_path: Path) -> None:
+    """[PROP-CONTRACT]"""
+    text = PROGRAMS["modelled"].replace(
+        "  environment:", "  contract Near:\n    ensures: gap' == gap\n  environment:"
+    )
+    merged = koord.merge(part_files(tmp_path, text))
+    assert merged.broken is not None
+    assert merged.broken.name == "Near"
+
+
+def test_a_property_that_asks_what_nobody_answered_is_not_judged(tmp_path: Path) -> None:
+    asking = "def fun odd(int n) -> bool: extern\n" + COUNT + "invariant Odd: odd(sum)\n"
+    merged = koord.merge(part_files(tmp_path, f"{asking}invariant Small: sum < 5\n"))
+    assert merged.unjudged == ("Odd",)
+    assert merged.broken is not None
+    assert koord.replay(merged.trace).unjudged == ("Odd",)
