@@ -47,9 +47,13 @@ class Parts(Struct, frozen=True):
 
     def member(self, job: Job, pid: int) -> Member:
         """Make a robot that writes its part."""
-        whose = Whose(job.run, pid, self.subject)
-        writer = self.writers[pid] = PartWriter(self.files[pid], lambda: whose)
-        return instrumented(job, pid, self.made, self.subject.system, writer.tell)
+
+        def whose() -> Whose:
+            return Whose(f"{job.run} {made.run.hex()}", pid, self.subject)
+
+        writer = self.writers[pid] = PartWriter(self.files[pid], whose)
+        made = instrumented(job, pid, self.made, self.subject.system, writer.tell)
+        return made
 
     def merged(self) -> Merged:
         """The trace of the run, which is over. Raises KoordError."""

@@ -43,19 +43,22 @@ class Whose(Struct, frozen=True):
 
 
 def difference(one: Whose, other: Whose) -> str | None:
-    """What makes two parts those of different runs, or None. Where files lay does not matter."""
+    """What makes two parts those of different runs, or None.
+
+    Where the files of a program lay does not matter, nor how they were laid out.
+    """
     ours, theirs = one.subject, other.subject
     system, their_system = ours.system, theirs.system
     if one.run != other.run:
         return f"the run {visible(one.run)!r} is not {visible(other.run)!r}"
-    if [text.text for text in ours.sources.texts] != [text.text for text in theirs.sources.texts]:
-        return "the text of the program differs"
     given, theirs_given = dict(ours.sources.params), dict(theirs.sources.params)
     for name in sorted(given.keys() | theirs_given.keys()):
         if given.get(name) != theirs_given.get(name):
             return f"the param {name} differs"
     if ours.sources.tasks != theirs.sources.tasks:
         return "the tasks differ"
+    if system.program != their_system.program:
+        return "the program differs"
     if system.kinds != their_system.kinds:
         return "the robots differ, or their kinds"
     if system.delta_s != their_system.delta_s:

@@ -70,6 +70,7 @@ class Member:
         self.host = host
         self.store = AgreedStore(robot.SHARED, robot.numAgents)
         self.statuses = [Status.RUNNING] * robot.numAgents
+        self.run = b""  #: the identity of the run, once it takes part in one
         self.round = INIT_ROUND  #: the first round that it has not acted on
         self.mute = False  #: it has lost its locals, and can only hold what others decide
         self.holding: Reason | None = None

@@ -283,6 +283,7 @@ class Runner:
     def _come_back(self, kept: Recollection) -> None:
         """Go on with the run of the journal. (R-RESUME)"""
         assert self._journal is not None
+        self.member.run = kept.entered.run
         try:
             state, start = come_back(self._setup, self.member, self._journal, kept)
         except DamagedError as error:
@@ -310,6 +311,7 @@ class Runner:
                 drawn_ = int.from_bytes(self.joining.party.nonce, "big")
                 incarnation = incarnation_above(ending.incarnation, drawn_)
                 state = returning(self._setup, self._pid, incarnation)
+        self.member.run = run
         entered = Entered(run, self._pid, self._print, incarnation, nonces)
         enter(self.member, self._journal, entered, start)
         self._begin(run, state, start)
