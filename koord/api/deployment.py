@@ -141,6 +141,8 @@ def job_of(fitted: Fitted, request: DeployRequest) -> Job:
     missing = (*_unanswered(classes, configuration), *_keyless(configuration, request))
     if missing:
         raise KoordError(missing)
+    if configuration.talk.encrypts:
+        require(("cryptography",), "encrypt")
     run = request.run or configuration.talk.run
     if request.pid is None:  # on one machine nobody else needs to know the key
         key = secrets.token_bytes(32)

@@ -9,6 +9,7 @@ ELECTIONS = "tests/runtime/test_elections.py"
 EXPLORATION = "tests/runtime/test_exploration.py"
 CHAOS = "tests/runtime/test_chaos.py"
 WIRE = "tests/runtime/test_wire.py"
+ENCRYPTION = "tests/runtime/test_encryption.py"
 RECOVERY = "tests/runtime/test_recovery.py"
 HANDSHAKE = "tests/runtime/test_handshake.py"
 JOURNAL = "tests/runtime/test_journal.py"
@@ -267,14 +268,14 @@ PROTOCOL = (
 WIRE_MISTAKES = (
     Mutant(
         "nobody looks at the proof",
-        "runtime.wire.frames.Seal.take_off",
+        "runtime.wire.frames.Proving._opened",
         "not compare_digest(proof.digest(), datagram[end:])",
         "len(proof.digest()) != len(datagram[end:])",
         (WIRE,),
     ),
     Mutant(
         "the header is not covered by the proof",
-        "runtime.wire.frames.Seal.take_off",
+        "runtime.wire.frames.Proving._opened",
         "datagram[:end]",
         "datagram[HEADER_BYTES:end]",
         (WIRE,),
@@ -285,6 +286,51 @@ WIRE_MISTAKES = (
         "_derived(shared_key, identity, b'koord run')",
         "_derived(shared_key, b'', b'koord run')",
         (WIRE,),
+    ),
+    Mutant(
+        "robots encrypt with one key at every start",
+        "runtime.wire.encryption.Encrypting._draw",
+        "secrets.token_bytes(SALT_BYTES)",
+        "bytes(SALT_BYTES)",
+        (ENCRYPTION,),
+    ),
+    Mutant(
+        "numbers that do not rise are encrypted with one key",
+        "runtime.wire.encryption.Encrypting._closed",
+        "number <= self._newest",
+        "number < 0",
+        (ENCRYPTION,),
+    ),
+    Mutant(
+        "one nonce for all datagrams",
+        "runtime.wire.encryption._nonce",
+        "number.to_bytes(_NONCE_BYTES, 'big')",
+        "bytes(_NONCE_BYTES)",
+        (ENCRYPTION,),
+    ),
+    Mutant(
+        "whoever knows the salt can encrypt",
+        "runtime.wire.encryption._cipher",
+        "blake2b(salt, key=key, digest_size=32, person=b'koord encrypted')",
+        "blake2b(salt, key=salt, digest_size=32, person=b'koord encrypted')",
+        (ENCRYPTION,),
+    ),
+    Mutant(
+        "strangers fill the memory of salts",
+        "runtime.wire.encryption.Encrypting._opened",
+        "try:\n    body = cipher.decrypt(_nonce(number), datagram[_BODY_AT:], header)\n"
+        "except InvalidTag:\n    return None",
+        "self._heard[sender] = salt, cipher\n"
+        "try:\n    body = cipher.decrypt(_nonce(number), datagram[_BODY_AT:], header)\n"
+        "except InvalidTag:\n    return None",
+        (ENCRYPTION,),
+    ),
+    Mutant(
+        "robots that encrypt and robots that do not blame the key",
+        "runtime.deploy.joining.Joining.doubt",
+        "claims_encryption(datagram) is not self.party.encrypts",
+        "robot < 0",
+        (ENCRYPTION,),
     ),
     Mutant(
         "replays are let in",

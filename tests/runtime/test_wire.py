@@ -73,6 +73,7 @@ from koord.runtime.wire.codec import (
     HandshakeReader,
     Window,
     cut,
+    is_handshake,
 )
 from koord.runtime.wire.frames import (
     HEADER_BYTES,
@@ -81,7 +82,7 @@ from koord.runtime.wire.frames import (
     START_STEP,
     Drop,
     Frame,
-    Seal,
+    Proving,
     fleet_key,
     run_key,
 )
@@ -223,6 +224,14 @@ def test_what_is_said_in_a_handshake_is_read(message: HandshakeMessage) -> None:
     assert another.drops[Drop.FORGED] == len(datagrams)
 
 
+def test_datagrams_of_other_protocols_are_no_handshakes() -> None:
+    (join,) = DatagramWriter(ME).datagrams(0, 0, Join(bytes(NONCE_BYTES), b"", b"", ()))
+    assert is_handshake(join)
+    assert not is_handshake(b"X" + join[1:])
+    assert not is_handshake(join[:2])
+    assert not is_handshake(sent(Ask(3))[0])
+
+
 def test_every_kind_of_message_has_a_number() -> None:
     import typing
 
@@ -303,6 +312,7 @@ def test_no_bit_can_be_flipped(at: int) -> None:
         Drop.FORGED,
         Drop.STRANGER,
         Drop.VERSION,
+        Drop.ENCRYPTED,
         Drop.NOT_KOORD,
     )
     assert reader.read(good) is not None, "the true one still counts"
@@ -318,7 +328,7 @@ def test_random_bytes_are_dropped(datagram: bytes) -> None:
 @examples(500)
 def test_authentic_nonsense_does_not_raise(kind: MessageKind, body: bytes) -> None:
     """A robot that has gone mad, with the right key."""
-    seal = Seal(KEY)
+    seal = Proving(KEY)
     reader = DatagramReader(ME)
     letter = reader.read(seal.put_on(Frame(kind, 1, 0, 0, 0, 0, 1, body)))
     assert (letter is None) == (reader.drops[Drop.MALFORMED] == 1)

@@ -255,6 +255,7 @@ class _Checker(FormReader):
             shared,
             network.interface or "0.0.0.0",
             None if network.key is None else network.key.encode(),
+            network.encrypt,
             network.run or "koord",
             tuple(network.connect),
             tuple(network.listen),

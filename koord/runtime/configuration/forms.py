@@ -192,13 +192,14 @@ class MonitorForm(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
 
 
 class NetworkForm(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """The network settings of robots. ``key`` is their shared secret."""
+    """The network of robots. ``key`` is their shared secret; ``encrypt`` hides what they say."""
 
     transport: Carrier | None = None
     port: Port | None = None
     group: str | None = None
     interface: str | None = None
     key: Annotated[str, Meta(min_length=16)] | None = None
+    encrypt: bool = False
     run: Name | None = None
     connect: list[Name] = []
     listen: list[Name] = []

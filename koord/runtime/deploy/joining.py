@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import secrets
 import socket
-from collections import OrderedDict
+from collections import Counter, OrderedDict
 from collections.abc import Callable
 
 from msgspec import Struct
@@ -40,6 +40,7 @@ from koord.runtime.wire.codec import (
     DatagramWriter,
     HandshakeReader,
     claimed_sender,
+    claims_encryption,
     is_handshake,
 )
 from koord.runtime.wire.frames import MOST_STARTS, Drop, Drops
@@ -75,10 +76,16 @@ def knock(party: Party, address: tuple[str, int]) -> None:
 
     (R-NAME) Raises OSError.
     """
-    channel = Channel(party.fleet_key, party.robots, party.pid, secrets.randbelow(MOST_STARTS))
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as own:
-        for datagram in DatagramWriter(channel).datagrams(0, 0, join(party, waiting(party))):
+        for datagram in _writer(party).datagrams(0, 0, join(party, waiting(party))):
             own.sendto(datagram, address)
+
+
+def _writer(party: Party) -> DatagramWriter:
+    """The writer of one start; receivers tell pieces of messages apart by its number."""
+    start = secrets.randbelow(MOST_STARTS)
+    channel = Channel(party.fleet_key, party.robots, party.pid, start, party.encrypts)
+    return DatagramWriter(channel)
 
 
 class _Note(Struct):
@@ -102,13 +109,11 @@ class Joining:
         self._state = waiting(party, run)
         self._transport = transport
         self._clock = clock
-        start = secrets.randbelow(MOST_STARTS)  # receivers tell pieces of messages apart by it
-        channel = Channel(party.fleet_key, party.robots, party.pid, start)
-        self._writer = DatagramWriter(channel)
-        self._reader = HandshakeReader(party.fleet_key, party.robots)
+        self._writer = _writer(party)
+        self._reader = HandshakeReader(party.fleet_key, party.robots, encrypts=party.encrypts)
         self._next_at = clock()
         self._notes: dict[tuple[str, int], _Note] = {}
-        self._doubtful: dict[int, int] = {}
+        self._doubtful: Counter[tuple[str, int]] = Counter()
         self._answered_at: OrderedDict[bytes, float] = OrderedDict()
 
     # --- before the run -------------------------------------------------------------------------
@@ -197,13 +202,21 @@ class Joining:
     # --- what is noticed ------------------------------------------------------------------------
 
     def doubt(self, datagram: bytes) -> None:
-        """Note that a datagram in a robot's name was not authentic. (R-NAME)"""
+        """Note that a datagram in a robot's name cannot be read. (R-NAME)"""
         robot = claimed_sender(datagram)
         if robot is None or robot == self.party.pid or not 0 <= robot < self.party.robots:
             return
-        self._doubtful[robot] = self._doubtful.get(robot, 0) + 1
-        if self._doubtful[robot] >= _SEVERAL:
-            self._note("key", robot, f"robot {robot} has another key, or somebody uses its name")
+        what, story = "key", f"robot {robot} has another key, or somebody uses its name"
+        if claims_encryption(datagram) is not self.party.encrypts:
+            here, there = ("on", "off") if self.party.encrypts else ("off", "on")
+            what, story = (
+                "encryption",
+                f"encryption is {here} here, and {there} at robot {robot}; "
+                "`network: {encrypt: …}` has to be the same for all",
+            )
+        self._doubtful[what, robot] += 1
+        if self._doubtful[what, robot] >= _SEVERAL:
+            self._note(what, robot, story)
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -229,11 +242,16 @@ class Joining:
         self._notes[what, robot] = _Note(text, self._clock())
 
     def _read(self, datagram: bytes) -> tuple[int, HandshakeMessage] | None:
-        before = self._reader.drops[Drop.FORGED]
+        before = self._unreadable
         heard = self._reader.read(datagram)
-        if self._reader.drops[Drop.FORGED] > before:
+        if self._unreadable > before:
             self.doubt(datagram)
         return heard
+
+    @property
+    def _unreadable(self) -> int:
+        drops = self._reader.drops
+        return drops[Drop.FORGED] + drops[Drop.ENCRYPTED] + drops[Drop.UNENCRYPTED]
 
     def _say(self, to: int | None, message: HandshakeMessage) -> None:
         for datagram in self._writer.datagrams(0, 0, message):

@@ -110,6 +110,11 @@ class Job(Struct, frozen=True):
         return frozenset(pid for pid, kind in enumerate(self.kinds) if self.classes[kind].owes())
 
     @property
+    def encrypts(self) -> bool:
+        """Whether what robots say is encrypted."""
+        return self.configuration.talk.encrypts
+
+    @property
     def fingerprint(self) -> Fingerprint:
         """What all robots have to have in common. (R-JOIN)"""
         several = len(self.classes) > 1  # else the name of the only kind is the file's
@@ -122,6 +127,7 @@ class Job(Struct, frozen=True):
             ("pace", f"{self.pace_s:g} s"),
             ("rounds", "no end" if self.rounds is None else str(self.rounds)),
             ("leader_pid", str(self.configuration.leader)),
+            ("encryption", "on" if self.encrypts else "off"),
             *((("starts", self._starts_digest),) if self.starts else ()),
         )
 
@@ -134,7 +140,16 @@ class Job(Struct, frozen=True):
         """A robot's part in the handshake, at a new start."""
         key = fleet_key(self.key, self.run)
         leader = self.configuration.leader
-        return Party(pid, self.robots, leader, drawn(), self.fingerprint, key, self.insists)
+        return Party(
+            pid,
+            self.robots,
+            leader,
+            drawn(),
+            self.fingerprint,
+            key,
+            self.insists,
+            self.encrypts,
+        )
 
     def journal(self, pid: int) -> Journal | None:
         """The journal of a robot, or None."""
@@ -328,7 +343,8 @@ class Runner:
     def _begin(self, run: bytes, state: State, start: int) -> None:
         job = self.job
         self.run_id = run
-        channel = Channel(run_key(job.key, run), job.robots, self._pid, start)
+        key = run_key(job.key, run)
+        channel = Channel(key, job.robots, self._pid, start, job.encrypts)
         self.peer = peer = Peer(
             channel, self._setup, state, self.member, self._transport, self._clock
         )

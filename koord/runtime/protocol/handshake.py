@@ -87,6 +87,7 @@ class Party(Struct, frozen=True):
     fingerprint: Fingerprint
     fleet_key: bytes
     insists: bool = False  #: on a new run (``--fresh``)
+    encrypts: bool = False  #: what it says
 
     @property
     def is_leader(self) -> bool:

@@ -20,10 +20,13 @@ from koord.runtime.wire.frames import (
     NAME,
     ROOM,
     START_STEP,
+    VERSION_AT,
     Drop,
     Drops,
     Frame,
+    Proving,
     Seal,
+    Version,
 )
 
 #: The longest message has so many pieces; a snapshot of a megabyte fits.
@@ -143,6 +146,15 @@ class Letter(Struct):
     message: Message
 
 
+def seal_of(key: bytes, *, encrypts: bool) -> Seal:
+    """Make a seal. Raises ImportError if it is to encrypt and ``koord[encrypt]`` is missing."""
+    if not encrypts:
+        return Proving(key)
+    from koord.runtime.wire.encryption import Encrypting
+
+    return Encrypting(key)
+
+
 class Channel(Struct, frozen=True):
     """One robot's end of the wire: the key, the number of robots, its pid and its start."""
 
@@ -150,6 +162,11 @@ class Channel(Struct, frozen=True):
     robots: int
     pid: int
     start: int = 1
+    encrypts: bool = False
+
+    def seal(self) -> Seal:
+        """Make a seal for one direction."""
+        return seal_of(self.key, encrypts=self.encrypts)
 
 
 class DatagramWriter:
@@ -158,7 +175,7 @@ class DatagramWriter:
     __slots__ = ("_number", "_pid", "_seal")
 
     def __init__(self, channel: Channel) -> None:
-        self._seal = Seal(channel.key)
+        self._seal = channel.seal()
         self._pid = channel.pid
         self._number = channel.start * START_STEP
 
@@ -192,7 +209,7 @@ class DatagramReader:
         self.round = -1  #: where this robot is
         self.start = channel.start
         self._channel = channel
-        self._seal = Seal(channel.key)
+        self._seal = channel.seal()
         self._windows = [Window() for _ in range(channel.robots)]
         self._assembly = assembly if assembly is not None else Assembly()
 
@@ -247,9 +264,9 @@ class HandshakeReader:
 
     __slots__ = ("_assembly", "_robots", "_seal", "drops")
 
-    def __init__(self, key: bytes, robots: int) -> None:
+    def __init__(self, key: bytes, robots: int, *, encrypts: bool = False) -> None:
         self.drops: Drops = Drops()
-        self._seal = Seal(key)
+        self._seal = seal_of(key, encrypts=encrypts)
         self._robots = robots
         self._assembly = Assembly(_HANDSHAKE_BYTES)
 
@@ -277,6 +294,12 @@ def claimed_sender(datagram: bytes) -> int | None:
     return int.from_bytes(datagram[3:5], "big")
 
 
+def claims_encryption(datagram: bytes) -> bool:
+    """Return whether a datagram says that it is encrypted."""
+    return len(datagram) > VERSION_AT and datagram[VERSION_AT] == Version.ENCRYPTED
+
+
 def is_handshake(datagram: bytes) -> bool:
     """Return whether a datagram says to be part of a handshake."""
-    return len(datagram) > KIND_AT and datagram[KIND_AT] >= FIRST_HANDSHAKE_KIND
+    is_ours = len(datagram) > KIND_AT and datagram[0] == NAME
+    return is_ours and datagram[KIND_AT] >= FIRST_HANDSHAKE_KIND

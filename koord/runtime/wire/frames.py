@@ -6,31 +6,43 @@
 The proof is BLAKE2b, keyed with a key that is made of the run's identity and the pre-shared key,
 over all that comes before it: so it covers the run, the round, and the number that keeps replays
 out. What is said before a run (R-JOIN) is proved with a key made of the run's name instead. A
-number is that of the sender's start and a count (R-START).
+number is that of the sender's start and a count (R-START). The other version of the format, in
+which bodies are encrypted, is :mod:`koord.runtime.wire.encryption`'s.
 """
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections import Counter
-from enum import Enum
+from enum import Enum, IntEnum
 from hashlib import blake2b
 from hmac import compare_digest
 from struct import Struct as Layout
+from typing import ClassVar
 
 from msgspec import Struct
 
-#: The first bytes of every datagram: a name and a version.
-NAME, VERSION = 0x4B, 2
+#: The first byte of every datagram.
+NAME = 0x4B
+
+
+class Version(IntEnum):
+    """The second byte of every datagram: its format. Numbers are never reused."""
+
+    AUTHENTICATED = 2
+    ENCRYPTED = 3  #: as well
+
 
 #: The longest datagram, so that no network on the way cuts it in pieces.
 LONGEST = 1400
 
 PROOF_BYTES = 16
+SALT_BYTES = 16  #: of encrypted datagrams
 
 _HEADER = Layout("!BBBHQQiHH")
 HEADER_BYTES = _HEADER.size
-KIND_AT = 2  #: where the kind stands in a datagram
-ROOM = LONGEST - HEADER_BYTES - PROOF_BYTES  #: for the body
+VERSION_AT, KIND_AT = 1, 2  #: where they stand in a datagram
+ROOM = LONGEST - HEADER_BYTES - SALT_BYTES - PROOF_BYTES  #: for the body, encrypted or not
 _SHORTEST = HEADER_BYTES + PROOF_BYTES
 
 MOST_ROBOTS = 1 << 16
@@ -72,60 +84,83 @@ def _derived(shared_key: bytes, of: bytes, person: bytes) -> bytes:
     return blake2b(of, key=shared_key, digest_size=32, person=person).digest()
 
 
-class Seal:
+class Seal(ABC):
     """The codec of frames as authenticated datagrams, for one key."""
 
-    __slots__ = ("_keyed",)
+    __slots__ = ()
 
-    def __init__(self, key: bytes) -> None:
-        self._keyed = blake2b(digest_size=PROOF_BYTES, key=key)
+    VERSION: ClassVar[Version]
+
+    @abstractmethod
+    def _closed(self, header: bytes, number: int, body: bytes) -> bytes:
+        """Return what stands in a datagram behind its header."""
+
+    @abstractmethod
+    def _opened(self, datagram: bytes, sender: int, number: int) -> bytes | None:
+        """Return the body of a datagram; None if it is not authentic."""
 
     def put_on(self, frame: Frame) -> bytes:
         """Encode a frame as a datagram."""
-        plain = (
-            _HEADER.pack(
-                NAME,
-                VERSION,
-                frame.kind,
-                frame.sender,
-                frame.incarnation,
-                frame.number,
-                frame.round,
-                frame.piece,
-                frame.pieces,
-            )
-            + frame.body
+        header = _HEADER.pack(
+            NAME,
+            self.VERSION,
+            frame.kind,
+            frame.sender,
+            frame.incarnation,
+            frame.number,
+            frame.round,
+            frame.piece,
+            frame.pieces,
         )
-        proof = self._keyed.copy()
-        proof.update(plain)
-        return plain + proof.digest()
+        return header + self._closed(header, frame.number, frame.body)
 
     def take_off(self, datagram: bytes, robots: int, me: int, start: int) -> Frame | Drop:
         """Decode a datagram to a frame, or the reason for dropping it. Cheap checks come first.
 
         ``me`` is the robot that receives, in this ``start``; its own datagrams may come back.
         """
-        size = len(datagram)
-        if not _SHORTEST <= size <= LONGEST:
+        if not _SHORTEST <= len(datagram) <= LONGEST:
             return Drop.SIZE
         if datagram[0] != NAME:
             return Drop.NOT_KOORD
-        if datagram[1] != VERSION:
-            return Drop.VERSION
+        if datagram[VERSION_AT] != self.VERSION:
+            return _OTHER_VERSIONS.get(datagram[VERSION_AT], Drop.VERSION)
         _, _, kind, sender, incarnation, number, round_, piece, pieces = _HEADER.unpack_from(
             datagram
         )
         if sender >= robots or (sender == me and number // START_STEP == start):
             return Drop.STRANGER
-        end = size - PROOF_BYTES
-        proof = self._keyed.copy()
-        proof.update(datagram[:end])
-        if not compare_digest(proof.digest(), datagram[end:]):
+        body = self._opened(datagram, sender, number)
+        if body is None:
             return Drop.FORGED
         if sender == me:
             return Drop.TWIN
-        body = datagram[HEADER_BYTES:end]
         return Frame(kind, sender, incarnation, number, round_, piece, pieces, body)
+
+
+class Proving(Seal):
+    """The seal that authenticates, and hides nothing."""
+
+    __slots__ = ("_keyed",)
+
+    VERSION = Version.AUTHENTICATED
+
+    def __init__(self, key: bytes) -> None:
+        self._keyed = blake2b(digest_size=PROOF_BYTES, key=key)
+
+    def _closed(self, header: bytes, number: int, body: bytes) -> bytes:
+        proof = self._keyed.copy()
+        proof.update(header)
+        proof.update(body)
+        return body + proof.digest()
+
+    def _opened(self, datagram: bytes, sender: int, number: int) -> bytes | None:
+        end = len(datagram) - PROOF_BYTES
+        proof = self._keyed.copy()
+        proof.update(datagram[:end])
+        if not compare_digest(proof.digest(), datagram[end:]):
+            return None
+        return datagram[HEADER_BYTES:end]
 
 
 class Drop(Enum):
@@ -134,6 +169,8 @@ class Drop(Enum):
     SIZE = "too short or too long"
     NOT_KOORD = "of another protocol"
     VERSION = "of another version"
+    ENCRYPTED = "encrypted, which this robot is not to hear"
+    UNENCRYPTED = "not encrypted, which this robot is not to hear"
     STRANGER = "from no robot of this run"
     FORGED = "not authentic: another key, another run, or damaged"
     REPLAYED = "seen before, or from before a restart"
@@ -144,6 +181,12 @@ class Drop(Enum):
     UNFINISHED = "a piece of a message that never got complete"
     MALFORMED = "authentic, and yet no message"
 
+
+#: What robots send of which some encrypt and others do not.
+_OTHER_VERSIONS: dict[int, Drop] = {
+    Version.AUTHENTICATED: Drop.UNENCRYPTED,
+    Version.ENCRYPTED: Drop.ENCRYPTED,
+}
 
 #: How many datagrams were dropped, and why.
 Drops = Counter[Drop]
