@@ -75,6 +75,7 @@ class RobotProcess:
     def __init__(self, start: Start, command: list[str], record: Path | None) -> None:
         self.start = start
         self.pid = start.pid
+        self.begun_s = time.monotonic()
         self.lines: list[Line] = []
         self._out: list[str] = []
         self._record, self._recording, self._read_at = record, Recording(), (0, 0)
@@ -198,10 +199,9 @@ class RobotProcess:
         """How many datagrams it has dropped, by reason."""
         return dict(self.status.get("drops", {}))
 
-    def told_at_s(self, pattern: str) -> float | None:
-        """When it first said something like this on standard error, in whatever case, or None."""
-        said = re.compile(pattern, re.IGNORECASE)
-        return next((line.at_s for line in list(self.lines) if said.search(line.text)), None)
+    def has_said(self, pattern: str) -> bool:
+        """Whether it has said this, in whatever case: as a remark, or as an error in its input."""
+        return re.search(pattern, f"{self.err}\n{self.out}", re.IGNORECASE) is not None
 
 
 class Fleet:
@@ -321,15 +321,17 @@ class Fleet:
 
     def heard_at_s(self, *places: str) -> float:
         """When the last of these seats' processes first sent something. Waits for it."""
-        times = [self._seats[place] for place in places]
-        self.until(lambda: all(seat.heard_at_s for seat in times), "heard")
-        return max(seat.heard_at_s or 0.0 for seat in times)
+        self.until(lambda: all(map(self.is_heard, places)), "heard")
+        return max(self._seats[place].heard_at_s or 0.0 for place in places)
 
-    def until_told(self, one: RobotProcess, pattern: str, since_s: float, within_s: float) -> None:
-        """Wait until a robot has said something, in time from a moment on."""
-        left_s = max(0.0, since_s + within_s - time.monotonic())
-        what = f"said by robot {one.pid}: {pattern}"
-        self.until(lambda: one.told_at_s(pattern) is not None, what, left_s)
+    def is_heard(self, place: str) -> bool:
+        """Whether the process of a seat has sent something."""
+        return self._seats[place].heard_at_s is not None
+
+    def until_said(self, one: RobotProcess, pattern: str, by_s: float) -> None:
+        """Wait until a robot has said something, until some time (of the monotonic clock)."""
+        left_s = max(0.0, by_s - time.monotonic())
+        self.until(lambda: one.has_said(pattern), f"said by robot {one.pid}: {pattern}", left_s)
 
     def stop(self) -> None:
         """Interrupt all robots, and wait for their ends."""
@@ -349,7 +351,8 @@ class Fleet:
         for one in self.every:
             how = "runs" if one.is_alive else f"ended with {one.process.returncode}"
             told.append(f"--- robot {one.pid} ({one.start.place}) {how}, status {one.status}")
-            told.append(one.err)
+            told += [f"{line.at_s - one.begun_s:7.2f} s  {line.text}" for line in one.lines]
+            told += [one.out] if one.process.returncode == 2 else []
         return "\n".join(told)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import islice
+from itertools import cycle, islice
 from pathlib import Path
 
 import pytest
@@ -12,9 +12,8 @@ from tests.deployed.conftest import MakeFleet
 from tests.deployed.fleet import Fleet
 from tests.deployed.proxy import Datagram
 
-pytestmark = pytest.mark.xfail(
-    strict=True, reason="datagrams of a run with the same key and name are believed"
-)
+#: A robot that heard of another nonce of the leader drops the Roll, and nobody says more to it.
+_LEADER_S_NONCE = "a Join of an earlier leader between Join and Roll, and a robot waits for ever"
 
 
 @pytest.fixture(scope="module")
@@ -36,6 +35,7 @@ def _dropped(fleet: Fleet) -> int:
     return sum(sum(one.drops().values()) for one in fleet)
 
 
+@pytest.mark.xfail(strict=False, reason=_LEADER_S_NONCE)
 def test_a_run_begins_and_goes_on_as_if_there_had_been_none_before(
     fleet_of: MakeFleet, earlier: Sequence[Datagram]
 ) -> None:
@@ -78,6 +78,27 @@ def test_a_robot_that_is_cut_off_acts_on_no_round_of_another_run(
 
 
 @pytest.mark.slow
+@pytest.mark.xfail(strict=True, reason=_LEADER_S_NONCE)
+def test_what_the_leader_of_another_run_said_first_keeps_nobody_waiting(
+    fleet_of: MakeFleet, earlier: Sequence[Datagram]
+) -> None:
+    """Not even if it comes all the time while robots agree on their run."""
+    first = [next(one for one in earlier if (one.sender, one.to) == (0, to)) for to in (1, 2)]
+    fleet = fleet_of(3)
+    fleet.start(0)
+    fleet.start(1)
+    fleet.heard_at_s("0", "1")
+    fleet.start(2)
+    while not fleet.is_heard("2"):
+        fleet.proxy.replay(islice(cycle(first), 100))
+    fleet.proxy.replay(islice(cycle(first), 3_000))
+    fleet.until_round(5, within_s=5.0)
+    fleet.stop()
+    assert fleet.disagreements() == []
+
+
+@pytest.mark.slow
+@pytest.mark.xfail(strict=True, reason="what comes before a robot is in a run is not counted")
 def test_a_robot_that_is_alone_begins_no_run_of_old_datagrams(
     fleet_of: MakeFleet, earlier: Sequence[Datagram]
 ) -> None:
@@ -103,7 +124,8 @@ def test_no_single_datagram_of_another_run_silences_a_robot(
         fleet.until_further(1, within_s=2.0)
     fleet.stop()
     assert fleet.disagreements() == []
-    assert all(one.report["late"] <= 2 for one in fleet)
+    # Whoever is silenced is late in all rounds from then on.
+    assert all(one.report["ran"] > 0.8 * one.report["round"] for one in fleet)
 
 
 @pytest.mark.slow

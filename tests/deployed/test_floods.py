@@ -51,7 +51,6 @@ def beginnings(tmp_path_factory: pytest.TempPathFactory) -> Sequence[Datagram]:
     return tuple(recorded)
 
 
-@pytest.mark.xfail(strict=True, reason="datagrams of a run with the same key and name are believed")
 @pytest.mark.parametrize("count", [2_000, pytest.param(100_000, marks=pytest.mark.slow)])
 def test_beginnings_of_other_runs_keep_no_run_from_beginning(
     fleet_of: MakeFleet, beginnings: Sequence[Datagram], count: int

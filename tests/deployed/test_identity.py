@@ -21,19 +21,20 @@ class Difference(Struct, frozen=True):
 
     told: str
     fields: dict[str, Any] = {}
-    replaced: tuple[str, str] = ("", "")  #: in the program
+    replaced: tuple[str, str] | None = None  #: a text in the program, and what stands there
 
     def __str__(self) -> str:
         return self.told.partition("|")[0]
 
     def changes(self, folder: Path) -> dict[str, Any]:
-        """The fields of the robot's start, with the program in a folder."""
+        """The fields of the robot's start; a program that is another is put into a folder."""
+        if not self.replaced:
+            return self.fields
         path = folder / "ledger.krd"
-        text = LEDGER.read_text(encoding="utf-8")
         path.write_text(
-            text.replace(*self.replaced) if self.replaced[0] else text, encoding="utf-8"
+            LEDGER.read_text(encoding="utf-8").replace(*self.replaced), encoding="utf-8"
         )
-        return {"program": path, **self.fields}
+        return {**self.fields, "program": path}
 
 
 DIFFERENCES = [
@@ -45,11 +46,22 @@ DIFFERENCES = [
 ]
 
 
+#: One of them does not notice it, among others in its own run.
+_BACK = [
+    pytest.param(
+        one,
+        marks=[pytest.mark.xfail(strict=True, reason="it does not say that its key is another")]
+        if "key" in one.fields
+        else [],
+    )
+    for one in DIFFERENCES
+]
+
+
 def _named(differences: list[Difference]) -> str:
     return str(differences[0]) if len(differences) == 1 else "all of them"
 
 
-@pytest.mark.xfail(strict=True, reason="nobody says what differs")
 @pytest.mark.parametrize(
     "differences", sampled(DIFFERENCES, ([one] for one in DIFFERENCES)), ids=_named
 )
@@ -60,16 +72,15 @@ def test_robots_that_differ_are_named_on_both_sides(
     fleet.start(0)
     for pid, difference in enumerate(differences, 1):
         fleet.start(pid, **difference.changes(tmp_path))
-    since_s = fleet.heard_at_s(*map(str, range(fleet.robots)))
+    by_s = fleet.heard_at_s(*map(str, range(fleet.robots))) + SOON_S
     for pid, difference in enumerate(differences, 1):
-        fleet.until_told(fleet[pid], difference.told, since_s, SOON_S)
-        fleet.until_told(fleet[0], difference.told, since_s, SOON_S)
+        fleet.until_said(fleet[pid], difference.told, by_s)
+        fleet.until_said(fleet[0], rf"robot {pid}\b.*({difference.told})", by_s)
     assert fleet.round == -1
 
 
 @pytest.mark.slow
-@pytest.mark.xfail(strict=True, reason="nobody says what differs")
-@pytest.mark.parametrize("difference", DIFFERENCES, ids=str)
+@pytest.mark.parametrize("difference", _BACK, ids=str)
 def test_a_robot_that_comes_back_different_is_named_while_the_others_go_on(
     fleet_of: MakeFleet, tmp_path: Path, difference: Difference
 ) -> None:
@@ -78,16 +89,15 @@ def test_a_robot_that_comes_back_different_is_named_while_the_others_go_on(
     fleet.until_round(5)
     fleet[2].kill()
     fleet.again(2, **difference.changes(tmp_path))
-    since_s, told = fleet.heard_at_s("2"), difference.told
-    fleet.until_told(fleet[2], told, since_s, SOON_S)
-    fleet.until(lambda: any(fleet[pid].told_at_s(told) for pid in (0, 1)), f"named: {told}", SOON_S)
+    by_s = fleet.heard_at_s("2") + SOON_S
+    fleet.until_said(fleet[2], difference.told, by_s)
+    fleet.until_said(fleet[0], rf"robot 2\b.*({difference.told})", by_s)
     fleet.until_further(10, 0, 1)
     assert fleet[2].rounds == []
     fleet.stop()
     assert fleet.disagreements() == []
 
 
-@pytest.mark.xfail(strict=True, reason="the path counts")
 def test_the_same_text_under_another_path_is_the_same_program(
     fleet_of: MakeFleet, tmp_path: Path
 ) -> None:
@@ -102,14 +112,34 @@ def test_the_same_text_under_another_path_is_the_same_program(
     assert fleet.disagreements() == []
 
 
-@pytest.mark.xfail(strict=True, reason="nobody notices")
-def test_two_processes_of_one_robot_are_named_by_both(fleet_of: MakeFleet) -> None:
+@pytest.mark.parametrize(
+    "is_late",
+    [
+        True,
+        pytest.param(
+            False,
+            marks=[
+                pytest.mark.slow,
+                pytest.mark.xfail(strict=False, reason="who comes at once rejoins for ever"),
+            ],
+        ),
+    ],
+)
+def test_two_processes_of_one_robot_are_named(fleet_of: MakeFleet, is_late: bool) -> None:
+    """By the others, and by that of both which is not heard: who runs knows of no other."""
     fleet = fleet_of(3)
     fleet.start_all()
+    if is_late:
+        fleet.until_round(5)
     twin = fleet.start(2, seat="2b")
-    since_s = fleet.heard_at_s("0", "1", "2", "2b")
+    by_s = fleet.heard_at_s("0", "1", "2", "2b") + SOON_S
+    fleet.until_said(fleet[0], r"robot 2\b", by_s)
+    fleet.until_further(5, 0, 1)
     for one in (fleet[2], twin):
-        fleet.until_told(one, r"robot 2\b", since_s, SOON_S)
+        assert (
+            one.has_said("robot 2.*(two|another|twice)") or one.rounds[-1].round > fleet.round - 9
+        )
+    fleet.stop()
     assert fleet.disagreements() == []
 
 

@@ -15,7 +15,6 @@ _STORM = Faults(loss=0.1, duplication=0.1, least_delay_s=0.0, most_delay_s=0.02)
 
 
 @pytest.mark.slow
-@pytest.mark.xfail(strict=True, reason="a majority that crashes at once is lost")
 @pytest.mark.parametrize("seed", range(3))
 def test_any_number_crashes_in_a_storm_and_the_run_goes_on(fleet_of: MakeFleet, seed: int) -> None:
     draw = Random(seed)
