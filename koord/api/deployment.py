@@ -271,7 +271,7 @@ class _Deployment(Struct, frozen=True):
         except KoordError as error:
             return replace(ended, unmerged=error.diagnostics)
         merged.trace.save(self.request.trace)
-        if ended.is_complete or self.request.state is None:
+        if self.request.state is None or not ended.interrupted:
             parts.remove()  # else the run may go on
         return replace(ended, merged=merged)
 

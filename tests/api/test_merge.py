@@ -40,6 +40,10 @@ PROGRAMS = {
 }
 
 
+#: A program in which robots see what others have sensed.
+SHARED = "allwrite:\n  int seen = 0\n" + PROGRAMS["modelled"].replace("n = Wall", "seen = Wall")
+
+
 def error(files: list[Path]) -> koord.Diagnostic:
     with pytest.raises(koord.KoordError) as caught:
         koord.merge(files)
@@ -111,12 +115,28 @@ def test_of_a_robot_without_a_part_the_others_tell(tmp_path: Path) -> None:
 
 
 def test_what_only_a_missing_robot_sensed_cannot_be_filled_in(tmp_path: Path) -> None:
-    shared = "allwrite:\n  int seen = 0\n" + PROGRAMS["modelled"].replace("n = Wall", "seen = Wall")
-    files = part_files(tmp_path, shared)
+    files = part_files(tmp_path, SHARED)
     told = error(files[:2])
     assert told.code == "K918"
     assert told.message.startswith("what robots 2 did cannot be filled in: ")
     assert told.hint == "name the parts of the robots 2 as well"
+
+
+def test_nor_can_what_a_robot_sensed_that_was_ended_without_telling(tmp_path: Path) -> None:
+    files = part_files(tmp_path, SHARED)
+    lines = lines_of(files[2])
+    write_lines(files[2], [one for one in lines if one.get("round", -1) < 3])
+    told = error(files)
+    assert told.message.startswith("what robots 2 did cannot be filled in: ")
+    assert told.hint is None
+
+
+def test_nor_can_how_a_missing_robot_began(tmp_path: Path) -> None:
+    """[PROP-ASSUME]: what it began with is not known, and is no violation."""
+    text = "local:\n  int x\nUp:\n  eff:\n    x = x + 1\nassume: forall i: x@i == 3\n"
+    files = part_files(tmp_path, text)
+    assert koord.merge(files).ok
+    assert error(files[:2]).message.startswith("what robots 2 did cannot be filled in: ")
 
 
 @pytest.mark.parametrize("part", range(3))
@@ -137,6 +157,24 @@ def test_rounds_that_nobody_tells_of_end_the_trace(tmp_path: Path) -> None:
     write_lines(file, lines)
     merged = koord.merge([file])
     assert (merged.trace.rounds, merged.rounds_told, merged.is_whole) == (4, 12, False)
+
+
+def test_a_last_round_after_which_nobody_looked_is_cut(tmp_path: Path) -> None:
+    """Robots that were all killed: what was decided and written in it is in the trace."""
+    files = part_files(tmp_path, COUNT)
+    for file in files:
+        lines = lines_of(file)
+        write_lines(file, [one for one in lines if one["told"] != "left" and _before(one, 12)])
+    merged = koord.merge(files)
+    rounds = merged.trace.recorded.recording.rounds
+    assert [round_.cut for round_ in rounds] == [False] * 11 + [True]
+    assert len(merged.trace.recorded.outputs) == 12
+    assert merged.is_whole
+    assert koord.replay(merged.trace).legal
+
+
+def _before(line: Line, round_: int) -> bool:
+    return not (line["told"] == "stood" and line["round"] >= round_)
 
 
 def test_without_a_beginning_there_is_no_run(tmp_path: Path) -> None:

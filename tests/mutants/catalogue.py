@@ -14,6 +14,7 @@ from tests.mutants.every_n import EVERY_N
 from tests.mutants.failing import FAILING
 from tests.mutants.horn import HORN
 from tests.mutants.instants import INSTANTS
+from tests.mutants.judged import JUDGED
 from tests.mutants.mutant import Mutant
 from tests.mutants.protocol import PROTOCOL, WIRE_MISTAKES
 from tests.mutants.simulated import SIMULATED
@@ -798,6 +799,7 @@ MUTANTS = (
     *PROTOCOL,
     *WIRE_MISTAKES,
     *DEPLOYED,
+    *JUDGED,
     *COMPILED,
     *SHOWN,
     *SIMULATED,

@@ -21,6 +21,7 @@ from koord.refinement.part_reading import read_part
 from koord.refinement.parts import PartWriter, Whose
 from koord.refinement.reports import Told
 from koord.runtime.chaos.network import CHAOS
+from koord.runtime.proposals import Decision, Write
 from koord.syntax import core
 from koord.syntax.diagnostics import Diagnostic, KoordError
 from koord.syntax.system import System, dealt
@@ -125,6 +126,13 @@ def test_a_part_that_cannot_be_written_ends_and_the_robot_goes_on(tmp_path: Path
     for one in SOME:
         writer.tell(one)
     assert isinstance(writer.trouble, FileNotFoundError)
+
+
+def test_decisions_that_write_otherwise_are_told_apart() -> None:
+    one, other = (Decision(3, (), (0, 1), (Write(0, (), value),)) for value in (1, 2))
+    assert reports.shortened(one) != reports.shortened(other)
+    assert reports.shortened(one).writes == ()
+    assert len(reports.shortened(one).digest) == reports.DIGEST_BYTES
 
 
 # --- damage ---------------------------------------------------------------------------------------

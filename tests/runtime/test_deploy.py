@@ -26,6 +26,7 @@ from koord.runtime.deploy.resuming import come_back, enter
 from koord.runtime.deploy.running import CannotTakePartError, Job, Runner
 from koord.runtime.deploy.status import Tally, status_of
 from koord.runtime.engine import Deployed, RoundEngine
+from koord.runtime.motion.world import World
 from koord.runtime.node import Peer
 from koord.runtime.proposals import Decision, Proposal
 from koord.runtime.protocol.events import Reason
@@ -355,6 +356,20 @@ def test_ideal_robots_go_where_they_are_told_at_their_speed() -> None:
     own.holding = True
     own._move(((1.0, 0.0, 0.0), (1.0, 1.0, 0.0)))
     assert own.position == pytest.approx((1.0, 0.2, 0.0))
+
+
+def test_tasks_are_where_the_world_has_them_and_nobody_s_yet() -> None:
+    world = World(tasks=((1, 2, 0), (3.0, -1.0, 0.5)))
+    own = IdealHost(classes("task")[0], 0, 2, DELTA_S, seed=1, world=world)
+    first, second, *others = own.start(None, "list")
+    assert (first[0], second[0]) == ((1.0, 2.0, 0.0), (3.0, -1.0, 0.5))
+    assert others == list(own.start(None, "list")[2:])
+    assert all(task[1:] == first[1:] for task in others)
+
+
+def test_variables_begin_as_they_are_told_to() -> None:
+    own = IdealHost(classes("task")[0], 0, 2, DELTA_S, seed=1, starts={(None, "list"): ("x",)})
+    assert own.start(None, "list") == ("x",)
 
 
 def test_paths_that_come_near_each_other_are_not_clear() -> None:
