@@ -14,7 +14,7 @@ from koord.api.results import ArgumentError, Result, html_table
 from koord.refinement.protocol_proof.steps import Answer, Step
 from koord.runtime.chaos.network import Faults
 from koord.runtime.chaos.storm import Weathered, weather
-from koord.runtime.exploration.exploring import Explored, explore
+from koord.runtime.exploration.exploring import Explored, InvariantViolation, explore
 from koord.runtime.exploration.world import ExplorationBounds
 from koord.runtime.protocol.setup import Setup, Timing
 
@@ -25,6 +25,15 @@ _CASES = {
     "a crash and elections": ExplorationBounds(rounds=1, epoch=2, crashes=1, states=200_000),
     "a crash and a restart": ExplorationBounds(
         rounds=1, epoch=2, crashes=1, restarts=1, states=200_000
+    ),
+}
+
+#: What is held against the model that is proved for every number of robots.
+_HELD_AGAINST_MODEL = {
+    "one round": ExplorationBounds(rounds=1, epoch=0, crashes=0, eager=False),
+    "elections": ExplorationBounds(rounds=1, epoch=1, crashes=0, states=30_000),
+    "crashes and returns": ExplorationBounds(
+        rounds=1, epoch=2, crashes=1, restarts=1, twins=1, states=30_000
     ),
 }
 
@@ -122,9 +131,14 @@ def check_protocol(
 
 
 class ProtocolProof(Result, frozen=True):
-    """The steps of the proof that the protocol is safe for every number of robots."""
+    """The proof that the protocol is safe for every number of robots.
+
+    ``steps`` are those of the proof on the model; ``explored``: where the machine was held against
+    the model.
+    """
 
     steps: tuple[Step, ...]
+    explored: Mapping[str, Explored]
     interrupted: bool = False
 
     @property
@@ -138,9 +152,14 @@ class ProtocolProof(Result, frozen=True):
         return tuple(step for step in self.steps if step.answer is Answer.REFUTED)
 
     @property
+    def strays(self) -> tuple[InvariantViolation, ...]:
+        """What the machine does and the model does not."""
+        return tuple(one.violation for one in self.explored.values() if one.violation is not None)
+
+    @property
     def ok(self) -> bool:
-        """True if every step was proved."""
-        return not self.open and not self.interrupted
+        """True if every step was proved, and the machine was found to do what the model does."""
+        return not self.open and not self.strays and not self.interrupted
 
     @property
     def invariants(self) -> tuple[str, ...]:
@@ -156,6 +175,11 @@ class ProtocolProof(Result, frozen=True):
             "version": 1,
             "proved": self.ok,
             "invariants": list(self.invariants),
+            "explored": [
+                {"what": what, "states": one.states, "transitions": one.transitions}
+                for what, one in self.explored.items()
+            ],
+            "strays": [one.broken.story for one in self.strays],
             "steps": [
                 {
                     "action": step.action,
@@ -186,18 +210,25 @@ def prove_protocol(
     """Prove the protocol safe for every number of robots, rounds, epochs, crashes and returns.
 
     Z3 is asked whether each action of a model in first-order logic keeps each statement of an
-    inductive invariant, and whether the invariants of specs/protocol follow from it.
+    inductive invariant, and whether the invariants of specs/protocol follow from it. Then some
+    explorations of the machine are held against the model, state by state and step by step.
     """
+    from koord.refinement.protocol_proof.correspondence import held_against_model
     from koord.refinement.protocol_proof.proving import Prover
 
     tell, is_cancelled = heard_by(progress), asker(cancellation)
-    steps = []
+    steps, explored = [], {}
     for step in Prover().steps():
         steps.append(step)
         tell(Progress(f"{step.action or 'claims'}: {step.statement}"))
         if is_cancelled():
             break
-    return ProtocolProof(tuple(steps), is_cancelled())
+    for what, bounds in _HELD_AGAINST_MODEL.items():
+        if is_cancelled():
+            break
+        tell(Progress(f"the machine and the model: {what}"))
+        explored[what] = held_against_model(bounds)
+    return ProtocolProof(tuple(steps), explored, is_cancelled())
 
 
 def _runs(count: int, seed: int, faults: Faults) -> Iterator[Weathered]:

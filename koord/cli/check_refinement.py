@@ -90,7 +90,7 @@ def prove_for_every_number(arguments: argparse.Namespace) -> int:
         return Exit.INTERRUPTED
     if proof.ok:
         return Exit.OK
-    return Exit.VIOLATED if proof.refuted else Exit.UNKNOWN
+    return Exit.VIOLATED if proof.refuted or proof.strays else Exit.UNKNOWN
 
 
 def _show_proof(proof: ProtocolProof) -> None:
@@ -103,6 +103,13 @@ def _show_proof(proof: ProtocolProof) -> None:
         print(f"not proved ({step.answer.value}): {step.action or 'claims'}: {step.statement}")
         for fact in step.counterexample:
             print(f"  {fact}")
+    for what, one in proof.explored.items():
+        if one.violation is None:
+            done = f"{one.states:,} states, {one.transitions:,} transitions"
+            print(f"the machine does what the model does, {what}: {done}")
+    for stray in proof.strays:
+        print("\n".join(f"  {line}" for line in stray.story))
+        print(f"the machine does what the model does not: {stray.broken.story}")
     if proof.ok:
         seconds = sum(step.seconds for step in proof.steps)
         print(

@@ -29,10 +29,12 @@ def wander(
     Every message that was ever sent can still arrive, so a walk is as unlucky as a network can be.
     """
     setup = setup if setup is not None else Setup(bounds.robots, Timing.zero())
-    return _Walks(Explorer(setup, bounds)).walk(Random(seed), walks, length)
+    return Walks(Explorer(setup, bounds)).walk(Random(seed), walks, length)
 
 
-class _Walks(Search):
+class Walks(Search):
+    """Random walks, with whatever a search checks of each transition."""
+
     def walk(self, random: Random, walks: int, length: int) -> Explored:
         start = self.explorer.initial()
         seen = {start}
