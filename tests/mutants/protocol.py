@@ -9,6 +9,7 @@ ELECTIONS = "tests/runtime/test_elections.py"
 EXPLORATION = "tests/runtime/test_exploration.py"
 CHAOS = "tests/runtime/test_chaos.py"
 WIRE = "tests/runtime/test_wire.py"
+TRANSPORTS = "tests/runtime/test_transports.py"
 ENCRYPTION = "tests/runtime/test_encryption.py"
 RECOVERY = "tests/runtime/test_recovery.py"
 HANDSHAKE = "tests/runtime/test_handshake.py"
@@ -286,6 +287,13 @@ WIRE_MISTAKES = (
         "_derived(shared_key, identity, b'koord run')",
         "_derived(shared_key, b'', b'koord run')",
         (WIRE,),
+    ),
+    Mutant(
+        "a flood over zenoh fills the memory",
+        "runtime.transports.routed.Inbox.__init__",
+        "Queue(most)",
+        "Queue()",
+        (TRANSPORTS,),
     ),
     Mutant(
         "robots encrypt with one key at every start",

@@ -26,6 +26,7 @@ class InProcess(Struct):
     hub: Hub
     pid: int
     closed: bool = False
+    dropped: int = 0
 
     def send(self, to: int, datagram: bytes) -> None:
         self.hub.sent += 1

@@ -7,21 +7,30 @@ what is waited for has come, or after so many tries.
 from __future__ import annotations
 
 import socket
+import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from itertools import count
+from types import SimpleNamespace
 
 import pytest
 
 from koord.runtime.chaos.storm import Journal, StormRobot
+from koord.runtime.compile import compiled
+from koord.runtime.compile.loading import loaded
+from koord.runtime.configuration.checking import load as load_configuration
+from koord.runtime.deploy.running import Job, Runner
 from koord.runtime.node import Peer
 from koord.runtime.protocol.setup import Setup, Timing
 from koord.runtime.protocol.state import fresh
+from koord.runtime.transports.routed import MOST_WAITING, Routed
 from koord.runtime.transports.transport import Transport, TransportError
 from koord.runtime.transports.udp import Delivery, Plan, Udp, on_this_machine
 from koord.runtime.wire.codec import Channel
 from koord.runtime.wire.frames import LONGEST, Drop, run_key
+from koord.syntax.source import Source
+from tests.loading import example_program
 from tests.runtime.hub import Hub
 from tests.runtime.together import KEY, together
 
@@ -69,8 +78,6 @@ def broadcast(robots: int) -> list[Transport]:
 
 def zenoh(robots: int) -> list[Transport]:
     pytest.importorskip("zenoh")
-    from koord.runtime.transports.routed import Routed
-
     port = free_port(robots)
     made: list[Transport] = []
     for pid in range(robots):
@@ -203,6 +210,72 @@ def test_robots_agree_over_it(make: Make) -> None:
     chains = {held.digest for peer in peers for held in peer.node.state.log if held.round == 11}
     assert len(chains) == 1
     assert sum(peer.drops.total() for peer in peers) == 0
+
+
+# --- floods ---------------------------------------------------------------------------------------
+
+
+class Sample:
+    """As zenoh hands it to a subscriber."""
+
+    def __init__(self, datagram: bytes, key_expr: str = "koord/run/to/0") -> None:
+        self.payload = self
+        self.key_expr = key_expr
+        self._datagram = datagram
+
+    def to_bytes(self) -> bytes:
+        return self._datagram
+
+
+class Session:
+    """As much of a session of zenoh's as the transport needs, where it is not installed."""
+
+    def __init__(self) -> None:
+        self.subscribers: dict[str, Callable[[Sample], None]] = {}
+
+    def declare_subscriber(self, key: str, handler: Callable[[Sample], None]) -> None:
+        self.subscribers[key] = handler
+
+    def close(self) -> None:
+        self.subscribers.clear()
+
+
+@pytest.fixture
+def session(monkeypatch: pytest.MonkeyPatch) -> Session:
+    """The session that the next transport opens."""
+    made = Session()
+    config = SimpleNamespace(insert_json5=lambda key, value: None)
+    stub = SimpleNamespace(
+        Config=lambda: config,
+        open=lambda config: made,
+        init_log_from_env_or=lambda level: None,
+        ZError=OSError,
+    )
+    monkeypatch.setitem(sys.modules, "zenoh", stub)
+    return made
+
+
+def test_a_flood_over_zenoh_fills_no_memory_and_is_told(session: Session) -> None:
+    """A flood of ten times as many datagrams as may wait, some of them very long."""
+    transport = Routed("run", 0, 2)
+    (to_me, to_all) = session.subscribers.values()
+    for k in range(5 * MOST_WAITING):
+        to_me(Sample(b"%d" % k + bytes(100 * LONGEST * (k % 512 == 0))))
+        to_all(Sample(b"%d" % k, "koord/run/all/1"))
+    assert transport.dropped == 9 * MOST_WAITING
+    classes = loaded(compiled(example_program("sum_of_ids")))
+    configuration = load_configuration(Source("c.yaml", "num_robots: 2\n"))
+    job = Job(classes, (0, 0), configuration, KEY, "run", 0.1, 0.0, 5, None)
+    runner = Runner(job, 0, transport)
+    assert dict(runner.status.drops)[Drop.CROWDED.value] == 9 * MOST_WAITING
+    came: list[bytes] = []
+    while some := transport.receive(0.0):
+        came += some
+    assert len(came) == MOST_WAITING
+    assert max(map(len, came)) == LONGEST + 1, "as over UDP: enough to see that it is too long"
+    to_me(Sample(b"a friend"))
+    assert transport.receive(0.0) == [b"a friend"], "there is room again"
+    transport.close()
 
 
 # --- each its own ---------------------------------------------------------------------------------

@@ -59,5 +59,9 @@ class Unreliable:
             delay = draw.uniform(faults.least_delay_s, faults.most_delay_s)
             heappush(self._under_way, (now + delay, self._number, datagram))
 
+    @property
+    def dropped(self) -> int:
+        return self._inner.dropped
+
     def close(self) -> None:
         self._inner.close()

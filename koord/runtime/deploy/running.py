@@ -50,7 +50,7 @@ from koord.runtime.robot import Robot
 from koord.runtime.shapes import ShapeError
 from koord.runtime.transports.transport import Transport
 from koord.runtime.wire.codec import Channel
-from koord.runtime.wire.frames import fleet_key, run_key
+from koord.runtime.wire.frames import Drop, fleet_key, run_key
 from koord.version import __version__
 
 #: How often a robot says how it is doing.
@@ -458,6 +458,8 @@ class Runner:
             status = status_of(self.peer, self.member, self.tally)
         drops = Counter(dict(status.drops))
         drops.update({drop.value: n for drop, n in self.joining.drops.items()})
+        if self._transport.dropped:
+            drops[Drop.CROWDED.value] = self._transport.dropped
         notes = (*self._remarks, *self.joining.notes)
         if self.member.unwritable is not None:
             status = replace(status, holding=Reason.UNWRITABLE)

@@ -3,13 +3,47 @@
 from __future__ import annotations
 
 import json
-from queue import Empty, SimpleQueue
+from queue import Empty, Full, Queue
+from threading import Lock
 from typing import Any
 
 from koord.runtime.transports.transport import TransportError
+from koord.runtime.wire.frames import LONGEST
 
 #: Handed on at once, as in ``udp``.
 _BATCH = 256
+
+#: So many datagrams may wait, which are less than 6 MB: about what kernels keep of UDP.
+MOST_WAITING = 4096
+
+
+class Inbox:
+    """What has arrived and was not taken yet: threads of zenoh's fill it, and may flood it."""
+
+    def __init__(self, most: int = MOST_WAITING) -> None:
+        self.dropped = 0  #: those for which there was no room
+        self._waiting: Queue[bytes] = Queue(most)
+        self._lock = Lock()
+
+    def put(self, datagram: bytes) -> None:
+        """Keep a datagram, if there is room; of one that is too long only as much as shows it."""
+        try:
+            self._waiting.put_nowait(datagram[: LONGEST + 1])
+        except Full:
+            with self._lock:
+                self.dropped += 1
+
+    def take(self, timeout_s: float) -> list[bytes]:
+        """Return what has arrived; if nothing has, wait at most ``timeout_s`` seconds."""
+        came: list[bytes] = []
+        try:
+            if timeout_s > 0:
+                came.append(self._waiting.get(timeout=timeout_s))
+            while len(came) < _BATCH:
+                came.append(self._waiting.get_nowait())
+        except Empty:
+            pass
+        return came
 
 
 class Routed:
@@ -33,7 +67,7 @@ class Routed:
             raise TransportError(
                 "the zenoh transport is not installed", "pip install 'koord[zenoh]'"
             ) from error
-        self._inbox: SimpleQueue[bytes] = SimpleQueue()
+        self._inbox = Inbox()
         config = zenoh.Config()
         config.insert_json5("mode", '"peer"')
         for name, endpoints in (("connect", connect), ("listen", listen)):
@@ -69,15 +103,11 @@ class Routed:
             self._session.put(self._all, datagram)
 
     def receive(self, timeout_s: float) -> list[bytes]:
-        came: list[bytes] = []
-        try:
-            if timeout_s > 0:
-                came.append(self._inbox.get(timeout=timeout_s))
-            while len(came) < _BATCH:
-                came.append(self._inbox.get_nowait())
-        except Empty:
-            pass
-        return came
+        return self._inbox.take(timeout_s)
+
+    @property
+    def dropped(self) -> int:
+        return self._inbox.dropped
 
     def close(self) -> None:
         if not self._closed:

@@ -8,8 +8,13 @@ from typing import Protocol
 class Transport(Protocol):
     """A transport: it carries datagrams of up to 1,400 bytes, or loses them.
 
-    Sending never waits and never fails: what cannot be sent is lost.
+    Sending never waits and never fails: what cannot be sent is lost. What waits to be received
+    takes up bounded memory.
     """
+
+    @property
+    def dropped(self) -> int:
+        """How many datagrams have arrived and found no room, as far as that is known."""
 
     def send(self, to: int, datagram: bytes) -> None:
         """Send to one robot."""

@@ -56,6 +56,7 @@ class Udp:
     def __init__(self, plan: Plan, pid: int) -> None:
         """Open the sockets. Raises TransportError."""
         self.sent = 0
+        self.dropped = 0  # kernels drop without a word
         self._plan = plan
         self._own = plan.addresses[pid]
         self._others = tuple(a for i, a in enumerate(plan.addresses) if i != pid)

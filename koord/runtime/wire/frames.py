@@ -166,6 +166,7 @@ class Proving(Seal):
 class Drop(Enum):
     """The reasons for dropping a datagram."""
 
+    CROWDED = "too many at once"
     SIZE = "too short or too long"
     NOT_KOORD = "of another protocol"
     VERSION = "of another version"
