@@ -10,6 +10,8 @@ from koord.api.fitting import FitRequest, Fitted, beside, can_be_placed, fit
 from koord.api.programs import Loadable, Program, Text, source_of
 from koord.api.results import Result, diagnostics_dict
 from koord.runtime.configuration.checking import load as load_configuration
+from koord.runtime.configuration.keys import new_key as new_key
+from koord.runtime.configuration.keys import write_key as write_key
 from koord.runtime.configuration.model import RunConfiguration, params
 from koord.syntax.diagnostics import Diagnostic, KoordError, Severity
 from koord.syntax.source import Source, counted

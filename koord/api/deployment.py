@@ -25,12 +25,19 @@ from koord.api.results import ArgumentError
 from koord.api.robots import Seconds
 from koord.runtime.compile import compiled
 from koord.runtime.compile.loading import loaded
+from koord.runtime.configuration.keys import SharedKey, shared_key
 from koord.runtime.configuration.model import RunConfiguration
 from koord.runtime.deploy.ideal import unanswered
 from koord.runtime.deploy.joining import knock
 from koord.runtime.deploy.local import Launch, local_plan, transport_of
 from koord.runtime.deploy.recording import DeploymentRecord
-from koord.runtime.deploy.running import CannotTakePartError, RoundReport, Runner, ideal_member
+from koord.runtime.deploy.running import (
+    CannotTakePartError,
+    RoundReport,
+    Runner,
+    ideal_member,
+    print_of,
+)
 from koord.runtime.deploy.running import Job as Job
 from koord.runtime.deploy.status import RobotReport as RobotReport
 from koord.runtime.deploy.supervised import SupervisedProcesses
@@ -138,22 +145,20 @@ def job_of(fitted: Fitted, request: DeployRequest) -> Job:
     check_start(fitted)
     configuration, classes = fitted.configuration, loaded(compiled(fitted.program.core))
     assert configuration.delta_s is not None
-    missing = (*_unanswered(classes, configuration), *_keyless(configuration, request))
-    if missing:
+    key = _key(configuration, request)
+    missing = tuple(_unanswered(classes, configuration))
+    if key is None:
+        missing += (_keyless(configuration),)
+    if key is None or missing:
         raise KoordError(missing)
     if configuration.talk.encrypts:
         require(("cryptography",), "encrypt")
     run = request.run or configuration.talk.run
-    if request.pid is None:  # on one machine nobody else needs to know the key
-        key = secrets.token_bytes(32)
-    else:
-        assert configuration.talk.key is not None
-        key = configuration.talk.key
     return Job(
         classes,
         fitted.kinds,
         configuration,
-        key,
+        key.key,
         run,
         delta_s=configuration.delta_s,
         pace_s=0.0 if request.as_fast_as_possible else configuration.delta_s,
@@ -162,6 +167,8 @@ def job_of(fitted: Fitted, request: DeployRequest) -> Job:
         starts=_starts(fitted),
         program=_program(fitted.program.core),
         insists=request.fresh,
+        key_print="" if request.pid is None else print_of(key.key, run),
+        warnings=key.warnings,
     )
 
 
@@ -206,11 +213,17 @@ def _unanswered(
         yield Diagnostic("K932", Severity.ERROR, whole_file(configuration.name), story, hint)
 
 
-def _keyless(configuration: RunConfiguration, request: DeployRequest) -> Iterator[Diagnostic]:
-    if request.pid is not None and configuration.talk.key is None:
-        story = "the robots have no key in common"
-        hint = f"add: network: {{key: {secrets.token_hex(16)}}}"
-        yield Diagnostic("K932", Severity.ERROR, whole_file(configuration.name), story, hint)
+def _key(configuration: RunConfiguration, request: DeployRequest) -> SharedKey | None:
+    """The key of a run; None if robots that are to have one have none. Raises KoordError."""
+    if request.pid is None:  # on one machine nobody else needs to know the key
+        return SharedKey(secrets.token_bytes(32))
+    return shared_key(configuration)
+
+
+def _keyless(configuration: RunConfiguration) -> Diagnostic:
+    story = "the robots have no key in common"
+    hint = "write one with `koord config key robots.key`, and add: network: {key_file: robots.key}"
+    return Diagnostic("K932", Severity.ERROR, whole_file(configuration.name), story, hint)
 
 
 def deploy_fitted(
@@ -229,7 +242,7 @@ def deploy_fitted(
     except CannotTakePartError as error:
         where = error.file or job.configuration.name
         raise refusal("K939", where, error.message, error.hint) from None
-    return replace(deployed, warnings=fitted.warnings)
+    return replace(deployed, warnings=fitted.warnings + job.warnings)
 
 
 class _Deployment(Struct, frozen=True):

@@ -1,11 +1,20 @@
-"""``koord config check FILE…``: is this a configuration that robots can be run with?"""
+"""``koord config check FILE…``: is this a configuration that robots can be run with?
+
+``koord config key [FILE]``: a new key for robots to share.
+"""
 
 from __future__ import annotations
 
 import argparse
 import sys
+from argparse import ArgumentTypeError
 
-from koord.api.configurations import ConfigurationReport, check_configuration
+from koord.api.configurations import (
+    ConfigurationReport,
+    check_configuration,
+    new_key,
+    write_key,
+)
 from koord.cli.arguments import add_json, check_files
 from koord.cli.diagnostics import DiagnosticReport
 from koord.cli.exits import Exit
@@ -16,9 +25,14 @@ from koord.syntax.source import Source
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("action", choices=["check"], help="what to do with the files")
     parser.add_argument(
-        "files", metavar="FILE", nargs="+", help="a configuration (.yaml); - is standard input"
+        "action",
+        choices=["check", "key"],
+        help="check: check the files; key: print a new key for robots, or write it to a new FILE "
+        "that you alone can read",
+    )
+    parser.add_argument(
+        "files", metavar="FILE", nargs="*", help="a configuration (.yaml); - is standard input"
     )
     parser.add_argument(
         "--program",
@@ -31,6 +45,27 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def main(arguments: argparse.Namespace) -> int:
+    return _key(arguments) if arguments.action == "key" else _check(arguments)
+
+
+def _key(arguments: argparse.Namespace) -> int:
+    """Print a new key, or write it to a file. Raises KoordError."""
+    if arguments.program is not None or arguments.json:
+        raise ArgumentTypeError("--program and --json are for config check")
+    if len(arguments.files) > 1:
+        raise ArgumentTypeError("config key writes one file")
+    if not arguments.files:
+        print(new_key())
+        return Exit.OK
+    (path,) = arguments.files
+    write_key(path)
+    print(f"{visible(path)}: a new key; network: {{key_file: {visible(path)}}} names it")
+    return Exit.OK
+
+
+def _check(arguments: argparse.Namespace) -> int:
+    if not arguments.files:
+        raise ArgumentTypeError("say which files to check")
     check_files(arguments.files)
     report = DiagnosticReport()
     for path in arguments.files:

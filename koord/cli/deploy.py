@@ -139,10 +139,12 @@ def prepare(
     if found is None:
         return None
     try:
-        return found, job_of(found, request)
+        job = job_of(found, request)
     except KoordError as error:
         report.add(error.diagnostics)
         return None
+    report.add(job.warnings)
+    return found, job
 
 
 def _ended(deployed: Deployed) -> int:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -86,23 +85,6 @@ def test_a_pid_that_nobody_has_is_told(tmp_path: Path, capsys: pytest.CaptureFix
     err = capsys.readouterr().err
     assert "K932" in err
     assert "the pids are 0 to 1" in err
-
-
-def test_a_library_that_is_missing_is_told_with_its_cure(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    config = tmp_path / "c.yaml"
-    config.write_text("num_robots: 2\nnetwork: {encrypt: true}\n", encoding="utf-8")
-
-    def absent(name: str) -> object:
-        return None if name == "cryptography" else find_spec(name)
-
-    monkeypatch.setattr("koord.runtime.motion.libraries.find_spec", absent)
-    code = main(["deploy", SUM, str(config), "--all-local", "--rounds", "3"])
-    said = capsys.readouterr().err
-    assert code == Exit.BAD_INPUT
-    assert "K950" in said
-    assert "pip install 'koord[encrypt]'" in said
 
 
 def test_functions_that_robots_do_not_have_are_told(capsys: pytest.CaptureFixture[str]) -> None:

@@ -49,11 +49,17 @@ CASES = {
         "record",
         ("deploy", LEADER, CARS, "--all-local", "--record", "run.mcap"),
     ),
+    "cryptography": (
+        "cryptography",
+        "encrypt",
+        ("deploy", LEADER, "encrypted.yaml", "--all-local"),
+    ),
     "zenoh": ("zenoh", "zenoh", ("deploy", LEADER, "zenoh.yaml", "--pid", "0")),
 }
 
 LEVEL = "num_robots: 1\npositions: {{0: [0, 0, 0]}}\ndevice: {{bot_type: QUAD, {}}}\n"
 FILES = {
+    "encrypted.yaml": "num_robots: 2\nnetwork: {encrypt: true}\n",
     "one.yaml": LEVEL.format("planner: STRAIGHT, simulation: {level: mujoco}"),
     "two.yaml": LEVEL.format("planner: STRAIGHT, simulation: {level: fast}"),
 }

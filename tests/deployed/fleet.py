@@ -262,6 +262,7 @@ class Fleet:
         home.mkdir(exist_ok=True)
         config = home / f"{number}.yaml"
         config.write_text(self._configuration(start, seat), encoding="utf-8")
+        config.chmod(0o600)  # there is a key in it
         record = home / f"{number}.mcap" if start.records else None
         state = start.state or home / "state"
         command = [*start.before, sys.executable, "-m", "koord", "deploy"]

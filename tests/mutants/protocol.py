@@ -10,6 +10,7 @@ EXPLORATION = "tests/runtime/test_exploration.py"
 CHAOS = "tests/runtime/test_chaos.py"
 WIRE = "tests/runtime/test_wire.py"
 TRANSPORTS = "tests/runtime/test_transports.py"
+KEYS = "tests/runtime/test_keys.py"
 ENCRYPTION = "tests/runtime/test_encryption.py"
 RECOVERY = "tests/runtime/test_recovery.py"
 HANDSHAKE = "tests/runtime/test_handshake.py"
@@ -287,6 +288,41 @@ WIRE_MISTAKES = (
         "_derived(shared_key, identity, b'koord run')",
         "_derived(shared_key, b'', b'koord run')",
         (WIRE,),
+    ),
+    Mutant(
+        "a key that the group can read is taken",
+        "runtime.configuration.keys._read",
+        "status.st_mode & _OTHERS",
+        "status.st_mode & _EVERYBODY",
+        (KEYS,),
+    ),
+    Mutant(
+        "a weak key is taken from a file",
+        "runtime.configuration.keys._read",
+        "weakness(key)",
+        "None",
+        (KEYS,),
+    ),
+    Mutant(
+        "a new key overwrites another",
+        "runtime.configuration.keys.write_key",
+        "os.O_WRONLY | os.O_CREAT | os.O_EXCL",
+        "os.O_WRONLY | os.O_CREAT",
+        (KEYS,),
+    ),
+    Mutant(
+        "a new key can be read by others",
+        "runtime.configuration.keys.write_key",
+        "os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)",
+        "os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o644)",
+        (KEYS,),
+    ),
+    Mutant(
+        "another key takes effect in mid-run",
+        "runtime.deploy.running.Runner._print",
+        "(self.job.fingerprint, self.job.key_print)",
+        "(self.job.fingerprint, '')",
+        (KEYS,),
     ),
     Mutant(
         "a flood over zenoh fills the memory",

@@ -20,6 +20,7 @@ from koord.runtime.configuration.forms import (
     ObstacleForm,
     WorldForm,
 )
+from koord.runtime.configuration.keys import HINT, weakness
 from koord.runtime.configuration.model import (
     RobotPlace,
     RunConfiguration,
@@ -249,17 +250,27 @@ class _Checker(FormReader):
                 self._check_ip(shared, ("udp_bcast_ip",))
         if network.interface is not None:
             self._check_ip(network.interface, ("network", "interface"))
+        self._check_key(network)
         return Talk(
             carrier,
             network.port or form.udp_port or DEFAULT_PORT,
             shared,
             network.interface or "0.0.0.0",
             None if network.key is None else network.key.encode(),
+            network.key_file,
             network.encrypt,
             network.run or "koord",
             tuple(network.connect),
             tuple(network.listen),
         )
+
+    def _check_key(self, network: NetworkForm) -> None:
+        story = None if network.key is None else weakness(network.key.encode())
+        if story is not None:
+            self._say(("network", "key"), story, HINT)
+        if network.key is not None and network.key_file is not None:
+            hint = "leave `key` out, or `key_file`"
+            self._say(("network", "key_file"), "the key is given twice", hint)
 
     def _check_ip(self, text: str, path: Path) -> IPv4Address | None:
         try:

@@ -192,13 +192,17 @@ class MonitorForm(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
 
 
 class NetworkForm(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """The network of robots. ``key`` is their shared secret; ``encrypt`` hides what they say."""
+    """The network of robots. ``key``, or that in ``key_file``, is their secret.
+
+    With ``encrypt`` nobody without it can read what they say. The file stands beside this one.
+    """
 
     transport: Carrier | None = None
     port: Port | None = None
     group: str | None = None
     interface: str | None = None
     key: Annotated[str, Meta(min_length=16)] | None = None
+    key_file: Name | None = None
     encrypt: bool = False
     run: Name | None = None
     connect: list[Name] = []

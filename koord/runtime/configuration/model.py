@@ -62,6 +62,7 @@ class Talk(Struct, frozen=True):
     shared: str | None = None  #: the group, or the broadcast address
     interface: str = "0.0.0.0"
     key: bytes | None = None
+    key_file: str | None = None
     encrypts: bool = False
     run: str = "koord"
     connect: tuple[str, ...] = ()

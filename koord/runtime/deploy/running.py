@@ -51,6 +51,7 @@ from koord.runtime.shapes import ShapeError
 from koord.runtime.transports.transport import Transport
 from koord.runtime.wire.codec import Channel
 from koord.runtime.wire.frames import Drop, fleet_key, run_key
+from koord.syntax.diagnostics import Diagnostic
 from koord.version import __version__
 
 #: How often a robot says how it is doing.
@@ -83,6 +84,11 @@ class CannotTakePartError(Exception):
         return type(self), (self.message, self.hint, self.file)
 
 
+def print_of(key: bytes, run: str) -> str:
+    """A digest by which a key is known again, in runs of this name."""
+    return blake2b(b"journal", key=fleet_key(key, run), digest_size=16).hexdigest()
+
+
 class Job(Struct, frozen=True):
     """A run, as all of its robots know it."""
 
@@ -99,6 +105,8 @@ class Job(Struct, frozen=True):
     starts: Mapping[tuple[int | None, str], Any] = {}  #: by robot and attribute, if any are assumed
     program: Fingerprint = ()  #: what the robots run, by name, as texts
     insists: bool = False  #: on a new run, whatever journals say
+    key_print: str = ""  #: of a key that outlasts this process: journals of others do not count
+    warnings: tuple[Diagnostic, ...] = ()  #: of the key
 
     @property
     def robots(self) -> int:
@@ -276,7 +284,7 @@ class Runner:
                 return None
             entered = kept.entered
             if (entered.pid, entered.fingerprint) != (self._pid, self._print):
-                self._remarks.append("its journal is of another program or robot: not used")
+                self._remarks.append("its journal is of another program, robot or key: not used")
                 return None
         except DamagedError as error:
             self._remarks.append(f"its journal is damaged: {error}")
@@ -293,7 +301,9 @@ class Runner:
 
     @property
     def _print(self) -> str:
-        return blake2b(repr(self.job.fingerprint).encode(), digest_size=16).hexdigest()
+        """What a journal has to be of: another key takes effect with the next run."""
+        shared = (self.job.fingerprint, self.job.key_print)
+        return blake2b(repr(shared).encode(), digest_size=16).hexdigest()
 
     def _come_back(self, kept: Recollection) -> None:
         """Go on with the run of the journal. (R-RESUME)"""
