@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from shutil import rmtree
 
 import koord
 from koord.api.merge import Merged, PartEnd
@@ -67,3 +68,32 @@ def test_recordings_of_several_machines_make_the_same_trace(fleet_of: MakeFleet)
     fleet.stop()
     recordings = [fleet.folder / str(pid) / f"{pid}.mcap" for pid in range(3)]
     assert koord.merge(recordings).trace.encoded() == merged(fleet).trace.encoded()
+
+
+def test_a_robot_that_lost_its_journal_is_judged_up_to_then(fleet_of: MakeFleet) -> None:
+    """It comes back mute, and tells only what it acts on: its part goes on in the same run."""
+    fleet = judged_fleet(fleet_of, 3)
+    fleet.until_round(5)
+    fleet[2].kill()
+    rmtree(fleet.folder / "2" / "state")
+    fleet.until_further(3, 0, 1)
+    fleet.again(2)
+    fleet.until_further(8)
+    fleet.stop()
+    found = merged(fleet)
+    assert found.is_whole
+    events = [round_.events[2] for round_ in found.trace.recorded.recording.rounds]
+    assert events[0] is not None
+    assert set(events[-8:]) == {None}
+
+
+def test_all_may_crash_and_come_back(fleet_of: MakeFleet) -> None:
+    fleet = judged_fleet(fleet_of, 3)
+    fleet.until_round(5)
+    for pid in range(3):
+        fleet[pid].kill()
+    for pid in range(3):
+        fleet.again(pid)
+    fleet.until_further(8)
+    fleet.stop()
+    assert merged(fleet).is_whole
