@@ -169,6 +169,7 @@ def job_of(fitted: Fitted, request: DeployRequest) -> Job:
         insists=request.fresh,
         key_print="" if request.pid is None else print_of(key.key, run),
         warnings=key.warnings,
+        is_local=request.pid is None,
     )
 
 

@@ -575,7 +575,7 @@ WIRE_MISTAKES = (
     Mutant(
         "a journal is not on the disk",
         "runtime.deploy.journal.Journal.add",
-        "if sync:\n    os.fdatasync(self._file)",
+        "if sync and self._syncs:\n    os.fdatasync(self._file)",
         "pass",
         (JOURNAL,),
     ),

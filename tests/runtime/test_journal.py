@@ -236,6 +236,18 @@ def test_what_is_told_is_on_the_disk_first(tmp_path: Path, monkeypatch: pytest.M
     assert len(synced) == 3
 
 
+def test_processes_of_one_machine_need_no_sync(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Who kills one of them leaves what it has written; a loss of power ends what they did too."""
+    for name in ("fsync", "fdatasync"):
+        monkeypatch.setattr(os, name, lambda file: pytest.fail("is synced"))
+    journal = Journal(tmp_path / "1.journal", syncs=False)
+    journal.begin(ENTERED, Start(1))
+    journal.add(Start(2))
+    assert reread(journal).starts == 2
+
+
 # --- one process a journal ------------------------------------------------------------------------
 
 

@@ -174,10 +174,15 @@ class InUseError(Exception):
 
 
 class Journal:
-    """The journal file of one robot. Adding to it raises OSError."""
+    """The journal file of one robot. Adding to it raises OSError.
 
-    def __init__(self, path: Path) -> None:
+    Without ``syncs`` it outlasts processes, but no loss of power: enough where all robots are
+    processes of one machine, which forgets what they have done with it.
+    """
+
+    def __init__(self, path: Path, *, syncs: bool = True) -> None:
         self.path = path
+        self._syncs = syncs
         self._file: int | None = None
         self._size = 0  #: of what is known to be whole
         self._is_torn = False  #: an attempt to add has left something behind it
@@ -212,9 +217,11 @@ class Journal:
         try:
             _lock(file, self.path)
             _write(file, data, 0)
-            os.fsync(file)
+            if self._syncs:
+                os.fsync(file)
             os.replace(new, self.path)
-            _sync_folder(self.path.parent)
+            if self._syncs:
+                _sync_folder(self.path.parent)
         except BaseException:
             os.close(file)
             with suppress(OSError):
@@ -234,7 +241,7 @@ class Journal:
         if torn:
             os.ftruncate(self._file, self._size)
         _write(self._file, data, self._size)
-        if sync:
+        if sync and self._syncs:
             os.fdatasync(self._file)
         self._size += len(data)
         self._is_torn = False

@@ -107,6 +107,7 @@ class Job(Struct, frozen=True):
     insists: bool = False  #: on a new run, whatever journals say
     key_print: str = ""  #: of a key that outlasts this process: journals of others do not count
     warnings: tuple[Diagnostic, ...] = ()  #: of the key
+    is_local: bool = False  #: all robots are processes of one machine
 
     @property
     def robots(self) -> int:
@@ -164,7 +165,7 @@ class Job(Struct, frozen=True):
         if self.journals is None:
             return None
         name = blake2b(self.run.encode(), digest_size=6).hexdigest()
-        return Journal(self.journals / f"{name}-{pid}.journal")
+        return Journal(self.journals / f"{name}-{pid}.journal", syncs=not self.is_local)
 
 
 class RoundReport(Struct, frozen=True):
