@@ -1,7 +1,7 @@
 """The check of the round-commit protocol itself: explorations, simulated networks, and a proof.
 
-All interleavings of three robots are explored to a bound; simulated networks have every fault; the
-proof is for every number of robots.
+All interleavings of a few robots are explored to a bound, handshakes included; simulated networks
+have every fault; the proof is for every number of robots.
 """
 
 from __future__ import annotations
@@ -14,18 +14,29 @@ from koord.api.results import ArgumentError, Result, html_table
 from koord.refinement.protocol_proof.steps import Answer, Step
 from koord.runtime.chaos.network import Faults
 from koord.runtime.chaos.storm import Weathered, weather
-from koord.runtime.exploration.exploring import Explored, InvariantViolation, explore
-from koord.runtime.exploration.world import ExplorationBounds
+from koord.runtime.exploration.claims import InvariantViolation
+from koord.runtime.exploration.exploring import Explored, explore
+from koord.runtime.exploration.handshakes import (
+    HandshakeBounds,
+    HandshakeExplorer,
+    HandshakesExplored,
+)
+from koord.runtime.exploration.world import Disk, ExplorationBounds
 from koord.runtime.protocol.setup import Setup, Timing
 
 #: What is explored, and up to how many states each.
-_CASES = {
+_CASES: Mapping[str, ExplorationBounds | HandshakeBounds] = {
     "one round": ExplorationBounds(rounds=1, epoch=0, crashes=0, eager=False),
     "two rounds": ExplorationBounds(rounds=2, epoch=0, crashes=0),
     "a crash and elections": ExplorationBounds(rounds=1, epoch=2, crashes=1, states=200_000),
     "a crash and a restart": ExplorationBounds(
         rounds=1, epoch=2, crashes=1, restarts=1, states=200_000
     ),
+    "an old disk": ExplorationBounds(
+        rounds=1, epoch=2, crashes=1, restarts=1, disks=frozenset({Disk.OLD}), states=200_000
+    ),
+    "a robot twice": ExplorationBounds(rounds=1, epoch=2, crashes=0, twins=1, states=200_000),
+    "handshakes": HandshakeBounds(robots=2, starts=3, other=True),
 }
 
 #: What is held against the model that is proved for every number of robots.
@@ -44,7 +55,7 @@ _ROBOTS = (3, 4, 5, 7)
 class ProtocolCheck(Result, frozen=True):
     """The results of the explorations, and of the runs on simulated networks."""
 
-    explored: Mapping[str, Explored]
+    explored: Mapping[str, Explored | HandshakesExplored]
     runs: tuple[Weathered, ...]
     interrupted: bool = False
 
@@ -116,7 +127,8 @@ def check_protocol(
     if faults not in NETWORKS:
         raise ArgumentError("faults", f"{faults!r} is none of {', '.join(NETWORKS)}")
     tell, is_cancelled = heard_by(progress), asker(cancellation)
-    weathered, explored = [], {}
+    weathered: list[Weathered] = []
+    explored: dict[str, Explored | HandshakesExplored] = {}
     for run in _runs(runs, seed, NETWORKS[faults]):
         weathered.append(run)
         tell(Progress(f"{len(weathered)} of {runs} runs"))
@@ -126,7 +138,11 @@ def check_protocol(
         if is_cancelled():
             break
         tell(Progress(what))
-        explored[what] = explore(bounds)
+        match bounds:
+            case ExplorationBounds():
+                explored[what] = explore(bounds)
+            case HandshakeBounds():
+                explored[what] = HandshakeExplorer(bounds).run()
     return ProtocolCheck(explored, tuple(weathered), is_cancelled())
 
 

@@ -350,6 +350,6 @@ def test_what_differs_is_said_for_both() -> None:
 def test_the_invariants_hold_whatever_old_datagrams_arrive(bounds: HandshakeBounds) -> None:
     """(I-ONE-RUN) (I-FRESH): crashes, returns with disks, old disks and none."""
     explored = HandshakeExplorer(bounds).run()
-    assert explored.broken is None, explored.story
+    assert explored.violation is None
     assert explored.runs > 2
     assert explored.complete or explored.states > bounds.states

@@ -355,11 +355,31 @@ def test_who_has_forgotten_more_does_not_answer() -> None:
     robots = begun()
     robots.off(1)
     robots.back(1, incarnation=5)
-    robots.lose()
+    robots.settle()
+    assert not isinstance(robots.states[1].office, Rejoining), "it has a snapshot, and no more"
     robots.off(2)
     robots.resume(2, disk=durable(robots.states[0]))
     robots.of(Recovery, to=1)
-    assert not any(p.sender == 1 and p.to == 2 for p in robots.mail)
+    assert not any(isinstance(p.message, RecoveryAnswer) and p.sender == 1 for p in robots.mail)
+    robots.of(Recovery, to=0)
+    assert any(isinstance(p.message, RecoveryAnswer) and p.sender == 0 for p in robots.mail)
+
+
+@pytest.mark.parametrize("theirs", [1, 5])
+def test_of_two_entries_the_one_of_the_higher_epoch_counts(theirs: int) -> None:
+    """(R-RESUME) (R-ACCEPT)"""
+    robots = accepted()
+    mine = robots.states[2].tentative
+    assert mine is not None
+    robots.off(2)
+    robots.resume(2, disk=changed(robots.disks[2], tentative=changed(mine, epoch=3)))
+    robots.lose()
+    other = changed(mine.entry, late=(0, 1))
+    robots._post(0, 2, RecoveryAnswer(2, 5, 0, Tentative(theirs, other)))
+    robots.deliver()
+    held = robots.states[2].tentative
+    assert held is not None
+    assert held.entry == (other if theirs > 3 else mine.entry)
 
 
 def test_an_entry_of_another_history_is_not_taken_over() -> None:

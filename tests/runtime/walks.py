@@ -6,7 +6,8 @@ from random import Random
 
 from msgspec.structs import replace
 
-from koord.runtime.exploration.exploring import Explored, InvariantViolation, Search
+from koord.runtime.exploration.claims import InvariantViolation
+from koord.runtime.exploration.exploring import Explored, Search
 from koord.runtime.exploration.world import (
     Act,
     ExplorationBounds,

@@ -187,7 +187,13 @@ class StormPlan(Struct, frozen=True):
 
 
 def weather(setup: Setup, faults: Faults, seed: int, course: StormPlan = StormPlan()) -> Weathered:
-    """Run robots through a storm and into a calm. A function of its arguments."""
+    """Run robots through a storm and into a calm. A function of its arguments.
+
+    No disk is lost where robots owe proposals: who has lost its locals makes none any more, and the
+    others would wait for it.
+    """
+    if setup.owing:
+        faults = replace(faults, losses=0.0)
     ledgers = Ledgers(setup)
     network = Network(setup, faults, seed, ledgers.switch_on)
     watch = _Watch(setup)

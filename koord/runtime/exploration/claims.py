@@ -34,6 +34,13 @@ class BrokenInvariant(Struct, frozen=True):
     story: str
 
 
+class InvariantViolation(Struct, frozen=True):
+    """A violated invariant, with the transitions that lead to it."""
+
+    broken: BrokenInvariant
+    story: tuple[str, ...]
+
+
 def one_winner(entry: LogEntry, proposal_of: ProposalOf) -> Iterable[BrokenInvariant]:
     """Yield a violation if a lock class has two winners in a round. (I-ONE-WINNER)"""
     taken: set[int] = set()

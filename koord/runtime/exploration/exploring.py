@@ -10,6 +10,7 @@ from msgspec import Struct
 from koord.runtime.exploration.claims import (
     Accepted,
     BrokenInvariant,
+    InvariantViolation,
     acted_rightly,
     agree,
     lasting,
@@ -26,13 +27,6 @@ from koord.runtime.exploration.world import (
 )
 from koord.runtime.protocol.messages import Acknowledge, Held
 from koord.runtime.protocol.setup import Setup, Timing
-
-
-class InvariantViolation(Struct, frozen=True):
-    """A violated invariant, with the transitions that lead to it."""
-
-    broken: BrokenInvariant
-    story: tuple[str, ...]
 
 
 class Explored(Struct, frozen=True):

@@ -7,13 +7,13 @@ earlier start, may arrive at any time. The machine is that of ``koord.runtime.pr
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from typing import TypeVar
 
 from msgspec import Struct
 from msgspec.structs import replace
 
-from koord.runtime.exploration.claims import BrokenInvariant
+from koord.runtime.exploration.claims import BrokenInvariant, InvariantViolation
 from koord.runtime.protocol.handshake import (
     NO_RUN,
     NONCE_BYTES,
@@ -87,11 +87,12 @@ class HandshakesExplored(Struct, frozen=True):
     """The result: counts, and the first violation, with what led to it."""
 
     states: int
+    transitions: int
+    depth: int
     complete: bool
     runs: int  #: different ones that were entered
     late: int  #: ways in which a robot came late
-    broken: BrokenInvariant | None = None
-    story: tuple[str, ...] = ()
+    violation: InvariantViolation | None = None
 
 
 def nonce_of(start: int) -> bytes:
@@ -106,6 +107,7 @@ class HandshakeExplorer:
         self.bounds = bounds
         self._runs: set[bytes] = set()
         self._late = 0
+        self._transitions = 0
 
     def run(self) -> HandshakesExplored:
         """Explore until an invariant is broken, or all is seen. (I-ONE-RUN) (I-FRESH)"""
@@ -113,31 +115,27 @@ class HandshakeExplorer:
         nothing: tuple[tuple[bytes, tuple[bytes, ...]], ...] = ((NO_RUN, ()),) * robots
         first = Handshakes((None,) * robots, nothing, nothing)
         came: dict[Handshakes, tuple[Handshakes, str] | None] = {first: None}
-        queue = deque([first])
-        while queue:
-            at = queue.popleft()
+        queue, depth = deque([(first, 0)]), 0
+        violation: InvariantViolation | None = None
+        while queue and violation is None and len(came) <= self.bounds.states:
+            at, depth = queue.popleft()
             for story, after, broken in self._steps(at):
+                self._transitions += 1
                 if broken is not None:
-                    lines = [story]
-                    while (before := came[at]) is not None:
-                        at, story = before
-                        lines.append(story)
-                    return self._explored(len(came), False, broken, tuple(reversed(lines)))
+                    violation = InvariantViolation(broken, (*_way(came, at), story))
+                    break
                 if after not in came:
                     came[after] = (at, story)
-                    queue.append(after)
-            if len(came) > self.bounds.states:
-                return self._explored(len(came), False)
-        return self._explored(len(came), True)
-
-    def _explored(
-        self,
-        states: int,
-        complete: bool,
-        broken: BrokenInvariant | None = None,
-        story: tuple[str, ...] = (),
-    ) -> HandshakesExplored:
-        return HandshakesExplored(states, complete, len(self._runs), self._late, broken, story)
+                    queue.append((after, depth + 1))
+        return HandshakesExplored(
+            len(came),
+            self._transitions,
+            depth,
+            not queue and violation is None,
+            len(self._runs),
+            self._late,
+            violation,
+        )
 
     # --- transitions ----------------------------------------------------------------------------
 
@@ -276,6 +274,17 @@ class HandshakeExplorer:
         enough = min(self.bounds.robots // 2 + 1, self.bounds.robots - 1)
         if len(tellers) < enough or not there:
             yield BrokenInvariant("I-ONE-RUN", f"{robot} comes late to a run that there is not")
+
+
+def _way(
+    came: Mapping[Handshakes, tuple[Handshakes, str] | None], at: Handshakes
+) -> tuple[str, ...]:
+    """The steps that lead to a state."""
+    lines = []
+    while (before := came[at]) is not None:
+        at, story = before
+        lines.append(story)
+    return tuple(reversed(lines))
 
 
 def _put(items: tuple[T, ...], place: int, item: T) -> tuple[T, ...]:
