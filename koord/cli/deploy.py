@@ -77,8 +77,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "or its trace is not legal or breaks a property, "
         "2 errors in the input, 3 robots stopped before all rounds were "
         "done or the trace lacks some, or their processes ended, 130 stopped with Ctrl-C, "
-        "143 by SIGTERM, 129 by SIGHUP (robots stop safely; a second one stops at once, and leaves "
-        "the parts of RUN.json in RUN.parts)"
+        "143 by SIGTERM, 129 by SIGHUP (robots stop safely; a second one stops at once). Parts "
+        "that were not merged are left in RUN.parts, beside RUN.json"
     )
 
 
@@ -148,12 +148,14 @@ def prepare(
 
 
 def _ended(deployed: Deployed) -> int:
-    merged = deployed.merged
-    if deployed.in_trouble or (merged is not None and merged.is_wrong):
+    merged, unmerged = deployed.merged, deployed.unmerged
+    is_wrong = merged is not None and merged.is_wrong
+    if deployed.in_trouble or is_wrong or (unmerged and refusal_code(unmerged) is Exit.VIOLATED):
         return Exit.VIOLATED
-    if deployed.unmerged:
-        return refusal_code(deployed.unmerged)
     if deployed.interrupted:
         return Exit.INTERRUPTED
-    is_whole = merged is None or merged.is_whole
-    return Exit.OK if deployed.is_complete and is_whole else Exit.UNKNOWN
+    if not deployed.is_complete:
+        return Exit.UNKNOWN
+    if unmerged:
+        return Exit.BAD_INPUT
+    return Exit.OK if merged is None or merged.is_whole else Exit.UNKNOWN

@@ -5,11 +5,16 @@ from __future__ import annotations
 import json
 import threading
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 import pytest
+from msgspec.structs import replace
 
 import koord
 from koord.api.deployed import FleetHeard
+from koord.cli import deploy
+from koord.cli.exits import Exit
+from koord.syntax.diagnostics import refusal
 
 COUNT = koord.Source("count.krd", "local:\n  int x = 0\nUp:\n  pre: x < 3\n  eff: x = x + 1\n")
 TWO = koord.read_configuration(koord.Source("two.yaml", "num_robots: 2\ndelta: 0.05\n"))
@@ -26,6 +31,52 @@ def test_all_robots_run_as_processes(capfd: pytest.CaptureFixture[str]) -> None:
     assert "2 of 2 robots: 6 rounds, 6 events" in repr(deployed)
     assert "<td>6</td>" in deployed._repr_html_()
     assert all(isinstance(told, FleetHeard) for told in heard)
+
+
+def test_a_run_is_judged(tmp_path: Path) -> None:
+    run = tmp_path / "run.json"
+    deployed = koord.deploy(COUNT, TWO, rounds=6, as_fast_as_possible=True, trace=run)
+    assert deployed.ok
+    assert deployed.merged is not None
+    assert deployed.merged.trace.rounds == 6
+    assert koord.replay(run).legal
+    assert koord.load_trace(run).encoded() == deployed.merged.trace.encoded()
+    assert list(tmp_path.iterdir()) == [run]
+    breaking = koord.Source("few.krd", COUNT.text + "invariant Few: forall i: x@i < 2\n")
+    deployed = koord.deploy(breaking, TWO, rounds=6, as_fast_as_possible=True, trace=run)
+    assert deployed.is_complete
+    assert not deployed.ok
+    assert deployed.merged is not None
+    assert deployed.merged.broken is not None
+
+
+def test_a_robot_keeps_its_part(tmp_path: Path) -> None:
+    text = "num_robots: 1\ndelta: 0.05\nnetwork: {key: 00112233445566778899aabbccddeeff}\n"
+    alone = koord.read_configuration(koord.Source("one.yaml", text))
+    part, state = tmp_path / "part.jsonl", tmp_path / "state"
+    assert koord.deploy(COUNT, alone, pid=0, rounds=4, state=state, trace=part).ok
+    merged = koord.merge([part])
+    assert merged.ok
+    assert merged.trace.rounds == 4
+
+
+@pytest.mark.parametrize(
+    ("codes", "interrupted", "code"),
+    [
+        ((), False, Exit.OK),
+        (("K918",), False, Exit.BAD_INPUT),
+        (("K918",), True, Exit.INTERRUPTED),
+        (("K919",), True, Exit.VIOLATED),
+    ],
+)
+def test_what_is_not_merged_has_an_exit_code(
+    codes: tuple[str, ...], interrupted: bool, code: Exit
+) -> None:
+    deployed = koord.deploy(COUNT, TWO, rounds=1, as_fast_as_possible=True)
+    unmerged = tuple(refusal(one, "0.jsonl", "so it is").diagnostics[0] for one in codes)
+    ended = replace(deployed, interrupted=interrupted, unmerged=unmerged)
+    assert ended.ok == (code is Exit.OK)
+    assert deploy._ended(ended) == code
 
 
 def test_a_deployment_is_cancelled_from_another_thread() -> None:
