@@ -45,6 +45,7 @@ class Start(Struct, frozen=True):
     seat: str = ""  #: a name if it is a second process of this robot
     program: Path = LEDGER
     key: str = KEY
+    encrypts: bool = False
     run: str | None = None
     delta_s: float = 0.05
     leader: int = 0
@@ -282,7 +283,9 @@ class Fleet:
         for pid in range(self.robots):
             port = seat.address[1] if pid == start.pid else seat.others[pid].getsockname()[1]
             devices[f"d{pid}"] = {"ip": "127.0.0.1", "port": port}
-        network = {"transport": "unicast", "key": start.key}
+        network: dict[str, Any] = {"transport": "unicast", "key": start.key}
+        if start.encrypts:
+            network["encrypt"] = True
         if start.run is not None:
             network["run"] = start.run
         form = {

@@ -319,9 +319,9 @@ WIRE_MISTAKES = (
     ),
     Mutant(
         "another key takes effect in mid-run",
-        "runtime.deploy.running.Runner._print",
-        "(self.job.fingerprint, self.job.key_print)",
-        "(self.job.fingerprint, '')",
+        "runtime.deploy.running.Runner._recollected",
+        "key != key_here",
+        "key < ''",
         (KEYS,),
     ),
     Mutant(

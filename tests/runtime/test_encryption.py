@@ -308,7 +308,8 @@ def test_robots_of_which_one_encrypts_name_each_other(first: bool) -> None:
     for pid, runner in enumerate(fleet.runners):
         here, there = ("on", "off") if (pid == 0) == first else ("off", "on")
         (note,) = runner.status.notes
-        assert note.startswith(f"encryption is {here} here, and {there} at robot {1 - pid}")
+        story = f"robot {1 - pid} has encryption {there}, and this robot has it {here}; "
+        assert note.startswith(story)
         assert runner.run_id == b""
 
 

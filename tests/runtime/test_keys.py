@@ -366,7 +366,7 @@ def test_another_key_takes_effect_with_the_next_run(tmp_path: Path) -> None:
     before = fleet.runners[0].status.round
     fleet.run(5.0)
     assert changed.run_id == b""
-    assert "its journal is of another program, robot or key: not used" in changed.status.notes
+    assert "its journal is of a run with another key: not used" in changed.status.notes
     assert any("another key" in note for note in fleet.runners[0].status.notes)
     assert fleet.runners[0].joining.drops[Drop.FORGED] > 0
     assert fleet.runners[0].status.round > before, "the others go on"

@@ -129,8 +129,10 @@ class Joining:
         for datagram in self._transport.receive(min(most_s, wait_s)):
             if is_handshake(datagram):
                 self.hear(datagram)
-            else:
-                others.append(datagram)
+                continue
+            others.append(datagram)
+            if claims_encryption(datagram) is not self.party.encrypts:
+                self.doubt(datagram)  # those who are in a run answer nobody they cannot read
         return others
 
     def wake(self) -> None:
@@ -211,7 +213,7 @@ class Joining:
             here, there = ("on", "off") if self.party.encrypts else ("off", "on")
             what, story = (
                 "encryption",
-                f"encryption is {here} here, and {there} at robot {robot}; "
+                f"robot {robot} has encryption {there}, and this robot has it {here}; "
                 "`network: {encrypt: …}` has to be the same for all",
             )
         self._doubtful[what, robot] += 1

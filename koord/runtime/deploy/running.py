@@ -284,8 +284,13 @@ class Runner:
             if kept is None or self.job.insists:
                 return None
             entered = kept.entered
-            if (entered.pid, entered.fingerprint) != (self._pid, self._print):
-                self._remarks.append("its journal is of another program, robot or key: not used")
+            program, _, key = entered.fingerprint.partition(" ")
+            here, _, key_here = self._print.partition(" ")
+            if (entered.pid, program) != (self._pid, here):
+                self._remarks.append("its journal is of another program or robot: not used")
+                return None
+            if key != key_here:
+                self._remarks.append("its journal is of a run with another key: not used")
                 return None
         except DamagedError as error:
             self._remarks.append(f"its journal is damaged: {error}")
@@ -302,9 +307,9 @@ class Runner:
 
     @property
     def _print(self) -> str:
-        """What a journal has to be of: another key takes effect with the next run."""
-        shared = (self.job.fingerprint, self.job.key_print)
-        return blake2b(repr(shared).encode(), digest_size=16).hexdigest()
+        """What a journal has to be of: the program, and the key, if it outlasts this process."""
+        program = blake2b(repr(self.job.fingerprint).encode(), digest_size=16).hexdigest()
+        return f"{program} {self.job.key_print}"
 
     def _come_back(self, kept: Recollection) -> None:
         """Go on with the run of the journal. (R-RESUME)"""
