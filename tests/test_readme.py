@@ -299,3 +299,13 @@ def test_what_is_shown_of_python_is_so(folder: Path, monkeypatch: pytest.MonkeyP
         heard: list[str] = []
         doctest.DocTestRunner().run(example, out=heard.append)
         assert heard == []
+
+
+def test_what_is_promised_is_shown_by_tests_that_exist() -> None:
+    text = (ROOT / "SECURITY.md").read_text(encoding="utf-8")
+    files = set(re.findall(r"`((?:runtime|deployed)/\w+\.py)`", text))
+    assert len(files) >= 7
+    tests = "".join((ROOT / "tests" / file).read_text(encoding="utf-8") for file in files)
+    names = {word for word in re.findall(r"`(\w+)`", text) if word.count("_") >= 2}
+    assert len(names) >= 10
+    assert [name for name in sorted(names) if f"def test_{name}" not in tests] == []

@@ -80,6 +80,13 @@ def test_what_is_written_is_read(tmp_path: Path) -> None:
     assert [held.entry for held in state.log] == [init]
 
 
+@pytest.mark.skipif(os.name != "posix", reason="permissions are those of POSIX")
+def test_a_journal_is_its_owner_s_alone(tmp_path: Path) -> None:
+    begun(tmp_path).close()
+    (path,) = [one for one in tmp_path.iterdir() if one.is_file()]
+    assert path.stat().st_mode & 0o777 == 0o600
+
+
 def test_entries_that_were_not_held_before_are_written_whole(tmp_path: Path) -> None:
     made = entries(4)
     kept = reread(begun(tmp_path, *map(Committed, made)))
