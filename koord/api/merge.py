@@ -21,6 +21,7 @@ from koord.refinement.reports import Acted, Left
 from koord.refinement.trace_merge import gathered
 from koord.runtime.deploy.recording import PARTS
 from koord.runtime.motion.libraries import require
+from koord.runtime.proposals import INIT_ROUND
 from koord.runtime.records import DamagedRecordError, is_record, read_messages
 from koord.sampling.monitors import Watch
 from koord.syntax import core
@@ -143,7 +144,7 @@ def merged(parts: Mapping[int, Part]) -> Merged:
         files = " and ".join(dict.fromkeys(parts[pid].name for pid in error.robots))
         raise refusal("K919", files, str(error)) from None
     coverage = heard.coverage(system.robots)
-    if coverage.known == coverage.told == 0 and not heard.decisions:
+    if INIT_ROUND not in heard.decisions:
         raise refusal("K918", first.name, "no part tells how the run began", _cure(missing))
     ran = gathered(subject.sources, system, heard)
     watch = Watch.of(ran.trace)
@@ -161,7 +162,7 @@ def merged(parts: Mapping[int, Part]) -> Merged:
         trace=Trace(judged.trace),
         parts=tuple(_described(parts[pid]) for pid in sorted(parts)),
         missing=missing,
-        rounds_told=coverage.told,
+        rounds_told=coverage.rounds,
         refused=refused,
         broken=watch.violation if refused is None else None,
         unjudged=watch.unjudged,

@@ -43,13 +43,11 @@ class DisagreementError(Exception):
 class Coverage(Struct, frozen=True):
     """What robots have told of a run, all in all.
 
-    The decisions of the first ``known`` rounds are told of without a gap; of none from the round
-    ``told`` on. ``unseen`` are robots that ran in a round of which they tell nothing, each with the
-    first such round (-1: INIT).
+    The run had at least so many ``rounds``. ``unseen`` are robots that ran in a round of which they
+    tell nothing, each with the first such round (-1: INIT).
     """
 
-    known: int
-    told: int
+    rounds: int
     unseen: Mapping[int, int]
 
 
@@ -120,10 +118,16 @@ class Heard(Struct):
             for robot in ran_in(self.decisions[round_]):
                 if round_ != INIT_ROUND and (round_, robot) not in self.stood:
                     unseen.setdefault(robot, round_)
-        known = 0
-        while known in self.decisions:
-            known += 1
-        return Coverage(known, max(self.decisions, default=INIT_ROUND) + 1, unseen)
+        told = max(self.decisions, default=INIT_ROUND) + 1
+        last = self.decisions.get(told - 1)
+        if last is not None and told > 0 and is_of_model(last):
+            told -= 1
+        return Coverage(told, unseen)
+
+
+def is_of_model(decision: Decision) -> bool:
+    """Return whether a model of the environment faulted before the round, which so has none."""
+    return decision.fault is not None and decision.fault.event is None
 
 
 def ran_in(decision: Decision) -> tuple[int, ...]:

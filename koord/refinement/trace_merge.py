@@ -13,7 +13,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from koord.refinement.completion import Library, with_summaries
-from koord.refinement.hearing import Heard, ran_in
+from koord.refinement.hearing import Heard, is_of_model, ran_in
 from koord.refinement.running import CompiledRun, opening_order, schedule_of
 from koord.refinement.translation import to_fault
 from koord.runtime.proposals import INIT_ROUND, Decision
@@ -78,7 +78,7 @@ class _Gathering(Struct):
         while fault is None and (self.most is None or len(rounds) < self.most):
             number = len(rounds)
             decision = heard.decisions.get(number)
-            if decision is None or (decision.fault is not None and decision.fault.event is None):
+            if decision is None or is_of_model(decision):
                 break
             fault = self._fault_of(decision) or self._stumbled(number)
             cut = not self._is_whole(number, decision)

@@ -94,6 +94,15 @@ def test_a_fault_is_in_the_trace(tmp_path: Path) -> None:
     assert merged.ok
 
 
+def test_the_fault_of_a_model_is_the_end_of_the_whole_run(tmp_path: Path) -> None:
+    """[FAULT]: nobody runs in the round before which a model faulted, so it is no round."""
+    text = PROGRAMS["modelled"].replace("gap = choose(gap - 1, gap + 1)", "gap = gap - gap / gap")
+    merged = koord.merge(part_files(tmp_path, text, rounds=40))
+    assert merged.trace.recorded.configurations[-1].fault is not None
+    assert merged.rounds_told == merged.trace.rounds < 40
+    assert merged.ok
+
+
 def test_parts_come_in_any_order_and_some_twice(tmp_path: Path) -> None:
     files = part_files(tmp_path, COUNT)
     copy = tmp_path / "copy.jsonl"
@@ -180,6 +189,10 @@ def _before(line: Line, round_: int) -> bool:
 def test_without_a_beginning_there_is_no_run(tmp_path: Path) -> None:
     (file,) = part_files(tmp_path, COUNT, robots=1)
     write_lines(file, lines_of(file)[:1])
+    assert error([file]).message == "no part tells how the run began"
+    (file,) = part_files(tmp_path / "late", COUNT, robots=1)
+    lines = [one for one in lines_of(file) if (one["told"], one.get("round")) != ("acted", -1)]
+    write_lines(file, lines)
     assert error([file]).message == "no part tells how the run began"
     with pytest.raises(koord.ArgumentError, match="no part to merge"):
         koord.merge([])

@@ -43,7 +43,7 @@ JUDGED = (
         "a gap in what is known is passed over",
         "refinement.hearing.Heard.coverage",
         "max(self.decisions, default=INIT_ROUND) + 1",
-        "known",
+        "next(k for k in range(10_000) if k not in self.decisions)",
         (MERGE, COMMANDS),
     ),
     Mutant(
