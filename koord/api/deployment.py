@@ -105,9 +105,9 @@ def deploy(
     file; else the file beside the program that has its name. The run ends after so many ``rounds``,
     when all robots have stopped, or on ``cancellation``: robots then stop safely. ``delta_s`` is
     the length of a round in seconds, instead of the configuration's. ``run`` is the name of the
-    run, the same for all robots; ``state`` the folder in which a robot notes where it is, to go on
-    after a crash (with a ``pid``: ``.koord``), and ``fresh`` forgets what was noted. What robots do
-    is recorded in the file ``record``, as MCAP. ``restart`` (without a ``pid``): robots whose
+    run, the same for all robots; ``state`` the folder of the robots' journals, with which a run
+    goes on after crashes (with a ``pid``: ``.koord``), and ``fresh`` begins a new run all the same.
+    What robots do is recorded in the file ``record``, as MCAP. ``restart`` (without a ``pid``): robots whose
     processes crash or are killed are started again, and go on where they were. The run ends where
     no round can be decided any more. What robots do is told in the file ``trace``: that of the run,
     judged by the rules (``merged`` of the result); with a ``pid`` the robot's part of it, for

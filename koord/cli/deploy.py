@@ -53,10 +53,10 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--state",
         metavar="DIR",
-        help="where a robot notes where it is, to go on after a crash (.koord)",
+        help="the folder of robots' journals, with which a run goes on after crashes (.koord)",
     )
     parser.add_argument(
-        "--fresh", action="store_true", help="forget what was noted: this is a first start"
+        "--fresh", action="store_true", help="begin a new run, whatever journals say"
     )
     parser.add_argument(
         "--restart",
