@@ -48,6 +48,7 @@ class ConfigurationReport(Result, frozen=True):
         count = f"{counted(len(robots), 'robot')} ({', '.join(vehicles)})"
         talk = self.configuration.talk
         shared = f" to {talk.shared}" if talk.shared is not None else ""
+        shared += ", encrypted" if talk.encrypts else ""
         length = self.configuration.delta_s
         rounds = "as long as the program states" if length is None else f"of {length:g} s"
         return f"{count}, {talk.carrier.value}{shared}, rounds {rounds}"

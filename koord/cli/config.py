@@ -54,10 +54,10 @@ def _key(arguments: argparse.Namespace) -> int:
         raise ArgumentTypeError("--program and --json are for config check")
     if len(arguments.files) > 1:
         raise ArgumentTypeError("config key writes one file")
-    if not arguments.files:
+    path = arguments.files[0] if arguments.files else DASH
+    if path == DASH:
         print(new_key())
         return Exit.OK
-    (path,) = arguments.files
     write_key(path)
     print(f"{visible(path)}: a new key; network: {{key_file: {visible(path)}}} names it")
     return Exit.OK

@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from koord.api.configurations import check_configuration
 from koord.cli.exits import Exit
 from koord.cli.main import main
 from koord.runtime.compile import compiled
@@ -311,6 +312,12 @@ def test_robots_of_which_one_encrypts_name_each_other(first: bool) -> None:
         story = f"robot {1 - pid} has encryption {there}, and this robot has it {here}; "
         assert note.startswith(story)
         assert runner.run_id == b""
+
+
+def test_a_configuration_says_that_it_encrypts() -> None:
+    text = "num_robots: 2\nnetwork: {transport: unicast, encrypt: true}\n"
+    found = check_configuration(Source("c.yaml", text))
+    assert ", unicast, encrypted, " in found.summary()
 
 
 def test_the_option_is_part_of_what_all_have_in_common() -> None:

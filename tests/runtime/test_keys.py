@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import stat
 from collections.abc import Mapping
 from pathlib import Path
 from random import Random
+from typing import NoReturn
 
 import pytest
 
@@ -214,7 +216,7 @@ def test_a_new_key_is_printed(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["config", "key"]) == Exit.OK
     key = capsys.readouterr().out.strip()
     assert weakness(key.encode()) is None
-    assert main(["config", "key"]) == Exit.OK
+    assert main(["config", "key", "-"]) == Exit.OK
     assert capsys.readouterr().out.strip() != key
 
 
@@ -244,8 +246,21 @@ def test_a_key_is_never_overwritten(place: Place, capsys: pytest.CaptureFixture[
     assert "K903" in said
     assert "never overwritten" in said
     assert path.read_text(encoding="utf-8") == "what stands here"
+
+
+def test_where_no_key_can_be_written_none_is_left(
+    place: Place, monkeypatch: pytest.MonkeyPatch
+) -> None:
     with pytest.raises(KoordError, match="cannot be written"):
         write_key(str(place.folder / "nowhere" / "robots.key"))
+
+    def full(*_: object, **__: object) -> NoReturn:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(os, "fdopen", full)
+    with pytest.raises(KoordError, match="No space left"):
+        write_key(str(place.folder / "robots.key"))
+    assert not list(place.folder.iterdir())
 
 
 @pytest.mark.parametrize(
@@ -273,7 +288,7 @@ def _deployed(place: Place, network: str) -> int:
     place.config.write_text(text, encoding="utf-8")
     state = str(place.folder / "state")
     words = [SUM, str(place.config), "--pid", "0", "--rounds", "3", "--state", state]
-    return main(["deploy", *words])
+    return main(["deploy", *words, "--trace", str(place.folder / "part.jsonl")])
 
 
 def test_a_robot_runs_with_a_key_from_a_file(
@@ -301,6 +316,16 @@ def test_what_is_doubtful_about_a_key_is_said_at_the_start(
     assert VARIABLE in err
     assert GOOD not in err
     assert OTHER not in err
+
+
+def test_what_a_robot_keeps_does_not_have_its_key(
+    place: Place, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv(VARIABLE, raising=False)
+    assert _deployed(place, f"key: {GOOD}") == Exit.OK
+    assert (place.folder / "part.jsonl").is_file()
+    files = [path for path in place.folder.rglob("*") if path.is_file()]
+    assert [path for path in files if GOOD.encode() in path.read_bytes()] == [place.config]
 
 
 # --- rotation -------------------------------------------------------------------------------------

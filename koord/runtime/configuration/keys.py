@@ -57,8 +57,12 @@ def write_key(path: str) -> None:
         raise refusal("K903", path, story, hint) from None
     except OSError as error:
         raise refusal("K903", path, f"cannot be written: {error.strerror}") from None
-    with os.fdopen(file, "w", encoding="ascii") as stream:
-        stream.write(new_key() + "\n")
+    try:
+        with os.fdopen(file, "w", encoding="ascii") as stream:
+            stream.write(new_key() + "\n")
+    except OSError as error:
+        os.unlink(path)  # half a key is none
+        raise refusal("K903", path, f"cannot be written: {error.strerror}") from None
 
 
 def weakness(key: bytes) -> str | None:
