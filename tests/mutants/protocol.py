@@ -372,7 +372,7 @@ WIRE_MISTAKES = (
     Mutant(
         "robots that encrypt and robots that do not blame the key",
         "runtime.deploy.joining.Joining.doubt",
-        "claims_encryption(datagram) is not self.party.encrypts",
+        "claims_encryption(datagram) is (not self.party.encrypts)",
         "robot < 0",
         (ENCRYPTION,),
     ),

@@ -24,6 +24,7 @@ from koord.runtime.wire.codec import (
     DatagramReader,
     DatagramWriter,
     HandshakeReader,
+    claims_encryption,
     seal_of,
 )
 from koord.runtime.wire.frames import (
@@ -164,6 +165,10 @@ def test_whoever_encrypts_and_whoever_does_not_tell_each_other_apart() -> None:
     (open_,) = DatagramWriter(Channel(KEY, ROBOTS, 1)).datagrams(3, 7, Ask(3))
     assert dropped(DatagramReader(ME), open_) is Drop.UNENCRYPTED
     assert dropped(DatagramReader(Channel(KEY, ROBOTS, 0)), GOOD) is Drop.ENCRYPTED
+    assert claims_encryption(GOOD) is True
+    assert claims_encryption(open_) is False
+    for other in (b"X" + GOOD[1:], GOOD[:1] + b"\x09" + GOOD[2:], GOOD[:5]):
+        assert claims_encryption(other) is None
     relabelled = GOOD[:1] + open_[1:2] + GOOD[2:]
     assert dropped(DatagramReader(Channel(KEY, ROBOTS, 0)), relabelled) is Drop.FORGED
 

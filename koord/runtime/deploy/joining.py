@@ -131,7 +131,7 @@ class Joining:
                 self.hear(datagram)
                 continue
             others.append(datagram)
-            if claims_encryption(datagram) is not self.party.encrypts:
+            if claims_encryption(datagram) is (not self.party.encrypts):
                 self.doubt(datagram)  # those who are in a run answer nobody they cannot read
         return others
 
@@ -209,7 +209,7 @@ class Joining:
         if robot is None or robot == self.party.pid or not 0 <= robot < self.party.robots:
             return
         what, story = "key", f"robot {robot} has another key, or somebody uses its name"
-        if claims_encryption(datagram) is not self.party.encrypts:
+        if claims_encryption(datagram) is (not self.party.encrypts):
             here, there = ("on", "off") if self.party.encrypts else ("off", "on")
             what, story = (
                 "encryption",

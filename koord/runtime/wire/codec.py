@@ -294,9 +294,14 @@ def claimed_sender(datagram: bytes) -> int | None:
     return int.from_bytes(datagram[3:5], "big")
 
 
-def claims_encryption(datagram: bytes) -> bool:
-    """Return whether a datagram says that it is encrypted."""
-    return len(datagram) > VERSION_AT and datagram[VERSION_AT] == Version.ENCRYPTED
+_ENCRYPTS: dict[int, bool] = {Version.AUTHENTICATED: False, Version.ENCRYPTED: True}
+
+
+def claims_encryption(datagram: bytes) -> bool | None:
+    """Whether a datagram says that it is encrypted; None if it is of no version of ours."""
+    if len(datagram) < HEADER_BYTES or datagram[0] != NAME:
+        return None
+    return _ENCRYPTS.get(datagram[VERSION_AT])
 
 
 def is_handshake(datagram: bytes) -> bool:
