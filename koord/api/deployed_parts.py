@@ -36,11 +36,8 @@ class Parts(Struct, frozen=True):
 
     @staticmethod
     def of(fitted: Fitted, job: Job, files: Mapping[int, Path]) -> Parts:
-        """Parts in these files. Raises KoordError where the reference could not judge the run."""
+        """Parts in these files."""
         program = fitted.program
-        found = excesses(program.core, fitted.kinds)
-        if found:
-            raise KoordError(found)
         system = System(program.core, fitted.kinds, fitted.delta_s)
         subject = Subject(sources_of(program), system, Fraction(0))
         return Parts(subject, ready(program.core, job.classes), files)
@@ -77,9 +74,16 @@ class Parts(Struct, frozen=True):
         return None
 
 
+def check_judgeable(fitted: Fitted) -> None:
+    """Raise KoordError where the program is too large for the reference to judge its runs."""
+    found = excesses(fitted.program.core, fitted.kinds)
+    if found:
+        raise KoordError(found)
+
+
 def folder_of(trace: str) -> Path:
     """The folder of the parts of all robots while the run goes on, beside its trace."""
-    return Path(trace).with_suffix(".parts")
+    return Path(f"{trace}.parts")
 
 
 @contextmanager

@@ -107,11 +107,11 @@ def deploy(
     the length of a round in seconds, instead of the configuration's. ``run`` is the name of the
     run, the same for all robots; ``state`` the folder of the robots' journals, with which a run
     goes on after crashes (with a ``pid``: ``.koord``), and ``fresh`` begins a new run all the same.
-    What robots do is recorded in the file ``record``, as MCAP. ``restart`` (without a ``pid``): robots whose
-    processes crash or are killed are started again, and go on where they were. The run ends where
-    no round can be decided any more. What robots do is told in the file ``trace``: that of the run,
-    judged by the rules (``merged`` of the result); with a ``pid`` the robot's part of it, for
-    :func:`koord.merge`. ``progress`` hears :class:`FleetHeard`.
+    What robots do is recorded in the file ``record``, as MCAP. ``restart`` (without a ``pid``):
+    robots whose processes crash or are killed are started again, and go on where they were. The run
+    ends where no round can be decided any more. What robots do is told in the file ``trace``: that
+    of the run, judged by the rules (``merged`` of the result); with a ``pid`` the robot's part of
+    it, for :func:`koord.merge`. ``progress`` hears :class:`FleetHeard`.
 
     Raises :class:`koord.KoordError` for what is wrong with the input, or with the network.
 
@@ -259,7 +259,6 @@ class _Deployment(Struct, frozen=True):
         path = self.request.record
         if path is None:
             return None
-        assert parts is not None
         return _Recorder(path, self.fitted.problem, parts, stack)
 
     def parts(self, stack: ExitStack, job: Job) -> Parts | None:
@@ -267,8 +266,14 @@ class _Deployment(Struct, frozen=True):
         trace, pid = self.request.trace, self.request.pid
         if trace is None and self.request.record is None:
             return None
-        from koord.api.deployed_parts import Parts, folder_of, part_files
+        from koord.api.deployed_parts import Parts, check_judgeable, folder_of, part_files
 
+        try:
+            check_judgeable(self.fitted)
+        except KoordError:
+            if trace is None:
+                return None  # what robots do is recorded all the same
+            raise
         if trace is not None and pid is not None:
             return Parts.of(self.fitted, job, {pid: Path(trace)})
         pids = range(job.robots) if pid is None else (pid,)
@@ -386,9 +391,9 @@ def _noting(job: Job, path: str) -> Iterator[Job]:
 class _Recorder:
     """The record of a run, begun once the run is accepted, with all earlier reports."""
 
-    def __init__(self, path: str, problem: Problem, parts: Parts, stack: ExitStack) -> None:
+    def __init__(self, path: str, problem: Problem, parts: Parts | None, stack: ExitStack) -> None:
         self._path, self._problem, self._stack = path, problem, stack
-        self._tails = parts.tails()
+        self._tails = {} if parts is None else parts.tails()
         self._record: DeploymentRecord | None = None
         self._early: list[tuple[RobotReport, tuple[RoundReport, ...]]] = []
 

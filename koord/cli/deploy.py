@@ -78,7 +78,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "2 errors in the input, 3 robots stopped before all rounds were "
         "done or the trace lacks some, or their processes ended, 130 stopped with Ctrl-C, "
         "143 by SIGTERM, 129 by SIGHUP (robots stop safely; a second one stops at once). Parts "
-        "that were not merged are left in RUN.parts, beside RUN.json"
+        "that were not merged are left in RUN.json.parts, beside RUN.json"
     )
 
 

@@ -11,8 +11,11 @@ from pathlib import Path
 
 import pytest
 
+from koord.api import deployed_parts
 from koord.cli.exits import Exit
 from koord.cli.main import main
+from koord.syntax.diagnostics import Diagnostic, Severity
+from koord.syntax.source import whole_file
 from tests.refinement.part_files import lines_of, part_files, write_lines
 
 EXAMPLES = Path(__file__).parents[2] / "specs" / "examples"
@@ -179,7 +182,7 @@ def test_the_trace_of_a_run_that_is_ended_is_whole(
     process = subprocess.Popen(
         [sys.executable, "-m", "koord", *words], stdout=subprocess.PIPE, text=True
     )
-    part = tmp_path / "run.parts" / "2.jsonl"
+    part = tmp_path / "run.json.parts" / "2.jsonl"
     end_s = time.monotonic() + 30
     while not (part.exists() and part.read_bytes().count(b'"acted"') > 5):
         assert time.monotonic() < end_s
@@ -202,3 +205,18 @@ def test_the_recording_of_a_run_makes_the_same_trace(
     again = tmp_path / "again.json"
     assert main(["merge", str(record), "-o", str(again)]) == Exit.OK
     assert again.read_bytes() == run.read_bytes()
+
+
+def test_a_program_that_is_too_large_to_be_judged_is_recorded(
+    three: str, tmp_path: Path, capsys: Captured, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("mcap")
+    found = (Diagnostic("K920", Severity.ERROR, whole_file("p.krd"), "it is too large"),)
+    monkeypatch.setattr(deployed_parts, "excesses", lambda program, kinds: found)
+    words = ["deploy", SUM, three, "--all-local", "--rounds", "2"]
+    assert main([*words, "--record", str(tmp_path / "run.mcap")]) == Exit.OK
+    assert main(["merge", str(tmp_path / "run.mcap"), "-o", str(tmp_path / "x")]) == Exit.BAD_INPUT
+    assert "the recording has no parts of a run" in capsys.readouterr().err
+    assert main([*words, "--trace", str(tmp_path / "run.json")]) == Exit.BAD_INPUT
+    assert "it is too large" in capsys.readouterr().err
+    assert not (tmp_path / "run.json.parts").exists()
