@@ -16,6 +16,9 @@ RECOVERY = "tests/runtime/test_recovery.py"
 HANDSHAKE = "tests/runtime/test_handshake.py"
 JOURNAL = "tests/runtime/test_journal.py"
 DEPLOY = "tests/runtime/test_deploy.py"
+PROOF = "tests/refinement/test_protocol_proof.py"
+CORRESPONDENCE = "tests/refinement/test_protocol_correspondence.py"
+STRUCTURES = "tests/refinement/test_protocol_structures.py"
 
 #: What keeps robots in agreement, and what keeps them going.
 PROTOCOL = (
@@ -585,5 +588,47 @@ WIRE_MISTAKES = (
         "not self._robot.save(durable(self.state))",
         "self._robot.save(durable(self.state)) is None",
         (DEPLOY,),
+    ),
+    Mutant(
+        "the model's actions do nothing",
+        "refinement.protocol_proof.proving._After.after",
+        "ways.append(self._prover.term(effect.where, terms))",
+        "ways.append(before)",
+        (PROOF,),
+    ),
+    Mutant(
+        "what Z3 does not know is proved",
+        "refinement.protocol_proof.proving.Prover._asked",
+        "answer == z3.unsat",
+        "answer != z3.unknown",
+        (PROOF,),
+    ),
+    Mutant(
+        "steps that no action explains are let pass",
+        "refinement.protocol_proof.correspondence.Correspondence.broken",
+        "actions is None",
+        "actions == ['nothing']",
+        (CORRESPONDENCE,),
+    ),
+    Mutant(
+        "actions of the model may be anything",
+        "refinement.protocol_proof.correspondence._lookup",
+        "Query(action.parameters, given, action.guard)",
+        "Query(action.parameters, given, ())",
+        (CORRESPONDENCE,),
+    ),
+    Mutant(
+        "promises are not read from what was said",
+        "refinement.protocol_proof.abstraction.Abstraction._state",
+        "{(one[0], x) for one in (*voted, *acknowledged) for x in epochs if x < one[1]}",
+        "{(one[0], x) for one in voted for x in epochs if x < one[1]}",
+        (CORRESPONDENCE,),
+    ),
+    Mutant(
+        "a loop of a query forgets what is bound",
+        "refinement.protocol_proof.structures._Writer._loop",
+        'tests.append(f"if {places[-1]} == {names[one]}")',
+        "pass",
+        (STRUCTURES,),
     ),
 )

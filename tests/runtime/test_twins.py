@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from koord.runtime.exploration.exploring import Search
+from koord.refinement.protocol_proof.correspondence import ModelSearch
 from koord.runtime.exploration.world import Act, Cause, ExplorationBounds, Explorer, Transition
 from koord.runtime.protocol.events import Timer
 from koord.runtime.protocol.messages import (
@@ -25,12 +25,12 @@ TWIN = 3
 
 
 class Directed:
-    """A run of three robots and a twin in which each step is asked for."""
+    """A run of three robots and a twin in which each step is asked for, and is of the model."""
 
     def __init__(self) -> None:
         bounds = ExplorationBounds(rounds=1, epoch=3, crashes=0, twins=1)
         self.explorer = Explorer(Setup(bounds.robots, Timing.zero()), bounds)
-        self.search = Search(self.explorer)
+        self.search = ModelSearch(self.explorer)
         self.world = self.explorer.initial()
 
     def state(self, robot: int) -> State:
