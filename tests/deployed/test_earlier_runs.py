@@ -12,9 +12,6 @@ from tests.deployed.conftest import MakeFleet
 from tests.deployed.fleet import Fleet
 from tests.deployed.proxy import Datagram
 
-#: A robot that heard of another nonce of the leader drops the Roll, and nobody says more to it.
-_LEADER_S_NONCE = "a Join of an earlier leader between Join and Roll, and a robot waits for ever"
-
 
 @pytest.fixture(scope="module")
 def earlier(tmp_path_factory: pytest.TempPathFactory) -> Sequence[Datagram]:
@@ -35,7 +32,6 @@ def _dropped(fleet: Fleet) -> int:
     return sum(sum(one.drops().values()) for one in fleet)
 
 
-@pytest.mark.xfail(strict=False, reason=_LEADER_S_NONCE)
 def test_a_run_begins_and_goes_on_as_if_there_had_been_none_before(
     fleet_of: MakeFleet, earlier: Sequence[Datagram]
 ) -> None:
@@ -78,7 +74,6 @@ def test_a_robot_that_is_cut_off_acts_on_no_round_of_another_run(
 
 
 @pytest.mark.slow
-@pytest.mark.xfail(strict=True, reason=_LEADER_S_NONCE)
 def test_what_the_leader_of_another_run_said_first_keeps_nobody_waiting(
     fleet_of: MakeFleet, earlier: Sequence[Datagram]
 ) -> None:

@@ -194,6 +194,21 @@ def test_a_roll_of_a_leader_that_has_started_again_is_dropped() -> None:
     assert made.hear(1, 0, late) == ()
 
 
+def test_a_join_of_an_earlier_leader_between_join_and_roll_keeps_nobody_out() -> None:
+    """(R-ROLL) (R-ENTER): who would drop the roll is told again who leads."""
+    before = hall()
+    before.start_again(0, 7)
+    old = join(before.parties[0], before.states[0])
+    made = hall()
+    made.loses = Roll
+    made.join(1, 2, 0)
+    made.loses = None
+    made.hear(1, 0, old)
+    assert made.states[1].heard == old.nonce
+    made.join(1)
+    assert made.states[1].run == made.states[0].run != NO_RUN
+
+
 # --- late robots ----------------------------------------------------------------------------------
 
 

@@ -321,7 +321,13 @@ def answer(
         refused = Refused(message.nonce, RefusalReason.DIFFERS, party.fingerprint)
         return (Differs(sender, message.fingerprint), Say(sender, refused))
     if nonces and nonces[sender] == message.nonce:
-        return (Say(sender, Roll(nonces)),)
+        leads = nonces[party.leader]
+        roll = Say(sender, Roll(nonces))
+        if not party.is_leader or message.heard == leads:
+            return (roll,)
+        # It has heard another leader since, perhaps one of an earlier run, and would drop the roll.
+        again = Join(leads, b"", NO_RUN, party.fingerprint)
+        return (Say(sender, again), roll)
     if known.is_heard and message.run != run:
         twice = Refused(message.nonce, RefusalReason.TWICE)
         return (StartedTwice(sender), Say(sender, twice))
