@@ -16,9 +16,6 @@ import pytest
 from tests.deployed.conftest import MakeFleet
 from tests.sampling import first
 
-#: By the decisions that it catches up with it ran events that its journal has nothing of.
-_OLD_LOCALS = "a robot goes on with the locals of an old journal, and does not say so"
-
 #: The capabilities with which root may write where nobody may.
 _UNBOUND = ("setpriv", "--bounding-set=-dac_override,-dac_read_search,-fowner", "--inh-caps=-all")
 
@@ -96,7 +93,6 @@ def test_a_clock_that_goes_back_shuts_nobody_out(fleet_of: MakeFleet) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.xfail(strict=True, reason=_OLD_LOCALS)
 def test_an_old_disk_that_is_brought_back_undoes_nothing(
     fleet_of: MakeFleet, tmp_path: Path
 ) -> None:
@@ -208,7 +204,6 @@ def test_a_damaged_journal_is_named_and_harms_nobody(
 
 
 @pytest.mark.slow
-@pytest.mark.xfail(strict=True, reason=_OLD_LOCALS)
 @pytest.mark.parametrize("kept", [0.3, 0.6, 0.9])
 def test_a_journal_that_lacks_its_end_is_as_an_old_one(fleet_of: MakeFleet, kept: float) -> None:
     fleet = fleet_of(3)

@@ -148,6 +148,8 @@ class Member:
         if entry.round < self.round:  # acted on before a crash
             self.robot.refresh(changed)
             return
+        if kept is not None and not self.has_proposed(entry.round):
+            self.mute = True  # it was let through with something that it no longer knows
         self._act(kept, changed)
         self._after(entry.round)
 
