@@ -274,6 +274,7 @@ def test_why_a_robot_waits_is_said_without_a_terminal(tmp_path: Path) -> None:
         "delta: 0.05\nnetwork: {transport: unicast, key: sixteen letters ok}\n",
         encoding="utf-8",
     )
+    config.chmod(0o600)  # else it is told that everybody may read the key
     words = ["deploy", str(EXAMPLES / "sum_of_ids.krd"), str(config), "--pid", "1"]
     process = subprocess.Popen(
         [sys.executable, "-m", "koord", *words, "--state", str(tmp_path)],
