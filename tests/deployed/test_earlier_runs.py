@@ -93,7 +93,6 @@ def test_what_the_leader_of_another_run_said_first_keeps_nobody_waiting(
 
 
 @pytest.mark.slow
-@pytest.mark.xfail(strict=True, reason="what comes before a robot is in a run is not counted")
 def test_a_robot_that_is_alone_begins_no_run_of_old_datagrams(
     fleet_of: MakeFleet, earlier: Sequence[Datagram]
 ) -> None:

@@ -101,19 +101,7 @@ def test_the_same_text_under_another_path_is_the_same_program(
     assert fleet.disagreements() == []
 
 
-@pytest.mark.parametrize(
-    "is_late",
-    [
-        True,
-        pytest.param(
-            False,
-            marks=[
-                pytest.mark.slow,
-                pytest.mark.xfail(strict=False, reason="who comes at once rejoins for ever"),
-            ],
-        ),
-    ],
-)
+@pytest.mark.parametrize("is_late", [True, pytest.param(False, marks=pytest.mark.slow)])
 def test_two_processes_of_one_robot_are_named(fleet_of: MakeFleet, is_late: bool) -> None:
     """By the others, and by that of both which is not heard: who runs knows of no other."""
     fleet = fleet_of(3)

@@ -8,6 +8,7 @@ from collections import Counter, OrderedDict
 from collections.abc import Callable
 
 from msgspec import Struct
+from msgspec.structs import replace
 
 from koord.runtime.node import Clock
 from koord.runtime.protocol.handshake import (
@@ -57,9 +58,12 @@ _NOTED_S = 3.0
 #: So many datagrams that are not authentic are no accident.
 _SEVERAL = 3
 
-#: One start of a robot is not answered more often than this, and of so many it is remembered when.
+#: One start of a robot is not answered more often than this, and so many are remembered.
 _ANSWER_EVERY_S = 0.05
-_MOST_ANSWERED = 1024
+_MOST_STARTS_HEARD = 1024
+
+#: A robot that was heard so long ago, and not since, may have been started again.
+_GONE_S = 1.0
 
 
 def drawn() -> bytes:
@@ -88,6 +92,14 @@ def _writer(party: Party) -> DatagramWriter:
     return DatagramWriter(channel)
 
 
+class _StartHeard(Struct):
+    """A start of a robot, as one in the run hears of it. ``is_let_in``: it was answered Running."""
+
+    first_at: float
+    answered_at: float = -1.0
+    is_let_in: bool = False
+
+
 class _Note(Struct):
     """A remark on another robot, and when it was last true."""
 
@@ -114,7 +126,7 @@ class Joining:
         self._next_at = clock()
         self._notes: dict[tuple[str, int], _Note] = {}
         self._doubtful: Counter[tuple[str, int]] = Counter()
-        self._answered_at: OrderedDict[bytes, float] = OrderedDict()
+        self._starts: OrderedDict[bytes, _StartHeard] = OrderedDict()
 
     # --- before the run -------------------------------------------------------------------------
 
@@ -179,10 +191,13 @@ class Joining:
 
     # --- in the run -----------------------------------------------------------------------------
 
-    def answer(self, datagram: bytes, known: Callable[[int], Known | None]) -> None:
+    def answer(
+        self, datagram: bytes, known: Callable[[int], tuple[Known, float | None] | None]
+    ) -> None:
         """Process a datagram of a handshake, as a robot that is in a run. (R-RUNNING)
 
-        ``known`` says what this robot knows of another; None if it knows nothing yet.
+        ``known`` says what this robot knows of another, and when it was heard in the run, None if
+        never; None if this robot knows nothing yet.
         """
         heard = self._read(datagram)
         if heard is None:
@@ -191,15 +206,30 @@ class Joining:
         if not isinstance(message, Join) or sender == self.party.pid:
             self._do(self._received(sender, message))
             return
-        now, of_sender = self._clock(), known(sender)
-        if of_sender is None or now - self._answered_at.get(message.nonce, -1.0) < _ANSWER_EVERY_S:
+        self._follow_leader(sender, message)
+        now, of_sender, start = self._clock(), known(sender), self._start_heard(message)
+        if of_sender is None or now - start.answered_at < _ANSWER_EVERY_S:
             self.drops[Drop.EARLIER] += 1
             return  # so a flood of old Joins makes no flood of answers
-        self._answered_at[message.nonce] = now
-        if len(self._answered_at) > _MOST_ANSWERED:
-            self._answered_at.popitem(last=False)
-        run = self._state.run
-        self._do(answer(self.party, run, self.nonces, sender, message, of_sender))
+        about, heard_at = of_sender
+        is_new = not start.is_let_in and message.run != self._state.run
+        is_twin = is_new and heard_at is not None and heard_at > start.first_at
+        if is_new and not is_twin and heard_at is not None and now - heard_at < _GONE_S:
+            return  # it may be there still, as another process
+        start.answered_at, start.is_let_in = now, not is_twin
+        about = replace(about, is_heard=is_twin)
+        self._do(answer(self.party, self._state.run, self.nonces, sender, message, about))
+
+    def _start_heard(self, message: Join) -> _StartHeard:
+        start = self._starts.setdefault(message.nonce, _StartHeard(self._clock()))
+        if len(self._starts) > _MOST_STARTS_HEARD:
+            self._starts.popitem(last=False)
+        return start
+
+    def _follow_leader(self, sender: int, message: Join) -> None:
+        """Let one's own Joins show that they are newer than a leader's start. (R-JOIN)"""
+        if sender == self.party.leader and message.run == NO_RUN:
+            self._state = replace(self._state, heard=message.nonce)
 
     # --- what is noticed ------------------------------------------------------------------------
 

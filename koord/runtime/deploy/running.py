@@ -60,9 +60,6 @@ REPORT_S = 0.25
 #: How long a robot stays to answer others after its last round, in rounds.
 LINGERING = 8
 
-#: Who was heard this long ago is there.
-_PRESENT_S = 1.0
-
 
 #: How long a robot that cannot write its journal waits before it tries again.
 _AGAIN_S = 0.5
@@ -204,10 +201,6 @@ def ideal_host(job: Job, pid: int) -> IdealHost:
     )
 
 
-#: Datagrams of a run that come before it is known to this robot: so many are kept.
-_MOST_EARLY = 256
-
-
 #: Makes a robot of a run.
 Make = Callable[[Job, int], Member]
 
@@ -241,7 +234,6 @@ class Runner:
         self._clock = clock
         self._committed_at: float | None = None
         self._make = make
-        self._early: list[bytes] = []
         self._is_back = False  #: with its journal
         self._has_started_again = False
         self._remarks: list[str] = []
@@ -366,20 +358,15 @@ class Runner:
         )
         peer.on_handshake = lambda datagram: self.joining.answer(datagram, self._known)
         peer.start()
-        early, self._early = self._early, []
-        for datagram in early:
-            peer.read(datagram)
         self.joining.say_roll()
 
-    def _known(self, robot: int) -> Known | None:
-        """What this robot knows of another. (R-RUNNING)"""
+    def _known(self, robot: int) -> tuple[Known, float | None] | None:
+        """What this robot knows of another, and when it was heard. (R-RUNNING)"""
         peer = self.peer
         if peer is None or isinstance(peer.node.state.office, Rejoining):
             return None
-        state = peer.node.state
-        heard_at = peer.heard_at.get(robot)
-        is_heard = heard_at is not None and self._clock() - heard_at < _PRESENT_S
-        return Known(state.roster[robot], peer.start_of(robot), is_heard)
+        known = Known(peer.node.state.roster[robot], peer.start_of(robot), is_heard=False)
+        return known, peer.heard_at.get(robot)
 
     def _start_again(self, heard: int) -> None:
         """Go on with a higher start than one that was heard. (R-START)
@@ -402,8 +389,7 @@ class Runner:
         if self._pending is not None:
             self._try(self._pending)
         elif peer is None:
-            self._early += self.joining.turn(REPORT_S / 4)
-            del self._early[:-_MOST_EARLY]
+            self._drop(self.joining.turn(REPORT_S / 4))
         elif self._is_back and peer.node.state.holding is not None:
             self.joining.wake()
         ending = self.joining.ending
@@ -414,12 +400,15 @@ class Runner:
             raise self._turned_away(ending)
         self._try(partial(self._enter, ending))
 
+    def _drop(self, datagrams: list[bytes]) -> None:
+        """Count what is of runs while this robot is in none: what matters is said again."""
+        self.joining.drops[Drop.NO_RUN] += len(datagrams)
+
     def _try(self, action: Callable[[], None]) -> None:
         """Enter a run; if the journal cannot be written, try again later. (R-SAVE)"""
         now = self._clock()
         if now < self._pending_at:
-            self._early += self.joining.others(min(REPORT_S / 4, self._pending_at - now))
-            del self._early[:-_MOST_EARLY]
+            self._drop(self.joining.others(min(REPORT_S / 4, self._pending_at - now)))
             return
         try:
             action()

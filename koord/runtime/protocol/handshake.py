@@ -241,8 +241,9 @@ def _on_join(
         return state, outcomes
     if message.run not in (NO_RUN, state.run):
         # It goes on with the run of its journal, and has to know who is not in it.
-        answer = Running(message.nonce, state.run)
-        return state, (Say(sender, answer), OutOfStep(sender, message.run))
+        answered = Say(sender, Running(message.nonce, state.run))
+        is_new = party.is_leader and message.heard == party.nonce
+        return state, (answered, OutOfStep(sender, message.run)) if is_new else (answered,)
     if party.is_leader and message.heard == party.nonce and state.run == NO_RUN:
         return _gathered(party, state, sender, message.nonce)
     return state, answers
@@ -310,7 +311,7 @@ class Known(Struct, frozen=True):
 
     incarnation: int
     start: int
-    is_heard: bool  #: lately, in this run
+    is_heard: bool  #: in this run, since the Join's start was first heard
 
 
 def answer(

@@ -177,6 +177,7 @@ class Drop(Enum):
     REPLAYED = "seen before, or from before a restart"
     TWIN = "of another process that is this robot"
     EARLIER = "of an earlier handshake"
+    NO_RUN = "before this robot was in a run"
     OLD = "of a round long past"
     FRAGMENT = "an impossible piece of a message"
     UNFINISHED = "a piece of a message that never got complete"
