@@ -6,6 +6,7 @@ import multiprocessing
 import os
 import signal
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -156,6 +157,15 @@ class Deaf(Runner):
             time.sleep(0.01)
 
 
+@pytest.fixture
+def hangups_count() -> Iterator[None]:
+    """SIGHUP as it is without nohup, under which the tests may run."""
+    before = signal.signal(signal.SIGHUP, signal.SIG_DFL)
+    yield
+    signal.signal(signal.SIGHUP, before)
+
+
+@pytest.mark.usefixtures("hangups_count")
 def test_a_second_signal_ends_a_robot_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(local, "Runner", Deaf)
     once, again = Strike(signal.SIGTERM, 1), Strike(signal.SIGHUP, 1)
