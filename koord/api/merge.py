@@ -237,7 +237,7 @@ def _read(path: str, load: Load) -> Iterator[Part]:
     except DamagedRecordError as error:
         raise refusal("K910", name, f"the recording is damaged: {error}") from None
     if not lines:
-        hint = "koord deploy --record records what robots tell"
+        hint = "recordings of deployed robots have them (`record=`)"
         raise refusal("K911", name, "the recording has no parts of a run", hint)
     for topic in sorted(lines):
         yield read_lines(lines[topic], f"{name}{topic}", load)

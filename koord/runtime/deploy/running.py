@@ -402,7 +402,8 @@ class Runner:
 
     def _drop(self, datagrams: list[bytes]) -> None:
         """Count what is of runs while this robot is in none: what matters is said again."""
-        self.joining.drops[Drop.NO_RUN] += len(datagrams)
+        if datagrams:
+            self.joining.drops[Drop.NO_RUN] += len(datagrams)
 
     def _try(self, action: Callable[[], None]) -> None:
         """Enter a run; if the journal cannot be written, try again later. (R-SAVE)"""
