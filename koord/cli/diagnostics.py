@@ -34,6 +34,7 @@ _FLAGS = {
     "params": "--set",
     "program": "--program",
     "properties": "--with",
+    "record": "--record",
     "resume": "--resume",
     "robots": "--robots",
 }
