@@ -329,7 +329,8 @@ def _recollected(data: bytes) -> tuple[Recollection, int]:
 
 def _record_at(data: bytes, at: int) -> tuple[Any, int] | None:
     """The record at a place, and where it ends; None if it was cut short, or is not there."""
-    if len(data) - at < _HEAD or not any(data[at:]):
+    head = data[at : at + _HEAD]
+    if len(head) < _HEAD or (not any(head) and not any(data[at:])):
         return None  # a file may be longer than what was written to it before a loss of power
     size = int.from_bytes(data[at : at + _LENGTH], "big")
     body = data[at + _HEAD : at + _HEAD + size]

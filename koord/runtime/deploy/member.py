@@ -307,13 +307,12 @@ class Member:
         held = kept.tentative
         tentative = None if held is None else Tentative(held.epoch, held.entry)
         vow = Vow(kept.incarnation, kept.promised, tentative)
-        page = self._page()
         try:
             if (self._is_rewritten or journal.is_long) and kept.round == self.round:
-                journal.begin(*identity, self._checkpoint(kept), vow, *page)
+                journal.begin(*identity, self._checkpoint(kept), vow, *self._page())
                 self._is_rewritten = False
             else:
-                new = page if self._proposal is not self._written[0] else ()
+                new = self._page() if self._proposal is not self._written[0] else ()
                 journal.add(*self._unwritten, *new, vow)
         except OSError as error:
             self.unwritable = error.strerror or str(error)
