@@ -515,8 +515,8 @@ WIRE_MISTAKES = (
     Mutant(
         "old joins are on the roll",
         "runtime.protocol.handshake._on_join",
-        "party.is_leader and message.heard == party.nonce and state.run == NO_RUN",
-        "party.is_leader and state.run == NO_RUN",
+        "party.is_leader and message.heard == party.nonce",
+        "party.is_leader",
         (HANDSHAKE,),
     ),
     Mutant(

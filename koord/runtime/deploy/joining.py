@@ -31,6 +31,7 @@ from koord.runtime.protocol.handshake import (
     answer,
     call_the_roll,
     differing,
+    followed,
     join,
     receive,
     waiting,
@@ -206,7 +207,7 @@ class Joining:
         if not isinstance(message, Join) or sender == self.party.pid:
             self._do(self._received(sender, message))
             return
-        self._follow_leader(sender, message)
+        self._state = followed(self.party, self._state, sender, message)
         now, of_sender, start = self._clock(), known(sender), self._start_heard(message)
         if of_sender is None or now - start.answered_at < _ANSWER_EVERY_S:
             self.drops[Drop.EARLIER] += 1
@@ -225,11 +226,6 @@ class Joining:
         if len(self._starts) > _MOST_STARTS_HEARD:
             self._starts.popitem(last=False)
         return start
-
-    def _follow_leader(self, sender: int, message: Join) -> None:
-        """Let one's own Joins show that they are newer than a leader's start. (R-JOIN)"""
-        if sender == self.party.leader and message.run == NO_RUN:
-            self._state = replace(self._state, heard=message.nonce)
 
     # --- what is noticed ------------------------------------------------------------------------
 

@@ -100,28 +100,7 @@ class Tally(Struct):
 
 def gathering(pid: int, missing: tuple[int, ...]) -> RobotReport:
     """The status of a robot that is in no run yet. (R-JOIN)"""
-    return RobotReport(
-        pid=pid,
-        round=INIT_ROUND,
-        behind=0,
-        coordinator=None,
-        epoch=0,
-        holding=Reason.GATHERING,
-        waiting_for=missing,
-        ran=0,
-        skipped=0,
-        late=0,
-        overdue=0,
-        longest_s=0.0,
-        took_s=0.0,
-        sent=0,
-        received=0,
-        drops=(),
-        is_over=False,
-        all_stopped=False,
-        is_mute=False,
-        is_voter=False,
-    )
+    return replace(unheard(pid), holding=Reason.GATHERING, waiting_for=missing)
 
 
 def status_of(peer: Peer, member: Member, tally: Tally) -> RobotReport:

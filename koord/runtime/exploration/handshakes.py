@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterable, Iterator, Mapping
-from typing import TypeVar
 
 from msgspec import Struct
 from msgspec.structs import replace
@@ -36,8 +35,7 @@ from koord.runtime.protocol.handshake import (
     receive,
     waiting,
 )
-
-T = TypeVar("T")
+from koord.runtime.protocol.state import put
 
 _KEY = b"the key of an exploration"
 
@@ -145,7 +143,7 @@ class HandshakeExplorer:
                 if at.starts < self.bounds.starts:
                     yield from self._starts(at, robot)
                 continue
-            yield f"{robot} crashes", replace(at, lives=_put(at.lives, robot, None)), None
+            yield f"{robot} crashes", replace(at, lives=put(at.lives, robot, None)), None
             yield (f"{robot} says Join", *self._joined(at, robot, life))
             for parcel in at.said:
                 if parcel.to == robot:
@@ -165,8 +163,8 @@ class HandshakeExplorer:
                 prints: Fingerprint = (("program", program),)
                 state = waiting(self._party(robot, start, prints), disk[0])
                 life = Life(start, state, prints, disk[1])
-                lives = _put(at.lives, robot, life)
-                disks_ = _put(at.disks, robot, disk)
+                lives = put(at.lives, robot, life)
+                disks_ = put(at.disks, robot, disk)
                 after = replace(at, lives=lives, disks=disks_, starts=start)
                 yield f"{robot} is switched on with {name}, running {program}", after, None
 
@@ -216,16 +214,16 @@ class HandshakeExplorer:
                     life = replace(life, roll=())
                     after = self._noted(after, robot, (run, ()))
                 case TurnedAway():
-                    lives = _put(at.lives, robot, None)
+                    lives = put(at.lives, robot, None)
                     return replace(after, lives=lives, said=frozenset(said)), broken
-        lives = _put(after.lives, robot, life)
+        lives = put(after.lives, robot, life)
         return replace(after, lives=lives, said=frozenset(said)), broken
 
     def _noted(
         self, at: Handshakes, robot: int, disk: tuple[bytes, tuple[bytes, ...]]
     ) -> Handshakes:
-        old = _put(at.old, robot, at.disks[robot])
-        return replace(at, disks=_put(at.disks, robot, disk), old=old)
+        old = put(at.old, robot, at.disks[robot])
+        return replace(at, disks=put(at.disks, robot, disk), old=old)
 
     def _parcels(self, sender: int, to: int | None, message: HandshakeMessage) -> set[Parcel]:
         whom = range(self.bounds.robots) if to is None else (to,)
@@ -285,7 +283,3 @@ def _way(
         at, story = before
         lines.append(story)
     return tuple(reversed(lines))
-
-
-def _put(items: tuple[T, ...], place: int, item: T) -> tuple[T, ...]:
-    return (*items[:place], item, *items[place + 1 :])

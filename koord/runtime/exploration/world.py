@@ -50,6 +50,7 @@ from koord.runtime.protocol.state import (
     State,
     durable,
     fresh,
+    put,
     recovered,
     returning,
 )
@@ -230,7 +231,7 @@ class Explorer:
                     continue
                 yield Transition(robot, cause, self._after(world, robot, move), move.committed)
             if world.crashes < self.bounds.crashes:
-                off = _put(world.locals, robot, self._number(_down(self.locals[local])))
+                off = put(world.locals, robot, self._number(_down(self.locals[local])))
                 crashed = replace(world, locals=off, crashes=world.crashes + 1)
                 yield Transition(robot, Act.CRASH, crashed, ())
         if len(world.locals) < self.setup.robots + self.bounds.twins:
@@ -472,7 +473,7 @@ class Explorer:
                 self._longer[key] = len(self._histories)
                 self._histories.append((*history, held))
             acted = self._longer[key]
-        locals_ = _put(world.locals, robot, move.local)
+        locals_ = put(world.locals, robot, move.local)
         return replace(world, locals=locals_, sent=world.sent | move.sent, acted=acted)
 
 
@@ -484,10 +485,6 @@ def _highest_epoch(state: State) -> int:
 def _down(local: Local) -> Local:
     """A robot after a crash: only its disk is left."""
     return replace(local, state=None, timers=frozenset(), work=None)
-
-
-def _put(numbers: tuple[int, ...], place: int, number: int) -> tuple[int, ...]:
-    return (*numbers[:place], number, *numbers[place + 1 :])
 
 
 def _bits(number: int) -> Iterator[int]:

@@ -8,15 +8,14 @@ from __future__ import annotations
 
 from enum import Enum
 from hashlib import blake2b
-from typing import TypeVar, assert_never
+from typing import assert_never
 
 from msgspec import Struct
 from msgspec.structs import replace
 
 from koord.runtime.encoding import encode
 from koord.runtime.proposals import Flat
-
-T = TypeVar("T")
+from koord.runtime.protocol.state import put
 
 NONCE_BYTES = 16
 RUN_BYTES = 16
@@ -230,23 +229,33 @@ def _on_join(
     party: Party, state: Waiting, sender: int, message: Join
 ) -> tuple[Waiting, tuple[Outcome, ...]]:
     answers: tuple[Outcome, ...] = ()
-    if sender == party.leader and message.nonce != state.heard and message.run == NO_RUN:
-        state = replace(state, heard=message.nonce)
+    before, state = state, followed(party, state, sender, message)
+    if state.heard != before.heard:
         answers = (Say(sender, join(party, state)),)
+    is_fresh = party.is_leader and message.heard == party.nonce
     if message.fingerprint != party.fingerprint:
         outcomes: tuple[Outcome, ...] = (Differs(sender, message.fingerprint), *answers)
-        if party.is_leader and message.heard == party.nonce:
+        if is_fresh:
             refused = Refused(message.nonce, RefusalReason.DIFFERS, party.fingerprint)
             outcomes = (*outcomes, Say(sender, refused))
         return state, outcomes
     if message.run not in (NO_RUN, state.run):
         # It goes on with the run of its journal, and has to know who is not in it.
         answered = Say(sender, Running(message.nonce, state.run))
-        is_new = party.is_leader and message.heard == party.nonce
-        return state, (answered, OutOfStep(sender, message.run)) if is_new else (answered,)
-    if party.is_leader and message.heard == party.nonce and state.run == NO_RUN:
+        return state, (answered, OutOfStep(sender, message.run)) if is_fresh else (answered,)
+    if is_fresh and state.run == NO_RUN:
         return _gathered(party, state, sender, message.nonce)
     return state, answers
+
+
+def followed(party: Party, state: Waiting, sender: int, message: Join) -> Waiting:
+    """The state after a Join: own Joins show from now on that the leader's start was heard.
+
+    (R-JOIN)
+    """
+    if sender == party.leader and message.run == NO_RUN:
+        return replace(state, heard=message.nonce)
+    return state
 
 
 def _gathered(
@@ -260,7 +269,7 @@ def _gathered(
     elif before not in (None, nonce):
         assert before is not None
         state = replace(state, gone=state.gone | {before})
-    state = replace(state, nonces=_put(state.nonces, sender, nonce))
+    state = replace(state, nonces=put(state.nonces, sender, nonce))
     done, roll = call_the_roll(party, state)
     return done, (*outcomes, *roll)
 
@@ -272,7 +281,7 @@ def call_the_roll(party: Party, state: Waiting) -> tuple[Waiting, tuple[Outcome,
     """
     if not party.is_leader or state.run != NO_RUN:
         return state, ()
-    there = _put(state.nonces, party.pid, party.nonce)
+    there = put(state.nonces, party.pid, party.nonce)
     nonces = tuple(nonce for nonce in there if nonce is not None)
     if len(nonces) < party.robots:
         return state, ()
@@ -284,7 +293,7 @@ def _on_running(
     party: Party, state: Waiting, sender: int, message: Running
 ) -> tuple[Waiting, tuple[Outcome, ...]]:
     """Learn of a run that is under way. (R-LATE)"""
-    state = replace(state, told=_put(state.told, sender, message))
+    state = replace(state, told=put(state.told, sender, message))
     if message.run == NO_RUN:
         return state, (OutOfStep(sender, NO_RUN),)
     if message.run == state.run:
@@ -297,10 +306,6 @@ def _on_running(
     incarnation = max(one.incarnation for one in said)
     late = EnterLate(message.run, incarnation, max(one.start for one in said))
     return replace(state, run=message.run), (late,)
-
-
-def _put(items: tuple[T, ...], place: int, item: T) -> tuple[T, ...]:
-    return (*items[:place], item, *items[place + 1 :])
 
 
 # --- in a run -------------------------------------------------------------------------------------

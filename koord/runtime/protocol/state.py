@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, TypeVar
 
 import msgspec
 from msgspec.structs import replace
@@ -29,6 +29,8 @@ from koord.runtime.protocol.messages import (
     Position,
 )
 from koord.runtime.protocol.setup import Setup
+
+T = TypeVar("T")
 
 
 class Follower(msgspec.Struct, frozen=True):
@@ -238,6 +240,11 @@ def _new(setup: Setup, pid: int, incarnation: int, office: Office) -> State:
         roster=(FIRST_INCARNATION,) * setup.robots,
         last_ran=(None,) * setup.robots,
     )
+
+
+def put(items: tuple[T, ...], place: int, item: T) -> tuple[T, ...]:
+    """A tuple with another item in one place."""
+    return (*items[:place], item, *items[place + 1 :])
 
 
 #: Waits for answers are doubled so many times at most.
