@@ -59,6 +59,7 @@ DOCUMENTS: Mapping[str, str] = {
     "certificate": "certificates, as `koord verify --certificate` writes them",
     "recheck": "what `koord recheck --json` prints",
     "replay": "what `koord replay --json` prints",
+    "merged": "what `koord merge --json` prints",
 }
 
 
@@ -76,7 +77,16 @@ def schema_text(document: str) -> str:
 
 
 #: Documents whose schema is made of structs, and published beside this file.
-GENERATED = ("certificate", "diagnostics", "part", "recheck", "replay", "trace", "verdicts")
+GENERATED = (
+    "certificate",
+    "diagnostics",
+    "merged",
+    "part",
+    "recheck",
+    "replay",
+    "trace",
+    "verdicts",
+)
 
 
 def generated(document: str) -> dict[str, Any]:
@@ -95,6 +105,7 @@ def generated(document: str) -> dict[str, Any]:
     head, whole, others = {
         "certificate": ({"title": "Koord certificate"}, CertificateForm, VALUES),
         "diagnostics": ({"title": "Diagnostics of koord"}, forms.Diagnostics, {}),
+        "merged": ({"title": "Verdicts of koord on a deployed run"}, forms.Merged, VALUES),
         "part": (
             {"$id": "koord-part-1", "title": "A line of a part of a deployed run"},
             part_form.AnyLine,
@@ -129,7 +140,7 @@ def schema(document: str = "configuration") -> dict[str, Any]:
     """The JSON Schema of what koord reads and writes.
 
     ``document`` is ``"configuration"``, ``"verdicts"``, ``"diagnostics"``, ``"trace"``,
-    ``"part"``, ``"certificate"``, ``"recheck"`` or ``"replay"``. Raises
+    ``"part"``, ``"certificate"``, ``"recheck"``, ``"replay"`` or ``"merged"``. Raises
     :class:`koord.ArgumentError` for another one.
 
     >>> koord.schema("verdicts")["title"]

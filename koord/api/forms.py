@@ -150,6 +150,49 @@ class Replay(Form):
     ] = UNSET
 
 
+# --- koord merge ----------------------------------------------------------------------------------
+
+
+class MergedPart(Form):
+    """The part of a robot."""
+
+    pid: Natural
+    name: Annotated[str, Meta(description="The file's; of a recording with the topic.")]
+    rounds: Annotated[Natural, Meta(description="How many the robot acted on.")]
+    end: Annotated[
+        str,
+        words("left", "silent", "torn"),
+        Meta(description="The robot said that it stops, or did not, or in the middle of a line."),
+    ]
+
+
+class MergedRefusal(Form):
+    """The first step that no rule allows."""
+
+    rule: Annotated[str, Meta(description="As in specs/semantics.")]
+    round: Round
+    reason: Told
+
+
+class Merged(Form):
+    """The answer of `koord merge --json`. Rounds count from 0, as in traces; -1 is the start."""
+
+    format: Literal["koord-merged"]
+    version: Version
+    program: Annotated[str, Meta(description="The name of the program's file.")]
+    problem: Problem
+    rounds: Annotated[Natural, Meta(description="How many are in the trace.")]
+    rounds_told: Annotated[
+        Natural,
+        Meta(description="How many the run had at least; more, where no part tells of a round."),
+    ]
+    parts: Annotated[list[MergedPart], Meta(min_length=1, description="By pid.")]
+    missing: Annotated[list[Natural], Meta(description="Robots of which there is no part.")]
+    refused: MergedRefusal | None
+    broken: Annotated[Broken | None, Meta(description="Only of a legal run.")]
+    unjudged: Annotated[list[str], Meta(description="Properties that ask what nobody answered.")]
+
+
 # --- koord recheck --------------------------------------------------------------------------------
 
 

@@ -13,6 +13,7 @@ from koord.api.documents import DOCUMENTS
 from koord.cli.exits import Exit
 from koord.cli.main import main
 from koord.cli.progress import LiveLine
+from tests.refinement.part_files import lines_of, part_files, write_lines
 from tests.sampling import first
 
 COUNTER = """
@@ -144,6 +145,24 @@ def test_verdicts_on_traces_are_as_described(capsys: pytest.CaptureFixture[str])
     found = printed(capsys, "replay", "t.json", "--json")
     assert found["refused"]["differences"][0]["recorded"] == "7"
     valid(capsys, "replay", found)
+
+
+def test_verdicts_on_deployed_runs_are_as_described(capsys: pytest.CaptureFixture[str]) -> None:
+    schema = printed(capsys, "schema", "merged")
+    files = part_files(Path("parts"), PROGRAMS["violated"].replace("@i < 2", "@i < 5"))
+    merge = ("merge", *map(str, files), "-o", "run.json", "--json")
+    found = printed(capsys, *merge)
+    assert found["broken"]["name"] == "Few"
+    Draft202012Validator(schema).validate(found)
+    for field, change in (("parts", []), ("rounds", -1), ("broken", {"name": "Few"})):
+        assert not Draft202012Validator(schema).is_valid(found | {field: change})
+    lines = lines_of(files[1])
+    stood = next(one for one in lines if (one["told"], one.get("round")) == ("stood", 5))
+    stood["robot"]["locals"]["x"] = 77
+    write_lines(files[1], lines)
+    found = printed(capsys, *merge)
+    assert found["refused"]["rule"] == "ENV-TRANS"
+    Draft202012Validator(schema).validate(found)
 
 
 def test_certificates_and_verdicts_on_them_are_as_described(
