@@ -1,6 +1,6 @@
 # make check   format, lint, strict types, fast tests: what has to pass before a commit
 # make slow    the deep searches and the long fuzzing runs
-# make sample  one case of each deep search, in a few minutes
+# make sample  one case of each deep search of which none is a fast test, in two minutes
 # make bench   the tables of benchmarks/
 # make format  put the layout right
 

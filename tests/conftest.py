@@ -8,7 +8,7 @@ import pytest
 from hypothesis import is_hypothesis_test, settings
 
 from koord.verify.processes import keep_freed_memory
-from tests.sampling import is_too_long
+from tests.sampling import one_of_each
 
 COMMON = settings(derandomize=True, deadline=None, print_blob=False)
 settings.register_profile("default", COMMON, max_examples=20)
@@ -16,9 +16,10 @@ settings.register_profile("slow", COMMON, max_examples=100)
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """All examples where slow tests are run, and a fifth of them elsewhere."""
-    marks = config.option.markexpr
-    settings.load_profile("slow" if "slow" in marks.replace("not slow", "") else "default")
+    """All examples where all slow tests are run, and a fifth of them elsewhere."""
+    all_of_them = "slow" in config.option.markexpr.replace("not slow", "")
+    is_sample = config.getoption("one_of_each")
+    settings.load_profile("slow" if all_of_them and not is_sample else "default")
 
 
 def pytest_sessionstart() -> None:
@@ -30,7 +31,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption(
         "--one-of-each",
         action="store_true",
-        help="of the cases of each slow test the first one, but for those of tests/sampling.py",
+        help="of each test of which nothing runs by default one case, as tests/sampling.py says",
     )
 
 
@@ -53,8 +54,4 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         if isinstance(item, pytest.Function) and is_hypothesis_test(item.obj):
             item.add_marker("generated")
     if config.getoption("one_of_each"):
-        chosen: dict[str, pytest.Item] = {}
-        for item in items:
-            if item.get_closest_marker("slow") and not is_too_long(item.name):
-                chosen.setdefault(item.nodeid.partition("[")[0], item)
-        items[:] = chosen.values()
+        items[:] = one_of_each(items)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Sequence
 
 import pytest
 from hypothesis import settings
@@ -11,13 +11,12 @@ from hypothesis import settings
 #: Whole families in blocks of a minute or more. Small samples of them are tests by themselves.
 _FAMILIES = re.compile(r"_many(_|$)|_at_length$|_further_on$")
 
-#: What takes more than 15 seconds of CPU by itself: tests, or single cases of them, and why.
+#: Tests whose shortest case takes more than 15 seconds of CPU, and why.
 TOO_LONG = {
     "test_all_three_refuse_all_mutants_alike": "three readers of some hundred configurations",
     "test_cars_among_processes_make_the_same_run": "half a minute of a fleet, twice",
     "test_events_that_never_run_are_told": "what never happens, looked for in all ways",
     "test_the_fewest_rounds_are_the_fewest_of_many": "all runs of 60 programs",
-    "test_floods_delay_nobody[100000]": "700,000 datagrams",
     "test_nothing_false_is_confirmed_of_a_thousand_edits": "a thousand certificates",
     "test_some_work_is_done_for_all_rounds": "an engine that is given twenty seconds",
     "test_the_protocol_can_be_checked_by_itself": "eight runs of it in chaos",
@@ -25,16 +24,36 @@ TOO_LONG = {
     "test_the_text_is_typed": "mypy, of all compiled examples",
     "test_the_tour_can_be_taken_in_an_environment_that_pip_made": "pip installs all extras",
     "test_threads_verify_examples_under_load": "four examples, four times at once",
-    "test_users_see_what_was_frozen[refinement]": "runs of generated programs",
-    "test_ways_of_generated_programs_differ": "every way to break 100 programs",
-    "test_what_passes_a_limit_is_refused_and_nothing_else[values of a configuration]": "the limit",
 }
 
 
 def is_too_long(test: str) -> bool:
-    """Whether `make sample` leaves out a test, which may be followed by its case."""
-    name = test.partition("[")[0]
-    return name in TOO_LONG or test in TOO_LONG or _FAMILIES.search(name) is not None
+    """Whether `make sample` leaves out a test, of this name."""
+    return test in TOO_LONG or _FAMILIES.search(test) is not None
+
+
+def one_of_each(items: Iterable[pytest.Item]) -> list[pytest.Item]:
+    """What `make sample` runs: a slow case of each test of which no case runs by default.
+
+    The others are seen to run by default. The case is the first one, or the one that has the mark
+    ``sample``. This mark also takes in a case that is unlike those of its test that run by default.
+    """
+    tests: dict[str, list[pytest.Item]] = {}
+    for item in items:
+        tests.setdefault(item.nodeid.partition("[")[0], []).append(item)
+    return [case for cases in tests.values() if (case := _sample(cases)) is not None]
+
+
+def _sample(cases: Sequence[pytest.Item]) -> pytest.Item | None:
+    """The case of a test that is in the sample, if one is."""
+    slow = [case for case in cases if case.get_closest_marker("slow") is not None]
+    marked = [case for case in slow if case.get_closest_marker("sample") is not None]
+    if marked:
+        return marked[0]
+    is_run_by_default = len(slow) < len(cases)
+    if is_run_by_default or is_too_long(cases[0].name.partition("[")[0]):
+        return None
+    return slow[0]
 
 
 def first(count: int, cases: Iterable[object]) -> list[object]:

@@ -13,7 +13,9 @@ from tests.deployed.floods import KINDS, Flood
 from tests.deployed.proxy import Datagram
 
 
-@pytest.mark.parametrize("encrypts", [False, pytest.param(True, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "encrypts", [False, pytest.param(True, marks=(pytest.mark.slow, pytest.mark.sample))]
+)
 @pytest.mark.parametrize("count", [2_000, pytest.param(100_000, marks=pytest.mark.slow)])
 def test_floods_delay_nobody(fleet_of: MakeFleet, count: int, encrypts: bool) -> None:
     if encrypts:

@@ -87,7 +87,8 @@ def zenoh(robots: int) -> list[Transport]:
     return made
 
 
-MAKERS = [in_process, unicast, multicast, broadcast, pytest.param(zenoh, marks=pytest.mark.slow)]
+_SLOW = (pytest.mark.slow, pytest.mark.sample)
+MAKERS = [in_process, unicast, multicast, broadcast, pytest.param(zenoh, marks=_SLOW)]
 
 
 @pytest.fixture(params=MAKERS, ids=lambda make: make.__name__)
