@@ -171,7 +171,8 @@ class _Asking:
     def __init__(self, system: System, library: Library | None) -> None:
         self.system = system
         self.library = library
-        self.sampled = SampledInputs(Sampler(self.system, Numbers.DOUBLE, Random(0)))
+        # What a summary says of every value is taken on trust, as replay does. [REPLAY]
+        self.sampled = SampledInputs(Sampler(self.system, Numbers.DOUBLE, Random(0)), samples=0)
         self.sites: frozenset[int] = _mentioned(self.system.program)
 
     def remember(self, answers: tuple[Answer, ...]) -> None:

@@ -49,6 +49,7 @@ class SampledInputs(Struct):
     functions: dict[Question, Concrete] = field(default_factory=dict)  #: for the whole run
     lengths: dict[tuple[Home, int, int | None], int | None] = field(default_factory=dict)
     types: dict[tuple[Home, int, int | None], Type] = field(default_factory=dict)
+    samples: int = _SAMPLES  #: of all values of a type, for summaries; 0: these are taken on trust
     _seen: Configuration[Constant] | None = None
     _around: dict[int | None, dict[Type, list[Concrete]]] = field(default_factory=dict)
 
@@ -349,7 +350,7 @@ class _TrialOracle(Struct):
         if len(self.pending) > 1:
             return True
         known = self.inputs.around(self.robot, type_)
-        drawn = (self.inputs.sampler.value(type_, known) for _ in range(_SAMPLES))
+        drawn = (self.inputs.sampler.value(type_, known) for _ in range(self.inputs.samples))
         return all(body(value) for value in drawn)
 
 

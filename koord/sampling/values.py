@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 from random import Random
-from typing import ClassVar, assert_never
+from typing import ClassVar, TypeGuard, assert_never
 
 from koord.semantics.domain import Constant
 from koord.semantics.recordings import Concrete
@@ -137,24 +137,24 @@ class Sampler:
 
     def _float(self, known: Sequence[Concrete]) -> Fraction:
         pool = self._numbers(FLOAT, known)
-        base = self.rng.choice(pool)
+        base = Fraction(self.rng.choice(pool))
         if self.chance(40):
             return base
         if self.chance(40):
-            return (base + self.rng.choice(pool)) / 2
+            return (base + Fraction(self.rng.choice(pool))) / 2
         near = (Fraction(1), Fraction(1, 10), Fraction(1, 16), self.system.delta_s)
         return base + self.rng.choice(near) * self.rng.randint(-3, 3)
 
-    def _numbers(self, type_: Type, known: Sequence[Concrete]) -> list[Fraction]:
-        numbers = [Fraction(v) for v in self.mentioned(type_) if not isinstance(v, str)]
-        for value in known:
-            if isinstance(value, int | Fraction) or (isinstance(value, float) and _finite(value)):
-                numbers.append(Fraction(value))
-        return numbers
+    def _numbers(self, type_: Type, known: Sequence[Concrete]) -> list[int | float | Fraction]:
+        """Numbers to draw from. Few are drawn of many: only these are worth making exact."""
+        mentioned = [value for value in self.mentioned(type_) if not isinstance(value, str)]
+        return mentioned + [value for value in known if _is_finite(value)]
 
 
-def _finite(value: float) -> bool:
-    return value - value == 0
+def _is_finite(value: Concrete) -> TypeGuard[int | float | Fraction]:
+    if isinstance(value, float):
+        return value - value == 0
+    return isinstance(value, int | Fraction)
 
 
 def _pools(system: System) -> dict[Type, tuple[Constant, ...]]:
