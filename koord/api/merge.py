@@ -27,8 +27,9 @@ from koord.sampling.monitors import Watch
 from koord.syntax import core
 from koord.syntax.diagnostics import KoordError, refusal
 from koord.syntax.source import counted, visible
-from koord.traces.codec import Load, load_embedded
+from koord.traces.codec import load_embedded
 from koord.traces.replay import Refused
+from koord.traces.run_codec import Known
 from koord.traces.trace import Sources, Violation
 
 #: Raised when the JSON changes in a way that its readers must know of.
@@ -126,7 +127,7 @@ def merge(parts: Iterable[str | os.PathLike[str]]) -> Merged:
     >>> koord.merge(["part0.jsonl", "part1.jsonl"]).trace.save("run.json")
     """
     loading = _Loading()
-    read = [part for path in parts for part in _read(os.fspath(path), loading.load)]
+    read = [part for path in parts for part in _read(os.fspath(path), loading)]
     if not read:
         raise ArgumentError("parts", "there is no part to merge")
     return merged(_one_of_each(read))
@@ -211,23 +212,24 @@ def _apart(one: Part, other: Part, story: str) -> KoordError:
 
 
 class _Loading(Struct):
-    """Programs that were loaded already: all parts of a run hold the same."""
+    """What was read already: all parts of a run hold the same program, and many the same values."""
 
-    known: dict[str, core.Program] = {}
+    programs: dict[str, core.Program] = {}
+    known: Known = {}
 
     def load(self, sources: Sources) -> core.Program:
         texts = [text.text for text in sources.texts]
         key = repr((texts, sources.params, sources.tasks))
-        if key not in self.known:
-            self.known[key] = load_embedded(sources)
-        return self.known[key]
+        if key not in self.programs:
+            self.programs[key] = load_embedded(sources)
+        return self.programs[key]
 
 
-def _read(path: str, load: Load) -> Iterator[Part]:
+def _read(path: str, loading: _Loading) -> Iterator[Part]:
     """The parts in a file. Raises KoordError."""
     name, raw = visible(path), read_written(path)
     if not is_record(raw):
-        yield read_part(raw, name, load)
+        yield read_part(raw, name, loading.load, loading.known)
         return
     require(("mcap",), "record")
     lines: dict[str, list[bytes]] = {}
@@ -240,4 +242,4 @@ def _read(path: str, load: Load) -> Iterator[Part]:
         hint = "recordings of deployed robots have them (`record=`)"
         raise refusal("K911", name, "the recording has no parts of a run", hint)
     for topic in sorted(lines):
-        yield read_lines(lines[topic], f"{name}{topic}", load)
+        yield read_lines(lines[topic], f"{name}{topic}", loading.load, loading.known)

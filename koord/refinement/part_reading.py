@@ -23,7 +23,7 @@ from koord.traces.codec import Load, decode_subject
 from koord.traces.form import Form
 from koord.traces.json_reader import FormError, JsonNode, parse, shortened
 from koord.traces.names import Names
-from koord.traces.run_codec import Decoding
+from koord.traces.run_codec import Decoding, Known
 from koord.traces.trace import Numbers
 
 
@@ -43,18 +43,26 @@ _WITHOUT = "the file was changed or damaged: merge the other parts without it"
 _NO_PART = "name files that `koord deploy --pid I --trace FILE` or `--record FILE` wrote"
 
 
-def read_part(raw: bytes, name: str, load: Load) -> Part:
+def read_part(raw: bytes, name: str, load: Load, known: Known | None = None) -> Part:
     """Read the part in a file. ``name`` is the file's, for messages. Raises KoordError.
 
-    ``load`` makes the program of the texts in the head. A part may end in the middle of a line,
-    where its robot was killed; what is damaged otherwise is refused.
+    ``load`` makes the program of the texts in the head; ``known`` is what parts that are read
+    together may share. A part may end in the middle of a line, where its robot was killed; what is
+    damaged otherwise is refused.
     """
     whole, _, torn = raw.rpartition(b"\n")
     lines = whole.split(b"\n") if whole else []
-    return read_lines(lines, name, load, is_torn=bool(torn))
+    return read_lines(lines, name, load, known, is_torn=bool(torn))
 
 
-def read_lines(lines: Iterable[bytes], name: str, load: Load, *, is_torn: bool = False) -> Part:
+def read_lines(
+    lines: Iterable[bytes],
+    name: str,
+    load: Load,
+    known: Known | None = None,
+    *,
+    is_torn: bool = False,
+) -> Part:
     """As :func:`read_part`, of the whole lines of a part without their ends."""
     reading: _Reading | None = None
     for n, raw in enumerate(lines):
@@ -67,7 +75,7 @@ def read_lines(lines: Iterable[bytes], name: str, load: Load, *, is_torn: bool =
                 raise FormError(reason, ".n", part=line)
             if reading is None:
                 assert isinstance(line, part_form.Head)
-                reading = _Reading.of(name, line, load)
+                reading = _Reading.of(name, line, load, {} if known is None else known)
             else:
                 reading.read(line)
         except FormError as error:
@@ -122,10 +130,10 @@ class _Reading(Struct):
     told: list[Told] = field(default_factory=list)
 
     @staticmethod
-    def of(name: str, head: part_form.Head, load: Load) -> _Reading:
+    def of(name: str, head: part_form.Head, load: Load, known: Known) -> _Reading:
         """Begin with the head. Raises FormError and KoordError."""
         subject = decode_subject(head, load)
-        decoding = Decoding(Names(subject.system), Numbers.DOUBLE)
+        decoding = Decoding(Names(subject.system), Numbers.DOUBLE, known)
         decoding.robot(head.pid, head, ".pid")
         return _Reading(name, head, Whose(head.run, head.pid, subject), decoding)
 

@@ -41,37 +41,38 @@ Load: TypeAlias = Callable[[Sources], core.Program]
 
 def encode(trace: Trace, *, with_rounds: bool = True) -> bytes:
     """Encode a trace as JSON in UTF-8, one round per line; optionally without its rounds."""
+    run = encode_run(trace, with_rounds=with_rounds)
     lines = []
-    for name, value in to_json(trace, with_rounds=with_rounds).items():
-        text = _rendered_run(value) if name == "run" else json.dumps(value)
+    for name, value in to_json(trace, run=replace(run, rounds=[])).items():
+        text = _rendered_run(value, run.rounds) if name == "run" else json.dumps(value)
         lines.append(f"{json.dumps(name)}: {text}")
     return ("{\n" + ",\n".join(lines) + "\n}\n").encode("utf-8")
 
 
-def _rendered_run(run: Any) -> str:
+def _rendered_run(run: Any, rounds: list[form.Round]) -> str:
     parts = []
     for name, value in run.items():
-        if name == "rounds" and value:
-            parts.append(f'"rounds": [\n{rendered_rounds(value)}\n ]')
+        if name == "rounds" and rounds:
+            parts.append(f'"rounds": [\n{rendered_rounds(rounds)}\n ]')
         else:
             parts.append(f"{json.dumps(name)}: {json.dumps(value)}")
     return "{\n " + ",\n ".join(parts) + "\n}"
 
 
-def rendered_rounds(rounds: Iterable[object]) -> str:
+def rendered_rounds(rounds: Iterable[form.Round]) -> str:
     """Encode rounds as lines of text."""
     return ",\n".join(f"  {json.dumps(to_builtins(one))}" for one in rounds)
 
 
-def to_json(trace: Trace, *, with_rounds: bool = True) -> dict[str, Json]:
-    """A trace as a JSON object."""
+def to_json(trace: Trace, run: form.Run | None = None) -> dict[str, Json]:
+    """A trace as a JSON object; with another encoding of its ``run``, if that is given."""
     file = form.File(
         format=FORMAT,
         version=_version(trace),
         **encode_subject(trace.sources, trace.system),
         numbers=trace.numbers,
         slack=encode_fraction(trace.slack) if trace.slack else UNSET,
-        run=encode_run(trace, with_rounds=with_rounds),
+        run=encode_run(trace) if run is None else run,
     )
     found: dict[str, Json] = to_builtins(file)
     return found

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from typing import cast
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
+from typing import Any, TypeAlias, TypeVar, cast
 
-from msgspec import UNSET, Struct, UnsetType
+import msgspec
+from msgspec import UNSET, Struct, UnsetType, field
 
 from koord.semantics import configurations, recordings
 from koord.semantics.configurations import NO_EVENT, Configuration, Fault, Robot, Store, Written
@@ -21,7 +23,13 @@ from koord.traces import form
 from koord.traces.json_reader import FormError, JsonNode, shortened
 from koord.traces.names import KindNames, Named, Names, element_type
 from koord.traces.trace import BEFORE_ROUNDS, Emitted, Numbers, Sources, Trace, Violation
-from koord.traces.value_codec import decode_storage, decode_value, encode_storage, encode_value
+from koord.traces.value_codec import (
+    Json,
+    decode_storage,
+    decode_value,
+    encode_storage,
+    encode_value,
+)
 
 
 def encode_run(trace: Trace, *, with_rounds: bool = True) -> form.Run:
@@ -47,6 +55,7 @@ def encode_run(trace: Trace, *, with_rounds: bool = True) -> form.Run:
 def encode_rounds(trace: Trace, first: int = 0) -> list[form.Round]:
     """Encode the rounds of a trace from number ``first`` on."""
     names, written = Names(trace.system), _outputs(trace, first)
+    encoded: Encoded = {}
     rounds = trace.recording.rounds[first:]
     after = trace.configurations[first + 1 :]
     return [
@@ -54,7 +63,7 @@ def encode_rounds(trace: Trace, first: int = 0) -> list[form.Round]:
             list(round_.order),
             [_event(names, robot, position) for robot, position in enumerate(round_.events)],
             [encode_reading(names, reading) for reading in round_.readings],
-            [encode_answer(names, answer) for answer in round_.answers],
+            [encode_answer(names, answer, encoded) for answer in round_.answers],
             round_.cut,
             written.get(number, []),
             encode_configuration(names, configuration),
@@ -108,14 +117,28 @@ def startable(names: Names, home: Home, robot: int | None) -> Sequence[Named]:
             return names.of(robot).ports
 
 
-def encode_answer(names: Names, answer: recordings.Answer) -> form.Answer:
+#: Values that live on, as they were encoded by their types: both by their ids.
+Encoded: TypeAlias = dict[tuple[int, int], Json]
+
+
+def encode_answer(
+    names: Names, answer: recordings.Answer, encoded: Encoded | None = None
+) -> form.Answer:
+    """Encode an answer; an argument that was ``encoded`` before is not encoded again."""
     result, parameters = answer_types(names, answer.function, answer.key[0])
+    known: Encoded = {} if encoded is None else encoded
+    arguments = []
+    for value, type_ in zip(answer.arguments, parameters, strict=True):
+        key = id(value), id(type_)
+        if key not in known:
+            known[key] = encode_value(value, type_)
+        arguments.append(known[key])
     return form.Answer(
         answer.phase,
         answer.robot,
         list(answer.key),
         answer.function,
-        [encode_value(*pair) for pair in zip(answer.arguments, parameters, strict=True)],
+        arguments,
         encode_value(answer.value, result),
     )
 
@@ -188,11 +211,25 @@ def decode_run(run: form.Run, sources: Sources, system: System, numbers: Numbers
     return Decoding(Names(system), numbers).trace(run, sources)
 
 
+D = TypeVar("D")
+
+#: What was decoded, by how many robots, as what, and of which text.
+Known: TypeAlias = dict[tuple[object, Type, int, bytes], Any]
+
+#: So much of it is remembered.
+_MOST_KNOWN = 1 << 12
+
+
 class Decoding(Struct, frozen=True):
-    """The names and the number domain by which the values of a run are decoded."""
+    """The names and the number domain by which the values of a run are decoded.
+
+    Most values come again, in the next round or of another robot: what is ``known`` is not decoded
+    twice, and takes up memory once. Decodings with the same numbers may share it.
+    """
 
     names: Names
     numbers: Numbers
+    known: Known = field(default_factory=dict)
 
     @property
     def robots(self) -> int:
@@ -302,9 +339,27 @@ class Decoding(Struct, frozen=True):
 
     def value(self, value: object, type_: Type, path: str, part: form.Form) -> Concrete:
         try:
-            return decode_value(JsonNode(value), type_, self.robots, self.numbers)
+            return self.once(decode_value, JsonNode(value), type_)
         except FormError as error:
             raise FormError(error.message, path + error.path, error.code, part) from None
+
+    def once(
+        self, decode: Callable[[JsonNode, Type, int, Numbers], D], node: JsonNode, type_: Type
+    ) -> D:
+        """Decode a value or storage, if that was not done before. Raises FormError."""
+        text = b"null"
+        if isinstance(node.value, dict | list):
+            with suppress(OverflowError, UnicodeEncodeError):  # long numbers, half characters
+                text = msgspec.json.encode(node.value)
+        if b"null" in text:  # also stands for what is no number
+            return decode(node, type_, self.robots, self.numbers)
+        key = (decode, type_, self.robots, text)
+        if key not in self.known:
+            if len(self.known) >= _MOST_KNOWN:
+                self.known.clear()
+            self.known[key] = decode(node, type_, self.robots, self.numbers)
+        found: D = self.known[key]
+        return found
 
     def values(
         self, values: Sequence[object], types: Sequence[Type], path: str, part: form.Form
@@ -377,7 +432,7 @@ class Decoding(Struct, frozen=True):
         try:
             parts = JsonNode(held).fields(names)
             return tuple(
-                decode_storage(parts[name], named.type, self.robots, self.numbers)
+                self.once(decode_storage, parts[name], named.type)
                 for name, named in zip(names, among, strict=True)
             )
         except FormError as error:
