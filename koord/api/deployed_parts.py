@@ -6,12 +6,14 @@ from collections.abc import Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from fractions import Fraction
 from pathlib import Path
+from shlex import quote
 from tempfile import TemporaryDirectory
 
 from msgspec import Struct, field
 
 from koord.api.fitting import Fitted
 from koord.api.merge import Merged, merge
+from koord.api.progress import Cancellation, Listener
 from koord.api.traces import sources_of
 from koord.refinement.instrumented_robot import instrumented
 from koord.refinement.parts import PartWriter, Whose
@@ -52,9 +54,17 @@ class Parts(Struct, frozen=True):
         made = instrumented(job, pid, self.made, self.subject.system, writer.tell)
         return made
 
-    def merged(self) -> Merged:
-        """The trace of the run, which is over. Raises KoordError."""
-        return merge(file for file in self.files.values() if file.exists())
+    def merged(self, progress: Listener, cancellation: Cancellation | None) -> Merged:
+        """The trace of the run, which is over. Raises KoordError and CancelledError."""
+        there = [file for file in self.files.values() if file.exists()]
+        return merge(there, progress=progress, cancellation=cancellation)
+
+    def unmerged(self, trace: str) -> KoordError:
+        """What is told where nobody waited for the trace: the parts are left."""
+        (folder,) = {file.parent for file in self.files.values()}
+        story = f"it was not made, as that was interrupted: what robots told is in {folder}"
+        hint = f"koord merge {quote(str(folder))}/*.jsonl -o {quote(trace)}"
+        return refusal("K918", visible(trace), visible(story), hint)
 
     def remove(self) -> None:
         """Remove the files, of which there is a trace."""

@@ -20,7 +20,7 @@ from koord.api.deployed import Deployed, FleetHeard
 from koord.api.files import check_writable
 from koord.api.fitting import Configurable, Fitted, fit, fit_request, is_placed
 from koord.api.programs import Loadable, Value
-from koord.api.progress import Cancellation, Listener, asker, heard_by
+from koord.api.progress import Cancellation, CancelledError, Listener, asker, heard_by
 from koord.api.results import ArgumentError
 from koord.api.robots import Seconds
 from koord.runtime.compile import compiled
@@ -235,7 +235,7 @@ def deploy_fitted(
     cancellation: Cancellation | None = None,
 ) -> Deployed:
     """As :func:`deploy`, for a prepared run. Raises KoordError."""
-    deployment = _Deployment(fitted, job, request, heard_by(progress), asker(cancellation))
+    deployment = _Deployment(fitted, job, request, heard_by(progress), cancellation)
     try:
         deployed = _all(deployment) if request.pid is None else _one(deployment, request.pid)
     except TransportError as error:
@@ -253,7 +253,11 @@ class _Deployment(Struct, frozen=True):
     job: Job
     request: DeployRequest
     tell: Listener
-    is_cancelled: Callable[[], bool]
+    cancellation: Cancellation | None
+
+    @property
+    def is_cancelled(self) -> Callable[[], bool]:
+        return asker(self.cancellation)
 
     def recorder(self, stack: ExitStack, parts: Parts | None) -> _Recorder | None:
         path = self.request.record
@@ -282,14 +286,21 @@ class _Deployment(Struct, frozen=True):
         return Parts.of(self.fitted, job, stack.enter_context(files))
 
     def traced(self, ended: Deployed, parts: Parts) -> Deployed:
-        """Write the trace of all robots, if one is wanted, and judge it. Raises KoordError."""
+        """Write the trace of all robots, if one is wanted, and judge it. Raises KoordError.
+
+        Who cancels the run waits for its trace; who does so now, or insists, does not.
+        """
         if self.request.trace is None:
             return ended
+        cancellation = None if ended.interrupted else self.cancellation
         try:
-            merged = parts.merged()
+            merged = parts.merged(self.tell, cancellation)
+            merged.trace.save(self.request.trace)
         except KoordError as error:
             return replace(ended, unmerged=error.diagnostics)
-        merged.trace.save(self.request.trace)
+        except (CancelledError, KeyboardInterrupt):
+            left = parts.unmerged(self.request.trace)
+            return replace(ended, interrupted=True, unmerged=left.diagnostics)
         if self.request.state is None or not ended.interrupted:
             parts.remove()  # else the run may go on
         return replace(ended, merged=merged)

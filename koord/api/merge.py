@@ -10,6 +10,7 @@ from typing import Final
 from msgspec import Struct, to_builtins
 
 from koord.api.files import read_written
+from koord.api.progress import Cancellation, Listener, Progress, ended, heard_by
 from koord.api.replay import broken_form
 from koord.api.results import ArgumentError, Result, html_table
 from koord.api.traces import Trace
@@ -24,6 +25,7 @@ from koord.runtime.motion.libraries import require
 from koord.runtime.proposals import INIT_ROUND
 from koord.runtime.records import DamagedRecordError, is_record, read_messages
 from koord.sampling.monitors import Watch
+from koord.semantics.recordings import Step
 from koord.syntax import core
 from koord.syntax.diagnostics import KoordError, refusal
 from koord.syntax.source import counted, visible
@@ -113,27 +115,49 @@ class Merged(Result, frozen=True, kw_only=True):
         return html_table(repr(self), ("robot", "part", "rounds", "end"), rows)
 
 
-def merge(parts: Iterable[str | os.PathLike[str]]) -> Merged:
+def merge(
+    parts: Iterable[str | os.PathLike[str]],
+    *,
+    progress: Listener | None = None,
+    cancellation: Cancellation | None = None,
+) -> Merged:
     """Merge what robots of a deployed run have told to one trace, and judge it by the rules.
 
     ``parts`` are files that ``koord deploy --pid I --trace FILE`` wrote, or recordings
     (``--record``). Of robots that were ended, or of which there is no part, what nobody saw is
     filled in as the program allows: sensors by their contracts, states by the rules.
 
-    Raises :class:`koord.KoordError` for files that are damaged, or of different runs (K918); where
+    Raises :class:`koord.CancelledError` on ``cancellation``; and
+    :class:`koord.KoordError` for files that are damaged, or of different runs (K918); where
     what is missing cannot be filled in (K918); and where two robots tell that they acted on
     different decisions (K919).
 
     >>> koord.merge(["part0.jsonl", "part1.jsonl"]).trace.save("run.json")
     """
-    loading = _Loading()
-    read = [part for path in parts for part in _read(os.fspath(path), loading)]
+    loading, tell = _Loading(), _Telling(heard_by(progress), cancellation)
+    read: list[Part] = []
+    for path in parts:
+        tell.step(f"reading {visible(os.fspath(path))}")
+        read += _read(os.fspath(path), loading)
     if not read:
         raise ArgumentError("parts", "there is no part to merge")
-    return merged(_one_of_each(read))
+    return _merged(_one_of_each(read), tell)
 
 
-def merged(parts: Mapping[int, Part]) -> Merged:
+class _Telling(Struct, frozen=True):
+    """What is told of the progress of a merge, and whether to go on."""
+
+    listener: Listener
+    cancellation: Cancellation | None
+
+    def step(self, message: str, round_: int | None = None) -> None:
+        """Tell of a step. Raises CancelledError."""
+        if self.cancellation is not None and self.cancellation.requested:
+            raise ended(self.cancellation, "merging")
+        self.listener(Progress(message, round_))
+
+
+def _merged(parts: Mapping[int, Part], tell: _Telling) -> Merged:
     """As :func:`merge`, of the parts of one run by pid."""
     first = next(iter(parts.values()))
     subject = first.whose.subject
@@ -147,9 +171,19 @@ def merged(parts: Mapping[int, Part]) -> Merged:
     coverage = heard.coverage(system.robots)
     if INIT_ROUND not in heard.decisions:
         raise refusal("K918", first.name, "no part tells how the run began", _cure(missing))
-    ran = gathered(subject.sources, system, heard)
+    of = f"of {coverage.rounds}"
+
+    def filled(number: int) -> None:
+        tell.step(f"filling in what nobody saw, round {number + 1} {of}", number + 1)
+
+    ran = gathered(subject.sources, system, heard, passed=filled)
     watch = Watch.of(ran.trace)
-    judged = judge(ran, watch.see)
+
+    def seen(step: Step) -> None:
+        tell.step(f"judging, round {step.round + 1} {of}", max(0, step.round))
+        watch.see(step)
+
+    judged = judge(ran, seen)
     refused = judged.refused
     unseen = {pid: r for pid, r in coverage.unseen.items() if refused and r <= refused.step.round}
     if ran.gave_up is not None or unseen:

@@ -119,6 +119,8 @@ def main(arguments: argparse.Namespace) -> int:
             if isinstance(told, FleetHeard):
                 board.is_stopping = interruption.requested
                 board.show(told)
+            else:
+                board.say(told.message)
 
         deployed = deploy_fitted(found, job, request, show, interruption)
     print(deployed.to_json() if arguments.json else summary(deployed))

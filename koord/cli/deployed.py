@@ -13,6 +13,7 @@ from rich.live import Live
 from rich.table import Table
 
 from koord.api.deployed import Deployed, FleetHeard
+from koord.cli.progress import LiveLine
 from koord.cli.terminal import visible
 
 if TYPE_CHECKING:
@@ -37,6 +38,7 @@ class Board:
     def __init__(self) -> None:
         self._console = Console(stderr=True)
         self._live: Live | None = None
+        self._line: LiveLine | None = None
         self._lines = Lines(self._print)
         self._shown_at = 0.0
         self.is_stopping = False
@@ -49,6 +51,15 @@ class Board:
 
     def __exit__(self, *_: object) -> None:
         self._close()
+        if self._line is not None:
+            self._line.__exit__()
+
+    def say(self, text: str) -> None:
+        """Show what is done after the run, in place of the table."""
+        if self._line is None:
+            self._close()
+            self._line = LiveLine(sys.stderr).__enter__()
+        self._line.show(text)
 
     def show(self, heard: FleetHeard) -> None:
         """Show the present status of the robots."""

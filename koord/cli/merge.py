@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 
 from koord.api.merge import Merged, merge
 from koord.cli.arguments import add_json, check_files
@@ -10,6 +11,7 @@ from koord.cli.diagnostics import report_error
 from koord.cli.exits import Exit
 from koord.cli.files import check_writable
 from koord.cli.merged import merge_lines, refusal_code
+from koord.cli.progress import LiveLine
 from koord.syntax.diagnostics import KoordError
 
 
@@ -35,7 +37,8 @@ def main(arguments: argparse.Namespace) -> int:
     check_files(arguments.parts)
     check_writable(arguments.output, arguments.parts)
     try:
-        merged = merge(arguments.parts)
+        with LiveLine(sys.stderr) as live:
+            merged = merge(arguments.parts, progress=lambda told: live.show(told.message))
     except KoordError as error:
         report_error(error, as_json=arguments.json)
         return refusal_code(error.diagnostics)

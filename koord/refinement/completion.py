@@ -44,19 +44,27 @@ from koord.traces.trace import Numbers, Trace
 Library: TypeAlias = Callable[[core.External, tuple[Concrete, ...], int | None], Concrete]
 
 
-def with_summaries(trace: Trace, library: Library | None = None) -> Trace:
+def with_summaries(
+    trace: Trace,
+    library: Library | None = None,
+    passed: Callable[[int], None] = lambda number: None,
+) -> Trace:
     """Complete a trace with the answers that summaries and assumptions need, of its own library.
 
     A trace that breaks a rule before that is returned as far as it was looked at: replay will say
-    where. Raises KoordError where no answer is found that its own summary allows.
+    where. ``passed`` hears of each round. Raises KoordError where no answer is found that its own
+    summary allows.
     """
     completing = Completing(trace.system, library)
     recording = trace.recording
     for answers in (recording.opening.answers, *(round_.answers for round_ in recording.rounds)):
         completing.remember(answers)
     opening = completing.opening(recording.opening)
-    rounds = tuple(map(completing.round, recording.rounds))
-    return replace(trace, recording=Recording(opening, rounds))
+    rounds = []
+    for number, round_ in enumerate(recording.rounds):
+        rounds.append(completing.round(round_))
+        passed(number)
+    return replace(trace, recording=Recording(opening, tuple(rounds)))
 
 
 class PutOffError(Exception):

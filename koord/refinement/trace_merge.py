@@ -7,7 +7,7 @@ in rounds that it was not there for are those of the reference. All that was see
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 
 from msgspec import Struct
 from msgspec.structs import replace
@@ -44,15 +44,17 @@ def gathered(
     heard: Heard,
     rounds: int | None = None,
     library: Library | None = None,
+    passed: Callable[[int], None] = lambda number: None,
 ) -> CompiledRun:
     """Merge reports to a run of at most so many rounds.
 
-    ``library`` answers what only the rules ask; without one the reference's does.
+    ``library`` answers what only the rules ask; without one the reference's does. ``passed`` hears
+    of each round that is filled in.
 
     It gives up where no readings or answers are found that the program allows, of a robot that was
     switched off or to questions that only the rules have.
     """
-    return _Gathering(sources, system, heard, rounds, library).ran()
+    return _Gathering(sources, system, heard, rounds, library, passed).ran()
 
 
 class _Gathering(Struct):
@@ -61,6 +63,7 @@ class _Gathering(Struct):
     heard: Heard
     most: int | None
     library: Library | None
+    passed: Callable[[int], None]
 
     def ran(self) -> CompiledRun:
         """The run as a trace. Inputs of the last round may be missing."""
@@ -88,7 +91,7 @@ class _Gathering(Struct):
         recording = Recording(opening, tuple(rounds))
         bare = Trace(self.sources, system, Numbers.DOUBLE, recording, ())
         try:
-            trace = self._seen(with_summaries(bare, self.library), fault)
+            trace = self._seen(with_summaries(bare, self.library, self.passed), fault)
         except KoordError as error:  # what nobody saw is nothing that the program allows
             return CompiledRun(bare, None, error)
         return CompiledRun(trace, None if fault is None else fault[1].place, heard.gave_up)

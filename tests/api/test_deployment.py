@@ -50,6 +50,46 @@ def test_a_run_is_judged(tmp_path: Path) -> None:
     assert deployed.merged.broken is not None
 
 
+@pytest.mark.parametrize("insists", [False, True])
+def test_who_does_not_wait_for_the_judge_keeps_what_robots_told(
+    insists: bool, tmp_path: Path
+) -> None:
+    run, stop, said = tmp_path / "run.json", koord.Cancellation(), list[str]()
+
+    def hear(told: koord.Progress) -> None:
+        if not isinstance(told, FleetHeard):
+            said.append(told.message)
+        if said and insists:
+            raise KeyboardInterrupt
+        if told.message.startswith("judging, round 3 of 6"):
+            stop.cancel()
+
+    deployed = koord.deploy(
+        COUNT, TWO, rounds=6, as_fast_as_possible=True, trace=run, progress=hear, cancellation=stop
+    )
+    assert deployed.interrupted
+    (left,) = deployed.unmerged
+    assert f"what robots told is in {run}.parts" in left.message
+    assert left.hint == f"koord merge {run}.parts/*.jsonl -o {run}"
+    assert not run.exists()
+    assert koord.merge(tmp_path.glob("run.json.parts/*.jsonl")).ok
+    assert said[-1].startswith("reading" if insists else "judging")
+
+
+def test_what_robots_told_outlives_a_trace_that_cannot_be_written(tmp_path: Path) -> None:
+    run = tmp_path / "run.json"
+
+    def hear(told: koord.Progress) -> None:
+        if not isinstance(told, FleetHeard):
+            run.mkdir(exist_ok=True)
+
+    deployed = koord.deploy(
+        COUNT, TWO, rounds=6, as_fast_as_possible=True, trace=run, progress=hear
+    )
+    assert [one.code for one in deployed.unmerged] == ["K903"]
+    assert koord.merge(tmp_path.glob("run.json.parts/*.jsonl")).ok
+
+
 def test_a_robot_keeps_its_part(tmp_path: Path) -> None:
     text = "num_robots: 1\ndelta: 0.05\nnetwork: {key: 00112233445566778899aabbccddeeff}\n"
     alone = koord.read_configuration(koord.Source("one.yaml", text))
