@@ -25,6 +25,7 @@ from msgspec.structs import replace
 
 from tests.deployed.proxy import Proxy, Seat
 from tests.deployed.recordings import LEDGER, Recording, Said, disagreements, read
+from tests.deployed.starting import ForkedProcess, starter
 
 _ROOT = Path(__file__).parents[2]
 _HOOKS = Path(__file__).parent / "hooks"
@@ -70,28 +71,36 @@ class Line(Struct, frozen=True):
     text: str
 
 
+def _process(start: Start, words: list[str]) -> subprocess.Popen[str] | ForkedProcess:
+    """A process that runs `koord WORDS`: forked from one that has loaded it, where that will do."""
+    path = {"PYTHONPATH": os.pathsep.join((str(_HOOKS), str(_ROOT)))}
+    if sys.platform == "linux" and not start.before and not start.clock_shift_s:
+        return starter(**path).start(words)
+    shift = {"KOORD_TEST_CLOCK_SHIFT_S": str(start.clock_shift_s)}
+    return subprocess.Popen(
+        [*start.before, sys.executable, "-m", "koord", *words],
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        encoding="utf-8",
+        env={**os.environ, **path, **shift},
+        start_new_session=True,
+    )
+
+
 class RobotProcess:
     """A process of a robot, and what was heard from it."""
 
-    def __init__(self, start: Start, command: list[str], record: Path | None) -> None:
+    def __init__(self, start: Start, words: list[str], record: Path | None) -> None:
+        """``words`` are those behind ``koord``."""
         self.start = start
         self.pid = start.pid
         self.begun_s = time.monotonic()
         self.lines: list[Line] = []
         self._out: list[str] = []
         self._record, self._recording, self._read_at = record, Recording(), (0, 0)
-        shift = {"KOORD_TEST_CLOCK_SHIFT_S": str(start.clock_shift_s)}
-        path = {"PYTHONPATH": os.pathsep.join((str(_HOOKS), str(_ROOT)))}
-        self.process = subprocess.Popen(
-            command,
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-            encoding="utf-8",
-            env={**os.environ, **path, **(shift if start.clock_shift_s else {})},
-            start_new_session=True,
-        )
+        self.process = _process(start, words)
         assert self.process.stdout is not None
         assert self.process.stderr is not None
         self._readers = [
@@ -266,13 +275,12 @@ class Fleet:
         config.chmod(0o600)  # there is a key in it
         record = home / f"{number}.mcap" if start.records else None
         state = start.state or home / "state"
-        command = [*start.before, sys.executable, "-m", "koord", "deploy"]
-        command += [str(start.program), str(config), "--pid", str(start.pid), "--json"]
-        command += ["--state", str(state), *start.words]
-        command += [] if start.rounds is None else ["--rounds", str(start.rounds)]
-        command += [] if record is None else ["--record", str(record)]
-        command += [word for setting in start.settings for word in ("--set", setting)]
-        made = RobotProcess(start, command, record)
+        words = ["deploy", str(start.program), str(config), "--pid", str(start.pid), "--json"]
+        words += ["--state", str(state), *start.words]
+        words += [] if start.rounds is None else ["--rounds", str(start.rounds)]
+        words += [] if record is None else ["--record", str(record)]
+        words += [word for setting in start.settings for word in ("--set", setting)]
+        made = RobotProcess(start, words, record)
         self.every.append(made)
         self.at[start.place] = made
         return made
