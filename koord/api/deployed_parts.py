@@ -23,7 +23,7 @@ from koord.runtime.deploy.running import Job
 from koord.runtime.transports.transport import TransportError
 from koord.syntax.analysis.limits import excesses
 from koord.syntax.diagnostics import KoordError, refusal
-from koord.syntax.source import visible
+from koord.syntax.source import counted, visible
 from koord.syntax.system import System
 from koord.traces.codec import Subject
 
@@ -76,10 +76,11 @@ class Parts(Struct, frozen=True):
 
     @property
     def trouble(self) -> KoordError | None:
-        """Why a robot of this process could not write its part to the end, if so."""
+        """Why a robot of this process could not write all of its part, if so."""
         for writer in self.writers.values():
             if writer.trouble is not None:
-                story = f"cannot be written any more: {writer.trouble.strerror}"
+                what = counted(writer.missed, "report")
+                story = f"{what} could not be written, and are missing: {writer.trouble.strerror}"
                 return refusal("K903", visible(str(writer.path)), story)
         return None
 

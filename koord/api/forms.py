@@ -164,6 +164,9 @@ class MergedPart(Form):
         words("left", "silent", "torn"),
         Meta(description="The robot said that it stops, or did not, or in the middle of a line."),
     ]
+    missed: Annotated[
+        Natural, Meta(description="How many reports are missing, as they could not be written.")
+    ]
 
 
 class MergedRefusal(Form):

@@ -18,7 +18,7 @@ from koord.refinement.hearing import DisagreementError, Heard
 from koord.refinement.judging import judge
 from koord.refinement.part_reading import Part, read_lines, read_part
 from koord.refinement.parts import difference
-from koord.refinement.reports import Acted, Left
+from koord.refinement.reports import Acted, Left, Missed
 from koord.refinement.trace_merge import gathered
 from koord.runtime.deploy.recording import PARTS
 from koord.runtime.motion.libraries import require
@@ -47,12 +47,16 @@ class PartEnd(Enum):
 
 
 class PartRead(Struct, frozen=True):
-    """A part that was merged: the robot's, its file, the rounds that it acted on, its end."""
+    """A part that was merged: the robot's, its file, the rounds that it acted on, its end.
+
+    ``missed`` is how many reports are missing, as they could not be written.
+    """
 
     pid: int
     name: str
     rounds: int
     end: PartEnd
+    missed: int = 0
 
 
 class Merged(Result, frozen=True, kw_only=True):
@@ -72,8 +76,10 @@ class Merged(Result, frozen=True, kw_only=True):
 
     @property
     def is_whole(self) -> bool:
-        """True if there is a part of each robot, and the trace goes to the end of the run."""
-        return not self.missing and self.trace.rounds == self.rounds_told
+        """True if there is a whole part of each robot, and the trace goes to the run's end."""
+        if self.missing or any(part.missed for part in self.parts):
+            return False
+        return self.trace.rounds == self.rounds_told
 
     @property
     def ok(self) -> bool:
@@ -217,7 +223,8 @@ def _described(part: Part) -> PartRead:
         end = PartEnd.TORN
     elif part.told and isinstance(part.told[-1], Left):
         end = PartEnd.LEFT
-    return PartRead(part.whose.pid, part.name, max(acted, default=-1) + 1, end)
+    missed = sum(one.reports for one in part.told if isinstance(one, Missed))
+    return PartRead(part.whose.pid, part.name, max(acted, default=-1) + 1, end, missed)
 
 
 def _one_of_each(parts: Iterable[Part]) -> dict[int, Part]:

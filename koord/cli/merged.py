@@ -33,6 +33,9 @@ def merge_lines(path: str, merged: Merged) -> Iterator[str]:
         yield f"{visible(path)}: {what}, not legal by {refused.rule} in {where}"
         yield f"  {visible(refused.reason)}"
     for part in merged.parts:
+        if part.missed:
+            reports = counted(part.missed, "report")
+            yield f"  robot {part.pid}: {reports} could not be written, and are missing"
         if part.end.value in _ENDS:
             yield f"  robot {part.pid}: {_ends(part)}"
     if merged.missing:

@@ -13,12 +13,14 @@ from koord.refinement.reports import (
     GaveUp,
     Kept,
     Left,
+    Missed,
     Sensed,
     Stood,
     Stumbled,
     Told,
     TurnAnswers,
     Undeclared,
+    round_of,
 )
 from koord.runtime.proposals import INIT_ROUND, Decision, EventFault
 from koord.semantics.configurations import Robot, Written
@@ -44,7 +46,7 @@ class Coverage(Struct, frozen=True):
     """What robots have told of a run, all in all.
 
     The run had at least so many ``rounds``. ``unseen`` are robots that ran in a round of which they
-    tell nothing, each with the first such round (-1: INIT).
+    tell nothing, or whose reports of it may be missing, each with the first such round (-1: INIT).
     """
 
     rounds: int
@@ -66,6 +68,8 @@ class Heard(Struct):
     #: Who was the first to tell of a decision, or of a start; and who told anything.
     first: dict[int | tuple[Home, int, int | None], int] = field(default_factory=dict)
     tellers: set[int] = field(default_factory=set)
+    last: dict[int, int] = field(default_factory=dict)  #: the round that each told of last
+    gaps: dict[int, int] = field(default_factory=dict)  #: the round of who missed reports first
 
     @staticmethod
     def of(told: Iterable[tuple[int, Sequence[Told]]]) -> Heard:
@@ -79,6 +83,9 @@ class Heard(Struct):
     def hear(self, pid: int, told: Told) -> None:
         """Hear a report of a robot. Raises DisagreementError."""
         self.tellers.add(pid)
+        about = round_of(told)
+        if about is not None:
+            self.last[pid] = about
         match told:
             case Began(start=start):
                 key = (start.home, start.slot, start.robot)
@@ -102,6 +109,8 @@ class Heard(Struct):
                 self.written[round_, pid] = written
             case Coordinated() | Left():
                 pass  # says who, and when; all that was decided is told by those who acted on it
+            case Missed():
+                self.gaps.setdefault(pid, self.last.get(pid, INIT_ROUND))
             case GaveUp(why=why):
                 self.gave_up = KoordError(why) if why else self.gave_up
             case Acted(decision=decision):
@@ -118,6 +127,8 @@ class Heard(Struct):
             for robot in ran_in(self.decisions[round_]):
                 if round_ != INIT_ROUND and (round_, robot) not in self.stood:
                     unseen.setdefault(robot, round_)
+        for robot, round_ in self.gaps.items():
+            unseen[robot] = min(unseen.get(robot, round_), round_)
         told = max(self.decisions, default=INIT_ROUND) + 1
         last = self.decisions.get(told - 1)
         if last is not None and told > 0 and is_of_model(last):

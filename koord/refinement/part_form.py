@@ -162,6 +162,12 @@ class Left(Line, kw_only=True, tag="left"):
     round: Round
 
 
+class Missed(Line, kw_only=True, tag="missed"):
+    """What the robot told before this line could not be written: a disk was full, say."""
+
+    reports: Annotated[int, Meta(ge=1, description="How many reports are missing here.")]
+
+
 #: A line of a part.
 AnyLine: TypeAlias = (
     Head
@@ -176,4 +182,5 @@ AnyLine: TypeAlias = (
     | Coordinated
     | GaveUp
     | Left
+    | Missed
 )

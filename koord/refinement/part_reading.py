@@ -179,6 +179,8 @@ class _Reading(Struct):
                 )
             case part_form.Left(round=round_):
                 return reports.Left(round_)
+            case part_form.Missed(reports=missed):
+                return reports.Missed(missed)
             case part_form.Head():
                 raise AssertionError("heads tell nothing")
         assert_never(line)

@@ -7,9 +7,11 @@ goes on in the same file. :mod:`koord.refinement.part_reading` is the way back.
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import assert_never
 
@@ -19,7 +21,7 @@ from msgspec.structs import replace
 
 from koord.refinement import part_form, reports
 from koord.refinement.part_form import FORMAT, VERSION
-from koord.refinement.reports import Told
+from koord.refinement.reports import Missed, Told
 from koord.runtime.proposals import Decision, EventFault
 from koord.syntax.source import visible
 from koord.traces.codec import Subject, encode_subject
@@ -71,28 +73,34 @@ class PartWriter:
 
     The file is opened with the first report: what a run is called may not be known before. One of
     the same robot in the same run is continued, behind its last whole line; another one is
-    replaced. Where the file cannot be written, the part ends: that is ``trouble``, and the robot
-    goes on.
+    replaced. Where the file cannot be written, the robot goes on, and reports are missing: their
+    number is told as soon as there is room again. ``trouble`` is the last reason.
     """
 
     def __init__(self, path: Path, whose: Callable[[], Whose]) -> None:
         self.path = path
         self.trouble: OSError | None = None
+        self.missed = 0  #: reports, all in all
         self._whose = whose
         self._file: int | None = None
         self._lines = 0
+        self._size = 0  #: of the whole lines, in bytes
+        self._untold = 0  #: reports that were missed since the last that was written
         self._encoding: Encoding | None = None
 
     def tell(self, told: Told) -> None:
-        """Write a report."""
-        if self.trouble is not None:
-            return
+        """Write a report, and before it how many were missed, if any were."""
         try:
             if self._encoding is None:
                 self._encoding = self._open()
+            if self._untold:
+                self._write(self._encoding.line(Missed(self._untold), self._lines))
+                self._untold = 0
             self._write(self._encoding.line(told, self._lines))
         except OSError as error:
             self.trouble = error
+            self.missed += 1
+            self._untold += 1
 
     def _open(self) -> Encoding:
         whose = self._whose()
@@ -100,15 +108,25 @@ class PartWriter:
         self._lines = begun.count(b"\n")
         flags = os.O_WRONLY | os.O_CREAT | os.O_APPEND | getattr(os, "O_CLOEXEC", 0)
         self._file = os.open(self.path, flags, 0o666)
-        os.ftruncate(self._file, len(begun))
-        self._write(encode_head(whose, self._lines))
+        self._size = len(begun)
+        try:
+            self._write(encode_head(whose, self._lines))
+        except OSError:
+            os.close(self._file)
+            raise
         return Encoding(Names(whose.subject.system), whose.pid)
 
     def _write(self, line: part_form.Line) -> None:
+        """Write a line behind the last whole one, as a whole. Raises OSError."""
         assert self._file is not None
         data = _encoded(line)
+        if os.fstat(self._file).st_size != self._size:
+            os.ftruncate(self._file, self._size)
         if os.write(self._file, data) != len(data):
-            raise OSError(28, "no space left", str(self.path))
+            with suppress(OSError):  # else with the next line
+                os.ftruncate(self._file, self._size)
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(self.path))
+        self._size += len(data)
         self._lines += 1
 
 
@@ -186,6 +204,8 @@ class Encoding(Struct, frozen=True):
                 return part_form.GaveUp(n=n, why=reasons)
             case reports.Left(round=round_):
                 return part_form.Left(n=n, round=round_)
+            case Missed(reports=missed):
+                return part_form.Missed(n=n, reports=missed)
         assert_never(told)
 
     def _acted(self, decision: Decision, n: int) -> part_form.Acted:

@@ -88,6 +88,12 @@ class Left(Struct, frozen=True):
     round: int
 
 
+class Missed(Struct, frozen=True):
+    """Report: so many reports before this one could not be written."""
+
+    reports: int
+
+
 Told: TypeAlias = (
     Began
     | Undeclared
@@ -100,7 +106,17 @@ Told: TypeAlias = (
     | Coordinated
     | GaveUp
     | Left
+    | Missed
 )
+
+
+def round_of(told: Told) -> int | None:
+    """The round that a report is about; None if it is about none."""
+    if isinstance(told, Acted):
+        return told.decision.round
+    if isinstance(told, Began | Undeclared | GaveUp | Missed):
+        return None
+    return told.round
 
 
 def shortened(decision: Decision) -> Decision:

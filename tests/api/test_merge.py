@@ -114,6 +114,36 @@ def test_parts_come_in_any_order_and_some_twice(tmp_path: Path) -> None:
 # --- what is missing ------------------------------------------------------------------------------
 
 
+def with_gap(file: Path, gap: Callable[[Line], bool]) -> None:
+    """Let a part be as if the disk had been full for these lines, all of which are neighbours."""
+    lines = lines_of(file)
+    lost = [n for n, line in enumerate(lines) if gap(line)]
+    assert lost == list(range(lost[0], lost[-1] + 1))
+    lines[lost[0] : lost[-1] + 1] = [{"told": "missed", "reports": len(lost)}]
+    write_lines(file, lines)
+
+
+def test_of_reports_that_could_not_be_written_the_others_tell(tmp_path: Path) -> None:
+    files = part_files(tmp_path, COUNT)
+    with_gap(files[1], lambda line: 3 <= line.get("round", -1) < 6)
+    merged = koord.merge(files)
+    assert merged.refused is None
+    assert merged.trace.rounds == 12
+    assert [part.missed > 0 for part in merged.parts] == [False, True, False]
+    assert not merged.is_whole
+
+
+def test_nobody_is_accused_of_what_could_not_be_written(tmp_path: Path) -> None:
+    files = part_files(tmp_path, PROGRAMS["chosen"])
+    answered = next(
+        one for one in lines_of(files[1]) if one["told"] == "answered" and one["round"] > 3
+    )
+    with_gap(files[1], lambda line: line["n"] == answered["n"])
+    found = error(files)
+    assert found.code == "K918"
+    assert found.message.startswith("what robots 1 did cannot be filled in: in round")
+
+
 def test_of_a_robot_without_a_part_the_others_tell(tmp_path: Path) -> None:
     files = part_files(tmp_path, COUNT)
     merged = koord.merge(files[:1])

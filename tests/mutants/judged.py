@@ -76,9 +76,9 @@ JUDGED = (
     ),
     Mutant(
         "half a line stands before what a robot tells when it is back",
-        "refinement.parts.PartWriter._open",
-        "os.ftruncate(self._file, len(begun))",
-        "os.fsync(self._file)",
+        "refinement.parts.PartWriter._write",
+        "os.fstat(self._file).st_size != self._size",
+        "self._size < 0",
         (PARTS,),
     ),
     Mutant(
@@ -87,6 +87,20 @@ JUDGED = (
         'begun.count(b"\\n")',
         "0",
         (PARTS,),
+    ),
+    Mutant(
+        "reports that could not be written are missing without a word",
+        "refinement.parts.PartWriter.tell",
+        "self._untold += 1",
+        "self._untold += 0",
+        (PARTS,),
+    ),
+    Mutant(
+        "who could not write all is accused of what is missing",
+        "refinement.hearing.Heard.coverage",
+        "self.gaps.items()",
+        "()",
+        (MERGE,),
     ),
     Mutant(
         "runs of one name are one run",
@@ -111,7 +125,7 @@ JUDGED = (
     ),
     Mutant(
         "what nobody saw is taken for a step that is not legal",
-        "api.merge.merged",
+        "api.merge._merged",
         "ran.gave_up is not None or unseen",
         "ran.gave_up is not None",
         (MERGE,),

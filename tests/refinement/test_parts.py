@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import errno
 import json
+import os
 from collections.abc import Sequence
 from contextlib import suppress
 from fractions import Fraction
 from functools import partial
+from itertools import count
 from pathlib import Path
 from random import Random
 from typing import Any
@@ -121,11 +124,48 @@ def test_of_a_robot_that_was_killed_half_a_line_is_missing(tmp_path: Path) -> No
     assert part.told == SOME[:-1]
 
 
-def test_a_part_that_cannot_be_written_ends_and_the_robot_goes_on(tmp_path: Path) -> None:
-    writer = PartWriter(tmp_path / "nowhere" / "0.jsonl", whose)
+def test_a_part_that_cannot_be_written_does_not_stop_the_robot(tmp_path: Path) -> None:
+    folder = tmp_path / "nowhere"
+    writer = PartWriter(folder / "0.jsonl", whose)
     for one in SOME:
         writer.tell(one)
     assert isinstance(writer.trouble, FileNotFoundError)
+    assert writer.missed == 3
+    folder.mkdir()
+    writer.tell(SOME[0])
+    part = read_part((folder / "0.jsonl").read_bytes(), "0.jsonl", load_embedded)
+    assert part.told == (reports.Missed(3), SOME[0])
+
+
+@pytest.mark.parametrize("full_at", range(8))
+def test_a_part_goes_on_when_there_is_room_again(
+    full_at: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whichever line the disk is full at, and at the next: no half a line is left."""
+    honest, path, writes = os.write, tmp_path / "0.jsonl", count()
+
+    def write(file: int, data: bytes) -> int:
+        match next(writes) - full_at:
+            case 0:
+                return honest(file, data[: len(data) // 2])
+            case 1:
+                raise OSError(errno.ENOSPC, "No space left on device")
+        return honest(file, data)
+
+    writer, told = PartWriter(path, whose), SOME * 2
+    monkeypatch.setattr(os, "write", write)
+    for one in told:
+        writer.tell(one)
+        if path.exists():
+            assert path.read_bytes()[-1:] in (b"", b"\n")
+    part = read_part(path.read_bytes(), "0.jsonl", load_embedded)
+    missed = sum(one.reports for one in part.told if isinstance(one, reports.Missed))
+    kept = [one for one in part.told if not isinstance(one, reports.Missed)]
+    at = max(0, full_at - 1)  # the first line is the head
+    late = at + 2 >= len(told)  # nothing is told after it
+    assert kept == [*told[:at], *told[at + 2 :]]
+    assert writer.missed == min(2, len(told) - at)
+    assert missed == (0 if late else 2)
 
 
 def test_decisions_that_write_otherwise_are_told_apart() -> None:
