@@ -34,6 +34,8 @@ class Deployed(Result, frozen=True, kw_only=True):
     warnings: tuple[Diagnostic, ...] = ()
     merged: Merged | None = None  #: what all robots have told, if there is to be a trace
     unmerged: tuple[Diagnostic, ...] = ()  #: why there is no trace, or no whole part of one
+    left: str | None = None  #: the folder of parts that tell more than the trace has
+    aside: str | None = None  #: where the parts of an earlier run are now, that was killed
 
     @classmethod
     def of(

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import contextmanager, suppress
 from fractions import Fraction
+from itertools import count
 from pathlib import Path
 from shlex import quote
-from tempfile import TemporaryDirectory
 
 from msgspec import Struct, field
 
@@ -19,7 +19,7 @@ from koord.refinement.instrumented_robot import instrumented
 from koord.refinement.parts import PartWriter, Whose
 from koord.refinement.running import Compiled, ready
 from koord.runtime.deploy.member import Member
-from koord.runtime.deploy.running import Job
+from koord.runtime.deploy.running import CannotTakePartError, Job
 from koord.runtime.transports.transport import TransportError
 from koord.syntax.analysis.limits import excesses
 from koord.syntax.diagnostics import KoordError, refusal
@@ -34,15 +34,16 @@ class Parts(Struct, frozen=True):
     subject: Subject
     made: Compiled
     files: Mapping[int, Path]  #: by pid
+    aside: Path | None = None  #: where the parts of an earlier run are, that was killed
     writers: dict[int, PartWriter] = field(default_factory=dict)  #: of this process
 
     @staticmethod
-    def of(fitted: Fitted, job: Job, files: Mapping[int, Path]) -> Parts:
+    def of(fitted: Fitted, job: Job, files: Mapping[int, Path], aside: Path | None = None) -> Parts:
         """Parts in these files."""
         program = fitted.program
         system = System(program.core, fitted.kinds, fitted.delta_s)
         subject = Subject(sources_of(program), system, Fraction(0))
-        return Parts(subject, ready(program.core, job.classes), files)
+        return Parts(subject, ready(program.core, job.classes), files, aside)
 
     def member(self, job: Job, pid: int) -> Member:
         """Make a robot that writes its part."""
@@ -63,11 +64,10 @@ class Parts(Struct, frozen=True):
         """What is told where nobody waited for the trace: the parts are left."""
         (folder,) = {file.parent for file in self.files.values()}
         story = f"it was not made, as that was interrupted: what robots told is in {folder}"
-        hint = f"koord merge {quote(str(folder))}/*.jsonl -o {quote(trace)}"
-        return refusal("K918", visible(trace), visible(story), hint)
+        return refusal("K918", visible(trace), visible(story), merging(folder, trace))
 
     def remove(self) -> None:
-        """Remove the files, of which there is a trace."""
+        """Remove the files, of which there is a trace or a recording."""
         remove(self.files.values())
 
     def tails(self) -> dict[int, PartTail]:
@@ -92,37 +92,51 @@ def check_judgeable(fitted: Fitted) -> None:
         raise KoordError(found)
 
 
-def folder_of(trace: str) -> Path:
-    """The folder of the parts of all robots while the run goes on, beside its trace."""
-    return Path(f"{trace}.parts")
+def folder_of(file: str) -> Path:
+    """The folder of robots' parts while the run goes on, beside its trace or recording."""
+    return Path(f"{file}.parts")
 
 
 @contextmanager
 def part_files(
-    folder: Path | None, pids: Iterable[int], *, goes_on: bool = False
-) -> Iterator[dict[int, Path]]:
-    """The files of robots' parts, by pid, in a folder (None: one that nobody sees).
+    folder: Path, pids: Iterable[int], *, goes_on: bool = False
+) -> Iterator[tuple[dict[int, Path], Path | None]]:
+    """The files of robots' parts, by pid, in a folder.
 
-    What lies there is that of a run that was killed: it is removed, unless that run ``goes_on``.
+    What lies there is that of a run that was killed: it is set aside, unless that run ``goes_on``.
+    Yields also where it is then. Raises KoordError.
     """
-    with ExitStack() as stack:
-        if folder is None:
-            folder = Path(stack.enter_context(TemporaryDirectory()))
+    files = {pid: folder / f"{pid}.jsonl" for pid in pids}
+    try:
+        aside = None if goes_on else _set_aside(folder)
         is_new = not folder.exists()
-        files = {pid: folder / f"{pid}.jsonl" for pid in pids}
-        try:
-            if not goes_on:
-                remove(files.values())
-            folder.mkdir(exist_ok=True)
-        except OSError as error:
-            story = f"cannot be written: {error.strerror}"
-            raise refusal("K903", visible(str(folder)), story) from None
-        try:
-            yield files
-        except (KoordError, TransportError):
-            if is_new:
-                remove(files.values())
-            raise
+        folder.mkdir(exist_ok=True)
+    except OSError as error:
+        story = f"cannot be written: {error.strerror}"
+        raise refusal("K903", visible(str(folder)), story) from None
+    try:
+        yield files, aside
+    except (TransportError, CannotTakePartError):
+        if is_new:
+            remove(files.values())
+        raise
+    finally:
+        with suppress(OSError):  # others' parts may be there
+            folder.rmdir()
+
+
+def _set_aside(folder: Path) -> Path | None:
+    """Rename a folder in which there is anything; return its new name. Raises OSError."""
+    if not folder.is_dir() or not any(folder.iterdir()):
+        return None
+    names = (folder.with_name(f"{folder.name}.{n}") for n in count(1))
+    aside = next(name for name in names if not name.exists())
+    return folder.rename(aside)
+
+
+def merging(folder: Path, trace: str) -> str:
+    """The command that merges the parts in a folder."""
+    return f"koord merge {quote(str(folder))}/*.jsonl -o {quote(trace)}"
 
 
 def remove(files: Iterable[Path]) -> None:

@@ -281,17 +281,23 @@ class _Deployment(Struct, frozen=True):
         if trace is not None and pid is not None:
             return Parts.of(self.fitted, job, {pid: Path(trace)})
         pids = range(job.robots) if pid is None else (pid,)
-        folder = None if trace is None else folder_of(trace)
-        files = part_files(folder, pids, goes_on=self.request.state is not None)
-        return Parts.of(self.fitted, job, stack.enter_context(files))
+        beside = self.request.record if trace is None else trace
+        assert beside is not None
+        goes_on = (pid is not None or self.request.state is not None) and not self.request.fresh
+        files, aside = stack.enter_context(part_files(folder_of(beside), pids, goes_on=goes_on))
+        return Parts.of(self.fitted, job, files, aside)
 
     def traced(self, ended: Deployed, parts: Parts) -> Deployed:
         """Write the trace of all robots, if one is wanted, and judge it. Raises KoordError.
 
         Who cancels the run waits for its trace; who does so now, or insists, does not.
         """
+        ended = replace(ended, aside=None if parts.aside is None else str(parts.aside))
         if self.request.trace is None:
+            parts.remove()  # the recording has them
             return ended
+        from koord.api.deployed_parts import folder_of
+
         cancellation = None if ended.interrupted else self.cancellation
         try:
             merged = parts.merged(self.tell, cancellation)
@@ -301,6 +307,8 @@ class _Deployment(Struct, frozen=True):
         except (CancelledError, KeyboardInterrupt):
             left = parts.unmerged(self.request.trace)
             return replace(ended, interrupted=True, unmerged=left.diagnostics)
+        if not merged.has_all_told:
+            return replace(ended, merged=merged, left=str(folder_of(self.request.trace)))
         if self.request.state is None or not ended.interrupted:
             parts.remove()  # else the run may go on
         return replace(ended, merged=merged)
@@ -342,7 +350,11 @@ def _one(of: _Deployment, pid: int) -> Deployed:
         last = runner.run(of.is_cancelled, report)
         report(last)
         trouble = None if parts is None else parts.trouble
+        if parts is not None and request.trace is None and trouble is None:
+            parts.remove()  # the recording has it
     ended = of.ended({pid: last})
+    if parts is not None and parts.aside is not None:
+        ended = replace(ended, aside=str(parts.aside))
     return ended if trouble is None else replace(ended, unmerged=trouble.diagnostics)
 
 
@@ -351,15 +363,16 @@ def _all(of: _Deployment) -> Deployed:
     job, request, tell = of.job, of.request, of.tell
     with ExitStack() as stack:
         state = request.state
+        scratch = None
         if state is None and request.restart:
-            state = stack.enter_context(TemporaryDirectory(prefix="koord-"))
+            state = scratch = stack.enter_context(TemporaryDirectory(prefix="koord-"))
         if state is not None:
             job = stack.enter_context(_noting(job, state))
         parts = of.parts(stack, job)
         recorder = of.recorder(stack, parts)
         make = ideal_member if parts is None else parts.member
         plan = local_plan(job.configuration, job.robots)
-        launch = Launch(job, plan, make, keeps_moments=recorder is not None)
+        launch = Launch(job, plan, make, keeps_moments=recorder is not None, scratch=scratch)
         fleet = SupervisedProcesses(launch, restarts=request.restart)
         stack.callback(fleet.close)
         tell(FleetHeard.of({}, job.rounds))

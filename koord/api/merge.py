@@ -79,6 +79,11 @@ class Merged(Result, frozen=True, kw_only=True):
         """True if there is a whole part of each robot, and the trace goes to the run's end."""
         if self.missing or any(part.missed for part in self.parts):
             return False
+        return self.has_all_told
+
+    @property
+    def has_all_told(self) -> bool:
+        """True if all rounds that a part tells of are in the trace."""
         return self.trace.rounds == self.rounds_told
 
     @property

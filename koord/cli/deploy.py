@@ -24,7 +24,7 @@ from koord.cli.diagnostics import DiagnosticReport, report_error
 from koord.cli.exits import Exit
 from koord.cli.files import check_writable
 from koord.cli.inputs import fit_request, fitted
-from koord.cli.merged import merge_lines, refusal_code
+from koord.cli.merged import left_lines, merge_lines, refusal_code
 from koord.cli.progress import Interruption
 from koord.cli.terminal import visible
 from koord.syntax.diagnostics import KoordError
@@ -77,8 +77,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "or its trace is not legal or breaks a property, "
         "2 errors in the input, 3 robots stopped before all rounds were "
         "done or the trace lacks some, or their processes ended, 130 stopped with Ctrl-C, "
-        "143 by SIGTERM, 129 by SIGHUP (robots stop safely; a second one stops at once). Parts "
-        "that were not merged are left in RUN.json.parts, beside RUN.json"
+        "143 by SIGTERM, 129 by SIGHUP (robots stop safely; a second one stops at once). What "
+        "robots tell is in FILE.parts, beside the trace or the recording, until that is made: of a "
+        "run that is killed it is left there, and `koord merge FILE.parts/*.jsonl` makes the trace"
     )
 
 
@@ -126,6 +127,9 @@ def main(arguments: argparse.Namespace) -> int:
     print(deployed.to_json() if arguments.json else summary(deployed))
     if deployed.merged is not None and not arguments.json:
         for line in merge_lines(arguments.trace, deployed.merged):
+            print(line)
+    if not arguments.json:
+        for line in left_lines(deployed):
             print(line)
     if deployed.unmerged:
         report_error(KoordError(deployed.unmerged), as_json=False)

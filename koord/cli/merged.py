@@ -12,6 +12,7 @@ from koord.syntax.diagnostics import Diagnostic
 from koord.syntax.source import counted
 
 if TYPE_CHECKING:
+    from koord.api.deployed import Deployed
     from koord.api.merge import Merged, PartRead
 
 #: The code of robots that acted on different decisions.
@@ -48,6 +49,17 @@ def merge_lines(path: str, merged: Merged) -> Iterator[str]:
 
 def _ends(part: PartRead) -> str:
     return f"{_ENDS[part.end.value]} round {part.rounds}"
+
+
+def left_lines(deployed: Deployed) -> Iterator[str]:
+    """Describe what lies beside the trace of a run, or its recording."""
+    if deployed.left is not None:
+        yield f"  all that robots told is in {visible(deployed.left)}"
+    if deployed.aside is not None:
+        yield (
+            f"an earlier run was killed: what its robots told is in {visible(deployed.aside)}, "
+            "for `koord merge`"
+        )
 
 
 def refusal_code(diagnostics: Sequence[Diagnostic]) -> Exit:

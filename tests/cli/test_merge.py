@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import json
+import os
 import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterable
 from pathlib import Path
 
 import pytest
 
 from koord.api import deployed_parts
+from koord.api.merge import Merged
+from koord.api.merge import merge as api_merge
 from koord.cli.exits import Exit
 from koord.cli.main import main
 from koord.syntax.diagnostics import Diagnostic, Severity
@@ -123,7 +127,13 @@ def test_the_answer_as_json(tmp_path: Path, capsys: Captured) -> None:
     assert merge(tmp_path, *files[1:], words=("--json",)) == Exit.UNKNOWN
     found = json.loads(capsys.readouterr().out)
     assert (found["rounds"], found["missing"], found["refused"]) == (12, [0], None)
-    assert found["parts"][0] == {"pid": 1, "name": str(files[1]), "rounds": 12, "end": "left"}
+    assert found["parts"][0] == {
+        "pid": 1,
+        "name": str(files[1]),
+        "rounds": 12,
+        "end": "left",
+        "missed": 0,
+    }
 
 
 def test_a_recording_that_is_damaged_is_told(tmp_path: Path, capsys: Captured) -> None:
@@ -193,6 +203,58 @@ def test_the_trace_of_a_run_that_is_ended_is_whole(
     assert "every step legal" in out
     assert main(["replay", str(run)]) == Exit.OK
     assert sorted(path.name for path in tmp_path.iterdir()) == ["run.json", "three.yaml"]
+
+
+@pytest.mark.parametrize("flag", ["--trace", "--record"])
+def test_what_was_told_in_a_run_that_is_killed_is_kept(
+    three: str, flag: str, tmp_path: Path, capsys: Captured
+) -> None:
+    """Journals that nobody can use any more are not."""
+    if flag == "--record":
+        pytest.importorskip("mcap")
+    file, temporary = tmp_path / "run", tmp_path / "temporary"
+    temporary.mkdir()
+    words = ["deploy", SUM, three, "--all-local", "--restart", flag, str(file)]
+    process = subprocess.Popen(
+        [sys.executable, "-m", "koord", *words],
+        env={**os.environ, "TMPDIR": str(temporary)},
+        stdout=subprocess.DEVNULL,
+    )
+    parts, end_s = [tmp_path / f"run.parts/{pid}.jsonl" for pid in range(3)], time.monotonic() + 30
+    while not all(part.exists() and part.read_bytes().count(b'"acted"') > 5 for part in parts):
+        assert time.monotonic() < end_s
+        time.sleep(0.02)
+    assert [path.name[:6] for path in temporary.iterdir()] == ["koord-"]
+    process.kill()
+    process.wait()
+    while list(temporary.iterdir()) or not all(b'"left"' in part.read_bytes() for part in parts):
+        assert time.monotonic() < end_s
+        time.sleep(0.02)
+    assert main([*words, "--rounds", "2"]) == Exit.OK
+    aside = tmp_path / "run.parts.1"
+    assert f"what its robots told is in {aside}, for `koord merge`" in capsys.readouterr().out
+    assert not (tmp_path / "run.parts").exists()
+    assert merge(tmp_path, *aside.iterdir()) == Exit.OK
+
+
+def test_what_a_trace_cannot_tell_is_left_beside_it(
+    three: str, tmp_path: Path, capsys: Captured, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def merging(files: Iterable[Path], **_: object) -> Merged:
+        """Merge parts of which none tells of a round in the middle."""
+        for file in files:
+            lines = lines_of(file)
+            write_lines(
+                file, [one for one in lines if (one["told"], one.get("round")) != ("acted", 4)]
+            )
+        return api_merge(files)
+
+    monkeypatch.setattr(deployed_parts, "merge", merging)
+    run = tmp_path / "run.json"
+    words = ["deploy", SUM, three, "--all-local", "--rounds", "6", "--trace", str(run)]
+    assert main(words) == Exit.UNKNOWN
+    assert f"all that robots told is in {run}.parts\n" in capsys.readouterr().out
+    assert len(list(tmp_path.glob("run.json.parts/*.jsonl"))) == 3
 
 
 def test_the_recording_of_a_run_makes_the_same_trace(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import multiprocessing
 import os
 import secrets
+import shutil
 import signal
 import socket
 import time
@@ -139,6 +140,7 @@ class Launch(Struct, frozen=True):
     make: Make = ideal_member
     carry: Carry = Udp
     keeps_moments: bool = False
+    scratch: str | None = None  #: a folder that is of no use without the first process
 
 
 class LocalProcesses(Struct):
@@ -302,9 +304,13 @@ class _Asked:
                 signal.signal(number, self._on_signal)
 
     def __call__(self) -> bool:
+        return self.by is not None or self.is_orphan or self._end.poll()
+
+    @property
+    def is_orphan(self) -> bool:
+        """True if the first process has ended."""
         parent = multiprocessing.parent_process()
-        is_orphan = parent is not None and os.getppid() != parent.pid
-        return self.by is not None or is_orphan or self._end.poll()
+        return parent is not None and os.getppid() != parent.pid
 
     def _on_signal(self, number: int, frame: FrameType | None) -> None:
         if self.by is not None:
@@ -342,3 +348,5 @@ def _robot(launch: Launch, pid: int, end: Connection) -> None:
         with suppress(OSError):
             end.send(farewell)
     end.close()
+    if launch.scratch is not None and asked.is_orphan:
+        shutil.rmtree(launch.scratch, ignore_errors=True)
