@@ -57,6 +57,13 @@ class Deployed(Result, frozen=True, kw_only=True):
         return any(one.fault or one.trouble for one in self.statuses.values())
 
     @property
+    def drops(self) -> Mapping[str, int]:
+        """The numbers of datagrams that all robots have dropped, by reason."""
+        from koord.runtime.deploy.status import added
+
+        return added(*(one.drops for one in self.statuses.values()))
+
+    @property
     def is_complete(self) -> bool:
         """True if the rounds were done, or all robots have stopped, and no process was lost."""
         if self.stuck is not None or any(one.is_lost for one in self.processes.values()):

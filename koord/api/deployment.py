@@ -6,7 +6,6 @@ import secrets
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
-from hashlib import blake2b
 from os import PathLike, fspath
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -42,6 +41,7 @@ from koord.runtime.deploy.running import Job as Job
 from koord.runtime.deploy.status import RobotReport as RobotReport
 from koord.runtime.deploy.supervised import SupervisedProcesses
 from koord.runtime.deploy.supervision import ProcessReport
+from koord.runtime.encoding import text_digest
 from koord.runtime.motion.libraries import require
 from koord.runtime.protocol.handshake import Fingerprint
 from koord.runtime.robot import Robot
@@ -199,9 +199,8 @@ def _program(program: core.Program) -> Fingerprint:
         program.lock_classes,
     )
     # Nodes show what they mean, and not where they stand.
-    digest = blake2b(repr(parts).encode(), digest_size=8).hexdigest()
     params = tuple((f"param {one.name}", str(one.value)) for one in program.parameters)
-    return (("program", digest), *params)
+    return (("program", text_digest(repr(parts), 8)), *params)
 
 
 def _unanswered(

@@ -225,10 +225,6 @@ def summary(deployed: Deployed) -> str:
     last = max(status.round for status in everyone)
     done = max(0, last)
     behind = [str(status.pid) for status in everyone if status.round < last]
-    drops: dict[str, int] = {}
-    for status in everyone:
-        for reason, count in status.drops:
-            drops[reason] = drops.get(reason, 0) + count
     sent = sum(status.sent for status in everyone)
     ran = sum(status.ran for status in everyone)
     skipped = sum(status.skipped for status in everyone)
@@ -242,7 +238,7 @@ def summary(deployed: Deployed) -> str:
         f"longest round {max(s.longest_s for s in everyone):.3f} s; "
         f"{max(s.overdue for s in everyone)} rounds overdue",
         f"epoch {max(s.epoch for s in everyone)}; dropped: "
-        + (", ".join(f"{n} {reason}" for reason, n in sorted(drops.items())) or "nothing"),
+        + (", ".join(f"{n} {reason}" for reason, n in sorted(deployed.drops.items())) or "nothing"),
     ]
     if all(status.all_stopped for status in everyone):
         lines.append("all robots have stopped")

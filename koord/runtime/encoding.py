@@ -6,6 +6,7 @@ Whole numbers of more than 64 bits, which MessagePack lacks, are an extension of
 
 from __future__ import annotations
 
+from hashlib import blake2b
 from typing import Any
 
 import msgspec
@@ -65,3 +66,8 @@ def plain(value: Any) -> Plain:
     if isinstance(value, _SCALARS):
         return value
     raise NotPlainError(f"a {type(value).__name__}")
+
+
+def text_digest(text: str, size: int) -> str:
+    """A digest of a text with so many bytes, in hexadecimal digits."""
+    return blake2b(text.encode(), digest_size=size).hexdigest()

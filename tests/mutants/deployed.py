@@ -13,6 +13,20 @@ JUDGED = "tests/refinement/test_deployed.py"
 #: What is caught by judging runs, mostly.
 DEPLOYED = (
     Mutant(
+        "what the kernel dropped is forgotten when a robot ends",
+        "runtime.transports.udp.Udp.close",
+        "self._dropped = self.dropped",
+        "self._dropped = 0",
+        ("tests/runtime/test_transports.py",),
+    ),
+    Mutant(
+        "pieces of a handshake that never got complete are dropped without a word",
+        "runtime.wire.codec._whole",
+        "assembly.dropped != before",
+        "assembly.dropped < before",
+        ("tests/runtime/test_wire.py",),
+    ),
+    Mutant(
         "a proposal from the journal is let through on an empty store",
         "runtime.deploy.member.Member.install",
         "self.robot.refresh",

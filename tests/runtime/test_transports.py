@@ -24,6 +24,7 @@ from koord.runtime.deploy.running import Job, Runner
 from koord.runtime.node import Peer
 from koord.runtime.protocol.setup import Setup, Timing
 from koord.runtime.protocol.state import fresh
+from koord.runtime.transports import udp as udp_transport
 from koord.runtime.transports.routed import MOST_WAITING, Routed
 from koord.runtime.transports.transport import Transport, TransportError
 from koord.runtime.transports.udp import Delivery, Plan, Udp, on_this_machine
@@ -277,6 +278,28 @@ def test_a_flood_over_zenoh_fills_no_memory_and_is_told(session: Session) -> Non
     to_me(Sample(b"a friend"))
     assert transport.receive(0.0) == [b"a friend"], "there is room again"
     transport.close()
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux says how many it drops")
+@pytest.mark.parametrize("opened", [unicast, multicast])
+def test_what_the_kernel_has_no_room_for_is_told(
+    opened: Make, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(udp_transport, "_BUFFER_BYTES", 20_000)
+    one, other = opened(2)
+    sent = 200
+    for _ in range(sent):
+        one.tell(bytes(1000))
+    lost = other.dropped
+    assert 0 < lost < sent
+    came: list[bytes] = []
+    while some := other.receive(0.0):
+        came += some
+    assert len(came) == sent - lost
+    assert other.dropped == lost
+    for transport in (one, other):
+        transport.close()
+    assert other.dropped == lost, "also when nobody can ask the kernel any more"
 
 
 # --- each its own ---------------------------------------------------------------------------------

@@ -465,3 +465,11 @@ def test_messages_that_gave_way_are_counted() -> None:
     for _ in range(5):
         reader.read(writer.datagrams(0, 0, big(3 * ROOM))[0])
     assert reader.drops[Drop.UNFINISHED] == 3
+
+
+def test_messages_of_a_handshake_that_gave_way_are_counted() -> None:
+    reader, seal = HandshakeReader(KEY, ROBOTS), Proving(KEY)
+    for number in range(1_000):
+        assert reader.read(seal.put_on(piece(0, 2, number=2 * number))) is None
+    assert set(reader.drops) == {Drop.UNFINISHED}
+    assert reader.drops[Drop.UNFINISHED] == 1_000 - (1 << 20) // ROOM

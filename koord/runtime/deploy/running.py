@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 import traceback
-from collections import Counter
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from functools import partial
@@ -29,7 +28,8 @@ from koord.runtime.deploy.journal import (
 )
 from koord.runtime.deploy.member import DivergedError, Member
 from koord.runtime.deploy.resuming import come_back, enter
-from koord.runtime.deploy.status import RobotReport, Tally, gathering, status_of
+from koord.runtime.deploy.status import RobotReport, Tally, added, gathering, status_of
+from koord.runtime.encoding import text_digest
 from koord.runtime.node import Clock, Peer
 from koord.runtime.proposals import INIT_ROUND, Admitted
 from koord.runtime.protocol.events import Reason
@@ -140,7 +140,7 @@ class Job(Struct, frozen=True):
     @property
     def _starts_digest(self) -> str:
         text = repr(sorted(self.starts.items(), key=repr))
-        return blake2b(text.encode(), digest_size=8).hexdigest()
+        return text_digest(text, 8)
 
     def party(self, pid: int) -> Party:
         """A robot's part in the handshake, at a new start."""
@@ -161,7 +161,7 @@ class Job(Struct, frozen=True):
         """The journal of a robot, or None."""
         if self.journals is None:
             return None
-        name = blake2b(self.run.encode(), digest_size=6).hexdigest()
+        name = text_digest(self.run, 6)
         return Journal(self.journals / f"{name}-{pid}.journal", syncs=not self.is_local)
 
 
@@ -300,8 +300,7 @@ class Runner:
     @property
     def _print(self) -> str:
         """What a journal has to be of: the program, and the key, if it outlasts this process."""
-        program = blake2b(repr(self.job.fingerprint).encode(), digest_size=16).hexdigest()
-        return f"{program} {self.job.key_print}"
+        return f"{text_digest(repr(self.job.fingerprint), 16)} {self.job.key_print}"
 
     def _come_back(self, kept: Recollection) -> None:
         """Go on with the run of the journal. (R-RESUME)"""
@@ -462,10 +461,9 @@ class Runner:
             status = gathering(self._pid, self.joining.missing())
         else:
             status = status_of(self.peer, self.member, self.tally)
-        drops = Counter(dict(status.drops))
-        drops.update({drop.value: n for drop, n in self.joining.drops.items()})
-        if self._transport.dropped:
-            drops[Drop.CROWDED.value] = self._transport.dropped
+        joining = ((drop.value, n) for drop, n in self.joining.drops.items())
+        crowded = self._transport.dropped
+        drops = added(status.drops, joining, [(Drop.CROWDED.value, crowded)] if crowded else [])
         notes = (*self._remarks, *self.joining.notes)
         if self.member.unwritable is not None:
             status = replace(status, holding=Reason.UNWRITABLE)

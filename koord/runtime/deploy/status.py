@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Iterable
+
 from msgspec import Struct
 from msgspec.structs import replace
 
@@ -68,11 +71,16 @@ def unheard(pid: int) -> RobotReport:
     )
 
 
+def added(*drops: Iterable[tuple[str, int]]) -> Counter[str]:
+    """What several have dropped, by reason."""
+    found: Counter[str] = Counter()
+    for one in drops:
+        found.update(dict(one))
+    return found
+
+
 def continued(before: RobotReport, now: RobotReport) -> RobotReport:
     """The status of a robot that is back, with what it had counted before."""
-    drops = dict(before.drops)
-    for reason, count in now.drops:
-        drops[reason] = drops.get(reason, 0) + count
     return replace(
         now,
         ran=before.ran + now.ran,
@@ -83,7 +91,7 @@ def continued(before: RobotReport, now: RobotReport) -> RobotReport:
         took_s=before.took_s + now.took_s,
         sent=before.sent + now.sent,
         received=before.received + now.received,
-        drops=tuple(drops.items()),
+        drops=tuple(added(before.drops, now.drops).items()),
     )
 
 

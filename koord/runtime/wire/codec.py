@@ -99,6 +99,18 @@ class Assembly:
         return message
 
 
+def _whole(frame: Frame, assembly: Assembly, drops: Drops) -> bytes | None:
+    """The body of a message, if this piece completes it; what is dropped on the way is counted."""
+    before = assembly.dropped
+    body = assembly.add(frame)
+    if assembly.dropped != before:
+        drops[Drop.UNFINISHED] += assembly.dropped - before
+    if isinstance(body, Drop):
+        drops[body] += 1
+        return None
+    return body
+
+
 #: How far a datagram may be behind the newest of its sender.
 WIDTH = 4096
 _MASK = (1 << WIDTH) - 1
@@ -226,22 +238,13 @@ class DatagramReader:
         if frame.round < self.round - LONG_PAST:
             self.drops[Drop.OLD] += 1
             return None
-        letter = self._opened(frame)
-        if isinstance(letter, Drop):
-            self.drops[letter] += 1
+        body = _whole(frame, self._assembly, self.drops)
+        if body is None:
             return None
-        return letter
-
-    def _opened(self, frame: Frame) -> Letter | Drop | None:
-        before = self._assembly.dropped
-        body = self._assembly.add(frame)
-        if self._assembly.dropped != before:
-            self.drops[Drop.UNFINISHED] += self._assembly.dropped - before
-        if body is None or isinstance(body, Drop):
-            return body
-        message = message_of(frame.kind, body, self._channel.robots)
+        message = message_of(frame.kind, body, channel.robots)
         if message is None:
-            return Drop.MALFORMED
+            self.drops[Drop.MALFORMED] += 1
+            return None
         return Letter(frame.sender, frame.incarnation, message)
 
     def start_of(self, sender: int) -> int:
@@ -276,9 +279,8 @@ class HandshakeReader:
         if isinstance(frame, Drop):
             self.drops[frame] += 1
             return None
-        body = self._assembly.add(frame)
-        if body is None or isinstance(body, Drop):
-            self.drops.update([body] if body is not None else [])
+        body = _whole(frame, self._assembly, self.drops)
+        if body is None:
             return None
         message = handshake_of(frame.kind, body)
         if message is None:
