@@ -5,7 +5,7 @@ from __future__ import annotations
 from msgspec.structs import replace
 
 from koord.runtime.deploy.joining import Ending, Joining
-from koord.runtime.protocol.handshake import NO_RUN, EnterLate, Known, Party
+from koord.runtime.protocol.handshake import NO_RUN, EnterLate, Known, Party, TurnedAway
 from koord.runtime.protocol.messages import Ask
 from koord.runtime.wire.codec import Channel, DatagramWriter
 from koord.runtime.wire.frames import Drop, fleet_key
@@ -74,6 +74,17 @@ def test_a_second_process_is_named_while_the_first_is_heard() -> None:
     assert twin.ending is None
     assert twin.notes == ("two processes say that they are robot 2",)
     assert place.there[0].notes == ("two processes say that they are robot 2",)
+
+
+def test_who_comes_back_at_once_with_another_program_is_named_by_all() -> None:
+    """(R-NAME): by those who heard it in the run a moment ago, too."""
+    place = Place()
+    back = place.end(2, start=1)
+    back.party = replace(back.party, fingerprint=(("program", "q"),))
+    place.turn(back)
+    assert back.ending == TurnedAway(0, (("program", "p"),))
+    for one in place.there:
+        assert one.notes == ("robot 2 runs something else (program: p here, q there)",)
 
 
 def test_a_robot_that_was_let_in_is_no_twin_of_itself() -> None:

@@ -213,7 +213,9 @@ class Joining:
             self.drops[Drop.EARLIER] += 1
             return  # so a flood of old Joins makes no flood of answers
         about, heard_at = of_sender
-        is_new = not start.is_let_in and message.run != self._state.run
+        # Who runs something else is told so at once, whoever it is.
+        is_same = message.fingerprint == self.party.fingerprint
+        is_new = is_same and not start.is_let_in and message.run != self._state.run
         is_twin = is_new and heard_at is not None and heard_at > start.first_at
         if is_new and not is_twin and heard_at is not None and now - heard_at < _GONE_S:
             return  # it may be there still, as another process
