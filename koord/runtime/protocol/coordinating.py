@@ -20,7 +20,7 @@ from koord.runtime.protocol.messages import (
     Propose,
     digest,
 )
-from koord.runtime.protocol.state import Coordinator, State, StepContext
+from koord.runtime.protocol.state import Coordinator, State, StepContext, put
 
 
 def take_office(turn: StepContext) -> None:
@@ -45,9 +45,8 @@ def gather(turn: StepContext, proposal: Proposal) -> None:
     desk = turn.state.office
     assert isinstance(desk, Coordinator)
     if desk.proposals[proposal.robot] is None:
-        proposals = list(desk.proposals)
-        proposals[proposal.robot] = proposal
-        turn.take(replace(desk, proposals=tuple(proposals)))
+        proposals = put(desk.proposals, proposal.robot, proposal)
+        turn.take(replace(desk, proposals=proposals, gathered=desk.gathered + 1))
     decide_if_ready(turn)
 
 
@@ -72,8 +71,10 @@ def decide_if_ready(turn: StepContext) -> None:
     desk = state.office
     if not isinstance(desk, Coordinator) or state.tentative is not None or state.ended:
         return
+    if not desk.overdue and desk.gathered < setup.robots:
+        return
     missing = missing_in(desk)
-    if missing and (not desk.overdue or owed(turn) & frozenset(missing)):
+    if owed(turn) & frozenset(missing):
         return
     decision = setup.decide(state.round, desk.proposals)
     entry = LogEntry(decision, state.chain, _admissions(turn, desk), missing)
