@@ -6,7 +6,7 @@ import pytest
 
 from koord.runtime.exploration.world import proposal_of
 from koord.runtime.proposals import Attempt, EventFault, Proposal, Write
-from koord.runtime.protocol.events import Begin, Commit, Hold, Reason, Resume, RunEnded, Timer
+from koord.runtime.protocol.events import Arm, Begin, Commit, Hold, Reason, Resume, RunEnded, Timer
 from koord.runtime.protocol.messages import (
     GENESIS,
     Acknowledge,
@@ -19,9 +19,9 @@ from koord.runtime.protocol.messages import (
     Propose,
     digest,
 )
-from koord.runtime.protocol.setup import Timing
+from koord.runtime.protocol.setup import Setup, Timing
 from koord.runtime.protocol.setup import decided as decide
-from koord.runtime.protocol.state import Coordinator
+from koord.runtime.protocol.state import Coordinator, StepContext, fresh
 from koord.syntax.faults import FaultKind
 from tests.runtime.fleet import Fleet, Parcel, begun, fleet
 
@@ -458,3 +458,19 @@ def test_a_commit_is_the_only_effect_that_acts() -> None:
     robots = begun()
     robots.propose(1)
     assert not any(isinstance(effect, Commit | Resume) for effect in robots.effects)
+
+
+@pytest.mark.parametrize("robots", [2, 8, 64, 200, 1000])
+@pytest.mark.parametrize("delta_s", [0.0, 0.01, 0.1, 1.0])
+def test_a_coordinator_is_heard_three_times_before_it_is_given_up(
+    robots: int, delta_s: float
+) -> None:
+    """(R-AGAIN) (R-SILENCE): however long it waits, and however many robots there are."""
+    setup = Setup(robots, Timing.of(delta_s, robots))
+    turn = StepContext(setup, fresh(setup, 0), 0.0)
+    turn.await_answer()
+    for _ in range(5):
+        turn.await_longer()
+    waits_s = [one.after_s for one in turn.effects if isinstance(one, Arm)]
+    assert len(waits_s) == 6
+    assert 0.0 < max(waits_s) <= setup.timing.silence_s / 3

@@ -39,7 +39,7 @@ class Timing(Struct, frozen=True):
         return Timing(
             delta_s=delta_s,
             patience_s=0.7 * unit,
-            resend_s=max(unit / 10, 0.005, 0.0005 * robots),
+            resend_s=max(unit / 10, 0.005, min(0.0005 * robots, unit / 2)),
             silence_s=3 * unit,
             slot_s=min(unit / 4, 4 * unit / robots),
             hold_s=2 * unit,

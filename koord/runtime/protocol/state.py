@@ -310,10 +310,11 @@ class StepContext:
         self.arm(Timer.RESEND, extra_s + self.setup.timing.resend_s)
 
     def await_longer(self) -> None:
-        """Go on waiting, for twice as long as before."""
+        """Go on waiting, for twice as long as before, but not until others give this robot up."""
         tries = min(self.state.tries + 1, MOST_DOUBLINGS)
         self.change(tries=tries)
-        self.arm(Timer.RESEND, self.setup.timing.resend_s * 2**tries)
+        timing = self.setup.timing
+        self.arm(Timer.RESEND, min(timing.resend_s * 2**tries, timing.silence_s / 3))
 
     def watch_leader(self) -> None:
         """Restart the timer of silence: the coordinator was heard. (R-SILENCE)"""
