@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 from msgspec.structs import replace
 
-from koord.runtime.chaos.network import CALM, CHAOS, LOSS, Faults
-from koord.runtime.chaos.storm import StormPlan, Weathered, weather
+from koord.runtime.chaos.network import CALM, CHAOS, LOSS, Faults, Network
+from koord.runtime.chaos.storm import Ledgers, StormPlan, Weathered, weather
 from koord.runtime.protocol.setup import Setup, Timing
 from tests.sampling import first
 
@@ -84,3 +84,32 @@ def test_chaos_at_length(robots: int, part: int) -> None:
         owing = robots if seed % 4 == 0 else 0
         weathered = storm(robots, CHAOS, seed, owing=owing, course=StormPlan(storm_s=5.0))
         assert weathered.broken is None, weathered
+
+
+def test_a_large_fleet_comes_through_a_storm() -> None:
+    """Robots that need their time for each message, and forget what they cannot keep."""
+    setup = Setup(200, Timing.of(0.1, 200))
+    faults = replace(LOSS, reading_s=40e-6, inbox=400)
+    weathered = weather(setup, faults, 1, StormPlan(storm_s=2.0))
+    assert weathered.broken is None
+    assert weathered.rounds_in_storm >= 8
+
+
+def test_messages_wait_for_a_robot_that_is_busy() -> None:
+    """A round takes at least as long as its coordinator needs for what it is sent."""
+    setup = Setup(20, Timing.of(0.0, 20))
+    quick, slow = (
+        weather(setup, replace(CALM, reading_s=reading_s), 1, StormPlan(storm_s=1.0))
+        for reading_s in (0.0, 0.0006)
+    )
+    assert slow.broken is None
+    # At least half of the proposals and acknowledgements are read in each round.
+    assert 0 < slow.rounds_in_storm <= 1.0 / (20 * 0.0006) < quick.rounds_in_storm
+
+
+def test_messages_for_which_there_is_no_room_are_lost() -> None:
+    setup = Setup(20, Timing.of(0.1, 20))
+    network = Network(setup, replace(CALM, reading_s=0.001, inbox=4), 1, Ledgers(setup).switch_on)
+    while network.now < 1.0:
+        network.step()
+    assert network.crowded > 0

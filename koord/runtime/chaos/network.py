@@ -31,6 +31,8 @@ class Faults(Struct, frozen=True):
     cuts_per_s: float = 0.0  #: how often the network falls into two parts
     cut_s: float = 0.5
     coordinator_dies_every_s: float = 0.0
+    reading_s: float = 0.0  #: how long a robot is busy with each message that it gets
+    inbox: int = 1 << 30  #: so many messages wait for a robot at most; further ones are lost
 
 
 CALM = Faults()
@@ -55,7 +57,7 @@ class Due:
 
     at: float
     number: int
-    what: Delivery | Wake | Birth | Weather = field(compare=False)
+    what: Occurrence = field(compare=False)
 
 
 class Delivery(Struct, frozen=True):
@@ -65,6 +67,12 @@ class Delivery(Struct, frozen=True):
     incarnation: int
     to: int
     message: Message
+
+
+class Reading(Struct, frozen=True):
+    """The moment at which a robot has come to a message that had arrived."""
+
+    delivery: Delivery
 
 
 class Wake(Struct, frozen=True):
@@ -82,6 +90,9 @@ class Birth(Struct, frozen=True):
 
 class Weather(Struct, frozen=True):
     """The time to draw crashes and network cuts."""
+
+
+Occurrence = Delivery | Reading | Wake | Birth | Weather
 
 
 class Sent(Struct, frozen=True):
@@ -134,8 +145,10 @@ class Network:
         self.sent: list[Sent] = []  #: since whoever watches has looked last
         self.nodes: list[Node | None] = [None] * setup.robots
         self.crashes = 0
+        self.crowded = 0  #: messages lost as too many were waiting
         self._random = Random(seed)
         self._due: list[Due] = []
+        self._busy_until = [0.0] * setup.robots
         self._number = 0
         self._births = 0
         self._new = switch_on
@@ -152,13 +165,13 @@ class Network:
         due = heappop(self._due)
         self.now = max(self.now, due.at)
         match due.what:
-            case Delivery(sender=sender, to=to) as delivery:
-                node = self.nodes[to]
-                if node is None or self._is_cut(sender, to):
-                    return None
-                node.receive(self.now, sender, delivery.incarnation, delivery.message)
-                self._await(to)
-                return to
+            case Delivery() as delivery if self.faults.reading_s > 0:
+                self._queue(delivery)
+                return None
+            case Delivery() as delivery:
+                return self._hand_over(delivery)
+            case Reading(delivery=delivery):
+                return self._hand_over(delivery)
             case Wake(robot=robot):
                 node = self.nodes[robot]
                 if node is None or node.due is None or node.due > self.now:
@@ -203,9 +216,29 @@ class Network:
                 delay = self._random.uniform(faults.least_delay_s, faults.most_delay_s)
                 self._later(delay, Delivery(sender, incarnation, receiver, arriving))
 
+    def _queue(self, delivery: Delivery) -> None:
+        """Let a message wait until its receiver has read those before it."""
+        to, reading_s = delivery.to, self.faults.reading_s
+        begin = max(self.now, self._busy_until[to])
+        if begin - self.now > reading_s * self.faults.inbox:
+            self.crowded += 1
+            return
+        self._busy_until[to] = begin + reading_s
+        self._later(begin + reading_s - self.now, Reading(delivery))
+
+    def _hand_over(self, delivery: Delivery) -> int | None:
+        """Let a robot read a message; return the robot, if it could."""
+        to = delivery.to
+        node = self.nodes[to]
+        if node is None or self._is_cut(delivery.sender, to):
+            return None
+        node.receive(self.now, delivery.sender, delivery.incarnation, delivery.message)
+        self._await(to)
+        return to
+
     # --- time -----------------------------------------------------------------------------------
 
-    def _later(self, after_s: float, what: Delivery | Wake | Birth | Weather) -> None:
+    def _later(self, after_s: float, what: Occurrence) -> None:
         self._number += 1
         heappush(self._due, Due(self.now + after_s, self._number, what))
 
