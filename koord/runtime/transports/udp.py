@@ -6,6 +6,7 @@ import select
 import socket
 import struct
 import sys
+from collections import deque
 from contextlib import suppress
 from enum import Enum
 
@@ -19,8 +20,12 @@ Address = tuple[str, int]
 #: What the kernel may keep for a robot that is busy. Some systems give less.
 _BUFFER_BYTES = 4 << 20
 
-#: Datagrams handed on at once, so that timers get their turn in a flood.
-_BATCH = 256
+#: Datagrams handed on at once, so that timers get their turn in a flood. Whatever has come by then
+#: is taken from the kernel first: by default it keeps only some hundred.
+_BATCH = 32
+
+#: So many datagrams wait in this process for each robot of the fleet, and for a small fleet.
+_WAITING_PER_ROBOT, _LEAST_WAITING = 4, 512
 
 
 class Delivery(Enum):
@@ -70,6 +75,8 @@ class Udp:
         for one in self._sockets:
             self._poll.register(one, select.POLLIN)
         self._by_number = {one.fileno(): one for one in self._sockets}
+        self._waiting: deque[bytes] = deque()
+        self._most_waiting = max(_LEAST_WAITING, _WAITING_PER_ROBOT * len(plan.addresses))
 
     def _joined(self, shared: Address) -> socket.socket:
         """Open a socket that receives what is sent to all, and enable the own one to send that."""
@@ -109,20 +116,20 @@ class Udp:
             self.sent += 1
 
     def receive(self, timeout_s: float) -> list[bytes]:
-        came: list[bytes] = []
+        waiting = self._waiting
         try:
-            ready = self._poll.poll(max(0.0, timeout_s) * 1000)
+            ready = self._poll.poll(0.0 if waiting else max(0.0, timeout_s) * 1000)
         except InterruptedError:
-            return came
+            ready = []
         for number, _ in ready:
             one = self._by_number.get(number)
             if one is not None:
-                self._drain(one, came)
-        return came
+                self._drain(one)
+        return [waiting.popleft() for _ in range(min(_BATCH, len(waiting)))]
 
-    def _drain(self, one: socket.socket, came: list[bytes]) -> None:
-        own = self._own
-        for _ in range(_BATCH):
+    def _drain(self, one: socket.socket) -> None:
+        own, waiting = self._own, self._waiting
+        for _ in range(self._most_waiting - len(waiting)):
             try:
                 datagram, source = one.recvfrom(LONGEST + 1)
             except BlockingIOError:
@@ -130,7 +137,7 @@ class Udp:
             except OSError:
                 continue  # an ICMP answer to something sent before
             if source != own:
-                came.append(datagram)
+                waiting.append(datagram)
 
     @property
     def dropped(self) -> int:
