@@ -88,16 +88,23 @@ PROTOCOL = (
     Mutant(
         "the deadline is for those who owe a proposal too",
         "runtime.protocol.coordinating.decide_if_ready",
-        "not desk.overdue or owed(turn) & frozenset(missing)",
-        "not desk.overdue",
+        "owed(turn) & frozenset(missing)",
+        "False",
         (ROUNDS, CHAOS),
     ),
     Mutant(
         "nobody is waited for",
         "runtime.protocol.coordinating.decide_if_ready",
-        "not desk.overdue or owed(turn) & frozenset(missing)",
-        "owed(turn) & frozenset(missing)",
+        "not desk.overdue and desk.gathered < setup.robots",
+        "False",
         (ROUNDS, CHAOS),
+    ),
+    Mutant(
+        "a coordinator waits longer than it is waited for",
+        "runtime.protocol.state.StepContext.await_longer",
+        "min(timing.resend_s * 2**tries, timing.silence_s / 3)",
+        "timing.resend_s * 2**tries",
+        (ROUNDS,),
     ),
     Mutant(
         "a robot may propose for another",
@@ -378,6 +385,13 @@ WIRE_MISTAKES = (
         "claims_encryption(datagram) is (not self.party.encrypts)",
         "robot < 0",
         (ENCRYPTION,),
+    ),
+    Mutant(
+        "who comes back at once with another program is not told so",
+        "runtime.deploy.joining.Joining.answer",
+        "is_same and not start.is_let_in and message.run != self._state.run",
+        "not start.is_let_in and message.run != self._state.run",
+        ("tests/runtime/test_joining.py",),
     ),
     Mutant(
         "replays are let in",
