@@ -11,6 +11,7 @@ from shlex import quote
 
 from msgspec import Struct, field
 
+from koord.api.files import no_folder
 from koord.api.fitting import Fitted
 from koord.api.merge import Merged, merge
 from koord.api.progress import Cancellation, Listener
@@ -55,6 +56,10 @@ class Parts(Struct, frozen=True):
         made = instrumented(job, pid, self.made, self.subject.system, writer.tell)
         return made
 
+    @property
+    def folder(self) -> Path:
+        return next(iter(self.files.values())).parent
+
     def merged(self, progress: Listener, cancellation: Cancellation | None) -> Merged:
         """The trace of the run, which is over. Raises KoordError and CancelledError."""
         there = [file for file in self.files.values() if file.exists()]
@@ -62,9 +67,8 @@ class Parts(Struct, frozen=True):
 
     def unmerged(self, trace: str) -> KoordError:
         """What is told where nobody waited for the trace: the parts are left."""
-        (folder,) = {file.parent for file in self.files.values()}
-        story = f"it was not made, as that was interrupted: what robots told is in {folder}"
-        return refusal("K918", visible(trace), visible(story), merging(folder, trace))
+        story = f"it was not made, as that was interrupted: what robots told is in {self.folder}"
+        return refusal("K918", visible(trace), visible(story), merging(self.folder, trace))
 
     def remove(self) -> None:
         """Remove the files, of which there is a trace or a recording."""
@@ -112,8 +116,7 @@ def part_files(
         is_new = not folder.exists()
         folder.mkdir(exist_ok=True)
     except OSError as error:
-        story = f"cannot be written: {error.strerror}"
-        raise refusal("K903", visible(str(folder)), story) from None
+        raise no_folder(folder, error) from None
     try:
         yield files, aside
     except (TransportError, CannotTakePartError):

@@ -16,7 +16,7 @@ from msgspec.structs import replace
 
 from koord.api.configurations import check_start
 from koord.api.deployed import Deployed, FleetHeard
-from koord.api.files import check_writable
+from koord.api.files import check_writable, no_folder, same_file
 from koord.api.fitting import Configurable, Fitted, fit, fit_request, is_placed
 from koord.api.programs import Loadable, Value
 from koord.api.progress import Cancellation, CancelledError, Listener, asker, heard_by
@@ -49,7 +49,7 @@ from koord.runtime.transports.transport import TransportError
 from koord.syntax import core
 from koord.syntax.diagnostics import Diagnostic, KoordError, Severity, refusal
 from koord.syntax.problem import Problem
-from koord.syntax.source import whole_file
+from koord.syntax.source import visible, whole_file
 from koord.syntax.system import System
 
 if TYPE_CHECKING:
@@ -62,6 +62,9 @@ _STATE = ".koord"
 NOT_RESTARTED = (
     "this is for robots that are all processes on this machine; what starts one restarts it"
 )
+
+#: Why a recording and a trace have names of their own.
+NOT_TWICE = "this is the file of the trace as well: say another one"
 
 #: How long processes are waited for at a time.
 _WAIT_S = 0.2
@@ -135,6 +138,8 @@ def deploy(
         check_writable(request.trace)
     if request.record is not None:
         check_writable(request.record)
+        if request.trace is not None and same_file(request.record, request.trace):
+            raise ArgumentError("record", NOT_TWICE)
         require(("mcap",), "record")
     fitted = fit(fit_request(program, config, params, None, None, delta_s))
     return deploy_fitted(fitted, job_of(fitted, request), request, progress, cancellation)
@@ -142,6 +147,10 @@ def deploy(
 
 def job_of(fitted: Fitted, request: DeployRequest) -> Job:
     """The run as its robots know it. Raises KoordError."""
+    robots = len(fitted.kinds)
+    if request.pid is not None and not 0 <= request.pid < robots:
+        story, hint = f"there is no robot {request.pid}", f"the pids are 0 to {robots - 1}"
+        raise refusal("K932", fitted.configuration.name, story, hint)
     check_start(fitted)
     configuration, classes = fitted.configuration, loaded(compiled(fitted.program.core))
     assert configuration.delta_s is not None
@@ -264,6 +273,17 @@ class _Deployment(Struct, frozen=True):
             return None
         return _Recorder(path, self.fitted.problem, parts, stack)
 
+    def unrecorded(self, recorder: _Recorder | None, parts: Parts | None) -> tuple[Diagnostic, ...]:
+        """Finish the recording, if there is one; return why it ends before the run, if it does."""
+        trouble = None if recorder is None else recorder.close()
+        if trouble is None:
+            return ()
+        assert self.request.record is not None
+        story = f"the recording ends early, as it cannot be written: {trouble.strerror}"
+        is_left = parts is not None and self.request.trace is None
+        hint = f"what robots told is left in {parts.folder}" if parts and is_left else None
+        return refusal("K903", visible(self.request.record), story, hint).diagnostics
+
     def parts(self, stack: ExitStack, job: Job) -> Parts | None:
         """The parts that robots are to write; None if nobody wants to judge the run."""
         trace, pid = self.request.trace, self.request.pid
@@ -293,7 +313,8 @@ class _Deployment(Struct, frozen=True):
         """
         ended = replace(ended, aside=None if parts.aside is None else str(parts.aside))
         if self.request.trace is None:
-            parts.remove()  # the recording has them
+            if not ended.unmerged:
+                parts.remove()  # the recording has them
             return ended
         from koord.api.deployed_parts import folder_of
 
@@ -302,10 +323,10 @@ class _Deployment(Struct, frozen=True):
             merged = parts.merged(self.tell, cancellation)
             merged.trace.save(self.request.trace)
         except KoordError as error:
-            return replace(ended, unmerged=error.diagnostics)
+            return replace(ended, unmerged=ended.unmerged + error.diagnostics)
         except (CancelledError, KeyboardInterrupt):
             left = parts.unmerged(self.request.trace)
-            return replace(ended, interrupted=True, unmerged=left.diagnostics)
+            return replace(ended, interrupted=True, unmerged=ended.unmerged + left.diagnostics)
         if not merged.has_all_told:
             return replace(ended, merged=merged, left=str(folder_of(self.request.trace)))
         if self.request.state is None or not ended.interrupted:
@@ -320,10 +341,6 @@ class _Deployment(Struct, frozen=True):
 def _one(of: _Deployment, pid: int) -> Deployed:
     """Run one robot, in this process."""
     job, request = of.job, of.request
-    if not 0 <= pid < job.robots:
-        story = f"there is no robot {pid}"
-        hint = f"the pids are 0 to {job.robots - 1}"
-        raise refusal("K932", job.configuration.name, story, hint)
     # Nothing is written before it is sure that this robot can talk to the others.
     try:
         transport = transport_of(job.configuration, job.run, pid)
@@ -348,13 +365,14 @@ def _one(of: _Deployment, pid: int) -> Deployed:
 
         last = runner.run(of.is_cancelled, report)
         report(last)
+        unrecorded = of.unrecorded(recorder, parts)
         trouble = None if parts is None else parts.trouble
-        if parts is not None and request.trace is None and trouble is None:
+        if parts is not None and request.trace is None and not (trouble or unrecorded):
             parts.remove()  # the recording has it
     ended = of.ended({pid: last})
     if parts is not None and parts.aside is not None:
         ended = replace(ended, aside=str(parts.aside))
-    return ended if trouble is None else replace(ended, unmerged=trouble.diagnostics)
+    return replace(ended, unmerged=(trouble.diagnostics if trouble else ()) + unrecorded)
 
 
 def _all(of: _Deployment) -> Deployed:
@@ -384,7 +402,10 @@ def _all(of: _Deployment) -> Deployed:
                 fleet.stop()
         tell(FleetHeard.of(fleet.statuses, job.rounds, fleet.processes))
         ended = replace(
-            of.ended(fleet.statuses), processes=dict(fleet.processes), stuck=fleet.stuck
+            of.ended(fleet.statuses),
+            processes=dict(fleet.processes),
+            stuck=fleet.stuck,
+            unmerged=of.unrecorded(recorder, parts),
         )
         return ended if parts is None else of.traced(ended, parts)
 
@@ -400,7 +421,7 @@ def _noting(job: Job, path: str) -> Iterator[Job]:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise refusal("K903", path, f"cannot be written: {error.strerror}", None) from None
+        raise no_folder(folder, error) from None
     job = replace(job, journals=folder)
     try:
         yield job
@@ -418,6 +439,7 @@ class _Recorder:
         self._path, self._problem, self._stack = path, problem, stack
         self._tails = {} if parts is None else parts.tails()
         self._record: DeploymentRecord | None = None
+        self._trouble: OSError | None = None
         self._early: list[tuple[RobotReport, tuple[RoundReport, ...]]] = []
 
     def hear(
@@ -428,18 +450,44 @@ class _Recorder:
         is_sure: bool,
     ) -> None:
         """Record the reports of robots, and what became of their own ``processes``, if any."""
+        if self._trouble is not None:
+            return
         self._early += news
         if not is_sure:
             return
+        with self._trying():
+            self._write(processes or {})
+
+    @contextmanager
+    def _trying(self) -> Iterator[None]:
+        """Robots go on where there is no room for more: the recording then ends before that."""
+        try:
+            yield
+        except OSError as error:
+            self._trouble = error
+            if self._record is not None:
+                with suppress(OSError):
+                    self._record.restore()
+
+    def close(self) -> OSError | None:
+        """Finish the recording; return why it ends before the run, if it does."""
+        if self._record is not None and self._trouble is None:
+            with self._trying():
+                self._record.close()
+        self._record = None
+        return self._trouble
+
+    def _write(self, processes: Mapping[int, ProcessReport]) -> None:
         if self._record is None:
-            file = self._stack.enter_context(Path(self._path).open("wb"))  # noqa: SIM115
+            # Without a buffer: what is not written can be taken back.
+            file = self._stack.enter_context(Path(self._path).open("wb", buffering=0))  # noqa: SIM115
             self._record = DeploymentRecord(file)
-            self._stack.callback(self._record.close)
+            self._stack.callback(self.close)
             self._record.describe(self._problem)
         for status, moments in self._early:
             now = time.time_ns()
             self._record.moments(moments, now)
-            self._record.status(status, now, (processes or {}).get(status.pid))
+            self._record.status(status, now, processes.get(status.pid))
         self._early.clear()
         for pid, tail in self._tails.items():
             self._record.told(pid, tail.lines(), time.time_ns())

@@ -121,6 +121,18 @@ def check_writable(path: str, read: Iterable[str] = ()) -> None:
         raise refusal("K903", visible(path), f"cannot be written: {reason}")
 
 
+def same_file(one: str, other: str) -> bool:
+    """Return whether two names are those of one file."""
+    return os.path.realpath(one) == os.path.realpath(other)
+
+
+def no_folder(folder: Path, error: OSError) -> KoordError:
+    """Make the error that a folder cannot be made, or nothing in it."""
+    is_file = isinstance(error, FileExistsError | NotADirectoryError)
+    reason = "it is a file, and not a folder" if is_file else _reason(error)
+    return refusal("K903", visible(str(folder)), f"cannot be written: {reason}")
+
+
 def check_folder(path: str) -> None:
     """Raise KoordError if ``path`` is evidently no place for a folder of files of ours."""
     target = Path(os.path.realpath(path))

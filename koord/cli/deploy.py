@@ -8,7 +8,8 @@ from argparse import ArgumentTypeError
 from importlib.util import find_spec
 
 from koord.api.deployed import Deployed, FleetHeard
-from koord.api.deployment import NOT_RESTARTED, DeployRequest, Job, deploy_fitted, job_of
+from koord.api.deployment import NOT_RESTARTED, NOT_TWICE, DeployRequest, Job, deploy_fitted, job_of
+from koord.api.files import same_file
 from koord.api.fitting import Fitted
 from koord.api.progress import Progress
 from koord.cli.arguments import (
@@ -53,7 +54,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--state",
         metavar="DIR",
-        help="the folder of robots' journals, with which a run goes on after crashes (.koord)",
+        help="the folder of robots' journals, with which a run goes on after crashes "
+        "(with --pid: .koord)",
     )
     parser.add_argument(
         "--fresh", action="store_true", help="begin a new run, whatever journals say"
@@ -84,15 +86,18 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def main(arguments: argparse.Namespace) -> int:
-    check_files([arguments.file, arguments.config, *arguments.properties])
+    read = [arguments.file, arguments.config, *arguments.properties]
+    check_files(read)
     if arguments.all_local == (arguments.pid is not None):
         raise ArgumentTypeError("say --pid I for one robot, or --all-local for all of them")
     if arguments.restart and arguments.pid is not None:
         raise ArgumentTypeError(f"--restart: {NOT_RESTARTED}")
     if arguments.trace is not None:
-        check_writable(arguments.trace, [arguments.file, arguments.config])
+        check_writable(arguments.trace, read)
     if arguments.record is not None:
-        check_writable(arguments.record)
+        check_writable(arguments.record, read)
+        if arguments.trace is not None and same_file(arguments.record, arguments.trace):
+            raise ArgumentTypeError(f"--record: {NOT_TWICE}")
         if find_spec("mcap") is None:
             raise ArgumentTypeError("--record needs the MCAP library: pip install 'koord[record]'")
     request = DeployRequest(

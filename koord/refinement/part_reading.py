@@ -88,7 +88,9 @@ def read_lines(
 
 def _head(raw: bytes, place: Span) -> part_form.Head:
     """Decode the first line of a part. Raises KoordError and FormError."""
-    document = _parsed(raw, place, _NO_PART)
+    document = _parsed(
+        raw, place, "this is no part of a run, or its first line is damaged", _NO_PART
+    )
     if not isinstance(document, dict) or document.get("format") != FORMAT:
         raise refusal("K911", place.file, "this is no part of a run, though it is JSON", _NO_PART)
     version = document.get("version")
@@ -104,19 +106,19 @@ def _line(raw: bytes, place: Span) -> part_form.AnyLine:
         found: part_form.AnyLine = _DECODER.decode(raw)
     except (msgspec.MsgspecError, UnicodeDecodeError):
         any_line: Any = part_form.AnyLine
-        found = JsonNode(_parsed(raw, place)).form(any_line)
+        found = JsonNode(_parsed(raw, place, "the line is damaged", _WITHOUT)).form(any_line)
     return found
 
 
 _DECODER = msgspec.json.Decoder(part_form.AnyLine)
 
 
-def _parsed(raw: bytes, place: Span, hint: str = _WITHOUT) -> object:
+def _parsed(raw: bytes, place: Span, story: str, hint: str) -> object:
     try:
         document: object = parse(raw, place.file)
     except KoordError as error:
         message = error.diagnostics[0].message
-        raise refusal("K910", place, f"the line is damaged: {message}", hint) from None
+        raise refusal("K910", place, f"{story}: {message}", hint) from None
     return document
 
 

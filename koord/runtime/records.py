@@ -16,12 +16,19 @@ class _Stream:
 
     def __init__(self, file: IO[bytes]) -> None:
         self._file, self._has_tail = file, False
+        self._end, self._tail = 0, bytearray()  #: of the last that was complete
+        self._is_in_tail = False
 
     def write(self, data: bytes) -> int:
-        if self._has_tail:
+        if self._is_in_tail:
+            self._tail += data
+        elif self._has_tail:
             self._file.truncate()
             self._has_tail = False
-        return self._file.write(data)
+        written = self._file.write(data)
+        while written < len(data):  # of a file without a buffer
+            written += self._file.write(data[written:])
+        return written
 
     def tell(self) -> int:
         return self._file.tell()
@@ -38,11 +45,24 @@ class _Stream:
             self._file.flush()
             yield False
             return
-        end = self._file.tell()
-        yield True
-        self._file.flush()
+        before, self._tail = self._tail, bytearray()
+        end, self._is_in_tail = self._file.tell(), True
+        try:
+            yield True
+            self._file.flush()
+        except OSError:
+            self._tail = before
+            raise
+        finally:
+            self._is_in_tail = False
         self._file.seek(end)
-        self._has_tail = True
+        self._end, self._has_tail = end, True
+
+    def restore(self) -> None:
+        """Take back what was written since there was a tail. Raises OSError."""
+        self._file.seek(self._end)
+        self._file.truncate()
+        self._file.write(self._tail)
 
 
 class RecordFile:
@@ -105,6 +125,13 @@ class RecordFile:
     def close(self) -> None:
         """Finish the file."""
         self._writer.finish()
+
+    def restore(self) -> None:
+        """Be as complete as after the last flush, for good: of a file that had no room for more.
+
+        The file is one without a buffer. Raises OSError.
+        """
+        self._stream.restore()
 
     def _schema(self, name: str, schema: dict[str, Any]) -> int:
         if name not in self._schemas:

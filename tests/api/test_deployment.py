@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import threading
 from concurrent.futures import ThreadPoolExecutor
+from itertools import count
 from pathlib import Path
 
 import pytest
@@ -14,6 +16,7 @@ import koord
 from koord.api.deployed import FleetHeard
 from koord.cli import deploy
 from koord.cli.exits import Exit
+from koord.runtime.deploy.recording import DeploymentRecord
 from koord.syntax.diagnostics import refusal
 
 COUNT = koord.Source("count.krd", "local:\n  int x = 0\nUp:\n  pre: x < 3\n  eff: x = x + 1\n")
@@ -74,6 +77,28 @@ def test_who_does_not_wait_for_the_judge_keeps_what_robots_told(
     assert not run.exists()
     assert koord.merge(tmp_path.glob("run.json.parts/*.jsonl")).ok
     assert said[-1].startswith("reading" if insists else "judging")
+
+
+def test_robots_go_on_where_their_recording_cannot(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("mcap")
+    record, honest, flushed = tmp_path / "run.mcap", DeploymentRecord.flush, count()
+
+    def flush(recording: DeploymentRecord) -> None:
+        if next(flushed):
+            raise OSError(errno.ENOSPC, "No space left on device")
+        honest(recording)
+
+    monkeypatch.setattr(DeploymentRecord, "flush", flush)
+    deployed = koord.deploy(COUNT, TWO, rounds=12, record=record)
+    assert deployed.is_complete
+    assert not deployed.ok
+    (early,) = deployed.unmerged
+    assert early.message.startswith("the recording ends early, as it cannot be written: No space")
+    assert early.hint == f"what robots told is left in {record}.parts"
+    assert koord.merge(tmp_path.glob("run.mcap.parts/*.jsonl")).trace.rounds == 12
+    assert record.read_bytes().endswith(b"\x89MCAP0\r\n"), "it is whole up to there"
 
 
 def test_what_robots_told_outlives_a_trace_that_cannot_be_written(tmp_path: Path) -> None:

@@ -87,6 +87,39 @@ def test_a_pid_that_nobody_has_is_told(tmp_path: Path, capsys: pytest.CaptureFix
     assert "the pids are 0 to 1" in err
 
 
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--pid", "3"], "error K932: there is no robot 3\n  = help: the pids are 0 to 2"),
+        (["--pid", "-1"], "there is no robot -1"),
+        (["--all-local", "--state", "c.yaml"], "it is a file, and not a folder"),
+        (
+            ["--all-local", "--trace", "run"],
+            "run.parts: error K903: cannot be written: it is a file",
+        ),
+        (["--all-local", "--trace", "r", "--record", "./r"], "--record: this is the file of the"),
+        (["--all-local", "--record", "c.yaml"], "it is read by the same command"),
+        (["--all-local", "--with", "p.krd", "--trace", "p.krd"], "it is read by the same command"),
+    ],
+)
+def test_wrong_words_are_told_before_robots_run(
+    words: list[str],
+    said: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    pytest.importorskip("mcap")
+    monkeypatch.chdir(tmp_path)
+    Path("c.yaml").write_text("num_robots: 3\n", encoding="utf-8")
+    for name in ("run.parts", "p.krd"):
+        Path(name).touch()
+    before = {path.name for path in tmp_path.iterdir()}
+    assert main(["deploy", SUM, "c.yaml", *words]) == Exit.BAD_INPUT
+    assert said in capsys.readouterr().err
+    assert {path.name for path in tmp_path.iterdir()} == before
+
+
 def test_functions_that_robots_do_not_have_are_told(capsys: pytest.CaptureFixture[str]) -> None:
     mapping, config = str(EXAMPLES / "mapping.krd"), str(EXAMPLES / "mapping.yaml")
     assert main(["deploy", mapping, config, "--all-local"]) == Exit.BAD_INPUT

@@ -189,6 +189,13 @@ def test_a_line_that_is_missing_is_told(tmp_path: Path) -> None:
     assert found.message == "$.n: it is line 2 of the part, not line 1: lines are missing"
 
 
+def test_what_is_no_part_at_all_is_told() -> None:
+    found = error(b"local:\n  int x = 0\n")
+    assert found.message.startswith(
+        "this is no part of a run, or its first line is damaged: it is no"
+    )
+
+
 def test_a_damaged_line_is_told(tmp_path: Path) -> None:
     whole = lines(tmp_path)
     found = error(b"".join([*whole[:2], whole[2][:9] + b"\n", whole[3]]))

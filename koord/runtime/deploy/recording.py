@@ -36,7 +36,10 @@ _STATUS: tuple[str, dict[str, Any]] = ("koord.status", {"type": "object"})
 
 
 class DeploymentRecord:
-    """An MCAP recording: JSON channels of robots (``/robots/0``, ``/parts/0``) and of statuses."""
+    """An MCAP recording: JSON channels of robots (``/robots/0``, ``/parts/0``) and of statuses.
+
+    Writing raises OSError.
+    """
 
     def __init__(self, file: IO[bytes]) -> None:
         self._file = RecordFile(file)
@@ -83,3 +86,7 @@ class DeploymentRecord:
     def close(self) -> None:
         """Finish the file."""
         self._file.close()
+
+    def restore(self) -> None:
+        """End with the last flush: there was no room for more. Raises OSError."""
+        self._file.restore()
