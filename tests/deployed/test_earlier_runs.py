@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from tests.deployed.conftest import MakeFleet
-from tests.deployed.fleet import Fleet
+from tests.deployed.fleet import UNHURRIED_S, Fleet
 from tests.deployed.proxy import Datagram
 
 
@@ -36,15 +36,15 @@ def test_a_run_begins_and_goes_on_as_if_there_had_been_none_before(
     fleet_of: MakeFleet, earlier: Sequence[Datagram]
 ) -> None:
     """They come before it begins, while its robots look for each other, at once and afterwards."""
-    fleet = fleet_of(3)
+    fleet = fleet_of(3, delta_s=UNHURRIED_S)
     for pid in range(3):
         fleet.start(pid)
         fleet.heard_at_s(str(pid))
         fleet.proxy.replay(earlier)
-    fleet.until_round(5, within_s=5.0)
+    fleet.until_round(2, within_s=5.0)
     before = _dropped(fleet)
     sent = fleet.proxy.replay(earlier)
-    fleet.until_further(20, within_s=5.0)
+    fleet.until_further(6, within_s=5.0)
     fleet.stop()
     assert fleet.disagreements() == []
     assert _dropped(fleet) - before >= 0.95 * sent
@@ -109,13 +109,14 @@ def test_no_single_datagram_of_another_run_silences_a_robot(
     fleet_of: MakeFleet, earlier: Sequence[Datagram]
 ) -> None:
     """Least of all one that it sent after a crash, which it has not had in this run."""
-    fleet = fleet_of(3)
+    fleet = fleet_of(3, delta_s=0.1)
     fleet.start_all()
-    fleet.until_round(10)
+    fleet.until_round(5)
     kinds = {(one.sender, one.to, len(one.data)): one for one in earlier}
-    for one in islice(kinds.values(), 200):
+    for number, one in enumerate(islice(kinds.values(), 200), 1):
         fleet.proxy.inject(one.to, one.data, one.sender)
-        fleet.until_further(1, within_s=2.0)
+        if number % 10 == 0:
+            fleet.until_further(2, within_s=5.0)
     fleet.stop()
     assert fleet.disagreements() == []
     # Whoever is silenced is late in all rounds from then on.
