@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import io
 import json
+import struct
 from collections.abc import Iterable, Sequence
 from itertools import pairwise
 from pathlib import Path
@@ -47,7 +48,7 @@ def read(path: Path) -> Recording | None:
     try:
         file = io.BytesIO(path.read_bytes())
         messages = list(make_reader(file).iter_messages(log_time_order=False))
-    except (OSError, McapError, ValueError, EOFError):
+    except (OSError, McapError, ValueError, EOFError, struct.error):
         return None  # it is not there yet, or is being written just now
     for _, channel, message in messages:
         told = json.loads(message.data)
