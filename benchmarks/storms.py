@@ -31,7 +31,7 @@ CLEAN = Faults(least_delay_s=0.0, most_delay_s=0.0)
 STORM = Faults(loss=0.3, duplication=0.05, least_delay_s=0.0, most_delay_s=0.05)
 
 #: Least progress on the bad network, of that on the clean one.
-LEAST = 0.5
+LEAST = 0.8
 
 
 @dataclass(frozen=True, slots=True)

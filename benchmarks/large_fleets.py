@@ -1,0 +1,250 @@
+"""The coordinator of a large fleet: its datagrams and CPU over UDP, and fleets in virtual time.
+
+*Over UDP*: the coordinator is a process of its own; the other robots are one process, with a socket
+each, and rounds as long as that process needs. The coordinator's CPU, the kernel's share of it
+included, does not depend on how long rounds are; *at 10 rounds/s* is the part of a core that it
+would need then. *In virtual time* each robot is busy with each message for as long as was measured
+of the coordinator, so that what waits for it waits, and at most 4 N messages wait; every invariant
+of the protocol is checked all the time.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import sys
+import time
+from collections import deque
+from contextlib import suppress
+from select import select
+
+from msgspec.structs import replace
+
+from harness import Column, Report, main, note
+from koord.runtime.chaos.network import CALM, LOSS, Faults
+from koord.runtime.chaos.storm import Journal, StormPlan, StormRobot, weather
+from koord.runtime.node import Peer
+from koord.runtime.protocol.setup import Setup, Timing
+from koord.runtime.protocol.state import fresh
+from koord.runtime.transports.udp import Udp, on_this_machine
+from koord.runtime.wire.codec import Channel
+from koord.runtime.wire.frames import LONGEST, run_key
+
+PORT = 47_000
+KEY = run_key(b"a key", b"a run")
+DELTA_S = 0.1
+
+#: What the other robots need for a round in one process, for each robot.
+MEMBER_S = 0.006
+
+ROBOTS = (64, 128, 256, 512, 1000)
+QUICK = (16, 64)
+
+NETWORKS = {
+    "calm": CALM,
+    "10 % lost": replace(CALM, loss=0.1),
+    "30 % lost, 5 % doubled, 50 ms jitter": LOSS,
+    "coordinator killed every 2 s": replace(CALM, coordinator_dies_every_s=2.0, losses=0.0),
+}
+
+
+class Crowd:
+    """The ends of all robots but the coordinator: what is said to all arrives once for them."""
+
+    def __init__(self, robots: int) -> None:
+        self.plan = on_this_machine(robots, PORT)
+        self.inboxes: list[deque[bytes]] = [deque() for _ in range(robots)]
+        self._all = Udp(self.plan, 1)
+        self._outbox: list[tuple[int, bytes]] = []
+        self._own = {}
+        for pid in range(2, robots):
+            one = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+            one.setblocking(False)
+            one.bind(self.plan.addresses[pid])
+            self._own[one.fileno()] = (pid, one)
+
+    def end(self, pid: int) -> Member:
+        return Member(self, pid)
+
+    def gather(self, timeout_s: float) -> None:
+        """Wait for datagrams, and deal them out."""
+        while came := self._all.receive(timeout_s):
+            timeout_s = 0.0
+            for inbox in self.inboxes[1:]:
+                inbox.extend(came)
+        for number in select(list(self._own), [], [], 0.0)[0]:
+            pid, one = self._own[number]
+            with suppress(BlockingIOError):
+                while True:
+                    self.inboxes[pid].append(one.recv(LONGEST + 1))
+
+    def send(self, to: int, datagram: bytes) -> None:
+        self._outbox.append((to, datagram))
+
+    def flush(self) -> None:
+        """Send what all have said, as robots do that have a processor each: at the same moment."""
+        for to, datagram in self._outbox:
+            self._all.send(to, datagram)
+        self._outbox.clear()
+
+
+class Member:
+    """One robot's end of a crowd."""
+
+    def __init__(self, crowd: Crowd, pid: int) -> None:
+        self.dropped = 0
+        self._crowd = crowd
+        self._pid = pid
+
+    def send(self, to: int, datagram: bytes) -> None:
+        self._crowd.send(to, datagram)
+
+    def tell(self, datagram: bytes) -> None:
+        """Nobody but the coordinator tells anything to all in a calm run."""
+        self._crowd.send(0, datagram)
+
+    def receive(self, timeout_s: float) -> list[bytes]:
+        inbox = self._crowd.inboxes[self._pid]
+        came = list(inbox)
+        inbox.clear()
+        return came
+
+    def close(self) -> None:
+        pass
+
+
+def peer(setup: Setup, pid: int, transport: Udp | Member) -> Peer:
+    channel = Channel(KEY, setup.robots, pid)
+    robot = StormRobot(pid, Journal())
+    return Peer(channel, setup, fresh(setup, pid), robot, transport, time.monotonic)
+
+
+def others(setup: Setup) -> None:
+    """Be all robots but the coordinator, for ever."""
+    crowd = Crowd(setup.robots)
+    peers = [peer(setup, pid, crowd.end(pid)) for pid in range(1, setup.robots)]
+    for one in peers:
+        one.start()
+    while True:
+        crowd.gather(0.002)
+        for one in peers:
+            one.turn(0.0)
+        crowd.flush()
+
+
+def coordinated(robots: int, rounds: int) -> dict[str, float]:
+    """The coordinator's CPU seconds, datagrams and bytes a round, over UDP."""
+    pace_s = max(DELTA_S, MEMBER_S * robots)
+    # The others take their time, one after another: nothing is to be asked for again meanwhile.
+    setup = Setup(robots, replace(Timing.of(pace_s, robots), resend_s=pace_s))
+    child = os.fork()
+    if child == 0:
+        try:
+            others(setup)
+        finally:
+            os._exit(1)
+    try:
+        transport = Udp(on_this_machine(robots, PORT), 0)
+        one = peer(setup, 0, transport)
+        one.start()
+
+        def until(round_: int) -> None:
+            while one.node.state.round < round_:
+                one.turn(0.1)
+
+        until(2)
+        begun, sent, received = time.process_time(), transport.sent, one.counts.received
+        until(2 + rounds)
+        spent_s = time.process_time() - begun
+        transport.close()
+    finally:
+        os.kill(child, signal.SIGKILL)
+        os.waitpid(child, 0)
+    return {
+        "cpu_s": spent_s / rounds,
+        "sent": (transport.sent - sent) / rounds,
+        "received": (one.counts.received - received) / rounds,
+    }
+
+
+def over_udp(report: Report) -> float:
+    """Measure coordinators; return the seconds that the largest fleet's takes for a message."""
+    table = report.table(
+        "A coordinator over UDP, alone on a core",
+        Column("robots", "robots"),
+        Column("sent", "datagrams sent a round", 1),
+        Column("received", "received", 1),
+        Column("limit", "N − 1 each twice"),
+        Column("cpu_ms", "CPU ms a round", 1),
+        Column("message_us", "µs a message", 1),
+        Column("share", "of a core at 10 rounds/s, %", 0),
+    )
+    message_s = 0.0
+    for robots in QUICK if report.quick else ROBOTS:
+        note(f"{robots} robots over UDP")
+        found = coordinated(robots, 3 if report.quick else 10)
+        limit = 2 * (robots - 1)
+        told = f"{robots} robots: {found['received']} datagrams received a round"
+        report.expect(found["received"] >= limit * 0.75, told)
+        message_s = found["cpu_s"] / found["received"]
+        table.rows.append(
+            {
+                "robots": robots,
+                "sent": found["sent"],
+                "received": found["received"],
+                "limit": limit,
+                "cpu_ms": 1e3 * found["cpu_s"],
+                "message_us": 1e6 * message_s,
+                "share": 100 * found["cpu_s"] * 10,
+            }
+        )
+    return message_s
+
+
+def in_virtual_time(report: Report, message_s: float) -> None:
+    """Run fleets whose robots need so many seconds for a message."""
+    table = report.table(
+        f"In virtual time, δ = {DELTA_S} s, {1e6 * message_s:.0f} µs a message",
+        Column("robots", "robots"),
+        Column("network", "network"),
+        Column("seconds", "s", 0),
+        Column("rounds", "rounds"),
+        Column("progress", "of one every δ", 2),
+        Column("late", "late, % of robot-rounds", 2),
+        Column("datagrams", "datagrams a round", 0),
+        Column("epochs", "epochs"),
+        Column("broken", "invariants broken"),
+        Column("cpu_s", "CPU s", 1),
+    )
+    lasts_s = 2.0 if report.quick else 10.0
+    for robots in QUICK if report.quick else ROBOTS:
+        for name, network in NETWORKS.items():
+            note(f"{robots} robots in virtual time, {name}")
+            faults: Faults = replace(network, reading_s=message_s, inbox=4 * robots)
+            begun = time.process_time()
+            course = StormPlan(storm_s=lasts_s)
+            done = weather(Setup(robots, Timing.of(DELTA_S, robots)), faults, 1, course)
+            report.expect(done.broken is None, f"{robots} robots, {name}: {done.broken}")
+            table.rows.append(
+                {
+                    "robots": robots,
+                    "network": name,
+                    "seconds": lasts_s,
+                    "rounds": done.rounds_in_storm,
+                    "progress": done.rounds_in_storm * DELTA_S / lasts_s,
+                    "late": 100 * done.skips_late / robots / max(done.rounds, 1),
+                    "datagrams": done.datagrams / (done.rounds + 1),
+                    "epochs": done.epochs,
+                    "broken": int(done.broken is not None),
+                    "cpu_s": time.process_time() - begun,
+                }
+            )
+
+
+def benchmark(report: Report) -> None:
+    in_virtual_time(report, over_udp(report))
+
+
+if __name__ == "__main__":
+    sys.exit(main("large_fleets", __doc__ or "", benchmark))
