@@ -1,0 +1,1 @@
+"""Drivers of vehicles: what is said to them, and what they sense."""
