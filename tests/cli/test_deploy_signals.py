@@ -160,7 +160,7 @@ def test_a_run_that_is_asked_to_end_stops_safely_and_keeps_all(
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGKILL])
 def test_the_same_command_goes_on(number: signal.Signals, tmp_path: Path) -> None:
     """Nobody acts on a round a second time."""
-    words = (*ALL, "--rounds", "40")
+    words = (*ALL, "--rounds", "25")
     with command(tmp_path, 3, *words) as run:
         run.wait_for(UNDER_WAY)
         os.kill(run.process.pid, number)
@@ -171,7 +171,7 @@ def test_the_same_command_goes_on(number: signal.Signals, tmp_path: Path) -> Non
         code, out = run.ended()
         assert code == Exit.OK, out
         assert all(min(run.rounds(pid)) > before[pid] for pid in range(3))
-        assert [max(run.rounds(pid)) for pid in range(3)] == [39] * 3
+        assert [max(run.rounds(pid)) for pid in range(3)] == [24] * 3
     assert list((tmp_path / "noted").iterdir()) == []
 
 

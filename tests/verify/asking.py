@@ -93,9 +93,10 @@ def ask(
     choice: Engine | None = None,
     *,
     seed: int = 0,
+    seconds: float = SECONDS,
 ) -> Answers:
     """Everything that ``koord verify`` says."""
-    return Answers(verify(system_of(program, robots), Bounds(rounds, SECONDS), choice, seed=seed))
+    return Answers(verify(system_of(program, robots), Bounds(rounds, seconds), choice, seed=seed))
 
 
 @dataclass(frozen=True)

@@ -126,7 +126,7 @@ def test_lists_that_double_are_given_up() -> None:
     assert "lists grow beyond what is followed" in verdict.reason
     # Nothing here can fault, however long the list is. [T-CONE]
     assert asked.outcome("no fault") is Outcome.HOLDS
-    some = ask(system, rounds=12, choice=Engine.BMC)["Some"]
+    some = ask(system, rounds=12, choice=Engine.BMC, seconds=600.0)["Some"]
     assert some.outcome is Outcome.UNKNOWN
     assert f"more than {MOST_ROOM} elements" in some.reason
     assert some.rounds == 8
