@@ -230,7 +230,7 @@ def test_an_engine_that_hangs_alone_is_ended_and_named(monkeypatch: pytest.Monke
     found = {v.claim.name: v for v in report.verdicts}
     assert found["Broken"].outcome is Outcome.UNKNOWN
     assert found["Broken"].reason == "timeout; search was being asked"
-    assert report.seconds < 2.0
+    assert report.seconds < 10.0  # who hangs would never end
 
 
 def disguised(self: object, ledger: Ledger) -> None:
