@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from enum import Enum
 from typing import Final
 
-from msgspec import Struct, to_builtins
+from msgspec import Struct, field, to_builtins
 
 from koord.api.files import read_written
 from koord.api.progress import Cancellation, Listener, Progress, ended, heard_by
@@ -261,7 +261,7 @@ class _Loading(Struct):
     """What was read already: all parts of a run hold the same program, and many the same values."""
 
     programs: dict[str, core.Program] = {}
-    known: Known = {}
+    known: Known = field(default_factory=Known)
 
     def load(self, sources: Sources) -> core.Program:
         texts = [text.text for text in sources.texts]

@@ -75,7 +75,7 @@ def read_lines(
                 raise FormError(reason, ".n", part=line)
             if reading is None:
                 assert isinstance(line, part_form.Head)
-                reading = _Reading.of(name, line, load, {} if known is None else known)
+                reading = _Reading.of(name, line, load, Known() if known is None else known)
             else:
                 reading.read(line)
         except FormError as error:
@@ -166,7 +166,10 @@ class _Reading(Struct):
             case part_form.Stumbled(round=round_, fault=fault):
                 return reports.Stumbled(round_, self._fault(fault))
             case part_form.Acted():
-                return reports.Acted(self._decision(line))
+                # All robots tell of the same decisions.
+                said = (line.round, line.ran, line.skipped, line.fault or 0, line.digest)
+                made = of.known_or(lambda: self._decision(line), (Decision, None), said)
+                return reports.Acted(made)
             case part_form.Kept(round=round_, output=output):
                 for one in output:
                     self._own(one.robot, ".robot", one)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from contextlib import suppress
 from typing import Any, TypeAlias, TypeVar, cast
 
 import msgspec
@@ -213,11 +212,23 @@ def decode_run(run: form.Run, sources: Sources, system: System, numbers: Numbers
 
 D = TypeVar("D")
 
-#: What was decoded, by how many robots, as what, and of which text.
-Known: TypeAlias = dict[tuple[object, Type, int, bytes], Any]
+#: The texts of what is remembered may take up so many bytes: those of an hour of 16 robots do.
+_MOST_KNOWN = 32 << 20
 
-#: So much of it is remembered.
-_MOST_KNOWN = 1 << 12
+
+class Known(Struct):
+    """What was decoded: by how, as what, for how many robots, and of which text."""
+
+    made: dict[tuple[object, object, int, bytes], Any] = field(default_factory=dict)
+    size: int = 0
+
+    def add(self, key: tuple[object, object, int, bytes], made: object) -> None:
+        """Remember what was decoded; all is forgotten where it takes up too much."""
+        self.size += len(key[-1])
+        if self.size > _MOST_KNOWN:
+            self.made.clear()
+            self.size = len(key[-1])
+        self.made[key] = made
 
 
 class Decoding(Struct, frozen=True):
@@ -229,7 +240,7 @@ class Decoding(Struct, frozen=True):
 
     names: Names
     numbers: Numbers
-    known: Known = field(default_factory=dict)
+    known: Known = field(default_factory=Known)
 
     @property
     def robots(self) -> int:
@@ -347,18 +358,25 @@ class Decoding(Struct, frozen=True):
         self, decode: Callable[[JsonNode, Type, int, Numbers], D], node: JsonNode, type_: Type
     ) -> D:
         """Decode a value or storage, if that was not done before. Raises FormError."""
-        text = b"null"
-        if isinstance(node.value, dict | list):
-            with suppress(OverflowError, UnicodeEncodeError):  # long numbers, half characters
-                text = msgspec.json.encode(node.value)
-        if b"null" in text:  # also stands for what is no number
+
+        def make() -> D:
             return decode(node, type_, self.robots, self.numbers)
-        key = (decode, type_, self.robots, text)
-        if key not in self.known:
-            if len(self.known) >= _MOST_KNOWN:
-                self.known.clear()
-            self.known[key] = decode(node, type_, self.robots, self.numbers)
-        found: D = self.known[key]
+
+        is_scalar = not isinstance(node.value, dict | list)
+        return make() if is_scalar else self.known_or(make, (decode, type_), node.value)
+
+    def known_or(self, make: Callable[[], D], what: tuple[object, object], of: object) -> D:
+        """What was made of an equal part of a document before, or is made now. Raises FormError."""
+        try:
+            text = msgspec.json.encode(of)
+        except (OverflowError, UnicodeEncodeError):  # long numbers, half characters
+            return make()
+        if b"null" in text:  # it stands for numbers that are none, too
+            return make()
+        key = (*what, self.robots, text)
+        if key not in self.known.made:
+            self.known.add(key, make())
+        found: D = self.known.made[key]
         return found
 
     def values(
@@ -420,10 +438,13 @@ class Decoding(Struct, frozen=True):
         )
 
     def store(self, part: form.Store) -> Store[Constant]:
-        return Store(
-            self.variables(part.allread, self.names.allread, ".allread", part),
-            self.variables(part.allwrite, self.names.allwrite, ".allwrite", part),
-        )
+        def make() -> Store[Constant]:
+            return Store(
+                self.variables(part.allread, self.names.allread, ".allread", part),
+                self.variables(part.allwrite, self.names.allwrite, ".allwrite", part),
+            )
+
+        return self.known_or(make, (Store, None), part)
 
     def variables(
         self, held: Mapping[str, object], among: Sequence[Named], path: str, part: form.Form
