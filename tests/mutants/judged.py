@@ -103,6 +103,27 @@ JUDGED = (
         (MERGE,),
     ),
     Mutant(
+        "parts that tell more than the trace are removed",
+        "api.deployment._Deployment.traced",
+        "not merged.has_all_told",
+        "not merged.trace",
+        ("tests/cli/test_merge.py",),
+    ),
+    Mutant(
+        "who does not wait for the judge loses what robots told",
+        "api.deployment._Deployment.traced",
+        "left = parts.unmerged(self.request.trace)",
+        "left = parts.unmerged(self.request.trace); parts.remove()",
+        ("tests/api/test_deployment.py",),
+    ),
+    Mutant(
+        "a decision is taken for that of another digest",
+        "refinement.part_reading._Reading._told",
+        "(line.round, line.ran, line.skipped, line.fault or 0, line.digest)",
+        "(line.round, line.ran, line.skipped, line.fault or 0)",
+        (MERGE,),
+    ),
+    Mutant(
         "runs of one name are one run",
         "refinement.parts.difference",
         "one.run != other.run",
