@@ -316,19 +316,18 @@ class _Deployment(Struct, frozen=True):
             if not ended.unmerged:
                 parts.remove()  # the recording has them
             return ended
-        from koord.api.deployed_parts import folder_of
-
         cancellation = None if ended.interrupted else self.cancellation
         try:
             merged = parts.merged(self.tell, cancellation)
             merged.trace.save(self.request.trace)
         except KoordError as error:
-            return replace(ended, unmerged=ended.unmerged + error.diagnostics)
+            unmerged = ended.unmerged + error.diagnostics
+            return replace(ended, unmerged=unmerged, left=str(parts.folder))
         except (CancelledError, KeyboardInterrupt):
             left = parts.unmerged(self.request.trace)
             return replace(ended, interrupted=True, unmerged=ended.unmerged + left.diagnostics)
         if not merged.has_all_told:
-            return replace(ended, merged=merged, left=str(folder_of(self.request.trace)))
+            return replace(ended, merged=merged, left=str(parts.folder))
         if self.request.state is None or not ended.interrupted:
             parts.remove()  # else the run may go on
         return replace(ended, merged=merged)

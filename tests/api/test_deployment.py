@@ -112,6 +112,7 @@ def test_what_robots_told_outlives_a_trace_that_cannot_be_written(tmp_path: Path
         COUNT, TWO, rounds=6, as_fast_as_possible=True, trace=run, progress=hear
     )
     assert [one.code for one in deployed.unmerged] == ["K903"]
+    assert deployed.left == f"{run}.parts"
     assert koord.merge(tmp_path.glob("run.json.parts/*.jsonl")).ok
 
 
