@@ -35,6 +35,8 @@ if TYPE_CHECKING:
     from koord.api.export import Exported as Exported
     from koord.api.export import export as export
     from koord.api.fitting import read_configuration as read_configuration
+    from koord.api.guardian_check import GuardianCheck as GuardianCheck
+    from koord.api.guardian_check import check_guardian as check_guardian
     from koord.api.merge import Merged as Merged
     from koord.api.merge import merge as merge
     from koord.api.programs import CheckReport as CheckReport
@@ -87,6 +89,7 @@ _HOMES = {
     "koord.api.documents": ("codes", "explain", "format", "schema"),
     "koord.api.export": ("Exported", "export"),
     "koord.api.fitting": ("read_configuration",),
+    "koord.api.guardian_check": ("GuardianCheck", "check_guardian"),
     "koord.api.merge": ("Merged", "merge"),
     "koord.api.programs": ("CheckReport", "Program", "check", "load"),
     "koord.api.progress": ("Cancellation", "CancelledError", "Progress"),

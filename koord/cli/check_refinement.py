@@ -166,6 +166,7 @@ def _runs_line(total: SimulatedRuns) -> str:
 
 #: What may be checked besides all of it.
 _PROTOCOL = "protocol"
+_GUARDIAN = "guardian"
 
 #: Where programs may run besides: in a world, with the configuration that lies beside them.
 _SIMULATOR = "simulator"
@@ -183,10 +184,10 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--target",
-        choices=[*(target.value for target in Target), _SIMULATOR, _PROTOCOL],
-        help="where programs run: in one process, over a simulated network, as processes over UDP; "
-        "or: K/50 runs in a simulated world; or: check the round-commit protocol alone (K runs in "
-        "one process, K/10 over a simulated network, K/50 over UDP)",
+        choices=[*(target.value for target in Target), _SIMULATOR, _PROTOCOL, _GUARDIAN],
+        help="where programs run: in one process, over a simulated network (K/10 runs), as "
+        "processes over UDP (K/50), or in a simulated world (K/50); or, without a program: check "
+        "the round-commit protocol, or the guardian",
     )
     parser.add_argument(
         "--for-every-number",
@@ -236,6 +237,8 @@ def main(arguments: argparse.Namespace) -> int:
         return _protocol(arguments)
     if arguments.for_every_number:
         raise argparse.ArgumentTypeError("--for-every-number needs --target protocol")
+    if arguments.target == _GUARDIAN:
+        return _guardian(arguments)
     if arguments.target == _SIMULATOR:
         return _simulator(arguments)
     if arguments.case is not None and arguments.files:
@@ -293,6 +296,16 @@ def _protocol(arguments: argparse.Namespace) -> int:
     if arguments.for_every_number:
         return prove_for_every_number(arguments)
     return check_protocol_alone(arguments)
+
+
+def _guardian(arguments: argparse.Namespace) -> int:
+    from koord.cli.check_guardian import check_guardian_alone
+
+    if arguments.files or arguments.case is not None:
+        raise argparse.ArgumentTypeError(
+            "--target guardian is of no program: it takes no file, no case"
+        )
+    return check_guardian_alone(arguments)
 
 
 def _simulator(arguments: argparse.Namespace) -> int:

@@ -188,6 +188,8 @@ def _refinement() -> Iterator[Command]:
         words = ("check-refinement", "--target", target, "--runs", "5", "--rounds", "4")
         yield Command(words)
         yield Command((*words, "--json"))
+    yield Command(("check-refinement", "--target", "guardian"))
+    yield Command(("check-refinement", "--target", "guardian", "--json"))
     for faults in ("loss", "chaos"):
         words = ("check-refinement", "--target", "network", "--faults", faults, "--runs", "10")
         yield Command((*words, program_of("task"), "--json"))

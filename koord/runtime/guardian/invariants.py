@@ -113,7 +113,7 @@ def _people(one: Transition) -> bool:
 def _waits(one: Transition) -> bool:
     """(S-WAITS)"""
     if one.after.mode is not Mode.HOLDING:
-        return one.after.mode is not Mode.RUNNING or not one.after.waits
+        return not one.after.waits
     was_waiting = one.before.mode is Mode.HOLDING and one.before.waits
     if one.order is Order.STOP or (was_waiting and one.order is not Order.START):
         return one.after.waits
@@ -148,13 +148,19 @@ def _drop(one: Transition) -> bool:
 def _time(one: Transition) -> bool:
     """(S-TIME)"""
     before, after = one.before, one.after
-    clear_s = after.clear_since_s
-    if after.now_s < before.now_s or after.since_s > after.now_s:
-        return False
-    if clear_s is not None and clear_s > after.now_s:
-        return False
     began_s = before.since_s if after.mode is before.mode else after.now_s
-    return after.since_s == began_s
+    return before.now_s <= after.now_s and _has_begun(after) and after.since_s == began_s
+
+
+def _has_begun(state: State) -> bool:
+    if state.clear_since_s is not None and state.clear_since_s > state.now_s:
+        return False
+    return state.since_s <= state.now_s
+
+
+def is_whole(state: State) -> bool:
+    """Return whether a state is one that S-TIME and S-WAITS leave: what each step relies on."""
+    return _has_begun(state) and (state.mode is Mode.HOLDING or not state.waits)
 
 
 INVARIANTS: Mapping[str, Callable[[Transition], bool]] = {

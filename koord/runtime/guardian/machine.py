@@ -7,7 +7,7 @@ from typing import assert_never
 
 from msgspec.structs import replace
 
-from koord.runtime.drivers.setpoints import Hold
+from koord.runtime.drivers.setpoints import Hold, Wish
 from koord.runtime.guardian.conditions import Judgement, Setup, judged
 from koord.runtime.guardian.events import Answer, Condition, Event, Note, Order, Ordered, Ticked
 from koord.runtime.guardian.modes import (
@@ -26,7 +26,8 @@ def step(setup: Setup, state: State, event: Event) -> tuple[State, Answer]:
         case Ordered(now_s=now_s, order=order):
             return _order(setup, state, order, now_s)
         case Ticked():
-            return _tick(setup, state, event)
+            judgement = judged(setup, state, event)
+            return answered(setup, state, judgement, event.now_s, event.wish)
         case _:
             assert_never(event)
 
@@ -41,15 +42,17 @@ def _order(setup: Setup, state: State, order: Order, now_s: float) -> tuple[Stat
     return after, Answer(setpoint(setup.limits, after, Hold()), notes)
 
 
-def _tick(setup: Setup, state: State, tick: Ticked) -> tuple[State, Answer]:
-    judgement = judged(setup, state, tick)
-    after = after_tick(setup.limits, state, judgement.facts, tick.now_s)
+def answered(
+    setup: Setup, state: State, judgement: Judgement, now_s: float, wish: Wish | None
+) -> tuple[State, Answer]:
+    """The state after a tick on which something was judged, and what is to be told. (G-TICK)"""
+    after = after_tick(setup.limits, state, judgement.facts, now_s)
     stories = judgement.stories
     after = replace(after, conditions=frozenset(stories), pose=judgement.pose)
     why = _why(state, after, judgement)
     notes = (*_of_conditions(state, after, stories), *_of_mode(state, after, why))
-    wish = Hold() if tick.wish is None else tick.wish
-    return after, Answer(setpoint(setup.limits, after, wish), notes)
+    wished = Hold() if wish is None else wish
+    return after, Answer(setpoint(setup.limits, after, wished), notes)
 
 
 # --- what people are told -----------------------------------------------------------------------
