@@ -13,10 +13,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from koord.runtime.configuration.checking import DEFAULT_GROUP, DEFAULT_PORT, load
-from koord.runtime.configuration.forms import Carrier, json_schema
+from koord.runtime.configuration.forms import Carrier, SafetyForm, json_schema
 from koord.runtime.configuration.model import RunConfiguration
-from koord.runtime.motion.bodies import PlannerName
-from koord.runtime.motion.world import Box, Disc, Polygon
+from koord.runtime.configuration.safety import LIMIT_NAMES
+from koord.runtime.guardian.limits import (
+    EstopAction,
+    SafetyLimits,
+    flaws,
+    margin_flaw,
+    usual,
+)
+from koord.runtime.motion.bodies import VEHICLES, PlannerName
+from koord.runtime.motion.world import Box, Disc, Polygon, World
 from koord.syntax.diagnostics import KoordError
 from koord.syntax.source import Source
 from tests.sampling import examples
@@ -206,6 +214,17 @@ network: {transport: unicast, port: 5000, key: sixteen letters ok, run: monday}
         ),
         ("num_robots: 1\nnetwork: {transport: broadcast}", 2, "where to broadcast", "udp_bcast_ip"),
         ("num_robots: 1\nnetwork: {group: 10.0.0.1}", 2, "no multicast address", "224"),
+        ("num_robots: 1\nsafety: {marginn: 1}", 2, "no field `marginn` here", "`margin`"),
+        ("num_robots: 1\nsafety: {margin: 0}", 2, "> 0", None),
+        ("num_robots: 1\nsafety: {hold: .nan}", 2, "> 0", None),
+        ("num_robots: 1\nsafety: {hold: .inf}", 2, "`hold`: inf is no limit", "specs/guardian"),
+        ("num_robots: 1\nsafety: {rounds: 0.5}", 2, ">= 1", None),
+        ("num_robots: 1\nsafety: {battery_low: 15}", 2, "<= 1", None),
+        ("num_robots: 1\nsafety: {battery_low: 0.01}", 2, "above `battery_critical` (0.05)", None),
+        ("num_robots: 1\nsafety: {battery_critical: 0.9}", 2, "`battery_low`: has to be", None),
+        ("num_robots: 1\nsafety: {battery_more: 0.9}", 2, "no battery is ever so full", None),
+        ("num_robots: 1\nsafety: {estop: fall}", 2, "enum value", "land, disarm"),
+        ("num_robots: 1\nworld: {}\nsafety: {margin: 3.5}", 3, "leaves nothing of a world", None),
         ("num_robots: 1\nnetwork: {key: short}", 2, "length >= 16", None),
         (
             "num_robots: 1\nworld: {bounds: {low: [0, 0], high: [9, 9]}, tasks: [[99, 0]]}",
@@ -267,6 +286,55 @@ def test_what_is_nested_too_deep_is_refused(brackets: str) -> None:
 def test_no_text_raises_anything_else(text: str) -> None:
     with suppress(KoordError):
         assert loaded(text).robots
+
+
+# --- safety ---------------------------------------------------------------------------------------
+
+GUARDED = """
+num_robots: 1
+device: {bot_type: QUAD, speed: 0.5, safety: {hold: 4, estop: disarm}}
+safety: {hold: 7, margin: 0.6, battery_low: 0.4}
+world: {bounds: {low: [0, 0, 0], high: [9, 9, 1]}}
+"""
+
+
+def test_limits_are_those_of_the_device_then_of_all_robots_then_of_the_vehicle() -> None:
+    (robot,) = loaded(GUARDED).robots
+    limits = robot.vehicle.safety
+    assert limits.flies
+    assert limits.estop is EstopAction.DISARM
+    assert (limits.hold_s, limits.margin_m, limits.battery_low) == (4, 0.6, 0.4)
+    assert (limits.speed_mps, limits.battery_critical) == (0.75, 0.15)
+
+
+def test_each_type_of_vehicle_has_limits_that_make_sense() -> None:
+    for name, row in VEHICLES.items():
+        (robot,) = loaded(f"num_robots: 1\ndevice: {{bot_type: {name}}}").robots
+        limits = robot.vehicle.safety
+        assert limits == usual(row.body)
+        assert limits.flies != row.body.ON_GROUND
+        assert list(flaws(limits)) == []
+        assert margin_flaw(limits.margin_m, World(), flies=limits.flies) is None
+
+
+def test_a_margin_has_room_below_the_ceiling() -> None:
+    narrow = GUARDED.replace("0.6", "1.1")
+    ((line, message, _),) = wrong(narrow)
+    assert line == 4
+    assert "a margin of 1.1 m leaves nothing of a world where 1 m is most" in message
+    assert loaded(narrow.replace("QUAD", "CAR")).robots
+
+
+def test_limits_that_nothing_asks_for_yet_are_told_of() -> None:
+    assert [(d.code, d.message) for d in loaded(GUARDED).warnings] == [
+        ("K938", "`safety` has no effect")
+    ]
+    assert not loaded("num_robots: 1\nmonitor: {safety: 0.4}").warnings
+
+
+def test_each_limit_can_be_stated() -> None:
+    names = {LIMIT_NAMES.get(name, name) for name in SafetyForm.__struct_fields__}
+    assert names == {*SafetyLimits.__struct_fields__} - {"flies"}
 
 
 # --- the schema -----------------------------------------------------------------------------------

@@ -29,7 +29,9 @@ from koord.runtime.configuration.model import (
     Vehicle,
 )
 from koord.runtime.configuration.reading import Path, problem, read
+from koord.runtime.configuration.safety import safety_flaws, stated_safety
 from koord.runtime.configuration.typed import FormReader
+from koord.runtime.guardian.limits import SafetyLimits
 from koord.runtime.motion.bodies import VEHICLES, PlannerName
 from koord.runtime.motion.world import Box, Disc, Obstacle, Point, Polygon, World
 from koord.syntax.collector import uncollected
@@ -50,6 +52,12 @@ _IDLE: Mapping[str, str] = {
     ("positioning_topic", "queue_size", "reached_topic", "ros_node_prefix", "waypoint_topic"),
     "robots send and hear nothing over ROS here",
 )
+
+
+#: Why a `safety:` block changes nothing either.
+_UNGUARDED = "no platform drives vehicles yet, so nothing asks the guardian"
+
+_SAFETY_HINT = "specs/guardian/README.md says what the limits are for"
 
 
 @uncollected()
@@ -77,7 +85,7 @@ class _Checker(FormReader):
         talk = self._talk(form)
         if self.problems:
             return None
-        robots = tuple(self._robot(form, agent, path, talk) for agent, path in agents)
+        robots = tuple(self._robot(form, agent, path, talk, world) for agent, path in agents)
         self._check_addresses(form, robots)
         if form.leader_pid >= len(robots):
             self._say(("leader_pid",), f"there is no robot {form.leader_pid}")
@@ -106,9 +114,12 @@ class _Checker(FormReader):
         for path, span in self._document.names.items():
             if path[0] != "params" and path[-1] in _IDLE:
                 places.setdefault(str(path[-1]), span)
+            elif path == ("safety",) or (path[0] in ("device", "devices") and path[-1] == "safety"):
+                places.setdefault("safety", span)
         for name, span in places.items():
             story = f"`{name}` has no effect"
-            yield Diagnostic("K938", Severity.WARNING, span, story, _IDLE[name])
+            hint = _IDLE.get(name, _UNGUARDED)
+            yield Diagnostic("K938", Severity.WARNING, span, story, hint)
 
     def _agents(self, form: Form) -> list[tuple[Agent, Path]]:
         """The robots by pid, and their places in the file."""
@@ -145,9 +156,12 @@ class _Checker(FormReader):
                 by_pid[agent.pid] = (agent, path)
         return [by_pid[pid] for pid in sorted(by_pid)]
 
-    def _robot(self, form: Form, agent: Agent, path: Path, talk: Talk) -> RobotPlace:
+    def _robot(
+        self, form: Form, agent: Agent, path: Path, talk: Talk, world: World | None
+    ) -> RobotPlace:
         name, device, where = self._device(form, agent, path)
-        vehicle = self._vehicle(name, device, where)
+        safety = self._safety(form, device, where, world)
+        vehicle = msgspec.structs.replace(self._vehicle(name, device, where), safety=safety)
         automaton = agent.motion_automaton
         if automaton is not None and vehicle.automata and automaton not in vehicle.automata:
             hint = f"{name} has {', '.join(vehicle.automata)}"
@@ -199,6 +213,16 @@ class _Checker(FormReader):
             device.simulation,
             path,
         )
+
+    def _safety(self, form: Form, device: Device, where: Path, world: World | None) -> SafetyLimits:
+        """The limits of a robot on a device."""
+        body = VEHICLES[device.bot_type].body
+        body = body if device.speed is None else body.cruising(device.speed)
+        own = (device.safety, (*where, "safety"))
+        stated = stated_safety(body, (form.safety, ("safety",)), own)
+        for path, story in safety_flaws(stated, world):
+            self._once(path, story, _SAFETY_HINT)
+        return stated.limits
 
     def _planner(self, name: str | None, type_name: str, path: Path) -> PlannerName | None:
         found = None if name is None else _planner_named(name, type_name)

@@ -12,6 +12,7 @@ from typing import Annotated, Any
 import msgspec
 from msgspec import Meta
 
+from koord.runtime.guardian.limits import EstopAction
 from koord.runtime.motion.bodies import VEHICLES, Level, Steering
 from koord.syntax.core import LEAST_DELTA_S, MOST_DELTA_S
 
@@ -21,6 +22,7 @@ Positive = Annotated[float, Meta(gt=0)]
 NotNegative = Annotated[float, Meta(ge=0)]
 #: Seconds of a round: the same limits as everywhere (`specs/limits.md`).
 RoundLength = Annotated[float, Meta(ge=float(LEAST_DELTA_S), le=float(MOST_DELTA_S))]
+Share = Annotated[float, Meta(ge=0, le=1)]
 Name = Annotated[str, Meta(min_length=1)]
 #: A type of vehicle, by its name.
 TypeName = Annotated[str, Meta(extra_json_schema={"enum": list(VEHICLES)})]
@@ -109,6 +111,32 @@ class SimulationForm(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw
     scanner: ScannerForm | None = None
 
 
+class SafetyForm(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """The limits of the guardian (specs/guardian); the vehicle has its own for what is left out.
+
+    Those of a device count before those of all robots.
+    """
+
+    hold: Positive | None = None  #: s, T: who holds for as long lands or stops
+    resume: Positive | None = None  #: s, for which all has been well before it moves (again)
+    rounds: Annotated[float, Meta(ge=1)] | None = None  #: k: holds without a commit for k·δ
+    pose_age: Positive | None = None  #: s
+    jump: NotNegative | None = None  #: m, of a pose besides what it can have moved
+    margin: Positive | None = None  #: m, between its position and walls and obstacles
+    speed: Positive | None = None  #: m/s, the fastest that motion may wish for
+    reaction: Positive | None = None  #: s, until the vehicle obeys
+    braking: Positive | None = None  #: m/s², how hard it brakes at least
+    separation: Positive | None = None  #: m, between positions of robots
+    separation_more: NotNegative | None = None  #: m, so much more before it goes on
+    battery_low: Share | None = None  #: of 1; holds below
+    battery_critical: Share | None = None  #: of 1; lands or stops below
+    battery_more: Share | None = None  #: of 1; so much more before it goes on
+    heartbeat: Positive | None = None  #: s, greatest age of the e-stop's; else none is asked for
+    estop: EstopAction | None = None
+    still: Positive | None = None  #: m/s, slower than this it stands
+    landed: Positive | None = None  #: m, not higher above the ground it has landed
+
+
 class Device(Motion, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """A vehicle."""
 
@@ -118,6 +146,7 @@ class Device(Motion, frozen=True, forbid_unknown_fields=True, kw_only=True):
     port: Port | None = None
     speed: Positive | None = None  #: m/s, at which it follows paths
     motion: Motion | None = None
+    safety: SafetyForm | None = None
     simulation: SimulationForm = SimulationForm()
 
 
@@ -228,6 +257,7 @@ class Form(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
     monitor: MonitorForm = MonitorForm()
     world: WorldForm | None = None
     network: NetworkForm | None = None
+    safety: SafetyForm | None = None
 
 
 def json_schema() -> dict[str, Any]:

@@ -9,6 +9,7 @@ from msgspec import Struct, field
 
 from koord.runtime.configuration.forms import Carrier, MonitorForm, SimulationForm
 from koord.runtime.configuration.reading import Document, Path, problem
+from koord.runtime.guardian.limits import SafetyLimits
 from koord.runtime.motion.bodies import VEHICLES, PlannerName, VehicleType
 from koord.runtime.motion.world import Point, World
 from koord.syntax.content import ByContent
@@ -28,6 +29,7 @@ class Vehicle(Struct, frozen=True):
     automata: tuple[str, ...] = ()
     simulation: SimulationForm = field(default_factory=SimulationForm)
     path: Path = ()  #: where it stands in the file
+    safety: SafetyLimits = field(default_factory=SafetyLimits)
 
     @property
     def type(self) -> VehicleType:

@@ -79,7 +79,7 @@ def flaws(limits: SafetyLimits) -> Iterator[tuple[str, str]]:
     if limits.rounds < 1:
         yield "rounds", "no round is committed in less than the time of a round"
     if not limits.battery_critical < limits.battery_low <= 1:
-        yield "battery_low", f"has to be above the critical {limits.battery_critical:g}, up to 1"
+        yield "battery_low", f"has to be above `battery_critical` ({limits.battery_critical:g})"
     elif limits.battery_low + limits.battery_more > 1:
         yield "battery_more", "no battery is ever so full that it would go on"
 
@@ -92,4 +92,4 @@ def margin_flaw(margin_m: float, world: World, *, flies: bool) -> str | None:
         least = min(least, world.high[2] - world.low[2])
     if margin_m < least:
         return None
-    return f"a margin of {margin_m:g} m leaves nothing of a world in which no point has {least:g} m"
+    return f"a margin of {margin_m:g} m leaves nothing of a world where {least:g} m is most"
