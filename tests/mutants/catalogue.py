@@ -12,6 +12,7 @@ from tests.mutants.cone import CONE
 from tests.mutants.deployed import DEPLOYED
 from tests.mutants.every_n import EVERY_N
 from tests.mutants.failing import FAILING
+from tests.mutants.guarded import GUARDED
 from tests.mutants.horn import HORN
 from tests.mutants.instants import INSTANTS
 from tests.mutants.judged import JUDGED
@@ -799,6 +800,7 @@ MUTANTS = (
     *PROTOCOL,
     *WIRE_MISTAKES,
     *DEPLOYED,
+    *GUARDED,
     *JUDGED,
     *COMPILED,
     *SHOWN,

@@ -308,3 +308,51 @@ def test_a_robot_at_no_place_is_too_close() -> None:
     """(G-NUMBER, G-APART)"""
     assert told((0.0, 0.0, 0.0), others=near(math.nan)) == "APART"
     assert told((0.0, 0.0, 0.0), others=near(2.0, 0.0, math.inf)) == "APART"
+
+
+# --- at rest ------------------------------------------------------------------------------------
+
+STILL = (0.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("sensed", "expected"),
+    [
+        ({"airborne": False}, True),
+        ({"airborne": True}, False),
+        ({"airborne": False, "link": False}, False),
+        ({"airborne": False, "measured_at_s": -9.0}, True),  # its autopilot knows
+        ({"airborne": None}, True),
+        ({"airborne": None, "position_m": (0.0, 0.0, 0.14)}, True),
+        ({"airborne": None, "position_m": (0.0, 0.0, 0.16)}, False),
+        ({"airborne": None, "velocity_mps": (0.0, 0.0, -0.06)}, False),
+        ({"airborne": None, "measured_at_s": -9.0}, False),
+        ({"airborne": None, "link": False}, False),
+    ],
+)
+def test_an_aircraft_at_rest_is_on_the_ground(sensed: dict[str, object], *, expected: bool) -> None:
+    """(G-END)"""
+    robot = Guarded(DRONE)
+    robot.tick(robot.well(**sensed))
+    assert robot.state.at_rest is expected
+
+
+@pytest.mark.parametrize(
+    ("sensed", "expected"),
+    [
+        ({"velocity_mps": STILL}, True),
+        ({"velocity_mps": (0.04, 0.0, 0.0)}, True),
+        ({"velocity_mps": (0.0, -0.06, 0.0)}, False),
+        ({"velocity_mps": (math.nan, 0.0, 0.0)}, False),
+        ({"airborne": False, "velocity_mps": (1.0, 0.0, 0.0)}, False),
+        ({"measured_at_s": -9.0}, False),
+        ({"link": False}, False),
+    ],
+)
+def test_what_drives_is_at_rest_when_it_stands(
+    sensed: dict[str, object], *, expected: bool
+) -> None:
+    """(G-END)"""
+    robot = Guarded()
+    robot.tick(robot.well(**sensed))
+    assert robot.state.at_rest is expected
