@@ -14,9 +14,9 @@ from msgspec import Struct, field
 
 from koord.refinement.sampling_hosts import SeededHost, settled_starts
 from koord.runtime.compile.naming import PythonNames
+from koord.runtime.platform.world_host import ANSWERED
 from koord.runtime.ports import SENSED, plain_name, port_name
 from koord.runtime.robot import Host, Key, Robot, Turn
-from koord.sim.hosting import ANSWERED
 from koord.syntax.system import System
 
 

@@ -11,9 +11,9 @@ from koord.api.fitting import NO_FILE, Fitted, is_placed
 from koord.runtime.compile import compiled
 from koord.runtime.compile.loading import loaded
 from koord.runtime.compile.watching import Watched, WatchedKind, watched
+from koord.runtime.platform.world_host import ANSWERED
 from koord.runtime.ports import SENSED, plain_name
 from koord.sim.claims import Checked, Watching
-from koord.sim.hosting import ANSWERED
 from koord.sim.running import Cast, Simulation
 from koord.syntax import core
 from koord.syntax.collector import uncollected

@@ -13,8 +13,8 @@ from msgspec.structs import replace
 from koord.runtime.configuration.model import RunConfiguration
 from koord.runtime.configuration.reading import problem
 from koord.runtime.motion.world import Disc, Obstacle, Point, World
+from koord.runtime.platform.world_host import WAYS
 from koord.runtime.ports import GOALS, plain_name
-from koord.sim.hosting import WAYS
 from koord.syntax import core
 from koord.syntax.analysis.folding import constant
 from koord.syntax.diagnostics import KoordError

@@ -9,17 +9,16 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from itertools import repeat
-from typing import NamedTuple
 
 import numpy as np
 from msgspec import Struct
 
 from koord.runtime.motion.arrays import Bools, Floats, Ints, lengths
 from koord.runtime.motion.automaton import MotionState
-from koord.runtime.motion.bodies import PlannerName
 from koord.runtime.motion.geometry import as_path
-from koord.runtime.motion.planning import Hindrance, Plight
+from koord.runtime.motion.planning import Hindrance
 from koord.runtime.motion.world import Point, World
+from koord.runtime.platform.sensors import MotionSensors
 from koord.sim.squads import STEP_S, STEPS, DeviceModel, Engines, Squad, squad
 from koord.sim.vehicles.points import PointSquad
 
@@ -38,18 +37,6 @@ class Placed(Struct, frozen=True):
     model: DeviceModel
     start: Point
     heading_rad: float = 0.0
-
-
-class Sensed(NamedTuple):
-    """The motion sensors of a robot, as its program reads them."""
-
-    psn: Point
-    heading_rad: float
-    reached: bool
-    planner: PlannerName
-    state: MotionState
-    plight: Plight | None = None  #: why it cannot do what it was told last
-    short_m: float = 0.0  #: how far it is from where it would count as there
 
 
 class Fleet:
@@ -142,9 +129,9 @@ class Fleet:
 
     # --- what is seen ---------------------------------------------------------------------------
 
-    def sensed(self) -> tuple[Sensed, ...]:
+    def sensed(self) -> tuple[MotionSensors, ...]:
         """The motion sensors of all robots now."""
-        found: list[Sensed | None] = [None] * len(self.robots)
+        found: list[MotionSensors | None] = [None] * len(self.robots)
         for members, numbers in self._squads:
             position, heading = members.fixes(self.now_s)
             automata = members.group.automata
@@ -160,7 +147,9 @@ class Fleet:
                 map(group.plights.get, range(len(numbers))),
                 np.maximum(left, 0.0).tolist(),
             )
-            for number, sensed in zip(numbers.tolist(), map(Sensed._make, rows), strict=True):
+            for number, sensed in zip(
+                numbers.tolist(), map(MotionSensors._make, rows), strict=True
+            ):
                 found[number] = sensed
         known = tuple(sensed for sensed in found if sensed is not None)
         return known if self._only is None else known * len(self.robots)

@@ -12,11 +12,12 @@ from koord.runtime.engine import RoundEngine as Engine
 from koord.runtime.motion.arrays import Floats, Ints, lengths
 from koord.runtime.motion.automaton import MotionState
 from koord.runtime.motion.world import Point
+from koord.runtime.platform.sensors import MotionSensors
 from koord.runtime.proposals import Decision
 from koord.runtime.robot import Status
 from koord.runtime.shapes import Array, Record
 from koord.runtime.shapes import Sequence as ListOf
-from koord.sim.fleet import Fleet, Sensed
+from koord.sim.fleet import Fleet
 from koord.sim.run_log import Deeds, Idle, RunLogger, TaskState
 from koord.sim.scene import Scene
 
@@ -203,7 +204,7 @@ class Gauge:
         self._blocked[skipped] += deeds[skipped] == Idle.BLOCKED
         self._note_assigned()
 
-    def round(self, sensed: Sequence[Sensed]) -> None:
+    def round(self, sensed: Sequence[MotionSensors]) -> None:
         """Record the end of a round, with the robots' sensors."""
         robots = zip(sensed, self.engine.robots, strict=True)
         waits = [s.state is MotionState.IDLE and r.status is not Status.STOPPED for s, r in robots]

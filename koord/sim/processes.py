@@ -23,10 +23,11 @@ from koord.runtime.deploy.running import Job, RoundReport
 from koord.runtime.motion.arrays import Bools, Floats, Ints
 from koord.runtime.motion.planning import Hindrance
 from koord.runtime.motion.world import Point
+from koord.runtime.platform.sensors import MotionSensors
 from koord.runtime.proposals import INIT_ROUND, Decision, Proposal, rotating
 from koord.runtime.protocol.messages import LogEntry
 from koord.runtime.robot import Host, Key, Robot, Turn
-from koord.sim.fleet import Fleet, Sensed
+from koord.sim.fleet import Fleet
 from koord.sim.running import Cast, Simulation, host_of
 from koord.sim.scene import Scene
 
@@ -46,7 +47,7 @@ class EnvironmentStep(Struct, frozen=True):
     """The environment's turn of one robot: its movement, and its sensors at the end."""
 
     ticks: tuple[Tick, ...]
-    sensed: Sensed
+    sensed: MotionSensors
     readings: Mapping[str, Any]
 
 
@@ -98,7 +99,7 @@ class SimulatedBody:
         self._holding = is_held
 
     @property
-    def sensed(self) -> Sensed:
+    def sensed(self) -> MotionSensors:
         """The motion sensors of the robot."""
         return self._vehicle.sensed[self._pid]
 

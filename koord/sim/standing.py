@@ -18,10 +18,10 @@ from koord.runtime.motion.automaton import MotionState
 from koord.runtime.motion.bodies import Body
 from koord.runtime.motion.planning import Hindrance, Plight, hindrance
 from koord.runtime.motion.world import Point, World
+from koord.runtime.platform.sensors import MotionSensors
+from koord.runtime.platform.world_host import WAYS
 from koord.runtime.ports import plain_name
 from koord.runtime.robot import Forwarding, Host, Key, Robot, Status, Turn
-from koord.sim.fleet import Sensed
-from koord.sim.hosting import WAYS
 
 #: A program that has not asked for so long does not ask any more.
 _ASKS_S = 1.0
@@ -59,7 +59,7 @@ class Watchman:
         self,
         began_s: float,
         ended_s: float,
-        sensed: Sequence[Sensed],
+        sensed: Sequence[MotionSensors],
         robots: Sequence[Robot],
         places: Sequence[Point],
         touched: Callable[[int], Sequence[tuple[Hindrance, int]]],
@@ -115,7 +115,7 @@ class Watchman:
     # --- inside ---------------------------------------------------------------------------------
 
     def _lingers_since(
-        self, pid: int, sensed: Sensed, place: Point, began_s: float
+        self, pid: int, sensed: MotionSensors, place: Point, began_s: float
     ) -> float | None:
         """The time since which a moving robot has made no progress; None if it has recently."""
         known = self._lingers[pid]

@@ -15,8 +15,8 @@ from koord.runtime.motion.automaton import MotionState
 from koord.runtime.motion.bodies import Car, PlannerName
 from koord.runtime.motion.planning import Hindrance
 from koord.runtime.motion.world import World
+from koord.runtime.platform.sensors import MotionSensors
 from koord.runtime.robot import Robot, Status
-from koord.sim.fleet import Sensed
 from koord.sim.standing import Watchman
 from tests.sampling import first
 
@@ -173,7 +173,9 @@ def test_what_is_near_and_not_touched_is_not_named(
 
 def test_where_nothing_is_touched_nothing_is_named() -> None:
     watchman = Watchman(World(), [Car(), Car()])
-    known = Sensed((0.0, 0.0, 0.0), 0.0, False, PlannerName.STRAIGHT, MotionState.MOVING, None, 1.0)
+    known = MotionSensors(
+        (0.0, 0.0, 0.0), 0.0, False, PlannerName.STRAIGHT, MotionState.MOVING, None, 1.0
+    )
     robots = [cast(Robot, SimpleNamespace(status=Status.RUNNING))] * 2
     places = [(0.0, 0.0, 0.0), (0.3, 0.0, 0.0)]
     told = [

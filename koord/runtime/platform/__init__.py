@@ -1,0 +1,1 @@
+"""Robots on vehicles: programs, motion and drivers. See specs/platforms/README.md."""

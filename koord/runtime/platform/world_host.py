@@ -1,0 +1,234 @@
+"""The world as the host of compiled programs: sensors, actuators and library.
+
+An actuator counts as an order when its value changes; the last that changed counts. What the
+sensors are read of, and who carries orders out, subclasses say: a simulated fleet, or the driver of
+a vehicle.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Mapping, Sequence
+from random import Random
+from typing import Any
+
+from koord.runtime.motion.library import Library, occupied
+from koord.runtime.motion.world import Point, World
+from koord.runtime.platform.sensors import MotionSensors
+from koord.runtime.ports import (
+    DONE,
+    GOALS,
+    PLACES,
+    is_place,
+    is_set,
+    is_task,
+    placed,
+    plain_name,
+    point_of,
+    port_name,
+    shape_of,
+    task_at,
+)
+from koord.runtime.robot import Key, Robot, Turn
+from koord.runtime.shapes import (
+    Array,
+    Enumeration,
+    Shape,
+    default,
+)
+from koord.runtime.shapes import Sequence as ListOf
+
+#: What programs ask for ways.
+WAYS = frozenset({"findPath", "getPathFromTask"})
+
+#: The functions that the simulated world answers.
+ANSWERED = frozenset(
+    {
+        *WAYS,
+        *("sqrt", "pathsClear", "onPath", "apart", "willCollide"),
+        *("scanToMap", "pickFrontierPos", "findObs", "world"),
+    }
+)
+
+#: What cells of a map are called where nothing is known of them, and where nothing stands.
+_UNKNOWN, _FREE = "unknown", "free"
+
+
+class WorldHost(ABC):
+    """The host of robots with bodies in a world. All numbers are metres, radians and seconds."""
+
+    def __init__(
+        self,
+        classes: Sequence[type[Robot]],
+        kinds: Sequence[int],
+        world: World,
+        library: Library,
+        seed: int = 0,
+    ) -> None:
+        """Make a host of robots whose programs are ``classes[kinds[pid]]``."""
+        self.classes, self.kinds = tuple(classes), tuple(kinds)
+        self.watches: tuple[type[Robot], ...] = ()  #: others that may ask the library
+        self.library = library
+        self._world = world
+        self._draw = {robot: Random(f"{seed} {robot}") for robot in range(len(kinds))}
+        self._goals = [list(_goals(one)) for one in self.classes]
+        self._sensors = [
+            [(name, one.PORTS[name], port_name(name)) for name in one.SENSORS]
+            for one in self.classes
+        ]
+        self._sent: list[dict[str, Any]] = [{} for _ in kinds]
+        self._walls = occupied(world) if world.obstacles else frozenset()
+
+    # --- what is sensed, and who moves ----------------------------------------------------------
+
+    @abstractmethod
+    def sensors(self, robot: int) -> MotionSensors:
+        """What a robot knows of itself now."""
+
+    @abstractmethod
+    def scan(self, robot: int) -> tuple[Point, ...]:
+        """What a robot's scanner sees now; nothing if it has none."""
+
+    @abstractmethod
+    def follow(self, robot: int, path: Sequence[Point]) -> None:
+        """Let a robot follow a path; an empty one leaves it where it is."""
+
+    @abstractmethod
+    def go_to(self, robot: int, target: Point) -> None:
+        """Let a robot find a path to a target and follow it."""
+
+    def order(self, robot: Robot) -> None:
+        """Carry out what a robot's actuators say that they did not say before."""
+        held, sent = vars(robot), self._sent[robot.pid]
+        for name, shape in self._goals[robot.KIND]:
+            value = held[name]
+            if value is not sent.get(name):
+                self._order(robot.pid, name, shape, value)
+
+    # --- the host of compiled robots ------------------------------------------------------------
+
+    def start(self, robot: int | None, name: str) -> Any:
+        """The start of a variable: the robot's position, the world's tasks, or a default. [INIT]"""
+        program = self.classes[0 if robot is None else self.kinds[robot]]
+        shape, robots = shape_of(program, name, shared=robot is None), len(self.kinds)
+        if robot is not None and is_place(name):
+            return placed(shape, self.sensors(robot).psn)
+        if isinstance(shape, Array) and is_task(shape.element):
+            tasks = (*self._world.tasks, *[None] * shape.size)
+            return tuple(task_at(shape.element, tasks[k], robots) for k in range(shape.size))
+        return default(shape, robots)
+
+    def read(self, robot: Robot) -> Mapping[str, Any]:
+        """The readings of a robot's sensors now. [ENV-FREE]"""
+        sensed = self.sensors(robot.pid)
+        readings: dict[str, Any] = {}
+        for name, shape, port in self._sensors[self.kinds[robot.pid]]:
+            match port:
+                case _ if port in PLACES:
+                    readings[name] = placed(shape, sensed.psn)
+                case _ if port in DONE:
+                    readings[name] = sensed.reached
+                case "planner":
+                    readings[name] = sensed.planner.value
+                case "pscan":
+                    readings[name] = self.scan(robot.pid)
+                case _ if getattr(robot, name) is None:
+                    readings[name] = default(shape, robot.numAgents)
+                case _:
+                    pass
+        return readings
+
+    def ask(
+        self, turn: Turn, robot: int, key: Key, function: str, arguments: tuple[Any, ...]
+    ) -> Any:
+        """Answer a call of the library, with real geometry. [EXTERNAL]"""
+        library, clearance = self.library, self.library.clearance
+        result = self._result(robot, function)
+        match plain_name(function), arguments:
+            case "sqrt", (x,):
+                return math.sqrt(x)
+            case "findPath", (start, goal):
+                return library.find_path(robot, tuple(start), tuple(goal))
+            case "findPath", (start, goal, obstacles):
+                points = [point_of(p) for p in obstacles]
+                return library.find_path_around(robot, tuple(start), tuple(goal), points)
+            case "getPathFromTask", (task,):
+                return library.path_from_task(robot, tuple(task[0]))
+            case "getPathFromTask", (start, task):
+                return library.find_path(robot, tuple(start), tuple(task[0]))
+            case "pathsClear", (one, other):
+                return clearance.paths_clear(one, other)
+            case "onPath", (p, path):
+                return clearance.on_path(p, path, clearance.resting_m)
+            case "apart", (p, q):
+                return clearance.apart(p, q)
+            case "willCollide", (task,):
+                return library.will_collide(robot, tuple(task[0]))
+            case "scanToMap", (scan,):
+                return _drawn(result, library.scan_to_map(scan))
+            case "pickFrontierPos", (known, near):
+                return library.pick_frontier(robot, _known(known), point_of(near))
+            case "findObs", (known,):
+                return library.find_obstacles(_known(known))
+            case "world", (int(cell),):
+                return _cell(result, cell in self._walls)
+            case _:
+                raise LookupError(function)
+
+    def choose(self, turn: Turn, robot: int, key: Key, low: Any, high: Any) -> Any:
+        """Choose a value between the bounds, by the robot's own generator. [CHOOSE]"""
+        draw = self._draw[robot]
+        return draw.uniform(low, high) if isinstance(low, float) else draw.randint(low, high)
+
+    # --- inside ---------------------------------------------------------------------------------
+
+    def _order(self, robot: int, name: str, shape: Shape, value: Any) -> None:
+        if value is None or self._sent[robot].get(name) == value:
+            return
+        self._sent[robot][name] = value
+        if isinstance(shape, ListOf | Array):
+            self.follow(robot, [point_of(p) for p in value if is_set(p)])
+        elif is_set(value):
+            self.go_to(robot, point_of(value))
+
+    def _result(self, robot: int, function: str) -> Shape:
+        """The shape of an answer; properties may call functions that robots do not."""
+        for program in (self.classes[self.kinds[robot]], *self.watches):
+            if function in program.EXTERNALS:
+                return program.EXTERNALS[function]
+        raise LookupError(function)
+
+
+def _goals(one: type[Robot]) -> Iterator[tuple[str, Shape]]:
+    """The actuators of a robot that set its goal."""
+    for name, shape in one.PORTS.items():
+        if port_name(name) in GOALS and name not in one.SENSORS:
+            yield name, shape
+
+
+def _drawn(shape: Shape, seen: Mapping[int, bool]) -> Any:
+    """Convert a map to the program's form: cell to occupied, or the state of each cell."""
+    if not isinstance(shape, Array):
+        return dict(seen)
+    cells = (seen.get(cell) for cell in range(shape.size))
+    return tuple(_cell(shape.element, there) for there in cells)
+
+
+def _cell(shape: Shape, there: bool | None) -> Any:
+    """The state of a cell (None: unknown) as a Boolean, or as a member of an enumeration."""
+    if not isinstance(shape, Enumeration):
+        return bool(there)
+    names = shape.members
+    if there is None:
+        return names.index(_UNKNOWN)
+    if not there:
+        return names.index(_FREE)
+    return next(k for k, name in enumerate(names) if name not in (_UNKNOWN, _FREE))
+
+
+def _known(cells: Any) -> dict[int, bool]:
+    """The known cells of a program's map; of an enumeration, member 0 is unknown, 1 free."""
+    if isinstance(cells, Mapping):
+        return dict(cells)
+    return {cell: state > 1 for cell, state in enumerate(cells) if state}
