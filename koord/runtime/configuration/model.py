@@ -10,7 +10,7 @@ from msgspec import Struct, field
 from koord.runtime.configuration.forms import Carrier, MonitorForm, SimulationForm
 from koord.runtime.configuration.reading import Document, Path, problem
 from koord.runtime.guardian.limits import SafetyLimits
-from koord.runtime.motion.bodies import VEHICLES, PlannerName, VehicleType
+from koord.runtime.motion.bodies import VEHICLES, Body, PlannerName, VehicleType
 from koord.runtime.motion.world import Point, World
 from koord.syntax.content import ByContent
 from koord.syntax.diagnostics import Diagnostic, KoordError
@@ -35,6 +35,12 @@ class Vehicle(Struct, frozen=True):
     def type(self) -> VehicleType:
         """The vehicle's row in the table of vehicles."""
         return VEHICLES[self.type_name]
+
+    @property
+    def body(self) -> Body:
+        """Its body, at the speed that is configured."""
+        body, speed = self.type.body, self.speed_mps
+        return body if speed is None else body.cruising(speed)
 
 
 class RobotPlace(Struct, frozen=True):

@@ -30,6 +30,23 @@ class Position(Struct, frozen=True):
     speed_mps: float
 
 
+class Drive(Struct, frozen=True):
+    """Drive on the ground until the next set-point; backwards if the speed is negative."""
+
+    speed_mps: float
+    yaw_rate_radps: float = 0.0
+    steering_rad: float | None = None  #: of the front wheels, for vehicles that have some
+
+
+class Track(Struct, frozen=True):
+    """Be at a position that moves on, at this velocity and acceleration."""
+
+    position_m: Point
+    velocity_mps: Point
+    acceleration_mps2: Point = (0.0, 0.0, 0.0)
+    heading_rad: float | None = None
+
+
 class Takeoff(Struct, frozen=True):
     """Rise straight up to a height above the ground of the world."""
 
@@ -49,7 +66,7 @@ class Arm(Struct, frozen=True):
 
 
 #: What motion may wish for. To arm and to disarm is for people and the guardian.
-Wish = Hold | Velocity | Position | Takeoff | Land
+Wish = Hold | Velocity | Drive | Position | Track | Takeoff | Land
 
 Setpoint = Wish | Arm | Disarm
 

@@ -12,7 +12,18 @@ from typing import assert_never
 import numpy as np
 from msgspec import Struct
 
-from koord.runtime.drivers.setpoints import Hold, Land, Position, Sensed, Takeoff, Velocity, Wish
+from koord.runtime.drivers.frames import yaw_of
+from koord.runtime.drivers.setpoints import (
+    Drive,
+    Hold,
+    Land,
+    Position,
+    Sensed,
+    Takeoff,
+    Track,
+    Velocity,
+    Wish,
+)
 from koord.runtime.guardian.events import Condition, Other, Ticked
 from koord.runtime.guardian.limits import SafetyLimits
 from koord.runtime.guardian.modes import Facts, Mode, State, TrustedPose
@@ -174,7 +185,7 @@ def _of_place(
         if story := _unsafe(setup, here, tick.wish):
             yield Condition.WISH, story
         else:
-            ways.append(_wished(limits, here, tick.wish, setup.field.world.ground))
+            ways.append(_wished(limits, here, sensed, tick.wish, setup.field.world.ground))
     if not clearance_m >= limits.margin_m:
         where = "inside of" if clearance_m < 0 else f"{clearance_m:.2f} m from"
         said = f"the robot is {where} a wall or an obstacle (margin {limits.margin_m:.2f} m)"
@@ -221,11 +232,15 @@ def _braking(limits: SafetyLimits, velocity_mps: Point) -> Point:
     return _scaled(velocity_mps, _stopping_m(limits, speed_mps) / speed_mps)
 
 
-def _wished(limits: SafetyLimits, here: Point, wish: Wish, ground: float) -> Point:
+def _wished(limits: SafetyLimits, here: Point, sensed: Sensed, wish: Wish, ground: float) -> Point:
     """How far a wish leads until the robot stands, if it is held at the next tick."""
     match wish:
-        case Velocity(velocity_mps=velocity_mps):
+        case Velocity(velocity_mps=velocity_mps) | Track(velocity_mps=velocity_mps):
             return _braking(limits, velocity_mps)
+        case Drive(speed_mps=speed_mps):
+            heading = yaw_of(sensed.attitude)
+            ahead = math.cos(heading) * speed_mps, math.sin(heading) * speed_mps, 0.0
+            return _braking(limits, ahead)
         case Position(position_m=(x, y, z), speed_mps=speed_mps):
             way = (x - here[0], y - here[1], z - here[2])
             length_m = math.hypot(*way)
@@ -246,9 +261,16 @@ def _unsafe(setup: Setup, here: Point, wish: object) -> str | None:
         case Velocity(velocity_mps=velocity_mps, yaw_rate_radps=rate):
             numbers: tuple[float, ...] = (*velocity_mps, rate)
             speed_mps, target = math.hypot(*velocity_mps), here
+        case Drive(speed_mps=ahead_mps, yaw_rate_radps=rate, steering_rad=steering):
+            numbers = (ahead_mps, rate, steering or 0.0)
+            speed_mps, target = abs(ahead_mps), here
         case Position(position_m=position_m, heading_rad=heading, speed_mps=speed_mps):
             numbers = (*position_m, speed_mps, heading or 0.0)
             target = position_m
+        case Track(position_m=position_m, velocity_mps=velocity_mps) as track:
+            numbers = (*position_m, *velocity_mps, *track.acceleration_mps2)
+            numbers = (*numbers, track.heading_rad or 0.0)
+            speed_mps, target = math.hypot(*velocity_mps), position_m
         case Takeoff(height_m=height_m):
             numbers, speed_mps = (height_m,), 0.0
             target = (here[0], here[1], setup.field.world.ground + height_m)
