@@ -18,7 +18,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from msgspec import Struct, field
 
-from koord.runtime.deploy.member import Member
+from koord.runtime.deploy.member import Member, Untimed
 from koord.runtime.deploy.running import Job, RoundReport
 from koord.runtime.motion.arrays import Bools, Floats, Ints
 from koord.runtime.motion.planning import Hindrance
@@ -70,7 +70,7 @@ class RoundStory(Struct):
     had_an_event: bool = False
 
 
-class SimulatedBody:
+class SimulatedBody(Untimed):
     """The host of one robot: at each reading of its sensors, δ has passed."""
 
     def __init__(

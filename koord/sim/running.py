@@ -28,7 +28,7 @@ from koord.sim.lidar import Scanner
 from koord.sim.measuring import Figures, Gauge
 from koord.sim.observing import Observer, deeds_of, header_of
 from koord.sim.run_log import RunLog, RunLogger
-from koord.sim.scene import Scene
+from koord.sim.scene import Scene, scanner_range_m
 from koord.sim.standing import StandingRobot, Watchman
 from koord.syntax.collector import uncollected
 
@@ -336,8 +336,7 @@ def host_of(cast: Cast, scene: Scene, fleet: Fleet) -> Hosted:
         sensed = host.sensed[robot]
         return Pose(sensed.psn, sensed.heading_rad)
 
-    reach_m = max((lidar.range_m for lidar in scene.scanners.values()), default=4.0)
-    chart = Chart(scene.world.grid, reach_m)
+    chart = Chart(scene.world.grid, scanner_range_m(scene))
     library = Library(planners, pose, scene.clearance, chart, scene.seed, keep_rounds=_KEPT_ROUNDS)
     scanners = {
         robot: Scanner(lidar, scene.world, scene.robots[robot].start[2])

@@ -87,7 +87,7 @@ def scene(
         if place.vehicle not in models:
             if landmarks is not None:
                 problems += _unplanned(configuration, place.vehicle)
-            models[place.vehicle] = _model(place.vehicle)
+            models[place.vehicle] = device_model(place.vehicle)
     if problems:
         raise KoordError(tuple(problems))
     world = world_of(configuration, landmarks, len(places))
@@ -123,6 +123,11 @@ def scene(
     )
 
 
+def scanner_range_m(scene: Scene) -> float:
+    """The range of the furthest-reaching scanner, or the usual one."""
+    return max((lidar.range_m for lidar in scene.scanners.values()), default=4.0)
+
+
 def _as_many(robots: tuple[RobotPlace, ...], count: int | None) -> tuple[RobotPlace, ...]:
     if count is None:
         return robots
@@ -137,12 +142,12 @@ def _as_many(robots: tuple[RobotPlace, ...], count: int | None) -> tuple[RobotPl
 # --- vehicles -------------------------------------------------------------------------------------
 
 
-def _model(vehicle: Vehicle) -> DeviceModel:
+def device_model(vehicle: Vehicle) -> DeviceModel:
+    """The simulation model of a vehicle."""
     form, planner = vehicle.simulation, vehicle.planner or vehicle.type.planners[0]
     noise, wind, visit = form.noise, form.wind, form.visit
-    body, speed = vehicle.type.body, vehicle.speed_mps
     return DeviceModel(
-        body if speed is None else body.cruising(speed),
+        vehicle.body,
         planner,
         form.level,
         form.steering,

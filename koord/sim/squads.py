@@ -76,16 +76,21 @@ class Engines:
         return Arena(self.world)
 
 
-class SquadSetup(Struct, frozen=True):
-    """The parameters of a squad: robots at rest at positions ``start``, shape ``(n, 3)``."""
+class VehicleSetup(Struct, frozen=True):
+    """The parameters of vehicles at rest at positions ``start``, shape ``(n, 3)``."""
 
     model: DeviceModel
-    group: Group
     start: Floats
     heading_rad: Floats
+    engines: Engines
+
+
+class SquadSetup(VehicleSetup, frozen=True):
+    """The parameters of a squad."""
+
+    group: Group
     noise: list[Seed]  #: of each robot
     wind: list[Seed]  #: of each robot
-    engines: Engines
 
     def delay(self, at_first: Floats) -> Delay:
         """The delay line of commands, filled with initial ones."""
@@ -145,7 +150,7 @@ def squad(
         [int(seed.generate_state(1)[0]) for seed in seeds],
     )
     noise, wind = zip(*(seed.spawn(2) for seed in seeds), strict=True)
-    setup = SquadSetup(model, group, start, heading_rad, list(noise), list(wind), engines)
+    setup = SquadSetup(model, start, heading_rad, engines, group, list(noise), list(wind))
     made: Squad = import_module(type_of(body).simulator).squad(setup)
     return made
 
@@ -171,7 +176,7 @@ class Wheeled(Touching, Protocol):
         ...
 
 
-def wheeled(setup: SquadSetup, told: Rolling, hull: Hull) -> Wheeled:
+def wheeled(setup: VehicleSetup, told: Rolling, hull: Hull) -> Wheeled:
     """Vehicles on wheels at the level of their device; ``told`` is their model without contact."""
     match setup.model.level:
         case Level.SIMPLE:

@@ -16,7 +16,15 @@ from koord.runtime.motion.bodies import Car, Steering
 from koord.runtime.motion.driving import Driving
 from koord.runtime.motion.pursuit import Horizon
 from koord.runtime.motion.world import Point
-from koord.sim.squads import STEP_S, STEPS, SquadSetup, WheeledSquad, wheeled
+from koord.sim.squads import (
+    STEP_S,
+    STEPS,
+    SquadSetup,
+    VehicleSetup,
+    Wheeled,
+    WheeledSquad,
+    wheeled,
+)
 from koord.sim.vehicles import mjcf
 from koord.sim.vehicles.wheels import Hull, Rolling
 
@@ -33,9 +41,15 @@ def squad(setup: SquadSetup) -> WheeledSquad:
     assert isinstance(car, Car)
     every = _PREDICTIVE_TICKS if steering is Steering.PREDICTIVE else 1
     tracker = Driving(setup.group, steering, Horizon(step_s=every * STEPS * STEP_S))
+    return WheeledSquad(setup, vehicles(setup), tracker, every)
+
+
+def vehicles(setup: VehicleSetup) -> Wheeled:
+    """Make cars at rest; commands are speeds and steering angles."""
+    car = setup.model.body
+    assert isinstance(car, Car)
     hull = Hull(car.mass_kg, *car.outline_m)
-    bicycles = Bicycles(car, setup.start, setup.heading_rad)
-    return WheeledSquad(setup, wheeled(setup, bicycles, hull), tracker, every)
+    return wheeled(setup, Bicycles(car, setup.start, setup.heading_rad), hull)
 
 
 class Bicycles(Rolling):

@@ -15,7 +15,7 @@ from koord.runtime.motion.arrays import Floats, bounded
 from koord.runtime.motion.bodies import DifferentialDrive
 from koord.runtime.motion.driving import Turning
 from koord.runtime.motion.world import Point
-from koord.sim.squads import SquadSetup, WheeledSquad, wheeled
+from koord.sim.squads import SquadSetup, VehicleSetup, Wheeled, WheeledSquad, wheeled
 from koord.sim.vehicles import mjcf
 from koord.sim.vehicles.wheels import Hull, Rolling
 
@@ -25,11 +25,15 @@ _BALL_M, _BALL_AT = 0.03, 0.7
 
 def squad(setup: SquadSetup) -> WheeledSquad:
     """Make a squad of differential drives at rest."""
+    return WheeledSquad(setup, vehicles(setup), Turning(setup.group))
+
+
+def vehicles(setup: VehicleSetup) -> Wheeled:
+    """Make differential drives at rest; commands are the speeds of wheels, left ones first."""
     body = setup.model.body
     assert isinstance(body, DifferentialDrive)
     hull = Hull(body.mass_kg, *body.outline_m, is_disc=True)
-    alone = Differentials(body, setup.start, setup.heading_rad)
-    return WheeledSquad(setup, wheeled(setup, alone, hull), Turning(setup.group))
+    return wheeled(setup, Differentials(body, setup.start, setup.heading_rad), hull)
 
 
 class Differentials(Rolling):

@@ -17,7 +17,7 @@ from koord.runtime.motion.flying import GRAVITY, Flying, Reference
 from koord.runtime.motion.planning import Touched
 from koord.runtime.motion.world import Point
 from koord.sim.disturbances import Fixes, Gusts
-from koord.sim.squads import PLAN_MOST, STEP_S, STEPS, SquadSetup
+from koord.sim.squads import PLAN_MOST, STEP_S, STEPS, SquadSetup, VehicleSetup
 from koord.sim.vehicles import mjcf
 from koord.sim.vehicles.quadrotors import PointDrones, Quadrotors
 
@@ -27,10 +27,11 @@ if TYPE_CHECKING:
 
 def squad(setup: SquadSetup) -> DroneSquad:
     """Make a squad of drones that stand, or hover."""
-    return DroneSquad(setup, _drones(setup))
+    return DroneSquad(setup, vehicles(setup))
 
 
-def _drones(setup: SquadSetup) -> Quadrotors:
+def vehicles(setup: VehicleSetup) -> Quadrotors:
+    """Make drones that stand, or hover."""
     drone, start, engines = setup.model.body, setup.start, setup.engines
     assert isinstance(drone, Drone)
     match setup.model.level:
