@@ -43,7 +43,9 @@ class Parts(Struct, frozen=True):
         """Parts in these files."""
         program = fitted.program
         system = System(program.core, fitted.kinds, fitted.delta_s)
-        subject = Subject(sources_of(program), system, Fraction(0))
+        # Points are where they are to be; vehicles may be off by a little.
+        slack = Fraction(0) if job.platforms is None else Fraction(repr(fitted.scene.slack_m))
+        subject = Subject(sources_of(program), system, slack)
         return Parts(subject, ready(program.core, job.classes), files, aside)
 
     def member(self, job: Job, pid: int) -> Member:

@@ -29,12 +29,13 @@ from koord.runtime.configuration.model import RunConfiguration
 from koord.runtime.deploy.ideal import unanswered
 from koord.runtime.deploy.joining import knock
 from koord.runtime.deploy.local import Launch, local_plan, transport_of
+from koord.runtime.deploy.member import Platform
 from koord.runtime.deploy.recording import DeploymentRecord
 from koord.runtime.deploy.running import (
     CannotTakePartError,
     RoundReport,
     Runner,
-    ideal_member,
+    member_of,
     print_of,
 )
 from koord.runtime.deploy.running import Job as Job
@@ -42,7 +43,7 @@ from koord.runtime.deploy.status import RobotReport as RobotReport
 from koord.runtime.deploy.supervised import SupervisedProcesses
 from koord.runtime.deploy.supervision import ProcessReport
 from koord.runtime.encoding import text_digest
-from koord.runtime.motion.libraries import require
+from koord.runtime.motion.libraries import SIM, require
 from koord.runtime.protocol.handshake import Fingerprint
 from koord.runtime.robot import Robot
 from koord.runtime.transports.transport import TransportError
@@ -82,6 +83,7 @@ class DeployRequest(Struct, frozen=True):
     record: str | None = None
     restart: bool = False
     trace: str | None = None
+    dry_run: bool = False
 
 
 def deploy(
@@ -99,6 +101,7 @@ def deploy(
     record: str | PathLike[str] | None = None,
     restart: bool = False,
     trace: str | PathLike[str] | None = None,
+    dry_run: bool = False,
     progress: Listener | None = None,
     cancellation: Cancellation | None = None,
 ) -> Deployed:
@@ -114,7 +117,8 @@ def deploy(
     robots whose processes crash or are killed are started again, and go on where they were. The run
     ends where no round can be decided any more. What robots do is told in the file ``trace``: that
     of the run, judged by the rules (``merged`` of the result); with a ``pid`` the robot's part of
-    it, for :func:`koord.merge`. ``progress`` hears :class:`FleetHeard`.
+    it, for :func:`koord.merge`. With ``dry_run`` all vehicles are simulated, in real time.
+    ``progress`` hears :class:`FleetHeard`.
 
     Raises :class:`koord.KoordError` for what is wrong with the input, or with the network.
 
@@ -131,6 +135,7 @@ def deploy(
         record=None if record is None else fspath(record),
         restart=restart,
         trace=None if trace is None else fspath(trace),
+        dry_run=dry_run,
     )
     if restart and pid is not None:
         raise ArgumentError("restart", NOT_RESTARTED)
@@ -155,7 +160,7 @@ def job_of(fitted: Fitted, request: DeployRequest) -> Job:
     configuration, classes = fitted.configuration, loaded(compiled(fitted.program.core))
     assert configuration.delta_s is not None
     key = _key(configuration, request)
-    missing = tuple(_unanswered(classes, configuration))
+    missing = () if request.dry_run else tuple(_unanswered(classes, configuration))
     if key is None:
         missing += (_keyless(configuration),)
     if key is None or missing:
@@ -179,7 +184,16 @@ def job_of(fitted: Fitted, request: DeployRequest) -> Job:
         key_print="" if request.pid is None else print_of(key.key, run),
         warnings=key.warnings,
         is_local=request.pid is None,
+        platforms=_platforms(fitted) if request.dry_run else None,
     )
+
+
+def _platforms(fitted: Fitted) -> Callable[[Job, int], Platform]:
+    """The platforms of simulated vehicles. Raises KoordError."""
+    require(SIM, "sim")
+    from koord.api.platforms import platforms
+
+    return platforms(fitted)
 
 
 def _starts(fitted: Fitted) -> Mapping[tuple[int | None, str], Any]:
@@ -352,7 +366,7 @@ def _one(of: _Deployment, pid: int) -> Deployed:
         job = stack.enter_context(_noting(job, request.state or _STATE))
         parts = of.parts(stack, job)
         recorder = of.recorder(stack, parts)
-        make = ideal_member if parts is None else parts.member
+        make = member_of if parts is None else parts.member
         runner = Runner(job, pid, transport, make=make)
         runner.keeps_moments = recorder is not None
 
@@ -386,7 +400,7 @@ def _all(of: _Deployment) -> Deployed:
             job = stack.enter_context(_noting(job, state))
         parts = of.parts(stack, job)
         recorder = of.recorder(stack, parts)
-        make = ideal_member if parts is None else parts.member
+        make = member_of if parts is None else parts.member
         plan = local_plan(job.configuration, job.robots)
         launch = Launch(job, plan, make, keeps_moments=recorder is not None, scratch=scratch)
         fleet = SupervisedProcesses(launch, restarts=request.restart)

@@ -65,6 +65,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="start robots again whose processes crash or are killed (with --all-local)",
     )
+    parser.add_argument(
+        "--dry-run", action="store_true", help="simulate all vehicles, in real time"
+    )
     parser.add_argument("--record", metavar="FILE", help="record what robots do, as MCAP")
     parser.add_argument(
         "--trace",
@@ -110,6 +113,7 @@ def main(arguments: argparse.Namespace) -> int:
         record=arguments.record,
         restart=arguments.restart,
         trace=arguments.trace,
+        dry_run=arguments.dry_run,
     )
     report = DiagnosticReport()
     prepared = prepare(arguments, request, report)

@@ -30,9 +30,10 @@ from koord.refinement.tracing_host import TracingHost
 from koord.refinement.translation import Translation, to_written
 from koord.runtime.deploy.journal import Recollection
 from koord.runtime.deploy.member import Member, Platform
-from koord.runtime.deploy.running import Job, ideal_host
+from koord.runtime.deploy.running import Job
 from koord.runtime.motion.world import Point
 from koord.runtime.proposals import INIT_ROUND, Admitted, Decision, EventFault, Faulted, Proposal
+from koord.runtime.protocol.events import Reason
 from koord.runtime.protocol.messages import LogEntry
 from koord.runtime.robot import Robot, Turn
 from koord.semantics.recordings import Answer, Reading, Start
@@ -100,6 +101,26 @@ class Witness(TracingHost):
     @holding.setter
     def holding(self, holding: bool) -> None:
         self.host.holding = holding
+
+    def acted(self, robot: Robot) -> None:
+        self.host.acted(robot)
+
+    def tick(self, now_s: float, round_age_s: float | None, reason: Reason | None) -> float:
+        return self.host.tick(now_s, round_age_s, reason)
+
+    def stop(self, now_s: float) -> None:
+        self.host.stop(now_s)
+
+    @property
+    def is_at_rest(self) -> bool:
+        return self.host.is_at_rest
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        return self.host.remarks
+
+    def close(self) -> None:
+        self.host.close()
 
     def start(self, robot: int | None, name: str) -> Any:
         if (robot, name) not in self.starts:
@@ -201,8 +222,8 @@ class InstrumentedRobot(Member):
 def instrumented(
     job: Job, pid: int, made: Compiled, system: System, tell: Callable[[Told], None]
 ) -> InstrumentedRobot:
-    """Make a robot without a platform, as ``koord deploy`` does, that reports its actions."""
-    host = ideal_host(job, pid)
+    """Make a robot as ``koord deploy`` does, that reports its actions."""
+    host = job.platform(pid)
     witness = Witness(host, made, system, {}, tell)
-    robot = host.program(pid, job.kinds, job.delta_s, witness)
+    robot = job.program_of(pid)(pid, job.kinds, job.delta_s, witness)
     return InstrumentedRobot(robot, witness)

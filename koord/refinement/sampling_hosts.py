@@ -8,6 +8,7 @@ from typing import Any
 
 from koord.refinement.translation import PHASES, Translation, to_plain
 from koord.runtime.compile.naming import PythonNames
+from koord.runtime.deploy.member import Untimed
 from koord.runtime.motion.world import Point
 from koord.runtime.proposals import rotating
 from koord.runtime.robot import Key, Robot, Turn
@@ -119,7 +120,7 @@ class _ByQuestion(SampledInputs):
             self.sampler.rng = before
 
 
-class SeededHost:
+class SeededHost(Untimed):
     """The host of one robot among several processes, determined by a seed.
 
     What all robots have to see alike (starts of shared variables, mathematical functions) hangs on

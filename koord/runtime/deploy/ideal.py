@@ -9,6 +9,7 @@ from random import Random
 from types import MappingProxyType
 from typing import Any
 
+from koord.runtime.deploy.member import Untimed
 from koord.runtime.motion.world import Point, World
 from koord.runtime.ports import (
     DONE,
@@ -41,7 +42,7 @@ def unanswered(functions: Mapping[str, Shape]) -> tuple[str, ...]:
     return tuple(name for name in functions if plain_name(name) not in _LIBRARY)
 
 
-class IdealHost:
+class IdealHost(Untimed):
     """The host of one ideal robot: its sensors, its library, its random choices."""
 
     def __init__(

@@ -28,7 +28,7 @@ from koord.runtime.deploy.running import (
     RoundReport,
     Runner,
     described,
-    ideal_member,
+    member_of,
 )
 from koord.runtime.deploy.status import RobotReport
 from koord.runtime.deploy.supervision import EndCause, ProcessEnd
@@ -137,7 +137,7 @@ class Launch(Struct, frozen=True):
 
     job: Job
     plan: Plan
-    make: Make = ideal_member
+    make: Make = member_of
     carry: Carry = Udp
     keeps_moments: bool = False
     scratch: str | None = None  #: a folder that is of no use without the first process

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from typing import Any, Protocol
 
@@ -60,6 +61,54 @@ class Platform(Host, Protocol):
 
     position: Point
     holding: bool
+
+    def acted(self, robot: Robot) -> None:
+        """Carry out what actuators say, now that a decision has let the robot act."""
+        ...
+
+    def tick(self, now_s: float, round_age_s: float | None, reason: Reason | None) -> float:
+        """Take a step of control, if one is due; return when the next one is, inf: never.
+
+        ``round_age_s`` is since the last commit, None before any; ``reason`` is why it is held.
+        """
+        ...
+
+    def stop(self, now_s: float) -> None:
+        """Begin to come to a safe stop for good, in the steps that follow."""
+        ...
+
+    @property
+    def is_at_rest(self) -> bool:
+        """True if the vehicle stands on the ground, and does not move any more."""
+        ...
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What people should know of the vehicle now."""
+        ...
+
+    def close(self) -> None:
+        """Let go of the vehicle, after the last step."""
+        ...
+
+
+class Untimed:
+    """What moves robots by reckoning, whenever their sensors are read."""
+
+    is_at_rest = True
+    remarks: tuple[str, ...] = ()
+
+    def acted(self, robot: Robot) -> None:
+        pass
+
+    def tick(self, now_s: float, round_age_s: float | None, reason: Reason | None) -> float:
+        return math.inf
+
+    def stop(self, now_s: float) -> None:
+        pass
+
+    def close(self) -> None:
+        pass
 
 
 class Member:
@@ -166,6 +215,7 @@ class Member:
             self.robot.discard(changed)
             return
         self.output += self.robot.commit(kept.event, changed)
+        self.host.acted(self.robot)
 
     def _after(self, round_: int) -> None:
         if round_ != INIT_ROUND:

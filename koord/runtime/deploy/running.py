@@ -26,7 +26,7 @@ from koord.runtime.deploy.journal import (
     Recollection,
     Start,
 )
-from koord.runtime.deploy.member import DivergedError, Member
+from koord.runtime.deploy.member import DivergedError, Member, Platform
 from koord.runtime.deploy.resuming import come_back, enter
 from koord.runtime.deploy.status import RobotReport, Tally, added, gathering, status_of
 from koord.runtime.encoding import text_digest
@@ -60,6 +60,9 @@ REPORT_S = 0.25
 #: How long a robot stays to answer others after its last round, in rounds.
 LINGERING = 8
 
+
+#: How long a vehicle may take to come to its last stop before it is let go of all the same.
+_LANDING_S = 20.0
 
 #: How long a robot that cannot write its journal waits before it tries again.
 _AGAIN_S = 0.5
@@ -105,6 +108,15 @@ class Job(Struct, frozen=True):
     key_print: str = ""  #: of a key that outlasts this process: journals of others do not count
     warnings: tuple[Diagnostic, ...] = ()  #: of the key
     is_local: bool = False  #: all robots are processes of one machine
+    platforms: Callable[[Job, int], Platform] | None = None  #: None: all robots are ideal points
+
+    def platform(self, pid: int) -> Platform:
+        """Make the platform of a robot. Raises CannotTakePartError."""
+        return ideal_host(self, pid) if self.platforms is None else self.platforms(self, pid)
+
+    def program_of(self, pid: int) -> type[Robot]:
+        """The compiled program of a robot."""
+        return self.classes[self.kinds[pid]]
 
     @property
     def robots(self) -> int:
@@ -178,18 +190,17 @@ class RoundReport(Struct, frozen=True):
     told: Any = None  #: what the robot tells besides (:attr:`Member.tell`)
 
 
-def ideal_member(job: Job, pid: int) -> Member:
-    """Make a robot without a platform."""
-    host = ideal_host(job, pid)
-    robot = host.program(pid, job.kinds, job.delta_s, host)
-    return Member(robot, host)
+def member_of(job: Job, pid: int) -> Member:
+    """Make a robot on its platform. Raises CannotTakePartError."""
+    host = job.platform(pid)
+    return Member(job.program_of(pid)(pid, job.kinds, job.delta_s, host), host)
 
 
 def ideal_host(job: Job, pid: int) -> IdealHost:
     """Make the host of a robot without a platform."""
     place = job.configuration.robots[pid]
     return IdealHost(
-        job.classes[job.kinds[pid]],
+        job.program_of(pid),
         pid,
         job.robots,
         job.delta_s,
@@ -220,7 +231,7 @@ class Runner:
         pid: int,
         transport: Transport,
         clock: Clock = time.monotonic,
-        make: Make = ideal_member,
+        make: Make = member_of,
     ) -> None:
         self.job = job
         self.tally = Tally()
@@ -382,13 +393,13 @@ class Runner:
                 self._journal.add(Start(heard + 1))
         peer.start_again(heard + 1)
 
-    def _join(self) -> None:
-        """Take the next step of the handshake. Raises CannotTakePartError."""
+    def _join(self, wait_s: float) -> None:
+        """Take the next step of the handshake, in so much time. Raises CannotTakePartError."""
         peer = self.peer
         if self._pending is not None:
             self._try(self._pending)
         elif peer is None:
-            self._drop(self.joining.turn(REPORT_S / 4))
+            self._drop(self.joining.turn(wait_s))
         elif self._is_back and peer.node.state.holding is not None:
             self.joining.wake()
         ending = self.joining.ending
@@ -464,7 +475,7 @@ class Runner:
         joining = ((drop.value, n) for drop, n in self.joining.drops.items())
         crowded = self._transport.dropped
         drops = added(status.drops, joining, [(Drop.CROWDED.value, crowded)] if crowded else [])
-        notes = (*self._remarks, *self.joining.notes)
+        notes = (*self._remarks, *self.joining.notes, *self.member.host.remarks)
         if self.member.unwritable is not None:
             status = replace(status, holding=Reason.UNWRITABLE)
             notes = (*notes, f"its journal cannot be written: {self.member.unwritable}")
@@ -515,16 +526,31 @@ class Runner:
 
     def step(self) -> None:
         """Take a step: of the handshake, or of the run. Raises CannotTakePartError."""
-        self._join()
+        wait_s = self._tick()
+        self._join(wait_s)
         if self.peer is not None:
-            self.peer.turn(REPORT_S / 4)
+            self.peer.turn(wait_s)
+
+    def _tick(self) -> float:
+        """Let the platform take its step; return how long there is until the next, at most."""
+        now, at = self._clock(), self._committed_at
+        age_s = None if at is None else now - at
+        due_s = self.member.host.tick(now, age_s, self.member.holding)
+        return min(REPORT_S / 4, max(0.0, due_s - self._clock()))
 
     @property
     def _is_over(self) -> bool:
         return self.peer is not None and self.peer.node.over
 
     def _stop(self) -> None:
-        self.member.host.holding = True  # a safe stop: nobody will tell it to go on
+        """Come to a safe stop: nobody will tell the robot to go on."""
+        host = self.member.host
+        host.holding = True
+        host.stop(self._clock())
+        end_s = self._clock() + _LANDING_S
+        while not host.is_at_rest and self._clock() < end_s:
+            self._transport.receive(self._tick())
+        self.member.host.close()
         self._transport.close()
         if self._journal is not None:
             self._journal.close()

@@ -1,0 +1,72 @@
+"""The platforms of deployed robots: vehicles, their drivers and their pilots."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+from koord.api.fitting import Fitted
+from koord.api.sim_setup import fallback
+from koord.runtime.configuration.model import Vehicle
+from koord.runtime.deploy.member import Platform
+from koord.runtime.deploy.running import CannotTakePartError, Job
+from koord.runtime.drivers.driver import Device, Driver, DriverError
+from koord.runtime.guardian.conditions import Setup
+from koord.runtime.motion.field import field
+from koord.runtime.motion.library import Chart, Library
+from koord.runtime.motion.planning import Pose
+from koord.runtime.motion.world import Point, World
+from koord.runtime.platform.host import VehicleHost, VehiclePlatform
+from koord.runtime.platform.pilots import PilotSettings, pilot
+from koord.runtime.platform.vehicle import DrivenVehicle
+from koord.sim.driver import vehicle as simulated
+from koord.sim.scene import scanner_range_m
+
+#: Makes the driver of a robot's vehicle.
+MakeDriver = Callable[[Device], Driver]
+
+#: Ways are planned anew after so many rounds at most.
+_KEPT_ROUNDS = 10
+
+
+def platforms(fitted: Fitted, driver: MakeDriver = simulated) -> Callable[[Job, int], Platform]:
+    """What makes the platform of a robot, with drivers of one kind. Raises KoordError."""
+    supplied = fallback(fitted)
+
+    def make(job: Job, pid: int) -> Platform:
+        scene, vehicle = fitted.scene, fitted.configuration.robots[pid].vehicle
+        world, placed = scene.world, scene.robots[pid]
+        start = _standing(placed.start, vehicle, world)
+        device = Device(pid, vehicle, world, start, placed.heading_rad, scene.seed)
+        model = placed.model
+        settings = PilotSettings(
+            model.body, model.planner, model.steering, model.visit, model.effort
+        )
+        guarded = Setup(
+            vehicle.safety, field(world, flat=model.body.ON_GROUND), float(job.delta_s)
+        )
+        steersman = pilot(settings, world, scene.seed * len(scene.robots) + pid)
+        try:
+            driven = DrivenVehicle(driver(device), steersman, guarded, time.monotonic())
+        except DriverError as error:
+            raise CannotTakePartError(f"robot {pid}: {error.message}", error.hint) from None
+
+        def pose(robot: int) -> Pose:
+            sensors = driven.sensors
+            return Pose(sensors.psn, sensors.heading_rad)
+
+        chart = Chart(world.grid, scanner_range_m(scene))
+        planners = {pid: steersman.planner}
+        library = Library(
+            planners, pose, scene.clearance, chart, scene.seed, keep_rounds=_KEPT_ROUNDS
+        )
+        host = VehicleHost(job.classes, job.kinds, world, library, driven, scene.seed)
+        return VehiclePlatform(host, driven, supplied)
+
+    return make
+
+
+def _standing(start: Point, vehicle: Vehicle, world: World) -> Point:
+    """Where a vehicle stands before the run: aircraft on the ground, below where they begin."""
+    x, y, z = start
+    return (x, y, z) if vehicle.body.IS_EXACT else (x, y, world.ground)

@@ -1,0 +1,132 @@
+"""The platform of a deployed robot: its program's host, on a driven vehicle."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from koord.runtime.guardian.events import Order
+from koord.runtime.guardian.modes import Mode
+from koord.runtime.motion.library import Library
+from koord.runtime.motion.world import Point, World
+from koord.runtime.platform.pilots import TICK_S
+from koord.runtime.platform.sensors import MotionSensors
+from koord.runtime.platform.vehicle import DrivenVehicle
+from koord.runtime.platform.world_host import WorldHost
+from koord.runtime.protocol.events import Reason
+from koord.runtime.robot import Host, Key, Robot, Turn
+
+
+class VehicleHost(WorldHost):
+    """The host of the program of one robot on a vehicle."""
+
+    def __init__(
+        self,
+        classes: Sequence[type[Robot]],
+        kinds: Sequence[int],
+        world: World,
+        library: Library,
+        vehicle: DrivenVehicle,
+        seed: int = 0,
+    ) -> None:
+        super().__init__(classes, kinds, world, library, seed)
+        self._vehicle = vehicle
+
+    def sensors(self, robot: int) -> MotionSensors:
+        return self._vehicle.sensors
+
+    def scan(self, robot: int) -> tuple[Point, ...]:
+        return tuple(self._vehicle.driver.ports().get("pscan", ()))
+
+    def follow(self, robot: int, path: Sequence[Point]) -> None:
+        self._vehicle.follow(path)
+
+    def go_to(self, robot: int, target: Point) -> None:
+        self._vehicle.go_to(target)
+
+
+class VehiclePlatform:
+    """A robot's platform: what its program asks, and the ticks of its vehicle between rounds."""
+
+    def __init__(
+        self,
+        host: VehicleHost,
+        vehicle: DrivenVehicle,
+        supplied: Callable[[Host], Host] | None = None,
+    ) -> None:
+        """``supplied`` makes a host of this one that answers more than a vehicle knows."""
+        self.holding = False
+        self.vehicle = vehicle
+        self._world = host
+        self._host: Host = host if supplied is None else supplied(host)
+        self._due_s: float | None = None
+        self._is_stopping = False
+
+    @property
+    def position(self) -> Point:
+        return self.vehicle.sensed.position_m
+
+    @position.setter
+    def position(self, position: Point) -> None:
+        """Ignore where a journal says that the robot was: the vehicle is where it is."""
+
+    # --- time -----------------------------------------------------------------------------------
+
+    def acted(self, robot: Robot) -> None:
+        """Carry out what the actuators say after a decision."""
+        self._world.order(robot)
+        self._world.library.begin_round()
+
+    def tick(self, now_s: float, round_age_s: float | None, reason: Reason | None) -> float:
+        """Take a step of control if it is due; return when the next one is."""
+        if self._due_s is None or now_s - self._due_s > TICK_S:
+            self._due_s = now_s  # what was missed is not made up for
+        if now_s < self._due_s:
+            return self._due_s
+        self.vehicle.tick(now_s, round_age_s, reason)
+        self._begin(now_s, round_age_s)
+        self._due_s += TICK_S
+        return self._due_s
+
+    def _begin(self, now_s: float, round_age_s: float | None) -> None:
+        """Arm and start the vehicle once rounds are committed."""
+        if round_age_s is None or self._is_stopping:
+            return
+        if self.vehicle.mode is Mode.DISARMED:
+            self.vehicle.order(Order.ARM, now_s)
+        elif self.vehicle.mode is Mode.ARMED:
+            self.vehicle.order(Order.START, now_s)
+
+    def stop(self, now_s: float) -> None:
+        """Land, or come to the last stop."""
+        self._is_stopping = True
+        self.vehicle.order(Order.STOP, now_s)
+        self.vehicle.order(Order.LAND, now_s)
+
+    @property
+    def is_at_rest(self) -> bool:
+        return self.vehicle.is_at_rest
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        return self.vehicle.remarks
+
+    def close(self) -> None:
+        """Let go of the vehicle."""
+        self.vehicle.close()
+
+    # --- the host of a compiled robot -----------------------------------------------------------
+
+    def start(self, robot: int | None, name: str) -> Any:
+        return self._host.start(robot, name)
+
+    def read(self, robot: Robot) -> Mapping[str, Any]:
+        return self._host.read(robot)
+
+    def ask(
+        self, turn: Turn, robot: int, key: Key, function: str, arguments: tuple[Any, ...]
+    ) -> Any:
+        return self._host.ask(turn, robot, key, function, arguments)
+
+    def choose(self, turn: Turn, robot: int, key: Key, low: Any, high: Any) -> Any:
+        return self._host.choose(turn, robot, key, low, high)

@@ -1,0 +1,188 @@
+"""Pilots: the motion of one robot, from what it is told to what its driver is asked for.
+
+A pilot has the motion automaton, the planner and the law of motion that a simulated squad has, for
+one robot, and the same steps.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+
+import numpy as np
+from msgspec import Struct, field
+
+from koord.runtime.drivers.frames import yaw_of
+from koord.runtime.drivers.setpoints import Drive, Hold, Sensed, Track, Wish
+from koord.runtime.motion import automaton
+from koord.runtime.motion.arrays import Floats, lengths
+from koord.runtime.motion.automaton import Visit
+from koord.runtime.motion.bodies import Body, Car, DifferentialDrive, PlannerName, Steering
+from koord.runtime.motion.driving import Driving, Measured, Turning
+from koord.runtime.motion.flying import Flying
+from koord.runtime.motion.geometry import as_path
+from koord.runtime.motion.group import Group
+from koord.runtime.motion.planners import planner
+from koord.runtime.motion.planning import PlanningEffort
+from koord.runtime.motion.pursuit import Horizon
+from koord.runtime.motion.world import Point, World
+from koord.runtime.platform.sensors import MotionSensors
+
+#: A tick of control.
+TICK_S = 0.05
+
+#: Predictive controllers take every second tick.
+_PREDICTIVE_TICKS = 2
+
+
+class PilotSettings(Struct, frozen=True):
+    """How a robot moves, as its configuration says."""
+
+    body: Body
+    planner: PlannerName
+    steering: Steering = Steering.PREDICTIVE
+    visit: Visit = field(default_factory=Visit)
+    effort: PlanningEffort = field(default_factory=PlanningEffort)
+
+
+class Pilot(ABC):
+    """The pilot of a robot."""
+
+    def __init__(self, settings: PilotSettings, world: World, seed: int = 0) -> None:
+        """Make a pilot that has no orders. Raises KoordError for libraries that are missing."""
+        self.settings = settings
+        body = settings.body
+        made = planner(settings.planner, world, body, settings.effort)
+        self.planner = made
+        self.group = Group(1, body, world, made, settings.visit, [seed])
+
+    def wish(self, sensed: Sensed, now_s: float) -> Wish:
+        """What the vehicle should do until the next tick, from where it is."""
+        position = np.array([sensed.position_m])
+        heading = np.array([yaw_of(sensed.attitude)])
+        self.group.plan(self._origin(position), heading)
+        self.group.update(position, now_s)
+        return self._law(position, heading, sensed)
+
+    def follow(self, path: Sequence[Point], sensed: Sensed) -> None:
+        """Follow a path; an empty one leaves the robot where it is."""
+        position = np.array(sensed.position_m)
+        self.group.follow(0, as_path(path), yaw_of(sensed.attitude), position)
+
+    def go_to(self, target: Point) -> None:
+        """Find a path to a target and follow it."""
+        self.group.go_to(0, target)
+
+    def hold(self) -> None:
+        """Stay until released."""
+        self.group.hold(0)
+
+    def release(self) -> None:
+        """Go on with what holding interrupted."""
+        self.group.release(0)
+
+    def sensors(self, sensed: Sensed) -> MotionSensors:
+        """What the robot's program reads."""
+        group = self.group
+        gap = lengths(np.array([sensed.position_m]) - group.routes.end)[0] - group.visit.epsilon_m
+        return MotionSensors(
+            sensed.position_m,
+            yaw_of(sensed.attitude),
+            bool(group.automata.reached[0]),
+            self.settings.planner,
+            group.state(0),
+            group.plights.get(0),
+            max(float(gap), 0.0),
+        )
+
+    @property
+    def is_under_way(self) -> bool:
+        """True if the robot has somewhere to go."""
+        return bool(automaton.moves(self.group.automata)[0])
+
+    def _origin(self, position: Floats) -> Floats:
+        """Where new paths begin, shape ``(1, 3)``."""
+        return position
+
+    @abstractmethod
+    def _law(self, position: Floats, heading: Floats, sensed: Sensed) -> Wish:
+        """Apply the law of motion."""
+
+
+class CarPilot(Pilot):
+    """The pilot of a car, with pursuit or model-predictive control."""
+
+    def __init__(self, settings: PilotSettings, world: World, seed: int = 0) -> None:
+        super().__init__(settings, world, seed)
+        self._every = _PREDICTIVE_TICKS if settings.steering is Steering.PREDICTIVE else 1
+        self._driving = Driving(self.group, settings.steering, Horizon(step_s=self._every * TICK_S))
+        self._ticks = 0
+        self._wish: Wish = Hold()
+
+    def _law(self, position: Floats, heading: Floats, sensed: Sensed) -> Wish:
+        if self._ticks % self._every == 0:
+            measured = Measured(position, heading, _speed(heading, sensed))
+            speed, steering = self._driving.command(measured, self._every * TICK_S)[0].tolist()
+            car = self._driving.car
+            self._wish = Drive(speed, speed * np.tan(steering) / car.wheelbase_m, steering)
+            self.group.replan(np.flatnonzero(self._driving.legs.missed).tolist())
+        self._ticks += 1
+        return self._wish
+
+
+class TurningPilot(Pilot):
+    """The pilot of a robot with a differential drive."""
+
+    def __init__(self, settings: PilotSettings, world: World, seed: int = 0) -> None:
+        super().__init__(settings, world, seed)
+        self._turning = Turning(self.group)
+
+    def _law(self, position: Floats, heading: Floats, sensed: Sensed) -> Wish:
+        measured = Measured(position, heading, _speed(heading, sensed))
+        left, right = self._turning.command(measured, TICK_S)[0].tolist()
+        self.group.replan(np.flatnonzero(self._turning.legs.missed).tolist())
+        return Drive((left + right) / 2, (right - left) / self._turning.body.track_m)
+
+
+class FlyingPilot(Pilot):
+    """The pilot of a robot that can move in every direction."""
+
+    def __init__(self, settings: PilotSettings, world: World, seed: int = 0) -> None:
+        super().__init__(settings, world, seed)
+        self._flying: Flying | None = None  #: once it is known where the robot is
+
+    def _law(self, position: Floats, heading: Floats, sensed: Sensed) -> Wish:
+        if self._flying is None:
+            self._flying = Flying(self.group, position, waits=not self.group.body.IS_EXACT)
+        to = self._flying.command(position, TICK_S)
+        return Track(_point(to.position[0]), _point(to.velocity[0]), _point(to.acceleration[0]))
+
+    def _origin(self, position: Floats) -> Floats:
+        return position if self._flying is None else self._flying.origin(position)
+
+    def settle(self, sensed: Sensed) -> None:
+        """Take where the robot is for where it is to be: it was moved by other means."""
+        self._flying = None
+
+
+def pilot(settings: PilotSettings, world: World, seed: int = 0) -> Pilot:
+    """The pilot of a body. Raises KoordError for libraries that are missing."""
+    match settings.body:
+        case Car():
+            return CarPilot(settings, world, seed)
+        case DifferentialDrive():
+            return TurningPilot(settings, world, seed)
+        case _:
+            return FlyingPilot(settings, world, seed)
+
+
+def _speed(heading: Floats, sensed: Sensed) -> Floats:
+    """The speed along the heading, shape ``(1,)``."""
+    x, y, _ = sensed.velocity_mps
+    speed: Floats = x * np.cos(heading) + y * np.sin(heading)
+    return speed
+
+
+def _point(row: Floats) -> Point:
+    x, y, z = row.tolist()
+    return x, y, z

@@ -1,0 +1,122 @@
+"""A driven vehicle: its driver, its pilot and its guardian, and the tick in which they act.
+
+In each tick the driver is asked what it senses, the pilot says what it would do, and what the
+guardian makes of that goes to the driver. [PLATFORM]
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from koord.runtime.drivers.driver import Driver, DriverError
+from koord.runtime.drivers.setpoints import Hold, Sensed, Wish
+from koord.runtime.guardian.conditions import Setup
+from koord.runtime.guardian.events import (
+    Answer,
+    Condition,
+    Event,
+    Note,
+    Order,
+    Ordered,
+    Other,
+    Ticked,
+)
+from koord.runtime.guardian.machine import step
+from koord.runtime.guardian.modes import Mode, initial
+from koord.runtime.motion.world import Point
+from koord.runtime.platform.pilots import Pilot
+from koord.runtime.platform.sensors import MotionSensors
+from koord.runtime.protocol.events import Reason
+
+#: The modes in which a vehicle that stands stays where it is.
+_ENDED = (Mode.DISARMED, Mode.STOPPED, Mode.ESTOPPED)
+
+
+class DrivenVehicle:
+    """The vehicle of one robot. ``notes`` are the guardian's, not yet taken by anyone."""
+
+    def __init__(self, driver: Driver, pilot: Pilot, setup: Setup, now_s: float) -> None:
+        """Connect to the vehicle, and wait until it is known where it is. Raises DriverError."""
+        self.driver, self.pilot = driver, pilot
+        self.notes: list[Note] = []
+        self._matters: dict[Condition, str] = {}
+        self._setup = setup
+        self._guardian = initial(now_s)
+        driver.open(now_s)
+        sensed = driver.sense(now_s)
+        if sensed is None:
+            raise DriverError("the vehicle does not say where it is", "is it switched on?")
+        self.sensed: Sensed = sensed
+
+    @property
+    def mode(self) -> Mode:
+        """The guardian's mode."""
+        return self._guardian.mode
+
+    @property
+    def is_at_rest(self) -> bool:
+        """True if it is on the ground and does not move any more."""
+        return self.mode in _ENDED and self._guardian.at_rest
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """Why the vehicle does not do what its program wants, if so."""
+        if self.mode is Mode.RUNNING or self.mode in _ENDED:
+            return ()
+        return tuple(self._matters.values())
+
+    @property
+    def sensors(self) -> MotionSensors:
+        """What the robot's program reads."""
+        return self.pilot.sensors(self.sensed)
+
+    def follow(self, path: Sequence[Point]) -> None:
+        """Follow a path; an empty one leaves the robot where it is."""
+        self.pilot.follow(path, self.sensed)
+
+    def go_to(self, target: Point) -> None:
+        """Find a path to a target and follow it."""
+        self.pilot.go_to(target)
+
+    def order(self, order: Order, now_s: float) -> None:
+        """Do what people say."""
+        self._step(Ordered(now_s, order), now_s)
+
+    def tick(
+        self,
+        now_s: float,
+        round_age_s: float | None,
+        holding: Reason | None = None,
+        others: tuple[Other, ...] = (),
+    ) -> None:
+        """Sense, and command the vehicle. ``round_age_s``: since the last commit, if any."""
+        sensed = self.driver.sense(now_s)
+        wish: Wish | None = None
+        if sensed is not None:
+            self.sensed = sensed
+            wish = self._wish(now_s)
+        self._step(Ticked(now_s, sensed, wish, round_age_s, holding, others), now_s)
+
+    def _wish(self, now_s: float) -> Wish:
+        is_running = self.mode is Mode.RUNNING
+        (self.pilot.release if is_running else self.pilot.hold)()
+        wish = self.pilot.wish(self.sensed, now_s)
+        return wish if is_running else Hold()
+
+    def _step(self, event: Event, now_s: float) -> None:
+        answer: Answer
+        self._guardian, answer = step(self._setup, self._guardian, event)
+        self.notes += answer.notes
+        for note in answer.notes:
+            if note.condition is None:
+                continue
+            if note.condition in self._guardian.conditions:
+                self._matters[note.condition] = note.text
+            else:
+                self._matters.pop(note.condition, None)
+        if answer.setpoint is not None:
+            self.driver.command(answer.setpoint, now_s)
+
+    def close(self) -> None:
+        """Let go of the vehicle."""
+        self.driver.close()

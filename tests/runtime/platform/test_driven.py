@@ -1,0 +1,235 @@
+"""Driven vehicles in virtual time: pilot, guardian and simulated driver, of every type."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from koord.runtime.configuration.model import Vehicle
+from koord.runtime.drivers.driver import Device
+from koord.runtime.drivers.setpoints import Arm, Drive, Track
+from koord.runtime.guardian.conditions import Setup
+from koord.runtime.guardian.events import Condition, Order
+from koord.runtime.guardian.limits import usual
+from koord.runtime.guardian.modes import Mode
+from koord.runtime.motion.bodies import VEHICLES, PlannerName
+from koord.runtime.motion.field import field
+from koord.runtime.motion.geometry import point_path
+from koord.runtime.motion.world import Box, Point, World
+from koord.runtime.platform.pilots import TICK_S, PilotSettings, pilot
+from koord.runtime.platform.vehicle import DrivenVehicle
+from koord.runtime.protocol.events import Reason
+from koord.sim.driver import DEAD_MAN_S, vehicle
+from koord.sim.fleet import Fleet, Placed
+from koord.sim.scene import TRACKING_M, device_model
+
+WORLD = World((-4.0, -4.0, 0.0), (4.0, 4.0, 3.0))
+KINDS = sorted(VEHICLES)
+
+
+class Guarded:
+    """One driven vehicle, with a clock of its own."""
+
+    def __init__(self, kind: str, start: Point = (0.0, 0.0, 0.0), world: World = WORLD) -> None:
+        self.now = 100.0
+        self.round_age_s: float | None = 0.05
+        self.reason: Reason | None = None
+        told = Vehicle(kind, kind, planner=VEHICLES[kind].planners[0])
+        self.model = device_model(told)
+        body = self.model.body
+        device = Device(0, told, world, start)
+        settings = PilotSettings(body, self.model.planner)
+        guarded = Setup(usual(body), field(world, flat=body.ON_GROUND), 0.1)
+        self.driven = DrivenVehicle(vehicle(device), pilot(settings, world), guarded, self.now)
+
+    def tick(self, times: int = 1) -> None:
+        for _ in range(times):
+            self.now += TICK_S
+            self.driven.tick(self.now, self.round_age_s, self.reason)
+
+    def until(self, condition: Callable[[], bool], most_s: float = 60.0) -> float:
+        """Let time pass until something holds; return how many seconds it took."""
+        begun = self.now
+        while not condition():
+            assert self.now - begun < most_s, (self.mode, self.here, self.driven.notes)
+            self.tick()
+        return self.now - begun
+
+    def started(self) -> Guarded:
+        self.tick()
+        self.driven.order(Order.ARM, self.now)
+        self.tick(30)
+        self.driven.order(Order.START, self.now)
+        assert self.mode is Mode.RUNNING, self.driven.notes
+        return self
+
+    @property
+    def mode(self) -> Mode:
+        return self.driven.mode
+
+    @property
+    def here(self) -> Point:
+        return self.driven.sensed.position_m
+
+
+def goal_of(kind: str) -> Point:
+    return (2.0, 1.0, 1.0 if kind in ("QUAD", "IDEAL") else 0.0)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_it_goes_where_it_is_told_along_its_path(kind: str) -> None:
+    one = Guarded(kind).started()
+    goal = goal_of(kind)
+    one.driven.go_to(goal)
+    one.tick()
+    path = one.driven.pilot.group.path(0)
+    furthest = 0.0
+    while not one.driven.sensors.reached:
+        one.tick()
+        furthest = max(furthest, float(point_path(np.array(one.here), path)))
+        assert one.now < 200.0, one.here
+    assert math.dist(one.here, goal) <= one.model.visit.epsilon_m
+    assert furthest <= TRACKING_M
+    assert {note.condition for note in one.driven.notes} <= {None, Condition.ROUND}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_it_moves_as_among_simulated_robots(kind: str) -> None:
+    """The same planner, automaton and law of motion; only the guardian's start comes before."""
+    one = Guarded(kind).started()
+    path = [(0.0, 0.0, 0.0), (1.0, 0.2, 0.0), (2.0, 0.0, 0.0)]
+    if not one.model.body.ON_GROUND:
+        path = [(x, y, x / 2) for x, y, _ in path]
+    fleet = Fleet(WORLD, [Placed(one.model, path[0])])
+    fleet.follow(0, path)
+    one.driven.follow(path)
+    begun = one.now
+    apart = 0.0
+    while one.now - begun < 8.0:
+        one.tick()
+        fleet.advance_to(one.now - begun + 1e-9)
+        apart = max(apart, math.dist(one.here, fleet.positions()[0]))
+    # A set-point acts at the next tick, or of predictive control at the one after it; in the
+    # simulator it acts in its own.
+    assert apart <= 2.5 * TICK_S * one.model.body.pace.cruise_mps + 0.02
+    assert math.dist(one.here, path[-1]) < 0.2
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_nothing_moves_before_it_is_armed_and_started(kind: str) -> None:
+    one = Guarded(kind)
+    one.tick()
+    one.driven.go_to(goal_of(kind))
+    one.tick(40)
+    assert one.here == (0.0, 0.0, 0.0)
+    one.driven.order(Order.ARM, one.now)
+    one.tick(40)
+    assert one.here == (0.0, 0.0, 0.0)
+    one.driven.order(Order.START, one.now)
+    one.until(lambda: math.dist(one.here, (0.0, 0.0, 0.0)) > 0.2)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_who_commits_no_round_holds_and_goes_on_with_the_next(kind: str) -> None:
+    one = Guarded(kind).started()
+    one.driven.go_to(goal_of(kind))
+    one.until(lambda: math.dist(one.here, (0.0, 0.0, 0.0)) > 0.5)
+    one.round_age_s = 5.0
+    one.tick()
+    assert one.mode is Mode.HOLDING
+    one.tick(40)
+    there = one.here
+    one.tick(40)
+    assert math.dist(one.here, there) < 0.01
+    one.round_age_s = 0.05
+    one.until(lambda: one.driven.sensors.reached)
+    assert math.dist(one.here, goal_of(kind)) <= one.model.visit.epsilon_m
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_an_e_stop_reaches_the_driver_at_once_and_is_final(kind: str) -> None:
+    one = Guarded(kind).started()
+    one.driven.go_to(goal_of(kind))
+    one.until(lambda: math.dist(one.here, (0.0, 0.0, 0.0)) > 0.5)
+    one.driven.order(Order.ESTOP, one.now)
+    one.tick(100)
+    there = one.here
+    one.driven.order(Order.START, one.now)
+    one.tick(40)
+    assert one.mode is Mode.ESTOPPED
+    assert math.dist(one.here, there) < 0.01
+    assert one.here[2] == pytest.approx(0.0, abs=0.06) or kind == "IDEAL"
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_vehicle_that_is_told_nothing_stops_by_itself(kind: str) -> None:
+    """As when the process that drives it is killed."""
+    told = Vehicle(kind, kind)
+    made = vehicle(Device(0, told, WORLD, (0.0, 0.0, 0.0)))
+    made.open(0.0)
+    made.command(Arm(), 0.0)
+    speed = 0.4
+    on_ground = device_model(told).body.ON_GROUND
+    moving = Drive(speed) if on_ground else Track((1.0, 0.0, 1.0), (speed, 0.0, 0.0))
+    for k in range(20):
+        made.command(moving, 0.05 * k)
+        made.sense(0.05 * (k + 1))
+    last_s = 0.05 * 19
+    for k in range(80):
+        made.sense(last_s + 0.05 * k)
+    still = made.sense(last_s + DEAD_MAN_S + 3.5)
+    later = made.sense(last_s + DEAD_MAN_S + 4.5)
+    assert still is not None
+    assert later is not None
+    assert still.position_m[0] > 0.1
+    assert math.dist(still.position_m, later.position_m) < 0.05
+
+
+def test_a_car_does_not_leave_its_fence() -> None:
+    """A planner that is wrong is not believed."""
+    world = World((-4.0, -4.0, 0.0), (4.0, 4.0, 3.0), (Box((1.0, -1.0, 0.0), (2.0, 1.0, 1.0)),))
+    one = Guarded("CAR", world=WORLD).started()
+    body = one.model.body
+    one.driven._setup = Setup(usual(body), field(world, flat=True), 0.1)
+    one.driven.follow([(0.0, 0.0, 0.0), (3.0, 0.0, 0.0)])
+    one.until(lambda: one.mode is Mode.HOLDING)
+    one.tick(60)
+    assert one.here[0] < 1.0
+    assert any(note.condition is Condition.AHEAD for note in one.driven.notes)
+
+
+def test_straight_planners_of_cars_are_asked_for_by_name() -> None:
+    settings = PilotSettings(VEHICLES["CAR"].body, PlannerName.STRAIGHT)
+    made = pilot(settings, WORLD)
+    assert type(made.planner).__name__ == "Straight"
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_who_is_told_to_stop_comes_to_the_ground_and_stays_there(kind: str) -> None:
+    one = Guarded(kind).started()
+    one.driven.go_to(goal_of(kind))
+    one.until(lambda: math.dist(one.here, (0.0, 0.0, 0.0)) > 0.5)
+    assert not one.driven.is_at_rest
+    one.driven.order(Order.LAND, one.now)
+    took_s = one.until(lambda: one.driven.is_at_rest, most_s=15.0)
+    assert took_s > 0.0
+    there = one.here
+    one.tick(40)
+    assert math.dist(one.here, there) < 0.02
+    assert kind == "IDEAL" or there[2] == pytest.approx(0.0, abs=0.06)
+
+
+def test_people_are_told_why_a_vehicle_holds() -> None:
+    one = Guarded("CAR").started()
+    assert not one.driven.remarks
+    one.round_age_s = 5.0
+    one.tick()
+    assert [remark.partition(" for")[0] for remark in one.driven.remarks] == [
+        "no round was committed"
+    ]
+    one.round_age_s = 0.05
+    one.until(lambda: one.mode is Mode.RUNNING)
+    assert not one.driven.remarks
