@@ -42,9 +42,7 @@ def platforms(fitted: Fitted, driver: MakeDriver = simulated) -> Callable[[Job, 
         settings = PilotSettings(
             model.body, model.planner, model.steering, model.visit, model.effort
         )
-        guarded = Setup(
-            vehicle.safety, field(world, flat=model.body.ON_GROUND), float(job.delta_s)
-        )
+        guarded = Setup(vehicle.safety, field(world, flat=model.body.ON_GROUND), float(job.delta_s))
         steersman = pilot(settings, world, scene.seed * len(scene.robots) + pid)
         try:
             driven = DrivenVehicle(driver(device), steersman, guarded, time.monotonic())

@@ -327,7 +327,7 @@ def test_a_margin_has_room_below_the_ceiling() -> None:
 
 def test_limits_that_nothing_asks_for_yet_are_told_of() -> None:
     assert [(d.code, d.message) for d in loaded(GUARDED).warnings] == [
-        ("K938", "`safety` has no effect")
+        ("K938", "`safety` has an effect on driven vehicles alone")
     ]
     assert not loaded("num_robots: 1\nmonitor: {safety: 0.4}").warnings
 

@@ -54,8 +54,8 @@ _IDLE: Mapping[str, str] = {
 )
 
 
-#: Why a `safety:` block changes nothing either.
-_UNGUARDED = "no platform drives vehicles yet, so nothing asks the guardian"
+#: Where a `safety:` block changes nothing either.
+_UNGUARDED = "ideal points and the robots of simulations have no guardian"
 
 _SAFETY_HINT = "specs/guardian/README.md says what the limits are for"
 
@@ -117,7 +117,10 @@ class _Checker(FormReader):
             elif path == ("safety",) or (path[0] in ("device", "devices") and path[-1] == "safety"):
                 places.setdefault("safety", span)
         for name, span in places.items():
-            story = f"`{name}` has no effect"
+            is_idle = name in _IDLE
+            story = (
+                f"`{name}` has {'no effect' if is_idle else 'an effect on driven vehicles alone'}"
+            )
             hint = _IDLE.get(name, _UNGUARDED)
             yield Diagnostic("K938", Severity.WARNING, span, story, hint)
 
