@@ -8,6 +8,7 @@ MODES = "tests/runtime/guardian/test_modes.py"
 CONDITIONS = "tests/runtime/guardian/test_conditions.py"
 EXPLORATION = "tests/runtime/guardian/test_exploration.py"
 WALKS = "tests/runtime/guardian/test_walks.py"
+VEHICLES = "tests/runtime/guardian/test_vehicles.py"
 PROOF = "tests/refinement/test_guardian_proof.py"
 CONFIGURATION = "tests/runtime/test_configuration.py"
 
@@ -245,16 +246,30 @@ GUARDED = (
     Mutant(
         "other robots are where they were",
         f"{_JUDGED}._close",
-        "other.speed_mps * (other.age_s if known else longest_s)",
-        "0.0",
+        "place + np.array(other.velocity_mps) * moved_s + _braking(limits, other.velocity_mps)",
+        "place",
         (CONDITIONS,),
     ),
     Mutant(
         "who moves away from another robot is too close",
         f"{_JUDGED}._close",
-        "then_m - moved_m >= least_m or then_m >= now_m - _NEARER_M",
-        "then_m - moved_m >= least_m",
+        "nearest_m >= least_m or nearest_m >= resting_m - _NEARER_M",
+        "nearest_m >= least_m",
         (CONDITIONS,),
+    ),
+    Mutant(
+        "other robots need no way to brake",
+        f"{_JUDGED}._close",
+        "place + np.array(other.velocity_mps) * moved_s + _braking(limits, other.velocity_mps)",
+        "place + np.array(other.velocity_mps) * moved_s",
+        (CONDITIONS,),
+    ),
+    Mutant(
+        "other robots do what they did when they were seen",
+        f"{_JUDGED}._close",
+        "limits.braking_mps2 * (moved_s + limits.reaction_s) ** 2",
+        "0.0",
+        (CONDITIONS, VEHICLES),
     ),
     # how it is proved and configured
     Mutant(

@@ -229,6 +229,6 @@ def _with(well: Ticked, condition: Condition) -> Ticked:
         Condition.FENCE: _sensed(well, position_m=_OUTSIDE),
         Condition.AHEAD: replace(well, wish=Velocity((1.0, 0.0, 0.0))),
         Condition.WISH: replace(well, wish=Velocity((99.0, 0.0, 0.0))),
-        Condition.APART: replace(well, others=(Other(1, (4.25, 0.0, 0.0), 0.0, 1.0),)),
+        Condition.APART: replace(well, others=(Other(1, (4.25, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0),)),
     }
     return found[condition]

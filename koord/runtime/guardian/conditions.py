@@ -27,12 +27,11 @@ from koord.runtime.drivers.setpoints import (
 from koord.runtime.guardian.events import Condition, Other, Ticked
 from koord.runtime.guardian.limits import SafetyLimits
 from koord.runtime.guardian.modes import Facts, Mode, State, TrustedPose
-from koord.runtime.motion.arrays import Floats
 from koord.runtime.motion.field import Field
-from koord.runtime.motion.geometry import as_path, point_path
+from koord.runtime.motion.geometry import point_segment, segment_segment
 from koord.runtime.motion.world import Point
 
-#: Robots that come no nearer than by this much are not closing in.
+#: A robot that comes no nearer by moving than by standing, but for this, is not closing in.
 _NEARER_M = 0.01
 
 #: No length in metres and no speed in metres a second is greater.
@@ -198,8 +197,7 @@ def _of_place(
             far_m = max(math.dist(here, end) for end, ok in zip(ends, free, strict=True) if not ok)
             said = f"it cannot stop in time: a wall or an obstacle is within {far_m:.2f} m ahead"
             yield Condition.AHEAD, said
-    paths = [as_path([here, end]) for end in ends]
-    near = [story for other in tick.others if (story := _close(setup, state, paths, other))]
+    near = [story for other in tick.others if (story := _close(setup, state, here, ends, other))]
     if near:
         yield Condition.APART, "; ".join(near)
 
@@ -292,26 +290,30 @@ def _unsafe(setup: Setup, here: Point, wish: object) -> str | None:
     return None
 
 
-def _close(setup: Setup, state: State, paths: list[Floats], other: Other) -> str | None:
-    """Return how near another robot may be if this one comes nearer to it. (G-APART)
+def _close(setup: Setup, state: State, here: Point, ends: list[Point], other: Other) -> str | None:
+    """Return how near another robot may come, if that is because this one moves. (G-APART)
 
-    It may have moved since it was seen, until its own guardian held it for want of rounds.
+    The other one has moved on since it was seen, until its own guardian held it for want of rounds,
+    and then until it stood.
     """
     limits = setup.limits
-    if not _are_sane(*other.position_m, other.speed_mps):
+    if not _are_sane(*other.position_m, *other.velocity_mps):
         return f"robot {other.pid} is where nothing can be"
     longest_s = limits.rounds * setup.delta_s
-    known = 0 <= other.age_s <= longest_s
-    moved_m = other.speed_mps * (other.age_s if known else longest_s)
+    moved_s = other.age_s if 0 <= other.age_s <= longest_s else longest_s
+    place = np.array(other.position_m)
+    last = place + np.array(other.velocity_mps) * moved_s + _braking(limits, other.velocity_mps)
+    start = np.array(here)
+    # It may have sped up or turned since, as hard as it brakes, and nothing of that shows yet.
+    unseen_m = limits.braking_mps2 * (moved_s + limits.reaction_s) ** 2
+    resting_m = math.sqrt(point_segment(start, place, last)) - unseen_m
+    nearest_m = math.sqrt(segment_segment(start, np.array(ends), place, last).min()) - unseen_m
     least_m = limits.separation_m
     if Condition.APART in state.conditions:
         least_m += limits.separation_more_m
-    place = np.array(other.position_m)
-    now_m = float(np.linalg.norm(paths[0][0] - place))
-    then_m = min(point_path(place, path) for path in paths)
-    if then_m - moved_m >= least_m or then_m >= now_m - _NEARER_M:
+    if nearest_m >= least_m or nearest_m >= resting_m - _NEARER_M:
         return None
     return (
-        f"robot {other.pid}, seen {other.age_s:.2f} s ago, may be {max(then_m - moved_m, 0):.2f} m "
-        f"away before this one stands (limit {least_m:.2f} m)"
+        f"robot {other.pid}, seen {other.age_s:.2f} s ago, may come as near as {nearest_m:.2f} m "
+        f"before both stand (limit {least_m:.2f} m)"
     )

@@ -49,12 +49,12 @@ class Ordered(Struct, frozen=True):
 
 
 class Other(Struct, frozen=True):
-    """Another robot: where it was last known to be, and how fast it may be."""
+    """Another robot: where it was last known to be, and how it moved there."""
 
     pid: int
     position_m: Point
+    velocity_mps: Point
     age_s: float
-    speed_mps: float
 
 
 class Ticked(Struct, frozen=True):

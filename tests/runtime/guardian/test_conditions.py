@@ -264,50 +264,68 @@ def test_heights_that_are_not_risen_to(height_m: float) -> None:
 # --- other robots -------------------------------------------------------------------------------
 
 
-def near(x: float, age_s: float = 0.0, speed_mps: float = 1.0) -> tuple[Other, ...]:
-    return (Other(1, (x, 0.0, 0.0), age_s, speed_mps),)
+def near(x: float, age_s: float = 0.0, speed_mps: float = 0.0) -> tuple[Other, ...]:
+    """Another robot on the x axis, that comes nearer with a speed."""
+    return (Other(1, (x, 0.0, 0.0), (-speed_mps, 0.0, 0.0), age_s),)
+
+
+AHEAD = Velocity((1.0, 0.0, 0.0))
+HERE = (0.0, 0.0, 0.0)
+
+
+def unseen_m(age_s: float) -> float:
+    """How far another robot may have got besides, since it was seen."""
+    return 1.5 * (age_s + 0.2) ** 2
+
+
+#: The least distance of which nothing is said, of a robot that is driven towards one that stands.
+APART_M = 0.5 + BRAKING_M + unseen_m(0.0)
 
 
 def test_robots_keep_apart() -> None:
     """(G-APART): 0.5 m, at the end of the braking distance."""
-    ahead = Velocity((1.0, 0.0, 0.0))
-    assert told((0.0, 0.0, 0.0), ahead, others=near(0.51 + BRAKING_M)) == ""
-    assert told((0.0, 0.0, 0.0), ahead, others=near(0.49 + BRAKING_M)) == "APART"
+    assert told(HERE, AHEAD, others=near(APART_M + 0.01)) == ""
+    assert told(HERE, AHEAD, others=near(APART_M - 0.01)) == "APART"
     moving = {"velocity_mps": (1.0, 0.0, 0.0)}
-    assert told((0.0, 0.0, 0.0), Hold(), others=near(0.49 + BRAKING_M), **moving) == "APART"
+    assert told(HERE, Hold(), others=near(APART_M - 0.01), **moving) == "APART"
 
 
-def test_what_was_seen_long_ago_may_have_come_nearer() -> None:
+def test_both_robots_have_to_brake() -> None:
+    """(G-APART)"""
+    assert told(HERE, AHEAD, others=near(APART_M + BRAKING_M + 0.01, speed_mps=1.0)) == ""
+    assert told(HERE, AHEAD, others=near(APART_M + BRAKING_M - 0.01, speed_mps=1.0)) == "APART"
+    assert told(HERE, AHEAD, others=near(APART_M + 0.01, speed_mps=-1.0)) == ""
+
+
+def test_what_was_seen_long_ago_has_moved_on() -> None:
     """(G-APART): for 5 rounds of 0.1 s; then its own guardian holds it."""
-    ahead = Velocity((1.0, 0.0, 0.0))
-    assert told((0.0, 0.0, 0.0), ahead, others=near(0.6 + BRAKING_M, 0.05)) == ""
-    assert told((0.0, 0.0, 0.0), ahead, others=near(0.6 + BRAKING_M, 0.15)) == "APART"
-    assert told((0.0, 0.0, 0.0), ahead, others=near(1.01 + BRAKING_M, 60.0)) == ""
-    for age_s in (60.0, math.nan, -1.0):
-        assert told((0.0, 0.0, 0.0), ahead, others=near(0.99 + BRAKING_M, age_s)) == "APART"
+    for age_s, known_s in ((0.1, 0.1), (0.5, 0.5), (60.0, 0.5), (math.nan, 0.5), (-1.0, 0.5)):
+        least_m = 0.5 + 2 * BRAKING_M + 1.0 * known_s + unseen_m(known_s)
+        assert told(HERE, AHEAD, others=near(least_m + 0.01, age_s, 1.0)) == ""
+        assert told(HERE, AHEAD, others=near(least_m - 0.01, age_s, 1.0)) == "APART"
 
 
 def test_who_moves_away_or_stands_is_not_too_close() -> None:
     """(G-APART)"""
-    assert told((0.0, 0.0, 0.0), Hold(), others=near(0.3)) == ""
-    assert told((0.0, 0.0, 0.0), Velocity((-1.0, 0.0, 0.0)), others=near(0.3)) == ""
-    assert told((0.0, 0.0, 0.0), Velocity((0.0, 1.0, 0.0)), others=near(0.3)) == ""
-    assert told((0.0, 0.0, 0.0), Velocity((0.3, 0.0, 0.0)), others=near(0.3)) == "APART"
+    for speed_mps in (0.0, 1.0):
+        assert told(HERE, Hold(), others=near(0.3, 0.0, speed_mps)) == ""
+        assert told(HERE, Velocity((-1.0, 0.0, 0.0)), others=near(0.3, 0.0, speed_mps)) == ""
+    assert told(HERE, Velocity((0.0, 1.0, 0.0)), others=near(0.3)) == ""
+    assert told(HERE, Velocity((0.3, 0.0, 0.0)), others=near(0.3)) == "APART"
 
 
 def test_robots_have_to_be_a_little_further_apart_to_go_on() -> None:
     """(G-APART)"""
-    ahead = Velocity((1.0, 0.0, 0.0))
     robot = Guarded().running()
     for gap_m, expected in ((0.49, True), (0.55, True), (0.61, False), (0.55, False)):
-        robot.tick(replace(robot.well(), others=near(gap_m + BRAKING_M)), ahead)
+        robot.tick(replace(robot.well(), others=near(gap_m - 0.5 + APART_M)), AHEAD)
         assert (Condition.APART in robot.conditions) is expected
 
 
 def test_a_robot_at_no_place_is_too_close() -> None:
     """(G-NUMBER, G-APART)"""
-    assert told((0.0, 0.0, 0.0), others=near(math.nan)) == "APART"
-    assert told((0.0, 0.0, 0.0), others=near(2.0, 0.0, math.inf)) == "APART"
+    assert told(HERE, others=near(math.nan)) == "APART"
+    assert told(HERE, others=near(2.0, 0.0, math.inf)) == "APART"
 
 
 # --- at rest ------------------------------------------------------------------------------------

@@ -60,7 +60,7 @@ WILD = st.builds(
     wish=WISHES,
     round_age_s=AGES,
     holding=st.sampled_from([None, *Reason]),
-    others=st.lists(st.builds(Other, st.just(1), PLACES, NUMBERS, NUMBERS), max_size=2).map(tuple),
+    others=st.lists(st.builds(Other, st.just(1), PLACES, PLACES, NUMBERS), max_size=2).map(tuple),
     heartbeat_age_s=AGES,
 )
 
