@@ -136,8 +136,8 @@ def _battery(limits: SafetyLimits, state: State, battery: float | None) -> str |
 
 def _no_pose(limits: SafetyLimits, sensed: Sensed, now_s: float) -> str | None:
     age_s = now_s - sensed.measured_at_s
-    if not _are_sane(*sensed.position_m, *sensed.velocity_mps):
-        return "the position or the velocity is none that can be"
+    if not _are_sane(*sensed.position_m, *sensed.velocity_mps, *sensed.attitude):
+        return "the position, the attitude or the velocity is none that can be"
     if not _is_young(age_s, limits.pose_age_s):
         return f"the pose is {age_s:.2f} s old (limit {limits.pose_age_s:.2f} s)"
     return None
@@ -233,8 +233,11 @@ def _braking(limits: SafetyLimits, velocity_mps: Point) -> Point:
 def _wished(limits: SafetyLimits, here: Point, sensed: Sensed, wish: Wish, ground: float) -> Point:
     """How far a wish leads until the robot stands, if it is held at the next tick."""
     match wish:
-        case Velocity(velocity_mps=velocity_mps) | Track(velocity_mps=velocity_mps):
+        case Velocity(velocity_mps=velocity_mps):
             return _braking(limits, velocity_mps)
+        case Track(position_m=(x, y, z), velocity_mps=velocity_mps):
+            on = _braking(limits, velocity_mps)
+            return x + on[0] - here[0], y + on[1] - here[1], z + on[2] - here[2]
         case Drive(speed_mps=speed_mps):
             heading = yaw_of(sensed.attitude)
             ahead = math.cos(heading) * speed_mps, math.sin(heading) * speed_mps, 0.0

@@ -10,10 +10,12 @@ from msgspec.structs import replace
 from koord.runtime.drivers.setpoints import (
     Arm,
     Disarm,
+    Drive,
     Hold,
     Land,
     Position,
     Takeoff,
+    Track,
     Velocity,
     Wish,
 )
@@ -223,6 +225,25 @@ def test_it_can_stop_before_the_fence() -> None:
     assert told((2.2, 0.0, 0.0), Position((4.5, 0.0, 0.0), None, 1.0)) == "AHEAD"
 
 
+def test_what_drives_goes_where_it_points() -> None:
+    """(G-AHEAD): forwards and backwards."""
+    far = (2.3 - BRAKING_M + 0.01, 0.0, 0.0)
+    behind = (0.0, 0.0, 0.0, 1.0)
+    assert told(far, Drive(1.0)) == "AHEAD"
+    assert told(far, Drive(-1.0)) == ""
+    assert told(far, Drive(1.0), attitude=behind) == ""
+    assert told(far, Drive(-1.0), attitude=behind) == "AHEAD"
+    assert told(far, Drive(1.0), attitude=(math.nan, 0.0, 0.0, 0.0)) == "POSE"
+
+
+def test_what_is_tracked_is_on_the_way() -> None:
+    """(G-AHEAD): to the position, and on from there until it stands."""
+    up = (0.0, 1.0, 0.0)
+    assert told((2.2, 0.5, 0.0), Track((2.2, 0.6, 0.0), up)) == ""
+    assert told((1.0, 0.0, 0.0), Track((2.0, 0.0, 0.0), (1.0, 0.0, 0.0))) == "AHEAD"
+    assert told((2.0, 0.0, 0.0), Track((4.0, 0.0, 0.0), up)) == "AHEAD"  # through the block
+
+
 def test_what_lands_is_not_on_its_way_out_of_the_world() -> None:
     """(G-AHEAD): the ground is no wall."""
     down = {"velocity_mps": (0.0, 0.0, -1.0), "airborne": True}
@@ -237,6 +258,13 @@ def test_what_lands_is_not_on_its_way_out_of_the_world() -> None:
         Velocity((1.21, 0.0, 0.0)),
         Velocity((math.nan, 0.0, 0.0)),
         Velocity((0.1, 0.0, 0.0), math.inf),
+        Drive(1.21),
+        Drive(-1.21),
+        Drive(0.1, math.nan),
+        Drive(0.1, 0.0, math.inf),
+        Track((9.0, 0.0, 0.0), (0.1, 0.0, 0.0)),
+        Track((0.0, 0.0, 0.0), (0.0, 1.21, 0.0)),
+        Track((0.0, 0.0, 0.0), (0.0, 0.1, 0.0), (math.nan, 0.0, 0.0)),
         Position((9.0, 0.0, 0.0), None, 0.5),
         Position((3.0, 0.0, 0.0), None, 0.5),
         Position((0.0, 0.0, 0.0), math.nan, 0.5),

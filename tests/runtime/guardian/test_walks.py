@@ -9,11 +9,13 @@ from hypothesis import strategies as st
 from msgspec.structs import replace
 
 from koord.runtime.drivers.setpoints import (
+    Drive,
     Hold,
     Land,
     Position,
     Sensed,
     Takeoff,
+    Track,
     Velocity,
     Wish,
 )
@@ -35,6 +37,8 @@ WISHES: st.SearchStrategy[Wish | None] = st.one_of(
     st.just(Hold()),
     st.just(Land()),
     st.builds(Velocity, PLACES, NUMBERS),
+    st.builds(Drive, NUMBERS, NUMBERS, st.one_of(st.none(), NUMBERS)),
+    st.builds(Track, PLACES, PLACES, PLACES, st.one_of(st.none(), NUMBERS)),
     st.builds(Position, PLACES, st.one_of(st.none(), NUMBERS), NUMBERS),
     st.builds(Takeoff, NUMBERS),
 )
@@ -48,7 +52,7 @@ WILD = st.builds(
         st.builds(
             Sensed,
             position_m=PLACES,
-            attitude=st.just(LEVEL),
+            attitude=st.one_of(st.just(LEVEL), st.tuples(*[NUMBERS] * 4)),
             velocity_mps=PLACES,
             measured_at_s=NUMBERS,
             battery=st.one_of(st.none(), st.floats(0, 1), st.floats()),
