@@ -177,6 +177,13 @@ class MergedRefusal(Form):
     reason: Told
 
 
+class Presumption(Form):
+    """An assumption or a contract that is not judged by answers that nobody gave."""
+
+    kind: Annotated[str, words("assumption", "contract")]
+    name: Annotated[str, Meta(description="Of a contract with its module: `Motion.OnRoute`.")]
+
+
 class Merged(Form):
     """The answer of `koord merge --json`. Rounds count from 0, as in traces; -1 is the start."""
 
@@ -194,6 +201,10 @@ class Merged(Form):
     refused: MergedRefusal | None
     broken: Annotated[Broken | None, Meta(description="Only of a legal run.")]
     unjudged: Annotated[list[str], Meta(description="Properties that ask what nobody answered.")]
+    presumed: Annotated[
+        list[Presumption],
+        Meta(description="Statements that ask what nobody answered: they may hold, or not."),
+    ]
 
 
 # --- koord recheck --------------------------------------------------------------------------------

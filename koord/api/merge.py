@@ -18,6 +18,7 @@ from koord.refinement.hearing import DisagreementError, Heard
 from koord.refinement.judging import judge
 from koord.refinement.part_reading import Part, read_lines, read_part
 from koord.refinement.parts import difference
+from koord.refinement.presuming import Presumption, UndecidedError
 from koord.refinement.reports import Acted, Left, Missed
 from koord.refinement.trace_merge import gathered
 from koord.runtime.deploy.recording import PARTS
@@ -73,6 +74,7 @@ class Merged(Result, frozen=True, kw_only=True):
     refused: Refused | None  #: the first step that no rule allows
     broken: Violation | None  #: the first property or contract that the run breaks, if it is legal
     unjudged: tuple[str, ...]  #: properties that ask what nobody answered
+    presumed: tuple[Presumption, ...]  #: assumptions and contracts that do
 
     @property
     def is_whole(self) -> bool:
@@ -113,6 +115,7 @@ class Merged(Result, frozen=True, kw_only=True):
             else {"rule": refused.rule, "round": refused.step.round, "reason": refused.reason},
             "broken": None if self.broken is None else to_builtins(broken_form(self.broken)),
             "unjudged": list(self.unjudged),
+            "presumed": [to_builtins(one) for one in self.presumed],
         }
 
     def __repr__(self) -> str:
@@ -187,8 +190,10 @@ def _merged(parts: Mapping[int, Part], tell: _Telling) -> Merged:
     def filled(number: int) -> None:
         tell.step(f"filling in what nobody saw, round {number + 1} {of}", number + 1)
 
-    ran = gathered(subject.sources, system, heard, passed=filled)
-    watch = Watch.of(ran.trace)
+    gathering = gathered(subject.sources, system, heard, passed=filled)
+    ran = gathering.run
+    lasting = (one for one in gathering.choices if one.asked is None)
+    watch = Watch.of(ran.trace, {(one.function, one.arguments) for one in lasting})
 
     def seen(step: Step) -> None:
         tell.step(f"judging, round {step.round + 1} {of}", max(0, step.round))
@@ -203,6 +208,8 @@ def _merged(parts: Mapping[int, Part], tell: _Telling) -> Merged:
             why = f"in round {refused.step.round + 1}, {refused.reason} [{refused.rule}]"
         whose = ", ".join(map(str, unseen or missing)) or "that were ended"
         story = f"what robots {whose} did cannot be filled in: {why}"
+        if isinstance(ran.gave_up, UndecidedError):
+            story = why
         raise refusal("K918", first.name, story, _cure(missing))
     return Merged(
         trace=Trace(judged.trace),
@@ -212,6 +219,7 @@ def _merged(parts: Mapping[int, Part], tell: _Telling) -> Merged:
         refused=refused,
         broken=watch.violation if refused is None else None,
         unjudged=watch.unjudged,
+        presumed=gathering.presumptions,
     )
 
 

@@ -28,7 +28,7 @@ def merge_lines(path: str, merged: Merged) -> Iterator[str]:
     what = f"{counted(trace.rounds, 'round')} of {counted(trace.robots, 'robot')}"
     if refused is None:
         yield f"{visible(path)}: {what}, every step legal"
-        yield from claim_lines(merged.broken, merged.unjudged)
+        yield from claim_lines(merged.broken, (*merged.unjudged, *map(str, merged.presumed)))
     else:
         where = f"round {refused.step.round + 1}" if refused.step.round >= 0 else "INIT"
         yield f"{visible(path)}: {what}, not legal by {refused.rule} in {where}"

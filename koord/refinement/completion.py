@@ -9,7 +9,7 @@ know. The model of a robot that is switched off asks nobody, either.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from random import Random
 from typing import TypeAlias
 
@@ -46,7 +46,7 @@ Library: TypeAlias = Callable[[core.External, tuple[Concrete, ...], int | None],
 
 def with_summaries(
     trace: Trace,
-    library: Library | None = None,
+    library: Library,
     passed: Callable[[int], None] = lambda number: None,
 ) -> Trace:
     """Complete a trace with the answers that summaries and assumptions need, of its own library.
@@ -78,7 +78,7 @@ class Completing:
     library has put off a question, the rest of it stays as it is.
     """
 
-    def __init__(self, system: System, library: Library | None) -> None:
+    def __init__(self, system: System, library: Library) -> None:
         self.put_off = False  #: whether the library did not answer
         self._system = system
         self._asking = _Asking(system, library)
@@ -92,7 +92,7 @@ class Completing:
         """Complete the opening. Raises KoordError."""
         self.remember(opening.answers)
         starts = RecordedInputs(starts=opening.starts)
-        inputs = CompletedInputs(starts, opening.answers, self._asking.missing)
+        inputs = CompletedInputs(starts, by_place(opening.answers), self._asking.missing)
         try:
             start = initialised(DOUBLES, self._system, inputs, opening.order).configuration
             if start.fault is None:
@@ -105,20 +105,21 @@ class Completing:
             self.put_off = True
             return opening
         self._go_on(start)
-        return replace(opening, answers=tuple(inputs.answers))
+        return replace(opening, answers=inputs.answers)
 
     def round(self, round_: Round) -> Round:
         """Complete the next round. Raises KoordError."""
         if self._last is None:
             return round_
         self.remember(round_.answers)
-        inputs = CompletedInputs(RecordedInputs(), round_.answers, self._asking.missing)
+        told = by_place(round_.answers)
+        inputs = CompletedInputs(RecordedInputs(), told, self._asking.missing)
         readings = round_.readings
         at, self._last = self._last, None
         try:
             at = program_turns(self._system, at, round_, inputs)
             if not round_.cut and at.fault is None:
-                readings = self._asking.readings(at, readings)
+                readings = with_readings(self._system, at, readings, self._asking.sampled)
                 inputs.others = RecordedInputs(readings=readings)
                 at = evolved(DOUBLES, self._system, at, inputs).configuration
             self._go_on(at)
@@ -126,7 +127,7 @@ class Completing:
             pass  # replay finds the same step, and tells of it
         except PutOffError:
             self.put_off = True
-        return replace(round_, answers=tuple(inputs.answers), readings=readings)
+        return replace(round_, answers=inputs.answers, readings=readings)
 
     def _go_on(self, configuration: Configuration[Constant]) -> None:
         self._last = configuration if configuration.fault is None else None
@@ -148,12 +149,17 @@ def program_turns(
     return configuration
 
 
-def _mentioned(program: core.Program) -> frozenset[int]:
+def mentioned(program: core.Program) -> frozenset[int]:
     """The sites of calls in summaries and contracts, and in the functions these call."""
     summaries = tuple((function.requires, function.ensures) for function in program.externals)
     modules = (module for agent in program.agents for module in agent.modules)
     contracts = tuple(module.contracts for module in modules)
-    parts: list[object] = [summaries, contracts]
+    return asked_in(program, (summaries, contracts))
+
+
+def asked_in(program: core.Program, part: object) -> frozenset[int]:
+    """The sites of calls of external functions in a part, and in the functions that it calls."""
+    parts = [part]
     sites, called = set[int](), set[str]()
     while parts:
         for node in nodes(parts.pop()):
@@ -176,12 +182,12 @@ def _sensors(system: System, robot: int) -> list[core.Port]:
 class _Asking:
     """The known answers of external functions in the whole run, and the library for others."""
 
-    def __init__(self, system: System, library: Library | None) -> None:
+    def __init__(self, system: System, library: Library) -> None:
         self.system = system
         self.library = library
         # What a summary says of every value is taken on trust, as replay does. [REPLAY]
         self.sampled = SampledInputs(Sampler(self.system, Numbers.DOUBLE, Random(0)), samples=0)
-        self.sites: frozenset[int] = _mentioned(self.system.program)
+        self.sites: frozenset[int] = mentioned(self.system.program)
 
     def remember(self, answers: tuple[Answer, ...]) -> None:
         kinds = {function.name: function.kind for function in self.system.program.externals}
@@ -193,8 +199,6 @@ class _Asking:
     def ask(
         self, function: core.External, arguments: tuple[Concrete, ...], robot: int | None
     ) -> Concrete:
-        if self.library is None:
-            return self.sampled.ask(function, arguments, robot, {})
         known = self.sampled.functions
         if (function.name, arguments) not in known:
             known[function.name, arguments] = self.library(function, arguments, robot)
@@ -215,21 +219,27 @@ class _Asking:
             return None
         return self.ask(function, arguments, robot)
 
-    def readings(
-        self, configuration: Configuration[Constant], given: tuple[Reading, ...]
-    ) -> tuple[Reading, ...]:
-        """The readings of a round, with values made up for sensors that nobody read."""
-        system, sampled = self.system, self.sampled
-        told = {(reading.robot, reading.slot) for reading in given}
-        sampled.readings = {}
-        for robot in range(system.robots):
-            sensors = {(robot, p.declaration.variable.slot): p for p in _sensors(system, robot)}
-            if told.issuperset(sensors):
-                continue
-            settle_robot(DOUBLES, system, configuration, robot, sampled)
-            made_up = (Reading(*key, sampled.sensor(robot, p)) for key, p in sensors.items())
-            given = (*(reading for reading in given if reading.robot != robot), *made_up)
-        return given
+
+def with_readings(
+    system: System,
+    configuration: Configuration[Constant],
+    given: tuple[Reading, ...],
+    sampled: SampledInputs,
+) -> tuple[Reading, ...]:
+    """The readings of a round, with values made up for sensors that nobody read.
+
+    Raises KoordError where none are found that contracts allow.
+    """
+    told = {(reading.robot, reading.slot) for reading in given}
+    sampled.forget_round()
+    for robot in range(system.robots):
+        sensors = {(robot, p.declaration.variable.slot): p for p in _sensors(system, robot)}
+        if told.issuperset(sensors):
+            continue
+        settle_robot(DOUBLES, system, configuration, robot, sampled)
+        made_up = (Reading(*key, sampled.sensor(robot, p)) for key, p in sensors.items())
+        given = (*(reading for reading in given if reading.robot != robot), *made_up)
+    return given
 
 
 #: Who answers what a recording lacks: of a turn of a robot, an external function (None: a
@@ -239,14 +249,31 @@ Ask: TypeAlias = Callable[
 ]
 
 
-class CompletedInputs:
-    """The inputs of a round: recorded ones, and answers obtained beyond these."""
+#: Where an answer is given in a round: in a turn of a robot, under a key.
+Where: TypeAlias = "tuple[Phase, int, Key]"
 
-    def __init__(self, others: RecordedInputs, answers: Iterable[Answer], ask: Ask) -> None:
+
+def by_place(answers: Iterable[Answer]) -> dict[Where, Answer]:
+    """The answers of a round, each by its place."""
+    return {(answer.phase, answer.robot, answer.key): answer for answer in answers}
+
+
+class CompletedInputs:
+    """The inputs of a round: recorded ones, and answers ``made`` beyond these."""
+
+    def __init__(self, others: RecordedInputs, told: Mapping[Where, Answer], ask: Ask) -> None:
         self.others = others  #: starts and readings
-        self.answers = list(answers)
         self.ask = ask
-        self._known = {(a.phase, a.robot, a.key): a for a in self.answers}
+        self._told = told
+        self._made: dict[Where, Answer] = {}
+
+    @property
+    def made(self) -> tuple[Answer, ...]:
+        return tuple(self._made.values())
+
+    @property
+    def answers(self) -> tuple[Answer, ...]:
+        return (*self._told.values(), *self.made)
 
     def start(self, declaration: core.Declaration, robot: int | None) -> Concrete:
         return self.others.start(declaration, robot)
@@ -259,20 +286,18 @@ class CompletedInputs:
 
     def find(
         self,
-        where: tuple[Phase, int, Key],
+        where: Where,
         function: core.External | None,
         arguments: tuple[Concrete, ...],
     ) -> Concrete | None:
-        if where not in self._known:
+        known = self._told.get(where) or self._made.get(where)
+        if known is None:
             value = self.ask(*where, function, arguments)
             if value is None:
                 return None
-            if function is None:
-                self._known[where] = Answer(*where, None, (), value)
-            else:
-                self._known[where] = Answer(*where, function.name, arguments, value)
-            self.answers.append(self._known[where])
-        return self._known[where].value
+            name, given = (None, ()) if function is None else (function.name, arguments)
+            known = self._made[where] = Answer(*where, name, given, value)
+        return known.value
 
 
 class _Oracle(Struct, frozen=True):

@@ -157,7 +157,7 @@ class Expedition(Struct, frozen=True):
     def ran(self, told: Sequence[Sequence[Told]]) -> CompiledRun:
         library = self.host(0).answer if self.is_seeded else None
         heard = Heard.of(enumerate(told))
-        return gathered(self.sources, self.system, heard, self.rounds, library)
+        return gathered(self.sources, self.system, heard, self.rounds, library).run
 
 
 def _part_in(folder: Path, pid: int) -> Path:

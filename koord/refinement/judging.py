@@ -7,7 +7,7 @@ from collections.abc import Callable
 from msgspec import Struct
 from msgspec.structs import replace
 
-from koord.refinement.completion import CompletedInputs, program_turns
+from koord.refinement.completion import CompletedInputs, by_place, program_turns
 from koord.refinement.running import CompiledRun
 from koord.semantics.domain import DOUBLES
 from koord.semantics.oracle import Key, Phase
@@ -100,15 +100,17 @@ def _completed(trace: Trace) -> Trace:
 
     if not rounds:
         starts = RecordedInputs(starts=opening.starts)
-        inputs = CompletedInputs(starts, opening.answers, make_up)
+        inputs = CompletedInputs(starts, by_place(opening.answers), make_up)
         initialised(DOUBLES, system, inputs, opening.order)
-        whole = Recording(replace(opening, answers=tuple(inputs.answers)), ())
+        whole = Recording(replace(opening, answers=inputs.answers), ())
         return replace(trace, recording=whole)
     *_, start = execute(DOUBLES, system, Recording(opening, rounds[:-1]))
     last = rounds[-1]
-    inputs = CompletedInputs(RecordedInputs(readings=last.readings), last.answers, make_up)
+    inputs = CompletedInputs(
+        RecordedInputs(readings=last.readings), by_place(last.answers), make_up
+    )
     configuration = program_turns(system, start.configuration, last, inputs)
     if not last.cut and configuration.fault is None:
         evolved(DOUBLES, system, configuration, inputs)
-    whole = Recording(opening, (*rounds[:-1], replace(last, answers=tuple(inputs.answers))))
+    whole = Recording(opening, (*rounds[:-1], replace(last, answers=inputs.answers)))
     return replace(trace, recording=whole)

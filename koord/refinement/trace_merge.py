@@ -12,8 +12,10 @@ from collections.abc import Callable, Iterable, Iterator
 from msgspec import Struct
 from msgspec.structs import replace
 
+from koord.refinement.answer_search import Question
 from koord.refinement.completion import Library, with_summaries
 from koord.refinement.hearing import Heard, is_of_model, ran_in
+from koord.refinement.presuming import Presumed, Presumption, presumed
 from koord.refinement.running import CompiledRun, opening_order, schedule_of
 from koord.refinement.translation import to_fault
 from koord.runtime.proposals import INIT_ROUND, Decision
@@ -38,6 +40,17 @@ from koord.syntax.system import System
 from koord.traces.trace import Emitted, Numbers, Sources, Trace
 
 
+class Gathered(Struct, frozen=True):
+    """A merged run, with what it is not judged by: nobody answered what these statements ask.
+
+    ``choices`` are the questions to which answers were chosen.
+    """
+
+    run: CompiledRun
+    presumptions: tuple[Presumption, ...] = ()
+    choices: frozenset[Question] = frozenset()
+
+
 def gathered(
     sources: Sources,
     system: System,
@@ -45,11 +58,11 @@ def gathered(
     rounds: int | None = None,
     library: Library | None = None,
     passed: Callable[[int], None] = lambda number: None,
-) -> CompiledRun:
+) -> Gathered:
     """Merge reports to a run of at most so many rounds.
 
-    ``library`` answers what only the rules ask; without one the reference's does. ``passed`` hears
-    of each round that is filled in.
+    ``library`` answers what only the rules ask; without one answers are chosen by which the run is
+    legal, if there are any. ``passed`` hears of each round that is filled in.
 
     It gives up where no readings or answers are found that the program allows, of a robot that was
     switched off or to questions that only the rules have.
@@ -65,14 +78,14 @@ class _Gathering(Struct):
     library: Library | None
     passed: Callable[[int], None]
 
-    def ran(self) -> CompiledRun:
+    def ran(self) -> Gathered:
         """The run as a trace. Inputs of the last round may be missing."""
         heard, system = self.heard, self.system
         first = heard.decisions.get(INIT_ROUND)
         if first is None:
             nothing = Recording(Opening(()), ())
             bare = Trace(self.sources, system, Numbers.DOUBLE, nothing, ())
-            return CompiledRun(bare, gave_up=heard.gave_up)
+            return Gathered(CompiledRun(bare, gave_up=heard.gave_up))
         order = opening_order(first, system.robots)
         fault = self._fault_of(first)
         self._begin_the_rest(range(system.robots) if fault is not None else self._silent)
@@ -91,10 +104,19 @@ class _Gathering(Struct):
         recording = Recording(opening, tuple(rounds))
         bare = Trace(self.sources, system, Numbers.DOUBLE, recording, ())
         try:
-            trace = self._seen(with_summaries(bare, self.library, self.passed), fault)
+            completed = self._completed(bare)
+            trace = self._seen(completed.trace, fault)
         except KoordError as error:  # what nobody saw is nothing that the program allows
-            return CompiledRun(bare, None, error)
-        return CompiledRun(trace, None if fault is None else fault[1].place, heard.gave_up)
+            return Gathered(CompiledRun(bare, None, error))
+        place = None if fault is None else fault[1].place
+        run = CompiledRun(trace, place, heard.gave_up)
+        return Gathered(run, completed.presumptions, completed.choices)
+
+    def _completed(self, bare: Trace) -> Presumed:
+        """The trace with answers that only the rules ask for. Raises KoordError."""
+        if self.library is None:
+            return presumed(bare, self.passed)
+        return Presumed(with_summaries(bare, self.library, self.passed), (), frozenset())
 
     @property
     def _silent(self) -> list[int]:

@@ -32,6 +32,14 @@ _LONGEST = 1000
 T = TypeVar("T")
 
 
+class AnswerGuess(Struct, frozen=True):
+    """A new answer of an external function to these arguments."""
+
+    function: str
+    arguments: tuple[Concrete, ...]
+    value: Concrete
+
+
 class Repair(Struct, frozen=True):
     """A part of a variable, and a new value for it. ``path`` are positions of fields and elements.
 
@@ -46,15 +54,20 @@ class Repair(Struct, frozen=True):
 
 
 def repairs(m: Machine[Constant], e: core.Expr) -> Iterator[Repair]:
-    """Yield guesses that may make a statement hold that does not."""
+    """Yield changes of variables that may make a statement hold that does not."""
+    return (found for found in guesses(m, e) if isinstance(found, Repair))
+
+
+def guesses(m: Machine[Constant], e: core.Expr) -> Iterator[Repair | AnswerGuess]:
+    """As :func:`repairs`, and also other answers of external functions."""
     if statement(m, e):
         return
     match e:
         case core.Binary(op=BinaryOp.AND | BinaryOp.OR, left=left, right=right):
-            yield from repairs(m, left)
-            yield from repairs(m, right)
+            yield from guesses(m, left)
+            yield from guesses(m, right)
         case core.Binary(op=BinaryOp.IMPLIES, right=right):
-            yield from repairs(m, right)
+            yield from guesses(m, right)
         case core.Binary(op=BinaryOp.EQ, left=left, right=right):
             yield from _solved(m, left, evaluate(m, right))
             yield from _solved(m, right, evaluate(m, left))
@@ -71,12 +84,12 @@ def repairs(m: Machine[Constant], e: core.Expr) -> Iterator[Repair]:
                 if here:
                     m.memory.bound[e.variable.slot] = held(m.d, value)
                     m.trail.append(label)
-                    yield from repairs(m, _of_element(e, label))
+                    yield from guesses(m, _of_element(e, label))
                     m.trail.pop()
         case core.Call():
             inlined = _inlined(m, e)
             if inlined is not None:
-                yield from repairs(m, inlined)
+                yield from guesses(m, inlined)
         case core.Read():
             yield from _solved(m, e, True)
         case _:
@@ -111,11 +124,13 @@ def _moved(value: Concrete, by: Fraction) -> Concrete:
             return value
 
 
-def _solved(m: Machine[Constant], e: core.Expr, value: Concrete) -> Iterator[Repair]:
+def _solved(m: Machine[Constant], e: core.Expr, value: Concrete) -> Iterator[Repair | AnswerGuess]:
     """Yield changes of variables under which an expression has a given value."""
     match e:
         case core.Read(place=place):
             yield from _targets(m, place, value)
+        case core.ExternalCall():
+            yield AnswerGuess(e.function, tuple(evaluate(m, a) for a in e.arguments), value)
         case core.MakeRecord(fields=parts):
             if isinstance(value, Rec):
                 for part, its in zip(parts, value.fields, strict=True):

@@ -7,6 +7,8 @@ still; so of a thousand parts a step has a few looked at.
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 from msgspec import Struct, field
 
 from koord.sampling.conjuncts import Conjunct, Place, changed, conjuncts_of
@@ -22,7 +24,7 @@ from koord.semantics.storage import held
 from koord.syntax import core
 from koord.syntax.core import PropertyKind
 from koord.syntax.system import System
-from koord.traces.replay import PropertyInputs, answered
+from koord.traces.replay import PropertyInputs, Question, answered
 from koord.traces.trace import Trace, Violation, ViolationKind
 
 
@@ -129,9 +131,13 @@ class Watch(Struct):
     violation: Violation | None = None
 
     @staticmethod
-    def of(trace: Trace) -> Watch:
-        """Watch the run of a trace, of which the answers of functions are known."""
-        inputs = PropertyInputs((), answered(trace))
+    def of(trace: Trace, chosen: Collection[Question] = ()) -> Watch:
+        """Watch the run of a trace, of which the answers of functions are known.
+
+        Those to ``chosen`` questions are not: nobody gave them.
+        """
+        known = {asked: value for asked, value in answered(trace).items() if asked not in chosen}
+        inputs = PropertyInputs((), known)
         return Watch(Monitor(trace.numbers.domain, trace.system, inputs, unjudged={}))
 
     @property

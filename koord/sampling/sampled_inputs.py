@@ -188,19 +188,22 @@ class SampledInputs(Struct):
         self, function: core.External, arguments: tuple[Concrete, ...], robot: int | None
     ) -> Iterable[Concrete]:
         type_ = function.result.type
-        first: list[Concrete] = []
-        implementation = host(function)
-        if implementation is not None:
-            try:
-                made = implementation(*arguments)
-            except (ValueError, OverflowError):  # numbers that are none, or too large for doubles
-                pass
-            else:
-                first = [self.coerced(made, type_)]
+        made = self.stand_in(function, arguments)
+        first = [] if made is None else [made]
         known = list(self.around(robot, type_))
         for argument, parameter in zip(arguments, function.parameters, strict=True):
             known += [v for t, v in values_within(argument, parameter.type) if t == type_]
         return _Draws(self.sampler, type_, first, known)
+
+    def stand_in(self, function: core.External, arguments: tuple[Concrete, ...]) -> Concrete | None:
+        """The answer of the library's stand-in for a function, if there is one."""
+        implementation = host(function)
+        if implementation is None:
+            return None
+        try:
+            return self.coerced(implementation(*arguments), function.result.type)
+        except (ValueError, OverflowError):  # numbers that are none, or too large for doubles
+            return None
 
     def _meets(
         self,

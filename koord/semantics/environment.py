@@ -36,6 +36,22 @@ def environment_turn(
     d: Domain[V], system: System, robot: int, state: Robot[V], inputs: Inputs[V]
 ) -> Evolved[V]:
     """Take the environment's turn of one robot. [ENV-TRANS]"""
+    m = moved(d, system, robot, state, inputs)
+    promises = []
+    for module in system.agent(robot).modules:
+        for contract in module.contracts:
+            kept = _kept(m, contract)
+            if module.environment is not None:
+                promises.append((kept, contract))
+            else:
+                m.require("ENV-CONTRACT", kept, f"contract {contract.name}", contract.span)
+    return Evolved(tuple(m.memory.after), tuple(m.faults), tuple(m.legality), tuple(promises))
+
+
+def moved(
+    d: Domain[V], system: System, robot: int, state: Robot[V], inputs: Inputs[V]
+) -> Machine[V]:
+    """A machine with a robot's ports before and after its turn; no contract was looked at yet."""
     agent = system.agent(robot)
     m = machine(
         d,
@@ -53,15 +69,30 @@ def environment_turn(
             run(m, module.environment)
         else:
             _sense(m, agent, module, inputs, robot)
-    promises = []
-    for module in agent.modules:
-        for contract in module.contracts:
-            kept = _kept(m, contract)
-            if module.environment is not None:
-                promises.append((kept, contract))
-            else:
-                m.require("ENV-CONTRACT", kept, f"contract {contract.name}", contract.span)
-    return Evolved(tuple(m.memory.after), tuple(m.faults), tuple(m.legality), tuple(promises))
+    return m
+
+
+class Ports(Struct, Generic[V], frozen=True):
+    """A robot's ports before and after the environment's turn."""
+
+    before: tuple[Storage[V], ...]
+    after: tuple[Storage[V], ...]
+
+
+def contract_holds(
+    d: Domain[V],
+    system: System,
+    robot: int,
+    ports: Ports[V],
+    contract: core.Contract,
+    inputs: Inputs[V],
+) -> V:
+    """Return the condition that a contract holds by legal answers. [ENV-CONTRACT]"""
+    oracle = inputs.oracle(Phase.ENV, robot)
+    m = machine(d, system, oracle, robot=robot, ports=ports.before, after=ports.after)
+    m.in_environment = True
+    kept = _kept(m, contract)
+    return conjunction(d, [kept, *(needed.condition for needed in m.legality)])
 
 
 def _sense(

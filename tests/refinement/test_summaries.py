@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 from msgspec.structs import replace
 
-from koord.refinement.completion import with_summaries
 from koord.refinement.judging import judge
+from koord.refinement.presuming import presumed
 from koord.refinement.running import CompiledRun
 from koord.semantics.oracle import Phase
 from koord.semantics.recordings import Answer
@@ -44,7 +44,7 @@ def test_what_only_summaries_ask_is_asked_later(name: str) -> None:
     refused = judge(CompiledRun(trace)).refused
     assert refused is not None
     assert refused.rule == "EXTERNAL"
-    found = judge(CompiledRun(with_summaries(trace)))
+    found = judge(CompiledRun(presumed(trace).trace))
     assert found.refused is None
     assert found.steps == outcome.judged.steps if outcome.judged is not None else False
 
@@ -55,6 +55,6 @@ def test_what_the_program_asks_has_to_be_recorded() -> None:
     trace = outcome.ran.trace
     rounds = tuple(replace(r, answers=()) for r in trace.recording.rounds)
     silent = replace(trace, recording=replace(trace.recording, rounds=rounds))
-    refused = judge(CompiledRun(with_summaries(silent))).refused
+    refused = judge(CompiledRun(presumed(silent).trace)).refused
     assert refused is not None
     assert refused.rule == "EXTERNAL"

@@ -1,0 +1,223 @@
+"""What nobody answered accuses nobody: contracts that ask more than robots tell. [EXTERNAL]"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from random import Random
+from typing import Any
+
+import pytest
+
+import koord
+from koord.api.merge import Merged
+from koord.refinement.deployed import Expedition, Starts, told_over_network
+from koord.refinement.running import ready
+from koord.runtime.robot import Key, Robot, Turn
+from koord.syntax.system import dealt
+from tests.refinement.part_files import lines_of, write_lines, written
+from tests.refinement.running import program, sources
+
+#: A gap that is read, and functions; of these the program asks two.
+WALL = (
+    "def fun lit(int x) -> bool: extern\ndef fun seen(int x) -> bool: extern\n"
+    "def fun count(int x) -> int: extern\n"
+    "using Wall:\n  sensors:\n    int gap\n  contract Near:\n    {clauses}\n"
+    "local:\n  int n = 0\n  bool on = false\n"
+    "Up:\n  eff:\n    n = count(7)\n    on = lit(3)\n"
+)
+
+
+class Watcher:
+    """The host of a robot that reads gaps of 0 to 9, and knows of no contract."""
+
+    def __init__(self, pid: int) -> None:
+        self.position = (0.0, 0.0, 0.0)
+        self.holding = False
+        self._random = Random(pid)
+
+    def start(self, robot: int | None, name: str) -> Any:
+        return 0
+
+    def read(self, robot: Robot) -> Mapping[str, Any]:
+        return dict.fromkeys(robot.SENSORS, self._random.randrange(10))
+
+    def ask(
+        self, turn: Turn, robot: int, key: Key, function: str, arguments: tuple[Any, ...]
+    ) -> Any:
+        return {"count": 7, "lit": True}[function]
+
+    def choose(self, turn: Turn, robot: int, key: Key, low: Any, high: Any) -> Any:
+        return low
+
+
+class Watching(Expedition, frozen=True):
+    """A run of robots on these hosts."""
+
+    def host(self, pid: int) -> Any:
+        return Watcher(pid)
+
+    def starts(self) -> Starts:
+        return {}
+
+
+def wall(ensures: str, requires: str = "") -> str:
+    clauses = f"ensures: {ensures}"
+    return WALL.format(clauses=f"requires: {requires}\n    {clauses}" if requires else clauses)
+
+
+def parts(folder: Path, text: str, robots: int = 3, rounds: int = 30) -> list[Path]:
+    system = dealt(program(text), robots)
+    run = Watching(ready(system.program), system, sources(text), rounds, seed=1)
+    return written(folder / "parts", system, sources(text), told_over_network(run), "a run")
+
+
+def judged(folder: Path, text: str, robots: int = 3, rounds: int = 30) -> Merged:
+    """The merged run of a program, on which replay agrees."""
+    merged = koord.merge(parts(folder, text, robots, rounds))
+    merged.trace.save(folder / "run.json")
+    assert koord.replay(folder / "run.json").legal is (merged.refused is None)
+    return merged
+
+
+NEAR = "contract Wall.Near"
+
+#: Contracts that answers can meet.
+POSSIBLE = [
+    "lit(gap')",
+    "not seen(gap')",
+    "lit(gap') and not seen(gap')",
+    "seen(gap') != seen(gap' + 1)",
+    "seen(0) or seen(1) and not seen(0)",
+    "gap' >= 0 and (gap' == 100 or seen(gap') and seen(gap))",
+    "count(gap') == gap' + (count(7) - 7)",
+    "count(gap' + 10) == 3 * gap' + 1",
+    "count(gap' + 10) > count(gap) - count(gap')",
+]
+
+
+@pytest.mark.parametrize("ensures", POSSIBLE)
+def test_answers_that_nobody_gave_are_chosen_so_that_contracts_hold(
+    ensures: str, tmp_path: Path
+) -> None:
+    merged = judged(tmp_path, wall(ensures))
+    assert merged.ok
+    assert list(map(str, merged.presumed)) == [NEAR]
+
+
+@pytest.mark.parametrize(("robots", "rounds"), [(3, 300), (16, 100)])
+def test_so_they_are_in_long_runs(robots: int, rounds: int, tmp_path: Path) -> None:
+    ensures = "lit(gap' + 10) and seen(gap') != seen(gap' + 10)"
+    merged = judged(tmp_path, wall(ensures), robots, rounds)
+    assert merged.ok
+    assert merged.trace.rounds == rounds
+
+
+def test_answers_that_were_chosen_are_changed_for_later_rounds(tmp_path: Path) -> None:
+    """Only ``seen(20)`` lets gaps of 9 be, and the library's first choice is true."""
+    ensures = "(gap' < 9 or not seen(20)) and (gap' > 0 or seen(21) or seen(20))"
+    merged = judged(tmp_path, wall(ensures))
+    assert merged.ok
+    answers = merged.trace.recorded.recording.rounds[0].answers
+    assert {a.value for a in answers if a.arguments == (20,)} <= {False}
+
+
+IMPOSSIBLE = [
+    "gap' > 4",  # by the readings alone
+    "gap' > 4 and seen(gap')",
+    "seen(gap') and count(gap') > 3 and gap' > 4",
+    "seen(gap') and not seen(gap')",
+    "seen(20) == (gap' > 4)",  # in no two rounds
+    "gap' < 9 or not lit(3)",  # by what a robot told
+    "gap' < 9 or count(7) == 8 and seen(gap')",
+    "(seen(0) or seen(1)) and not seen(0) and (gap' < 5 or not seen(1))",
+]
+
+
+@pytest.mark.parametrize("ensures", IMPOSSIBLE)
+def test_what_is_broken_whatever_the_answers_are_is_told(ensures: str, tmp_path: Path) -> None:
+    merged = judged(tmp_path, wall(ensures))
+    assert merged.refused is not None
+    assert merged.refused.rule == "ENV-CONTRACT"
+
+
+def test_a_contract_of_readings_alone_is_judged(tmp_path: Path) -> None:
+    merged = judged(tmp_path, wall("gap' < 10"))
+    assert merged.ok
+    assert merged.presumed == ()
+
+
+def test_so_is_one_that_asks_what_robots_told(tmp_path: Path) -> None:
+    merged = judged(tmp_path, wall("lit(3) and count(7) == 7", "gap >= 0 or seen(gap)"))
+    assert merged.ok
+    assert merged.presumed == ()
+
+
+def test_where_no_answers_are_found_nobody_is_accused(tmp_path: Path) -> None:
+    files = parts(tmp_path, wall("count(gap') * count(gap') == gap' * gap' + 1000003"))
+    with pytest.raises(koord.KoordError) as caught:
+        koord.merge(files)
+    (found,) = caught.value.diagnostics
+    assert found.code == "K918"
+    assert found.message.startswith(f"nobody answered what {NEAR} asks in round ")
+
+
+def test_assumptions_hold_as_well_if_they_can(tmp_path: Path) -> None:
+    text = wall("gap' < 10") + "assume Dark: forall i: not seen(n@i) and not lit(i + 50)\n"
+    merged = judged(tmp_path, text)
+    assert merged.ok
+    assert list(map(str, merged.presumed)) == ["assumption Dark"]
+    text = wall("gap' < 10") + "assume Dark: forall i: seen(n@i) and i < 2\n"
+    merged = judged(tmp_path, text)
+    assert merged.refused is not None
+    assert merged.refused.rule == "PROP-ASSUME"
+
+
+def test_so_do_summaries(tmp_path: Path) -> None:
+    promise = "extern\n  ensures: not seen(x) and count(x + 1) == 5\n"
+    text = wall("gap' < 10").replace(
+        "lit(int x) -> bool: extern\n", f"lit(int x) -> bool: {promise}"
+    )
+    assert judged(tmp_path, text).ok
+    promise = "extern\n  ensures: seen(x) and not result\n"
+    text = wall("gap' < 10").replace(
+        "lit(int x) -> bool: extern\n", f"lit(int x) -> bool: {promise}"
+    )
+    assert judged(tmp_path, text).refused is not None
+
+
+def test_no_property_is_broken_by_answers_that_nobody_gave(tmp_path: Path) -> None:
+    text = wall("not seen(gap')") + "invariant Bright: forall i: seen(Wall.gap@i)\n"
+    merged = judged(tmp_path, text)
+    assert merged.ok
+    assert merged.unjudged == ("Bright",)
+
+
+def test_the_contract_of_a_model_is_not_broken_by_them(tmp_path: Path) -> None:
+    text = wall("not seen(gap')").replace(
+        "  contract", "  environment:\n    gap = gap + 1\n  contract"
+    )
+    text = text.replace("int gap\n", "int gap = 0\n")
+    merged = judged(tmp_path, text)
+    assert merged.ok
+    assert list(map(str, merged.presumed)) == [NEAR]
+    merged = judged(tmp_path, text.replace("not seen(gap')", "not seen(gap') and gap' < 9"))
+    assert merged.broken is not None
+    assert merged.broken.name == "Near"
+
+
+def test_a_false_reading_is_still_told(tmp_path: Path) -> None:
+    files = parts(tmp_path, wall("gap' < 10 and lit(gap')"))
+    lines = lines_of(files[1])
+    sensed = [line for line in lines if line["told"] == "sensed"]
+    sensed[5]["reading"]["value"] = 77
+    write_lines(files[1], lines)
+    merged = koord.merge(files)
+    assert merged.refused is not None
+    assert merged.refused.rule == "ENV-CONTRACT"
+
+
+def test_they_are_named_in_json(tmp_path: Path) -> None:
+    merged = judged(tmp_path, wall("lit(gap')"))
+    assert json.loads(merged.to_json())["presumed"] == [{"kind": "contract", "name": "Wall.Near"}]
