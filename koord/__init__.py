@@ -32,6 +32,8 @@ if TYPE_CHECKING:
     from koord.api.documents import explain as explain
     from koord.api.documents import format as format
     from koord.api.documents import schema as schema
+    from koord.api.drivers import DriverEntry as DriverEntry
+    from koord.api.drivers import installed_drivers as installed_drivers
     from koord.api.export import Exported as Exported
     from koord.api.export import export as export
     from koord.api.fitting import read_configuration as read_configuration
@@ -87,6 +89,7 @@ _HOMES = {
     "koord.api.deployed": ("Deployed",),
     "koord.api.deployment": ("deploy",),
     "koord.api.documents": ("codes", "explain", "format", "schema"),
+    "koord.api.drivers": ("DriverEntry", "installed_drivers"),
     "koord.api.export": ("Exported", "export"),
     "koord.api.fitting": ("read_configuration",),
     "koord.api.guardian_check": ("GuardianCheck", "check_guardian"),

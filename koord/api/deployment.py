@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import secrets
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from os import PathLike, fspath
 from pathlib import Path
@@ -16,12 +16,14 @@ from msgspec.structs import replace
 
 from koord.api.configurations import check_start
 from koord.api.deployed import Deployed, FleetHeard
+from koord.api.drivers import registry
 from koord.api.files import check_writable, no_folder, same_file
 from koord.api.fitting import Configurable, Fitted, fit, fit_request, is_placed
 from koord.api.programs import Loadable, Value
 from koord.api.progress import Cancellation, CancelledError, Listener, asker, heard_by
 from koord.api.results import ArgumentError
 from koord.api.robots import Seconds
+from koord.api.undriven import Drivers, drivers_of, unserved
 from koord.runtime.compile import compiled
 from koord.runtime.compile.loading import loaded
 from koord.runtime.configuration.keys import SharedKey, shared_key
@@ -44,6 +46,7 @@ from koord.runtime.deploy.supervised import SupervisedProcesses
 from koord.runtime.deploy.supervision import ProcessReport
 from koord.runtime.encoding import text_digest
 from koord.runtime.motion.libraries import SIM, require
+from koord.runtime.ports import plain_name
 from koord.runtime.protocol.handshake import Fingerprint
 from koord.runtime.robot import Robot
 from koord.runtime.transports.transport import TransportError
@@ -84,6 +87,7 @@ class DeployRequest(Struct, frozen=True):
     restart: bool = False
     trace: str | None = None
     dry_run: bool = False
+    allow_models: tuple[str, ...] = ()
 
 
 def deploy(
@@ -102,6 +106,7 @@ def deploy(
     restart: bool = False,
     trace: str | PathLike[str] | None = None,
     dry_run: bool = False,
+    allow_models: Sequence[str] = (),
     progress: Listener | None = None,
     cancellation: Cancellation | None = None,
 ) -> Deployed:
@@ -117,12 +122,13 @@ def deploy(
     robots whose processes crash or are killed are started again, and go on where they were. The run
     ends where no round can be decided any more. What robots do is told in the file ``trace``: that
     of the run, judged by the rules (``merged`` of the result); with a ``pid`` the robot's part of
-    it, for :func:`koord.merge`. With ``dry_run`` all vehicles are simulated, in real time.
+    it, for :func:`koord.merge`. With ``dry_run`` all vehicles are simulated, in real
+    time; ``allow_models`` are ports (``Module.port``) that may be made up where nobody serves them.
     ``progress`` hears :class:`FleetHeard`.
 
     Raises :class:`koord.KoordError` for what is wrong with the input, or with the network.
 
-    >>> koord.deploy(program, "task.yaml", rounds=100, as_fast_as_possible=True).is_complete
+    >>> koord.deploy(program, "task.yaml", rounds=100, dry_run=True).is_complete
     True
     """
     request = DeployRequest(
@@ -136,6 +142,7 @@ def deploy(
         restart=restart,
         trace=None if trace is None else fspath(trace),
         dry_run=dry_run,
+        allow_models=tuple(allow_models),
     )
     if restart and pid is not None:
         raise ArgumentError("restart", NOT_RESTARTED)
@@ -160,7 +167,14 @@ def job_of(fitted: Fitted, request: DeployRequest) -> Job:
     configuration, classes = fitted.configuration, loaded(compiled(fitted.program.core))
     assert configuration.delta_s is not None
     key = _key(configuration, request)
-    missing = () if request.dry_run else tuple(_unanswered(classes, configuration))
+    missing: tuple[Diagnostic, ...] = ()
+    drivers = Drivers()
+    if not request.dry_run:
+        drivers, found = drivers_of(fitted, registry())
+        found += unserved(fitted, drivers, request.allow_models)
+        missing = (*found, *_unanswered(fitted, classes, drivers))
+    if request.as_fast_as_possible and (request.dry_run or drivers.made):
+        missing += (_hurried(configuration),)
     if key is None:
         missing += (_keyless(configuration),)
     if key is None or missing:
@@ -184,16 +198,20 @@ def job_of(fitted: Fitted, request: DeployRequest) -> Job:
         key_print="" if request.pid is None else print_of(key.key, run),
         warnings=key.warnings,
         is_local=request.pid is None,
-        platforms=_platforms(fitted) if request.dry_run else None,
+        platforms=_platforms(fitted, drivers, request),
     )
 
 
-def _platforms(fitted: Fitted) -> Callable[[Job, int], Platform]:
-    """The platforms of simulated vehicles. Raises KoordError."""
+def _platforms(
+    fitted: Fitted, drivers: Drivers, request: DeployRequest
+) -> Callable[[Job, int], Platform] | None:
+    """The platforms of vehicles; None: all robots are ideal points. Raises KoordError."""
+    if not request.dry_run and not drivers.made:
+        return None
     require(SIM, "sim")
-    from koord.api.platforms import platforms
+    from koord.api.platforms import platforms, simulated
 
-    return platforms(fitted)
+    return simulated(fitted) if request.dry_run else platforms(fitted, drivers)
 
 
 def _starts(fitted: Fitted) -> Mapping[tuple[int | None, str], Any]:
@@ -227,13 +245,31 @@ def _program(program: core.Program) -> Fingerprint:
 
 
 def _unanswered(
-    classes: tuple[type[Robot], ...], configuration: RunConfiguration
+    fitted: Fitted, classes: tuple[type[Robot], ...], drivers: Drivers
 ) -> Iterator[Diagnostic]:
-    missing = sorted({name for one in classes for name in unanswered(one.EXTERNALS)})
+    """Yield the functions that no library answers."""
+    answered = _library() if drivers.made else frozenset[str]()
+    missing: set[str] = set()
+    for pid, kind in enumerate(fitted.kinds):
+        functions = classes[kind].EXTERNALS
+        if pid in drivers.made:
+            missing |= {name for name in functions if plain_name(name) not in answered}
+        else:
+            missing |= set(unanswered(functions))
     if missing:
-        story = f"robots without a platform have no {', '.join(missing)}"
+        who = "robots" if drivers.made else "robots without a platform"
+        story = f"{who} have no {', '.join(sorted(missing))}"
         hint = "write these functions in Koord, with a body"
-        yield Diagnostic("K932", Severity.ERROR, whole_file(configuration.name), story, hint)
+        place = whole_file(fitted.configuration.name)
+        yield Diagnostic("K932", Severity.ERROR, place, story, hint)
+
+
+def _library() -> frozenset[str]:
+    """The functions that robots on vehicles answer. Raises KoordError."""
+    require(SIM, "sim")
+    from koord.runtime.platform.world_host import ANSWERED
+
+    return ANSWERED
 
 
 def _key(configuration: RunConfiguration, request: DeployRequest) -> SharedKey | None:
@@ -241,6 +277,12 @@ def _key(configuration: RunConfiguration, request: DeployRequest) -> SharedKey |
     if request.pid is None:  # on one machine nobody else needs to know the key
         return SharedKey(secrets.token_bytes(32))
     return shared_key(configuration)
+
+
+def _hurried(configuration: RunConfiguration) -> Diagnostic:
+    story = "vehicles take their time, and rounds are to be as fast as possible"
+    hint = "let rounds have their length"
+    return Diagnostic("K932", Severity.ERROR, whole_file(configuration.name), story, hint)
 
 
 def _keyless(configuration: RunConfiguration) -> Diagnostic:

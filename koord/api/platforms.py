@@ -7,10 +7,11 @@ from collections.abc import Callable
 
 from koord.api.fitting import Fitted
 from koord.api.sim_setup import fallback
+from koord.api.undriven import Drivers
 from koord.runtime.configuration.model import Vehicle
 from koord.runtime.deploy.member import Platform
-from koord.runtime.deploy.running import CannotTakePartError, Job
-from koord.runtime.drivers.driver import Device, Driver, DriverError
+from koord.runtime.deploy.running import CannotTakePartError, Job, ideal_host
+from koord.runtime.drivers.driver import Device, DriverError, NoOptions
 from koord.runtime.guardian.conditions import Setup
 from koord.runtime.motion.field import field
 from koord.runtime.motion.library import Chart, Library
@@ -19,25 +20,34 @@ from koord.runtime.motion.world import Point, World
 from koord.runtime.platform.host import VehicleHost, VehiclePlatform
 from koord.runtime.platform.pilots import PilotSettings, pilot
 from koord.runtime.platform.vehicle import DrivenVehicle
-from koord.sim.driver import vehicle as simulated
+from koord.runtime.robot import Host
+from koord.sim.driver import SIMULATED
 from koord.sim.scene import scanner_range_m
-
-#: Makes the driver of a robot's vehicle.
-MakeDriver = Callable[[Device], Driver]
 
 #: Ways are planned anew after so many rounds at most.
 _KEPT_ROUNDS = 10
 
 
-def platforms(fitted: Fitted, driver: MakeDriver = simulated) -> Callable[[Job, int], Platform]:
-    """What makes the platform of a robot, with drivers of one kind. Raises KoordError."""
-    supplied = fallback(fitted)
+def simulated(fitted: Fitted) -> Callable[[Job, int], Platform]:
+    """What makes the platforms of a dry run. Raises KoordError."""
+    pids = range(len(fitted.scene.robots))
+    drivers = Drivers(dict.fromkeys(pids, SIMULATED), dict.fromkeys(pids, NoOptions()))
+    return platforms(fitted, drivers, fallback(fitted))
+
+
+def platforms(
+    fitted: Fitted, drivers: Drivers, supplied: Callable[[Host], Host] | None = None
+) -> Callable[[Job, int], Platform]:
+    """What makes the platform of a robot; ``supplied`` answers more than a vehicle knows."""
 
     def make(job: Job, pid: int) -> Platform:
+        if pid not in drivers.made:
+            return ideal_host(job, pid)
         scene, vehicle = fitted.scene, fitted.configuration.robots[pid].vehicle
         world, placed = scene.world, scene.robots[pid]
         start = _standing(placed.start, vehicle, world)
-        device = Device(pid, vehicle, world, start, placed.heading_rad, scene.seed)
+        options = drivers.options[pid]
+        device = Device(pid, vehicle, world, start, placed.heading_rad, scene.seed, options)
         model = placed.model
         settings = PilotSettings(
             model.body, model.planner, model.steering, model.visit, model.effort
@@ -45,7 +55,7 @@ def platforms(fitted: Fitted, driver: MakeDriver = simulated) -> Callable[[Job, 
         guarded = Setup(vehicle.safety, field(world, flat=model.body.ON_GROUND), float(job.delta_s))
         steersman = pilot(settings, world, scene.seed * len(scene.robots) + pid)
         try:
-            driven = DrivenVehicle(driver(device), steersman, guarded, time.monotonic())
+            driven = DrivenVehicle(drivers.made[pid](device), steersman, guarded, time.monotonic())
         except DriverError as error:
             raise CannotTakePartError(f"robot {pid}: {error.message}", error.hint) from None
 

@@ -68,6 +68,14 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--dry-run", action="store_true", help="simulate all vehicles, in real time"
     )
+    parser.add_argument(
+        "--allow-model",
+        metavar="PORT",
+        action="append",
+        default=[],
+        help="let a port be made up that no driver serves, as Module.port; may be given several "
+        "times",
+    )
     parser.add_argument("--record", metavar="FILE", help="record what robots do, as MCAP")
     parser.add_argument(
         "--trace",
@@ -114,6 +122,7 @@ def main(arguments: argparse.Namespace) -> int:
         restart=arguments.restart,
         trace=arguments.trace,
         dry_run=arguments.dry_run,
+        allow_models=tuple(arguments.allow_model),
     )
     report = DiagnosticReport()
     prepared = prepare(arguments, request, report)

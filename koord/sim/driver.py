@@ -346,3 +346,16 @@ def vehicle(device: Device) -> SimulatedVehicle:
     if isinstance(model.body, Drone):
         return SimulatedDrone(device, model, vehicles)
     return SimulatedWheels(device, model, vehicles)
+
+
+class _Simulated(Struct, frozen=True):
+    """What makes simulated vehicles."""
+
+    OPTIONS: ClassVar[type[Struct]] = NoOptions
+
+    def __call__(self, device: Device) -> SimulatedVehicle:
+        return vehicle(device)
+
+
+#: The driver ``sim``.
+SIMULATED = _Simulated()

@@ -162,7 +162,7 @@ def _by_sim(arguments: Namespace, report: DiagnosticReport) -> None:
 
 
 def _by_deploy(arguments: Namespace, report: DiagnosticReport) -> None:
-    deploy.prepare(arguments, DeployRequest(rounds=1, as_fast_as_possible=True), report)
+    deploy.prepare(arguments, DeployRequest(rounds=1, dry_run=True), report)
 
 
 def agree(texts: list[str], folder: Path, capsys: pytest.CaptureFixture[str]) -> int:

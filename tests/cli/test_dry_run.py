@@ -93,3 +93,99 @@ def test_cars_and_drones_visit_all_places(
         for a, b in zip(positions(record, one), positions(record, other), strict=False)
     ]
     assert min(gaps) > 0.6 - 2 * TRACKING_M
+
+
+def deployed(
+    folder: Path, program: str, config: str, *words: str, capsys: pytest.CaptureFixture[str]
+) -> str:
+    """What is told of a deployment that is refused."""
+    source, path = folder / "errand.krd", folder / "errand.yaml"
+    source.write_text(program, encoding="utf-8")
+    path.write_text(config, encoding="utf-8")
+    code = main(["deploy", str(source), str(path), "--all-local", "--rounds", "2", *words])
+    assert code == Exit.BAD_INPUT
+    return capsys.readouterr().err
+
+
+def test_a_vehicle_that_nothing_drives_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    err = deployed(tmp_path, ERRAND, CONFIG, capsys=capsys)
+    assert "errand.yaml:5:21: error K932: nothing drives car, a CAR" in err
+
+
+@pytest.mark.parametrize(
+    ("driver", "told"),
+    [
+        ("driver: simm", "there is no driver simm"),
+        ("driver: sim, options: {baud: 3}", "unknown field `baud`"),
+    ],
+)
+def test_a_driver_that_is_not_there_or_is_told_what_it_does_not_know(
+    driver: str, told: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    config = CONFIG.replace("bot_type: CAR", f"bot_type: CAR, {driver}")
+    assert told in deployed(tmp_path, ERRAND, config, capsys=capsys)
+
+
+MODULES = """\
+using Motion:
+    sensors:
+        pos psn
+    actuators:
+        pos target
+using Arm:
+    sensors:
+        int load
+    actuators:
+        boolean grip
+{environment}
+Go:
+    pre: Arm.load < 3
+    eff: Arm.grip = true
+"""
+
+#: A model of the arm.
+MODEL = """\
+    environment:
+        load = 1
+"""
+
+
+@pytest.mark.parametrize("driver", ["bot_type: CAR, driver: sim", "bot_type: IDEAL"])
+def test_ports_that_nobody_serves_are_refused_with_their_places(
+    driver: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    config = CONFIG.replace("bot_type: CAR", driver)
+    err = deployed(tmp_path, MODULES.format(environment=""), config, capsys=capsys)
+    assert "errand.krd:8:" in err
+    assert "does not sense Arm.load" in err
+    assert "errand.krd:10:" in err
+    assert "does nothing with Arm.grip" in err
+
+
+def test_a_model_of_an_environment_is_no_environment(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    config = CONFIG.replace("bot_type: CAR", "bot_type: IDEAL")
+    program = MODULES.format(environment=MODEL)
+    err = deployed(tmp_path, program, config, capsys=capsys)
+    assert "Arm.load would be made up by the model of Arm" in err
+    allowed = ["--allow-model", "Arm.load", "--allow-model", "Arm.grip"]
+    err = deployed(tmp_path, program, config, *allowed, "--allow-model", "Arm.lod", capsys=capsys)
+    assert "there is no port Arm.lod to be made up" in err
+    assert "would be made up" not in err
+
+
+def test_what_may_be_made_up_is(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    source, path = tmp_path / "errand.krd", tmp_path / "errand.yaml"
+    source.write_text(MODULES.format(environment=MODEL), encoding="utf-8")
+    path.write_text(CONFIG.replace("bot_type: CAR", "bot_type: IDEAL"), encoding="utf-8")
+    words = ["--allow-model", "Arm.load", "--allow-model", "Arm.grip", "--as-fast-as-possible"]
+    code = main(["deploy", str(source), str(path), "--all-local", "--rounds", "3", *words])
+    assert code == Exit.OK, capsys.readouterr().err
+
+
+def test_vehicles_take_their_time(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["--dry-run", "--as-fast-as-possible"]
+    assert "vehicles take their time" in deployed(tmp_path, ERRAND, CONFIG, *words, capsys=capsys)

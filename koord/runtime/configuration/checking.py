@@ -215,6 +215,8 @@ class _Checker(FormReader):
             tuple(device.motion_automata or motion.motion_automata),
             device.simulation,
             path,
+            driver=device.driver,
+            options=msgspec.json.encode(device.options),
         )
 
     def _safety(self, form: Form, device: Device, where: Path, world: World | None) -> SafetyLimits:

@@ -148,6 +148,8 @@ class Device(Motion, frozen=True, forbid_unknown_fields=True, kw_only=True):
     motion: Motion | None = None
     safety: SafetyForm | None = None
     simulation: SimulationForm = SimulationForm()
+    driver: Name | None = None  #: what drives it, by the name that `koord drivers` lists
+    options: dict[str, Any] = {}  #: of the driver
 
 
 class Agent(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):

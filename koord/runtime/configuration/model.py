@@ -30,6 +30,8 @@ class Vehicle(Struct, frozen=True):
     simulation: SimulationForm = field(default_factory=SimulationForm)
     path: Path = ()  #: where it stands in the file
     safety: SafetyLimits = field(default_factory=SafetyLimits)
+    driver: str | None = None
+    options: bytes = b"{}"  #: of the driver, as JSON
 
     @property
     def type(self) -> VehicleType:

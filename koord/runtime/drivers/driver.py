@@ -46,11 +46,19 @@ class Device(Struct, frozen=True):
         return self.vehicle.body
 
 
+class DriverType(Protocol):
+    """What makes the drivers of one name: a class of drivers, or a function with these facts."""
+
+    #: The form of options in configurations: a struct that refuses unknown fields.
+    OPTIONS: ClassVar[type[Struct]]
+
+    def __call__(self, device: Device) -> Driver:
+        """Make the driver of a device; nothing is opened yet. Raises DriverError."""
+        ...
+
+
 class Driver(Protocol):
     """The driver of one vehicle."""
-
-    #: The form of its options in configurations, a struct that refuses unknown fields.
-    OPTIONS: ClassVar[type[Struct]]
 
     capabilities: Capabilities
 

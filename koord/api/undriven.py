@@ -1,0 +1,121 @@
+"""What a deployment would have to make up: vehicles, ports, functions, environments. (K932)
+
+Nothing is invented silently: what nobody drives, serves or answers is an error before the run, with
+its place in the program or the configuration.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+
+from msgspec import Struct
+
+from koord.api.fitting import Fitted
+from koord.runtime.configuration.model import RobotPlace, Vehicle
+from koord.runtime.drivers.driver import DriverError, DriverType
+from koord.runtime.drivers.registry import Registry, options_of
+from koord.runtime.ports import DONE, GOALS, PLACES, SENSED
+from koord.syntax import core
+from koord.syntax.core import Direction
+from koord.syntax.diagnostics import Diagnostic, Severity
+from koord.syntax.source import Span
+
+#: The vehicle that needs no driver: a point.
+_IDEAL = "IDEAL"
+
+#: What the motion of an ideal point senses.
+_OF_POINTS = frozenset({*PLACES, *DONE})
+
+
+class Drivers(Struct, frozen=True):
+    """What drives the robots of a run; without an entry, the vehicle is an ideal point."""
+
+    made: Mapping[int, DriverType] = {}
+    options: Mapping[int, Struct] = {}
+
+
+def drivers_of(fitted: Fitted, registry: Registry) -> tuple[Drivers, list[Diagnostic]]:
+    """The drivers that a configuration names, and what is wrong with that."""
+    configuration, problems = fitted.configuration, list[Diagnostic]()
+    made: dict[int, DriverType] = {}
+    options: dict[int, Struct] = {}
+    moving = [_moves(agent) for agent in fitted.program.core.agents]
+    for robot in configuration.robots:
+        vehicle = robot.vehicle
+        if vehicle.driver is None:
+            if moving[fitted.kinds[robot.pid]] and vehicle.type_name != _IDEAL:
+                problems.append(_undriven(fitted, robot))
+            continue
+        part = "driver"
+        try:
+            made[robot.pid] = registry.load(vehicle.driver)
+            part = "options"
+            options[robot.pid] = options_of(made[robot.pid], vehicle.options)
+        except DriverError as error:
+            where = _part_of(fitted, vehicle, part)
+            problems.append(_problem(where, f"{vehicle.name}: {error.message}", error.hint))
+    return Drivers(made, options), list(dict.fromkeys(problems))
+
+
+def unserved(fitted: Fitted, drivers: Drivers, allowed: Iterable[str] = ()) -> Iterator[Diagnostic]:
+    """Yield the ports of a program that nobody serves, and its models of environments.
+
+    ``allowed`` are ports that may be made up, as ``Module.port``.
+    """
+    program, told = fitted.program.core, set[tuple[int, str]]()
+    allows = frozenset(allowed)
+    known = {port.label for agent in program.agents for port in agent.ports}
+    for name in sorted(allows - known):
+        names = ", ".join(sorted(known)) or "none"
+        where = fitted.configuration.place()
+        yield _problem(where, f"there is no port {name} to be made up", f"its ports are: {names}")
+    for robot in fitted.configuration.robots:
+        kind = fitted.kinds[robot.pid]
+        agent, options = program.agents[kind], drivers.options.get(robot.pid)
+        served: frozenset[str] = getattr(options, "ports", frozenset())
+        sensed = (_OF_POINTS if options is None else SENSED - {"pscan"}) | served
+        for module in agent.modules:
+            for port in (agent.ports[k] for k in module.ports):
+                name = port.declaration.variable.name
+                who = "an ideal point" if options is None else f"the driver of {robot.vehicle.name}"
+                is_sensor = port.direction is Direction.SENSOR
+                if port.label in allows or (kind, port.label) in told:
+                    continue
+                if module.environment is not None:
+                    story = f"{port.label} would be made up by the model of {module.name}"
+                elif is_sensor and name not in sensed:
+                    story = f"{who} does not sense {port.label}"
+                elif not is_sensor and name not in (*GOALS, *served):
+                    story = f"{who} does nothing with {port.label}"
+                else:
+                    continue
+                told.add((kind, port.label))
+                hint = "let a driver serve it, or allow it to be made up, or simulate all vehicles"
+                yield _problem(port.declaration.span, story, hint)
+
+
+def _moves(agent: core.Agent) -> bool:
+    """Return whether a program senses or sets where its robot is."""
+    names = {port.declaration.variable.name for port in agent.ports}
+    free = {
+        agent.ports[k].declaration.variable.name
+        for module in agent.modules
+        if module.environment is None
+        for k in module.ports
+    }
+    return bool(names & free & {*PLACES, *GOALS})
+
+
+def _undriven(fitted: Fitted, robot: RobotPlace) -> Diagnostic:
+    vehicle = robot.vehicle
+    story = f"nothing drives {vehicle.name}, a {vehicle.type_name}"
+    hint = "name its `driver`; or simulate all vehicles; `bot_type: IDEAL` is a point"
+    return _problem(_part_of(fitted, vehicle, "bot_type"), story, hint)
+
+
+def _part_of(fitted: Fitted, vehicle: Vehicle, part: str) -> Span:
+    return fitted.configuration.place(*vehicle.path, part)
+
+
+def _problem(where: Span, story: str, hint: str) -> Diagnostic:
+    return Diagnostic("K932", Severity.ERROR, where, story, hint)

@@ -1,0 +1,90 @@
+"""The drivers that are installed, by their names: koord's own, and those of other packages.
+
+A package has a driver by an entry point of the group ``koord.drivers``, which names what makes it
+(:class:`koord.runtime.drivers.driver.DriverType`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from difflib import get_close_matches
+from importlib.metadata import EntryPoint, entry_points
+from typing import cast
+
+import msgspec
+from msgspec import Struct
+
+from koord.runtime.drivers.driver import DriverError, DriverType
+
+GROUP = "koord.drivers"
+
+
+class DriverEntry(Struct, frozen=True):
+    """A driver that is installed, or of which something is missing."""
+
+    name: str
+    package: str  #: that has it, with its version
+    target: str  #: the module and the object in it
+    options: tuple[str, ...] = ()
+    missing: str | None = None  #: why it cannot be loaded
+
+
+class Registry:
+    """The drivers by name; ``own`` are koord's, as module and object."""
+
+    def __init__(self, own: Mapping[str, str], version: str) -> None:
+        koords = [EntryPoint(name, target, GROUP) for name, target in own.items()]
+        others = [one for one in entry_points(group=GROUP) if one.value not in own.values()]
+        self._found: dict[str, list[tuple[str, EntryPoint]]] = {}
+        for one in koords:
+            self._found.setdefault(one.name, []).append((f"koord {version}", one))
+        for one in others:
+            package = "?" if one.dist is None else f"{one.dist.name} {one.dist.version}"
+            self._found.setdefault(one.name, []).append((package, one))
+
+    @property
+    def names(self) -> list[str]:
+        return sorted(self._found)
+
+    def entries(self) -> list[DriverEntry]:
+        """All drivers, each loaded to see whether it can be."""
+        made = []
+        for name in self.names:
+            for package, entry in self._found[name]:
+                options, missing = tuple[str, ...](), None
+                try:
+                    options = entry.load().OPTIONS.__struct_fields__
+                except Exception as error:  # whatever somebody else's module does
+                    missing = f"{type(error).__name__}: {error}"
+                made.append(DriverEntry(name, package, entry.value, options, missing))
+        return made
+
+    def load(self, name: str) -> DriverType:
+        """What makes drivers of a name. Raises DriverError."""
+        found = self._found.get(name, [])
+        if not found:
+            near = get_close_matches(name, self.names, n=1)
+            known = f"did you mean {near[0]}?" if near else f"there are: {', '.join(self.names)}"
+            raise DriverError(f"there is no driver {name}", known)
+        if len(found) > 1:
+            packages = " and ".join(package for package, _ in found)
+            raise DriverError(f"{packages} both have a driver {name}", "remove one of them")
+        ((package, entry),) = found
+        try:
+            made = entry.load()
+        except ImportError as error:
+            raise DriverError(
+                f"the driver {name} of {package} cannot be loaded: {error}",
+                "install what is missing",
+            ) from error
+        return cast(DriverType, made)
+
+
+def options_of(made: DriverType, given: bytes) -> Struct:
+    """The options of a driver, from JSON. Raises DriverError for what it does not know."""
+    try:
+        options: Struct = msgspec.json.decode(given, type=made.OPTIONS, strict=False)
+    except msgspec.ValidationError as error:
+        known = ", ".join(made.OPTIONS.__struct_fields__) or "none"
+        raise DriverError(str(error), f"its options are: {known}") from None
+    return options
