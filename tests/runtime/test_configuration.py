@@ -223,6 +223,8 @@ network: {transport: unicast, port: 5000, key: sixteen letters ok, run: monday}
         ("num_robots: 1\nsafety: {battery_low: 0.01}", 2, "above `battery_critical` (0.05)", None),
         ("num_robots: 1\nsafety: {battery_critical: 0.9}", 2, "`battery_low`: has to be", None),
         ("num_robots: 1\nsafety: {battery_more: 0.9}", 2, "no battery is ever so full", None),
+        ("num_robots: 1\nsafety: {resume: 12}", 2, "would land (`hold`: 10)", "specs/guardian"),
+        ("num_robots: 1\nsafety: {hold: 0.5}", 2, "`resume`: who holds would land", None),
         ("num_robots: 1\nsafety: {estop: fall}", 2, "enum value", "land, disarm"),
         ("num_robots: 1\nworld: {}\nsafety: {margin: 3.5}", 3, "leaves nothing of a world", None),
         ("num_robots: 1\nnetwork: {key: short}", 2, "length >= 16", None),

@@ -1,8 +1,8 @@
 """The proof: whatever is said to a guardian in whatever state, the invariants are kept.
 
 Each step of the proof is of one kind of event and one invariant, and covers all modes, limits,
-times and facts. What is assumed of the state before is what S-TIME and S-WAITS say of the state
-after; the beginning has it too. So it is so after any number of events.
+times and facts. What is assumed of the state before is what S-TIME, S-WAITS and S-LIMIT say of the
+state after; the beginning has it too. So it is so after any number of events.
 """
 
 from __future__ import annotations
@@ -40,6 +40,7 @@ class Case(NamedTuple):
     order: Order | None  #: None: a tick
     mode: Mode
     clear: bool  #: whether there is a time since when all is clear
+    held: bool  #: whether there is one since when it holds, or held
     flies: bool
     estop: EstopAction
     wish: Wish | None
@@ -86,9 +87,9 @@ def kept(symbols: Symbols, order: Order | None) -> tuple[Step, ...]:
 
 def _cases(order: Order | None) -> Iterator[Case]:
     wishes = (None, Hold()) if order is None else (None,)
-    choices = product(Mode, (True, False), (True, False), EstopAction, wishes)
-    for mode, clear, flies, estop, wish in choices:
-        yield Case(order, mode, clear, flies, estop, wish)
+    choices = product(Mode, (True, False), (True, False), (True, False), EstopAction, wishes)
+    for mode, clear, held, flies, estop, wish in choices:
+        yield Case(order, mode, clear, held, flies, estop, wish)
 
 
 def _broken(symbols: Symbols, case: Case) -> tuple[str, ...]:
@@ -104,6 +105,7 @@ def _broken(symbols: Symbols, case: Case) -> tuple[str, ...]:
         _any(symbols, "now"),
         _any(symbols, "since"),
         _any(symbols, "clear since") if case.clear else None,
+        _any(symbols, "held since") if case.held else None,
         waits=_either(symbols, "waits"),
         at_rest=_either(symbols, "at rest"),
     )

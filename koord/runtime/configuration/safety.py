@@ -32,6 +32,14 @@ LIMIT_NAMES: Mapping[str, str] = {
 _FIELDS = {limit: name for name, limit in LIMIT_NAMES.items()}
 
 
+#: Fields that have to fit to another one: it is told there where that one alone is stated.
+_TOGETHER: Mapping[str, tuple[str, ...]] = {
+    "resume": ("hold",),
+    "battery_low": ("battery_critical",),
+    "battery_more": ("battery_low",),
+}
+
+
 class StatedSafety(Struct, frozen=True):
     """The limits of a robot, and where each stands that a configuration states."""
 
@@ -57,8 +65,7 @@ def safety_flaws(stated: StatedSafety, world: World | None) -> Iterator[tuple[Pa
     """Yield what is wrong with limits that are stated, and where."""
     for limit, story in flaws(stated.limits):
         name = _FIELDS.get(limit, limit)
-        # What does not fit together is told where one of the two is stated.
-        for one in (name, "battery_critical", "battery_low"):
+        for one in (name, *_TOGETHER.get(name, ())):
             if one in stated.places:
                 yield stated.places[one], f"`{name}`: {story}"
                 break

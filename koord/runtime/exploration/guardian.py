@@ -39,7 +39,8 @@ class Watched(Struct, frozen=True):
 
     state: State
     permits: tuple[Order, ...] = ()  #: arm and start, since it was last disarmed or stopped
-    held_s: int = 0  #: for how long it has held without a break
+    held_s: int | None = None  #: since when it holds, also if it ran for a moment in between
+    ran_s: int = 0  #: for how long it has run without a break
     well_s: int | None = None  #: for how long all has been well, at each tick; None: it is not
 
 
@@ -114,7 +115,8 @@ class _Search:
         else:
             told = replace(told, facts=self._judged(state, event), wish=event.wish)
         watched = _counted(before, after, told)
-        for name in (*broken(told), *_miscounted(before, watched)):
+        is_tick = told.facts is not None
+        for name in (*broken(told), *_miscounted(before, watched, is_tick=is_tick)):
             story = f"{state.mode.value} → {after.mode.value}, {answer.setpoint}"
             return watched, BrokenInvariant(name, story)
         return replace(watched, state=_cut(limits, after)), None
@@ -142,23 +144,32 @@ def _counted(before: Watched, after: State, told: Transition) -> Watched:
     elif told.order in (Order.ARM, Order.START):
         permits = tuple(one for one in Order if one in {*permits, told.order})
     passed_s = round(after.now_s - before.state.now_s)
-    is_same = after.mode is before.state.mode is Mode.HOLDING
-    held_s = min(before.held_s + passed_s, round(_HOLD_S)) if is_same else 0
+    held_s, ran_s = before.held_s, 0
+    if before.state.mode is Mode.RUNNING:
+        ran_s = min(before.ran_s + passed_s, round(_RESUME_S))
+    if after.mode is Mode.HOLDING:
+        goes_on = held_s is not None and ran_s < _RESUME_S
+        held_s = min((held_s or 0) + passed_s, round(_HOLD_S)) if goes_on else 0
+    elif after.mode is Mode.RUNNING:
+        held_s = None if held_s is None else min(held_s + passed_s, round(_HOLD_S))
+    else:
+        held_s = None
+    ran_s = ran_s if after.mode is Mode.RUNNING else 0
     well_s = before.well_s
     if told.facts is not None:
         well_s = 0 if well_s is None else min(well_s + passed_s, round(_RESUME_S))
         well_s = None if told.facts.tripped else well_s
-    return Watched(after, permits, held_s, well_s)
+    return Watched(after, permits, held_s, ran_s, well_s)
 
 
-def _miscounted(before: Watched, after: Watched) -> Iterator[str]:
+def _miscounted(before: Watched, after: Watched, *, is_tick: bool) -> Iterator[str]:
     """Yield the invariants that what was counted along contradicts."""
     if after.state.mode is Mode.RUNNING:
         if after.permits != (Order.ARM, Order.START):
             yield "S-PEOPLE"
         if before.state.mode is not Mode.RUNNING and (after.well_s or 0) < _RESUME_S:
             yield "S-CLEAR"
-    if after.held_s >= _HOLD_S:
+    if after.state.mode is Mode.HOLDING and is_tick and (after.held_s or 0) >= _HOLD_S:
         yield "S-LIMIT"
 
 
@@ -167,9 +178,15 @@ def _cut(limits: SafetyLimits, state: State) -> State:
     clear_s = state.clear_since_s
     if clear_s is not None:
         clear_s = max(clear_s - state.now_s, -limits.resume_s)
-    since_s = state.since_s - state.now_s if state.mode is Mode.HOLDING else 0.0
+    since_s, held_s = 0.0, state.held_since_s
+    if state.mode is Mode.RUNNING:  # in no other mode anybody asks
+        since_s = max(state.since_s - state.now_s, -limits.resume_s)
+    if held_s is not None:
+        held_s = max(held_s - state.now_s, -limits.hold_s)
     pose = None if state.pose is None else TrustedPose(state.pose.position_m, -limits.pose_age_s)
-    return replace(state, now_s=0.0, since_s=since_s, clear_since_s=clear_s, pose=pose)
+    return replace(
+        state, now_s=0.0, since_s=since_s, clear_since_s=clear_s, held_since_s=held_s, pose=pose
+    )
 
 
 # --- events -------------------------------------------------------------------------------------

@@ -60,9 +60,15 @@ def _answer(one: Transition) -> bool:
 
 def _limit(one: Transition) -> bool:
     """(S-LIMIT)"""
-    if one.facts is None or one.after.mode is not Mode.HOLDING:
-        return True
-    return one.after.now_s - one.after.since_s < one.limits.hold_s
+    before, after = one.before, one.after
+    held_s = after.held_since_s
+    if after.mode is not Mode.HOLDING:
+        return held_s is (before.held_since_s if after.mode is Mode.RUNNING else None)
+    if held_s is None or (one.facts is not None and after.now_s - held_s >= one.limits.hold_s):
+        return False
+    goes_on = before.mode is Mode.HOLDING or after.now_s - before.since_s < one.limits.resume_s
+    began_s = before.held_since_s if goes_on else None
+    return held_s == (after.now_s if began_s is None else began_s)
 
 
 def _critical(one: Transition) -> bool:
@@ -155,12 +161,21 @@ def _time(one: Transition) -> bool:
 def _has_begun(state: State) -> bool:
     if state.clear_since_s is not None and state.clear_since_s > state.now_s:
         return False
+    if state.held_since_s is not None and state.held_since_s > state.now_s:
+        return False
     return state.since_s <= state.now_s
 
 
 def is_whole(state: State) -> bool:
-    """Return whether a state is one that S-TIME and S-WAITS leave: what each step relies on."""
-    return _has_begun(state) and (state.mode is Mode.HOLDING or not state.waits)
+    """Return whether a state is one that each step leaves, and the next one relies on.
+
+    This is what S-TIME, S-WAITS and S-LIMIT say of a state.
+    """
+    if state.mode is Mode.HOLDING:
+        return state.held_since_s is not None and _has_begun(state)
+    if state.waits or (state.mode is not Mode.RUNNING and state.held_since_s is not None):
+        return False
+    return _has_begun(state)
 
 
 INVARIANTS: Mapping[str, Callable[[Transition], bool]] = {

@@ -78,6 +78,8 @@ def flaws(limits: SafetyLimits) -> Iterator[tuple[str, str]]:
                 yield name, "this has to be more than 0"
     if limits.rounds < 1:
         yield "rounds", "no round is committed in less than the time of a round"
+    if limits.resume_s >= limits.hold_s:
+        yield "resume_s", f"who holds would land (`hold`: {limits.hold_s:g}) before it could go on"
     if not limits.battery_critical < limits.battery_low <= 1:
         yield "battery_low", f"has to be above `battery_critical` ({limits.battery_critical:g})"
     elif limits.battery_low + limits.battery_more > 1:

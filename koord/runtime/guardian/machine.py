@@ -83,7 +83,8 @@ def _why(before: State, after: State, judgement: Judgement) -> str:
         case Mode.LANDING if judgement.facts.critical:
             return judgement.stories[Condition.BATTERY]
         case Mode.LANDING:
-            return f"it held for {after.now_s - before.since_s:.1f} s"
+            held_since_s = after.now_s if before.held_since_s is None else before.held_since_s
+            return f"it held for {after.now_s - held_since_s:.1f} s"
         case _:
             return "; ".join(judgement.stories.values())
 

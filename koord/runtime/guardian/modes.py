@@ -44,6 +44,7 @@ class State(Struct, frozen=True):
     now_s: float  #: of the last event
     since_s: float  #: when the mode began
     clear_since_s: float | None = None  #: since when no condition is there; None: one is
+    held_since_s: float | None = None  #: when this hold began, or the first of some in a row
     waits: bool = False  #: it holds until people say START (G-STOP, G-PEOPLE)
     at_rest: bool = False  #: it was on the ground and still at the last tick
     conditions: frozenset[Condition] = frozenset()
@@ -84,7 +85,7 @@ def after_order(limits: SafetyLimits, state: State, order: Order, now_s: float) 
         case Order.START, Mode.HOLDING:  # (G-PEOPLE, G-JUMP)
             return replace(state, waits=False, pose=None)
         case Order.STOP, Mode.RUNNING:  # (G-STOP)
-            return replace(_enter(state, Mode.HOLDING), waits=True)
+            return replace(_hold(limits, state), waits=True)
         case Order.STOP, Mode.HOLDING:
             return replace(state, waits=True)
         case Order.STOP | Order.LAND, Mode.ARMED:
@@ -105,12 +106,12 @@ def after_tick(limits: SafetyLimits, state: State, facts: Facts, now_s: float) -
         clear_since_s=None if facts.tripped else clear_since_s,
         at_rest=facts.at_rest,
     )
+    if state.mode is Mode.RUNNING and facts.tripped:  # (G-HOLD)
+        state = _hold(limits, state)
     match state.mode:
         case Mode.RUNNING | Mode.HOLDING if facts.critical:  # (G-CRITICAL)
             return _enter(state, Mode.LANDING)
-        case Mode.RUNNING if facts.tripped:  # (G-HOLD)
-            return replace(_enter(state, Mode.HOLDING), waits=facts.outside)
-        case Mode.HOLDING if now_s - state.since_s >= limits.hold_s:  # (G-END)
+        case Mode.HOLDING if now_s - (state.held_since_s or 0.0) >= limits.hold_s:  # (G-END)
             return _enter(state, Mode.LANDING)
         case Mode.HOLDING if facts.outside:  # (G-PEOPLE)
             return replace(state, waits=True)
@@ -149,4 +150,13 @@ def _down(limits: SafetyLimits) -> Setpoint:
 def _enter(state: State, mode: Mode) -> State:
     if mode is state.mode:
         return state
-    return replace(state, mode=mode, since_s=state.now_s, waits=False)
+    held_since_s = state.held_since_s if mode is Mode.RUNNING else None
+    return replace(state, mode=mode, since_s=state.now_s, held_since_s=held_since_s, waits=False)
+
+
+def _hold(limits: SafetyLimits, state: State) -> State:
+    """Hold after it ran; if it did so for a moment only, the hold before goes on. (G-END)"""
+    held_since_s = state.held_since_s
+    if held_since_s is None or state.now_s - state.since_s >= limits.resume_s:
+        held_since_s = state.now_s
+    return replace(_enter(state, Mode.HOLDING), held_since_s=held_since_s)

@@ -19,12 +19,24 @@ WISH = Velocity((0.1, 0.0, 0.0))
 
 def state(mode: Mode, **more: object) -> State:
     """A state at 20 s, in which a mode began at 15 s and all has been well since 12 s."""
-    return replace(State(mode, 20.0, 15.0, 12.0), **more)
+    held_since_s = 15.0 if mode is Mode.HOLDING else None
+    return replace(State(mode, 20.0, 15.0, 12.0, held_since_s), **more)
 
 
 RUNS = Transition(DRONE, state(Mode.RUNNING), state(Mode.RUNNING), WISH, facts=WELL, wish=WISH)
 HOLDS = Transition(DRONE, state(Mode.HOLDING), state(Mode.HOLDING), Hold(), facts=WELL)
-RESUMES = replace(RUNS, before=state(Mode.HOLDING), after=state(Mode.RUNNING, since_s=20.0))
+RESUMES = replace(
+    RUNS,
+    before=state(Mode.HOLDING),
+    after=state(Mode.RUNNING, since_s=20.0, held_since_s=15.0),
+)
+RAN = {"since_s": 19.5, "held_since_s": 15.0}  #: for half a second, after it had held
+HOLDS_AGAIN = replace(
+    HOLDS,
+    before=state(Mode.RUNNING, **RAN),
+    after=state(Mode.HOLDING, since_s=20.0, clear_since_s=None),
+    facts=BAD,
+)
 ENTERS_ESTOP = Transition(
     DRONE,
     state(Mode.RUNNING),
@@ -42,7 +54,7 @@ IS_RESET = Transition(
 )
 
 
-@pytest.mark.parametrize("good", [RUNS, HOLDS, RESUMES, ENTERS_ESTOP, ARMED, IS_RESET])
+@pytest.mark.parametrize("good", [RUNS, HOLDS, RESUMES, HOLDS_AGAIN, ENTERS_ESTOP, ARMED, IS_RESET])
 def test_good_steps_break_nothing(good: Transition) -> None:
     assert list(broken(good)) == []
 
@@ -58,7 +70,11 @@ def test_good_steps_break_nothing(good: Transition) -> None:
         ("S-ANSWER", replace(RUNS, setpoint=None)),
         ("S-ANSWER", replace(ENTERS_ESTOP, before=ENTERS_ESTOP.after, setpoint=None)),
         ("S-ANSWER", replace(IS_RESET, setpoint=None)),
-        ("S-LIMIT", replace(HOLDS, after=state(Mode.HOLDING, since_s=10.0))),
+        ("S-LIMIT", replace(HOLDS, after=state(Mode.HOLDING, held_since_s=10.0))),
+        ("S-LIMIT", replace(HOLDS, after=state(Mode.HOLDING, held_since_s=16.0))),
+        ("S-LIMIT", replace(HOLDS_AGAIN, after=state(Mode.HOLDING, held_since_s=20.0))),
+        ("S-LIMIT", replace(HOLDS_AGAIN, before=state(Mode.RUNNING, held_since_s=5.0))),
+        ("S-LIMIT", replace(RUNS, after=state(Mode.RUNNING, held_since_s=5.0))),
         ("S-CRITICAL", replace(HOLDS, facts=replace(BAD, critical=True))),
         ("S-ESTOP", replace(ENTERS_ESTOP, after=ENTERS_ESTOP.before)),
         ("S-ESTOP", replace(ENTERS_ESTOP, setpoint=Hold())),
@@ -99,3 +115,6 @@ def test_a_state_that_no_step_leaves_is_not_whole() -> None:
     assert not is_whole(state(Mode.ARMED, waits=True))
     assert not is_whole(state(Mode.ARMED, since_s=21.0))
     assert not is_whole(state(Mode.ARMED, clear_since_s=21.0))
+    assert not is_whole(state(Mode.ARMED, held_since_s=15.0))
+    assert not is_whole(state(Mode.HOLDING, held_since_s=None))
+    assert not is_whole(state(Mode.HOLDING, held_since_s=21.0))

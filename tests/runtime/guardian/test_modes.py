@@ -118,6 +118,27 @@ def test_who_holds_for_too_long_lands(limits: object, down: object) -> None:
     assert robot.mode() is Mode.STOPPED
 
 
+def test_who_holds_again_and_again_lands_too() -> None:
+    """(G-END, S-LIMIT): running for less than a second in between does not count."""
+    robot = Guarded().running()
+    ran = 0
+    while robot.mode() in (Mode.RUNNING, Mode.HOLDING):
+        robot.tick(replace(robot.well(), round_age_s=9.0))
+        robot.wait(1.5)
+        ran += robot.mode() is Mode.RUNNING
+    assert ran == 6
+    assert robot.mode() is Mode.STOPPED
+
+
+def test_who_ran_for_a_while_may_hold_for_as_long_again() -> None:
+    """(G-END)"""
+    robot = Guarded().running()
+    for _ in range(10):
+        robot.tick(replace(robot.well(), round_age_s=9.0))
+        robot.wait(3.0)
+        assert robot.mode() is Mode.RUNNING
+
+
 def test_a_landing_of_which_nothing_is_known_goes_on() -> None:
     """(G-END, S-DROP)"""
     robot = flying()
