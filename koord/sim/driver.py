@@ -113,6 +113,10 @@ class SimulatedVehicle(ABC):
         """Ignore it: a simulated vehicle has no modules of a program's own."""
         return
 
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        return ()
+
     def close(self) -> None:
         self._setpoint = Hold()
 

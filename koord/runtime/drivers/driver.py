@@ -63,7 +63,10 @@ class Driver(Protocol):
     capabilities: Capabilities
 
     def open(self, now_s: float) -> None:
-        """Connect to the vehicle; nothing moves. Raises DriverError."""
+        """Connect to the vehicle and wait until it tells where it is; nothing moves.
+
+        Nothing else waits. Raises DriverError.
+        """
 
     def sense(self, now_s: float) -> Sensed | None:
         """The latest of what is known; None: nothing was heard yet."""
@@ -76,6 +79,10 @@ class Driver(Protocol):
 
     def act(self, port: str, value: Any) -> None:
         """Pass the value of an actuator of the program's own modules on."""
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What people should know by now: why the vehicle does not do what it is told."""
 
     def close(self) -> None:
         """Let go of the vehicle, which was told to hold, land or disarm before."""

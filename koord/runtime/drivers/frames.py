@@ -55,6 +55,11 @@ def ned_to_enu(vector: Point) -> Point:
     return y, x, -z
 
 
+def heading_to_ned(heading_rad: float) -> float:
+    """A heading, counter-clockwise from east, as yaw: clockwise from north, from -π to π."""
+    return math.remainder(math.pi / 2 - heading_rad, math.tau)
+
+
 def attitude_from_ned(attitude: Quaternion) -> Quaternion:
     """The attitude of an FLU body in ENU, from that of the same body as FRD in NED."""
     return product(product(_NED_TO_ENU, attitude), _FLU_TO_FRD)

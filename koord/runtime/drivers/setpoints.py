@@ -81,7 +81,7 @@ class Sensed(Struct, frozen=True):
     battery: float | None = None  #: what is left, 0 to 1
     armed: bool | None = None
     airborne: bool | None = None
-    link: bool = True  #: whether the vehicle answers
+    link: bool = True  #: whether the vehicle answers and obeys
 
 
 class Capabilities(Struct, frozen=True):
@@ -94,3 +94,4 @@ class Capabilities(Struct, frozen=True):
     dead_man_s: float | None = None  #: the vehicle stops by itself after this long without any
     tells_battery: bool = False
     tells_airborne: bool = False
+    takeoff_height_m: float | None = None  #: it has to rise to this before it is led; None: never

@@ -94,7 +94,7 @@ class VehiclePlatform:
             return
         if self.vehicle.mode is Mode.DISARMED:
             self.vehicle.order(Order.ARM, now_s)
-        elif self.vehicle.mode is Mode.ARMED:
+        elif self.vehicle.mode is Mode.ARMED and self.vehicle.sensed.armed is not False:
             self.vehicle.order(Order.START, now_s)
 
     def stop(self, now_s: float) -> None:

@@ -6,6 +6,7 @@ one robot, and the same steps.
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 
@@ -13,12 +14,13 @@ import numpy as np
 from msgspec import Struct, field
 
 from koord.runtime.drivers.frames import yaw_of
-from koord.runtime.drivers.setpoints import Drive, Hold, Sensed, Track, Wish
+from koord.runtime.drivers.setpoints import Drive, Hold, Sensed, Takeoff, Track, Wish
 from koord.runtime.motion import automaton
 from koord.runtime.motion.arrays import Floats, lengths
 from koord.runtime.motion.automaton import Visit
 from koord.runtime.motion.bodies import Body, Car, DifferentialDrive, PlannerName, Steering
 from koord.runtime.motion.driving import Driving, Measured, Turning
+from koord.runtime.motion.field import field as field_of
 from koord.runtime.motion.flying import Flying
 from koord.runtime.motion.geometry import as_path
 from koord.runtime.motion.group import Group
@@ -30,6 +32,13 @@ from koord.runtime.platform.sensors import MotionSensors
 
 #: A tick of control.
 TICK_S = 0.05
+
+#: It has risen who is at this share of the height of its take-off; lower than that it has landed,
+#: if it does not say so itself.
+_RISEN, _LANDED_M = 0.9, 0.15
+
+#: Who rises does not drift further.
+_RISES_WITHIN_M = 0.5
 
 #: Predictive controllers take every second tick.
 _PREDICTIVE_TICKS = 2
@@ -51,6 +60,8 @@ class Pilot(ABC):
     def __init__(self, settings: PilotSettings, world: World, seed: int = 0) -> None:
         """Make a pilot that has no orders. Raises KoordError for libraries that are missing."""
         self.settings = settings
+        #: aircraft rise to this above the ground before they follow a way; None: they need not
+        self.takeoff_height_m: float | None = None
         body = settings.body
         made = planner(settings.planner, world, body, settings.effort)
         self.planner = made
@@ -150,6 +161,47 @@ class FlyingPilot(Pilot):
     def __init__(self, settings: PilotSettings, world: World, seed: int = 0) -> None:
         super().__init__(settings, world, seed)
         self._flying: Flying | None = None  #: once it is known where the robot is
+        self._field = field_of(world, flat=False)
+        self._has_risen = False
+        self._after_takeoff: Sequence[Point] | None = None  #: the path that it was told to follow
+
+    def wish(self, sensed: Sensed, now_s: float) -> Wish:
+        if self.takeoff_height_m is not None:
+            self._watch_height(sensed, self.takeoff_height_m)
+            if not self._has_risen:
+                self.settle(sensed)
+                self.group.update(np.array([sensed.position_m]), now_s)  # ways are found up there
+                return Takeoff(self.takeoff_height_m)
+        return super().wish(sensed, now_s)
+
+    def follow(self, path: Sequence[Point], sensed: Sensed) -> None:
+        rises_first = self.takeoff_height_m is not None and not self._has_risen
+        self._after_takeoff = path if rises_first else None
+        super().follow(path, sensed)
+
+    def go_to(self, target: Point) -> None:
+        self._after_takeoff = None
+        super().go_to(target)
+
+    def _watch_height(self, sensed: Sensed, height_m: float) -> None:
+        """Notice that it has risen, and that it is on the ground again."""
+        above_m = sensed.position_m[2] - self._field.world.ground
+        if not self._has_risen:
+            self._has_risen = sensed.airborne is not False and above_m >= _RISEN * height_m
+            if self._has_risen and self._after_takeoff is not None:
+                self._join(self._after_takeoff, sensed)
+        elif sensed.airborne is False or (sensed.airborne is None and above_m < _LANDED_M):
+            self._has_risen = False
+
+    def _join(self, path: Sequence[Point], sensed: Sensed) -> None:
+        """Follow a path that was made for where the robot stood, from above there."""
+        x, y, _ = here = sensed.position_m
+        if len(path) > 1 and math.dist(path[0][:2], (x, y)) < _RISES_WITHIN_M:
+            path = path[1:]
+        if path and not self._field.path_free(as_path([here, *path]), self.group.body.radius_m):
+            self.go_to(path[-1])
+        else:
+            self.follow(path, sensed)
 
     def _law(self, position: Floats, heading: Floats, sensed: Sensed) -> Wish:
         if self._flying is None:

@@ -47,6 +47,7 @@ class DrivenVehicle:
         if sensed is None:
             raise DriverError("the vehicle does not say where it is", "is it switched on?")
         self.sensed: Sensed = sensed
+        self._prepare_takeoff(driver.capabilities.takeoff_height_m)
 
     @property
     def mode(self) -> Mode:
@@ -62,8 +63,8 @@ class DrivenVehicle:
     def remarks(self) -> tuple[str, ...]:
         """Why the vehicle does not do what its program wants, if so."""
         if self.mode is Mode.RUNNING or self.mode in _ENDED:
-            return ()
-        return tuple(self._matters.values())
+            return self.driver.remarks
+        return (*self._matters.values(), *self.driver.remarks)
 
     @property
     def sensors(self) -> MotionSensors:
@@ -96,6 +97,17 @@ class DrivenVehicle:
             self.sensed = sensed
             wish = self._wish(now_s)
         self._step(Ticked(now_s, sensed, wish, round_age_s, holding, others), now_s)
+
+    def _prepare_takeoff(self, height_m: float | None) -> None:
+        world, limits = self._setup.field.world, self._setup.limits
+        if height_m is not None and world.ground + height_m > world.high[2] - limits.margin_m:
+            self.driver.close()
+            raise DriverError(
+                f"a take-off to {height_m:g} m leads out of the fence, whose top is at"
+                f" {world.high[2]:g} m (margin {limits.margin_m:g} m)",
+                "make the take-off lower, or the world higher",
+            )
+        self.pilot.takeoff_height_m = height_m
 
     def _wish(self, now_s: float) -> Wish:
         is_running = self.mode is Mode.RUNNING

@@ -7,9 +7,10 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 from koord.runtime.configuration.model import Vehicle
-from koord.runtime.drivers.driver import Device
+from koord.runtime.drivers.driver import Device, DriverError
 from koord.runtime.drivers.setpoints import Arm, Drive, Track
 from koord.runtime.guardian.conditions import Setup
 from koord.runtime.guardian.events import Condition, Order
@@ -33,7 +34,13 @@ KINDS = sorted(VEHICLES)
 class Guarded:
     """One driven vehicle, with a clock of its own."""
 
-    def __init__(self, kind: str, start: Point = (0.0, 0.0, 0.0), world: World = WORLD) -> None:
+    def __init__(
+        self,
+        kind: str,
+        start: Point = (0.0, 0.0, 0.0),
+        world: World = WORLD,
+        takeoff_height_m: float | None = None,
+    ) -> None:
         self.now = 100.0
         self.round_age_s: float | None = 0.05
         self.reason: Reason | None = None
@@ -43,7 +50,9 @@ class Guarded:
         device = Device(0, told, world, start)
         settings = PilotSettings(body, self.model.planner)
         guarded = Setup(usual(body), field(world, flat=body.ON_GROUND), 0.1)
-        self.driven = DrivenVehicle(vehicle(device), pilot(settings, world), guarded, self.now)
+        driver = vehicle(device)
+        driver.capabilities = replace(driver.capabilities, takeoff_height_m=takeoff_height_m)
+        self.driven = DrivenVehicle(driver, pilot(settings, world), guarded, self.now)
 
     def tick(self, times: int = 1) -> None:
         for _ in range(times):
@@ -233,3 +242,54 @@ def test_people_are_told_why_a_vehicle_holds() -> None:
     one.round_age_s = 0.05
     one.until(lambda: one.mode is Mode.RUNNING)
     assert not one.driven.remarks
+
+
+# --- take-off -------------------------------------------------------------------------------------
+
+
+def test_who_has_to_take_off_rises_before_it_follows_its_way() -> None:
+    one = Guarded("QUAD", takeoff_height_m=1.0).started()
+    one.driven.go_to((2.0, 1.0, 1.5))
+    one.until(lambda: one.here[2] > 0.85)
+    assert math.dist(one.here[:2], (0.0, 0.0)) < 0.05
+    one.until(lambda: one.driven.sensors.reached)
+    assert math.dist(one.here, (2.0, 1.0, 1.5)) <= one.model.visit.epsilon_m
+    assert {note.condition for note in one.driven.notes} <= {None, Condition.ROUND}
+
+
+def test_a_path_from_the_ground_is_joined_above_its_start() -> None:
+    one = Guarded("QUAD", takeoff_height_m=1.0).started()
+    one.driven.follow([(0.0, 0.0, 0.0), (1.0, 0.0, 0.8), (2.0, 0.0, 0.8)])
+    one.until(lambda: one.here[2] > 0.95)
+    lowest = 1.0
+    while not one.driven.sensors.reached:
+        one.tick()
+        lowest = min(lowest, one.here[2])
+        assert one.now < 200.0, one.here
+    assert lowest > 0.7
+    assert math.dist(one.here, (2.0, 0.0, 0.8)) <= one.model.visit.epsilon_m
+
+
+def test_a_path_that_is_not_free_from_above_is_planned_anew() -> None:
+    """The way out is below a beam: from above there it is through it."""
+    beam = Box((0.5, -4.0, 0.9), (0.9, 4.0, 1.3))
+    world = World((-4.0, -4.0, 0.0), (4.0, 4.0, 3.0), (beam,))
+    one = Guarded("QUAD", world=world, takeoff_height_m=1.6).started()
+    one.driven.follow([(0.0, 0.0, 0.0), (0.3, 0.0, 0.4), (2.0, 0.0, 0.4), (2.0, 0.0, 1.5)])
+    one.until(lambda: one.here[2] > 1.5)
+    one.until(lambda: one.driven.sensors.reached)
+    assert math.dist(one.here, (2.0, 0.0, 1.5)) <= one.model.visit.epsilon_m
+
+
+def test_who_lands_and_is_started_again_rises_again() -> None:
+    one = Guarded("QUAD", takeoff_height_m=1.0).started()
+    one.until(lambda: one.here[2] > 0.95)
+    one.driven.order(Order.LAND, one.now)
+    one.until(lambda: one.driven.is_at_rest)
+    one.started()
+    one.until(lambda: one.here[2] > 0.95)
+
+
+def test_a_take_off_out_of_the_fence_is_an_error_at_the_start() -> None:
+    with pytest.raises(DriverError, match="a take-off to 5 m leads out of the fence"):
+        Guarded("QUAD", takeoff_height_m=5.0)

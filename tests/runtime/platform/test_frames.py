@@ -14,6 +14,7 @@ from koord.runtime.drivers.frames import (
     attitude_from_ned,
     attitude_to_ned,
     from_xyzw,
+    heading_to_ned,
     ned_to_enu,
     product,
     to_xyzw,
@@ -91,3 +92,15 @@ def test_a_heading_is_the_yaw_of_its_attitude(heading_rad: float) -> None:
     there = yaw_of(turned(heading_rad))
     assert math.cos(there) == pytest.approx(math.cos(heading_rad))
     assert math.sin(there) == pytest.approx(math.sin(heading_rad))
+
+
+@pytest.mark.parametrize(("of_enu", "of_ned"), [(0, 90), (90, 0), (180, -90), (-90, 180)])
+def test_headings_count_from_east_and_yaws_from_north(of_enu: float, of_ned: float) -> None:
+    yaw = math.degrees(heading_to_ned(math.radians(of_enu)))
+    assert (yaw - of_ned + 180) % 360 - 180 == pytest.approx(0.0, abs=1e-9)
+
+
+@given(ANGLES)
+def test_a_yaw_is_that_of_the_attitude_in_ned(heading_rad: float) -> None:
+    there = yaw_of(attitude_to_ned(turned(heading_rad))) - heading_to_ned(heading_rad)
+    assert math.cos(there) == pytest.approx(1.0)
