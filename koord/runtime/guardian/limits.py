@@ -32,7 +32,7 @@ class SafetyLimits(Struct, frozen=True, kw_only=True):
     speed_mps: float = 1.2  #: the fastest that motion may wish for
     reaction_s: float = 0.2  #: from a set-point until the vehicle obeys
     braking_mps2: float = 1.5  #: how hard it brakes at least
-    separation_m: float = 0.5  #: between positions of robots
+    separation_m: float = 0.6  #: between positions of robots: d_s of the paper (II-A)
     separation_more_m: float = 0.1  #: so much more before it goes on
     battery_low: float = 0.15  #: holds below
     battery_critical: float = 0.05  #: lands or stops below

@@ -17,8 +17,8 @@ from koord.runtime.motion.world import Box, World
 #: 10 × 10 × 3 m about the origin, with a block of 1 m at (3, 0).
 WORLD = World((-5.0, -5.0, 0.0), (5.0, 5.0, 3.0), (Box((2.5, -0.5, 0.0), (3.5, 0.5, 3.0)),))
 
-CAR = SafetyLimits(hold_s=10.0, resume_s=1.0)
-DRONE = SafetyLimits(flies=True, hold_s=10.0, resume_s=1.0, estop=EstopAction.LAND)
+CAR = SafetyLimits(hold_s=10.0, resume_s=1.0, separation_m=0.5)
+DRONE = replace(CAR, flies=True, estop=EstopAction.LAND)
 
 LEVEL = (1.0, 0.0, 0.0, 0.0)
 
