@@ -171,6 +171,18 @@ def asked_in(program: core.Program, part: object) -> frozenset[int]:
     return frozenset(sites)
 
 
+def asking_contracts(
+    program: core.Program, agent: core.Agent
+) -> list[tuple[core.Module, core.Contract]]:
+    """The contracts of an agent that ask external functions, each with its module."""
+    return [
+        (module, contract)
+        for module in agent.modules
+        for contract in module.contracts
+        if asked_in(program, (contract.requires, contract.ensures))
+    ]
+
+
 def _sensors(system: System, robot: int) -> list[core.Port]:
     """The sensors of a robot that no model writes."""
     agent = system.agent(robot)

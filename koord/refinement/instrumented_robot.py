@@ -10,6 +10,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+from koord.refinement.inquiry import Inquiry
 from koord.refinement.reports import (
     Acted,
     Began,
@@ -75,6 +76,10 @@ class Witness(TracingHost):
                 self.say(Sensed(self.round_of(turn), given))
             case Answer():
                 self.say(TurnAnswers(self.round_of(turn), given))
+
+    def answered(self, answer: Answer) -> None:
+        """Report an answer that a contract asked for."""
+        self._note(Turn.ENV, answer)
 
     def stood(self, round_: int, robot: Robot) -> None:
         self.say(Stood(round_, self.translation.robot(robot)))
@@ -147,6 +152,7 @@ class InstrumentedRobot(Member):
         self._witness = robot.host
         self._from_journal: Proposal | None = None
         self._witness.round_of = self._round_of
+        self._inquiry = Inquiry(self._witness.host, self._witness.translation, robot.pid)
 
     def _round_of(self, turn: Turn) -> int:
         return self.round - 1 - self._turns if turn is Turn.ENV else self.round
@@ -177,6 +183,13 @@ class InstrumentedRobot(Member):
         fault = super()._sense()
         if fault is not None:
             self._witness.say(Stumbled(self._round_of(Turn.ENV), fault))
+        return fault
+
+    def _evolve(self) -> EventFault | None:
+        before = self._inquiry.before(self.robot)
+        fault = super()._evolve()
+        if before is not None and fault is None:
+            self._inquiry.make(before, self.robot, self._witness.answered)
         return fault
 
     def recall(self, what: Recollection) -> None:

@@ -21,7 +21,7 @@ from koord.refinement.claims import (
     Kept,
     ProgramTurn,
 )
-from koord.refinement.completion import CompletedInputs, Where, asked_in, by_place
+from koord.refinement.completion import CompletedInputs, Where, asked_in, asking_contracts, by_place
 from koord.sampling.conjuncts import conjuncts_of
 from koord.semantics.configurations import Configuration
 from koord.semantics.domain import DOUBLES, Constant
@@ -90,7 +90,7 @@ class _Presuming:
         self.search = AnswerSearch(self.system, told)
         externals = self.program.externals
         self._has_summaries = self._asks(tuple((one.requires, one.ensures) for one in externals))
-        self._asking = [_asking(self, agent) for agent in self.program.agents]
+        self._asking = [asking_contracts(self.program, agent) for agent in self.program.agents]
         self._moving = [
             bool(self._asking[kind]) or self._asks(tuple(one.environment for one in agent.modules))
             for kind, agent in enumerate(self.program.agents)
@@ -260,16 +260,6 @@ class _Asked(Struct):
             return search.fix(question, function, robot) if value is None else value
 
         return CompletedInputs(self.others, self.told, ask)
-
-
-def _asking(run: _Presuming, agent: core.Agent) -> list[tuple[core.Module, core.Contract]]:
-    """The contracts of an agent that ask external functions."""
-    return [
-        (module, contract)
-        for module in agent.modules
-        for contract in module.contracts
-        if asked_in(run.program, (contract.requires, contract.ensures))
-    ]
 
 
 def _joined(told: tuple[Answer, ...], extra: Mapping[Where, Answer]) -> tuple[Answer, ...]:

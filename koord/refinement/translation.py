@@ -142,15 +142,20 @@ class Translation:
         agent = self.system.agent(robot.pid)
         kind = self.system.kinds[robot.pid]
         held = vars(robot)
-        ports = (port.declaration for port in agent.ports)
         return Robot(
             kind,
             self._storages(held, agent.locals, kind),
-            self._storages(held, ports, kind),
+            self.held_ports(robot),
             self._store(held),
             robot.status.value,
             NO_EVENT if robot.ran is None else robot.ran,
         )
+
+    def held_ports(self, robot: Running) -> tuple[Storage[Constant], ...]:
+        """What a robot's ports hold."""
+        kind = self.system.kinds[robot.pid]
+        ports = (port.declaration for port in self.system.agent(robot.pid).ports)
+        return self._storages(vars(robot), ports, kind)
 
     def _store(self, held: Mapping[str, Any]) -> Store[Constant]:
         program = self.system.program

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
 from random import Random
 from typing import Any
 
 import pytest
+from msgspec import field
 
 import koord
 from koord.api.merge import Merged
 from koord.refinement.deployed import Expedition, Starts, told_over_network
 from koord.refinement.running import ready
+from koord.runtime.deploy.member import Untimed
 from koord.runtime.robot import Key, Robot, Turn
 from koord.syntax.system import dealt
 from tests.refinement.part_files import lines_of, write_lines, written
@@ -29,10 +32,15 @@ WALL = (
 )
 
 
-class Watcher:
-    """The host of a robot that reads gaps of 0 to 9, and knows of no contract."""
+class Watcher(Untimed):
+    """The host of a robot that reads gaps of 0 to 9.
 
-    def __init__(self, pid: int) -> None:
+    It answers what the program asks, and otherwise the functions that it ``knows``.
+    """
+
+    def __init__(self, pid: int, knows: tuple[str, ...], asked: Counter[str]) -> None:
+        self.knows = knows
+        self.asked = asked
         self.position = (0.0, 0.0, 0.0)
         self.holding = False
         self._random = Random(pid)
@@ -46,7 +54,10 @@ class Watcher:
     def ask(
         self, turn: Turn, robot: int, key: Key, function: str, arguments: tuple[Any, ...]
     ) -> Any:
-        return {"count": 7, "lit": True}[function]
+        self.asked[function] += 1
+        if function not in self.knows and arguments not in ((3,), (7,)):
+            raise LookupError(function)
+        return 7 if function == "count" else arguments[0] < 9
 
     def choose(self, turn: Turn, robot: int, key: Key, low: Any, high: Any) -> Any:
         return low
@@ -55,8 +66,15 @@ class Watcher:
 class Watching(Expedition, frozen=True):
     """A run of robots on these hosts."""
 
+    knows: tuple[str, ...] = ()
+    asked: Counter[str] = field(default_factory=Counter)
+
+    @property
+    def is_seeded(self) -> bool:
+        return True
+
     def host(self, pid: int) -> Any:
-        return Watcher(pid)
+        return Watcher(pid, self.knows, self.asked)
 
     def starts(self) -> Starts:
         return {}
@@ -221,3 +239,58 @@ def test_a_false_reading_is_still_told(tmp_path: Path) -> None:
 def test_they_are_named_in_json(tmp_path: Path) -> None:
     merged = judged(tmp_path, wall("lit(gap')"))
     assert json.loads(merged.to_json())["presumed"] == [{"kind": "contract", "name": "Wall.Near"}]
+
+
+# --- what contracts ask, and hosts can answer -----------------------------------------------------
+
+
+def told(
+    folder: Path, ensures: str, *knows: str, robots: int = 3, rounds: int = 30
+) -> tuple[Merged, Counter[str]]:
+    """The merged run of robots on hosts that know these functions, and what these were asked."""
+    text = wall(ensures)
+    system = dealt(program(text), robots)
+    run = Watching(ready(system.program), system, sources(text), rounds, seed=1, knows=knows)
+    files = written(folder / "parts", system, sources(text), told_over_network(run), "a run")
+    return koord.merge(files), run.asked
+
+
+def test_a_contract_is_judged_by_what_the_host_answers(tmp_path: Path) -> None:
+    merged, _ = told(tmp_path, "lit(gap') or gap' == 9", "lit")
+    assert merged.ok
+    assert merged.presumed == ()
+
+
+def test_an_answer_that_breaks_a_contract_is_told(tmp_path: Path) -> None:
+    merged, _ = told(tmp_path, "lit(gap')", "lit")
+    assert merged.refused is not None
+    assert merged.refused.rule == "ENV-CONTRACT"
+    assert merged.presumed == ()
+
+
+def test_a_host_is_asked_once_what_it_cannot_answer(tmp_path: Path) -> None:
+    merged, asked = told(tmp_path, "seen(gap') and (lit(gap') or gap' == 9)", "lit")
+    assert asked["seen"] == 3
+    assert merged.ok
+    assert list(map(str, merged.presumed)) == [NEAR]
+
+
+def test_what_it_answers_counts_where_it_does_not_know_all(tmp_path: Path) -> None:
+    merged, _ = told(tmp_path, "seen(gap') and lit(gap')", "lit")
+    assert merged.refused is not None
+
+
+def test_a_contract_asks_once_a_round(tmp_path: Path) -> None:
+    rounds = 30
+    _, asked = told(tmp_path, "lit(gap') or count(gap) == 7", "lit", "count", rounds=rounds)
+    of_contract = asked["lit"] - 3 * rounds  # the program asks as well
+    assert 3 * (rounds - 1) <= of_contract <= 3 * rounds
+
+
+def test_what_is_asked_is_what_the_contract_reads(tmp_path: Path) -> None:
+    """Before the environment's turn, and after it, in the round of the reading."""
+    merged, _ = told(
+        tmp_path, "count(gap') + count(gap) == 14 and lit(gap) == (gap < 9)", "lit", "count"
+    )
+    assert merged.ok
+    assert merged.presumed == ()

@@ -170,10 +170,14 @@ class Member:
         """Take the environment's turns since the last program turn. [ENV-TRANS]"""
         while self._turns:
             self._turns -= 1
-            fault = self.robot.evolve(self.host.read(self.robot))
+            fault = self._evolve()
             if fault is not None:
                 return self.robot.located(fault)
         return None
+
+    def _evolve(self) -> EventFault | None:
+        """Take one turn of the environment."""
+        return self.robot.evolve(self.host.read(self.robot))
 
     def commit(self, entry: LogEntry, kept: Admitted | None) -> None:
         """Act on a decision. [SHARED-ASSIGN] [SKIP] [STOP]"""

@@ -144,7 +144,6 @@ class WorldHost(ABC):
     ) -> Any:
         """Answer a call of the library, with real geometry. [EXTERNAL]"""
         library, clearance = self.library, self.library.clearance
-        result = self._result(robot, function)
         match plain_name(function), arguments:
             case "sqrt", (x,):
                 return math.sqrt(x)
@@ -166,13 +165,13 @@ class WorldHost(ABC):
             case "willCollide", (task,):
                 return library.will_collide(robot, tuple(task[0]))
             case "scanToMap", (scan,):
-                return _drawn(result, library.scan_to_map(scan))
+                return _drawn(self._result(robot, function), library.scan_to_map(scan))
             case "pickFrontierPos", (known, near):
                 return library.pick_frontier(robot, _known(known), point_of(near))
             case "findObs", (known,):
                 return library.find_obstacles(_known(known))
             case "world", (int(cell),):
-                return _cell(result, cell in self._walls)
+                return _cell(self._result(robot, function), cell in self._walls)
             case _:
                 raise LookupError(function)
 
