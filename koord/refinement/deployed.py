@@ -259,7 +259,7 @@ def _over_the_wire(robots: int) -> Callable[[Message], Message]:
 
     def carry(message: Message) -> Message:
         read = message_of(*kind_and_body(message), robots)
-        assert read is not None, message
+        assert isinstance(read, Message), message
         return read
 
     return carry

@@ -35,7 +35,7 @@ from koord.runtime.deploy.running import Job
 from koord.runtime.motion.world import Point
 from koord.runtime.proposals import INIT_ROUND, Admitted, Decision, EventFault, Faulted, Proposal
 from koord.runtime.protocol.events import Reason
-from koord.runtime.protocol.messages import LogEntry
+from koord.runtime.protocol.messages import Beacon, LogEntry
 from koord.runtime.robot import Robot, Turn
 from koord.semantics.recordings import Answer, Reading, Start
 from koord.syntax.diagnostics import Diagnostic, KoordError
@@ -112,6 +112,12 @@ class Witness(TracingHost):
 
     def tick(self, now_s: float, round_age_s: float | None, reason: Reason | None) -> float:
         return self.host.tick(now_s, round_age_s, reason)
+
+    def beacon(self, now_s: float) -> Beacon | None:
+        return self.host.beacon(now_s)
+
+    def hear(self, sender: int, beacon: Beacon, now_s: float) -> None:
+        self.host.hear(sender, beacon, now_s)
 
     def stop(self, now_s: float) -> None:
         self.host.stop(now_s)

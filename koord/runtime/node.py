@@ -37,7 +37,7 @@ from koord.runtime.protocol.events import (
     Timer,
 )
 from koord.runtime.protocol.machine import step
-from koord.runtime.protocol.messages import LastRun, LogEntry, Message
+from koord.runtime.protocol.messages import Beacon, LastRun, LogEntry, Message
 from koord.runtime.protocol.setup import Setup
 from koord.runtime.protocol.state import Durable, State, durable
 from koord.runtime.transports.transport import Transport
@@ -214,7 +214,8 @@ class Counts(Struct):
 class Peer:
     """One robot of a run on a network: its node, its wire and its transport.
 
-    ``on_handshake`` gets the datagrams of handshakes.
+    ``on_handshake`` gets the datagrams of handshakes, ``on_beacon`` what is said beside the
+    agreement.
     """
 
     def __init__(
@@ -232,6 +233,7 @@ class Peer:
         self.start_number = channel.start
         self.heard_at: dict[int, float] = {}  #: when each robot was heard last
         self.on_handshake: Callable[[bytes], None] = _ignored
+        self.on_beacon: Callable[[int, Beacon], None] = _unheard
         self._writer = DatagramWriter(channel)
         self._reader = DatagramReader(channel)
         self._clock = clock
@@ -257,11 +259,11 @@ class Peer:
         for datagram in self._datagrams(message):
             self.transport.send(to, datagram)
 
-    def tell(self, message: Message) -> None:
+    def tell(self, message: Message | Beacon) -> None:
         for datagram in self._datagrams(message):
             self.transport.tell(datagram)
 
-    def _datagrams(self, message: Message) -> list[bytes]:
+    def _datagrams(self, message: Message | Beacon) -> list[bytes]:
         state = self.node.state
         datagrams = self._writer.datagrams(state.incarnation, state.round, message)
         self.counts.sent += 1
@@ -297,8 +299,15 @@ class Peer:
         now = self._clock()
         self.counts.received += 1
         self.heard_at[letter.sender] = now
+        if isinstance(letter.message, Beacon):
+            self.on_beacon(letter.sender, letter.message)
+            return
         self.node.receive(now, letter.sender, letter.incarnation, letter.message)
 
 
 def _ignored(datagram: bytes) -> None:
     """Drop a datagram of a handshake: this run had none."""
+
+
+def _unheard(sender: int, beacon: Beacon) -> None:
+    """Drop a beacon: this robot has no vehicle that could run into another."""

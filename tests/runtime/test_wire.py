@@ -36,6 +36,7 @@ from koord.runtime.protocol.messages import (
     Acknowledge,
     Admission,
     Ask,
+    Beacon,
     Candidacy,
     Canvass,
     Committed,
@@ -142,7 +143,9 @@ entries = st.builds(
 )
 positions = st.builds(Position, rounds, epochs)
 rans = st.none() | st.builds(LastRun, rounds, events)
-messages: st.SearchStrategy[Message] = st.one_of(
+points = st.tuples(*(st.floats(allow_nan=False) for _ in range(3)))
+messages: st.SearchStrategy[Message | Beacon] = st.one_of(
+    st.builds(Beacon, points, points, st.floats(allow_nan=False)),
     st.builds(Propose, proposals),
     st.builds(Decide, epochs, entries),
     st.builds(Acknowledge, epochs, rounds, digests, st.booleans()),
@@ -185,7 +188,7 @@ handshakes: st.SearchStrategy[HandshakeMessage] = st.one_of(
 )
 
 
-def sent(message: Message, pid: int = 1, key: bytes = KEY, start: int = 1) -> list[bytes]:
+def sent(message: Message | Beacon, pid: int = 1, key: bytes = KEY, start: int = 1) -> list[bytes]:
     return DatagramWriter(Channel(key, ROBOTS, pid, start)).datagrams(3, 7, message)
 
 
@@ -199,7 +202,7 @@ def big(size: int) -> Snapshot:
 
 @given(messages)
 @examples(300)
-def test_what_is_written_is_read(message: Message) -> None:
+def test_what_is_written_is_read(message: Message | Beacon) -> None:
     reader = DatagramReader(ME)
     letters = [reader.read(datagram) for datagram in sent(message)]
     assert letters[:-1] == [None] * (len(letters) - 1)
@@ -235,7 +238,7 @@ def test_datagrams_of_other_protocols_are_no_handshakes() -> None:
 def test_every_kind_of_message_has_a_number() -> None:
     import typing
 
-    assert len(MessageKind) == len(typing.get_args(Message | HandshakeMessage))
+    assert len(MessageKind) == len(typing.get_args(Message | Beacon | HandshakeMessage))
 
 
 @pytest.mark.parametrize("value", [2**64, -(2**63) - 1, 10**300, -(10**300)])

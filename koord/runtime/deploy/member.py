@@ -41,7 +41,7 @@ from koord.runtime.proposals import (
 )
 from koord.runtime.protocol.committing import admitted_of
 from koord.runtime.protocol.events import Reason
-from koord.runtime.protocol.messages import LastRun, LogEntry, Tentative
+from koord.runtime.protocol.messages import Beacon, LastRun, LogEntry, Tentative
 from koord.runtime.protocol.state import Durable
 from koord.runtime.robot import Host, Robot, Status
 from koord.runtime.shapes import ShapeError, from_plain, to_plain
@@ -71,6 +71,14 @@ class Platform(Host, Protocol):
 
         ``round_age_s`` is since the last commit, None before any; ``reason`` is why it is held.
         """
+        ...
+
+    def beacon(self, now_s: float) -> Beacon | None:
+        """What other robots should know of the vehicle now, if it is time to say it. (P-BEACON)"""
+        ...
+
+    def hear(self, sender: int, beacon: Beacon, now_s: float) -> None:
+        """Take note of what another robot says of its vehicle."""
         ...
 
     def stop(self, now_s: float) -> None:
@@ -103,6 +111,12 @@ class Untimed:
 
     def tick(self, now_s: float, round_age_s: float | None, reason: Reason | None) -> float:
         return math.inf
+
+    def beacon(self, now_s: float) -> Beacon | None:
+        return None
+
+    def hear(self, sender: int, beacon: Beacon, now_s: float) -> None:
+        pass
 
     def stop(self, now_s: float) -> None:
         pass

@@ -43,7 +43,7 @@ from koord.runtime.protocol.handshake import (
     TurnedAway,
     differing,
 )
-from koord.runtime.protocol.messages import FIRST_INCARNATION, LogEntry, incarnation_above
+from koord.runtime.protocol.messages import FIRST_INCARNATION, Beacon, LogEntry, incarnation_above
 from koord.runtime.protocol.setup import Setup, Timing
 from koord.runtime.protocol.state import Rejoining, State, fresh, returning
 from koord.runtime.robot import Robot
@@ -367,8 +367,12 @@ class Runner:
             channel, self._setup, state, self.member, self._transport, self._clock
         )
         peer.on_handshake = lambda datagram: self.joining.answer(datagram, self._known)
+        peer.on_beacon = self._hear
         peer.start()
         self.joining.say_roll()
+
+    def _hear(self, sender: int, beacon: Beacon) -> None:
+        self.member.host.hear(sender, beacon, self._clock())
 
     def _known(self, robot: int) -> tuple[Known, float | None] | None:
         """What this robot knows of another, and when it was heard. (R-RUNNING)"""
@@ -535,7 +539,11 @@ class Runner:
         """Let the platform take its step; return how long there is until the next, at most."""
         now, at = self._clock(), self._committed_at
         age_s = None if at is None else now - at
-        due_s = self.member.host.tick(now, age_s, self.member.holding)
+        host = self.member.host
+        due_s = host.tick(now, age_s, self.member.holding)
+        beacon = None if self.peer is None else host.beacon(self._clock())
+        if beacon is not None and self.peer is not None:
+            self.peer.tell(beacon)
         return min(REPORT_S / 4, max(0.0, due_s - self._clock()))
 
     @property

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from koord.runtime.guardian.events import Order
+from koord.runtime.guardian.events import Order, Other
 from koord.runtime.guardian.modes import Mode
 from koord.runtime.motion.library import Library
 from koord.runtime.motion.world import Point, World
@@ -14,7 +14,12 @@ from koord.runtime.platform.sensors import MotionSensors
 from koord.runtime.platform.vehicle import DrivenVehicle
 from koord.runtime.platform.world_host import WorldHost
 from koord.runtime.protocol.events import Reason
+from koord.runtime.protocol.messages import Beacon
 from koord.runtime.robot import Host, Key, Robot, Turn
+
+#: How often a robot says where it is; of more robots than this each says it less often.
+BEACON_S = 0.1
+_MANY = 16
 
 
 class VehicleHost(WorldHost):
@@ -61,6 +66,9 @@ class VehiclePlatform:
         self._host: Host = host if supplied is None else supplied(host)
         self._due_s: float | None = None
         self._is_stopping = False
+        self._robots = len(host.kinds)
+        self._beacon_due_s = 0.0
+        self._others: dict[int, tuple[Beacon, float]] = {}
 
     @property
     def position(self) -> Point:
@@ -83,7 +91,7 @@ class VehiclePlatform:
             self._due_s = now_s  # what was missed is not made up for
         if now_s < self._due_s:
             return self._due_s
-        self.vehicle.tick(now_s, round_age_s, reason)
+        self.vehicle.tick(now_s, round_age_s, reason, self._seen(now_s))
         self._begin(now_s, round_age_s)
         self._due_s += TICK_S
         return self._due_s
@@ -96,6 +104,25 @@ class VehiclePlatform:
             self.vehicle.order(Order.ARM, now_s)
         elif self.vehicle.mode is Mode.ARMED and self.vehicle.sensed.armed is not False:
             self.vehicle.order(Order.START, now_s)
+
+    def beacon(self, now_s: float) -> Beacon | None:
+        """What the others should know of the vehicle, a few times a second. (P-BEACON)"""
+        if self._robots < 2 or now_s < self._beacon_due_s:
+            return None
+        self._beacon_due_s = now_s + BEACON_S * max(1.0, self._robots / _MANY)
+        sensed = self.vehicle.sensed
+        return Beacon(sensed.position_m, sensed.velocity_mps, now_s - sensed.measured_at_s)
+
+    def hear(self, sender: int, beacon: Beacon, now_s: float) -> None:
+        """Take note of where another robot is."""
+        self._others[sender] = beacon, now_s
+
+    def _seen(self, now_s: float) -> tuple[Other, ...]:
+        """The other robots, as far as they have been heard of."""
+        return tuple(
+            Other(pid, b.position_m, b.velocity_mps, b.age_s + now_s - heard_at_s)
+            for pid, (b, heard_at_s) in sorted(self._others.items())
+        )
 
     def stop(self, now_s: float) -> None:
         """Land, or come to the last stop."""

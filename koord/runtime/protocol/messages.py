@@ -7,6 +7,7 @@ from hashlib import blake2b
 from msgspec import Struct
 
 from koord.runtime.encoding import encode
+from koord.runtime.motion.world import Point
 from koord.runtime.proposals import Decision, Flat, Proposal
 
 DIGEST_BYTES = 16
@@ -242,3 +243,14 @@ Message = (
     | Recovery
     | RecoveryAnswer
 )
+
+
+class Beacon(Flat, frozen=True):
+    """Beside the agreement: where the sender's vehicle is, and how it moves. (P-BEACON)
+
+    No robot decides anything by it. ``age_s`` is that of the pose when this was sent.
+    """
+
+    position_m: Point
+    velocity_mps: Point
+    age_s: float

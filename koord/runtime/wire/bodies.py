@@ -21,6 +21,7 @@ from koord.runtime.protocol.handshake import (
 from koord.runtime.protocol.messages import (
     Acknowledge,
     Ask,
+    Beacon,
     Candidacy,
     Canvass,
     Committed,
@@ -60,6 +61,7 @@ class MessageKind(IntEnum):
     HELLO = 14
     RECOVERY = 15
     RECOVERY_ANSWER = 16
+    BEACON = 17
     JOIN = 32
     ROLL = 33
     RUNNING = 34
@@ -70,7 +72,7 @@ class MessageKind(IntEnum):
 FIRST_HANDSHAKE_KIND = MessageKind.JOIN
 
 
-_KINDS: dict[type[Message | HandshakeMessage], MessageKind] = {
+_KINDS: dict[type[Message | Beacon | HandshakeMessage], MessageKind] = {
     Propose: MessageKind.PROPOSE,
     Decide: MessageKind.DECIDE,
     Acknowledge: MessageKind.ACKNOWLEDGE,
@@ -87,6 +89,7 @@ _KINDS: dict[type[Message | HandshakeMessage], MessageKind] = {
     Hello: MessageKind.HELLO,
     Recovery: MessageKind.RECOVERY,
     RecoveryAnswer: MessageKind.RECOVERY_ANSWER,
+    Beacon: MessageKind.BEACON,
     Join: MessageKind.JOIN,
     Roll: MessageKind.ROLL,
     Running: MessageKind.RUNNING,
@@ -100,16 +103,16 @@ def _decoder(kind: MessageKind) -> msgspec.msgpack.Decoder[Any]:
     return decoder(_TYPES[kind])
 
 
-def kind_and_body(message: Message | HandshakeMessage) -> tuple[MessageKind, bytes]:
+def kind_and_body(message: Message | Beacon | HandshakeMessage) -> tuple[MessageKind, bytes]:
     """Encode a message to its kind and body."""
     return _KINDS[type(message)], encode(message)
 
 
-def message_of(kind: int, body: bytes, robots: int) -> Message | None:
+def message_of(kind: int, body: bytes, robots: int) -> Message | Beacon | None:
     """Decode a message of a run from a whole body; None if it is malformed."""
     if kind >= FIRST_HANDSHAKE_KIND:
         return None
-    message: Message | None = _decoded(kind, body)
+    message: Message | Beacon | None = _decoded(kind, body)
     return message if message is not None and _fits(message, robots) else None
 
 
@@ -145,7 +148,7 @@ def _is_well_formed(message: HandshakeMessage) -> bool:
             assert_never(message)
 
 
-def _fits(message: Message, robots: int) -> bool:
+def _fits(message: Message | Beacon, robots: int) -> bool:
     """Return whether the robots that a message names exist."""
     match message:
         case Decide(entry=entry) | History(entry=entry):

@@ -7,7 +7,7 @@ from collections import OrderedDict
 from msgspec import Struct, field
 
 from koord.runtime.protocol.handshake import HandshakeMessage
-from koord.runtime.protocol.messages import Message
+from koord.runtime.protocol.messages import Beacon, Message
 from koord.runtime.wire.bodies import (
     FIRST_HANDSHAKE_KIND,
     handshake_of,
@@ -155,7 +155,7 @@ class Letter(Struct):
 
     sender: int
     incarnation: int
-    message: Message
+    message: Message | Beacon
 
 
 def seal_of(key: bytes, *, encrypts: bool) -> Seal:
@@ -196,7 +196,7 @@ class DatagramWriter:
         self._number = start * START_STEP
 
     def datagrams(
-        self, incarnation: int, round_: int, message: Message | HandshakeMessage
+        self, incarnation: int, round_: int, message: Message | Beacon | HandshakeMessage
     ) -> list[bytes]:
         """Encode a message as datagrams; ``round_`` is where the sender is."""
         kind, body = kind_and_body(message)

@@ -13,7 +13,7 @@ from koord.runtime.configuration.model import Vehicle
 from koord.runtime.drivers.driver import Device, DriverError
 from koord.runtime.drivers.setpoints import Arm, Drive, Track
 from koord.runtime.guardian.conditions import Setup
-from koord.runtime.guardian.events import Condition, Order
+from koord.runtime.guardian.events import Condition, Order, Other
 from koord.runtime.guardian.limits import usual
 from koord.runtime.guardian.modes import Mode
 from koord.runtime.motion.bodies import VEHICLES, PlannerName
@@ -54,10 +54,10 @@ class Guarded:
         driver.capabilities = replace(driver.capabilities, takeoff_height_m=takeoff_height_m)
         self.driven = DrivenVehicle(driver, pilot(settings, world), guarded, self.now)
 
-    def tick(self, times: int = 1) -> None:
+    def tick(self, times: int = 1, others: tuple[Other, ...] = ()) -> None:
         for _ in range(times):
             self.now += TICK_S
-            self.driven.tick(self.now, self.round_age_s, self.reason)
+            self.driven.tick(self.now, self.round_age_s, self.reason, others)
 
     def until(self, condition: Callable[[], bool], most_s: float = 60.0) -> float:
         """Let time pass until something holds; return how many seconds it took."""
@@ -293,3 +293,25 @@ def test_who_lands_and_is_started_again_rises_again() -> None:
 def test_a_take_off_out_of_the_fence_is_an_error_at_the_start() -> None:
     with pytest.raises(DriverError, match="a take-off to 5 m leads out of the fence"):
         Guarded("QUAD", takeoff_height_m=5.0)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_two_that_would_meet_stop_before_they_touch(kind: str) -> None:
+    """Each knows of the other what it said a tenth of a second ago."""
+    height = 0.0 if VEHICLES[kind].body.ON_GROUND else 1.0
+    left, right = Guarded(kind, (-2.0, 0.0, 0.0)), Guarded(kind, (2.0, 0.0, 0.0))
+    for one in (left, right):
+        one.started()
+    left.driven.follow([(-2.0, 0.0, height), (2.0, 0.0, height)])
+    right.driven.follow([(2.0, 0.0, height), (-2.0, 0.0, height)])
+    nearest = math.inf
+    for _ in range(200):
+        seen = [
+            Other(pid, one.driven.sensed.position_m, one.driven.sensed.velocity_mps, 0.1)
+            for pid, one in enumerate((left, right))
+        ]
+        left.tick(others=(seen[1],))
+        right.tick(others=(seen[0],))
+        nearest = min(nearest, math.dist(left.here, right.here))
+    assert {left.mode, right.mode} == {Mode.HOLDING}
+    assert 0.4 < nearest < 2.5  # of 4 m at the beginning
