@@ -1,0 +1,1 @@
+"""The driver of aircraft whose autopilot speaks MAVLink: PX4 and ArduPilot."""

@@ -1,0 +1,1 @@
+"""What drivers are tested with: the other sides of their wires, simulated."""

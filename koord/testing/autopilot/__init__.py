@@ -1,0 +1,1 @@
+"""A simulated autopilot that speaks MAVLink: dynamics, modes, arming checks and failsafes."""

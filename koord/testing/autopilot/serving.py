@@ -1,0 +1,108 @@
+"""A simulated autopilot at the end of a UDP socket, in real time."""
+
+from __future__ import annotations
+
+import argparse
+import select
+import socket
+import time
+from collections.abc import Callable
+
+from pymavlink.dialects.v20 import common as mavlink
+
+from koord.testing.autopilot.machine import FIRMWARES, Settings, SimulatedAutopilot
+
+#: Who was not heard for so long is told nothing any more.
+_GONE_S = 10.0
+
+Address = tuple[str, int]
+
+
+class Wire:
+    """The bytes of an autopilot's messages, and the messages in bytes that it gets."""
+
+    def __init__(self, system: int) -> None:
+        self._codec = mavlink.MAVLink(
+            None, srcSystem=system, srcComponent=mavlink.MAV_COMP_ID_AUTOPILOT1
+        )
+        self._codec.robust_parsing = True
+
+    def heard(self, autopilot: SimulatedAutopilot, data: bytes) -> None:
+        """Tell an autopilot what stands in these bytes."""
+        for message in self._codec.parse_buffer(data) or []:
+            if message.get_type() != "BAD_DATA":
+                autopilot.hear(message)
+
+    def told(self, autopilot: SimulatedAutopilot) -> list[bytes]:
+        """What an autopilot tells by now, a datagram each."""
+        found = []
+        for message in autopilot.tell():
+            found.append(message.pack(self._codec))
+            self._codec.seq = (self._codec.seq + 1) % 256
+        return found
+
+
+def serve(
+    bound: socket.socket,
+    settings: Settings,
+    peers: tuple[Address, ...] = (),
+    goes_on: Callable[[], bool] = lambda: True,
+) -> None:
+    """Be an autopilot for all who talk to a bound socket, and for ``peers`` from the beginning."""
+    autopilot = SimulatedAutopilot(settings, time.monotonic())
+    wire = Wire(settings.system)
+    known: dict[Address, float] = {}
+    bound.setblocking(False)
+    while goes_on():
+        select.select([bound], [], [], 0.01)
+        now_s = time.monotonic()
+        autopilot.advance(now_s)
+        for data, address in _arrived(bound):
+            known[address] = now_s
+            wire.heard(autopilot, data)
+        known = {one: at_s for one, at_s in known.items() if now_s - at_s < _GONE_S}
+        for data in wire.told(autopilot):
+            for address in {*peers, *known}:
+                _send(bound, data, address)
+
+
+def _arrived(bound: socket.socket) -> list[tuple[bytes, Address]]:
+    found = []
+    try:
+        while True:
+            found.append(bound.recvfrom(2048))
+    except OSError:
+        return found
+
+
+def _send(bound: socket.socket, data: bytes, address: Address) -> None:
+    try:
+        bound.sendto(data, address)
+    except OSError:
+        return  # as on the air
+
+
+def _address(text: str) -> Address:
+    host, _, port = text.rpartition(":")
+    return host, int(port)
+
+
+def main() -> None:
+    """Serve one from the command line: ``python -m koord.testing.autopilot.serving``."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--firmware", choices=sorted(FIRMWARES), default="px4")
+    parser.add_argument("--bind", type=_address, default=("127.0.0.1", 0), metavar="HOST:PORT")
+    parser.add_argument("--peer", type=_address, action="append", default=[], metavar="HOST:PORT")
+    parser.add_argument("--system", type=int, default=1)
+    parser.add_argument(
+        "--start", type=float, nargs=3, default=(0.0, 0.0, 0.0), metavar=("N", "E", "D")
+    )
+    told = parser.parse_args()
+    bound = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    bound.bind(told.bind)
+    x, y, z = told.start
+    serve(bound, Settings(told.firmware, told.system, start_m=(x, y, z)), tuple(told.peer))
+
+
+if __name__ == "__main__":
+    main()
