@@ -6,9 +6,11 @@ from os import fspath
 
 from msgspec.structs import replace
 
+from koord.api.drivers import registry
 from koord.api.fitting import FitRequest, Fitted, beside, can_be_placed, fit
 from koord.api.programs import Loadable, Program, Text, source_of
 from koord.api.results import Result, diagnostics_dict
+from koord.api.undriven import drivers_of
 from koord.runtime.configuration.checking import load as load_configuration
 from koord.runtime.configuration.keys import new_key as new_key
 from koord.runtime.configuration.keys import write_key as write_key
@@ -75,6 +77,7 @@ def check_configuration(text: Text, program: Loadable | None = None) -> Configur
     try:
         sources.append(source_of(text))
         configuration = load_configuration(sources[0])
+        found += drivers_of(configuration, registry())[1]
         if program is None:
             found += configuration.warnings
             _check_alone(configuration)

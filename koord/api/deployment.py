@@ -23,7 +23,7 @@ from koord.api.programs import Loadable, Value
 from koord.api.progress import Cancellation, CancelledError, Listener, asker, heard_by
 from koord.api.results import ArgumentError
 from koord.api.robots import Seconds
-from koord.api.undriven import Drivers, drivers_of, unserved
+from koord.api.undriven import Drivers, drivers_of, undriven, unserved
 from koord.runtime.compile import compiled
 from koord.runtime.compile.loading import loaded
 from koord.runtime.configuration.keys import SharedKey, shared_key
@@ -170,7 +170,8 @@ def job_of(fitted: Fitted, request: DeployRequest) -> Job:
     missing: tuple[Diagnostic, ...] = ()
     drivers = Drivers()
     if not request.dry_run:
-        drivers, found = drivers_of(fitted, registry())
+        drivers, found = drivers_of(configuration, registry())
+        found += undriven(fitted)
         found += unserved(fitted, drivers, request.allow_models)
         missing = (*found, *_unanswered(fitted, classes, drivers))
     if request.as_fast_as_possible and (request.dry_run or drivers.made):

@@ -1,6 +1,6 @@
 """What a deployment would have to make up: vehicles, ports, functions, environments. (K932)
 
-Nothing is invented silently: what nobody drives, serves or answers is an error before the run, with
+(P-NOTHING-INVENTED) Nothing is invented silently: what nobody drives, serves or answers is an error before the run, with
 its place in the program or the configuration.
 """
 
@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from msgspec import Struct
 
 from koord.api.fitting import Fitted
-from koord.runtime.configuration.model import RobotPlace, Vehicle
+from koord.runtime.configuration.model import RunConfiguration, Vehicle
 from koord.runtime.drivers.driver import DriverError, DriverType
 from koord.runtime.drivers.registry import Registry, options_of
 from koord.runtime.ports import DONE, GOALS, PLACES, SENSED
@@ -34,27 +34,41 @@ class Drivers(Struct, frozen=True):
     options: Mapping[int, Struct] = {}
 
 
-def drivers_of(fitted: Fitted, registry: Registry) -> tuple[Drivers, list[Diagnostic]]:
+def drivers_of(
+    configuration: RunConfiguration, registry: Registry
+) -> tuple[Drivers, list[Diagnostic]]:
     """The drivers that a configuration names, and what is wrong with that."""
-    configuration, problems = fitted.configuration, list[Diagnostic]()
+    problems: list[Diagnostic] = []
     made: dict[int, DriverType] = {}
     options: dict[int, Struct] = {}
-    moving = [_moves(agent) for agent in fitted.program.core.agents]
     for robot in configuration.robots:
-        vehicle = robot.vehicle
+        vehicle, part = robot.vehicle, "driver"
         if vehicle.driver is None:
-            if moving[fitted.kinds[robot.pid]] and vehicle.type_name != _IDEAL:
-                problems.append(_undriven(fitted, robot))
             continue
-        part = "driver"
         try:
             made[robot.pid] = registry.load(vehicle.driver)
             part = "options"
             options[robot.pid] = options_of(made[robot.pid], vehicle.options)
         except DriverError as error:
-            where = _part_of(fitted, vehicle, part)
+            where = configuration.place(*vehicle.path, part)
             problems.append(_problem(where, f"{vehicle.name}: {error.message}", error.hint))
     return Drivers(made, options), list(dict.fromkeys(problems))
+
+
+def undriven(fitted: Fitted) -> Iterator[Diagnostic]:
+    """Yield the vehicles of moving robots that nothing drives, each once."""
+    moving = [_moves(agent) for agent in fitted.program.core.agents]
+    told: set[Vehicle] = set()
+    for robot in fitted.configuration.robots:
+        vehicle = robot.vehicle
+        if vehicle.driver is not None or vehicle.type_name == _IDEAL or vehicle in told:
+            continue
+        if moving[fitted.kinds[robot.pid]]:
+            told.add(vehicle)
+            where = fitted.configuration.place(*vehicle.path, "bot_type")
+            story = f"nothing drives {vehicle.name}, a {vehicle.type_name}"
+            hint = "name its `driver`; or simulate all vehicles; `bot_type: IDEAL` is a point"
+            yield _problem(where, story, hint)
 
 
 def unserved(fitted: Fitted, drivers: Drivers, allowed: Iterable[str] = ()) -> Iterator[Diagnostic]:
@@ -104,17 +118,6 @@ def _moves(agent: core.Agent) -> bool:
         for k in module.ports
     }
     return bool(names & free & {*PLACES, *GOALS})
-
-
-def _undriven(fitted: Fitted, robot: RobotPlace) -> Diagnostic:
-    vehicle = robot.vehicle
-    story = f"nothing drives {vehicle.name}, a {vehicle.type_name}"
-    hint = "name its `driver`; or simulate all vehicles; `bot_type: IDEAL` is a point"
-    return _problem(_part_of(fitted, vehicle, "bot_type"), story, hint)
-
-
-def _part_of(fitted: Fitted, vehicle: Vehicle, part: str) -> Span:
-    return fitted.configuration.place(*vehicle.path, part)
 
 
 def _problem(where: Span, story: str, hint: str) -> Diagnostic:

@@ -300,3 +300,20 @@ def test_an_unknown_param_is_told_where_it_is_set(
     Path("c.yaml").write_text("num_robots: 1\nparams: {speeed: 2}\ndevice: {bot_type: IDEAL}\n")
     assert main(["sim", "p.krd", "c.yaml", "--no-html", *flags]) == Exit.BAD_INPUT
     assert f"{place}error K236" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("driver", "told"),
+    [("driver: simm", "no driver simm"), ("driver: sim, options: {a: 1}", "unknown field `a`")],
+)
+def test_drivers_and_their_options_are_checked(
+    driver: str, told: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "car.yaml"
+    path.write_text(
+        f"agents: [{{pid: 0, on_device: car}}]\ndevices:\n  car: {{planner: RRT_CAR, {driver}}}\n"
+        "world: {bounds: {low: [-3, -3, 0], high: [3, 3, 3]}}\n",
+        encoding="utf-8",
+    )
+    assert main(["config", "check", str(path)]) == Exit.BAD_INPUT
+    assert told in capsys.readouterr().out

@@ -156,6 +156,7 @@ MODEL = """\
 def test_ports_that_nobody_serves_are_refused_with_their_places(
     driver: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    """(P-NOTHING-INVENTED)"""
     config = CONFIG.replace("bot_type: CAR", driver)
     err = deployed(tmp_path, MODULES.format(environment=""), config, capsys=capsys)
     assert "errand.krd:8:" in err

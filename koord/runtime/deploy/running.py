@@ -551,7 +551,7 @@ class Runner:
         return self.peer is not None and self.peer.node.over
 
     def _stop(self) -> None:
-        """Come to a safe stop: nobody will tell the robot to go on."""
+        """Come to a safe stop: nobody will tell the robot to go on. (P-START)"""
         host = self.member.host
         host.holding = True
         host.stop(self._clock())

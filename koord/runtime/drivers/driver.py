@@ -1,7 +1,7 @@
 """The interface of drivers: what moves a robot, and tells where it is.
 
 A driver is found by its name among the entry points ``koord.drivers`` (:mod:`.registry`). It never
-blocks: it is asked at each tick, and answers with the latest that it knows.
+blocks: it is asked at each tick, and answers with the latest that it knows. (P-DRIVER)
 """
 
 from __future__ import annotations

@@ -76,17 +76,17 @@ class VehiclePlatform:
 
     @position.setter
     def position(self, position: Point) -> None:
-        """Ignore where a journal says that the robot was: the vehicle is where it is."""
+        """Ignore where a journal says that the robot was: the vehicle is where it is. (P-READ)"""
 
     # --- time -----------------------------------------------------------------------------------
 
     def acted(self, robot: Robot) -> None:
-        """Carry out what the actuators say after a decision."""
+        """Carry out what the actuators say after a decision. (P-ORDER)"""
         self._world.order(robot)
         self._world.library.begin_round()
 
     def tick(self, now_s: float, round_age_s: float | None, reason: Reason | None) -> float:
-        """Take a step of control if it is due; return when the next one is."""
+        """Take a step of control if it is due; return when the next one is. (P-TICK)"""
         if self._due_s is None or now_s - self._due_s > TICK_S:
             self._due_s = now_s  # what was missed is not made up for
         if now_s < self._due_s:
@@ -97,7 +97,7 @@ class VehiclePlatform:
         return self._due_s
 
     def _begin(self, now_s: float, round_age_s: float | None) -> None:
-        """Arm and start the vehicle once rounds are committed."""
+        """Arm and start the vehicle once rounds are committed. (P-START)"""
         if round_age_s is None or self._is_stopping:
             return
         if self.vehicle.mode is Mode.DISARMED:
@@ -125,7 +125,7 @@ class VehiclePlatform:
         )
 
     def stop(self, now_s: float) -> None:
-        """Land, or come to the last stop."""
+        """Land, or come to the last stop. (P-START)"""
         self._is_stopping = True
         self.vehicle.order(Order.STOP, now_s)
         self.vehicle.order(Order.LAND, now_s)

@@ -1,7 +1,7 @@
 """Pilots: the motion of one robot, from what it is told to what its driver is asked for.
 
 A pilot has the motion automaton, the planner and the law of motion that a simulated squad has, for
-one robot, and the same steps.
+one robot, and the same steps. (P-PILOT)
 """
 
 from __future__ import annotations
@@ -156,7 +156,7 @@ class TurningPilot(Pilot):
 
 
 class FlyingPilot(Pilot):
-    """The pilot of a robot that can move in every direction."""
+    """The pilot of a robot that can move in every direction. (P-TAKEOFF)"""
 
     def __init__(self, settings: PilotSettings, world: World, seed: int = 0) -> None:
         super().__init__(settings, world, seed)

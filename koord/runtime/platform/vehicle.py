@@ -1,7 +1,7 @@
 """A driven vehicle: its driver, its pilot and its guardian, and the tick in which they act.
 
 In each tick the driver is asked what it senses, the pilot says what it would do, and what the
-guardian makes of that goes to the driver. [PLATFORM]
+guardian makes of that goes to the driver. (P-TICK)
 """
 
 from __future__ import annotations

@@ -107,7 +107,7 @@ def test_it_goes_where_it_is_told_along_its_path(kind: str) -> None:
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_it_moves_as_among_simulated_robots(kind: str) -> None:
-    """The same planner, automaton and law of motion; only the guardian's start comes before."""
+    """(P-PILOT) The same planner, automaton and law of motion."""
     one = Guarded(kind).started()
     path = [(0.0, 0.0, 0.0), (1.0, 0.2, 0.0), (2.0, 0.0, 0.0)]
     if not one.model.body.ON_GROUND:
@@ -129,6 +129,7 @@ def test_it_moves_as_among_simulated_robots(kind: str) -> None:
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_nothing_moves_before_it_is_armed_and_started(kind: str) -> None:
+    """(P-TICK) (P-START)"""
     one = Guarded(kind)
     one.tick()
     one.driven.go_to(goal_of(kind))
@@ -175,7 +176,7 @@ def test_an_e_stop_reaches_the_driver_at_once_and_is_final(kind: str) -> None:
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_vehicle_that_is_told_nothing_stops_by_itself(kind: str) -> None:
-    """As when the process that drives it is killed."""
+    """(P-DRIVER) As when the process that drives it is killed."""
     told = Vehicle(kind, kind)
     made = vehicle(Device(0, told, WORLD, (0.0, 0.0, 0.0)))
     made.open(0.0)
@@ -218,6 +219,7 @@ def test_straight_planners_of_cars_are_asked_for_by_name() -> None:
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_who_is_told_to_stop_comes_to_the_ground_and_stays_there(kind: str) -> None:
+    """(P-START)"""
     one = Guarded(kind).started()
     one.driven.go_to(goal_of(kind))
     one.until(lambda: math.dist(one.here, (0.0, 0.0, 0.0)) > 0.5)
@@ -248,6 +250,7 @@ def test_people_are_told_why_a_vehicle_holds() -> None:
 
 
 def test_who_has_to_take_off_rises_before_it_follows_its_way() -> None:
+    """(P-TAKEOFF)"""
     one = Guarded("QUAD", takeoff_height_m=1.0).started()
     one.driven.go_to((2.0, 1.0, 1.5))
     one.until(lambda: one.here[2] > 0.85)
