@@ -13,6 +13,7 @@ from koord.version import __version__
 
 #: koord's own drivers.
 OWN = {
+    "mavlink": "koord.runtime.drivers.mavlink.driver:MavlinkDriver",
     "sim": "koord.sim.driver:SIMULATED",
 }
 
@@ -26,7 +27,7 @@ def installed_drivers() -> tuple[DriverEntry, ...]:
     """The drivers that configurations can name, and what those lack that cannot be loaded.
 
     >>> [driver.name for driver in koord.installed_drivers()]
-    ['sim']
+    ['mavlink', 'sim']
     """
     return tuple(registry().entries())
 

@@ -1,7 +1,7 @@
 """What a deployment would have to make up: vehicles, ports, functions, environments. (K932)
 
-(P-NOTHING-INVENTED) Nothing is invented silently: what nobody drives, serves or answers is an error before the run, with
-its place in the program or the configuration.
+Nothing is invented silently: what nobody drives, serves or answers is an error before the run, with
+its place in the program or the configuration. (P-NOTHING-INVENTED)
 """
 
 from __future__ import annotations

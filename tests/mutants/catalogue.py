@@ -10,6 +10,7 @@ from tests.mutants.catalogue_liveness import LIVENESS
 from tests.mutants.catalogue_shown import SHOWN
 from tests.mutants.cone import CONE
 from tests.mutants.deployed import DEPLOYED
+from tests.mutants.driven import DRIVEN
 from tests.mutants.every_n import EVERY_N
 from tests.mutants.failing import FAILING
 from tests.mutants.guarded import GUARDED
@@ -800,6 +801,7 @@ MUTANTS = (
     *PROTOCOL,
     *WIRE_MISTAKES,
     *DEPLOYED,
+    *DRIVEN,
     *GUARDED,
     *JUDGED,
     *COMPILED,

@@ -1,0 +1,87 @@
+"""Seeded mistakes between a program and its vehicle, and in what may be made up."""
+
+from __future__ import annotations
+
+from tests.mutants.mutant import Mutant
+
+ORDERS = "tests/runtime/platform/test_orders.py"
+BEACONS = "tests/runtime/platform/test_beacons.py"
+DRIVEN_BY = "tests/runtime/platform/test_driven.py"
+FRAMES = "tests/runtime/platform/test_frames.py"
+REGISTRY = "tests/runtime/platform/test_registry.py"
+DRY_RUN = "tests/cli/test_dry_run.py"
+
+#: What moves otherwise than was decided, or without being driven.
+DRIVEN = (
+    Mutant(
+        "vehicles hear of turns that are thrown away",
+        "runtime.deploy.member.Member._act",
+        "self.robot.discard(changed)\nreturn",
+        "vars(self.robot).update(self.robot._buffers[next(iter(self.robot._buffers))].state)\n"
+        "self.host.acted(self.robot)\nreturn",
+        (ORDERS,),
+    ),
+    Mutant(
+        "vehicles are not told of what was decided",
+        "runtime.platform.host.VehiclePlatform.acted",
+        "self._world.order(robot)",
+        "vars(robot)",
+        (ORDERS,),
+    ),
+    Mutant(
+        "what others said of their vehicles never grows old",
+        "runtime.platform.host.VehiclePlatform._seen",
+        "b.age_s + now_s - heard_at_s",
+        "b.age_s",
+        (BEACONS,),
+    ),
+    Mutant(
+        "guardians are not told of other robots",
+        "runtime.platform.vehicle.DrivenVehicle.tick",
+        "Ticked(now_s, sensed, wish, round_age_s, holding, others)",
+        "Ticked(now_s, sensed, wish, round_age_s, holding, ())",
+        (DRIVEN_BY,),
+    ),
+    Mutant(
+        "what motion wishes goes to the driver past the guardian",
+        "runtime.platform.vehicle.DrivenVehicle._step",
+        "self.driver.command(answer.setpoint, now_s)",
+        "self.driver.command(getattr(event, 'wish', None) or answer.setpoint, now_s)",
+        (DRIVEN_BY,),
+    ),
+    Mutant(
+        "a simulated vehicle goes on when nobody speaks to it any more",
+        "sim.driver.SimulatedVehicle._hear",
+        "at_s - self._told_at_s > DEAD_MAN_S",
+        "at_s < 0",
+        (DRIVEN_BY,),
+    ),
+    Mutant(
+        "attitudes of MAVLink are taken for those of koord but for the frame of the world",
+        "runtime.drivers.frames.attitude_from_ned",
+        "product(product(_NED_TO_ENU, attitude), _FLU_TO_FRD)",
+        "product(_NED_TO_ENU, attitude)",
+        (FRAMES,),
+    ),
+    Mutant(
+        "one of two drivers of one name is taken",
+        "runtime.drivers.registry.Registry.load",
+        "len(found) > 1",
+        "len(found) > 2",
+        (REGISTRY,),
+    ),
+    Mutant(
+        "a vehicle that nothing drives is let pass",
+        "api.undriven.undriven",
+        "moving[fitted.kinds[robot.pid]]",
+        "False",
+        (DRY_RUN,),
+    ),
+    Mutant(
+        "a model of an environment passes for one",
+        "api.undriven.unserved",
+        "module.environment is not None",
+        "False",
+        (DRY_RUN,),
+    ),
+)
