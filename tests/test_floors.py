@@ -189,6 +189,7 @@ GUARDED = (
     ("numba", ("koord/sim/",), 1),
     ("mujoco", ("koord/sim/",), 1),
     ("mcap", ("koord/runtime/",), 1),
+    ("cyclonedds", ("koord/runtime/drivers/ros2/",), 2),
     ("rerun", ("koord/sim/files/",), 1),
     ("rosbags", ("koord/sim/files/",), 1),
     ("viser", ("koord/sim/files/",), 1),

@@ -1,0 +1,105 @@
+"""What poses of ROS 2 say, in koord's frames, and how fast they move."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from msgspec import Struct
+
+from koord.runtime.drivers.frames import Quaternion, from_xyzw, product
+from koord.runtime.motion.world import Point
+
+#: Orientations are unit quaternions up to this.
+_UNIT = 0.05
+
+#: Poses that are further apart than this tell no velocity, in s.
+_LONGEST_S = 1.0
+
+
+class Fix(Struct, frozen=True):
+    """A pose that was heard."""
+
+    position_m: Point
+    attitude: Quaternion  #: of unit length, wxyz
+    frame: str
+    stamp_s: float  #: by the clock of who measured it, which may be any
+
+
+class NotAPoseError(Exception):
+    """Raised for messages whose orientation is none."""
+
+
+def fix_of(message: Any) -> Fix:
+    """What PoseStamped, Odometry, … say. Raises NotAPoseError."""
+    header = message.header
+    if hasattr(message, "transform"):
+        place, turn = message.transform.translation, message.transform.rotation
+    else:
+        pose = getattr(message.pose, "pose", message.pose)
+        place, turn = pose.position, pose.orientation
+    attitude = from_xyzw(turn.x, turn.y, turn.z, turn.w)
+    length = math.hypot(*attitude)
+    if not abs(length - 1.0) <= _UNIT:
+        raise NotAPoseError(f"its orientation has the length {length:g}, and not 1")
+    w, x, y, z = (c / length for c in attitude)
+    stamp_s = header.stamp.sec + header.stamp.nanosec * 1e-9
+    return Fix((place.x, place.y, place.z), (w, x, y, z), header.frame_id, stamp_s)
+
+
+def vector_of(message: Any) -> Point:
+    """A Vector3 or Point."""
+    return message.x, message.y, message.z
+
+
+def rotated(attitude: Quaternion, vector: Point) -> Point:
+    """A vector of the body, in the world."""
+    w, x, y, z = attitude
+    _, a, b, c = product(product(attitude, (0.0, *vector)), (w, -x, -y, -z))
+    return a, b, c
+
+
+def in_body(attitude: Quaternion, vector: Point) -> Point:
+    """A vector of the world, in the body."""
+    w, x, y, z = attitude
+    return rotated((w, -x, -y, -z), vector)
+
+
+def velocity_of(message: Any, fix: Fix) -> Point:
+    """The velocity in the world that TwistStamped or Odometry tell.
+
+    Odometry tells it in the body's frame; a twist in that of its header, which is the world's if
+    it is that of poses, and else the body's.
+    """
+    if hasattr(message, "pose"):
+        return rotated(fix.attitude, vector_of(message.twist.twist.linear))
+    velocity = vector_of(message.twist.linear)
+    return velocity if message.header.frame_id == fix.frame else rotated(fix.attitude, velocity)
+
+
+class Differences:
+    """The velocity of poses, from their differences, through a low-pass filter of first order."""
+
+    def __init__(self, smoothing_s: float) -> None:
+        self._smoothing_s = smoothing_s
+        self._last: tuple[Fix, float] | None = None
+        self.velocity_mps: Point = (0.0, 0.0, 0.0)
+
+    def hear(self, fix: Fix, now_s: float) -> None:
+        """Take a pose that was heard now. Time is that of stamps, if they go on, else now."""
+        if self._last is not None:
+            before, heard_s = self._last
+            dt_s = fix.stamp_s - before.stamp_s
+            if not 0 < dt_s <= _LONGEST_S:
+                dt_s = now_s - heard_s
+            if dt_s <= 0:
+                return
+            share = dt_s / (self._smoothing_s + dt_s) if dt_s <= _LONGEST_S else 1.0
+            x, y, z = (
+                v + share * ((b - a) / dt_s - v)
+                for v, a, b in zip(
+                    self.velocity_mps, before.position_m, fix.position_m, strict=True
+                )
+            )
+            self.velocity_mps = x, y, z
+        self._last = fix, now_s
