@@ -8,6 +8,7 @@ MERGE = "tests/api/test_merge.py"
 COMMANDS = "tests/cli/test_merge.py"
 PARTS = "tests/refinement/test_parts.py"
 DEPLOY = "tests/runtime/test_deploy.py"
+PRESUMED = "tests/api/test_presumed.py"
 
 #: What would let a run pass that is wrong, or blame robots for what was lost.
 JUDGED = (
@@ -178,5 +179,82 @@ JUDGED = (
         "(robot, name) in self.starts",
         "name in self.starts",
         (DEPLOY, COMMANDS),
+    ),
+    Mutant(
+        "who is accused hangs on answers that were made up",
+        "refinement.answer_search.AnswerSearch.pose",
+        "self._searched(posed) if first.choices else (Verdict.BROKEN, None)",
+        "(Verdict.BROKEN, None)",
+        (PRESUMED,),
+    ),
+    Mutant(
+        "contracts hold that no answers can mend",
+        "refinement.answer_search.AnswerSearch._searched",
+        "self._is_false_by_all(posed)",
+        "posed.round < 0",
+        (PRESUMED,),
+    ),
+    Mutant(
+        "a search without end accuses",
+        "refinement.answer_search.AnswerSearch._searched",
+        "Verdict.UNKNOWN if self._is_endless else Verdict.BROKEN",
+        "Verdict.BROKEN",
+        (PRESUMED,),
+    ),
+    Mutant(
+        "an answer is changed, and earlier rounds are not looked at again",
+        "refinement.answer_search.AnswerSearch._hanging",
+        "not identical(self._chosen[question], value)",
+        "identical(question, value)",
+        (PRESUMED,),
+    ),
+    Mutant(
+        "what robots told may be another answer",
+        "refinement.answer_search.AnswerSearch._fix",
+        "self._told[question] = value",
+        "self._chosen[question] = value",
+        (PRESUMED,),
+    ),
+    Mutant(
+        "properties are judged by answers that nobody gave",
+        "sampling.monitors.Watch.of",
+        "asked not in chosen",
+        "asked",
+        (PRESUMED,),
+    ),
+    Mutant(
+        "contracts hold by answers that nobody gave without a word",
+        "refinement.presuming._Presuming.presumed",
+        "posed.choices",
+        "not posed",
+        (PRESUMED,),
+    ),
+    Mutant(
+        "what is open counts as false",
+        "refinement.open_answers.Partials.binary",
+        "isinstance(left, Open) or isinstance(right, Open)",
+        "isinstance(left, Open) and isinstance(right, Open)",
+        (PRESUMED,),
+    ),
+    Mutant(
+        "robots tell nothing of what contracts ask",
+        "refinement.instrumented_robot.InstrumentedRobot._evolve",
+        "before is not None and fault is None",
+        "before is None",
+        (PRESUMED,),
+    ),
+    Mutant(
+        "contracts ask of what was read before",
+        "refinement.inquiry.Inquiry.make",
+        "Ports(before, self._translation.held_ports(robot))",
+        "Ports(before, before)",
+        (PRESUMED,),
+    ),
+    Mutant(
+        "a host is asked in each round what it does not know",
+        "refinement.inquiry.Inquiry._answer",
+        "self._unanswered.add(function.name)",
+        "self._unanswered.discard(function.name)",
+        (PRESUMED,),
     ),
 )
