@@ -81,6 +81,10 @@ class Witness(TracingHost):
         """Report an answer that a contract asked for."""
         self._note(Turn.ENV, answer)
 
+    def started_with(self, answer: Answer) -> None:
+        """Report an answer that an assumption asked for."""
+        self.say(TurnAnswers(INIT_ROUND, answer))
+
     def stood(self, round_: int, robot: Robot) -> None:
         self.say(Stood(round_, self.translation.robot(robot)))
 
@@ -173,6 +177,8 @@ class InstrumentedRobot(Member):
             raise self._given_up(error.diagnostics) from error
         if made is not None and made is not before and round_ != INIT_ROUND:
             self._witness.stood(round_, self.robot)
+            if round_ == INIT_ROUND + 1:
+                self._inquiry.of_start(self.robot, self._witness.started_with)
         return made
 
     def _given_up(self, why: tuple[Diagnostic, ...]) -> GaveUpError:

@@ -257,4 +257,11 @@ JUDGED = (
         "self._unanswered.discard(function.name)",
         (PRESUMED,),
     ),
+    Mutant(
+        "nobody asks what assumptions ask of one robot",
+        "refinement.inquiry.Inquiry._is_own",
+        "(own or {min(part.robots.values(), default=0)}) == {self._pid}",
+        "own == {self._pid + 1}",
+        (PRESUMED,),
+    ),
 )
