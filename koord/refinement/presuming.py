@@ -171,19 +171,22 @@ class _Presuming:
             return round_
         turn = _Asked(self, number, by_place(round_.answers), RecordedInputs())
         inputs = turn.inputs()
+        made = [inputs]
         try:
             at = self._program_turns(at, round_, turn, inputs)
             if round_.cut or at.fault is not None:
                 return round_
             readings = self.search.readings(at, round_.readings)
             round_ = replace(round_, readings=readings)
-            inputs.others = turn.others = RecordedInputs(readings=readings)
-            at = evolved(DOUBLES, self.system, at, self._sensed(at, turn)).configuration
+            turn.others = RecordedInputs(readings=readings)
+            sensed = self._sensed(at, turn)
+            made = [inputs, sensed]
+            at = evolved(DOUBLES, self.system, at, sensed).configuration
             self._at = at if at.fault is None else None
         except IllegalStepError:
             pass  # replay finds the same step, and tells of it
         finally:
-            self._made[number] = (*inputs.made, *turn.moves)
+            self._made[number] = (*(a for one in made for a in one.made), *turn.moves)
         return round_
 
     def _program_turns(
