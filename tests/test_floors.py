@@ -193,7 +193,7 @@ GUARDED = (
     ("rerun", ("koord/sim/files/",), 1),
     ("rosbags", ("koord/sim/files/",), 1),
     ("viser", ("koord/sim/files/",), 1),
-    ("pymavlink", ("koord/runtime/drivers/mavlink/", "koord/testing/autopilot/"), 8),
+    ("pymavlink", ("koord/runtime/drivers/mavlink/", "koord/testing/autopilot/"), 3),
 )
 
 #: The kernel, and the judge of all runs.

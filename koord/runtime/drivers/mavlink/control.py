@@ -5,10 +5,8 @@ from __future__ import annotations
 import math
 from typing import assert_never
 
-from pymavlink.dialects.v20 import common as mavlink
-
 from koord.runtime.drivers.frames import heading_to_ned, ned_to_enu
-from koord.runtime.drivers.mavlink.link import Message
+from koord.runtime.drivers.mavlink.library import Message, mavlink
 from koord.runtime.drivers.mavlink.options import MavlinkOptions
 from koord.runtime.drivers.setpoints import Hold, Land, Position, Takeoff, Track, Velocity
 from koord.runtime.motion.world import Point

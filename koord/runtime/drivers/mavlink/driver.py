@@ -11,11 +11,11 @@ from collections.abc import Mapping
 from typing import Any, ClassVar
 
 from msgspec import Struct
-from pymavlink.dialects.v20 import common as mavlink
 
 from koord.runtime.drivers.driver import Device, DriverError
 from koord.runtime.drivers.mavlink.control import Control, Flight
-from koord.runtime.drivers.mavlink.link import Link, Message, WireLink
+from koord.runtime.drivers.mavlink.library import Message, mavlink
+from koord.runtime.drivers.mavlink.link import Link, WireLink
 from koord.runtime.drivers.mavlink.modes import MODES
 from koord.runtime.drivers.mavlink.options import MavlinkOptions
 from koord.runtime.drivers.mavlink.requests import Requests

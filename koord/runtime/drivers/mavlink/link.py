@@ -4,16 +4,11 @@ from __future__ import annotations
 
 import select
 import time
-from typing import Any, Protocol
-
-from pymavlink import mavutil
-from pymavlink.dialects.v20 import common as mavlink
+from typing import Protocol
 
 from koord.runtime.drivers.driver import DriverError
+from koord.runtime.drivers.mavlink.library import Message, mavlink, mavutil
 from koord.runtime.drivers.mavlink.options import MavlinkOptions
-
-#: A message of MAVLink, as pymavlink has it.
-Message = Any
 
 #: Who sends more between two ticks is read on at the next one.
 _MOST_READS = 500

@@ -6,9 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Set
 from typing import ClassVar
 
-from pymavlink import mavutil
-from pymavlink.dialects.v20 import common as mavlink
-
+from koord.runtime.drivers.mavlink.library import mavlink, mavutil
 from koord.runtime.drivers.mavlink.options import AutopilotKind
 
 

@@ -6,9 +6,8 @@ import math
 from collections.abc import Iterator
 
 from msgspec import Struct
-from pymavlink.dialects.v20 import common as mavlink
 
-from koord.runtime.drivers.mavlink.link import Message
+from koord.runtime.drivers.mavlink.library import Message, mavlink
 from koord.runtime.drivers.mavlink.options import MavlinkOptions
 
 #: A command is repeated after this, in s: if nobody answered, if it was refused, and if it was

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import math
 
-from pymavlink.dialects.v20 import common as mavlink
-
 from koord.runtime.drivers.frames import Quaternion, attitude_from_ned, ned_to_enu
-from koord.runtime.drivers.mavlink.link import Message
+from koord.runtime.drivers.mavlink.library import Message, mavlink
 from koord.runtime.drivers.setpoints import Sensed
 from koord.runtime.motion.world import Point
 
