@@ -176,9 +176,12 @@ class AnswerSearch:
         Raises IllegalStepError where a robot should have told an answer.
         """
         first = self._evaluated(posed, self._first)
+        if not first.choices:
+            posed.made = first.made
+            return Verdict.HOLDS if first.holds else Verdict.BROKEN
         verdict, found = Verdict.HOLDS, first.choices
         if not first.holds:
-            verdict, searched = self._searched(posed) if first.choices else (Verdict.BROKEN, None)
+            verdict, searched = self._searched(posed)
             found = found if searched is None else searched
         self._choose(posed, found)
         return verdict

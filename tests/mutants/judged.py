@@ -183,7 +183,7 @@ JUDGED = (
     Mutant(
         "who is accused hangs on answers that were made up",
         "refinement.answer_search.AnswerSearch.pose",
-        "self._searched(posed) if first.choices else (Verdict.BROKEN, None)",
+        "self._searched(posed)",
         "(Verdict.BROKEN, None)",
         (PRESUMED,),
     ),
