@@ -212,7 +212,7 @@ def replayed(
     if slack is not None:
         recorded = replace(recorded, slack=slack)
     judged = _loosened(recorded, budget)
-    watch = Watch.of(judged) if is_of_robots(recorded) else None
+    watch = _watch_of(judged) if is_of_robots(recorded) else None
 
     def seen(step: Step) -> None:
         shown(step)
@@ -227,6 +227,13 @@ def replayed(
     from koord.refinement.compiled_replay import rerun
 
     return replace(report, compared=True, departure=rerun(recorded, budget=budget))
+
+
+def _watch_of(recorded: Recorded) -> Watch:
+    """A watch that accuses nobody by answers that perhaps nobody gave."""
+    from koord.refinement.completion import asked_by_rules
+
+    return Watch.of(recorded, asked_by_rules(recorded))
 
 
 def is_of_robots(recorded: Recorded) -> bool:

@@ -171,6 +171,22 @@ def asked_in(program: core.Program, part: object) -> frozenset[int]:
     return frozenset(sites)
 
 
+def asked_by_rules(trace: Trace) -> frozenset[tuple[str, tuple[Concrete, ...]]]:
+    """The questions of a trace that no program asks: perhaps nobody gave the answers."""
+    recording, sites = trace.recording, mentioned(trace.system.program)
+    by_program, by_rules = set[tuple[str, tuple[Concrete, ...]]](), []
+    for answers in (recording.opening.answers, *(one.answers for one in recording.rounds)):
+        for answer in answers:
+            if answer.function is None:
+                continue
+            question = answer.function, answer.arguments
+            if answer.phase is Phase.CHECK or answer.key[0] in sites:
+                by_rules.append(question)
+            else:
+                by_program.add(question)
+    return frozenset(by_rules) - by_program
+
+
 def asking_contracts(
     program: core.Program, agent: core.Agent
 ) -> list[tuple[core.Module, core.Contract]]:

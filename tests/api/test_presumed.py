@@ -210,6 +210,8 @@ def test_no_property_is_broken_by_answers_that_nobody_gave(tmp_path: Path) -> No
     merged = judged(tmp_path, text)
     assert merged.ok
     assert merged.unjudged == ("Bright",)
+    report = koord.replay(tmp_path / "run.json")
+    assert (report.broken, report.unjudged) == (None, ("Bright",))
 
 
 def test_the_contract_of_a_model_is_not_broken_by_them(tmp_path: Path) -> None:

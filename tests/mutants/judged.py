@@ -264,4 +264,11 @@ JUDGED = (
         "own == {self._pid + 1}",
         (PRESUMED,),
     ),
+    Mutant(
+        "replay judges properties by answers that nobody gave",
+        "refinement.completion.asked_by_rules",
+        "answer.phase is Phase.CHECK or answer.key[0] in sites",
+        "answer.phase is Phase.CHECK",
+        (PRESUMED,),
+    ),
 )
