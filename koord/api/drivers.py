@@ -14,6 +14,7 @@ from koord.version import __version__
 #: koord's own drivers.
 OWN = {
     "mavlink": "koord.runtime.drivers.mavlink.driver:MavlinkDriver",
+    "ros2": "koord.runtime.drivers.ros2.driver:Ros2Driver",
     "sim": "koord.sim.driver:SIMULATED",
 }
 
@@ -27,7 +28,7 @@ def installed_drivers() -> tuple[DriverEntry, ...]:
     """The drivers that configurations can name, and what those lack that cannot be loaded.
 
     >>> [driver.name for driver in koord.installed_drivers()]
-    ['mavlink', 'sim']
+    ['mavlink', 'ros2', 'sim']
     """
     return tuple(registry().entries())
 

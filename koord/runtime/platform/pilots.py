@@ -9,12 +9,13 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from msgspec import Struct, field
 
 from koord.runtime.drivers.frames import yaw_of
-from koord.runtime.drivers.setpoints import Drive, Hold, Sensed, Takeoff, Track, Wish
+from koord.runtime.drivers.setpoints import Drive, Hold, Position, Sensed, Takeoff, Track, Wish
 from koord.runtime.motion import automaton
 from koord.runtime.motion.arrays import Floats, lengths
 from koord.runtime.motion.automaton import Visit
@@ -155,6 +156,30 @@ class TurningPilot(Pilot):
         return Drive((left + right) / 2, (right - left) / self._turning.body.track_m)
 
 
+class SendingPilot(Pilot):
+    """The pilot of a vehicle that goes to places by itself: it is sent along its way.
+
+    It is sent to the next point of it that is not near. How it goes there is its own matter, so
+    ways of cars are followed as well as its controller does. (P-ROS-STOP)
+    """
+
+    def __init__(self, settings: PilotSettings, world: World, seed: int = 0) -> None:
+        super().__init__(settings, world, seed)
+        self._given = 0  #: which of the paths that it was given it follows
+        self._next = 0
+
+    def _law(self, position: Floats, heading: Floats, sensed: Sensed) -> Wish:
+        if not self.is_under_way:
+            return Hold()
+        given, path = int(self.group.routes.given[0]), self.group.path(0)
+        if given != self._given:
+            self._given, self._next = given, 0
+        near_m, last = self.group.visit.epsilon_m, len(path) - 1
+        while self._next < last and lengths(path[self._next] - position)[0] <= near_m:
+            self._next += 1
+        return Position(_point(path[self._next]), None, self.group.body.pace.cruise_mps)
+
+
 class FlyingPilot(Pilot):
     """The pilot of a robot that can move in every direction. (P-TAKEOFF)"""
 
@@ -217,8 +242,18 @@ class FlyingPilot(Pilot):
         self._flying = None
 
 
-def pilot(settings: PilotSettings, world: World, seed: int = 0) -> Pilot:
-    """The pilot of a body. Raises KoordError for libraries that are missing."""
+def pilot(
+    settings: PilotSettings,
+    world: World,
+    seed: int = 0,
+    wishes: tuple[type[Any], ...] = (Drive, Track),
+) -> Pilot:
+    """The pilot of a body, whose driver understands such wishes.
+
+    Raises KoordError for libraries that are missing.
+    """
+    if settings.body.ON_GROUND and Drive not in wishes:
+        return SendingPilot(settings, world, seed)
     match settings.body:
         case Car():
             return CarPilot(settings, world, seed)

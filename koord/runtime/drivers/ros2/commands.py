@@ -117,7 +117,7 @@ class Wheels(Commander):
 
 
 class Wings(Commander):
-    """Velocities of what flies: TwistStamped in the frame of poses, or Twist in its own. (P-ROS-AIR)"""
+    """Velocities of what flies: TwistStamped in that of poses, or Twist in its own. (P-ROS-AIR)"""
 
     WISHES = (Velocity, Position, Track, Takeoff)
 

@@ -161,7 +161,8 @@ class Driven:
         vehicle = made.device.vehicle
         model = device_model(vehicle)
         guarded = Setup(usual(model.body), field(WORLD, flat=model.body.ON_GROUND), 0.1)
-        steersman = pilot(PilotSettings(model.body, model.planner), WORLD)
+        settings = PilotSettings(model.body, model.planner)
+        steersman = pilot(settings, WORLD, wishes=made.capabilities.wishes)
         self.driven = DrivenVehicle(made, steersman, guarded, time.monotonic())
 
     def until(self, condition: Callable[[], bool], most_s: float = 60.0) -> None:
@@ -198,6 +199,29 @@ def test_a_guarded_robot_drives_a_car_of_ros_to_a_place(kind: str) -> None:
         assert math.dist(one.driven.sensed.position_m, goal) < 0.25
         one.driven.order(Order.ESTOP, time.monotonic())
         one.until(lambda: one.driven.is_at_rest)
+        one.driven.close()
+
+
+def test_a_guarded_robot_sends_a_follower_of_ros_along_its_way() -> None:
+    prefix = fresh_prefix()
+    with peer("follower", prefix):
+        made = driver(prefix, "DIFF", waypoint_topic=Topic(topic="waypoint", type="PoseStamped"))
+        one = Driven(made)
+        corner, goal = (1.0, 0.0, 0.0), (1.0, 1.0, 0.0)
+        one.until(one._started)
+        one.driven.follow([(0.0, 0.0, 0.0), corner, goal])
+        furthest_m = 0.0
+
+        def arrived() -> bool:
+            nonlocal furthest_m
+            x, y, _ = one.driven.sensed.position_m
+            furthest_m = max(furthest_m, min(abs(y), abs(x - 1.0)))
+            return one.driven.sensors.reached
+
+        one.driven.tick(time.monotonic(), 0.0)
+        one.until(arrived)
+        assert math.dist(one.driven.sensed.position_m, goal) < 0.25
+        assert furthest_m < 0.2
         one.driven.close()
 
 
