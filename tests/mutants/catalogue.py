@@ -17,6 +17,7 @@ from tests.mutants.guarded import GUARDED
 from tests.mutants.horn import HORN
 from tests.mutants.instants import INSTANTS
 from tests.mutants.judged import JUDGED
+from tests.mutants.mavlinked import MAVLINKED
 from tests.mutants.mutant import Mutant
 from tests.mutants.protocol import PROTOCOL, WIRE_MISTAKES
 from tests.mutants.simulated import SIMULATED
@@ -802,6 +803,7 @@ MUTANTS = (
     *WIRE_MISTAKES,
     *DEPLOYED,
     *DRIVEN,
+    *MAVLINKED,
     *GUARDED,
     *JUDGED,
     *COMPILED,

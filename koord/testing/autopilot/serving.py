@@ -97,11 +97,16 @@ def main() -> None:
     parser.add_argument(
         "--start", type=float, nargs=3, default=(0.0, 0.0, 0.0), metavar=("N", "E", "D")
     )
+    parser.add_argument(
+        "--failing", action="append", default=[], metavar="CHECK", help="an arming check that fails"
+    )
     told = parser.parse_args()
     bound = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     bound.bind(told.bind)
     x, y, z = told.start
-    serve(bound, Settings(told.firmware, told.system, start_m=(x, y, z)), tuple(told.peer))
+    failing = tuple(told.failing)
+    settings = Settings(told.firmware, told.system, start_m=(x, y, z), failing=failing)
+    serve(bound, settings, tuple(told.peer))
 
 
 if __name__ == "__main__":

@@ -5,13 +5,9 @@ Few and in real time: what is looked for comes when it comes, and nothing is sai
 
 from __future__ import annotations
 
-import multiprocessing
 import socket
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from multiprocessing.process import BaseProcess
-from typing import Any
+from collections.abc import Callable
 
 import pytest
 from pymavlink.dialects.v20 import common as mavlink
@@ -33,34 +29,12 @@ from koord.runtime.drivers.setpoints import (
 )
 from koord.runtime.motion.world import World
 from koord.testing.autopilot.machine import Settings
-from koord.testing.autopilot.serving import Address, serve
+from koord.testing.autopilot.serving import Address
+from tests.runtime.platform.autopilots import autopilot, running
 
 WORLD = World((-5.0, -5.0, 0.0), (5.0, 5.0, 4.0))
 PATIENCE_S = 60.0
 TICK_S = 0.05
-
-SPAWN = multiprocessing.get_context("spawn")
-
-
-@contextmanager
-def running(target: Callable[..., None], *arguments: Any) -> Iterator[BaseProcess]:
-    """A process, which is ended at last."""
-    process = SPAWN.Process(target=target, args=arguments, daemon=True)
-    process.start()
-    try:
-        yield process
-    finally:
-        process.kill()
-        process.join()
-
-
-@contextmanager
-def autopilot(settings: Settings) -> Iterator[Address]:
-    """An autopilot in a process of its own; yields where it is."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as bound:
-        bound.bind(("127.0.0.1", 0))
-        with running(serve, bound, settings):
-            yield bound.getsockname()
 
 
 def driver(firmware: str, address: Address) -> MavlinkDriver:
