@@ -54,6 +54,8 @@ class Registry:
                 options, missing = tuple[str, ...](), None
                 try:
                     options = entry.load().OPTIONS.__struct_fields__
+                except ModuleNotFoundError as error:
+                    missing = f"{error.name} is not installed"
                 except Exception as error:  # whatever somebody else's module does
                     missing = f"{type(error).__name__}: {error}"
                 made.append(DriverEntry(name, package, entry.value, options, missing))
