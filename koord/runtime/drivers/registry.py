@@ -15,6 +15,7 @@ import msgspec
 from msgspec import Struct
 
 from koord.runtime.drivers.driver import DriverError, DriverType
+from koord.syntax.diagnostics import KoordError
 
 GROUP = "koord.drivers"
 
@@ -54,8 +55,9 @@ class Registry:
                 options, missing = tuple[str, ...](), None
                 try:
                     options = entry.load().OPTIONS.__struct_fields__
-                except ModuleNotFoundError as error:
-                    missing = f"{error.name} is not installed"
+                except KoordError as error:
+                    (told, *_) = error.diagnostics
+                    missing = told.message if told.hint is None else f"{told.message}; {told.hint}"
                 except Exception as error:  # whatever somebody else's module does
                     missing = f"{type(error).__name__}: {error}"
                 made.append(DriverEntry(name, package, entry.value, options, missing))
