@@ -72,7 +72,8 @@ class Ros2Driver:
             tells_battery=self.plan.battery is not None,
             takeoff_height_m=None if device.body.ON_GROUND else self.options.takeoff,
         )
-        self.reached: bool | None = None  #: what the vehicle says of the last way-point
+        #: what the vehicle says of the last way-point; programs are told by where it is
+        self.reached: bool | None = None
         self._trouble: str | None = None  #: why the pose that was heard last does not count
         self._links: _Links | None = None
         self._fix: Fix | None = None
@@ -177,8 +178,10 @@ class Ros2Driver:
     def close(self) -> None:
         """Tell the vehicle to stop, and leave."""
         if self._links is not None:
-            self._links.commander.stop()
-            self._leave(self._links)
+            try:
+                self._links.commander.stop()
+            finally:
+                self._leave(self._links)
 
     def _leave(self, links: _Links) -> None:
         self._links = None
