@@ -351,3 +351,41 @@ def test_the_json_schema_accepts_both_forms() -> None:
         assert list(validator.iter_errors(values)) == []
     assert list(validator.iter_errors({"num_robots": 0}))
     assert list(validator.iter_errors({"num_robot": 3}))
+
+
+ROS = """\
+agents: [{pid: 0, on_device: car}]
+devices:
+    car:
+        bot_type: CAR
+        planner: RRT_CAR
+        DRIVER
+        ros_node_prefix: hotdec_car
+        motion:
+            positioning_topic: {topic: /vrpn_client_node/, type: PoseStamped}
+            waypoint_topic: {topic: waypoint, type: String}
+            reached_topic: {topic: reached, type: String}
+            queue_size: 1
+world: {bounds: {low: [-3, -3, 0], high: [3, 3, 3]}}
+"""
+
+
+def test_topics_of_the_published_middleware_are_options_of_a_driver_that_speaks_ros() -> None:
+    made = loaded(ROS.replace("DRIVER", "driver: ros2\n        options: {queue_size: 5}"))
+    assert made.warnings == ()
+    (robot,) = made.robots
+    assert json.loads(robot.vehicle.options) == {
+        "ros_node_prefix": "hotdec_car",
+        "positioning_topic": {"topic": "/vrpn_client_node/", "type": "PoseStamped"},
+        "waypoint_topic": {"topic": "waypoint", "type": "String"},
+        "reached_topic": {"topic": "reached", "type": "String"},
+        "queue_size": 5,
+    }
+
+
+def test_without_such_a_driver_topics_have_no_effect() -> None:
+    made = loaded(ROS.replace("DRIVER", "driver: sim"))
+    assert {d.code for d in made.warnings} == {"K938"}
+    assert len(made.warnings) == 5
+    (robot,) = made.robots
+    assert robot.vehicle.options == b"{}"

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator, Mapping
 from difflib import get_close_matches
 from ipaddress import AddressValueError, IPv4Address
+from typing import Any
 
 import msgspec
 
@@ -43,15 +44,18 @@ DEFAULT_PORT = 61_820
 #: In the block of addresses that any organisation may use for itself.
 DEFAULT_GROUP = "239.255.75.1"
 
+#: Fields of a device in the published middleware that are options of drivers that speak ROS.
+_ROS = ("positioning_topic", "queue_size", "reached_topic", "ros_node_prefix", "waypoint_topic")
+
+#: The drivers that speak it.
+_ROS_DRIVERS = ("ros1", "ros2")
+
 #: Fields of the published middleware that are read, and change nothing; and what does.
 _IDLE: Mapping[str, str] = {
     "mutex_handler": "robots that enter one lock class are kept apart by the protocol",
     "nbr_pids": "every robot talks with all others",
     "plist": "a robot listens on the `port` of its device",
-} | dict.fromkeys(
-    ("positioning_topic", "queue_size", "reached_topic", "ros_node_prefix", "waypoint_topic"),
-    "robots send and hear nothing over ROS here",
-)
+} | dict.fromkeys(_ROS, "it is for drivers that speak ROS: `driver: ros2`")
 
 
 #: Where a `safety:` block changes nothing either.
@@ -112,6 +116,8 @@ class _Checker(FormReader):
         """Warn of each kind of field that has no effect, at its first place. (K938)"""
         places: dict[str, Span] = {}
         for path, span in self._document.names.items():
+            if path[-1] in _ROS and self._speaks_ros(path):
+                continue
             if path[0] != "params" and path[-1] in _IDLE:
                 places.setdefault(str(path[-1]), span)
             elif path == ("safety",) or (path[0] in ("device", "devices") and path[-1] == "safety"):
@@ -123,6 +129,17 @@ class _Checker(FormReader):
             )
             hint = _IDLE.get(name, _UNGUARDED)
             yield Diagnostic("K938", Severity.WARNING, span, story, hint)
+
+    def _speaks_ros(self, path: Path) -> bool:
+        """Return whether a field belongs to a device whose driver speaks ROS."""
+        at = self._document.value
+        for step in path:
+            if isinstance(at, dict) and at.get("driver") in _ROS_DRIVERS:
+                return True
+            if not (isinstance(at, dict) and step in at):
+                return False
+            at = at[step]
+        return False
 
     def _agents(self, form: Form) -> list[tuple[Agent, Path]]:
         """The robots by pid, and their places in the file."""
@@ -216,7 +233,7 @@ class _Checker(FormReader):
             device.simulation,
             path,
             driver=device.driver,
-            options=msgspec.json.encode(device.options),
+            options=msgspec.json.encode({**_topics(device, motion), **device.options}),
         )
 
     def _safety(self, form: Form, device: Device, where: Path, world: World | None) -> SafetyLimits:
@@ -381,3 +398,16 @@ def _point(coordinates: Coordinates, z: float = 0.0) -> Point:
 
 def _height(height: float | None) -> float:
     return math.inf if height is None else height
+
+
+def _topics(device: Device, motion: Motion) -> dict[str, Any]:
+    """The options that a device states as the published middleware has them."""
+    if device.driver not in _ROS_DRIVERS:
+        return {}
+    stated = {**_given(motion), **_given(device)}
+    return {name: msgspec.to_builtins(value) for name, value in stated.items()}
+
+
+def _given(form: Motion) -> dict[str, Any]:
+    values = {name: getattr(form, name) for name in _ROS}
+    return {name: value for name, value in values.items() if value is not None}
