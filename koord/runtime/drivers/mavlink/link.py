@@ -11,7 +11,7 @@ from koord.runtime.drivers.mavlink.library import Message, mavlink, mavutil
 from koord.runtime.drivers.mavlink.options import MavlinkOptions
 
 #: Who sends more between two ticks is read on at the next one.
-_MOST_READS = 500
+_MOST_READS, _MOST_BYTES = 500, 4096
 
 
 class Link(Protocol):
@@ -51,7 +51,7 @@ class Codec:
 
 
 class WireLink:
-    """A link over UDP, TCP or a serial line."""
+    """A link over UDP or a serial line."""
 
     def __init__(self, options: MavlinkOptions) -> None:
         """Open it. Raises DriverError."""
@@ -80,7 +80,7 @@ class WireLink:
         found: list[Message] = []
         for _ in range(_MOST_READS):
             try:
-                data = self._wire.recv()
+                data = self._wire.recv(_MOST_BYTES)
             except OSError:
                 break  # it is silent: that is noticed by its heartbeat
             if not data:

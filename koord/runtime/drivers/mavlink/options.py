@@ -23,7 +23,6 @@ class AutopilotKind(Enum):
 _FORMS = {
     "udpin": "HOST:PORT",
     "udpout": "HOST:PORT",
-    "tcp": "HOST:PORT",
     "serial": "DEVICE:BAUD",
 }
 
@@ -31,7 +30,9 @@ _FORMS = {
 class MavlinkOptions(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """How a vehicle is reached, and what its autopilot is like."""
 
-    connection: str  #: udpin:HOST:PORT (it sends there), udpout:…, tcp:…, serial:DEVICE:BAUD
+    #: udpin:HOST:PORT (it sends there; a port for each vehicle), udpout:HOST:PORT (it listens
+    #: there), or serial:DEVICE:BAUD
+    connection: str
     autopilot: AutopilotKind = AutopilotKind.PX4
     system: SystemId = 1  #: the vehicle's
     ground_system: SystemId = 255  #: koord's; for ArduPilot's failsafe it has to be SYSID_MYGCS
