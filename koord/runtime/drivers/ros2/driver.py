@@ -22,7 +22,10 @@ from koord.runtime.drivers.ros2.poses import (
 )
 from koord.runtime.drivers.ros2.readings import is_reached, reading, written
 from koord.runtime.drivers.setpoints import Capabilities, Sensed, Setpoint
+from koord.runtime.motion.libraries import require
 from koord.runtime.motion.world import Point
+
+require(("cyclonedds",), "ros2")  # so that it is told where drivers are listed
 
 #: Set-points a second that controllers of ROS expect.
 _RATE_HZ = 20.0

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
 from koord.runtime.drivers.driver import DriverError
@@ -117,11 +116,6 @@ class Graph:
 
     def __init__(self, domain: int | None, depth: int) -> None:
         """Join a domain; None: that of ROS_DOMAIN_ID. Raises DriverError."""
-        if find_spec("cyclonedds") is None:
-            raise DriverError(
-                "cyclonedds is needed for this and is not installed",
-                "install it with: pip install 'koord[ros2]'",
-            )
         from cyclonedds import builtin
         from cyclonedds.core import DDSException
         from cyclonedds.domain import DomainParticipant

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Callable
+from importlib import import_module
 from typing import Any, cast
 
 import pytest
@@ -33,6 +35,7 @@ from koord.runtime.drivers.setpoints import (
 )
 from koord.runtime.motion.bodies import VEHICLES
 from koord.runtime.motion.world import Point, World
+from koord.syntax.diagnostics import KoordError
 
 WORLD = World((-4.0, -4.0, 0.0), (4.0, 4.0, 3.0))
 CAR, QUAD = VEHICLES["CAR"].body, VEHICLES["QUAD"].body
@@ -493,7 +496,10 @@ def test_a_dds_that_cannot_be_is_named_with_its_cure(monkeypatch: pytest.MonkeyP
 
 
 def test_a_library_that_is_missing_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("koord.runtime.drivers.ros2.graph.find_spec", lambda _: None)
-    with pytest.raises(DriverError, match="cyclonedds is needed") as error:
-        Graph(0, 1)
-    assert error.value.hint == "install it with: pip install 'koord[ros2]'"
+    monkeypatch.delitem(sys.modules, "koord.runtime.drivers.ros2.driver")
+    monkeypatch.setattr("koord.runtime.motion.libraries.find_spec", lambda _: None)
+    with pytest.raises(KoordError) as error:
+        import_module("koord.runtime.drivers.ros2.driver")
+    (told,) = error.value.diagnostics
+    assert told.message == "cyclonedds is needed for this and is not installed"
+    assert told.hint == "install it with: pip install 'koord[ros2]'"
