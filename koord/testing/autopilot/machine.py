@@ -131,6 +131,8 @@ class SimulatedAutopilot:
             case "COMMAND_LONG" if message.target_system == self.settings.system:
                 result = self._obey(message)
                 self._out.append(mavlink.MAVLink_command_ack_message(message.command, result))
+            case "PARAM_REQUEST_READ" if message.target_system == self.settings.system:
+                self._tell_parameter(message.param_id)
             case "SET_POSITION_TARGET_LOCAL_NED" if message.target_system == self.settings.system:
                 self._hear_setpoint(message)
 
@@ -150,6 +152,16 @@ class SimulatedAutopilot:
             None if mask >> 10 & 1 else message.yaw,
             0.0 if mask >> 11 & 1 else message.yaw_rate,
         )
+
+    def _tell_parameter(self, name: str) -> None:
+        settings = self.settings
+        known = {"FS_GCS_ENABLE": float(math.isfinite(settings.ground_loss_s))}
+        if self.firmware.wants_stream:
+            known = {"COM_OF_LOSS_T": settings.stream_loss_s}
+        if name in known:
+            real = mavlink.MAV_PARAM_TYPE_REAL32
+            value = mavlink.MAVLink_param_value_message(name.encode(), known[name], real, 1, 0)
+            self._out.append(value)
 
     def _obey(self, command: Any) -> int:
         match command.command:

@@ -442,6 +442,23 @@ def test_what_the_battery_has_is_told() -> None:
     assert bench.sensed.battery == pytest.approx(0.42)
 
 
+@pytest.mark.parametrize(
+    ("settings", "said"),
+    [
+        (Settings("px4", stream_loss_s=7.5), "its COM_OF_LOSS_T is 7.5 s, and the option"),
+        (Settings("ardupilot", ground_loss_s=math.inf), "its FS_GCS_ENABLE is 0"),
+    ],
+)
+def test_a_failsafe_that_is_not_set_up_is_told(settings: Settings, said: str) -> None:
+    bench = Bench(settings.firmware, Air(settings))
+    bench.tick(Disarm(), 40)
+    (told,) = bench.driver.remarks
+    assert said in told
+    well = Bench(settings.firmware)
+    well.tick(Disarm(), 40)
+    assert well.driver.remarks == ()
+
+
 # --- options --------------------------------------------------------------------------------------
 
 

@@ -44,6 +44,7 @@ def driver(firmware: str, address: Address) -> MavlinkDriver:
         autopilot=AutopilotKind(firmware),
         connect=PATIENCE_S,
         climb=2.0,
+        silence=PATIENCE_S,
     )
     device = Device(0, Vehicle("drone", "QUAD"), WORLD, (0.0, 0.0, 0.0), options=options)
     made = MavlinkDriver(device)

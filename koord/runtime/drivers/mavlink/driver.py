@@ -14,6 +14,7 @@ from msgspec import Struct
 
 from koord.runtime.drivers.driver import Device, DriverError
 from koord.runtime.drivers.mavlink.control import Control, Flight
+from koord.runtime.drivers.mavlink.failsafe import FailsafeCheck
 from koord.runtime.drivers.mavlink.library import Message, mavlink
 from koord.runtime.drivers.mavlink.link import Link, WireLink
 from koord.runtime.drivers.mavlink.modes import MODES
@@ -80,6 +81,7 @@ class MavlinkDriver:
         self._telemetry = Telemetry(origin, ground_m)
         self._requests = Requests(options)
         self._control = Control(options, origin, ground_m)
+        self._failsafe = FailsafeCheck(options)
         self._link = link
         self._told: Setpoint = Disarm()
         self._told_s = -math.inf
@@ -147,6 +149,8 @@ class MavlinkDriver:
             )
         elif self._was_armed and self._telemetry.armed is False and self._moves:
             found.append("the autopilot has disarmed itself: koord does not arm it again by itself")
+        if trouble := self._failsafe.trouble:
+            found.append(f"the failsafe of the autopilot is not set up: {trouble}")
         disarms = isinstance(self._told, Disarm)
         for command, doing in (
             (_MODE, "change its mode"),
@@ -187,6 +191,9 @@ class MavlinkDriver:
             )
         for request in self._requests.streams(self._telemetry.pose_age_s(now_s), now_s):
             self._send(request)
+        question = self._failsafe.ask(now_s)
+        if question is not None:
+            self._send(question)
 
     def _hear(self, message: Message, now_s: float) -> None:
         if now_s - self._heard_s > self.options.silence:
@@ -194,6 +201,8 @@ class MavlinkDriver:
         self._heard_s = now_s
         if message.get_type() == "COMMAND_ACK":
             self._requests.hear(message)
+        if message.get_type() == "PARAM_VALUE":
+            self._failsafe.hear(message)
         self._telemetry.hear(message, now_s)
         if message.get_type() == "HEARTBEAT":
             self._watch_mode(now_s)
