@@ -194,7 +194,7 @@ def test_a_guarded_robot_drives_a_car_of_ros_to_a_place(kind: str) -> None:
     prefix = fresh_prefix()
     with peer("car", prefix):
         one = Driven(driver(prefix, kind))
-        goal = (1.5, 0.5, 0.0)
+        goal = (1.2, 0.1, 0.0)
         one.go_to(goal)
         assert math.dist(one.driven.sensed.position_m, goal) < 0.25
         one.driven.order(Order.ESTOP, time.monotonic())
@@ -207,7 +207,7 @@ def test_a_guarded_robot_sends_a_follower_of_ros_along_its_way() -> None:
     with peer("follower", prefix):
         made = driver(prefix, "DIFF", waypoint_topic=Topic(topic="waypoint", type="PoseStamped"))
         one = Driven(made)
-        corner, goal = (1.0, 0.0, 0.0), (1.0, 1.0, 0.0)
+        corner, goal = (0.6, 0.0, 0.0), (0.6, 0.6, 0.0)
         one.until(one._started)
         one.driven.follow([(0.0, 0.0, 0.0), corner, goal])
         furthest_m = 0.0
@@ -215,7 +215,7 @@ def test_a_guarded_robot_sends_a_follower_of_ros_along_its_way() -> None:
         def arrived() -> bool:
             nonlocal furthest_m
             x, y, _ = one.driven.sensed.position_m
-            furthest_m = max(furthest_m, min(abs(y), abs(x - 1.0)))
+            furthest_m = max(furthest_m, min(abs(y), abs(x - 0.6)))
             return one.driven.sensors.reached
 
         one.driven.tick(time.monotonic(), 0.0)
