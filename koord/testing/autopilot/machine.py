@@ -108,7 +108,6 @@ class SimulatedAutopilot:
         self.airframe = Airframe(settings.start_m, settings.yaw_rad, settings.handling)
         self.mode, self.armed, self.battery = Mode.MANUAL, False, settings.battery
         self.failing = settings.failing
-        self.setpoints = 0  #: heard
         self.failsafes: list[str] = []
         self._now_s = self._boot_s = now_s
         self._target = Target(settings.start_m)
@@ -142,7 +141,6 @@ class SimulatedAutopilot:
         if self._now_s - self._setpoint_s > 0.5:
             self._stream_s = self._now_s
         self._setpoint_s = self._now_s
-        self.setpoints += 1
         mask = message.type_mask
         self._rises_to_m = None
         self._setpoint = Target(

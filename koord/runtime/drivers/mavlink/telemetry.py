@@ -114,12 +114,12 @@ class Telemetry:
         """Put a text together, which may come in pieces of 50 characters."""
         text = message.text
         if message.id:
-            pieces = self._pieces.setdefault(message.id, {})
-            pieces[message.chunk_seq] = text
+            pieces = self._pieces.get(message.id, {}) | {message.chunk_seq: text}
+            self._pieces = {message.id: pieces}  # of one text at a time: others have lost a piece
             ends = [number for number, piece in pieces.items() if len(piece) < 50]
             if not ends or set(pieces) != set(range(min(ends) + 1)):
                 return
-            text = "".join(piece for _, piece in sorted(self._pieces.pop(message.id).items()))
+            text = "".join(piece for _, piece in sorted(pieces.items()))
         self._texts[text] = now_s
 
     def forget(self, now_s: float) -> None:
