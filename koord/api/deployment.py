@@ -88,6 +88,7 @@ class DeployRequest(Struct, frozen=True):
     trace: str | None = None
     dry_run: bool = False
     allow_models: tuple[str, ...] = ()
+    arm: bool = False
 
 
 def deploy(
@@ -107,6 +108,7 @@ def deploy(
     trace: str | PathLike[str] | None = None,
     dry_run: bool = False,
     allow_models: Sequence[str] = (),
+    arm: bool = False,
     progress: Listener | None = None,
     cancellation: Cancellation | None = None,
 ) -> Deployed:
@@ -124,6 +126,7 @@ def deploy(
     of the run, judged by the rules (``merged`` of the result); with a ``pid`` the robot's part of
     it, for :func:`koord.merge`. With ``dry_run`` all vehicles are simulated, in real
     time; ``allow_models`` are ports (``Module.port``) that may be made up where nobody serves them.
+    Vehicles stay where they are unless ``arm`` says that they may move.
     ``progress`` hears :class:`FleetHeard`.
 
     Raises :class:`koord.KoordError` for what is wrong with the input, or with the network.
@@ -143,6 +146,7 @@ def deploy(
         trace=None if trace is None else fspath(trace),
         dry_run=dry_run,
         allow_models=tuple(allow_models),
+        arm=arm,
     )
     if restart and pid is not None:
         raise ArgumentError("restart", NOT_RESTARTED)
@@ -212,7 +216,9 @@ def _platforms(
     require(SIM, "sim")
     from koord.api.platforms import platforms, simulated
 
-    return simulated(fitted) if request.dry_run else platforms(fitted, drivers)
+    if request.dry_run:
+        return simulated(fitted)
+    return platforms(fitted, drivers, arms=request.arm)
 
 
 def _starts(fitted: Fitted) -> Mapping[tuple[int | None, str], Any]:

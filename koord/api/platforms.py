@@ -32,13 +32,20 @@ def simulated(fitted: Fitted) -> Callable[[Job, int], Platform]:
     """What makes the platforms of a dry run. Raises KoordError."""
     pids = range(len(fitted.scene.robots))
     drivers = Drivers(dict.fromkeys(pids, SIMULATED), dict.fromkeys(pids, NoOptions()))
-    return platforms(fitted, drivers, fallback(fitted))
+    return platforms(fitted, drivers, fallback(fitted), arms=True)
 
 
 def platforms(
-    fitted: Fitted, drivers: Drivers, supplied: Callable[[Host], Host] | None = None
+    fitted: Fitted,
+    drivers: Drivers,
+    supplied: Callable[[Host], Host] | None = None,
+    *,
+    arms: bool,
 ) -> Callable[[Job, int], Platform]:
-    """What makes the platform of a robot; ``supplied`` answers more than a vehicle knows."""
+    """What makes the platform of a robot; ``supplied`` answers more than a vehicle knows.
+
+    ``arms``: people have said that vehicles may move.
+    """
 
     def make(job: Job, pid: int) -> Platform:
         if pid not in drivers.made:
@@ -69,7 +76,7 @@ def platforms(
             planners, pose, scene.clearance, chart, scene.seed, keep_rounds=_KEPT_ROUNDS
         )
         host = VehicleHost(job.classes, job.kinds, world, library, driven, scene.seed)
-        return VehiclePlatform(host, driven, supplied)
+        return VehiclePlatform(host, driven, supplied, arms=arms)
 
     return make
 

@@ -69,6 +69,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--dry-run", action="store_true", help="simulate all vehicles, in real time"
     )
     parser.add_argument(
+        "--arm", action="store_true", help="let vehicles move: without, they stay where they are"
+    )
+    parser.add_argument(
         "--allow-model",
         metavar="PORT",
         action="append",
@@ -123,6 +126,7 @@ def main(arguments: argparse.Namespace) -> int:
         trace=arguments.trace,
         dry_run=arguments.dry_run,
         allow_models=tuple(arguments.allow_model),
+        arm=arguments.arm,
     )
     report = DiagnosticReport()
     prepared = prepare(arguments, request, report)

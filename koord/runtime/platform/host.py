@@ -17,6 +17,8 @@ from koord.runtime.protocol.events import Reason
 from koord.runtime.protocol.messages import Beacon
 from koord.runtime.robot import Host, Key, Robot, Turn
 
+_UNARMED = "the vehicle is not to be armed, and stays where it is"
+
 #: How often a robot says where it is; of more robots than this each says it less often.
 BEACON_S = 0.1
 _MANY = 16
@@ -58,14 +60,20 @@ class VehiclePlatform:
         host: VehicleHost,
         vehicle: DrivenVehicle,
         supplied: Callable[[Host], Host] | None = None,
+        *,
+        arms: bool = True,
     ) -> None:
-        """``supplied`` makes a host of this one that answers more than a vehicle knows."""
+        """Make a platform; ``arms``: people have said that the vehicle may move.
+
+        ``supplied`` makes a host of this one that answers more than a vehicle knows.
+        """
         self.holding = False
         self.vehicle = vehicle
         self._world = host
         self._host: Host = host if supplied is None else supplied(host)
         self._due_s: float | None = None
         self._is_stopping = False
+        self._arms = arms
         self._robots = len(host.kinds)
         self._beacon_due_s = 0.0
         self._others: dict[int, tuple[Beacon, float]] = {}
@@ -97,8 +105,8 @@ class VehiclePlatform:
         return self._due_s
 
     def _begin(self, now_s: float, round_age_s: float | None) -> None:
-        """Arm and start the vehicle once rounds are committed. (P-START)"""
-        if round_age_s is None or self._is_stopping:
+        """Arm and start the vehicle once rounds are committed. (P-ARM) (P-START)"""
+        if round_age_s is None or self._is_stopping or not self._arms:
             return
         if self.vehicle.mode is Mode.DISARMED:
             self.vehicle.order(Order.ARM, now_s)
@@ -136,7 +144,8 @@ class VehiclePlatform:
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        return self.vehicle.remarks
+        unarmed = not self._arms and self.vehicle.mode is Mode.DISARMED
+        return (*((_UNARMED,) if unarmed else ()), *self.vehicle.remarks)
 
     def close(self) -> None:
         """Let go of the vehicle."""

@@ -6,6 +6,7 @@ guardian makes of that goes to the driver. (P-TICK)
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Sequence
 
 from koord.runtime.drivers.driver import Driver, DriverError
@@ -28,17 +29,20 @@ from koord.runtime.platform.pilots import Pilot
 from koord.runtime.platform.sensors import MotionSensors
 from koord.runtime.protocol.events import Reason
 
+#: So many notes are kept.
+_MOST_NOTES = 256
+
 #: The modes in which a vehicle that stands stays where it is.
 _ENDED = (Mode.DISARMED, Mode.STOPPED, Mode.ESTOPPED)
 
 
 class DrivenVehicle:
-    """The vehicle of one robot. ``notes`` are the guardian's, not yet taken by anyone."""
+    """The vehicle of one robot. ``notes`` are the guardian's last ones."""
 
     def __init__(self, driver: Driver, pilot: Pilot, setup: Setup, now_s: float) -> None:
         """Connect to the vehicle, and wait until it is known where it is. Raises DriverError."""
         self.driver, self.pilot = driver, pilot
-        self.notes: list[Note] = []
+        self.notes: deque[Note] = deque(maxlen=_MOST_NOTES)
         self._matters: dict[Condition, str] = {}
         self._setup = setup
         self._guardian = initial(now_s)

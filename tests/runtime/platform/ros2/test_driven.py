@@ -172,7 +172,7 @@ class Driven:
             assert time.monotonic() < end_s, (
                 self.driven.sensed,
                 self.driven.mode,
-                self.driven.notes[:9],
+                list(self.driven.notes)[:9],
             )
             time.sleep(TICK_S)
 

@@ -1,0 +1,38 @@
+"""Nothing is armed that people have not said may move. (P-ARM)"""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import cast
+
+import pytest
+
+from koord.runtime.guardian.modes import Mode
+from koord.runtime.platform.host import VehicleHost, VehiclePlatform
+from koord.runtime.platform.pilots import TICK_S
+from tests.runtime.platform.test_driven import Guarded
+
+
+@pytest.mark.parametrize("arms", [False, True])
+def test_a_vehicle_is_armed_if_people_said_so(arms: bool) -> None:
+    driven = Guarded("CAR").driven
+    host = cast(VehicleHost, SimpleNamespace(kinds=(0,)))
+    made = VehiclePlatform(host, driven, arms=arms)
+    now = 100.0
+    for _ in range(100):
+        now += TICK_S
+        made.tick(now, 0.05, None)
+    assert driven.mode is (Mode.RUNNING if arms else Mode.DISARMED)
+    assert any("not to be armed" in remark for remark in made.remarks) is not arms
+
+
+def test_what_is_said_of_a_vehicle_does_not_grow_for_ever() -> None:
+    driven = Guarded("CAR").driven
+    host = cast(VehicleHost, SimpleNamespace(kinds=(0,)))
+    made = VehiclePlatform(host, driven)
+    now = 100.0
+    for _ in range(3000):
+        now += TICK_S
+        driven.pilot.go_to((1.0, 0.0, 0.0))
+        made.tick(now, 0.05 if int(now) % 2 else 5.0, None)
+    assert len(driven.notes) <= 256
