@@ -60,9 +60,11 @@ def platforms(
             model.body, model.planner, model.steering, model.visit, model.effort
         )
         guarded = Setup(vehicle.safety, field(world, flat=model.body.ON_GROUND), float(job.delta_s))
-        steersman = pilot(settings, world, scene.seed * len(scene.robots) + pid)
         try:
-            driven = DrivenVehicle(drivers.made[pid](device), steersman, guarded, time.monotonic())
+            driver = drivers.made[pid](device)
+            wishes = driver.capabilities.wishes
+            steersman = pilot(settings, world, scene.seed * len(scene.robots) + pid, wishes=wishes)
+            driven = DrivenVehicle(driver, steersman, guarded, time.monotonic())
         except DriverError as error:
             raise CannotTakePartError(f"robot {pid}: {error.message}", error.hint) from None
 
