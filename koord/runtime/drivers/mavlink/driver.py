@@ -1,7 +1,7 @@
 """The driver ``mavlink``: PX4 in offboard mode and ArduPilot in guided mode.
 
 All that it sends, heartbeats too, it sends when it is asked at a tick: if koord falls silent,
-the autopilot's own failsafe acts. [M-TICK]
+the autopilot's own failsafe acts. (M-TICK)
 """
 
 from __future__ import annotations
