@@ -14,6 +14,7 @@ _FAMILIES = re.compile(r"_many(_|$)|_at_length$|_further_on$")
 #: Tests whose shortest case takes more than 15 seconds of CPU, and why.
 TOO_LONG = {
     "test_all_three_refuse_all_mutants_alike": "three readers of some hundred configurations",
+    "test_cars_and_drones_visit_all_places": "two minutes of real time",
     "test_cars_among_processes_make_the_same_run": "half a minute of a fleet, twice",
     "test_events_that_never_run_are_told": "what never happens, looked for in all ways",
     "test_the_fewest_rounds_are_the_fewest_of_many": "all runs of 60 programs",

@@ -189,7 +189,7 @@ class Driven:
         return self.driven.mode is Mode.RUNNING
 
 
-@pytest.mark.parametrize("kind", ["CAR", "DIFF"])
+@pytest.mark.parametrize("kind", [pytest.param("CAR", marks=pytest.mark.slow), "DIFF"])
 def test_a_guarded_robot_drives_a_car_of_ros_to_a_place(kind: str) -> None:
     prefix = fresh_prefix()
     with peer("car", prefix):
