@@ -13,7 +13,6 @@ from koord.runtime.guardian.events import Order
 from koord.runtime.guardian.limits import SafetyLimits
 from koord.runtime.guardian.modes import Facts, Mode, State, after_order, after_tick
 
-
 #: One kind of vehicle by default: the others differ by how they end.
 FIRST, *OTHERS = VEHICLES
 
