@@ -110,14 +110,13 @@ def unserved(fitted: Fitted, drivers: Drivers, allowed: Iterable[str] = ()) -> I
 
 def _moves(agent: core.Agent) -> bool:
     """Return whether a program senses or sets where its robot is."""
-    names = {port.declaration.variable.name for port in agent.ports}
     free = {
         agent.ports[k].declaration.variable.name
         for module in agent.modules
         if module.environment is None
         for k in module.ports
     }
-    return bool(names & free & {*PLACES, *GOALS})
+    return not free.isdisjoint((*PLACES, *GOALS))
 
 
 def _problem(where: Span, story: str, hint: str) -> Diagnostic:

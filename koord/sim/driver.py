@@ -36,6 +36,7 @@ from koord.runtime.drivers.setpoints import (
 from koord.runtime.motion.arrays import Floats
 from koord.runtime.motion.bodies import Car, DifferentialDrive, Drone, type_of
 from koord.runtime.motion.flying import GRAVITY, Reference
+from koord.runtime.motion.group import TICK_S
 from koord.runtime.motion.world import Point
 from koord.sim.disturbances import Fixes, Gusts
 from koord.sim.scene import device_model
@@ -51,8 +52,6 @@ _MOST_S = 2.0
 #: Drones rise and sink at these speeds, and are in the air above this height.
 _RISING_MPS, _SINKING_MPS, _AIRBORNE_M = 0.5, 0.4, 0.05
 
-_TICK_S = STEP_S * STEPS
-
 
 class SimulatedVehicle(ABC):
     """A vehicle of the simulator as a driver."""
@@ -64,8 +63,8 @@ class SimulatedVehicle(ABC):
         self.capabilities = Capabilities(
             kinds=(device.vehicle.type_name,),
             wishes=self.WISHES,
-            rate_hz=1 / _TICK_S,
-            pose_age_s=_TICK_S,
+            rate_hz=1 / TICK_S,
+            pose_age_s=TICK_S,
             dead_man_s=DEAD_MAN_S,
             tells_airborne=True,
         )
@@ -134,11 +133,11 @@ class SimulatedVehicle(ABC):
         while steps > 0:
             some = min(steps, STEPS)
             self._hear(at_s)
-            self.move(self._setpoint if self.armed else Disarm(), at_s, some)
+            self.move(self._setpoint if self.armed else Disarm(), some)
             at_s, steps = at_s + some * STEP_S, steps - some
 
     def _hear(self, at_s: float) -> None:
-        while self._told and self._told[0][0] <= at_s + _TICK_S / 2:
+        while self._told and self._told[0][0] <= at_s + TICK_S / 2:
             self._told_at_s, said = self._told.popleft()
             if isinstance(said, Arm):
                 self.armed = True
@@ -160,7 +159,7 @@ class SimulatedVehicle(ABC):
         return
 
     @abstractmethod
-    def move(self, setpoint: Setpoint, at_s: float, steps: int) -> None:
+    def move(self, setpoint: Setpoint, steps: int) -> None:
         """Move for some steps."""
 
     @abstractmethod
@@ -191,7 +190,7 @@ class SimulatedWheels(SimulatedVehicle):
         self._vehicles = vehicles
         self._steering_rad = 0.0
 
-    def move(self, setpoint: Setpoint, at_s: float, steps: int) -> None:
+    def move(self, setpoint: Setpoint, steps: int) -> None:
         speed, rate = 0.0, 0.0
         if isinstance(setpoint, Drive):
             speed, rate = setpoint.speed_mps, setpoint.yaw_rate_radps
@@ -242,7 +241,7 @@ class SimulatedDrone(SimulatedVehicle):
         ):
             self._aim = self._position
 
-    def move(self, setpoint: Setpoint, at_s: float, steps: int) -> None:
+    def move(self, setpoint: Setpoint, steps: int) -> None:
         if isinstance(setpoint, Disarm):
             self._fall(steps * STEP_S)
             return
@@ -316,7 +315,7 @@ class SimulatedPoint(SimulatedVehicle):
         super().__init__(device, model)
         self._position, self._velocity = device.position_m, (0.0, 0.0, 0.0)
 
-    def move(self, setpoint: Setpoint, at_s: float, steps: int) -> None:
+    def move(self, setpoint: Setpoint, steps: int) -> None:
         self._velocity = (0.0, 0.0, 0.0)
         if isinstance(setpoint, Track):
             self._position, self._velocity = setpoint.position_m, setpoint.velocity_mps

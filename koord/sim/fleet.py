@@ -16,14 +16,12 @@ from msgspec import Struct
 from koord.runtime.motion.arrays import Bools, Floats, Ints, lengths
 from koord.runtime.motion.automaton import MotionState
 from koord.runtime.motion.geometry import as_path
+from koord.runtime.motion.group import TICK_S
 from koord.runtime.motion.planning import Hindrance
 from koord.runtime.motion.world import Point, World
 from koord.runtime.platform.sensors import MotionSensors
-from koord.sim.squads import STEP_S, STEPS, DeviceModel, Engines, Squad, squad
+from koord.sim.squads import DeviceModel, Engines, Squad, squad
 from koord.sim.vehicles.points import PointSquad
-
-#: A tick of control.
-TICK_S = STEP_S * STEPS
 
 _HINDRANCES = tuple(Hindrance)
 

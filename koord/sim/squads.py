@@ -17,7 +17,7 @@ from koord.runtime.motion.arrays import Floats
 from koord.runtime.motion.automaton import Visit
 from koord.runtime.motion.bodies import Body, Level, PlannerName, Steering, type_of
 from koord.runtime.motion.driving import Legs, Measured
-from koord.runtime.motion.group import Group
+from koord.runtime.motion.group import TICK_S, Group
 from koord.runtime.motion.planners import planner
 from koord.runtime.motion.planning import PlanningEffort, Touched
 from koord.runtime.motion.world import World
@@ -34,7 +34,7 @@ Seed: TypeAlias = np.random.SeedSequence
 STEP_S = 0.01
 
 #: So many steps make a tick of control.
-STEPS = 5
+STEPS = round(TICK_S / STEP_S)
 
 #: So many robots of a squad plan their paths in one tick.
 PLAN_MOST = 4

@@ -23,9 +23,10 @@ from koord.runtime.motion.bodies import (
 )
 from koord.runtime.motion.clearance import clearance_of
 from koord.runtime.motion.geometry import point_path
+from koord.runtime.motion.group import TICK_S
 from koord.runtime.motion.world import Point, World
 from koord.sim.disturbances import Disturbances, Positioning, Wind
-from koord.sim.fleet import TICK_S, Fleet, Placed
+from koord.sim.fleet import Fleet, Placed
 from koord.sim.measuring import nearest
 from koord.sim.squads import DeviceModel
 from tests.runtime.motion.worlds import CLUTTERED

@@ -168,9 +168,7 @@ class Network:
             case Delivery() as delivery if self.faults.reading_s > 0:
                 self._queue(delivery)
                 return None
-            case Delivery() as delivery:
-                return self._hand_over(delivery)
-            case Reading(delivery=delivery):
+            case (Delivery() as delivery) | Reading(delivery=delivery):
                 return self._hand_over(delivery)
             case Wake(robot=robot):
                 node = self.nodes[robot]

@@ -67,8 +67,7 @@ def attitude_from_ned(attitude: Quaternion) -> Quaternion:
 
 def attitude_to_ned(attitude: Quaternion) -> Quaternion:
     """The attitude of an FRD body in NED, from that of the same body as FLU in ENU."""
-    w, x, y, z = product(product(_NED_TO_ENU, attitude), _FLU_TO_FRD)
-    return w, x, y, z
+    return product(product(_NED_TO_ENU, attitude), _FLU_TO_FRD)
 
 
 # --- orders of quaternions ------------------------------------------------------------------------

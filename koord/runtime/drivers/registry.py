@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from difflib import get_close_matches
+from functools import cached_property
 from importlib.metadata import EntryPoint, entry_points
 from typing import cast
 
@@ -34,14 +35,19 @@ class Registry:
     """The drivers by name; ``own`` are koord's, as module and object."""
 
     def __init__(self, own: Mapping[str, str], version: str) -> None:
-        koords = [EntryPoint(name, target, GROUP) for name, target in own.items()]
-        others = [one for one in entry_points(group=GROUP) if one.value not in own.values()]
-        self._found: dict[str, list[tuple[str, EntryPoint]]] = {}
-        for one in koords:
-            self._found.setdefault(one.name, []).append((f"koord {version}", one))
-        for one in others:
-            package = "?" if one.dist is None else f"{one.dist.name} {one.dist.version}"
-            self._found.setdefault(one.name, []).append((package, one))
+        self._own, self._version = own, version
+
+    @cached_property
+    def _found(self) -> dict[str, list[tuple[str, EntryPoint]]]:
+        """The packages and their entry points by name, looked for when a driver is asked for."""
+        found: dict[str, list[tuple[str, EntryPoint]]] = {}
+        for name, target in self._own.items():
+            found[name] = [(f"koord {self._version}", EntryPoint(name, target, GROUP))]
+        for one in entry_points(group=GROUP):
+            if one.value not in self._own.values():
+                package = "?" if one.dist is None else f"{one.dist.name} {one.dist.version}"
+                found.setdefault(one.name, []).append((package, one))
+        return found
 
     @property
     def names(self) -> list[str]:

@@ -27,6 +27,9 @@ if TYPE_CHECKING:
     from koord.runtime.motion.predictive import Predictive
 
 
+#: Predictive controllers act at every so many ticks.
+PREDICTIVE_TICKS = 2
+
 #: A leg of a route is driven when no more than this is left of it.
 _DONE_M = 0.03
 

@@ -20,6 +20,9 @@ from koord.runtime.motion.planning import Hindrance, Planner, Plight, Pose, hind
 from koord.runtime.motion.routes import Routes
 from koord.runtime.motion.world import Point, World
 
+#: A tick of control, of simulated robots and of deployed ones.
+TICK_S = 0.05
+
 #: A path that begins so near to a robot begins where it is.
 _BESIDE_M = 0.1
 

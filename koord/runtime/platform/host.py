@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Sequence
 
 from koord.runtime.guardian.events import Order, Other
 from koord.runtime.guardian.modes import Mode
+from koord.runtime.motion.group import TICK_S
 from koord.runtime.motion.library import Library
 from koord.runtime.motion.world import Point, World
-from koord.runtime.platform.pilots import TICK_S
 from koord.runtime.platform.sensors import MotionSensors
 from koord.runtime.platform.vehicle import DrivenVehicle
 from koord.runtime.platform.world_host import WorldHost
 from koord.runtime.protocol.events import Reason
 from koord.runtime.protocol.messages import Beacon
-from koord.runtime.robot import Host, Key, Robot, Turn
+from koord.runtime.robot import Forwarding, Host, Robot
 
 _UNARMED = "the vehicle is not to be armed, and stays where it is"
 
@@ -52,7 +51,7 @@ class VehicleHost(WorldHost):
         self._vehicle.go_to(target)
 
 
-class VehiclePlatform:
+class VehiclePlatform(Forwarding):
     """A robot's platform: what its program asks, and the ticks of its vehicle between rounds."""
 
     def __init__(
@@ -67,10 +66,10 @@ class VehiclePlatform:
 
         ``supplied`` makes a host of this one that answers more than a vehicle knows.
         """
+        super().__init__(host if supplied is None else supplied(host))
         self.holding = False
         self.vehicle = vehicle
         self._world = host
-        self._host: Host = host if supplied is None else supplied(host)
         self._due_s: float | None = None
         self._is_stopping = False
         self._arms = arms
@@ -150,19 +149,3 @@ class VehiclePlatform:
     def close(self) -> None:
         """Let go of the vehicle."""
         self.vehicle.close()
-
-    # --- the host of a compiled robot -----------------------------------------------------------
-
-    def start(self, robot: int | None, name: str) -> Any:
-        return self._host.start(robot, name)
-
-    def read(self, robot: Robot) -> Mapping[str, Any]:
-        return self._host.read(robot)
-
-    def ask(
-        self, turn: Turn, robot: int, key: Key, function: str, arguments: tuple[Any, ...]
-    ) -> Any:
-        return self._host.ask(turn, robot, key, function, arguments)
-
-    def choose(self, turn: Turn, robot: int, key: Key, low: Any, high: Any) -> Any:
-        return self._host.choose(turn, robot, key, low, high)

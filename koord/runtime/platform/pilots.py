@@ -20,19 +20,16 @@ from koord.runtime.motion import automaton
 from koord.runtime.motion.arrays import Floats, lengths
 from koord.runtime.motion.automaton import Visit
 from koord.runtime.motion.bodies import Body, Car, DifferentialDrive, PlannerName, Steering
-from koord.runtime.motion.driving import Driving, Measured, Turning
+from koord.runtime.motion.driving import PREDICTIVE_TICKS, Driving, Measured, Turning
 from koord.runtime.motion.field import field as field_of
 from koord.runtime.motion.flying import Flying
 from koord.runtime.motion.geometry import as_path
-from koord.runtime.motion.group import Group
+from koord.runtime.motion.group import TICK_S, Group
 from koord.runtime.motion.planners import planner
 from koord.runtime.motion.planning import PlanningEffort
 from koord.runtime.motion.pursuit import Horizon
 from koord.runtime.motion.world import Point, World
 from koord.runtime.platform.sensors import MotionSensors
-
-#: A tick of control.
-TICK_S = 0.05
 
 #: It has risen who is at this share of the height of its take-off; lower than that it has landed,
 #: if it does not say so itself.
@@ -40,9 +37,6 @@ _RISEN, _LANDED_M = 0.9, 0.15
 
 #: Who rises does not drift further.
 _RISES_WITHIN_M = 0.5
-
-#: Predictive controllers take every second tick.
-_PREDICTIVE_TICKS = 2
 
 
 class PilotSettings(Struct, frozen=True):
@@ -126,7 +120,7 @@ class CarPilot(Pilot):
 
     def __init__(self, settings: PilotSettings, world: World, seed: int = 0) -> None:
         super().__init__(settings, world, seed)
-        self._every = _PREDICTIVE_TICKS if settings.steering is Steering.PREDICTIVE else 1
+        self._every = PREDICTIVE_TICKS if settings.steering is Steering.PREDICTIVE else 1
         self._driving = Driving(self.group, settings.steering, Horizon(step_s=self._every * TICK_S))
         self._ticks = 0
         self._wish: Wish = Hold()

@@ -13,7 +13,7 @@ import numpy as np
 
 from koord.runtime.motion.arrays import Floats, bounded
 from koord.runtime.motion.bodies import Car, Steering
-from koord.runtime.motion.driving import Driving
+from koord.runtime.motion.driving import PREDICTIVE_TICKS, Driving
 from koord.runtime.motion.pursuit import Horizon
 from koord.runtime.motion.world import Point
 from koord.sim.squads import (
@@ -28,9 +28,6 @@ from koord.sim.squads import (
 from koord.sim.vehicles import mjcf
 from koord.sim.vehicles.wheels import Hull, Rolling
 
-#: Predictive controllers take every second tick.
-_PREDICTIVE_TICKS = 2
-
 #: The servos that turn the front wheels, N m per rad.
 _SERVO_NM = 5.0
 
@@ -39,7 +36,7 @@ def squad(setup: SquadSetup) -> WheeledSquad:
     """Make a squad of cars at rest, with pursuit or model-predictive control."""
     car, steering = setup.model.body, setup.model.steering
     assert isinstance(car, Car)
-    every = _PREDICTIVE_TICKS if steering is Steering.PREDICTIVE else 1
+    every = PREDICTIVE_TICKS if steering is Steering.PREDICTIVE else 1
     tracker = Driving(setup.group, steering, Horizon(step_s=every * STEPS * STEP_S))
     return WheeledSquad(setup, vehicles(setup), tracker, every)
 

@@ -8,8 +8,8 @@ from typing import cast
 import pytest
 
 from koord.runtime.guardian.modes import Mode
+from koord.runtime.motion.group import TICK_S
 from koord.runtime.platform.host import VehicleHost, VehiclePlatform
-from koord.runtime.platform.pilots import TICK_S
 from tests.runtime.platform.test_driven import Guarded
 
 

@@ -8,9 +8,9 @@ from typing import cast
 from koord.runtime.chaos.storm import Journal, StormRobot
 from koord.runtime.drivers.setpoints import Sensed
 from koord.runtime.guardian.events import Other
+from koord.runtime.motion.group import TICK_S
 from koord.runtime.node import Peer
 from koord.runtime.platform.host import BEACON_S, VehicleHost, VehiclePlatform
-from koord.runtime.platform.pilots import TICK_S
 from koord.runtime.platform.vehicle import DrivenVehicle
 from koord.runtime.protocol.events import Reason
 from koord.runtime.protocol.messages import Beacon

@@ -19,8 +19,9 @@ from koord.runtime.guardian.modes import Mode
 from koord.runtime.motion.bodies import VEHICLES, PlannerName
 from koord.runtime.motion.field import field
 from koord.runtime.motion.geometry import point_path
+from koord.runtime.motion.group import TICK_S
 from koord.runtime.motion.world import Box, Point, World
-from koord.runtime.platform.pilots import TICK_S, PilotSettings, pilot
+from koord.runtime.platform.pilots import PilotSettings, pilot
 from koord.runtime.platform.vehicle import DrivenVehicle
 from koord.runtime.protocol.events import Reason
 from koord.sim.driver import DEAD_MAN_S, vehicle

@@ -21,8 +21,9 @@ from koord.runtime.guardian.events import Order
 from koord.runtime.guardian.limits import usual
 from koord.runtime.guardian.modes import Mode
 from koord.runtime.motion.field import field
+from koord.runtime.motion.group import TICK_S
 from koord.runtime.motion.world import Point, World
-from koord.runtime.platform.pilots import TICK_S, PilotSettings, pilot
+from koord.runtime.platform.pilots import PilotSettings, pilot
 from koord.runtime.platform.vehicle import DrivenVehicle
 from koord.sim.scene import device_model
 from tests.runtime.platform.ros2.peers import DOMAIN, fresh_prefix, peer
