@@ -2,44 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from koord.api.progress import Cancellation, Listener, Progress, asker, heard_by
-from koord.api.results import Result, html_table
-from koord.refinement.protocol_proof.steps import Answer, Step
+from koord.api.proofs import Proof, proved
+from koord.api.results import html_table
 
 if TYPE_CHECKING:
-    from koord.runtime.exploration.claims import InvariantViolation
     from koord.runtime.exploration.guardian import GuardianExplored
 
 
-class GuardianCheck(Result, frozen=True):
+class GuardianCheck(Proof, frozen=True):
     """The proof that the guardian keeps its invariants, and the explorations by vehicle."""
-
-    steps: tuple[Step, ...]
-    explored: Mapping[str, GuardianExplored]
-    interrupted: bool = False
-
-    @property
-    def open(self) -> tuple[Step, ...]:
-        """The steps that were not proved."""
-        return tuple(step for step in self.steps if step.answer is not Answer.PROVED)
-
-    @property
-    def refuted(self) -> tuple[Step, ...]:
-        """The steps to which there is a counterexample."""
-        return tuple(step for step in self.steps if step.answer is Answer.REFUTED)
-
-    @property
-    def violations(self) -> tuple[InvariantViolation, ...]:
-        """The violations that explorations found."""
-        return tuple(one.violation for one in self.explored.values() if one.violation is not None)
-
-    @property
-    def ok(self) -> bool:
-        """True if every step was proved, and no exploration found a violation."""
-        return not self.open and not self.violations and not self.interrupted
 
     @property
     def invariants(self) -> tuple[str, ...]:
@@ -101,16 +75,11 @@ def check_guardian(
     from koord.runtime.exploration.guardian import VEHICLES, explore_guardian
 
     tell, is_cancelled = heard_by(progress), asker(cancellation)
-    steps: list[Step] = []
     explored: dict[str, GuardianExplored] = {}
-    for step in steps_of_proof():
-        steps.append(step)
-        tell(Progress(f"{step.action}: {step.statement}"))
-        if is_cancelled():
-            break
+    steps = proved(steps_of_proof(), tell, is_cancelled)
     for what, limits in VEHICLES.items():
         if is_cancelled():
             break
         tell(Progress(what))
         explored[what] = explore_guardian(limits)
-    return GuardianCheck(tuple(steps), explored, is_cancelled())
+    return GuardianCheck(steps, explored, is_cancelled())

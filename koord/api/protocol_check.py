@@ -9,9 +9,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 from koord.api.progress import Cancellation, Listener, Progress, asker, heard_by
+from koord.api.proofs import Proof, proved
 from koord.api.refinement import NETWORKS, Network
 from koord.api.results import ArgumentError, Result, html_table
-from koord.refinement.protocol_proof.steps import Answer, Step
 from koord.runtime.chaos.network import Faults
 from koord.runtime.chaos.storm import Weathered, weather
 from koord.runtime.exploration.claims import InvariantViolation
@@ -146,36 +146,17 @@ def check_protocol(
     return ProtocolCheck(explored, tuple(weathered), is_cancelled())
 
 
-class ProtocolProof(Result, frozen=True):
+class ProtocolProof(Proof, frozen=True):
     """The proof that the protocol is safe for every number of robots.
 
     ``steps`` are those of the proof on the model; ``explored``: where the machine was held against
     the model.
     """
 
-    steps: tuple[Step, ...]
-    explored: Mapping[str, Explored]
-    interrupted: bool = False
-
-    @property
-    def open(self) -> tuple[Step, ...]:
-        """The steps that were not proved."""
-        return tuple(step for step in self.steps if step.answer is not Answer.PROVED)
-
-    @property
-    def refuted(self) -> tuple[Step, ...]:
-        """The steps to which there is a counterexample."""
-        return tuple(step for step in self.steps if step.answer is Answer.REFUTED)
-
     @property
     def strays(self) -> tuple[InvariantViolation, ...]:
         """What the machine does and the model does not."""
-        return tuple(one.violation for one in self.explored.values() if one.violation is not None)
-
-    @property
-    def ok(self) -> bool:
-        """True if every step was proved, and the machine was found to do what the model does."""
-        return not self.open and not self.strays and not self.interrupted
+        return self.violations
 
     @property
     def invariants(self) -> tuple[str, ...]:
@@ -233,18 +214,14 @@ def prove_protocol(
     from koord.refinement.protocol_proof.proving import Prover
 
     tell, is_cancelled = heard_by(progress), asker(cancellation)
-    steps, explored = [], {}
-    for step in Prover().steps():
-        steps.append(step)
-        tell(Progress(f"{step.action or 'claims'}: {step.statement}"))
-        if is_cancelled():
-            break
+    explored = {}
+    steps = proved(Prover().steps(), tell, is_cancelled)
     for what, bounds in _HELD_AGAINST_MODEL.items():
         if is_cancelled():
             break
         tell(Progress(f"the machine and the model: {what}"))
         explored[what] = held_against_model(bounds)
-    return ProtocolProof(tuple(steps), explored, is_cancelled())
+    return ProtocolProof(steps, explored, is_cancelled())
 
 
 def _runs(count: int, seed: int, faults: Faults) -> Iterator[Weathered]:

@@ -7,8 +7,8 @@ import sys
 from itertools import groupby
 from typing import TYPE_CHECKING
 
-from koord.cli.exits import Exit
 from koord.cli.progress import Interruption, LiveLine
+from koord.cli.proofs import code_of_proof
 from koord.syntax.source import counted
 
 if TYPE_CHECKING:
@@ -27,11 +27,7 @@ def check_guardian_alone(arguments: argparse.Namespace) -> int:
         sys.stdout.write(checked.to_json() + "\n")
     else:
         _show(checked)
-    if checked.interrupted:
-        return Exit.INTERRUPTED
-    if checked.ok:
-        return Exit.OK
-    return Exit.VIOLATED if checked.refuted or checked.violations else Exit.UNKNOWN
+    return code_of_proof(checked)
 
 
 def _show(checked: GuardianCheck) -> None:

@@ -33,6 +33,7 @@ from koord.cli.diagnostics import DiagnosticReport
 from koord.cli.exits import Exit
 from koord.cli.inputs import ReadOptions, fit_request, load_programs
 from koord.cli.progress import Interruption, LiveLine
+from koord.cli.proofs import code_of_proof
 from koord.cli.terminal import Paint, style_of, visible
 from koord.syntax.diagnostics import KoordError
 from koord.syntax.source import counted
@@ -86,11 +87,7 @@ def prove_for_every_number(arguments: argparse.Namespace) -> int:
         sys.stdout.write(proof.to_json() + "\n")
     else:
         _show_proof(proof)
-    if proof.interrupted:
-        return Exit.INTERRUPTED
-    if proof.ok:
-        return Exit.OK
-    return Exit.VIOLATED if proof.refuted or proof.strays else Exit.UNKNOWN
+    return code_of_proof(proof)
 
 
 def _show_proof(proof: ProtocolProof) -> None:
