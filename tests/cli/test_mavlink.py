@@ -12,27 +12,11 @@ from koord.cli.exits import Exit
 from koord.cli.main import main
 from koord.testing.autopilot.machine import Settings
 from koord.testing.autopilot.serving import Address
+from tests.cli.test_dry_run import ERRAND as ON_GROUND
 from tests.cli.test_dry_run import positions
 from tests.runtime.platform.autopilots import autopilot
 
-ERRAND = """\
-using Motion:
-    sensors:
-        pos psn
-        boolean reached
-    actuators:
-        pos target
-local:
-    boolean isSent = false
-Go:
-    pre: not isSent
-    eff:
-        Motion.target = pos(0.5, -0.5, 0.6)
-        isSent = true
-Stop:
-    pre: isSent and Motion.reached
-    eff: stop
-"""
+ERRAND = ON_GROUND.replace("pos(1, 0, 0)", "pos(0.5, -0.5, 0.6)")
 
 CONFIG = """\
 delta: 0.1

@@ -3,49 +3,35 @@
 from __future__ import annotations
 
 import re
-from functools import cache
 from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parents[2]
-SPEC = ROOT / "specs" / "protocol" / "README.md"
+from tests.rules import Rules
 
 RULE = re.compile(r"^\*\*(R-[A-Z-]+)\.\*\*", re.MULTILINE)
 CLAIM = re.compile(r"^\| (I-[A-Z-]+) \|", re.MULTILINE)
 CITED = re.compile(r"\b([RI]-[A-Z]+(?:-[A-Z]+)*)\b")
-
-
-def stated() -> tuple[str, ...]:
-    text = SPEC.read_text(encoding="utf-8")
-    return (*RULE.findall(text), *CLAIM.findall(text))
-
-
-@cache
-def cited(folder: str) -> frozenset[str]:
-    texts = (
-        path.read_text(encoding="utf-8")
-        for path in (ROOT / folder).rglob("*.py")
-        if path.name != Path(__file__).name
-    )
-    return frozenset(rule for text in texts for rule in CITED.findall(text))
+RULES = Rules("protocol", (RULE, CLAIM), CITED, Path(__file__).name)
 
 
 def test_rules_are_stated_once() -> None:
-    rules = stated()
+    rules = RULES.stated
     assert len(rules) > 20
     assert sorted(rules) == sorted(set(rules))
 
 
-@pytest.mark.parametrize("rule", stated())
+@pytest.mark.parametrize("rule", RULES.stated)
 def test_a_rule_is_implemented_and_tested(rule: str) -> None:
-    assert rule in cited("koord/runtime"), f"nothing in koord/runtime cites {rule}"
-    assert rule in cited("tests/runtime"), f"no test cites {rule}"
+    assert rule in RULES.cited("koord/runtime"), f"nothing in koord/runtime cites {rule}"
+    assert rule in RULES.cited("tests/runtime"), f"no test cites {rule}"
 
 
 def test_no_citation_dangles() -> None:
-    assert (cited("koord/runtime") | cited("tests/runtime")) - set(stated()) == frozenset()
+    assert (RULES.cited("koord/runtime") | RULES.cited("tests/runtime")) - set(
+        RULES.stated
+    ) == frozenset()
 
 
 def test_the_text_refers_to_rules_that_it_states() -> None:
-    assert set(CITED.findall(SPEC.read_text(encoding="utf-8"))) <= set(stated())
+    assert set(RULES.mentioned) <= set(RULES.stated)

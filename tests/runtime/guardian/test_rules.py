@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from functools import cache
 from pathlib import Path
 
 import pytest
@@ -13,55 +12,39 @@ from koord.runtime.configuration.safety import LIMIT_NAMES
 from koord.runtime.guardian.invariants import INVARIANTS
 from koord.runtime.guardian.limits import EstopAction, usual
 from koord.runtime.motion.bodies import VEHICLES
-
-ROOT = Path(__file__).parents[3]
-SPEC = ROOT / "specs" / "guardian" / "README.md"
+from tests.rules import Rules
 
 RULE = re.compile(r"^(?:\| )?\*\*(G-[A-Z-]+?)\.?\*\*", re.MULTILINE)
 INVARIANT = re.compile(r"^\| (S-[A-Z-]+) \|", re.MULTILINE)
 LIMIT = re.compile(r"^\| `([a-z_]+)` \|[^|]*\|[^|]*\| ([^|]*?) ?\| ([^|]*?) ?\|$", re.MULTILINE)
 CITED = re.compile(r"\b([GS]-[A-Z]+(?:-[A-Z]+)*)\b")
-
-
-def stated() -> tuple[str, ...]:
-    text = SPEC.read_text(encoding="utf-8")
-    return (*RULE.findall(text), *INVARIANT.findall(text))
-
-
-@cache
-def cited(folder: str) -> frozenset[str]:
-    texts = (
-        path.read_text(encoding="utf-8")
-        for path in (ROOT / folder).rglob("*.py")
-        if path.name != Path(__file__).name
-    )
-    return frozenset(rule for text in texts for rule in CITED.findall(text))
+RULES = Rules("guardian", (RULE, INVARIANT), CITED, Path(__file__).name)
 
 
 def test_rules_are_stated_once() -> None:
-    rules = stated()
+    rules = RULES.stated
     assert len(rules) > 30
     assert sorted(rules) == sorted(set(rules))
 
 
-@pytest.mark.parametrize("rule", stated())
+@pytest.mark.parametrize("rule", RULES.stated)
 def test_a_rule_is_implemented_and_tested(rule: str) -> None:
-    assert rule in cited("koord/runtime/guardian"), f"nothing in the guardian cites {rule}"
-    assert rule in cited("tests/runtime/guardian"), f"no test cites {rule}"
+    assert rule in RULES.cited("koord/runtime/guardian"), f"nothing in the guardian cites {rule}"
+    assert rule in RULES.cited("tests/runtime/guardian"), f"no test cites {rule}"
 
 
 def test_no_citation_dangles() -> None:
-    assert (cited("koord/runtime/guardian") | cited("tests/runtime/guardian")) <= set(stated())
+    found = RULES.cited("koord/runtime/guardian") | RULES.cited("tests/runtime/guardian")
+    assert found <= set(RULES.stated)
 
 
 def test_the_text_refers_to_rules_that_it_states() -> None:
-    assert set(CITED.findall(SPEC.read_text(encoding="utf-8"))) <= set(stated())
+    assert set(RULES.mentioned) <= set(RULES.stated)
 
 
 def test_the_limits_are_those_of_the_code() -> None:
     """Names and defaults, to three digits."""
-    text = SPEC.read_text(encoding="utf-8")
-    told = {row[0]: row[1:] for row in LIMIT.findall(text)}
+    told = {row[0]: row[1:] for row in LIMIT.findall(RULES.text)}
     assert list(told) == list(SafetyForm.__struct_fields__)
     for at, vehicle in enumerate(("CAR", "QUAD")):
         limits = usual(VEHICLES[vehicle].body)
@@ -74,4 +57,4 @@ def test_the_limits_are_those_of_the_code() -> None:
 
 
 def test_the_invariants_are_those_of_the_code() -> None:
-    assert list(INVARIANTS) == [one for one in stated() if one.startswith("S-")]
+    assert list(INVARIANTS) == [one for one in RULES.stated if one.startswith("S-")]
