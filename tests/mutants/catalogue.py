@@ -20,7 +20,7 @@ from tests.mutants.judged import JUDGED
 from tests.mutants.mavlinked import MAVLINKED
 from tests.mutants.mutant import Mutant
 from tests.mutants.protocol import PROTOCOL, WIRE_MISTAKES
-from tests.mutants.ros2 import ROS2
+from tests.mutants.ros import ROS
 from tests.mutants.simulated import SIMULATED
 
 REPLAY = "tests/traces/test_replay.py"
@@ -805,7 +805,7 @@ MUTANTS = (
     *DEPLOYED,
     *DRIVEN,
     *MAVLINKED,
-    *ROS2,
+    *ROS,
     *GUARDED,
     *JUDGED,
     *COMPILED,

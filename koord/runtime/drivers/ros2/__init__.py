@@ -1,1 +1,1 @@
-"""The driver ``ros2``: vehicles that are moved by nodes of ROS 2, reached by DDS."""
+"""The driver of vehicles that nodes of ROS 2 move."""

@@ -17,9 +17,8 @@ from itertools import count
 from pathlib import Path
 from typing import Any
 
-from koord.runtime.drivers.ros2 import messages as m
-from koord.runtime.drivers.ros2.graph import Graph
-from koord.runtime.drivers.ros2.options import PACKAGES, Wire
+from koord.runtime.drivers.ros.options import PACKAGES, Wire
+from koord.runtime.drivers.ros2.dds import DdsGraph
 
 #: DDS on this machine alone, without multicast, for all that tests start.
 LOOPBACK = (
@@ -63,7 +62,7 @@ class Body:
     """A pose that moves, and the topics that all peers have."""
 
     def __init__(self, domain: int, prefix: str) -> None:
-        self.graph, self.prefix = Graph(domain, 10), prefix
+        self.graph, self.prefix = DdsGraph(domain, 10), prefix
         self.x = self.y = self.z = self.heading = self.speed = self.rate = 0.0
         self.poses = self.topic("pose", "PoseStamped", self.graph.publish)
         self.odometry = self.topic("odom", "Odometry", self.graph.publish)
@@ -74,13 +73,13 @@ class Body:
 
     def tell(self) -> None:
         now_ns = time.time_ns()
-        header = m.Header(m.Time(now_ns // 10**9, now_ns % 10**9), "map")
-        turn = m.Quaternion(0.0, 0.0, math.sin(self.heading / 2), math.cos(self.heading / 2))
-        pose = m.Pose(m.Point(self.x, self.y, self.z), turn)
-        self.poses.send(m.PoseStamped(header, pose))
-        twist = m.Twist(m.Vector3(x=self.speed), m.Vector3(z=self.rate))
-        told = m.PoseWithCovariance(pose), m.TwistWithCovariance(twist)
-        self.odometry.send(m.Odometry(header, "base_link", *told))
+        stamp = {"sec": now_ns // 10**9, "nanosec": now_ns % 10**9}
+        header = {"stamp": stamp, "frame_id": "map"}
+        turn = {"z": math.sin(self.heading / 2), "w": math.cos(self.heading / 2)}
+        pose = {"position": {"x": self.x, "y": self.y, "z": self.z}, "orientation": turn}
+        self.poses.send({"header": header, "pose": pose})
+        twist = {"linear": {"x": self.speed}, "angular": {"z": self.rate}}
+        self.odometry.send({"header": header, "pose": {"pose": pose}, "twist": {"twist": twist}})
 
     def run(self) -> None:
         due_s = time.monotonic()
@@ -115,7 +114,7 @@ class Car(Body):
             if message is None:
                 continue
             self.told_at_s = time.monotonic()
-            if isinstance(message, m.AckermannDriveStamped):
+            if hasattr(message, "drive"):
                 self.speed = message.drive.speed
                 self.rate = self.speed * math.tan(message.drive.steering_angle) / 0.33
             else:
@@ -129,9 +128,9 @@ class Car(Body):
         super().tell()
         ranges = [1.0, math.inf, math.nan, 0.01]
         turn = math.pi / 2
-        scan = m.LaserScan(angle_increment=turn, range_min=0.1, range_max=4.0, ranges=ranges)
-        self.scans.send(scan)
-        self.batteries.send(m.BatteryState(percentage=0.75))
+        limits = {"angle_increment": turn, "range_min": 0.1, "range_max": 4.0}
+        self.scans.send({**limits, "ranges": ranges})
+        self.batteries.send({"percentage": 0.75})
 
 
 class Follower(Body):
@@ -156,7 +155,7 @@ class Follower(Body):
             self.heading = math.atan2(way[1], way[0])
             self.speed = min(0.5, far_m / dt_s)
         else:
-            self.reached.send(m.String("TRUE"))
+            self.reached.send({"data": "TRUE"})
             self.aim = None
         super().move(dt_s)
 

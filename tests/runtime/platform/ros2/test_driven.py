@@ -13,8 +13,9 @@ from koord.runtime.configuration.forms import Topic
 from koord.runtime.configuration.model import Vehicle
 from koord.runtime.drivers.driver import Device, DriverError
 from koord.runtime.drivers.frames import yaw_of
+from koord.runtime.drivers.ros.options import SensorTopic
 from koord.runtime.drivers.ros2.driver import Ros2Driver
-from koord.runtime.drivers.ros2.options import Ros2Options, SensorTopic
+from koord.runtime.drivers.ros2.options import Ros2Options
 from koord.runtime.drivers.setpoints import Drive, Hold, Position, Sensed
 from koord.runtime.guardian.conditions import Setup
 from koord.runtime.guardian.events import Order

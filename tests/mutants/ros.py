@@ -1,103 +1,103 @@
-"""Seeded mistakes in the driver of vehicles of ROS 2."""
+"""Seeded mistakes in the drivers of vehicles of ROS."""
 
 from __future__ import annotations
 
 from tests.mutants.mutant import Mutant
 
-COMMANDS = "tests/runtime/platform/ros2/test_commands.py"
-HEARD = "tests/runtime/platform/ros2/test_heard.py"
+COMMANDS = "tests/runtime/platform/ros/test_commands.py"
+HEARD = "tests/runtime/platform/ros/test_heard.py"
 
-_ROS2 = "runtime.drivers.ros2"
+_ROS = "runtime.drivers.ros"
 
 #: What is heard or told otherwise than it is meant.
-ROS2 = (
+ROS = (
     Mutant(
         "a vehicle of ROS that is held is told nothing",
-        f"{_ROS2}.commands.Wheels.command",
+        f"{_ROS}.commands.Wheels.command",
         "self.stop()",
         "pass",
         (COMMANDS,),
     ),
     Mutant(
         "velocities of the world are told in the frame of the body",
-        f"{_ROS2}.commands.Wheels.command",
+        f"{_ROS}.commands.Wheels.command",
         "in_body(fix.attitude, velocity)[0]",
         "velocity[0]",
         (COMMANDS,),
     ),
     Mutant(
         "who is disarmed in the air is told to stay there",
-        f"{_ROS2}.commands.Wings.command",
+        f"{_ROS}.commands.Wings.command",
         "case Disarm() if height_m > _LANDED_M:",
         "case Disarm() if height_m < 0:",
         (COMMANDS,),
     ),
     Mutant(
         "who holds goes on to its way-point",
-        f"{_ROS2}.commands.Targets._stay",
+        f"{_ROS}.commands.Targets._stay",
         "self._aim is not None and type(setpoint) is type(self._last)",
         "self._aim is not None",
         (COMMANDS,),
     ),
     Mutant(
         "way-points are said before anybody wished for one",
-        f"{_ROS2}.commands.Targets.command",
+        f"{_ROS}.commands.Targets.command",
         "self._aim is None and isinstance(setpoint, Hold | Land | Arm | Disarm)",
         "self._aim is None and isinstance(setpoint, Hold | Land | Arm)",
         (COMMANDS,),
     ),
     Mutant(
         "quaternions of ROS are taken for koord's",
-        f"{_ROS2}.poses.fix_of",
+        f"{_ROS}.poses.fix_of",
         "from_xyzw(turn.x, turn.y, turn.z, turn.w)",
         "(turn.x, turn.y, turn.z, turn.w)",
         (COMMANDS,),
     ),
     Mutant(
         "velocities of odometry are taken for those of the world",
-        f"{_ROS2}.poses.velocity_of",
+        f"{_ROS}.poses.velocity_of",
         "rotated(fix.attitude, vector_of(message.twist.twist.linear))",
         "vector_of(message.twist.twist.linear)",
         (COMMANDS,),
     ),
     Mutant(
         "poses of another frame count",
-        f"{_ROS2}.driver.Ros2Driver._hear_pose",
+        f"{_ROS}.driver.RosDriver._hear_pose",
         "fix.frame != wanted",
         "fix.frame == wanted + wanted",
         (HEARD,),
     ),
     Mutant(
         "poses are as old as their stamps say",
-        f"{_ROS2}.driver.Ros2Driver._hear_pose",
+        f"{_ROS}.driver.RosDriver._hear_pose",
         "self._fix, self._fix_at_s = fix, now_s",
         "self._fix, self._fix_at_s = fix, fix.stamp_s",
         (HEARD,),
     ),
     Mutant(
         "a vehicle of ROS that is silent answers",
-        f"{_ROS2}.driver.Ros2Driver.sense",
+        f"{_ROS}.driver.RosDriver.sense",
         "now_s - self._fix_at_s <= self.options.silent",
         "True",
         (HEARD,),
     ),
     Mutant(
         "what was said of a way-point is said of the next",
-        f"{_ROS2}.driver.Ros2Driver.command",
+        f"{_ROS}.driver.RosDriver.command",
         "commander.aim != before",
         "before is None",
         (HEARD,),
     ),
     Mutant(
         "who leaves lets the vehicle go on",
-        f"{_ROS2}.driver.Ros2Driver.close",
+        f"{_ROS}.driver.RosDriver.close",
         "self._links.commander.stop()",
         "vars(self)",
         (HEARD,),
     ),
     Mutant(
         "beams that meet nothing are left out",
-        f"{_ROS2}.readings.scanned",
+        f"{_ROS}.readings.scanned",
         "math.isnan(told_m) or told_m < message.range_min",
         "not message.range_min <= told_m <= message.range_max",
         (COMMANDS,),

@@ -10,9 +10,11 @@ import pytest
 from koord.runtime.configuration.forms import Topic
 from koord.runtime.configuration.model import Vehicle
 from koord.runtime.drivers.driver import Device
+from koord.runtime.drivers.ros.graph import Fields, filled
+from koord.runtime.drivers.ros.options import SensorTopic, Wire
 from koord.runtime.drivers.ros2 import messages as m
 from koord.runtime.drivers.ros2.driver import Ros2Driver
-from koord.runtime.drivers.ros2.options import Ros2Options, SensorTopic, Wire
+from koord.runtime.drivers.ros2.options import Ros2Options
 from koord.runtime.drivers.setpoints import Drive, Hold, Position
 from koord.runtime.motion.world import World
 
@@ -32,14 +34,17 @@ class End:
     def take(self) -> Any | None:
         return self.says.pop(0) if self.says else None
 
-    def send(self, message: Any) -> None:
-        self.sent.append(message)
+    def send(self, message: Fields) -> None:
+        self.sent.append(filled(getattr(m, self.wire.type_name)(), message))
 
 
 class HeldGraph:
     """Topics by their names."""
 
-    def __init__(self, domain: int | None, depth: int) -> None:
+    hint = "look at it"
+
+    def __init__(self) -> None:
+        self.trouble: str | None = None
         self.ends: dict[str, End] = {}
         self.closed = False
 
@@ -87,7 +92,7 @@ class Told:
 
 @pytest.fixture(autouse=True)
 def held(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("koord.runtime.drivers.ros2.driver.Graph", HeldGraph)
+    monkeypatch.setattr(Ros2Driver, "graph", lambda _: HeldGraph())
 
 
 def test_a_pose_counts_from_when_it_was_heard_whatever_its_stamp_says() -> None:
@@ -118,6 +123,27 @@ def test_a_pose_without_an_orientation_does_not_count() -> None:
     assert one.driver.remarks == (
         "poses on `/pose` do not count: its orientation has the length 0, and not 1",
     )
+
+
+def test_a_pose_at_no_place_does_not_count() -> None:
+    one = Told()
+    one.hear("pose", pose(math.nan))
+    assert one.sense(10.1).measured_at_s == 10.0
+    assert one.driver.remarks == ("poses on `/pose` do not count: its position is no number",)
+
+
+def test_a_vehicle_that_does_not_listen_any_more_is_told() -> None:
+    """(P-ROS-LOST)"""
+    one, told = Told(ros_node_prefix=""), []
+    told.append(one.driver.remarks)
+    one.graph.ends["cmd_vel"].is_heard = False
+    told.append(one.driver.remarks)
+    one.graph.trouble = "the graph is lost"
+    told.append(one.driver.remarks)
+    one.driver.close()
+    told.append(one.driver.remarks)
+    deaf = "nobody listens to `/cmd_vel`"
+    assert told == [(), (deaf,), ("the graph is lost", deaf), ()]
 
 
 def test_a_vehicle_that_is_silent_has_no_link_until_it_speaks_again() -> None:

@@ -1,4 +1,4 @@
-"""From set-points to messages of ROS 2: velocities, steering, and positions."""
+"""From set-points to messages of ROS: velocities, steering, and positions."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from typing import Any, ClassVar, NoReturn
 
 from koord.runtime.drivers.driver import DriverError
 from koord.runtime.drivers.frames import to_xyzw, turned, yaw_of
-from koord.runtime.drivers.ros2.graph import Sender
-from koord.runtime.drivers.ros2.poses import Fix, in_body
+from koord.runtime.drivers.ros.graph import Fields, Sender
+from koord.runtime.drivers.ros.poses import Fix, in_body
 from koord.runtime.drivers.setpoints import (
     Arm,
     Disarm,
@@ -99,21 +99,19 @@ class Wheels(Commander):
         self._say(0.0, 0.0, self._steering_rad)
 
     def _say(self, speed: float, rate: float, steering: float | None) -> None:
-        from koord.runtime.drivers.ros2 import messages as m
-
-        ahead, turn = m.Vector3(x=speed), m.Vector3(z=rate)
+        twist = {"linear": {"x": speed}, "angular": {"z": rate}}
         match self.sender.wire.type_name:
             case "Twist":
-                self.sender.send(m.Twist(ahead, turn))
+                self.sender.send(twist)
             case "TwistStamped":
-                self.sender.send(m.TwistStamped(_header(_BASE), m.Twist(ahead, turn)))
+                self.sender.send({"header": _header(_BASE), "twist": twist})
             case _:
                 if steering is not None:
                     self._steering_rad = steering
                 elif speed and isinstance(self.body, Car):
                     self._steering_rad = math.atan(rate * self.body.wheelbase_m / speed)
-                drive = m.AckermannDrive(steering_angle=self._steering_rad, speed=speed)
-                self.sender.send(m.AckermannDriveStamped(_header(_BASE), drive))
+                drive = {"steering_angle": self._steering_rad, "speed": speed}
+                self.sender.send({"header": _header(_BASE), "drive": drive})
 
 
 class Wings(Commander):
@@ -155,15 +153,14 @@ class Wings(Commander):
         return _limited((x, y, z), _FASTEST * self.body.pace.cruise_mps)
 
     def _say(self, velocity: Point, rate: float, fix: Fix | None) -> None:
-        from koord.runtime.drivers.ros2 import messages as m
-
-        turn = m.Vector3(z=rate)
+        turn = {"z": rate}
         if self.sender.wire.type_name == "TwistStamped":
             header = _header(_BASE if fix is None else fix.frame)
-            self.sender.send(m.TwistStamped(header, m.Twist(m.Vector3(*velocity), turn)))
+            twist = {"linear": _xyz(velocity), "angular": turn}
+            self.sender.send({"header": header, "twist": twist})
         else:
             own = velocity if fix is None else in_body(fix.attitude, velocity)
-            self.sender.send(m.Twist(m.Vector3(*own), turn))
+            self.sender.send({"linear": _xyz(own), "angular": turn})
 
 
 class Targets(Commander):
@@ -224,12 +221,10 @@ class Targets(Commander):
         self._aim = x, y, z
 
     def _say(self, fix: Fix, now_s: float) -> None:
-        from koord.runtime.drivers.ros2 import messages as m
-
         assert self._aim is not None
-        orientation = m.Quaternion(*to_xyzw(turned(self._yaw_rad)))
-        pose = m.Pose(m.Point(*self._aim), orientation)
-        self.sender.send(m.PoseStamped(_header(fix.frame), pose))
+        turn = dict(zip("xyzw", to_xyzw(turned(self._yaw_rad)), strict=True))
+        pose = {"position": _xyz(self._aim), "orientation": turn}
+        self.sender.send({"header": _header(fix.frame), "pose": pose})
         self._said_at_s = now_s
 
     @property
@@ -237,12 +232,15 @@ class Targets(Commander):
         return self._aim
 
 
-def _header(frame: str) -> Any:
+def _header(frame: str) -> Fields:
     """The header of a message of now, by the clock of the wall as all nodes have it."""
-    from koord.runtime.drivers.ros2 import messages as m
-
     now_ns = time.time_ns()
-    return m.Header(m.Time(now_ns // 10**9, now_ns % 10**9), frame)
+    stamp = {"sec": now_ns // 10**9, "nanosec": now_ns % 10**9}
+    return {"stamp": stamp, "frame_id": frame}
+
+
+def _xyz(vector: Point) -> Fields:
+    return dict(zip("xyz", map(float, vector), strict=True))
 
 
 def _limited(velocity: Point, speed_mps: float) -> Point:

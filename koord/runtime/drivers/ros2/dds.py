@@ -1,30 +1,18 @@
-"""A robot's part in the graph of ROS 2 topics: readers that have the latest, and writers."""
+"""A robot's part in the graph of ROS 2 as a participant in DDS, without ROS: by cyclonedds."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
 from koord.runtime.drivers.driver import DriverError
-from koord.runtime.drivers.ros2.options import Wire, told_type
+from koord.runtime.drivers.ros.graph import Fields, filled
+from koord.runtime.drivers.ros.options import Wire
+from koord.runtime.drivers.ros2.names import HINT, STREAMS, domain_of, told_type
 
 if TYPE_CHECKING:
     from cyclonedds.builtin import BuiltinDataReader
     from cyclonedds.pub import DataWriter
     from cyclonedds.sub import DataReader
-
-#: Types of which every message replaces the one before: who tells them may do so with best effort,
-#: as drivers of sensors do (`sensor_data` in ROS), or reliably.
-_STREAMS = frozenset(
-    {
-        "BatteryState",
-        "LaserScan",
-        "Odometry",
-        "PoseStamped",
-        "PoseWithCovarianceStamped",
-        "TransformStamped",
-        "TwistStamped",
-    }
-)
 
 #: The greatest number of messages that are taken, of which the last counts.
 _MOST = 8
@@ -36,7 +24,7 @@ _ENDS = 1000
 _TIMEOUT = -10
 
 
-class Latest:
+class DdsLatest:
     """What is heard on a topic: the latest message, once."""
 
     def __init__(self, wire: Wire, reader: DataReader[Any]) -> None:
@@ -55,24 +43,24 @@ class Latest:
         return valid[-1] if valid else None
 
 
-class Sender:
+class DdsSender:
     """A topic that is published."""
 
-    def __init__(self, wire: Wire, writer: DataWriter[Any]) -> None:
+    def __init__(self, wire: Wire, writer: DataWriter[Any], make: type[Any]) -> None:
         self.wire = wire
-        self._writer = writer
+        self._writer, self._make = writer, make
 
     @property
     def is_heard(self) -> bool:
         """True if somebody subscribes to it."""
         return bool(self._writer.get_matched_subscriptions())
 
-    def send(self, message: Any) -> None:
+    def send(self, message: Fields) -> None:
         """Publish, without waiting: who reads too slowly hears the next one."""
         from cyclonedds.core import DDSException
 
         try:
-            self._writer.write(message)
+            self._writer.write(filled(self._make(), message))
         except DDSException as error:
             if error.code != _TIMEOUT:
                 raise DriverError(f"`{self.wire.told}` cannot be published: {error}") from None
@@ -107,12 +95,15 @@ def _mistyped(wire: Wire, ends: _Ends) -> str | None:
     return f"`{wire.told}` has the type {', '.join(sorted(types))}, not {wanted}"
 
 
-class Graph:
+class DdsGraph:
     """A participant in a DDS domain, with the names and the quality of service of ROS 2.
 
     Writers are reliable, volatile, and keep the last ones, as those of rclpy and rclcpp are unless
     they are told otherwise. So are readers, but those of streams, which hear both kinds of writers.
     """
+
+    hint = HINT
+    trouble = None  #: DDS has nobody whom all need
 
     def __init__(self, domain: int | None, depth: int) -> None:
         """Join a domain; None: that of ROS_DOMAIN_ID. Raises DriverError."""
@@ -120,7 +111,7 @@ class Graph:
         from cyclonedds.core import DDSException
         from cyclonedds.domain import DomainParticipant
 
-        self.domain = _domain() if domain is None else domain
+        self.domain = domain_of(domain)
         self._depth = max(1, depth)
         try:
             self._participant = DomainParticipant(self.domain)
@@ -139,17 +130,17 @@ class Graph:
             ) from None
         self._publishers, self._subscribers = _Ends(publications), _Ends(subscriptions)
 
-    def listen(self, wire: Wire) -> Latest:
+    def listen(self, wire: Wire) -> DdsLatest:
         """Subscribe to a topic."""
         from cyclonedds.core import Policy, Qos
         from cyclonedds.sub import DataReader
 
-        streams = wire.type_name in _STREAMS
+        streams = wire.type_name in STREAMS
         reliability = Policy.Reliability.BestEffort if streams else Policy.Reliability.Reliable(0)
         qos = Qos(reliability, Policy.Durability.Volatile, Policy.History.KeepLast(1))
-        return Latest(wire, DataReader(self._participant, self._topic(wire), qos=qos))
+        return DdsLatest(wire, DataReader(self._participant, self._topic(wire), qos=qos))
 
-    def publish(self, wire: Wire) -> Sender:
+    def publish(self, wire: Wire) -> DdsSender:
         """Advertise a topic."""
         from cyclonedds.core import Policy, Qos
         from cyclonedds.pub import DataWriter
@@ -160,7 +151,8 @@ class Graph:
             Policy.Durability.Volatile,
             Policy.History.KeepLast(self._depth),
         )
-        return Sender(wire, DataWriter(self._participant, self._topic(wire), qos=qos))
+        topic = self._topic(wire)
+        return DdsSender(wire, DataWriter(self._participant, topic, qos=qos), topic.data_type)
 
     def _topic(self, wire: Wire) -> Any:
         from cyclonedds.topic import Topic
@@ -188,13 +180,3 @@ class Graph:
     def close(self) -> None:
         """Leave the domain."""
         del self._publishers, self._subscribers, self._participant
-
-
-def _domain() -> int:
-    """The domain that the environment names, as for all of ROS 2."""
-    import os
-
-    text = os.environ.get("ROS_DOMAIN_ID", "").strip() or "0"
-    if not text.isdecimal() or int(text) > 232:
-        raise DriverError(f"ROS_DOMAIN_ID is `{text}`", "it is a number from 0 to 232")
-    return int(text)

@@ -1,4 +1,4 @@
-"""What poses of ROS 2 say, in koord's frames, and how fast they move."""
+"""What poses of ROS say, in koord's frames, and how fast they move."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Fix(Struct, frozen=True):
 
 
 class NotAPoseError(Exception):
-    """Raised for messages whose orientation is none."""
+    """Raised for messages whose position or orientation is none."""
 
 
 def fix_of(message: Any) -> Fix:
@@ -43,8 +43,16 @@ def fix_of(message: Any) -> Fix:
     if not abs(length - 1.0) <= _UNIT:
         raise NotAPoseError(f"its orientation has the length {length:g}, and not 1")
     w, x, y, z = (c / length for c in attitude)
-    stamp_s = header.stamp.sec + header.stamp.nanosec * 1e-9
-    return Fix((place.x, place.y, place.z), (w, x, y, z), header.frame_id, stamp_s)
+    if not all(map(math.isfinite, vector_of(place))):
+        raise NotAPoseError("its position is no number")
+    return Fix(vector_of(place), (w, x, y, z), header.frame_id, seconds(header.stamp))
+
+
+def seconds(stamp: Any) -> float:
+    """A stamp of ROS 2, or of ROS 1."""
+    if hasattr(stamp, "nanosec"):
+        return float(stamp.sec + stamp.nanosec * 1e-9)
+    return float(stamp.secs + stamp.nsecs * 1e-9)
 
 
 def vector_of(message: Any) -> Point:

@@ -8,7 +8,7 @@ from msgspec import Struct
 
 from koord.runtime.configuration.forms import Topic
 from koord.runtime.drivers.driver import Device, DriverError
-from koord.runtime.drivers.ros2.options import Names, Ros2Options, Use, Wire
+from koord.runtime.drivers.ros.options import Names, RosOptions, Use, Wire
 from koord.runtime.motion.bodies import Body, Car
 
 
@@ -37,7 +37,7 @@ class Plan(Struct, frozen=True):
         return None
 
 
-def plan(device: Device, options: Ros2Options) -> Plan:
+def plan(device: Device, options: RosOptions) -> Plan:
     """The topics of a vehicle. Raises DriverError for names and types that do not do."""
     names = Names(f"/{options.ros_node_prefix}", device.vehicle.name, device.pid)
     body = device.body

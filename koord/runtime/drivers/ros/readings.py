@@ -6,7 +6,8 @@ import math
 from collections.abc import Callable
 from typing import Any
 
-from koord.runtime.drivers.ros2.poses import Fix, rotated, vector_of
+from koord.runtime.drivers.ros.graph import Fields
+from koord.runtime.drivers.ros.poses import Fix, rotated, vector_of
 from koord.runtime.motion.world import Point
 
 
@@ -55,7 +56,7 @@ def _in_world(fix: Fix, vector: Point) -> Point:
 
 
 #: How values of ports are written in messages, by types.
-_WRITTEN: dict[str, Callable[[Any], dict[str, Any]]] = {
+_WRITTEN: dict[str, Callable[[Any], Fields]] = {
     "Bool": lambda value: {"data": bool(value)},
     "Float64": lambda value: {"data": float(value)},
     "Int32": lambda value: {"data": int(value)},
@@ -64,11 +65,9 @@ _WRITTEN: dict[str, Callable[[Any], dict[str, Any]]] = {
 }
 
 
-def written(type_name: str, value: Any) -> Any:
+def written(type_name: str, value: Any) -> Fields:
     """The message of a type that tells the value of a port."""
-    from koord.runtime.drivers.ros2 import messages
-
-    return getattr(messages, type_name)(**_WRITTEN[type_name](value))
+    return _WRITTEN[type_name](value)
 
 
 def is_reached(message: Any) -> bool:

@@ -14,13 +14,15 @@ from koord.runtime.configuration.forms import Topic
 from koord.runtime.configuration.model import Vehicle
 from koord.runtime.drivers.driver import Device, DriverError
 from koord.runtime.drivers.frames import turned
+from koord.runtime.drivers.ros.commands import Commander, Targets, Wheels, Wings
+from koord.runtime.drivers.ros.graph import Fields, Sender, filled
+from koord.runtime.drivers.ros.options import PACKAGES, Names, Use, Wire
+from koord.runtime.drivers.ros.poses import Differences, Fix, NotAPoseError, fix_of, velocity_of
+from koord.runtime.drivers.ros.readings import charge, is_reached, reading, written
 from koord.runtime.drivers.ros2 import messages as m
-from koord.runtime.drivers.ros2.commands import Commander, Targets, Wheels, Wings
+from koord.runtime.drivers.ros2.dds import DdsGraph
 from koord.runtime.drivers.ros2.driver import Ros2Driver
-from koord.runtime.drivers.ros2.graph import Graph, Sender
-from koord.runtime.drivers.ros2.options import PACKAGES, Names, Ros2Options, Use, Wire
-from koord.runtime.drivers.ros2.poses import Differences, Fix, NotAPoseError, fix_of, velocity_of
-from koord.runtime.drivers.ros2.readings import charge, is_reached, reading, written
+from koord.runtime.drivers.ros2.options import Ros2Options
 from koord.runtime.drivers.setpoints import (
     Arm,
     Disarm,
@@ -48,9 +50,8 @@ class Written:
         self.wire = Wire("told", type_name)
         self.sent: list[Any] = []
 
-    def send(self, message: Any) -> None:
-        assert type(message).__name__ == self.wire.type_name
-        self.sent.append(message)
+    def send(self, message: Fields) -> None:
+        self.sent.append(filled(getattr(m, self.wire.type_name)(), message))
 
 
 def said(
@@ -348,7 +349,7 @@ def test_controllers_say_that_they_are_there_in_text_or_as_truth(
     ],
 )
 def test_values_of_ports_come_back_as_they_went(type_name: str, value: Any) -> None:
-    message = written(type_name, value)
+    message = filled(getattr(m, type_name)(), written(type_name, value))
     back = type(message).deserialize(message.serialize())
     assert reading(back, (0.0, 0.0, 0.0), None) == value
 
@@ -405,24 +406,24 @@ def topic(type_name: str, name: str = "one") -> Topic:
             "CAR",
             {"positioning_topic": topic("Pose")},
             "the type `Pose` of `one` (positioning_topic) is not known",
-            "geometry_msgs/msg/PoseStamped, nav_msgs/msg/Odometry",
+            "geometry_msgs/PoseStamped, nav_msgs/Odometry",
         ),
         (
             "CAR",
             {"positioning_topic": topic("Twist")},
             "the type `Twist` of `one` (positioning_topic) does not fit",
-            "nav_msgs/msg/Odometry",
+            "nav_msgs/Odometry",
         ),
         (
             "CAR",
             {"positioning_topic": topic("nav_msgs/msg/PoseStamped")},
             "the type `nav_msgs/msg/PoseStamped` of `one` (positioning_topic) does not fit",
-            "geometry_msgs/msg/PoseStamped",
+            "geometry_msgs/PoseStamped",
         ),
         (
             "CAR",
             {"positioning_topic": topic("PoseStamped", "1/pose")},
-            "`/1/pose` (positioning_topic) is no name of a topic in ROS 2",
+            "`/1/pose` (positioning_topic) is no name of a topic",
             "digit",
         ),
         (
@@ -483,14 +484,14 @@ def test_a_domain_that_is_none_is_named(
 ) -> None:
     monkeypatch.setenv("ROS_DOMAIN_ID", text)
     with pytest.raises(DriverError) as error:
-        Graph(None, 1)
+        DdsGraph(None, 1)
     assert error.value.message == message
 
 
 def test_a_dds_that_cannot_be_is_named_with_its_cure(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("CYCLONEDDS_URI", "<CycloneDDS><Nonsense/></CycloneDDS>")
     with pytest.raises(DriverError) as error:
-        Graph(99, 1)
+        DdsGraph(99, 1)
     assert error.value.message.startswith("no part can be taken in domain 99 of ROS 2")
     assert "CYCLONEDDS_URI" in error.value.hint
 
