@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from koord.api.documents import schema as schema
     from koord.api.drivers import DriverEntry as DriverEntry
     from koord.api.drivers import installed_drivers as installed_drivers
+    from koord.api.drivers import installed_localisers as installed_localisers
     from koord.api.export import Exported as Exported
     from koord.api.export import export as export
     from koord.api.fitting import read_configuration as read_configuration
@@ -89,7 +90,7 @@ _HOMES = {
     "koord.api.deployed": ("Deployed",),
     "koord.api.deployment": ("deploy",),
     "koord.api.documents": ("codes", "explain", "format", "schema"),
-    "koord.api.drivers": ("DriverEntry", "installed_drivers"),
+    "koord.api.drivers": ("DriverEntry", "installed_drivers", "installed_localisers"),
     "koord.api.export": ("Exported", "export"),
     "koord.api.fitting": ("read_configuration",),
     "koord.api.guardian_check": ("GuardianCheck", "check_guardian"),

@@ -6,7 +6,7 @@ from os import fspath
 
 from msgspec.structs import replace
 
-from koord.api.drivers import registry
+from koord.api.drivers import localiser_registry, registry
 from koord.api.fitting import FitRequest, Fitted, beside, can_be_placed, fit
 from koord.api.programs import Loadable, Program, Text, source_of
 from koord.api.results import Result, diagnostics_dict
@@ -77,7 +77,7 @@ def check_configuration(text: Text, program: Loadable | None = None) -> Configur
     try:
         sources.append(source_of(text))
         configuration = load_configuration(sources[0])
-        found += drivers_of(configuration, registry())[1]
+        found += drivers_of(configuration, registry(), localiser_registry())[1]
         if program is None:
             found += configuration.warnings
             _check_alone(configuration)

@@ -16,7 +16,7 @@ from msgspec.structs import replace
 
 from koord.api.configurations import check_start
 from koord.api.deployed import Deployed, FleetHeard
-from koord.api.drivers import registry
+from koord.api.drivers import localiser_registry, registry
 from koord.api.files import check_writable, no_folder, same_file
 from koord.api.fitting import Configurable, Fitted, fit, fit_request, is_placed
 from koord.api.programs import Loadable, Value
@@ -174,7 +174,7 @@ def job_of(fitted: Fitted, request: DeployRequest) -> Job:
     missing: tuple[Diagnostic, ...] = ()
     drivers = Drivers()
     if not request.dry_run:
-        drivers, found = drivers_of(configuration, registry())
+        drivers, found = drivers_of(configuration, registry(), localiser_registry())
         found += undriven(fitted)
         found += unserved(fitted, drivers, request.allow_models)
         missing = (*found, *_unanswered(fitted, classes, drivers))

@@ -1,4 +1,4 @@
-"""The drivers of vehicles that are installed."""
+"""The drivers and localisers of vehicles that are installed."""
 
 from __future__ import annotations
 
@@ -7,8 +7,10 @@ from collections.abc import Iterable
 
 from msgspec import to_builtins
 
+from koord.runtime.drivers.driver import DriverType
+from koord.runtime.drivers.localiser import LocaliserType
+from koord.runtime.drivers.registry import DRIVERS, LOCALISERS, Registry
 from koord.runtime.drivers.registry import DriverEntry as DriverEntry
-from koord.runtime.drivers.registry import Registry
 from koord.version import __version__
 
 #: koord's own drivers.
@@ -19,9 +21,18 @@ OWN = {
 }
 
 
-def registry() -> Registry:
+#: koord's own localisers.
+OWN_LOCALISERS: dict[str, str] = {}
+
+
+def registry() -> Registry[DriverType]:
     """All drivers that are installed."""
-    return Registry(OWN, __version__)
+    return Registry(DRIVERS, OWN, __version__)
+
+
+def localiser_registry() -> Registry[LocaliserType]:
+    """All localisers that are installed."""
+    return Registry(LOCALISERS, OWN_LOCALISERS, __version__)
 
 
 def installed_drivers() -> tuple[DriverEntry, ...]:
@@ -33,6 +44,20 @@ def installed_drivers() -> tuple[DriverEntry, ...]:
     return tuple(registry().entries())
 
 
-def drivers_json(entries: Iterable[DriverEntry]) -> str:
-    """The drivers as ``koord drivers --json`` prints them."""
-    return json.dumps({"version": 1, "drivers": to_builtins(tuple(entries))}, indent=2)
+def installed_localisers() -> tuple[DriverEntry, ...]:
+    """The localisers that configurations can name, and what those lack that cannot be loaded.
+
+    >>> [localiser.name for localiser in koord.installed_localisers()]
+    []
+    """
+    return tuple(localiser_registry().entries())
+
+
+def drivers_json(drivers: Iterable[DriverEntry], localisers: Iterable[DriverEntry]) -> str:
+    """The drivers and localisers as ``koord drivers --json`` prints them."""
+    told = {
+        "version": 1,
+        "drivers": to_builtins(tuple(drivers)),
+        "localisers": to_builtins(tuple(localisers)),
+    }
+    return json.dumps(told, indent=2)

@@ -5,13 +5,16 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
+from msgspec.structs import replace
+
 from koord.api.fitting import Fitted
 from koord.api.sim_setup import fallback
 from koord.api.undriven import Drivers
 from koord.runtime.configuration.model import Vehicle
 from koord.runtime.deploy.member import Platform
 from koord.runtime.deploy.running import CannotTakePartError, Job, ideal_host
-from koord.runtime.drivers.driver import Device, DriverError, NoOptions
+from koord.runtime.drivers.driver import Device, Driver, DriverError, NoOptions
+from koord.runtime.drivers.localised import Localised
 from koord.runtime.guardian.conditions import Setup
 from koord.runtime.motion.field import field
 from koord.runtime.motion.library import Chart, Library
@@ -53,15 +56,14 @@ def platforms(
         scene, vehicle = fitted.scene, fitted.configuration.robots[pid].vehicle
         world, placed = scene.world, scene.robots[pid]
         start = _standing(placed.start, vehicle, world)
-        options = drivers.options[pid]
-        device = Device(pid, vehicle, world, start, placed.heading_rad, scene.seed, options)
+        device = Device(pid, vehicle, world, start, placed.heading_rad, scene.seed)
         model = placed.model
         settings = PilotSettings(
             model.body, model.planner, model.steering, model.visit, model.effort
         )
         guarded = Setup(vehicle.safety, field(world, flat=model.body.ON_GROUND), float(job.delta_s))
         try:
-            driver = drivers.made[pid](device)
+            driver = _driver(drivers, device)
             wishes = driver.capabilities.wishes
             steersman = pilot(settings, world, scene.seed * len(scene.robots) + pid, wishes=wishes)
             driven = DrivenVehicle(driver, steersman, guarded, time.monotonic())
@@ -81,6 +83,17 @@ def platforms(
         return VehiclePlatform(host, driven, supplied, arms=arms)
 
     return make
+
+
+def _driver(drivers: Drivers, device: Device) -> Driver:
+    """The driver of a device, with its localiser if it has one. Raises DriverError."""
+    pid = device.pid
+    localiser = drivers.localisers.get(pid)
+    driven = replace(device, options=drivers.options[pid])
+    if localiser is None:
+        return drivers.made[pid](driven)
+    located = replace(device, options=drivers.localiser_options[pid])
+    return Localised(drivers.made[pid](driven), localiser(located), located)
 
 
 def _standing(start: Point, vehicle: Vehicle, world: World) -> Point:

@@ -7,13 +7,15 @@ its place in the program or the configuration. (P-NOTHING-INVENTED)
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
+from typing import Generic
 
 from msgspec import Struct
 
 from koord.api.fitting import Fitted
 from koord.runtime.configuration.model import RunConfiguration, Vehicle
 from koord.runtime.drivers.driver import DriverError, DriverType
-from koord.runtime.drivers.registry import Registry, options_of
+from koord.runtime.drivers.localiser import LocaliserType
+from koord.runtime.drivers.registry import Made, Registry, options_of
 from koord.runtime.ports import DONE, GOALS, PLACES, SENSED
 from koord.syntax import core
 from koord.syntax.core import Direction
@@ -28,31 +30,73 @@ _OF_POINTS = frozenset({*PLACES, *DONE})
 
 
 class Drivers(Struct, frozen=True):
-    """What drives the robots of a run; without an entry, the vehicle is an ideal point."""
+    """What drives and locates the robots of a run; who has no entry is an ideal point.
+
+    Who has a driver, and no localiser, is where the driver says.
+    """
 
     made: Mapping[int, DriverType] = {}
     options: Mapping[int, Struct] = {}
+    localisers: Mapping[int, LocaliserType] = {}
+    localiser_options: Mapping[int, Struct] = {}
 
 
 def drivers_of(
-    configuration: RunConfiguration, registry: Registry
+    configuration: RunConfiguration,
+    drivers: Registry[DriverType],
+    localisers: Registry[LocaliserType],
 ) -> tuple[Drivers, list[Diagnostic]]:
-    """The drivers that a configuration names, and what is wrong with that."""
-    problems: list[Diagnostic] = []
-    made: dict[int, DriverType] = {}
-    options: dict[int, Struct] = {}
-    for robot in configuration.robots:
-        vehicle, part = robot.vehicle, "driver"
-        if vehicle.driver is None:
+    """The drivers and localisers that a configuration names, and what is wrong with that."""
+    robots = configuration.robots
+    driven = _named(
+        configuration,
+        {one.pid: (one.vehicle.driver, one.vehicle.options) for one in robots},
+        drivers,
+        ("driver", "options"),
+    )
+    located = _named(
+        configuration,
+        {one.pid: (one.vehicle.localiser, one.vehicle.localiser_options) for one in robots},
+        localisers,
+        ("localiser", "localiser_options"),
+    )
+    problems = [*driven.problems, *located.problems]
+    made = Drivers(driven.made, driven.options, located.made, located.options)
+    return made, list(dict.fromkeys(problems))
+
+
+class _Named(Struct, Generic[Made]):
+    """What a registry has of the names that robots have, by their pids."""
+
+    made: dict[int, Made]
+    options: dict[int, Struct]
+    problems: list[Diagnostic]
+
+
+def _named(
+    configuration: RunConfiguration,
+    named: Mapping[int, tuple[str | None, bytes]],
+    registry: Registry[Made],
+    fields: tuple[str, str],
+) -> _Named[Made]:
+    """Look names and options up that stand in two fields of devices, or of the configuration."""
+    found: _Named[Made] = _Named({}, {}, [])
+    for pid, (name, given) in named.items():
+        vehicle, field = configuration.robots[pid].vehicle, fields[0]
+        if name is None:
             continue
         try:
-            made[robot.pid] = registry.load(vehicle.driver)
-            part = "options"
-            options[robot.pid] = options_of(made[robot.pid], vehicle.options)
+            found.made[pid] = registry.load(name)
+            field = fields[1]
+            found.options[pid] = options_of(found.made[pid], given)
         except DriverError as error:
-            where = configuration.place(*vehicle.path, part)
-            problems.append(_problem(where, f"{vehicle.name}: {error.message}", error.hint))
-    return Drivers(made, options), list(dict.fromkeys(problems))
+            spans = configuration.document.spans
+            path = (*vehicle.path, field)
+            where = configuration.place(
+                *((field,) if path not in spans and (field,) in spans else path)
+            )
+            found.problems.append(_problem(where, f"{vehicle.name}: {error.message}", error.hint))
+    return found
 
 
 def undriven(fitted: Fitted) -> Iterator[Diagnostic]:

@@ -1,31 +1,41 @@
-"""``koord drivers``: what drives vehicles, and what is missing for it."""
+"""``koord drivers``: what drives and locates vehicles, and what is missing for it."""
 
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 
-from koord.api.drivers import drivers_json, installed_drivers
+from koord.api.drivers import (
+    DriverEntry,
+    drivers_json,
+    installed_drivers,
+    installed_localisers,
+)
 from koord.cli.arguments import add_json
 from koord.cli.exits import Exit
 from koord.cli.terminal import visible
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
-    add_json(parser, "the drivers")
+    add_json(parser, "drivers and localisers")
     parser.epilog = "exit code: 0"
 
 
 def main(arguments: argparse.Namespace) -> int:
-    found = installed_drivers()
+    drivers, localisers = installed_drivers(), installed_localisers()
     if arguments.json:
-        print(drivers_json(found))
+        print(drivers_json(drivers, localisers))
         return Exit.OK
+    _list("driver", drivers)
+    _list("localiser", localisers)
+    return Exit.OK
+
+
+def _list(noun: str, found: Sequence[DriverEntry]) -> None:
     width = max((len(one.name) for one in found), default=0)
     for one in found:
-        print(
-            visible(f"{one.name:<{width}}  {one.package}  {one.missing or _options(one.options)}")
-        )
-    return Exit.OK
+        name = f"{noun:<9}  {one.name:<{width}}"
+        print(visible(f"{name}  {one.package}  {one.missing or _options(one.options)}"))
 
 
 def _options(names: tuple[str, ...]) -> str:

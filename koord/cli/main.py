@@ -125,7 +125,7 @@ COMMANDS = (
     CommandEntry("sim", "run a program in a simulated world"),
     CommandEntry("compile", "compile a program to Python that robots run"),
     CommandEntry("deploy", "run a program on robots, or as processes on this machine"),
-    CommandEntry("drivers", "list the drivers of vehicles, and what is missing for them"),
+    CommandEntry("drivers", "list drivers and localisers of vehicles, and what they lack"),
     CommandEntry("merge", "make one trace of what deployed robots have told"),
     CommandEntry("config", "check configuration files of runs"),
     CommandEntry("schema", "print the JSON Schema of what koord reads and writes"),

@@ -304,11 +304,16 @@ def test_an_unknown_param_is_told_where_it_is_set(
 
 @pytest.mark.parametrize(
     ("driver", "told"),
-    [("driver: simm", "no driver simm"), ("driver: sim, options: {a: 1}", "unknown field `a`")],
+    [
+        ("driver: simm", "no driver simm"),
+        ("driver: sim, options: {a: 1}", "unknown field `a`"),
+        ("driver: sim, localiser: natnett", "no localiser natnett"),
+    ],
 )
-def test_drivers_and_their_options_are_checked(
+def test_drivers_and_localisers_and_their_options_are_checked(
     driver: str, told: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    """(P-LOCATE-NAME)"""
     path = tmp_path / "car.yaml"
     path.write_text(
         f"agents: [{{pid: 0, on_device: car}}]\ndevices:\n  car: {{planner: RRT_CAR, {driver}}}\n"

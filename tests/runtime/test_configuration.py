@@ -389,3 +389,37 @@ def test_without_such_a_driver_topics_have_no_effect() -> None:
     assert len(made.warnings) == 5
     (robot,) = made.robots
     assert robot.vehicle.options == b"{}"
+
+
+LOCATED = """
+agents: [{pid: 0, on_device: a}, {pid: 1, on_device: b}, {pid: 2, on_device: c}]
+localiser: natnet
+localiser_options: {server: 10.0.0.5}
+devices:
+  a: {port: 9001, driver: sim, localiser_options: {body: hawk}}
+  b: {port: 9002, driver: sim, localiser: gps, localiser_options: {source: gpsd}}
+  c: {port: 9003, driver: sim, localiser: own}
+"""
+
+
+def test_a_localiser_is_that_of_all_or_of_a_device() -> None:
+    """(P-LOCATE-NAME)"""
+    a, b, c = (robot.vehicle for robot in loaded(LOCATED).robots)
+    assert (a.localiser, b.localiser, c.localiser) == ("natnet", "gps", None)
+    assert json.loads(a.localiser_options) == {"server": "10.0.0.5", "body": "hawk"}
+    assert json.loads(b.localiser_options) == {"source": "gpsd"}
+
+
+@pytest.mark.parametrize(
+    ("was", "wrong", "told"),
+    [
+        ("localiser: natnet\n", "", "these are options of no localiser"),
+        ("localiser: own", "localiser: own, localiser_options: {body: x}", "of no localiser"),
+        ("driver: sim, localiser: gps", "localiser: gps", "nothing drives this vehicle"),
+    ],
+)
+def test_options_that_no_localiser_has_are_refused(was: str, wrong: str, told: str) -> None:
+    """(P-LOCATE-NAME)"""
+    with pytest.raises(KoordError) as caught:
+        loaded(LOCATED.replace(was, wrong))
+    assert any(told in one.message for one in caught.value.diagnostics)

@@ -150,6 +150,8 @@ class Device(Motion, frozen=True, forbid_unknown_fields=True, kw_only=True):
     simulation: SimulationForm = SimulationForm()
     driver: Name | None = None  #: what drives it, by the name that `koord drivers` lists
     options: dict[str, Any] = {}  #: of the driver
+    localiser: Name | None = None  #: what says where it is; `own`: its driver. Else as for all
+    localiser_options: dict[str, Any] = {}
 
 
 class Agent(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -260,6 +262,8 @@ class Form(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
     world: WorldForm | None = None
     network: NetworkForm | None = None
     safety: SafetyForm | None = None
+    localiser: Name | None = None  #: of all driven robots whose device does not name another one
+    localiser_options: dict[str, Any] = {}  #: those of a device count before these
 
 
 def json_schema() -> dict[str, Any]:

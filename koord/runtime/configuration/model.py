@@ -32,6 +32,8 @@ class Vehicle(Struct, frozen=True):
     safety: SafetyLimits = field(default_factory=SafetyLimits)
     driver: str | None = None
     options: bytes = b"{}"  #: of the driver, as JSON
+    localiser: str | None = None  #: None: its driver says where it is
+    localiser_options: bytes = b"{}"  #: as JSON
 
     @property
     def type(self) -> VehicleType:

@@ -1,7 +1,8 @@
-"""The drivers that are installed, by their names: koord's own, and those of other packages.
+"""What is installed to drive and to locate vehicles, by name: koord's own, and others'.
 
 A package has a driver by an entry point of the group ``koord.drivers``, which names what makes it
-(:class:`koord.runtime.drivers.driver.DriverType`).
+(:class:`koord.runtime.drivers.driver.DriverType`), and a localiser by one of ``koord.localisers``
+(:class:`koord.runtime.drivers.localiser.LocaliserType`).
 """
 
 from __future__ import annotations
@@ -10,19 +11,38 @@ from collections.abc import Mapping
 from difflib import get_close_matches
 from functools import cached_property
 from importlib.metadata import EntryPoint, entry_points
-from typing import cast
+from typing import ClassVar, Generic, Protocol, TypeVar, cast
 
 import msgspec
 from msgspec import Struct
 
 from koord.runtime.drivers.driver import DriverError, DriverType
+from koord.runtime.drivers.localiser import LocaliserType
 from koord.syntax.diagnostics import KoordError
 
-GROUP = "koord.drivers"
+
+class Optioned(Protocol):
+    """What has options in configurations."""
+
+    OPTIONS: ClassVar[type[Struct]]
+
+
+Made = TypeVar("Made", bound=Optioned)
+
+
+class Group(Struct, Generic[Made], frozen=True):
+    """A group of entry points, and what one of it is called. ``Made``: what entries name."""
+
+    name: str
+    noun: str
+
+
+DRIVERS = Group[DriverType]("koord.drivers", "driver")
+LOCALISERS = Group[LocaliserType]("koord.localisers", "localiser")
 
 
 class DriverEntry(Struct, frozen=True):
-    """A driver that is installed, or of which something is missing."""
+    """A driver or localiser that is installed, or of which something is missing."""
 
     name: str
     package: str  #: that has it, with its version
@@ -31,19 +51,20 @@ class DriverEntry(Struct, frozen=True):
     missing: str | None = None  #: why it cannot be loaded
 
 
-class Registry:
-    """The drivers by name; ``own`` are koord's, as module and object."""
+class Registry(Generic[Made]):
+    """The entries of a group by name; ``own`` are koord's, as module and object."""
 
-    def __init__(self, own: Mapping[str, str], version: str) -> None:
+    def __init__(self, group: Group[Made], own: Mapping[str, str], version: str) -> None:
+        self.group = group
         self._own, self._version = own, version
 
     @cached_property
     def _found(self) -> dict[str, list[tuple[str, EntryPoint]]]:
-        """The packages and their entry points by name, looked for when a driver is asked for."""
+        """The packages and their entry points by name, looked for when one is asked for."""
         found: dict[str, list[tuple[str, EntryPoint]]] = {}
         for name, target in self._own.items():
-            found[name] = [(f"koord {self._version}", EntryPoint(name, target, GROUP))]
-        for one in entry_points(group=GROUP):
+            found[name] = [(f"koord {self._version}", EntryPoint(name, target, self.group.name))]
+        for one in entry_points(group=self.group.name):
             if one.value not in self._own.values():
                 package = "?" if one.dist is None else f"{one.dist.name} {one.dist.version}"
                 found.setdefault(one.name, []).append((package, one))
@@ -54,7 +75,7 @@ class Registry:
         return sorted(self._found)
 
     def entries(self) -> list[DriverEntry]:
-        """All drivers, each loaded to see whether it can be."""
+        """All of them, each loaded to see whether it can be."""
         made = []
         for name in self.names:
             for package, entry in self._found[name]:
@@ -69,29 +90,29 @@ class Registry:
                 made.append(DriverEntry(name, package, entry.value, options, missing))
         return made
 
-    def load(self, name: str) -> DriverType:
-        """What makes drivers of a name. Raises DriverError."""
-        found = self._found.get(name, [])
+    def load(self, name: str) -> Made:
+        """What makes those of a name. Raises DriverError."""
+        found, noun = self._found.get(name, []), self.group.noun
         if not found:
             near = get_close_matches(name, self.names, n=1)
             known = f"did you mean {near[0]}?" if near else f"there are: {', '.join(self.names)}"
-            raise DriverError(f"there is no driver {name}", known)
+            raise DriverError(f"there is no {noun} {name}", known)
         if len(found) > 1:
             packages = " and ".join(package for package, _ in found)
-            raise DriverError(f"{packages} both have a driver {name}", "remove one of them")
+            raise DriverError(f"{packages} both have a {noun} {name}", "remove one of them")
         ((package, entry),) = found
         try:
             made = entry.load()
         except ImportError as error:
             raise DriverError(
-                f"the driver {name} of {package} cannot be loaded: {error}",
+                f"the {noun} {name} of {package} cannot be loaded: {error}",
                 "install what is missing",
             ) from error
-        return cast(DriverType, made)
+        return cast(Made, made)
 
 
-def options_of(made: DriverType, given: bytes) -> Struct:
-    """The options of a driver, from JSON. Raises DriverError for what it does not know."""
+def options_of(made: Optioned, given: bytes) -> Struct:
+    """Its options, from JSON. Raises DriverError for those that it does not know."""
     try:
         options: Struct = msgspec.json.decode(given, type=made.OPTIONS, strict=False)
     except msgspec.ValidationError as error:

@@ -84,6 +84,14 @@ class Sensed(Struct, frozen=True):
     link: bool = True  #: whether the vehicle answers and obeys
 
 
+class Located(Struct, frozen=True):
+    """The latest that a localiser knows of where a vehicle is."""
+
+    position_m: Point
+    attitude: tuple[float, float, float, float] | None  #: unit, wxyz; None: it does not tell
+    measured_at_s: float  #: monotonic
+
+
 class Capabilities(Struct, frozen=True):
     """What a driver can do and tell, and what it asks of those who use it."""
 

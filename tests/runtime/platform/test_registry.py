@@ -12,7 +12,7 @@ from msgspec import Struct
 
 from koord.runtime.drivers import registry
 from koord.runtime.drivers.driver import DriverError
-from koord.runtime.drivers.registry import GROUP, Registry, options_of
+from koord.runtime.drivers.registry import DRIVERS, LOCALISERS, Registry, options_of
 
 OWN = {"sim": "koord.sim.driver:SIMULATED"}
 
@@ -41,17 +41,28 @@ def others(monkeypatch: pytest.MonkeyPatch) -> list[EntryPoint]:
 
 
 def test_drivers_of_other_packages_are_found(others: list[EntryPoint]) -> None:
-    others.append(EntryPoint("lab", "a_lab_of_tests:Car", GROUP))
-    made = Registry(OWN, "1.0")
+    others.append(EntryPoint("lab", "a_lab_of_tests:Car", DRIVERS.name))
+    made = Registry(DRIVERS, OWN, "1.0")
     assert made.names == ["lab", "sim"]
     loaded: object = made.load("lab")
     assert loaded is Car
     assert {one.name: one.options for one in made.entries()} == {"lab": ("baud",), "sim": ()}
 
 
+def test_localisers_of_other_packages_are_found_among_localisers(
+    others: list[EntryPoint],
+) -> None:
+    others.append(EntryPoint("lab", "a_lab_of_tests:Car", LOCALISERS.name))
+    made = Registry(LOCALISERS, {}, "1.0")
+    assert made.names == ["lab"]
+    assert Registry(DRIVERS, OWN, "1.0").names == ["sim"]
+    with pytest.raises(DriverError, match="there is no localiser labb"):
+        made.load("labb")
+
+
 def test_what_cannot_be_loaded_is_told(others: list[EntryPoint]) -> None:
-    others.append(EntryPoint("lab", "nowhere_at_all:Car", GROUP))
-    made = Registry(OWN, "1.0")
+    others.append(EntryPoint("lab", "nowhere_at_all:Car", DRIVERS.name))
+    made = Registry(DRIVERS, OWN, "1.0")
     (missing,) = [one.missing for one in made.entries() if one.name == "lab"]
     assert missing is not None
     assert "nowhere_at_all" in missing
@@ -60,14 +71,14 @@ def test_what_cannot_be_loaded_is_told(others: list[EntryPoint]) -> None:
 
 
 def test_two_drivers_of_one_name_are_told_apart_by_nobody(others: list[EntryPoint]) -> None:
-    others.append(EntryPoint("sim", "a_lab_of_tests:Car", GROUP))
+    others.append(EntryPoint("sim", "a_lab_of_tests:Car", DRIVERS.name))
     with pytest.raises(DriverError, match="both have a driver sim"):
-        Registry(OWN, "1.0").load("sim")
+        Registry(DRIVERS, OWN, "1.0").load("sim")
 
 
 def test_a_misspelt_name_gets_a_suggestion(others: list[EntryPoint]) -> None:
     with pytest.raises(DriverError) as caught:
-        Registry(OWN, "1.0").load("simm")
+        Registry(DRIVERS, OWN, "1.0").load("simm")
     assert caught.value.hint == "did you mean sim?"
 
 

@@ -9,18 +9,13 @@ from typing import Any
 
 from msgspec import Struct
 
+from koord.runtime.drivers.differences import Differences
 from koord.runtime.drivers.driver import Device, DriverError
 from koord.runtime.drivers.ros.commands import Commander, Targets, Wheels, Wings
 from koord.runtime.drivers.ros.graph import Graph, Latest, Sender
 from koord.runtime.drivers.ros.options import RosOptions
 from koord.runtime.drivers.ros.plan import plan
-from koord.runtime.drivers.ros.poses import (
-    Differences,
-    Fix,
-    NotAPoseError,
-    fix_of,
-    velocity_of,
-)
+from koord.runtime.drivers.ros.poses import Fix, NotAPoseError, fix_of, velocity_of
 from koord.runtime.drivers.ros.readings import is_reached, reading, written
 from koord.runtime.drivers.setpoints import Capabilities, Sensed, Setpoint
 from koord.runtime.motion.world import Point
@@ -215,7 +210,7 @@ class RosDriver(ABC):
             self._trouble = f"they are in the frame `{fix.frame}`, not in `{wanted}`"
             return
         self._trouble = None
-        self._differences.hear(fix, now_s)
+        self._differences.hear(fix.position_m, fix.stamp_s, now_s)
         self._fix, self._fix_at_s = fix, now_s
         if hasattr(message, "twist"):
             self._told = velocity_of(message, fix), now_s

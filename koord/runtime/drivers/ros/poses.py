@@ -13,9 +13,6 @@ from koord.runtime.motion.world import Point
 #: Orientations are unit quaternions up to this.
 _UNIT = 0.05
 
-#: Poses that are further apart than this tell no velocity, in s.
-_LONGEST_S = 1.0
-
 
 class Fix(Struct, frozen=True):
     """A pose that was heard."""
@@ -83,31 +80,3 @@ def velocity_of(message: Any, fix: Fix) -> Point:
         return rotated(fix.attitude, vector_of(message.twist.twist.linear))
     velocity = vector_of(message.twist.linear)
     return velocity if message.header.frame_id == fix.frame else rotated(fix.attitude, velocity)
-
-
-class Differences:
-    """The velocity of poses, from their differences, through a low-pass filter of first order."""
-
-    def __init__(self, smoothing_s: float) -> None:
-        self._smoothing_s = smoothing_s
-        self._last: tuple[Fix, float] | None = None
-        self.velocity_mps: Point = (0.0, 0.0, 0.0)
-
-    def hear(self, fix: Fix, now_s: float) -> None:
-        """Take a pose that was heard now. Time is that of stamps, if they go on, else now."""
-        if self._last is not None:
-            before, heard_s = self._last
-            dt_s = fix.stamp_s - before.stamp_s
-            if not 0 < dt_s <= _LONGEST_S:
-                dt_s = now_s - heard_s
-            if dt_s <= 0:
-                return
-            share = dt_s / (self._smoothing_s + dt_s) if dt_s <= _LONGEST_S else 1.0
-            x, y, z = (
-                v + share * ((b - a) / dt_s - v)
-                for v, a, b in zip(
-                    self.velocity_mps, before.position_m, fix.position_m, strict=True
-                )
-            )
-            self.velocity_mps = x, y, z
-        self._last = fix, now_s

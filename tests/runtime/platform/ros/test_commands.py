@@ -17,7 +17,7 @@ from koord.runtime.drivers.frames import turned
 from koord.runtime.drivers.ros.commands import Commander, Targets, Wheels, Wings
 from koord.runtime.drivers.ros.graph import Fields, Sender, filled
 from koord.runtime.drivers.ros.options import PACKAGES, Names, Use, Wire
-from koord.runtime.drivers.ros.poses import Differences, Fix, NotAPoseError, fix_of, velocity_of
+from koord.runtime.drivers.ros.poses import Fix, NotAPoseError, fix_of, velocity_of
 from koord.runtime.drivers.ros.readings import charge, is_reached, reading, written
 from koord.runtime.drivers.ros2 import messages as m
 from koord.runtime.drivers.ros2.dds import DdsGraph
@@ -277,23 +277,6 @@ def test_velocities_of_the_body_are_turned_into_the_world() -> None:
     assert velocity_of(odometry, fix) == pytest.approx((-0.5, 0.0, 0.0))
     assert velocity_of(own, fix) == pytest.approx((-0.5, 0.0, 0.0))
     assert velocity_of(world, fix) == (0.5, 0.0, 0.0)
-
-
-@pytest.mark.parametrize("stamped", [True, False])
-def test_differences_of_poses_come_to_the_velocity(stamped: bool) -> None:
-    differences = Differences(0.1)
-    for k in range(40):
-        late_s = 0.02 * (k % 2) if stamped else 0.0  # the network delays; stamps know better
-        fix = Fix((0.05 * 0.6 * k, 0.0, 0.0), turned(0.0), "map", 0.05 * k if stamped else 0.0)
-        differences.hear(fix, 0.05 * k + late_s)
-    assert differences.velocity_mps == pytest.approx((0.6, 0.0, 0.0), rel=1e-4)
-
-
-def test_one_pose_that_jumps_tells_a_part_of_its_velocity_only() -> None:
-    differences = Differences(0.1)
-    for k in range(2):
-        differences.hear(Fix((0.1 * k, 0.0, 0.0), turned(0.0), "map", 0.05 * k), 0.05 * k)
-    assert differences.velocity_mps[0] == pytest.approx(2.0 / 3)
 
 
 def test_scans_are_points_of_the_world_the_scanner_first() -> None:
