@@ -13,6 +13,7 @@ from koord.syntax.diagnostics import Diagnostic
 from koord.syntax.problem import Problem
 
 if TYPE_CHECKING:
+    from koord.api.breaches import BrokenStatement as BrokenStatement
     from koord.api.merge import Merged
     from koord.runtime.deploy.running import Job
     from koord.runtime.deploy.status import RobotReport as RobotReport
@@ -30,6 +31,8 @@ class Deployed(Result, frozen=True, kw_only=True):
     interrupted: bool
     #: What became of the robots' processes, by pid, if each robot was one on this machine.
     processes: Mapping[int, ProcessReport] = field(default_factory=dict)
+    broken: tuple[BrokenStatement, ...] = ()  #: claims that did not hold while it ran
+    unwatched: tuple[str, ...] = ()  #: claims of which nobody knew enough to look at them
     stuck: str | None = None  #: why no round could be decided any more, if that ended the run
     warnings: tuple[Diagnostic, ...] = ()
     merged: Merged | None = None  #: what all robots have told, if there is to be a trace
@@ -76,7 +79,8 @@ class Deployed(Result, frozen=True, kw_only=True):
     def ok(self) -> bool:
         """True if the run was completed without trouble or interruption, and its trace is legal."""
         is_told = not self.unmerged and (self.merged is None or self.merged.ok)
-        return self.is_complete and not self.in_trouble and not self.interrupted and is_told
+        is_well = self.is_complete and not self.in_trouble and not self.broken
+        return is_well and not self.interrupted and is_told
 
     def to_dict(self) -> dict[str, object]:
         """The result as plain data, as ``koord deploy --json`` prints it."""
@@ -95,6 +99,8 @@ class Deployed(Result, frozen=True, kw_only=True):
             "problem": self.problem.document(),
             "robots": robots,
             "stuck": self.stuck,
+            "broken": [one.to_dict() for one in self.broken],
+            "unwatched": list(self.unwatched),
             "trace": None if self.merged is None else self.merged.to_dict(),
         }
 
@@ -132,6 +138,7 @@ class FleetHeard(Progress, frozen=True, kw_only=True):
     rounds: int | None  #: that are to be done; None: until somebody ends it
     #: What became of the robots' processes, by pid, if each robot is one on this machine.
     processes: Mapping[int, ProcessReport] = field(default_factory=dict)
+    broken: tuple[BrokenStatement, ...] = ()  #: claims that did not hold so far
 
     @classmethod
     def of(
@@ -139,6 +146,7 @@ class FleetHeard(Progress, frozen=True, kw_only=True):
         statuses: Mapping[int, RobotReport],
         rounds: int | None,
         processes: Mapping[int, ProcessReport] | None = None,
+        broken: tuple[BrokenStatement, ...] = (),
     ) -> FleetHeard:
         """Make the progress from the robots' reports so far."""
         first = max((0, *(status.round for status in statuses.values())))
@@ -149,6 +157,7 @@ class FleetHeard(Progress, frozen=True, kw_only=True):
             statuses=dict(statuses),
             rounds=rounds,
             processes=dict(processes or {}),
+            broken=broken,
         )
 
     def lags(self) -> dict[int, int]:

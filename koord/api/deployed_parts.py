@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from fractions import Fraction
 from itertools import count
 from pathlib import Path
 from shlex import quote
@@ -12,7 +11,7 @@ from shlex import quote
 from msgspec import Struct, field
 
 from koord.api.files import no_folder
-from koord.api.fitting import Fitted
+from koord.api.fitting import Fitted, slack_of
 from koord.api.merge import Merged, merge
 from koord.api.progress import Cancellation, Listener
 from koord.api.traces import sources_of
@@ -43,8 +42,7 @@ class Parts(Struct, frozen=True):
         """Parts in these files."""
         program = fitted.program
         system = System(program.core, fitted.kinds, fitted.delta_s)
-        # Points are where they are to be; vehicles may be off by a little.
-        slack = Fraction(0) if job.platforms is None else Fraction(repr(fitted.scene.slack_m))
+        slack = slack_of(fitted, is_exact=job.platforms is None)
         subject = Subject(sources_of(program), system, slack)
         return Parts(subject, ready(program.core, job.classes), files, aside)
 

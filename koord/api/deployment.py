@@ -14,11 +14,13 @@ from typing import TYPE_CHECKING, Any
 from msgspec import Struct
 from msgspec.structs import replace
 
+from koord.api.breaches import Grounds, grounds_of
 from koord.api.configurations import check_start
 from koord.api.deployed import Deployed, FleetHeard
 from koord.api.drivers import localiser_registry, registry
 from koord.api.files import check_writable, no_folder, same_file
-from koord.api.fitting import Configurable, Fitted, fit, fit_request, is_placed
+from koord.api.fitting import Configurable, Fitted, fit, fit_request, is_placed, slack_of
+from koord.api.fleet_watch import FleetWatch
 from koord.api.programs import Loadable, Value
 from koord.api.progress import Cancellation, CancelledError, Listener, asker, heard_by
 from koord.api.results import ArgumentError
@@ -26,6 +28,7 @@ from koord.api.robots import Seconds
 from koord.api.undriven import Drivers, drivers_of, undriven, unserved
 from koord.runtime.compile import compiled
 from koord.runtime.compile.loading import loaded
+from koord.runtime.compile.watching import watched
 from koord.runtime.configuration.keys import SharedKey, shared_key
 from koord.runtime.configuration.model import RunConfiguration
 from koord.runtime.deploy.ideal import unanswered
@@ -89,6 +92,7 @@ class DeployRequest(Struct, frozen=True):
     dry_run: bool = False
     allow_models: tuple[str, ...] = ()
     arm: bool = False
+    rests_on: str | None = None
 
 
 def deploy(
@@ -109,6 +113,7 @@ def deploy(
     dry_run: bool = False,
     allow_models: Sequence[str] = (),
     arm: bool = False,
+    rests_on: str | PathLike[str] | None = None,
     progress: Listener | None = None,
     cancellation: Cancellation | None = None,
 ) -> Deployed:
@@ -126,7 +131,9 @@ def deploy(
     of the run, judged by the rules (``merged`` of the result); with a ``pid`` the robot's part of
     it, for :func:`koord.merge`. With ``dry_run`` all vehicles are simulated, in real
     time; ``allow_models`` are ports (``Module.port``) that may be made up where nobody serves them.
-    Vehicles stay where they are unless ``arm`` says that they may move.
+    Vehicles stay where they are unless ``arm`` says that they may move. The program's claims are
+    watched while it runs: what did not hold is ``broken`` of the result, with the verdicts whose
+    proofs need it if ``rests_on`` is a report of ``koord verify --rests-on --json``.
     ``progress`` hears :class:`FleetHeard`.
 
     Raises :class:`koord.KoordError` for what is wrong with the input, or with the network.
@@ -147,6 +154,7 @@ def deploy(
         dry_run=dry_run,
         allow_models=tuple(allow_models),
         arm=arm,
+        rests_on=None if rests_on is None else fspath(rests_on),
     )
     if restart and pid is not None:
         raise ArgumentError("restart", NOT_RESTARTED)
@@ -187,6 +195,7 @@ def job_of(fitted: Fitted, request: DeployRequest) -> Job:
     if configuration.talk.encrypts:
         require(("cryptography",), "encrypt")
     run = request.run or configuration.talk.run
+    is_exact = not request.dry_run and not drivers.made
     return Job(
         classes,
         fitted.kinds,
@@ -204,6 +213,7 @@ def job_of(fitted: Fitted, request: DeployRequest) -> Job:
         warnings=key.warnings,
         is_local=request.pid is None,
         platforms=_platforms(fitted, drivers, request),
+        watched=watched(fitted.program.core, slack_of(fitted, is_exact=is_exact)),
     )
 
 
@@ -306,7 +316,10 @@ def deploy_fitted(
     cancellation: Cancellation | None = None,
 ) -> Deployed:
     """As :func:`deploy`, for a prepared run. Raises KoordError."""
-    deployment = _Deployment(fitted, job, request, heard_by(progress), cancellation)
+    grounds = None
+    if request.rests_on is not None:
+        grounds = grounds_of(request.rests_on, fitted.program)
+    deployment = _Deployment(fitted, job, request, heard_by(progress), cancellation, grounds)
     try:
         deployed = _all(deployment) if request.pid is None else _one(deployment, request.pid)
     except TransportError as error:
@@ -325,6 +338,7 @@ class _Deployment(Struct, frozen=True):
     request: DeployRequest
     tell: Listener
     cancellation: Cancellation | None
+    grounds: Grounds | None
 
     @property
     def is_cancelled(self) -> Callable[[], bool]:
@@ -395,9 +409,11 @@ class _Deployment(Struct, frozen=True):
             parts.remove()  # else the run may go on
         return replace(ended, merged=merged)
 
-    def ended(self, statuses: Mapping[int, RobotReport]) -> Deployed:
+    def ended(self, statuses: Mapping[int, RobotReport], watch: FleetWatch) -> Deployed:
         """Make the result from the robots' last reports."""
-        return Deployed.of(self.job, self.fitted.problem, statuses, interrupted=self.is_cancelled())
+        interrupted = self.is_cancelled()
+        ended = Deployed.of(self.job, self.fitted.problem, statuses, interrupted=interrupted)
+        return replace(ended, broken=watch.broken, unwatched=watch.unwatched)
 
 
 def _one(of: _Deployment, pid: int) -> Deployed:
@@ -416,11 +432,13 @@ def _one(of: _Deployment, pid: int) -> Deployed:
         parts = of.parts(stack, job)
         recorder = of.recorder(stack, parts)
         make = member_of if parts is None else parts.member
+        watch = FleetWatch(of.fitted, job, of.grounds)
         runner = Runner(job, pid, transport, make=make)
         runner.keeps_moments = recorder is not None
 
         def report(status: RobotReport) -> None:
-            of.tell(FleetHeard.of({pid: status}, job.rounds))
+            watch.hear([(status, ())])
+            of.tell(FleetHeard.of({pid: status}, job.rounds, broken=watch.broken))
             if recorder is not None:
                 recorder.hear([(status, tuple(runner.moments))], is_sure=True)
                 runner.moments.clear()
@@ -431,7 +449,7 @@ def _one(of: _Deployment, pid: int) -> Deployed:
         trouble = None if parts is None else parts.trouble
         if parts is not None and request.trace is None and not (trouble or unrecorded):
             parts.remove()  # the recording has it
-    ended = of.ended({pid: last})
+    ended = of.ended({pid: last}, watch)
     if parts is not None and parts.aside is not None:
         ended = replace(ended, aside=str(parts.aside))
     return replace(ended, unmerged=(trouble.diagnostics if trouble else ()) + unrecorded)
@@ -451,20 +469,22 @@ def _all(of: _Deployment) -> Deployed:
         recorder = of.recorder(stack, parts)
         make = member_of if parts is None else parts.member
         plan = local_plan(job.configuration, job.robots)
-        launch = Launch(job, plan, make, keeps_moments=recorder is not None, scratch=scratch)
+        launch = Launch(job, plan, make, keeps_moments=True, scratch=scratch)
+        watch = FleetWatch(of.fitted, job, of.grounds)
         fleet = SupervisedProcesses(launch, restarts=request.restart)
         stack.callback(fleet.close)
         tell(FleetHeard.of({}, job.rounds))
         while not fleet.is_over:
             news = fleet.turn(_WAIT_S)
+            watch.hear(news, fleet.processes)
             if recorder is not None:
                 recorder.hear(news, is_sure=fleet.is_accepted, processes=fleet.processes)
-            tell(FleetHeard.of(fleet.statuses, job.rounds, fleet.processes))
+            tell(FleetHeard.of(fleet.statuses, job.rounds, fleet.processes, watch.broken))
             if of.is_cancelled():
                 fleet.stop()
-        tell(FleetHeard.of(fleet.statuses, job.rounds, fleet.processes))
+        tell(FleetHeard.of(fleet.statuses, job.rounds, fleet.processes, watch.broken))
         ended = replace(
-            of.ended(fleet.statuses),
+            of.ended(fleet.statuses, watch),
             processes=dict(fleet.processes),
             stuck=fleet.stuck,
             unmerged=of.unrecorded(recorder, parts),

@@ -357,3 +357,8 @@ def is_placed(program: core.Program) -> bool:
 def _is_task(type_: Type) -> bool:
     """Return whether a type is a task: a record that begins with a position."""
     return isinstance(type_, RecordType) and bool(type_.fields) and type_.fields[0][1] == POS
+
+
+def slack_of(fitted: Fitted, *, is_exact: bool) -> Fraction:
+    """By how much what is watched may be off, in metres: points are where they are to be."""
+    return Fraction(0) if is_exact else Fraction(repr(fitted.scene.slack_m))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from msgspec.structs import replace
 
@@ -22,7 +22,9 @@ from koord.runtime.motion.planning import Pose
 from koord.runtime.motion.world import Point, World
 from koord.runtime.platform.host import VehicleHost, VehiclePlatform
 from koord.runtime.platform.pilots import PilotSettings, pilot
+from koord.runtime.platform.sensors import MotionSensors
 from koord.runtime.platform.vehicle import DrivenVehicle
+from koord.runtime.platform.world_host import WorldHost
 from koord.runtime.robot import Host
 from koord.sim.driver import SIMULATED
 from koord.sim.scene import scanner_range_m
@@ -94,6 +96,34 @@ def _driver(drivers: Drivers, device: Device) -> Driver:
         return drivers.made[pid](driven)
     located = replace(device, options=drivers.localiser_options[pid])
     return Localised(drivers.made[pid](driven), localiser(located), located)
+
+
+class ClaimsHost(WorldHost):
+    """What answers the questions of claims about all robots: it has a world, and no vehicles."""
+
+    def sensors(self, robot: int) -> MotionSensors:
+        raise LookupError(robot)
+
+    def scan(self, robot: int) -> tuple[Point, ...]:
+        raise LookupError(robot)
+
+    def follow(self, robot: int, path: Sequence[Point]) -> None:
+        """Nobody moves."""
+
+    def go_to(self, robot: int, target: Point) -> None:
+        """Nobody moves."""
+
+
+def claims_host(fitted: Fitted, job: Job) -> ClaimsHost:
+    """Make what answers the questions of claims about the robots of a run."""
+    scene = fitted.scene
+
+    def nowhere(robot: int) -> Pose:
+        raise LookupError(robot)
+
+    chart = Chart(scene.world.grid, scanner_range_m(scene))
+    library = Library({}, nowhere, scene.clearance, chart, scene.seed, keep_rounds=_KEPT_ROUNDS)
+    return ClaimsHost(job.classes, job.kinds, scene.world, library, scene.seed)
 
 
 def _standing(start: Point, vehicle: Vehicle, world: World) -> Point:

@@ -79,6 +79,12 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="let a port be made up that no driver serves, as Module.port; may be given several "
         "times",
     )
+    parser.add_argument(
+        "--rests-on",
+        metavar="FILE",
+        help="what `koord verify --rests-on --json` printed: say which verdicts rest on a claim "
+        "that does not hold",
+    )
     parser.add_argument("--record", metavar="FILE", help="record what robots do, as MCAP")
     parser.add_argument(
         "--trace",
@@ -90,7 +96,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add_json(parser, "how each robot ended")
     parser.epilog = (
         "exit codes: 0 the rounds were done, or all robots have stopped, 1 a fault ended the run "
-        "or its trace is not legal or breaks a property, "
+        "or a claim did not hold or its trace is not legal, "
         "2 errors in the input, 3 robots stopped before all rounds were "
         "done or the trace lacks some, or their processes ended, 130 stopped with Ctrl-C, "
         "143 by SIGTERM, 129 by SIGHUP (robots stop safely; a second one stops at once). What "
@@ -127,6 +133,7 @@ def main(arguments: argparse.Namespace) -> int:
         dry_run=arguments.dry_run,
         allow_models=tuple(arguments.allow_model),
         arm=arguments.arm,
+        rests_on=arguments.rests_on,
     )
     report = DiagnosticReport()
     prepared = prepare(arguments, request, report)
@@ -177,7 +184,7 @@ def prepare(
 
 def _ended(deployed: Deployed) -> int:
     merged, unmerged = deployed.merged, deployed.unmerged
-    is_wrong = merged is not None and merged.is_wrong
+    is_wrong = bool(deployed.broken) or (merged is not None and merged.is_wrong)
     if deployed.in_trouble or is_wrong or (unmerged and refusal_code(unmerged) is Exit.VIOLATED):
         return Exit.VIOLATED
     if deployed.interrupted:

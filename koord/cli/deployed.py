@@ -17,6 +17,7 @@ from koord.cli.progress import LiveLine
 from koord.cli.terminal import visible
 
 if TYPE_CHECKING:
+    from koord.api.breaches import BrokenStatement
     from koord.api.deployed import ProcessReport, RobotReport
 
 #: More robots than this nobody reads; the rest is told in the last row.
@@ -97,9 +98,16 @@ class Lines:
         self._since: dict[tuple[int, str], float] = {}
         self._said: set[tuple[int, str]] = set()
         self._holding: set[int] = set()  #: the robots of which that was said
+        #: the claims that did not hold, of which that was said
+        self._broken: set[tuple[str, tuple[int, ...]]] = set()
 
     def hear(self, heard: FleetHeard, now: float) -> None:
         """Say what is new, and what is over."""
+        for one in heard.broken:
+            if one.key not in self._broken:
+                self._broken.add(one.key)
+                for line in breach_lines(one):
+                    self._say(line)
         remarks = {
             (pid, remark)
             for pid, status in heard.statuses.items()
@@ -174,6 +182,9 @@ def table(heard: FleetHeard, rows: int = MOST_ROWS) -> Table:
         )
     if len(statuses) > len(shown):
         made.add_row("…", "", "", "", "", "", "", "", f"and {len(statuses) - len(shown)} more")
+    if heard.broken:
+        said = (line for one in heard.broken for line in breach_lines(one))
+        made.caption, made.caption_justify = "\n".join(said), "left"
     return made
 
 
@@ -250,4 +261,18 @@ def summary(deployed: Deployed) -> str:
     lines += [f"robot {pid}: {ends[pid]}" for pid in sorted(ends)]
     if deployed.stuck is not None:
         lines.append(deployed.stuck)
+    for one in deployed.broken:
+        lines += breach_lines(one)
+    if deployed.unwatched:
+        lines.append(f"not watched: {', '.join(deployed.unwatched)} (`koord merge` judges them)")
     return "\n".join(lines)
+
+
+def breach_lines(one: BrokenStatement) -> Iterator[str]:
+    """What is told of a claim that did not hold."""
+    detail = f" {one.detail}" if one.detail else ""
+    yield f"{one}{detail}"
+    yield f"  {one.place}"
+    yield from (f"    {line}" for line in one.text.splitlines())
+    if one.rested:
+        yield f"  what was proved of {', '.join(one.rested)} rests on it"

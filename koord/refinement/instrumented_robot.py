@@ -111,6 +111,9 @@ class Witness(TracingHost):
     def holding(self, holding: bool) -> None:
         self.host.holding = holding
 
+    def also_answer(self, program: type[Robot]) -> None:
+        self.host.also_answer(program)
+
     def acted(self, robot: Robot) -> None:
         self.host.acted(robot)
 
@@ -163,6 +166,10 @@ class InstrumentedRobot(Member):
         self._from_journal: Proposal | None = None
         self._witness.round_of = self._round_of
         self._inquiry = Inquiry(self._witness.host, self._witness.translation, robot.pid)
+
+    @property
+    def platform(self) -> Platform:
+        return self._witness.host
 
     def _round_of(self, turn: Turn) -> int:
         return self.round - 1 - self._turns if turn is Turn.ENV else self.round

@@ -105,6 +105,14 @@ class Host(Protocol):
         ...
 
 
+class AnsweringHost(Host, Protocol):
+    """A host that other programs than the robots' may ask: those that claims compile to."""
+
+    def also_answer(self, program: type[Robot]) -> None:
+        """Answer the functions of a program in the shapes that it declares."""
+        ...
+
+
 class Forwarding:
     """A host that asks another; what it changes of the answers, subclasses say."""
 

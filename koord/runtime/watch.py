@@ -30,15 +30,15 @@ class Watch(Robot):
         self.after: Mapping[str, Any] = {}
         self.points: Sequence[Any] = ()
 
-    def look(self, robots: Sequence[Robot], shared: Mapping[str, Any]) -> None:
+    def look(self, robots: Sequence[Any], shared: Mapping[str, Any]) -> None:
         """Set the robots to check, and the variables that they share."""
         self.robots = robots
         self.__dict__ = dict(shared)
 
-    def look_at(self, robot: Robot, after: Mapping[str, Any]) -> None:
-        """Set one robot to check between two rounds, with the present values of its ports."""
-        self.pid = robot.pid
-        self.__dict__ = vars(robot)
+    def look_at(self, pid: int, held: Mapping[str, Any], after: Mapping[str, Any]) -> None:
+        """Set one robot to check between two rounds: what it held, and its ports after that."""
+        self.pid = pid
+        self.__dict__ = held if isinstance(held, dict) else dict(held)
         self.after = after
 
     def holds(self, method: str, *arguments: Any) -> bool:
@@ -52,9 +52,10 @@ class Watch(Robot):
         """Return whether an answer of an external function meets its summary. [EXTERNAL]"""
         self._in_summary = True  # what functions require that it mentions is nobody's concern
         self.points = points_in([*arguments, answer])
-        met = self.holds(method, *arguments, answer)
-        self._in_summary = False
-        return met
+        try:
+            return self.holds(method, *arguments, answer)
+        finally:
+            self._in_summary = False
 
     # --- what claims ask --------------------------------------------------------------------------
 

@@ -74,9 +74,12 @@ class WatchPoint(Enum):
 
 
 class Claims(Protocol):
-    """A monitor of claims. ``looked`` counts the checks of each claim."""
+    """A monitor of claims."""
 
-    looked: dict[str, int]
+    @property
+    def looked(self) -> dict[str, int]:
+        """The number of checks of each claim."""
+        ...
 
     def look(self, moment: WatchPoint, run: Simulation) -> Iterator[BrokenClaim]:
         """Yield the claims that do not hold now."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -30,7 +31,8 @@ def test_all_robots_run_on_this_machine(three: str, capsys: pytest.CaptureFixtur
     out, err = capsys.readouterr()
     assert code == Exit.OK, err
     assert out.startswith(f"{SUM}: 3 robots, δ = 0.02 s\n6 rounds of 3 robots: ")
-    assert "dropped: nothing" in out
+    # One that begins sooner may speak before another one is in the run.
+    assert re.search(r"dropped: (nothing|\d+ before this robot was in a run)\n", out)
 
 
 @pytest.mark.slow

@@ -10,9 +10,38 @@ DRIVEN_BY = "tests/runtime/platform/test_driven.py"
 FRAMES = "tests/runtime/platform/test_frames.py"
 REGISTRY = "tests/runtime/platform/test_registry.py"
 DRY_RUN = "tests/cli/test_dry_run.py"
+WATCHED = "tests/runtime/platform/test_watched.py"
 
 #: What moves otherwise than was decided, or without being driven.
 DRIVEN = (
+    Mutant(
+        "deployed robots do not look at what their environment has done",
+        "runtime.deploy.member.Member._evolve",
+        "monitor.evolved(held, self.round - 1 - self._turns)",
+        "monitor.has_contracts",
+        (WATCHED,),
+    ),
+    Mutant(
+        "contracts are held against the same ports before and after",
+        "runtime.deploy.watching.RobotMonitor.evolved",
+        "vars(robot)[name]",
+        "held[name]",
+        (WATCHED,),
+    ),
+    Mutant(
+        "a robot that was lost is taken to be where it was",
+        "runtime.deploy.watching.FleetMonitor._at",
+        "return UnknownRobot()",
+        "return self._robots[pid]",
+        (WATCHED,),
+    ),
+    Mutant(
+        "invariants are looked at before all robots have told",
+        "runtime.deploy.watching.FleetMonitor.look",
+        "round_ <= known",
+        "round_ >= 0",
+        (WATCHED,),
+    ),
     Mutant(
         "vehicles hear of turns that are thrown away",
         "runtime.deploy.member.Member._act",

@@ -11,6 +11,7 @@ from typing import Any, Protocol
 import msgspec
 
 from koord.runtime.buffers import Buffer, Written
+from koord.runtime.compile.watching import Watched
 from koord.runtime.deploy.journal import (
     AnyRecord,
     Attributes,
@@ -24,6 +25,7 @@ from koord.runtime.deploy.journal import (
     Start,
     Vow,
 )
+from koord.runtime.deploy.watching import RobotMonitor, RobotState
 from koord.runtime.encoding import decoder, encode
 from koord.runtime.motion.world import Point
 from koord.runtime.operations import FaultError
@@ -43,7 +45,7 @@ from koord.runtime.protocol.committing import admitted_of
 from koord.runtime.protocol.events import Reason
 from koord.runtime.protocol.messages import Beacon, LastRun, LogEntry, Tentative
 from koord.runtime.protocol.state import Durable
-from koord.runtime.robot import Host, Robot, Status
+from koord.runtime.robot import AnsweringHost, Robot, Status
 from koord.runtime.shapes import ShapeError, from_plain, to_plain
 from koord.runtime.store import AgreedStore
 
@@ -56,7 +58,7 @@ class DivergedError(Exception):
     """Raised where the store differs from the decision's digest: an error in koord or in memory."""
 
 
-class Platform(Host, Protocol):
+class Platform(AnsweringHost, Protocol):
     """The host of a deployed robot, which has a position and can be held there."""
 
     position: Point
@@ -106,6 +108,9 @@ class Untimed:
     is_at_rest = True
     remarks: tuple[str, ...] = ()
 
+    def also_answer(self, program: type[Robot]) -> None:
+        pass
+
     def acted(self, robot: Robot) -> None:
         pass
 
@@ -142,6 +147,9 @@ class Member:
         self.seen: Callable[[LogEntry, Admitted | None], None] = _nobody
         self.tell: Callable[[LogEntry], Any] = _nothing  #: what is to be said of a round besides
         self.unwritable: str | None = None  #: why its journal cannot be written
+        self.monitor: RobotMonitor | None = None
+        self.tells_states = False
+        self.state: RobotState | None = None  #: when the round began that was proposed for last
         self._journal: Journal | None = None
         self._identity: tuple[Entered, Start] | None = None
         self._unwritten: list[AnyRecord] = []
@@ -160,6 +168,8 @@ class Member:
         if before is not None and before.round >= round_:
             return before if before.round == round_ else None
         fault = self._begin() if round_ == INIT_ROUND else self._sense()
+        if fault is None and round_ != INIT_ROUND:
+            self._observe(round_)
         if fault is not None:
             made = Proposal(self.robot.pid, round_, (Attempt(None, fault=fault),))
         elif round_ == INIT_ROUND:
@@ -191,7 +201,30 @@ class Member:
 
     def _evolve(self) -> EventFault | None:
         """Take one turn of the environment."""
-        return self.robot.evolve(self.host.read(self.robot))
+        robot, monitor = self.robot, self.monitor
+        if monitor is None or not monitor.has_contracts:
+            return robot.evolve(self.host.read(robot))
+        held = dict(vars(robot))
+        fault = robot.evolve(self.host.read(robot))
+        if fault is None:
+            monitor.evolved(held, self.round - 1 - self._turns)
+        return fault
+
+    def _observe(self, round_: int) -> None:
+        """Look at the state when a round begins. (P-WATCH)"""
+        if self.monitor is not None:
+            self.monitor.begun(round_, self.store.values)
+        if self.tells_states:
+            self.state = RobotState.of(self.robot, round_, self.store)
+
+    def watch(self, watched: Watched, kinds: int) -> None:
+        """Watch the claims that the robot, of one of so many kinds, can judge by itself."""
+        self.monitor = RobotMonitor(watched, self.robot, self.platform, kinds)
+
+    @property
+    def platform(self) -> Platform:
+        """What moves the robot, whoever else listens in between."""
+        return self.host
 
     def commit(self, entry: LogEntry, kept: Admitted | None) -> None:
         """Act on a decision. [SHARED-ASSIGN] [SKIP] [STOP]"""

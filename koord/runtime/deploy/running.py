@@ -15,6 +15,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from koord.runtime.buffers import Written
+from koord.runtime.compile.watching import Watched
 from koord.runtime.configuration.model import RunConfiguration
 from koord.runtime.deploy.ideal import IdealHost
 from koord.runtime.deploy.joining import Joining, drawn
@@ -29,6 +30,7 @@ from koord.runtime.deploy.journal import (
 from koord.runtime.deploy.member import DivergedError, Member, Platform
 from koord.runtime.deploy.resuming import come_back, enter
 from koord.runtime.deploy.status import RobotReport, Tally, added, gathering, status_of
+from koord.runtime.deploy.watching import RobotState
 from koord.runtime.encoding import text_digest
 from koord.runtime.node import Clock, Peer
 from koord.runtime.proposals import INIT_ROUND, Admitted
@@ -109,6 +111,7 @@ class Job(Struct, frozen=True):
     warnings: tuple[Diagnostic, ...] = ()  #: of the key
     is_local: bool = False  #: all robots are processes of one machine
     platforms: Callable[[Job, int], Platform] | None = None  #: None: all robots are ideal points
+    watched: Watched | None = None  #: the claims that are watched
 
     def platform(self, pid: int) -> Platform:
         """Make the platform of a robot. Raises CannotTakePartError."""
@@ -187,6 +190,7 @@ class RoundReport(Struct, frozen=True):
     output: tuple[Written, ...]
     late: bool
     took_s: float
+    state: RobotState | None = None  #: when the round began, if that is to be told
     told: Any = None  #: what the robot tells besides (:attr:`Member.tell`)
 
 
@@ -263,6 +267,9 @@ class Runner:
         job, pid = self.job, self._pid
         self.member = self._make(job, pid)
         self.member.seen = self._saw
+        if job.watched is not None:
+            self.member.watch(job.watched, len(job.classes))
+            self.member.tells_states = job.is_local
         self._setup = Setup(
             job.robots,
             Timing.of(job.pace_s, job.robots, job.unhurried_s),
@@ -464,9 +471,10 @@ class Runner:
             name = None if event is None else self.member.robot.EVENTS[event].name
             output = tuple(self.member.output)
             position = self.member.host.position
-            told = self.member.tell(entry)
+            told, state = self.member.tell(entry), self.member.state
+            self.member.state = None
             self.moments.append(
-                RoundReport(pid, entry.round, name, position, output, late, took_s, told)
+                RoundReport(pid, entry.round, name, position, output, late, took_s, state, told)
             )
         self.member.output.clear()
 

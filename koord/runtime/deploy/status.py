@@ -9,6 +9,8 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from koord.runtime.deploy.member import Member
+from koord.runtime.deploy.watching import Breach
+from koord.runtime.deploy.watching import continued as breaches_continued
 from koord.runtime.node import Peer
 from koord.runtime.proposals import INIT_ROUND
 from koord.runtime.protocol.coordinating import waiting_for
@@ -41,6 +43,8 @@ class RobotReport(Struct, frozen=True):
     fault: str | None = None
     trouble: str | None = None  #: why it had to stop, if that is not the program's doing
     notes: tuple[str, ...] = ()  #: what it has noticed of itself and of other robots
+    breaches: tuple[Breach, ...] = ()  #: claims that did not hold
+    unwatched: tuple[str, ...] = ()  #: claims that asked for what nobody here knows
     run: str = ""  #: the beginning of the run's identity; empty: it is in no run yet
     start: int = 0  #: how often its process was started in this run
 
@@ -92,6 +96,8 @@ def continued(before: RobotReport, now: RobotReport) -> RobotReport:
         sent=before.sent + now.sent,
         received=before.received + now.received,
         drops=tuple(added(before.drops, now.drops).items()),
+        breaches=breaches_continued(before.breaches, now.breaches),
+        unwatched=tuple(sorted({*before.unwatched, *now.unwatched})),
     )
 
 
@@ -114,7 +120,7 @@ def gathering(pid: int, missing: tuple[int, ...]) -> RobotReport:
 def status_of(peer: Peer, member: Member, tally: Tally) -> RobotReport:
     """Make the status report of a robot."""
     state = peer.node.state
-    fault = member.fault
+    fault, monitor = member.fault, member.monitor
     return RobotReport(
         pid=state.pid,
         round=state.round,
@@ -138,4 +144,6 @@ def status_of(peer: Peer, member: Member, tally: Tally) -> RobotReport:
         is_voter=state.is_voter,
         fault=None if fault is None else f"{fault.place}: {fault.kind.value}",
         start=peer.start_number,
+        breaches=() if monitor is None else monitor.breaches.all,
+        unwatched=() if monitor is None else tuple(sorted(monitor.unknown)),
     )

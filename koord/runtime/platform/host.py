@@ -87,6 +87,10 @@ class VehiclePlatform(Forwarding):
 
     # --- time -----------------------------------------------------------------------------------
 
+    def also_answer(self, program: type[Robot]) -> None:
+        """Answer what another program asks as well."""
+        self._world.also_answer(program)
+
     def acted(self, robot: Robot) -> None:
         """Carry out what the actuators say after a decision. (P-ORDER)"""
         self._world.order(robot)

@@ -80,6 +80,10 @@ class WorldHost(ABC):
         self._sent: list[dict[str, Any]] = [{} for _ in kinds]
         self._walls = occupied(world) if world.obstacles else frozenset()
 
+    def also_answer(self, program: type[Robot]) -> None:
+        """Answer the functions of another program, in the shapes that it declares."""
+        self.watches = (*self.watches, program)
+
     # --- what is sensed, and who moves ----------------------------------------------------------
 
     @abstractmethod
