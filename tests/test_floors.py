@@ -190,6 +190,7 @@ GUARDED = (
     ("mujoco", ("koord/sim/",), 1),
     ("mcap", ("koord/runtime/",), 1),
     ("cyclonedds", ("koord/runtime/drivers/ros2/",), 2),
+    ("natnet", ("koord/runtime/drivers/localisers/",), 1),
     ("rerun", ("koord/sim/files/",), 1),
     ("rosbags", ("koord/sim/files/",), 1),
     ("viser", ("koord/sim/files/",), 1),

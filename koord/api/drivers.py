@@ -22,7 +22,9 @@ OWN = {
 
 
 #: koord's own localisers.
-OWN_LOCALISERS: dict[str, str] = {}
+OWN_LOCALISERS = {
+    "natnet": "koord.runtime.drivers.localisers.natnet:NatNetLocaliser",
+}
 
 
 def registry() -> Registry[DriverType]:
@@ -48,7 +50,7 @@ def installed_localisers() -> tuple[DriverEntry, ...]:
     """The localisers that configurations can name, and what those lack that cannot be loaded.
 
     >>> [localiser.name for localiser in koord.installed_localisers()]
-    []
+    ['natnet']
     """
     return tuple(localiser_registry().entries())
 

@@ -38,8 +38,8 @@ MAVLINKED = (
     ),
     Mutant(
         "an old pose that waited in a queue is a new one",
-        f"{_TELEMETRY}.BootClock.measured_at",
-        "return boot_s + offset_s",
+        f"{_TELEMETRY}.Telemetry._measured_at",
+        "return self._clock.ours(boot_s)",
         "return now_s",
         (MAVLINK,),
     ),

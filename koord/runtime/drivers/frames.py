@@ -42,6 +42,13 @@ def product(p: Quaternion, q: Quaternion) -> Quaternion:
     )
 
 
+def rotated(attitude: Quaternion, vector: Point) -> Point:
+    """A vector of the body, in the world."""
+    w, x, y, z = attitude
+    _, a, b, c = product(product(attitude, (0.0, *vector)), (w, -x, -y, -z))
+    return a, b, c
+
+
 # --- NED and FRD, of MAVLink ----------------------------------------------------------------------
 
 #: What turns NED into ENU, and FLU into FRD.
@@ -68,6 +75,27 @@ def attitude_from_ned(attitude: Quaternion) -> Quaternion:
 def attitude_to_ned(attitude: Quaternion) -> Quaternion:
     """The attitude of an FRD body in NED, from that of the same body as FLU in ENU."""
     return product(product(_NED_TO_ENU, attitude), _FLU_TO_FRD)
+
+
+# --- y up, of Motive and of graphics --------------------------------------------------------------
+
+#: What turns a world whose y axis points up into one whose z axis does. Both have the same x axis.
+_Y_UP_TO_Z_UP: Quaternion = (_HALF, _HALF, 0.0, 0.0)
+_Z_UP_TO_Y_UP: Quaternion = (_HALF, -_HALF, 0.0, 0.0)
+
+
+def y_up_to_enu(vector: Point) -> Point:
+    """East, up, south as east, north, up."""
+    x, y, z = vector
+    return x, -z, y
+
+
+def attitude_from_y_up(attitude: Quaternion) -> Quaternion:
+    """The attitude of an FLU body in ENU, from that of the same body with axes as of y up.
+
+    Such a body has x ahead, y up and z to the right: axes as of its world, when it was made known.
+    """
+    return product(product(_Y_UP_TO_Z_UP, attitude), _Z_UP_TO_Y_UP)
 
 
 # --- orders of quaternions ------------------------------------------------------------------------

@@ -4,16 +4,11 @@ from __future__ import annotations
 
 import math
 
+from koord.runtime.drivers.clocks import RemoteClock
 from koord.runtime.drivers.frames import Quaternion, attitude_from_ned, ned_to_enu
 from koord.runtime.drivers.mavlink.library import Message, mavlink
 from koord.runtime.drivers.setpoints import Sensed
 from koord.runtime.motion.world import Point
-
-#: The clocks of autopilots, and of simulated ones on busy machines, differ by this at most.
-_DRIFT = 0.02
-
-#: Whose time runs backwards by more has been started again.
-_RESTART_S = 1.0
 
 #: What was told about ground and battery holds for so long.
 _LANDED_S, _BATTERY_S = 3.0, 30.0
@@ -36,28 +31,6 @@ _GRAVE = mavlink.MAV_SEVERITY_WARNING
 _TEXT_S = 10.0
 
 
-class BootClock:
-    """When something was measured, by our clock, from the time since the autopilot was started.
-
-    What waited in a queue was measured earlier than it was read. The shortest way that there was
-    counts as the way that messages take.
-    """
-
-    def __init__(self) -> None:
-        self._offset_s: float | None = None  #: our clock when the autopilot was started
-        self._boot_s = 0.0
-
-    def measured_at(self, boot_ms: int, now_s: float) -> float:
-        """The time of what was measured at the autopilot's time and is read now."""
-        boot_s = boot_ms / 1000
-        offset_s = now_s - boot_s
-        if self._offset_s is not None and boot_s >= self._boot_s - _RESTART_S:
-            drift_s = _DRIFT * max(0.0, boot_s - self._boot_s)
-            offset_s = min(offset_s, self._offset_s + drift_s)
-        self._offset_s, self._boot_s = offset_s, boot_s
-        return boot_s + offset_s
-
-
 class Telemetry:
     """The latest of what an autopilot has told."""
 
@@ -78,7 +51,7 @@ class Telemetry:
         self._battery_s = -math.inf
         self._texts: dict[str, float] = {}
         self._pieces: dict[int, dict[int, str]] = {}
-        self._clock = BootClock()
+        self._clock = RemoteClock()
 
     def hear(self, message: Message, now_s: float) -> None:
         """Take note of a message."""
@@ -92,11 +65,11 @@ class Telemetry:
                 east, north, up = self._origin_m
                 self.position_m = x + east, y + north, z + up
                 self.velocity_mps = ned_to_enu((message.vx, message.vy, message.vz))
-                self._position_s = self._clock.measured_at(message.time_boot_ms, now_s)
+                self._position_s = self._measured_at(message, now_s)
             case "ATTITUDE_QUATERNION":
                 attitude = (message.q1, message.q2, message.q3, message.q4)
                 self._attitude = attitude_from_ned(attitude)
-                self._attitude_s = self._clock.measured_at(message.time_boot_ms, now_s)
+                self._attitude_s = self._measured_at(message, now_s)
             case "EXTENDED_SYS_STATE":
                 self._landed_state, self._landed_s = int(message.landed_state), now_s
             case "BATTERY_STATUS" if message.id == 0:
@@ -105,6 +78,12 @@ class Telemetry:
                 self._hear_battery(message.battery_remaining, now_s)
             case "STATUSTEXT" if message.severity <= _GRAVE:
                 self._hear_text(message, now_s)
+
+    def _measured_at(self, message: Message, now_s: float) -> float:
+        """When something was measured that is read now: it says how long after its start."""
+        boot_s = message.time_boot_ms / 1000
+        self._clock.hear(boot_s, now_s)
+        return self._clock.ours(boot_s)
 
     def _hear_battery(self, percent: int, now_s: float) -> None:
         if percent >= 0:

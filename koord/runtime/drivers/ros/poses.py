@@ -7,7 +7,7 @@ from typing import Any
 
 from msgspec import Struct
 
-from koord.runtime.drivers.frames import Quaternion, from_xyzw, product
+from koord.runtime.drivers.frames import Quaternion, from_xyzw, rotated
 from koord.runtime.motion.world import Point
 
 #: Orientations are unit quaternions up to this.
@@ -55,13 +55,6 @@ def seconds(stamp: Any) -> float:
 def vector_of(message: Any) -> Point:
     """A Vector3 or Point."""
     return message.x, message.y, message.z
-
-
-def rotated(attitude: Quaternion, vector: Point) -> Point:
-    """A vector of the body, in the world."""
-    w, x, y, z = attitude
-    _, a, b, c = product(product(attitude, (0.0, *vector)), (w, -x, -y, -z))
-    return a, b, c
 
 
 def in_body(attitude: Quaternion, vector: Point) -> Point:

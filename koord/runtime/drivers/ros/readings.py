@@ -6,8 +6,9 @@ import math
 from collections.abc import Callable
 from typing import Any
 
+from koord.runtime.drivers.frames import rotated
 from koord.runtime.drivers.ros.graph import Fields
-from koord.runtime.drivers.ros.poses import Fix, rotated, vector_of
+from koord.runtime.drivers.ros.poses import Fix, vector_of
 from koord.runtime.motion.world import Point
 
 

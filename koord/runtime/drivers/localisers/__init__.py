@@ -1,0 +1,1 @@
+"""The localisers that koord has."""

@@ -1,0 +1,1 @@
+"""A fake NatNet server: it streams rigid bodies as Motive does, from where it is told they are."""
