@@ -88,7 +88,8 @@ def told(folder: Path, command: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
         ["bash", "-c", command],
         cwd=folder,
-        env={**os.environ, **paths, "PYTHONUTF8": "1"},
+        # What the system has of ROS 1 is none of what is shown.
+        env={**os.environ, **paths, "PYTHONUTF8": "1", "KOORD_ROS1": str(folder)},
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         encoding="utf-8",

@@ -16,6 +16,7 @@ from koord.version import __version__
 #: koord's own drivers.
 OWN = {
     "mavlink": "koord.runtime.drivers.mavlink.driver:MavlinkDriver",
+    "ros1": "koord.runtime.drivers.ros1.driver:Ros1Driver",
     "ros2": "koord.runtime.drivers.ros2.driver:Ros2Driver",
     "sim": "koord.sim.driver:SIMULATED",
 }
@@ -41,7 +42,7 @@ def installed_drivers() -> tuple[DriverEntry, ...]:
     """The drivers that configurations can name, and what those lack that cannot be loaded.
 
     >>> [driver.name for driver in koord.installed_drivers()]
-    ['mavlink', 'ros2', 'sim']
+    ['mavlink', 'ros1', 'ros2', 'sim']
     """
     return tuple(registry().entries())
 

@@ -6,8 +6,10 @@ from tests.mutants.mutant import Mutant
 
 COMMANDS = "tests/runtime/platform/ros/test_commands.py"
 HEARD = "tests/runtime/platform/ros/test_heard.py"
+NODE = "tests/runtime/platform/ros1/test_node.py"
 
 _ROS = "runtime.drivers.ros"
+_ROS1 = "runtime.drivers.ros1"
 
 #: What is heard or told otherwise than it is meant.
 ROS = (
@@ -101,5 +103,40 @@ ROS = (
         "math.isnan(told_m) or told_m < message.range_min",
         "not message.range_min <= told_m <= message.range_max",
         (COMMANDS,),
+    ),
+    Mutant(
+        "positions that are no numbers count",
+        f"{_ROS}.poses.fix_of",
+        "all(map(math.isfinite, vector_of(place)))",
+        "True",
+        (HEARD,),
+    ),
+    Mutant(
+        "nobody is told that a vehicle of ROS does not listen",
+        f"{_ROS}.driver.RosDriver._remarks",
+        "self._links.commander.sender.is_heard",
+        "self._links",
+        (HEARD,),
+    ),
+    Mutant(
+        "a master of ROS 1 that was started anew is told nothing",
+        f"{_ROS1}.node.Node.look",
+        "self.name not in seen.on(topic, end.role)",
+        "end.made is end",
+        (NODE,),
+    ),
+    Mutant(
+        "a master of ROS 1 that is lost is not told",
+        f"{_ROS1}.node.Node.trouble",
+        "time.monotonic() - answered_s > _LOST_S",
+        "time.monotonic() < answered_s",
+        (NODE,),
+    ),
+    Mutant(
+        "messages of ROS 1 are heard again and again",
+        f"{_ROS1}.graph.RospyLatest.take",
+        "self._cell.pop()",
+        "self._cell[-1]",
+        (NODE,),
     ),
 )

@@ -13,7 +13,12 @@ FAST = ("numba",)
 
 
 def missing(library: str, extra: str) -> KoordError:
-    """The error for a library that cannot be imported, and how to install it. (K950)"""
+    """The error for a library that cannot be imported, and the extra that has it. (K950)"""
+    return absent(library, f"pip install 'koord[{extra}]'")
+
+
+def absent(library: str, install: str) -> KoordError:
+    """The error for a library that cannot be imported, and the command that installs it. (K950)"""
     return KoordError(
         (
             Diagnostic(
@@ -21,7 +26,7 @@ def missing(library: str, extra: str) -> KoordError:
                 Severity.ERROR,
                 NOWHERE,
                 f"{library} is needed for this and is not installed",
-                f"install it with: pip install 'koord[{extra}]'",
+                f"install it with: {install}",
             ),
         )
     )

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
 from typing import Any
 
 import pytest
@@ -16,20 +15,11 @@ from koord.runtime.drivers.frames import yaw_of
 from koord.runtime.drivers.ros.options import SensorTopic
 from koord.runtime.drivers.ros2.driver import Ros2Driver
 from koord.runtime.drivers.ros2.options import Ros2Options
-from koord.runtime.drivers.setpoints import Drive, Hold, Position, Sensed
-from koord.runtime.guardian.conditions import Setup
+from koord.runtime.drivers.setpoints import Drive, Hold, Position
 from koord.runtime.guardian.events import Order
-from koord.runtime.guardian.limits import usual
-from koord.runtime.guardian.modes import Mode
-from koord.runtime.motion.field import field
-from koord.runtime.motion.group import TICK_S
-from koord.runtime.motion.world import Point, World
-from koord.runtime.platform.pilots import PilotSettings, pilot
-from koord.runtime.platform.vehicle import DrivenVehicle
-from koord.sim.scene import device_model
+from tests.runtime.platform.ros.driving import WORLD, Driven, driven_until, until
 from tests.runtime.platform.ros2.peers import DOMAIN, fresh_prefix, peer
 
-WORLD = World((-4.0, -4.0, 0.0), (4.0, 4.0, 3.0))
 POSE = Topic(topic="pose", type="PoseStamped")
 
 
@@ -37,30 +27,6 @@ def driver(prefix: str, kind: str = "CAR", **options: Any) -> Ros2Driver:
     told = {"positioning_topic": POSE, "wait": 30.0, **options}
     made = Ros2Options(ros_node_prefix=prefix, domain=DOMAIN, **told)
     return Ros2Driver(Device(3, Vehicle("car3", kind), WORLD, (0.0, 0.0, 0.0), options=made))
-
-
-def until(made: Ros2Driver, condition: Callable[[Sensed], bool], most_s: float = 30.0) -> Sensed:
-    """Ask it at every tick until something holds of what it senses."""
-    end_s = time.monotonic() + most_s
-    while True:
-        sensed = made.sense(time.monotonic())
-        assert sensed is not None
-        if condition(sensed):
-            return sensed
-        assert time.monotonic() < end_s, (sensed, made.remarks)
-        time.sleep(0.01)
-
-
-def driven_until(
-    made: Ros2Driver, wish: Drive | Position, condition: Callable[[Sensed], bool]
-) -> Sensed:
-    """Command it at every tick until something holds."""
-
-    def told(sensed: Sensed) -> bool:
-        made.command(wish, time.monotonic())
-        return condition(sensed)
-
-    return until(made, told)
 
 
 COMMANDS = {
@@ -156,41 +122,6 @@ def test_a_follower_is_sent_to_way_points_and_says_when_it_is_there() -> None:
         made.close()
 
 
-class Driven:
-    """A vehicle with its pilot and guardian, in real time."""
-
-    def __init__(self, made: Ros2Driver) -> None:
-        vehicle = made.device.vehicle
-        model = device_model(vehicle)
-        guarded = Setup(usual(model.body), field(WORLD, flat=model.body.ON_GROUND), 0.1)
-        settings = PilotSettings(model.body, model.planner)
-        steersman = pilot(settings, WORLD, wishes=made.capabilities.wishes)
-        self.driven = DrivenVehicle(made, steersman, guarded, time.monotonic())
-
-    def until(self, condition: Callable[[], bool], most_s: float = 60.0) -> None:
-        end_s = time.monotonic() + most_s
-        while not condition():
-            self.driven.tick(time.monotonic(), 0.0)
-            assert time.monotonic() < end_s, (
-                self.driven.sensed,
-                self.driven.mode,
-                list(self.driven.notes)[:9],
-            )
-            time.sleep(TICK_S)
-
-    def go_to(self, goal: Point) -> None:
-        self.until(self._started)
-        self.driven.go_to(goal)
-        self.driven.tick(time.monotonic(), 0.0)
-        assert not self.driven.sensors.reached
-        self.until(lambda: self.driven.sensors.reached)
-
-    def _started(self) -> bool:
-        order = Order.ARM if self.driven.mode is Mode.DISARMED else Order.START
-        self.driven.order(order, time.monotonic())
-        return self.driven.mode is Mode.RUNNING
-
-
 @pytest.mark.parametrize("kind", [pytest.param("CAR", marks=pytest.mark.slow), "DIFF"])
 def test_a_guarded_robot_drives_a_car_of_ros_to_a_place(kind: str) -> None:
     prefix = fresh_prefix()
@@ -210,7 +141,7 @@ def test_a_guarded_robot_sends_a_follower_of_ros_along_its_way() -> None:
         made = driver(prefix, "DIFF", waypoint_topic=Topic(topic="waypoint", type="PoseStamped"))
         one = Driven(made)
         corner, goal = (0.6, 0.0, 0.0), (0.6, 0.6, 0.0)
-        one.until(one._started)
+        one.until(one.started)
         one.driven.follow([(0.0, 0.0, 0.0), corner, goal])
         furthest_m = 0.0
 

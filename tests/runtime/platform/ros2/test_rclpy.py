@@ -22,8 +22,9 @@ import pytest
 from koord.runtime.drivers.ros.options import Wire
 from koord.runtime.drivers.ros.poses import Fix, fix_of
 from koord.runtime.drivers.ros2.dds import DdsGraph
+from tests.runtime.platform.ros.driving import Driven
 from tests.runtime.platform.ros2.peers import DOMAIN, fresh_prefix
-from tests.runtime.platform.ros2.test_driven import Driven, driver
+from tests.runtime.platform.ros2.test_driven import driver
 
 pytestmark = pytest.mark.slow
 

@@ -1,0 +1,1 @@
+"""The driver of vehicles that nodes of ROS 1 move."""

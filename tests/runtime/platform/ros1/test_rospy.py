@@ -1,0 +1,256 @@
+"""The driver of ROS 1 against a master and nodes of rospy, in processes of their own."""
+
+from __future__ import annotations
+
+import math
+import statistics
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from koord.runtime.configuration.forms import Topic
+from koord.runtime.configuration.model import Vehicle
+from koord.runtime.drivers.driver import Device, DriverError
+from koord.runtime.drivers.ros.options import Wire
+from koord.runtime.drivers.ros1 import library
+from koord.runtime.drivers.ros1.options import Ros1Options
+from koord.runtime.drivers.setpoints import Drive, Hold
+from tests.runtime.platform.ros.driving import WORLD, Driven, driven_until, until
+from tests.runtime.platform.ros1.peers import (
+    INSTALL,
+    environment,
+    fresh_prefix,
+    master,
+    node,
+    uri,
+)
+
+if not library.is_installed():
+    pytest.skip(f"rospy is not installed: {INSTALL}", allow_module_level=True)
+
+from koord.runtime.drivers.ros1.driver import Ros1Driver
+from koord.runtime.drivers.ros1.graph import RospyGraph
+
+# rospy calls what Python will not have for long, and leaves sockets to be collected.
+pytestmark = [
+    pytest.mark.filterwarnings("ignore::DeprecationWarning"),
+    pytest.mark.filterwarnings("ignore::ResourceWarning"),
+    pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning"),
+]
+
+POSE = Topic(topic="pose", type="PoseStamped")
+
+#: There and back through a node, in seconds, as a median.
+ROUND_TRIP_S = 0.005
+
+
+@pytest.fixture(autouse=True)
+def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Where all of ROS writes."""
+    for name, value in environment(tmp_path).items():
+        monkeypatch.setenv(name, value)
+    return tmp_path
+
+
+@pytest.fixture
+def core(home: Path) -> Iterator[None]:
+    """A master."""
+    with master(home):
+        yield
+
+
+def driver(prefix: str, **options: object) -> Ros1Driver:
+    told = {"positioning_topic": POSE, "wait": 30.0, "ros_node_prefix": prefix, **options}
+    made = Ros1Options(**told)  # type: ignore[arg-type]
+    return Ros1Driver(Device(3, Vehicle("car3", "DIFF"), WORLD, (0.0, 0.0, 0.0), options=made))
+
+
+def complaint(prefix: str, **options: object) -> tuple[str, str]:
+    with pytest.raises(DriverError) as error:
+        driver(prefix, **options).open(time.monotonic())
+    return error.value.message, error.value.hint
+
+
+def remarked(made: Ros1Driver, *wanted: str) -> None:
+    """Tick until all that is remarked begins with what is wanted."""
+    end_s = time.monotonic() + 30.0
+    while True:
+        made.sense(time.monotonic())
+        made.command(Hold(), time.monotonic())
+        told = made.remarks
+        if len(told) == len(wanted) and all(map(str.startswith, told, wanted)):
+            return
+        assert time.monotonic() < end_s, told
+        time.sleep(0.02)
+
+
+def test_a_car_of_rospy_drives_as_it_is_told_and_holds(core: None, home: Path) -> None:
+    prefix = fresh_prefix()
+    with node("car", prefix, home):
+        made = driver(prefix)
+        made.open(time.monotonic())
+        driven_until(made, Drive(0.5), lambda s: s.position_m[0] > 0.2)
+        made.command(Hold(), time.monotonic())
+        sensed = until(made, lambda s: math.hypot(*s.velocity_mps) < 0.01)
+        assert sensed.position_m[1] == pytest.approx(0.0, abs=1e-6)
+        made.close()
+
+
+@pytest.mark.slow
+def test_who_leaves_stops_the_car_with_the_last_words(core: None, home: Path) -> None:
+    """The vehicle's own timer would stop it after half a second."""
+    prefix = fresh_prefix()
+    with node("car", prefix, home):
+        first, other = driver(prefix), driver(prefix, command_topic=Topic(topic="x", type="Twist"))
+        first.open(time.monotonic())
+        driven_until(first, Drive(0.5), lambda s: s.position_m[0] > 0.2)
+        other._links = other._linked()
+        until_sensed_s = time.monotonic() + 10.0
+        while other.sense(time.monotonic()) is None:
+            assert time.monotonic() < until_sensed_s
+            first.command(Drive(0.5), time.monotonic())
+            time.sleep(0.02)
+        left_m = first.sense(time.monotonic())
+        first.close()
+        stopped = until(other, lambda s: math.hypot(*s.velocity_mps) < 0.01)
+        assert left_m is not None
+        assert math.dist(stopped.position_m, left_m.position_m) < 0.2
+        other.close()
+
+
+@pytest.mark.slow
+def test_a_pose_goes_through_a_node_and_back_within_a_few_milliseconds(
+    core: None, home: Path
+) -> None:
+    prefix = fresh_prefix()
+    with node("echo", prefix, home):
+        graph = RospyGraph(None, 10)
+        echo = graph.listen(Wire(f"{prefix}/echo", "PoseStamped"))
+        sender = graph.publish(Wire(f"{prefix}/waypoint", "PoseStamped"))
+        end_s = time.monotonic() + 30.0
+        while not (sender.is_heard and echo.is_connected):
+            assert time.monotonic() < end_s, graph.why_unheard(sender.wire)
+            time.sleep(0.01)
+        trips = []
+        for k in range(200):
+            begun_s = time.perf_counter()
+            sender.send({"header": {"stamp": {"sec": k}}, "pose": {"position": {"x": 1.5}}})
+            back = None
+            while back is None and time.perf_counter() - begun_s < 1.0:
+                back = echo.take()
+                time.sleep(0)
+            trips.append(time.perf_counter() - begun_s)
+            assert k < 10 or (back is not None and back.header.stamp.secs == k)
+            time.sleep(0.005)
+        graph.close()
+    assert statistics.median(trips) < ROUND_TRIP_S, sorted(trips)
+
+
+@pytest.mark.slow
+def test_a_guarded_robot_drives_a_car_of_rospy_to_a_place(core: None, home: Path) -> None:
+    prefix, goal = fresh_prefix(), (1.0, 0.5, 0.0)
+    with node("car", prefix, home):
+        one = Driven(driver(prefix))
+        one.go_to(goal)
+        assert math.dist(one.driven.sensed.position_m, goal) < 0.25
+        one.driven.close()
+
+
+# --- what is wrong ------------------------------------------------------------------------------
+
+
+@pytest.mark.slow
+def test_a_master_that_is_lost_is_told_and_known_again_when_it_is_back(home: Path) -> None:
+    """(P-ROS-MASTER)"""
+    prefix = fresh_prefix()
+    lost = f"the master of ROS 1 at {uri()} does not answer"
+    with master(home) as process, node("car", prefix, home) as car:
+        made = driver(prefix, silent=0.5)
+        made.open(time.monotonic())
+        process.kill()
+        process.wait()
+        remarked(made, lost)
+        # What is connected stays so.
+        sensed = driven_until(made, Drive(0.5), lambda s: s.velocity_mps[0] > 0.3)
+        assert sensed.link
+        with master(home):
+            remarked(made)
+            car.kill()
+            car.wait()
+            remarked(made, "nobody listens to")
+            with node("car", prefix, home, name="other"):
+                remarked(made)
+                until(made, lambda s: s.link)
+        made.close()
+
+
+@pytest.mark.slow
+def test_a_master_that_is_not_there_is_named(home: Path) -> None:
+    message, hint = complaint(fresh_prefix(), wait=3.0)
+    assert message == f"the master of ROS 1 at {uri()} does not answer"
+    assert "ROS_MASTER_URI" in hint
+
+
+@pytest.mark.slow
+def test_what_is_not_there_or_is_otherwise_is_named(core: None, home: Path) -> None:
+    prefix = fresh_prefix()
+    with node("car", prefix, home) as car:
+        first = driver(prefix)
+        first.open(time.monotonic())  # the peer is there
+        first.close()
+        of_text = Topic(topic="reached", type="PoseStamped")
+        assert complaint(prefix, positioning_topic=of_text)[0] == (
+            f"`/{prefix}/reached` has the type std_msgs/String, not geometry_msgs/PoseStamped"
+        )
+        stamped = Topic(topic="cmd_vel", type="TwistStamped")
+        assert complaint(prefix, command_topic=stamped, wait=2.0)[0] == (
+            f"`/{prefix}/cmd_vel` has the type geometry_msgs/Twist, not geometry_msgs/TwistStamped"
+        )
+        deaf = Topic(topic="nowhere", type="Twist")
+        assert complaint(prefix, command_topic=deaf, wait=1.0)[0] == (
+            f"nobody listens to `/{prefix}/nowhere` at the master {uri()}"
+        )
+        assert complaint(prefix, frame="odom")[0] == (
+            f"poses on `/{prefix}/pose` do not count: they are in the frame `map`, not in `odom`"
+        )
+        car.kill()
+        car.wait()
+        assert complaint(prefix, wait=1.0)[0] == (
+            f"`/{prefix}/pose` is published by /car_{prefix}, which does not answer"
+        )
+
+
+@pytest.mark.slow
+def test_a_car_that_dies_has_no_link_and_nobody_who_listens(core: None, home: Path) -> None:
+    prefix = fresh_prefix()
+    with node("car", prefix, home) as car:
+        made = driver(prefix, silent=0.4)
+        made.open(time.monotonic())
+        car.kill()
+        car.wait()
+        until(made, lambda s: not s.link)
+        remarked(made, "nobody listens to")
+        made.close()
+
+
+@pytest.mark.slow
+def test_one_process_has_one_master(core: None) -> None:
+    RospyGraph(None, 1).close()
+    with pytest.raises(DriverError, match="cannot be at http://elsewhere:11311 too"):
+        RospyGraph("http://elsewhere:11311", 1)
+
+
+def test_messages_that_no_package_has_are_those_of_their_definition() -> None:
+    drive = library._defined("AckermannDriveStamped")
+    assert drive._md5sum == "1fd5d7f58889cefd44d29f6653240d0c"
+    assert drive().drive.steering_angle == 0.0
+
+
+def test_what_else_is_in_the_folder_stands_in_for_nothing() -> None:
+    import yaml
+
+    library.rospy()
+    if (folder := library.folder()) is not None:
+        assert not yaml.__file__.startswith(folder)
