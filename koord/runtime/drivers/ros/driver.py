@@ -17,7 +17,7 @@ from koord.runtime.drivers.ros.options import RosOptions
 from koord.runtime.drivers.ros.plan import plan
 from koord.runtime.drivers.ros.poses import Fix, NotAPoseError, fix_of, velocity_of
 from koord.runtime.drivers.ros.readings import is_reached, reading, written
-from koord.runtime.drivers.setpoints import Capabilities, Sensed, Setpoint
+from koord.runtime.drivers.setpoints import Capabilities, Located, Sensed, Setpoint
 from koord.runtime.motion.world import Point
 
 #: Set-points a second that controllers of ROS expect.
@@ -31,7 +31,7 @@ class _Links(Struct, frozen=True):
     """The topics of a vehicle, once they are open."""
 
     graph: Graph
-    poses: Latest
+    poses: Latest | None
     velocities: Latest | None
     arrivals: Latest | None
     sensors: dict[str, Latest]
@@ -70,8 +70,9 @@ class RosDriver(ABC):
         self.reached: bool | None = None
         self._trouble: str | None = None  #: why the pose that was heard last does not count
         self._links: _Links | None = None
-        self._fix: Fix | None = None
-        self._fix_at_s = 0.0
+        self._heard: Fix | None = None
+        self._heard_at_s = 0.0
+        self._located: Located | None = None
         self._differences = Differences(self.options.smoothing)
         self._told: tuple[Point, float] | None = None  #: the velocity that was told, and when
         self._readings: dict[str, Any] = {}
@@ -88,8 +89,28 @@ class RosDriver(ABC):
 
     # --- the vehicle ----------------------------------------------------------------------------
 
+    def locate(self, located: Located, now_s: float) -> None:
+        """Take where the vehicle is, instead of its topic. (P-ROS-LOCATED)"""
+        self._located = located
+
+    @property
+    def _fix(self) -> Fix | None:
+        """Where the vehicle is: as a localiser says, if there is one, and else as its topic."""
+        located, heard = self._located, self._heard
+        if located is None:
+            return heard
+        attitude = located.attitude or (None if heard is None else heard.attitude)
+        if attitude is None:
+            return None
+        return Fix(located.position_m, attitude, "", located.measured_at_s)
+
     def open(self, now_s: float) -> None:
         """Find the vehicle. Raises DriverError if it does not tell where it is within a while."""
+        if self.plan.positioning is None and self._fix is None:
+            raise DriverError(
+                "nothing says where the vehicle is, and which way it looks",
+                "name a `positioning_topic`, or a `localiser` that tells attitudes",
+            )
         links = self._links = self._linked()
         try:
             self._wait_for_vehicle(links, now_s)
@@ -102,7 +123,7 @@ class RosDriver(ABC):
         sender, body, ground_m = graph.publish(topics.command), device.body, device.world.ground
         return _Links(
             graph,
-            graph.listen(topics.positioning),
+            None if topics.positioning is None else graph.listen(topics.positioning),
             None if topics.velocity is None else graph.listen(topics.velocity),
             None if topics.reached is None else graph.listen(topics.reached),
             {port: graph.listen(wire) for port, wire in topics.sensors.items()},
@@ -123,7 +144,7 @@ class RosDriver(ABC):
             if passed_s > self.options.wait:
                 raise DriverError(
                     graph.why_silent(topics.positioning)
-                    if self._fix is None
+                    if self._fix is None and topics.positioning is not None
                     else graph.why_unheard(topics.command),
                     graph.hint,
                 )
@@ -136,24 +157,32 @@ class RosDriver(ABC):
             self._hear_pose(self._links, now_s)
             self._hear_velocity(self._links, now_s)
             self._hear_others(self._links)
-        if self._fix is None:
+        fix = self._fix
+        if fix is None:
             return None
         battery = self.plan.battery
         return Sensed(
-            self._fix.position_m,
-            self._fix.attitude,
+            fix.position_m,
+            fix.attitude,
             self._velocity(now_s),
-            self._fix_at_s,
+            self._heard_at_s if self._located is None else fix.stamp_s,
             battery=None if battery is None else self._readings.get(battery),
-            link=now_s - self._fix_at_s <= self.options.silent,
+            link=self._answers(now_s),
         )
 
+    def _answers(self, now_s: float) -> bool:
+        """Return whether the vehicle answers: it says where it is, or it listens at least."""
+        if self.plan.positioning is None:
+            return self._links is not None and self._links.commander.sender.is_heard
+        return now_s - self._heard_at_s <= self.options.silent
+
     def command(self, setpoint: Setpoint, now_s: float) -> None:
-        if self._links is None or self._fix is None:
+        fix = self._fix
+        if self._links is None or fix is None:
             return
         commander = self._links.commander
         before = commander.aim
-        commander.command(setpoint, self._fix, now_s)
+        commander.command(setpoint, fix, now_s)
         if commander.aim != before:
             self.reached = None  # what is said from now on is about the new one
 
@@ -166,7 +195,7 @@ class RosDriver(ABC):
 
     def _remarks(self) -> Iterator[str]:
         """Yield why the vehicle does not do what it is told. (P-ROS-LOST)"""
-        if self._trouble is not None:
+        if self._trouble is not None and self.plan.positioning is not None:
             yield f"poses on `{self.plan.positioning.told}` do not count: {self._trouble}"
         if self._links is None:
             return
@@ -197,7 +226,7 @@ class RosDriver(ABC):
     # --- what is heard --------------------------------------------------------------------------
 
     def _hear_pose(self, links: _Links, now_s: float) -> None:
-        message = links.poses.take()
+        message = None if links.poses is None else links.poses.take()
         if message is None:
             return
         try:
@@ -205,20 +234,20 @@ class RosDriver(ABC):
         except NotAPoseError as error:
             self._trouble = str(error)
             return
-        wanted = self.options.frame if self._fix is None else self._fix.frame
+        wanted = self.options.frame if self._heard is None else self._heard.frame
         if wanted is not None and fix.frame != wanted:
             self._trouble = f"they are in the frame `{fix.frame}`, not in `{wanted}`"
             return
         self._trouble = None
         self._differences.hear(fix.position_m, fix.stamp_s, now_s)
-        self._fix, self._fix_at_s = fix, now_s
+        self._heard, self._heard_at_s = fix, now_s
         if hasattr(message, "twist"):
             self._told = velocity_of(message, fix), now_s
 
     def _hear_velocity(self, links: _Links, now_s: float) -> None:
         message = None if links.velocities is None else links.velocities.take()
-        if message is not None and self._fix is not None:
-            self._told = velocity_of(message, self._fix), now_s
+        if message is not None and self._heard is not None:
+            self._told = velocity_of(message, self._heard), now_s
 
     def _velocity(self, now_s: float) -> Point:
         """The velocity that was told, if it was lately, else that of poses."""

@@ -70,7 +70,7 @@ class SensorTopic(Topic, frozen=True, forbid_unknown_fields=True, kw_only=True):
 class RosOptions(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """What the drivers of ROS 1 and of ROS 2 have in common."""
 
-    positioning_topic: Topic
+    positioning_topic: Topic | None = None  #: without, a localiser says where the vehicle is
     velocity_topic: Topic | None = None  #: without: from odometry, or from differences of poses
     command_topic: Topic | None = None  #: without, and without way-points: `cmd_vel`
     waypoint_topic: Topic | None = None  #: the vehicle's own controller drives to these

@@ -15,7 +15,7 @@ from koord.runtime.motion.bodies import Body, Car
 class Plan(Struct, frozen=True):
     """The topics of one vehicle."""
 
-    positioning: Wire
+    positioning: Wire | None  #: None: a localiser says where the vehicle is
     command: Wire  #: velocities, positions or way-points
     by_waypoints: bool  #: the vehicle's own controller goes to them
     velocity: Wire | None
@@ -58,7 +58,7 @@ def plan(device: Device, options: RosOptions) -> Plan:
             "name that too, or leave both",
         )
     return Plan(
-        names.wire(Use.POSITIONING, options.positioning_topic),
+        _wire(names, Use.POSITIONING, options.positioning_topic),
         command,
         by_waypoints,
         _wire(names, Use.VELOCITY, options.velocity_topic),

@@ -9,13 +9,14 @@ import pytest
 
 from koord.runtime.configuration.forms import Topic
 from koord.runtime.configuration.model import Vehicle
-from koord.runtime.drivers.driver import Device
+from koord.runtime.drivers.driver import Device, DriverError
+from koord.runtime.drivers.frames import turned
 from koord.runtime.drivers.ros.graph import Fields, filled
 from koord.runtime.drivers.ros.options import SensorTopic, Wire
 from koord.runtime.drivers.ros2 import messages as m
 from koord.runtime.drivers.ros2.driver import Ros2Driver
 from koord.runtime.drivers.ros2.options import Ros2Options
-from koord.runtime.drivers.setpoints import Drive, Hold, Position
+from koord.runtime.drivers.setpoints import Drive, Hold, Located, Position
 from koord.runtime.motion.world import World
 
 WORLD = World((-4.0, -4.0, 0.0), (4.0, 4.0, 3.0))
@@ -205,3 +206,52 @@ def test_who_leaves_stops_the_vehicle_first() -> None:
     one.driver.close()
     assert [twist.linear.x for twist in one.sent("cmd_vel")] == [1.0, 0.0, 1.0, 0.0]
     assert one.graph.closed
+
+
+def located(x: float, at_s: float, attitude: Any = None) -> Located:
+    return Located((x, 1.0, 0.0), attitude, at_s)
+
+
+class Unheard(Told):
+    """A vehicle without a topic that says where it is."""
+
+    def __init__(self, *poses: Located) -> None:
+        device = Device(0, Vehicle("car", "CAR"), WORLD, (0.0, 0.0, 0.0), options=Ros2Options())
+        self.driver = Ros2Driver(device)
+        for one in poses:
+            self.driver.locate(one, 10.0)
+        self.driver.open(10.0)
+        assert self.driver._links is not None
+        self.graph = self.driver._links.graph
+
+
+def test_a_vehicle_may_be_where_a_localiser_says_and_needs_no_topic_then() -> None:
+    """(P-ROS-LOCATED)"""
+    one = Unheard(located(2.0, 9.9, turned(0.5)))
+    sensed = one.sense(10.0)
+    assert (sensed.position_m, sensed.attitude) == ((2.0, 1.0, 0.0), turned(0.5))
+    assert (sensed.measured_at_s, sensed.link) == (9.9, True)
+    one.driver.command(Drive(0.5), 10.0)
+    assert one.sent("cmd_vel")
+    one.graph.ends["cmd_vel"].is_heard = False
+    assert not one.sense(20.0).link
+
+
+@pytest.mark.parametrize("poses", [(), (located(2.0, 9.9),)])
+def test_without_anything_that_says_where_it_is_and_how_it_looks_it_does_not_start(
+    poses: tuple[Located, ...],
+) -> None:
+    """(P-ROS-LOCATED)"""
+    with pytest.raises(DriverError) as caught:
+        Unheard(*poses)
+    assert "`localiser`" in caught.value.hint
+
+
+def test_a_topic_says_how_it_looks_where_a_localiser_tells_places_alone() -> None:
+    """(P-ROS-LOCATED)"""
+    one = Told()
+    one.driver.locate(located(2.0, 10.4), 10.5)
+    one.hear("pose", pose(0.1))
+    sensed = one.sense(10.5)
+    assert (sensed.position_m, sensed.attitude) == ((2.0, 1.0, 0.0), (1.0, 0.0, 0.0, 0.0))
+    assert sensed.measured_at_s == 10.4
