@@ -27,6 +27,7 @@ from koord.runtime.chaos.storm import Journal, StormPlan, StormRobot, weather
 from koord.runtime.node import Peer
 from koord.runtime.protocol.setup import Setup, Timing
 from koord.runtime.protocol.state import fresh
+from koord.runtime.transports.transport import Visit
 from koord.runtime.transports.udp import Udp, on_this_machine
 from koord.runtime.wire.codec import Channel
 from koord.runtime.wire.frames import LONGEST, run_key
@@ -109,6 +110,9 @@ class Member:
         came = list(inbox)
         inbox.clear()
         return came
+
+    def visits(self) -> list[Visit]:
+        return []
 
     def close(self) -> None:
         pass

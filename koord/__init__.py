@@ -42,6 +42,10 @@ if TYPE_CHECKING:
     from koord.api.guardian_check import check_guardian as check_guardian
     from koord.api.merge import Merged as Merged
     from koord.api.merge import merge as merge
+    from koord.api.orders import OrderReport as OrderReport
+    from koord.api.orders import estop as estop
+    from koord.api.orders import heartbeat as heartbeat
+    from koord.api.orders import order as order
     from koord.api.programs import CheckReport as CheckReport
     from koord.api.programs import Program as Program
     from koord.api.programs import check as check
@@ -95,6 +99,7 @@ _HOMES = {
     "koord.api.fitting": ("read_configuration",),
     "koord.api.guardian_check": ("GuardianCheck", "check_guardian"),
     "koord.api.merge": ("Merged", "merge"),
+    "koord.api.orders": ("OrderReport", "estop", "heartbeat", "order"),
     "koord.api.programs": ("CheckReport", "Program", "check", "load"),
     "koord.api.progress": ("Cancellation", "CancelledError", "Progress"),
     "koord.api.protocol_check": (

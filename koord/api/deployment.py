@@ -5,7 +5,7 @@ from __future__ import annotations
 import secrets
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
 from os import PathLike, fspath
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -33,7 +33,7 @@ from koord.runtime.configuration.keys import SharedKey, shared_key
 from koord.runtime.configuration.model import RunConfiguration
 from koord.runtime.deploy.ideal import unanswered
 from koord.runtime.deploy.joining import knock
-from koord.runtime.deploy.local import Launch, local_plan, transport_of
+from koord.runtime.deploy.local import Launch, local_plan, reach_of, transport_of
 from koord.runtime.deploy.member import Platform
 from koord.runtime.deploy.recording import DeploymentRecord
 from koord.runtime.deploy.running import (
@@ -49,10 +49,13 @@ from koord.runtime.deploy.supervised import SupervisedProcesses
 from koord.runtime.deploy.supervision import ProcessReport
 from koord.runtime.encoding import text_digest
 from koord.runtime.motion.libraries import SIM, require
+from koord.runtime.orders.lines import Addresses, Reach
+from koord.runtime.orders.places import left
 from koord.runtime.ports import plain_name
 from koord.runtime.protocol.handshake import Fingerprint
 from koord.runtime.robot import Robot
 from koord.runtime.transports.transport import TransportError
+from koord.runtime.wire.frames import order_key
 from koord.syntax import core
 from koord.syntax.diagnostics import Diagnostic, KoordError, Severity, refusal
 from koord.syntax.problem import Problem
@@ -428,6 +431,7 @@ def _one(of: _Deployment, pid: int) -> Deployed:
         raise
     with ExitStack() as stack:
         stack.callback(transport.close)
+        stack.enter_context(_found_here(job, reach_of(job.configuration, (pid,))))
         job = stack.enter_context(_noting(job, request.state or _STATE))
         parts = of.parts(stack, job)
         recorder = of.recorder(stack, parts)
@@ -469,6 +473,7 @@ def _all(of: _Deployment) -> Deployed:
         recorder = of.recorder(stack, parts)
         make = member_of if parts is None else parts.member
         plan = local_plan(job.configuration, job.robots)
+        stack.enter_context(_found_here(job, Addresses(tuple(enumerate(plan.addresses)))))
         launch = Launch(job, plan, make, keeps_moments=True, scratch=scratch)
         watch = FleetWatch(of.fitted, job, of.grounds)
         fleet = SupervisedProcesses(launch, restarts=request.restart)
@@ -490,6 +495,12 @@ def _all(of: _Deployment) -> Deployed:
             unmerged=of.unrecorded(recorder, parts),
         )
         return ended if parts is None else of.traced(ended, parts)
+
+
+def _found_here(job: Job, reach: Reach) -> AbstractContextManager[object]:
+    """Let people of this machine find the robots of this process. (O-HERE)"""
+    key = order_key(job.key)
+    return left(job.configuration.name, key, reach, encrypts=job.encrypts)
 
 
 @contextmanager

@@ -79,6 +79,11 @@ def rounds(text: str) -> int:
     return _whole(text, "rounds", 0, MOST_ROUNDS)
 
 
+def pids(text: str) -> tuple[int, ...]:
+    """Robots by their pids, such as ``0,2``."""
+    return tuple(_whole(one, "a pid", 0, MOST_ROBOTS - 1) for one in text.split(","))
+
+
 def violations(text: str) -> int:
     return _whole(text, "violations", 1, MOST_VIOLATIONS)
 

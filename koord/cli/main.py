@@ -80,7 +80,8 @@ DESCRIPTION = "Check, run and verify programs for teams of robots."
 EPILOG = """\
 exit codes:
   0    done; what was asked for holds
-  1    violated: a property does not hold, a trace is illegal, a layout differs
+  1    violated: a property does not hold, a trace is illegal, a layout differs; or not all
+       robots have obeyed an order
   2    a mistake in the input: a program, a file or a flag
   3    unknown: no verdict within the limits given
   4    vacuous: what was asked for holds, but says less than it seems to
@@ -125,6 +126,9 @@ COMMANDS = (
     CommandEntry("sim", "run a program in a simulated world"),
     CommandEntry("compile", "compile a program to Python that robots run"),
     CommandEntry("deploy", "run a program on robots, or as processes on this machine"),
+    CommandEntry("estop", "stop robots at once: the e-stop"),
+    CommandEntry("order", "tell robots that run to stop, to go on, to land"),
+    CommandEntry("heartbeat", "let robots move for as long as this runs, and no longer"),
     CommandEntry("drivers", "list drivers and localisers of vehicles, and what they lack"),
     CommandEntry("merge", "make one trace of what deployed robots have told"),
     CommandEntry("config", "check configuration files of runs"),

@@ -32,7 +32,9 @@ from koord.refinement.translation import Translation, to_written
 from koord.runtime.deploy.journal import Recollection
 from koord.runtime.deploy.member import Member, Platform
 from koord.runtime.deploy.running import Job
+from koord.runtime.guardian.events import Order
 from koord.runtime.motion.world import Point
+from koord.runtime.orders.hearing import Obeyed
 from koord.runtime.proposals import INIT_ROUND, Admitted, Decision, EventFault, Faulted, Proposal
 from koord.runtime.protocol.events import Reason
 from koord.runtime.protocol.messages import Beacon, LogEntry
@@ -126,8 +128,18 @@ class Witness(TracingHost):
     def hear(self, sender: int, beacon: Beacon, now_s: float) -> None:
         self.host.hear(sender, beacon, now_s)
 
+    def order(self, order: Order, now_s: float) -> Obeyed:
+        return self.host.order(order, now_s)
+
+    def alive(self, at_s: float) -> None:
+        self.host.alive(at_s)
+
     def stop(self, now_s: float) -> None:
         self.host.stop(now_s)
+
+    @property
+    def state(self) -> str:
+        return self.host.state
 
     @property
     def is_at_rest(self) -> bool:

@@ -19,6 +19,7 @@ from tests.mutants.instants import INSTANTS
 from tests.mutants.judged import JUDGED
 from tests.mutants.mavlinked import MAVLINKED
 from tests.mutants.mutant import Mutant
+from tests.mutants.ordered import ORDERED
 from tests.mutants.protocol import PROTOCOL, WIRE_MISTAKES
 from tests.mutants.ros import ROS
 from tests.mutants.simulated import SIMULATED
@@ -804,6 +805,7 @@ MUTANTS = (
     *WIRE_MISTAKES,
     *DEPLOYED,
     *DRIVEN,
+    *ORDERED,
     *MAVLINKED,
     *ROS,
     *GUARDED,

@@ -67,8 +67,8 @@ DRIVEN = (
     Mutant(
         "guardians are not told of other robots",
         "runtime.platform.vehicle.DrivenVehicle.tick",
-        "Ticked(now_s, sensed, wish, round_age_s, holding, others)",
-        "Ticked(now_s, sensed, wish, round_age_s, holding, ())",
+        "Ticked(now_s, sensed, wish, round_age_s, holding, others, heartbeat_age_s)",
+        "Ticked(now_s, sensed, wish, round_age_s, holding, (), heartbeat_age_s)",
         (DRIVEN_BY,),
     ),
     Mutant(

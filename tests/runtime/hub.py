@@ -6,6 +6,8 @@ from collections import deque
 
 from msgspec import Struct
 
+from koord.runtime.transports.transport import Visit
+
 
 class Hub:
     """All inboxes of a run."""
@@ -14,6 +16,7 @@ class Hub:
         self.robots = robots
         self.sent = 0  #: datagrams, one to all counted once
         self.inboxes: list[deque[bytes]] = [deque() for _ in range(self.robots)]
+        self.visits: list[deque[Visit]] = [deque() for _ in range(self.robots)]  #: of people
 
     def transport(self, pid: int) -> InProcess:
         """A robot's end."""
@@ -47,6 +50,12 @@ class InProcess(Struct):
             return []
         came = list(inbox)
         inbox.clear()
+        return came
+
+    def visits(self) -> list[Visit]:
+        visits = self.hub.visits[self.pid]
+        came = [] if self.closed else list(visits)
+        visits.clear()
         return came
 
     def close(self) -> None:

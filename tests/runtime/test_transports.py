@@ -260,7 +260,7 @@ def session(monkeypatch: pytest.MonkeyPatch) -> Session:
 def test_a_flood_over_zenoh_fills_no_memory_and_is_told(session: Session) -> None:
     """A flood of ten times as many datagrams as may wait, some of them very long."""
     transport = Routed("run", 0, 2)
-    (to_me, to_all) = session.subscribers.values()
+    (to_me, to_all, _) = session.subscribers.values()
     for k in range(5 * MOST_WAITING):
         to_me(Sample(b"%d" % k + bytes(100 * LONGEST * (k % 512 == 0))))
         to_all(Sample(b"%d" % k, "koord/run/all/1"))

@@ -59,9 +59,11 @@ from koord.runtime.protocol.messages import (
 )
 from koord.runtime.wire.bodies import (
     FIRST_HANDSHAKE_KIND,
+    AnyMessage,
     MessageKind,
     handshake_of,
     message_of,
+    order_of,
 )
 from koord.runtime.wire.codec import (
     LONG_PAST,
@@ -238,7 +240,7 @@ def test_datagrams_of_other_protocols_are_no_handshakes() -> None:
 def test_every_kind_of_message_has_a_number() -> None:
     import typing
 
-    assert len(MessageKind) == len(typing.get_args(Message | Beacon | HandshakeMessage))
+    assert len(MessageKind) == len(typing.get_args(AnyMessage))
 
 
 @pytest.mark.parametrize("value", [2**64, -(2**63) - 1, 10**300, -(10**300)])
@@ -337,6 +339,10 @@ def test_authentic_nonsense_does_not_raise(kind: MessageKind, body: bytes) -> No
     assert (letter is None) == (reader.drops[Drop.MALFORMED] == 1)
     if kind >= FIRST_HANDSHAKE_KIND:
         assert letter is None
+    else:
+        assert handshake_of(kind, body) is None
+    if kind < MessageKind.REQUEST:
+        assert order_of(kind, body) is None
     else:
         assert handshake_of(kind, body) is None
 

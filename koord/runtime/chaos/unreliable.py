@@ -8,7 +8,7 @@ from random import Random
 
 from koord.runtime.chaos.network import Faults
 from koord.runtime.node import Clock
-from koord.runtime.transports.transport import Transport
+from koord.runtime.transports.transport import Transport, Visit
 
 
 class Unreliable:
@@ -58,6 +58,11 @@ class Unreliable:
             self._number += 1
             delay = draw.uniform(faults.least_delay_s, faults.most_delay_s)
             heappush(self._under_way, (now + delay, self._number, datagram))
+
+    def visits(self) -> list[Visit]:
+        """Return the visits that are not lost: what people say is not delayed."""
+        came = self._inner.visits()
+        return [one for one in came if self._random.random() >= self._faults.loss]
 
     @property
     def dropped(self) -> int:

@@ -27,8 +27,10 @@ from koord.runtime.deploy.journal import (
 )
 from koord.runtime.deploy.watching import RobotMonitor, RobotState
 from koord.runtime.encoding import decoder, encode
+from koord.runtime.guardian.events import Order
 from koord.runtime.motion.world import Point
 from koord.runtime.operations import FaultError
+from koord.runtime.orders.hearing import Obeyed
 from koord.runtime.proposals import (
     INIT_ROUND,
     Admitted,
@@ -83,8 +85,21 @@ class Platform(AnsweringHost, Protocol):
         """Take note of what another robot says of its vehicle."""
         ...
 
+    def order(self, order: Order, now_s: float) -> Obeyed:
+        """Do what people say, at once. (O-AT-ONCE)"""
+        ...
+
+    def alive(self, at_s: float) -> None:
+        """Take note that people were there, with the e-stop in their hands. (O-ALIVE)"""
+        ...
+
     def stop(self, now_s: float) -> None:
         """Begin to come to a safe stop for good, in the steps that follow."""
+        ...
+
+    @property
+    def state(self) -> str:
+        """How the vehicle is doing, in few words."""
         ...
 
     @property
@@ -102,11 +117,15 @@ class Platform(AnsweringHost, Protocol):
         ...
 
 
+_BODILESS = "a point, without a vehicle"
+
+
 class Untimed:
     """What moves robots by reckoning, whenever their sensors are read."""
 
     is_at_rest = True
     remarks: tuple[str, ...] = ()
+    state = _BODILESS
 
     def also_answer(self, program: type[Robot]) -> None:
         pass
@@ -121,6 +140,12 @@ class Untimed:
         return None
 
     def hear(self, sender: int, beacon: Beacon, now_s: float) -> None:
+        pass
+
+    def order(self, order: Order, now_s: float) -> Obeyed:
+        return Obeyed(_BODILESS)
+
+    def alive(self, at_s: float) -> None:
         pass
 
     def stop(self, now_s: float) -> None:

@@ -32,7 +32,9 @@ from koord.runtime.deploy.resuming import come_back, enter
 from koord.runtime.deploy.status import RobotReport, Tally, added, gathering, status_of
 from koord.runtime.deploy.watching import RobotState
 from koord.runtime.encoding import text_digest
+from koord.runtime.guardian.events import Order
 from koord.runtime.node import Clock, Peer
+from koord.runtime.orders.hearing import Body, Hearer, Obeyed
 from koord.runtime.proposals import INIT_ROUND, Admitted
 from koord.runtime.protocol.events import Reason
 from koord.runtime.protocol.handshake import (
@@ -52,7 +54,7 @@ from koord.runtime.robot import Robot
 from koord.runtime.shapes import ShapeError
 from koord.runtime.transports.transport import Transport
 from koord.runtime.wire.codec import Channel
-from koord.runtime.wire.frames import Drop, fleet_key, run_key
+from koord.runtime.wire.frames import Drop, fleet_key, order_key, run_key
 from koord.syntax.diagnostics import Diagnostic
 from koord.version import __version__
 
@@ -261,6 +263,8 @@ class Runner:
         if kept is not None:
             self._pending = partial(self._come_back, kept)
         self._pending_at = clock()
+        channel = Channel(order_key(job.key), job.robots, pid, encrypts=job.encrypts)
+        self.hearer = Hearer(channel, Body(self._obey, self._state), clock, time.time)
 
     def _new_member(self) -> None:
         """Make the robot, as it is before its first round."""
@@ -486,7 +490,9 @@ class Runner:
             status = status_of(self.peer, self.member, self.tally)
         joining = ((drop.value, n) for drop, n in self.joining.drops.items())
         crowded = self._transport.dropped
-        drops = added(status.drops, joining, [(Drop.CROWDED.value, crowded)] if crowded else [])
+        orders = ((drop.value, n) for drop, n in self.hearer.drops.items())
+        crowds = [(Drop.CROWDED.value, crowded)] if crowded else []
+        drops = added(status.drops, joining, orders, crowds)
         notes = (*self._remarks, *self.joining.notes, *self.member.host.remarks)
         if self.member.unwritable is not None:
             status = replace(status, holding=Reason.UNWRITABLE)
@@ -543,8 +549,24 @@ class Runner:
         if self.peer is not None:
             self.peer.turn(wait_s)
 
+    def _heed(self) -> None:
+        """Hear what people say, whatever state the robot is in. (O-BESIDE) (O-AT-ONCE)"""
+        for visit in self._transport.visits():
+            answer = self.hearer.hear(visit.datagram)
+            if answer is not None:
+                visit.answer(answer)
+        if self.hearer.alive_at_s is not None:
+            self.member.host.alive(self.hearer.alive_at_s)
+
+    def _obey(self, order: Order) -> Obeyed:
+        return self.member.host.order(order, self._clock())
+
+    def _state(self) -> str:
+        return self.member.host.state
+
     def _tick(self) -> float:
         """Let the platform take its step; return how long there is until the next, at most."""
+        self._heed()
         now, at = self._clock(), self._committed_at
         age_s = None if at is None else now - at
         host = self.member.host

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
-from koord.runtime.guardian.events import Order, Other
+from koord.runtime.guardian.events import Condition, Order, Other
 from koord.runtime.guardian.modes import Mode
 from koord.runtime.motion.group import TICK_S
 from koord.runtime.motion.library import Library
 from koord.runtime.motion.world import Point, World
+from koord.runtime.orders.hearing import Obeyed
 from koord.runtime.platform.sensors import MotionSensors
 from koord.runtime.platform.vehicle import DrivenVehicle
 from koord.runtime.platform.world_host import WorldHost
@@ -76,6 +77,8 @@ class VehiclePlatform(Forwarding):
         self._robots = len(host.kinds)
         self._beacon_due_s = 0.0
         self._others: dict[int, tuple[Beacon, float]] = {}
+        self._goes = True  #: people have not said otherwise since
+        self._alive_at_s: float | None = None
 
     @property
     def position(self) -> Point:
@@ -102,14 +105,15 @@ class VehiclePlatform(Forwarding):
             self._due_s = now_s  # what was missed is not made up for
         if now_s < self._due_s:
             return self._due_s
-        self.vehicle.tick(now_s, round_age_s, reason, self._seen(now_s))
+        alive_s = None if self._alive_at_s is None else now_s - self._alive_at_s
+        self.vehicle.tick(now_s, round_age_s, reason, self._seen(now_s), alive_s)
         self._begin(now_s, round_age_s)
         self._due_s += TICK_S
         return self._due_s
 
     def _begin(self, now_s: float, round_age_s: float | None) -> None:
         """Arm and start the vehicle once rounds are committed. (P-ARM) (P-START)"""
-        if round_age_s is None or self._is_stopping or not self._arms:
+        if round_age_s is None or self._is_stopping or not (self._arms and self._goes):
             return
         if self.vehicle.mode is Mode.DISARMED:
             self.vehicle.order(Order.ARM, now_s)
@@ -135,6 +139,54 @@ class VehiclePlatform(Forwarding):
             for pid, (b, heard_at_s) in sorted(self._others.items())
         )
 
+    # --- people ---------------------------------------------------------------------------------
+
+    def order(self, order: Order, now_s: float) -> Obeyed:
+        """Do what people say; after they stopped it, it goes on when they say start. (O-RESET)"""
+        match order:
+            case Order.ESTOP | Order.STOP | Order.LAND:
+                self._goes = False
+            case Order.START:
+                return self._start(now_s)
+            case Order.RESET if self.vehicle.mode is Mode.DISARMED:
+                return Obeyed()
+            case _:
+                pass
+        return self._told(order, now_s)
+
+    def _start(self, now_s: float) -> Obeyed:
+        if not self._arms:
+            return Obeyed(_UNARMED)
+        if self._is_stopping:
+            return Obeyed("it is on its way out of the run")
+        mode = self.vehicle.mode
+        if mode is Mode.ESTOPPED:
+            return Obeyed("it is e-stopped: reset it first")
+        if mode is Mode.LANDING:
+            return Obeyed("it comes to its last stop first")
+        if mode is Mode.STOPPED and (told := self._told(Order.RESET, now_s)).refused:
+            return told
+        self._goes = True
+        return self._told(Order.START, now_s) if mode is Mode.HOLDING else Obeyed()
+
+    def _told(self, order: Order, now_s: float) -> Obeyed:
+        """Pass an order on to the guardian; what it says to one that changes nothing is why."""
+        before = self.vehicle.mode
+        notes = self.vehicle.order(order, now_s)
+        if self.vehicle.mode is not before or not notes:
+            return Obeyed()
+        return Obeyed("; ".join(note.text for note in notes))
+
+    def alive(self, at_s: float) -> None:
+        """Take note that people were there. (O-ALIVE) (G-HEARTBEAT)"""
+        self._alive_at_s = at_s
+
+    @property
+    def state(self) -> str:
+        """The mode, and whether the vehicle stands."""
+        mode = self.vehicle.mode.value
+        return f"{mode}, at rest" if self.vehicle.is_at_rest else mode
+
     def stop(self, now_s: float) -> None:
         """Land, or come to the last stop. (P-START)"""
         self._is_stopping = True
@@ -147,8 +199,21 @@ class VehiclePlatform(Forwarding):
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        unarmed = not self._arms and self.vehicle.mode is Mode.DISARMED
-        return (*((_UNARMED,) if unarmed else ()), *self.vehicle.remarks)
+        return (*self._of_people(), *self.vehicle.remarks)
+
+    def _of_people(self) -> Iterator[str]:
+        """What people have said, or have to say, before it moves."""
+        mode = self.vehicle.mode
+        if not self._arms and mode is Mode.DISARMED:
+            yield _UNARMED
+        elif mode is Mode.ESTOPPED:
+            yield "e-stopped: `koord order CONFIG reset`, then `start`"
+        elif mode is Mode.STOPPED and not self._is_stopping:
+            yield "has stopped: `koord order CONFIG start` lets it go on"
+        elif not self._goes:
+            yield "told to stop: `koord order CONFIG start` lets it go on"
+        if Condition.HEARTBEAT in self.vehicle.conditions:
+            yield "it asks for a heartbeat of the e-stop: `koord heartbeat CONFIG`"
 
     def close(self) -> None:
         """Let go of the vehicle."""

@@ -59,6 +59,11 @@ class DrivenVehicle:
         return self._guardian.mode
 
     @property
+    def conditions(self) -> frozenset[Condition]:
+        """Why it may not move."""
+        return self._guardian.conditions
+
+    @property
     def is_at_rest(self) -> bool:
         """True if it is on the ground and does not move any more."""
         return self.mode in _ENDED and self._guardian.at_rest
@@ -83,9 +88,9 @@ class DrivenVehicle:
         """Find a path to a target and follow it."""
         self.pilot.go_to(target)
 
-    def order(self, order: Order, now_s: float) -> None:
-        """Do what people say."""
-        self._step(Ordered(now_s, order), now_s)
+    def order(self, order: Order, now_s: float) -> tuple[Note, ...]:
+        """Do what people say; return what the guardian says to that."""
+        return self._step(Ordered(now_s, order), now_s)
 
     def tick(
         self,
@@ -93,14 +98,19 @@ class DrivenVehicle:
         round_age_s: float | None,
         holding: Reason | None = None,
         others: tuple[Other, ...] = (),
+        heartbeat_age_s: float | None = None,
     ) -> None:
-        """Sense, and command the vehicle. ``round_age_s``: since the last commit, if any."""
+        """Sense, and command the vehicle. ``round_age_s``: since the last commit, if any.
+
+        ``heartbeat_age_s``: since people were there, with the e-stop; None: never.
+        """
         sensed = self.driver.sense(now_s)
         wish: Wish | None = None
         if sensed is not None:
             self.sensed = sensed
             wish = self._wish(now_s)
-        self._step(Ticked(now_s, sensed, wish, round_age_s, holding, others), now_s)
+        tick = Ticked(now_s, sensed, wish, round_age_s, holding, others, heartbeat_age_s)
+        self._step(tick, now_s)
 
     def _prepare_takeoff(self, height_m: float | None) -> None:
         world, limits = self._setup.field.world, self._setup.limits
@@ -119,7 +129,7 @@ class DrivenVehicle:
         wish = self.pilot.wish(self.sensed, now_s)
         return wish if is_running else Hold()
 
-    def _step(self, event: Event, now_s: float) -> None:
+    def _step(self, event: Event, now_s: float) -> tuple[Note, ...]:
         answer: Answer
         self._guardian, answer = step(self._setup, self._guardian, event)
         self.notes += answer.notes
@@ -132,6 +142,7 @@ class DrivenVehicle:
                 self._matters.pop(note.condition, None)
         if answer.setpoint is not None:
             self.driver.command(answer.setpoint, now_s)
+        return answer.notes
 
     def close(self) -> None:
         """Let go of the vehicle."""

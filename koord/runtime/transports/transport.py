@@ -2,7 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Protocol
+
+from msgspec import Struct
+
+
+class Visit(Struct, frozen=True):
+    """A datagram of somebody who need not be a robot, and the way to answer. (O-BESIDE)"""
+
+    datagram: bytes
+    answer: Callable[[bytes], None]
 
 
 class Transport(Protocol):
@@ -23,7 +33,13 @@ class Transport(Protocol):
         """Send to all other robots."""
 
     def receive(self, timeout_s: float) -> list[bytes]:
-        """Return datagrams that have arrived; if there are none, wait at most ``timeout_s``."""
+        """Return datagrams that have arrived; if there are none, wait at most ``timeout_s``.
+
+        A visit ends the waiting, too.
+        """
+
+    def visits(self) -> list[Visit]:
+        """Return the visits that have arrived, which are none of the other datagrams."""
 
     def close(self) -> None:
         """Close the transport. May be called twice."""

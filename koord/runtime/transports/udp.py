@@ -9,11 +9,12 @@ import sys
 from collections import deque
 from contextlib import suppress
 from enum import Enum
+from functools import partial
 
 from msgspec import Struct
 
-from koord.runtime.transports.transport import TransportError
-from koord.runtime.wire.frames import LONGEST
+from koord.runtime.transports.transport import TransportError, Visit
+from koord.runtime.wire.frames import LONGEST, is_order
 
 Address = tuple[str, int]
 
@@ -26,6 +27,9 @@ _BATCH = 32
 
 #: So many datagrams wait in this process for each robot of the fleet, and for a small fleet.
 _WAITING_PER_ROBOT, _LEAST_WAITING = 4, 512
+
+#: So many orders of people wait; of more the oldest are lost, as on a network.
+_MOST_VISITS = 256
 
 
 class Delivery(Enum):
@@ -76,6 +80,7 @@ class Udp:
             self._poll.register(one, select.POLLIN)
         self._by_number = {one.fileno(): one for one in self._sockets}
         self._waiting: deque[bytes] = deque()
+        self._visits: deque[Visit] = deque(maxlen=_MOST_VISITS)
         self._most_waiting = max(_LEAST_WAITING, _WAITING_PER_ROBOT * len(plan.addresses))
 
     def _joined(self, shared: Address) -> socket.socket:
@@ -136,8 +141,19 @@ class Udp:
                 return
             except OSError:
                 continue  # an ICMP answer to something sent before
-            if source != own:
+            if is_order(datagram):
+                self._visits.append(Visit(datagram, partial(self._answer, source)))
+            elif source != own:
                 waiting.append(datagram)
+
+    def _answer(self, address: Address, datagram: bytes) -> None:
+        if self._by_number:
+            self._send(address, datagram)
+
+    def visits(self) -> list[Visit]:
+        came = list(self._visits)
+        self._visits.clear()
+        return came
 
     @property
     def dropped(self) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from enum import IntEnum
 from functools import cache
 from typing import Any, assert_never
@@ -9,6 +10,14 @@ from typing import Any, assert_never
 import msgspec
 
 from koord.runtime.encoding import decoder, encode
+from koord.runtime.orders.messages import (
+    BOOT_BYTES,
+    ID_BYTES,
+    OrderMessage,
+    Reply,
+    Request,
+    Stamp,
+)
 from koord.runtime.protocol.handshake import (
     NONCE_BYTES,
     RUN_BYTES,
@@ -39,7 +48,7 @@ from koord.runtime.protocol.messages import (
     Tentative,
     Vote,
 )
-from koord.runtime.wire.frames import MOST_STARTS
+from koord.runtime.wire.frames import FIRST_ORDER_KIND, MOST_STARTS
 
 
 class MessageKind(IntEnum):
@@ -66,13 +75,20 @@ class MessageKind(IntEnum):
     ROLL = 33
     RUNNING = 34
     REFUSED = 35
+    REQUEST = 48
+    REPLY = 49
 
 
 #: Messages of this kind and above are said before a run, and proved with another key.
 FIRST_HANDSHAKE_KIND = MessageKind.JOIN
 
 
-_KINDS: dict[type[Message | Beacon | HandshakeMessage], MessageKind] = {
+assert FIRST_ORDER_KIND == MessageKind.REQUEST
+
+#: All that goes into frames.
+AnyMessage = Message | Beacon | HandshakeMessage | OrderMessage
+
+_KINDS: dict[type[AnyMessage], MessageKind] = {
     Propose: MessageKind.PROPOSE,
     Decide: MessageKind.DECIDE,
     Acknowledge: MessageKind.ACKNOWLEDGE,
@@ -94,6 +110,8 @@ _KINDS: dict[type[Message | Beacon | HandshakeMessage], MessageKind] = {
     Roll: MessageKind.ROLL,
     Running: MessageKind.RUNNING,
     Refused: MessageKind.REFUSED,
+    Request: MessageKind.REQUEST,
+    Reply: MessageKind.REPLY,
 }
 _TYPES = {kind: type_ for type_, kind in _KINDS.items()}
 
@@ -103,7 +121,7 @@ def _decoder(kind: MessageKind) -> msgspec.msgpack.Decoder[Any]:
     return decoder(_TYPES[kind])
 
 
-def kind_and_body(message: Message | Beacon | HandshakeMessage) -> tuple[MessageKind, bytes]:
+def kind_and_body(message: AnyMessage) -> tuple[MessageKind, bytes]:
     """Encode a message to its kind and body."""
     return _KINDS[type(message)], encode(message)
 
@@ -118,10 +136,25 @@ def message_of(kind: int, body: bytes, robots: int) -> Message | Beacon | None:
 
 def handshake_of(kind: int, body: bytes) -> HandshakeMessage | None:
     """Decode a message of a handshake from a whole body; None if it is malformed."""
-    if kind < FIRST_HANDSHAKE_KIND:
+    if not FIRST_HANDSHAKE_KIND <= kind < FIRST_ORDER_KIND:
         return None
     message: HandshakeMessage | None = _decoded(kind, body)
     return message if message is not None and _is_well_formed(message) else None
+
+
+def order_of(kind: int, body: bytes) -> OrderMessage | None:
+    """Decode an order or the answer to one from a whole body; None if it is malformed."""
+    if kind < FIRST_ORDER_KIND:
+        return None
+    message: OrderMessage | None = _decoded(kind, body)
+    if message is None or len(message.id) != ID_BYTES or not _is_moment(message.stamp):
+        return None
+    said_at_s = message.said_at_s if isinstance(message, Request) else 0.0
+    return message if math.isfinite(said_at_s) else None
+
+
+def _is_moment(stamp: Stamp | None) -> bool:
+    return stamp is None or (len(stamp.boot) == BOOT_BYTES and math.isfinite(stamp.at_s))
 
 
 def _decoded(kind: int, body: bytes) -> Any:

@@ -6,17 +6,22 @@ from collections import OrderedDict
 
 from msgspec import Struct, field
 
+from koord.runtime.orders.messages import OrderMessage
 from koord.runtime.protocol.handshake import HandshakeMessage
 from koord.runtime.protocol.messages import Beacon, Message
 from koord.runtime.wire.bodies import (
     FIRST_HANDSHAKE_KIND,
+    AnyMessage,
     handshake_of,
     kind_and_body,
     message_of,
+    order_of,
 )
 from koord.runtime.wire.frames import (
+    FIRST_ORDER_KIND,
     HEADER_BYTES,
     KIND_AT,
+    MOST_ROBOTS,
     NAME,
     ROOM,
     START_STEP,
@@ -195,9 +200,7 @@ class DatagramWriter:
         """Go on with the numbers of another start. (R-START)"""
         self._number = start * START_STEP
 
-    def datagrams(
-        self, incarnation: int, round_: int, message: Message | Beacon | HandshakeMessage
-    ) -> list[bytes]:
+    def datagrams(self, incarnation: int, round_: int, message: AnyMessage) -> list[bytes]:
         """Encode a message as datagrams; ``round_`` is where the sender is."""
         kind, body = kind_and_body(message)
         pieces = cut(body)
@@ -289,6 +292,30 @@ class HandshakeReader:
         return frame.sender, message
 
 
+class OrderReader:
+    """The receiver's side of orders and of the answers to them. ``read`` never raises.
+
+    Replays are dropped by the stamps and ids in the messages, not here. (O-STAMP) (O-ONCE)
+    """
+
+    __slots__ = ("_seal", "drops")
+
+    def __init__(self, key: bytes, *, encrypts: bool = False) -> None:
+        self.drops: Drops = Drops()
+        self._seal = seal_of(key, encrypts=encrypts)
+
+    def read(self, datagram: bytes) -> OrderMessage | None:
+        """Read a datagram. An order is one, and in no pieces."""
+        frame = self._seal.take_off(datagram, MOST_ROBOTS, _NOBODY, 0)
+        if isinstance(frame, Drop):
+            self.drops[frame] += 1
+            return None
+        message = order_of(frame.kind, frame.body) if frame.pieces == 1 else None
+        if message is None:
+            self.drops[Drop.MALFORMED] += 1
+        return message
+
+
 def claimed_sender(datagram: bytes) -> int | None:
     """The pid in whose name a datagram is, authentic or not; None if it is no datagram of ours."""
     if len(datagram) < HEADER_BYTES or datagram[0] != NAME:
@@ -309,4 +336,4 @@ def claims_encryption(datagram: bytes) -> bool | None:
 def is_handshake(datagram: bytes) -> bool:
     """Return whether a datagram says to be part of a handshake."""
     is_ours = len(datagram) > KIND_AT and datagram[0] == NAME
-    return is_ours and datagram[KIND_AT] >= FIRST_HANDSHAKE_KIND
+    return is_ours and FIRST_HANDSHAKE_KIND <= datagram[KIND_AT] < FIRST_ORDER_KIND

@@ -42,6 +42,9 @@ SALT_BYTES = 16  #: of encrypted datagrams
 _HEADER = Layout("!BBBHQQiHH")
 HEADER_BYTES = _HEADER.size
 VERSION_AT, KIND_AT = 1, 2  #: where they stand in a datagram
+
+#: Messages of this kind and above are orders of people, and the answers to them. (O-BESIDE)
+FIRST_ORDER_KIND = 48
 ROOM = LONGEST - HEADER_BYTES - SALT_BYTES - PROOF_BYTES  #: for the body, encrypted or not
 _SHORTEST = HEADER_BYTES + PROOF_BYTES
 
@@ -76,6 +79,17 @@ def run_key(shared_key: bytes, identity: bytes) -> bytes:
 def fleet_key(shared_key: bytes, name: str) -> bytes:
     """The key of what robots say before a run of this name. (R-JOIN)"""
     return _derived(shared_key, name.encode(), b"koord fleet")
+
+
+def order_key(shared_key: bytes) -> bytes:
+    """The key of what people say to robots, whatever runs. (O-KEY)"""
+    return _derived(shared_key, b"", b"koord orders")
+
+
+def is_order(datagram: bytes) -> bool:
+    """Return whether a datagram says to be an order of people, or the answer to one."""
+    is_ours = len(datagram) > KIND_AT and datagram[0] == NAME
+    return is_ours and datagram[KIND_AT] >= FIRST_ORDER_KIND
 
 
 def _derived(shared_key: bytes, of: bytes, person: bytes) -> bytes:
@@ -182,6 +196,7 @@ class Drop(Enum):
     FRAGMENT = "an impossible piece of a message"
     UNFINISHED = "a piece of a message that never got complete"
     MALFORMED = "authentic, and yet no message"
+    STALE = "an order that was said too long ago"
 
 
 #: What robots send of which some encrypt and others do not.

@@ -30,7 +30,12 @@ class Standing:
         self.mode = None
 
     def tick(
-        self, now_s: float, age_s: float | None, why: Reason | None, others: tuple[Other, ...]
+        self,
+        now_s: float,
+        age_s: float | None,
+        why: Reason | None,
+        others: tuple[Other, ...],
+        alive_s: float | None,
     ) -> None:
         self.others = others
 

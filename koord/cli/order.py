@@ -1,0 +1,34 @@
+"""``koord order CONFIG stop|start|land|reset``: what people say to robots that run."""
+
+from __future__ import annotations
+
+import argparse
+
+from koord.api.orders import Wanted, order
+from koord.cli.estop import EXITS, add_callees, show
+
+_ORDERS = (Wanted.STOP, Wanted.START, Wanted.LAND, Wanted.RESET)
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "config", metavar="CONFIG", help="the configuration with which they were deployed"
+    )
+    parser.add_argument(
+        "order",
+        choices=[one.value for one in _ORDERS],
+        help="stop: hold until start, and land or stop for good after a while; start: go on; "
+        "land: end where they are; reset: after an e-stop, before start",
+    )
+    add_callees(parser)
+    parser.epilog = f"{EXITS}. `koord estop CONFIG` stops robots at once"
+
+
+def main(arguments: argparse.Namespace) -> int:
+    report = order(
+        arguments.config,
+        arguments.order,
+        robots=arguments.robots,
+        timeout_s=arguments.timeout,
+    )
+    return show(report, arguments)

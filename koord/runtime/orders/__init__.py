@@ -1,0 +1,1 @@
+"""What people say to robots that run, beside the agreement. See specs/orders/README.md."""
