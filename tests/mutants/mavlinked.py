@@ -25,13 +25,13 @@ MAVLINKED = (
     Mutant(
         "the origin of the autopilot's frame is forgotten in set-points",
         f"{_CONTROL}.Control._message",
-        "_between(self._origin_m, self._aim)",
-        "self._aim",
+        "between(self._origin_m, aim)",
+        "aim",
         (MAVLINK,),
     ),
     Mutant(
         "who holds goes back to where it was told to",
-        f"{_CONTROL}.Control.target",
+        "runtime.drivers.leading.Leader.target",
         "self._aim = _stopping(here, velocity_mps)",
         "self._aim = here",
         (MAVLINK,),
