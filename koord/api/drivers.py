@@ -15,6 +15,7 @@ from koord.version import __version__
 
 #: koord's own drivers.
 OWN = {
+    "crazyflie": "koord.runtime.drivers.crazyflie.driver:CrazyflieDriver",
     "mavlink": "koord.runtime.drivers.mavlink.driver:MavlinkDriver",
     "ros1": "koord.runtime.drivers.ros1.driver:Ros1Driver",
     "ros2": "koord.runtime.drivers.ros2.driver:Ros2Driver",
@@ -42,7 +43,7 @@ def installed_drivers() -> tuple[DriverEntry, ...]:
     """The drivers that configurations can name, and what those lack that cannot be loaded.
 
     >>> [driver.name for driver in koord.installed_drivers()]
-    ['mavlink', 'ros1', 'ros2', 'sim']
+    ['crazyflie', 'mavlink', 'ros1', 'ros2', 'sim']
     """
     return tuple(registry().entries())
 

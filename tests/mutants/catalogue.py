@@ -13,6 +13,7 @@ from tests.mutants.deployed import DEPLOYED
 from tests.mutants.driven import DRIVEN
 from tests.mutants.every_n import EVERY_N
 from tests.mutants.failing import FAILING
+from tests.mutants.flown import FLOWN
 from tests.mutants.guarded import GUARDED
 from tests.mutants.horn import HORN
 from tests.mutants.instants import INSTANTS
@@ -806,6 +807,7 @@ MUTANTS = (
     *DEPLOYED,
     *DRIVEN,
     *ORDERED,
+    *FLOWN,
     *MAVLINKED,
     *ROS,
     *GUARDED,

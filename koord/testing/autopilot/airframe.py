@@ -102,12 +102,13 @@ class Airframe:
         w = math.sqrt(max(0.0, (1 + down[2]) / 2)) or 1e-9
         tilt = (w, -down[1] / (2 * w), down[0] / (2 * w), 0.0)
         half = self.yaw_rad / 2
-        return _product(tilt, (math.cos(half), 0.0, 0.0, math.sin(half)))
+        return product(tilt, (math.cos(half), 0.0, 0.0, math.sin(half)))
 
 
-def _product(
+def product(
     p: tuple[float, float, float, float], q: tuple[float, float, float, float]
 ) -> tuple[float, float, float, float]:
+    """The quaternion wxyz that turns by ``q`` first and by ``p`` then."""
     a, b, c, d = p
     w, x, y, z = q
     return (

@@ -1,0 +1,1 @@
+"""Crazyflies, by cflib."""

@@ -1,0 +1,1 @@
+"""A simulated Crazyflie that speaks CRTP: dynamics, supervisor, watchdogs and tables."""
