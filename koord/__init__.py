@@ -26,6 +26,8 @@ if TYPE_CHECKING:
     from koord.api.compile import compile as compile
     from koord.api.configurations import ConfigurationReport as ConfigurationReport
     from koord.api.configurations import check_configuration as check_configuration
+    from koord.api.conform import Conformance as Conformance
+    from koord.api.conform import conform as conform
     from koord.api.deployed import Deployed as Deployed
     from koord.api.deployment import deploy as deploy
     from koord.api.documents import codes as codes
@@ -91,6 +93,7 @@ _HOMES = {
     "koord.api.certify": ("Certificate", "certify"),
     "koord.api.compile": ("CompiledProgram", "compile"),
     "koord.api.configurations": ("ConfigurationReport", "check_configuration"),
+    "koord.api.conform": ("Conformance", "conform"),
     "koord.api.deployed": ("Deployed",),
     "koord.api.deployment": ("deploy",),
     "koord.api.documents": ("codes", "explain", "format", "schema"),

@@ -55,6 +55,8 @@ ALLOWED = {
     "sim": ("koord.sim", "koord.runtime", "koord.syntax"),
     # The other side of a wire shares nothing with the driver on this one.
     "testing": ("koord.testing",),
+    # What tests drivers knows them, and other sides as processes alone.
+    "testing.conformance": ("koord.testing.conformance", "koord.runtime"),
 }
 
 #: What a floor may not import of what it may: no analysis is relied on twice.
@@ -202,7 +204,11 @@ GUARDED = (
 JUDGING = ("koord/semantics/", "koord/traces/")
 
 #: Where printing, reading ``argv`` and exiting belong.
-TALKING = ("koord/cli/", "koord/__main__.py")
+TALKING = (
+    *("koord/cli/", "koord/__main__.py"),
+    # Processes of their own, which tell others by their standard output.
+    *("koord/testing/autopilot/serving.py", "koord/testing/conformance/killed.py"),
+)
 
 TALKING_NAMES = frozenset({"print", "input", "exit", "quit", "SystemExit", "breakpoint"})
 TALKING_ATTRIBUTES = frozenset(
@@ -272,7 +278,10 @@ def within(module: str, prefixes: Iterable[str]) -> bool:
 
 def upward_imports(file: File) -> Iterator[str]:
     """Imports of koord that a file's floor does not allow."""
-    floor = file.module.removeprefix("koord").removeprefix(".").partition(".")[0] or "koord"
+    rooms = file.module.split(".")[1:]
+    floor = next(
+        (name for k in (2, 1) if (name := ".".join(rooms[:k])) in (*ALLOWED, "cli")), "koord"
+    )
     if floor == "cli" or file.path == "koord/__main__.py":
         return
     allowed = ALLOWED.get(floor, ())

@@ -130,6 +130,7 @@ COMMANDS = (
     CommandEntry("order", "tell robots that run to stop, to go on, to land"),
     CommandEntry("heartbeat", "let robots move for as long as this runs, and no longer"),
     CommandEntry("drivers", "list drivers and localisers of vehicles, and what they lack"),
+    CommandEntry("conform", "test a driver: all that is taken for granted of drivers"),
     CommandEntry("merge", "make one trace of what deployed robots have told"),
     CommandEntry("config", "check configuration files of runs"),
     CommandEntry("schema", "print the JSON Schema of what koord reads and writes"),

@@ -91,8 +91,28 @@ class Registry(Generic[Made]):
         return made
 
     def load(self, name: str) -> Made:
-        """What makes those of a name. Raises DriverError."""
+        """What makes those of a name, or what stands at ``module:object``. Raises DriverError."""
+        package, entry = self._entry(name)
+        whose = f"the {self.group.noun} {name}" + (f" of {package}" if package else "")
+        try:
+            made = entry.load()
+        except (ImportError, AttributeError) as error:
+            cure = "install what is missing" if package else "say a module and an object in it"
+            raise DriverError(f"{whose} cannot be loaded: {error}", cure) from error
+        if not callable(made) or not hasattr(made, "OPTIONS"):
+            raise DriverError(f"{whose} makes none", "it has to be callable, and to have OPTIONS")
+        return cast(Made, made)
+
+    def target(self, name: str) -> str:
+        """The module and the object of a name, as ``module:object``. Raises DriverError."""
+        _, entry = self._entry(name)
+        return entry.value
+
+    def _entry(self, name: str) -> tuple[str, EntryPoint]:
+        """The package and the entry point of a name; no package if it says where it stands."""
         found, noun = self._found.get(name, []), self.group.noun
+        if ":" in name and not found:
+            return "", EntryPoint(name, name, self.group.name)
         if not found:
             near = get_close_matches(name, self.names, n=1)
             known = f"did you mean {near[0]}?" if near else f"there are: {', '.join(self.names)}"
@@ -100,15 +120,8 @@ class Registry(Generic[Made]):
         if len(found) > 1:
             packages = " and ".join(package for package, _ in found)
             raise DriverError(f"{packages} both have a {noun} {name}", "remove one of them")
-        ((package, entry),) = found
-        try:
-            made = entry.load()
-        except ImportError as error:
-            raise DriverError(
-                f"the {noun} {name} of {package} cannot be loaded: {error}",
-                "install what is missing",
-            ) from error
-        return cast(Made, made)
+        (one,) = found
+        return one
 
 
 def options_of(made: Optioned, given: bytes) -> Struct:

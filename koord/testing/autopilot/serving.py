@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import argparse
+import json
+import math
 import select
 import socket
+import sys
 import time
 from collections.abc import Callable
 
@@ -14,6 +17,9 @@ from koord.testing.autopilot.machine import FIRMWARES, Settings, SimulatedAutopi
 
 #: Who was not heard for so long is told nothing any more.
 _GONE_S = 10.0
+
+#: It reports so often where it is.
+_REPORT_S = 0.05
 
 Address = tuple[str, int]
 
@@ -47,16 +53,24 @@ def serve(
     settings: Settings,
     peers: tuple[Address, ...] = (),
     goes_on: Callable[[], bool] = lambda: True,
+    report: Callable[[str], None] | None = None,
 ) -> None:
-    """Be an autopilot for all who talk to a bound socket, and for ``peers`` from the beginning."""
+    """Be an autopilot for all who talk to a bound socket, and for ``peers`` from the beginning.
+
+    ``report`` hears some times a second where the aircraft is, as a line of JSON.
+    """
     autopilot = SimulatedAutopilot(settings, time.monotonic())
     wire = Wire(settings.system)
     known: dict[Address, float] = {}
+    reported_s = -math.inf
     bound.setblocking(False)
     while goes_on():
         select.select([bound], [], [], 0.01)
         now_s = time.monotonic()
         autopilot.advance(now_s)
+        if report is not None and now_s - reported_s >= _REPORT_S:
+            reported_s = now_s
+            report(_reported(autopilot))
         for data, address in _arrived(bound):
             known[address] = now_s
             wire.heard(autopilot, data)
@@ -64,6 +78,19 @@ def serve(
         for data in wire.told(autopilot):
             for address in {*peers, *known}:
                 _send(bound, data, address)
+
+
+def _reported(autopilot: SimulatedAutopilot) -> str:
+    """Where it is: east, north, up in metres; its heading counter-clockwise from east."""
+    north, east, down = autopilot.airframe.position_m
+    told = {
+        "east": east,
+        "north": north,
+        "up": -down,
+        "heading": math.pi / 2 - autopilot.airframe.yaw_rad,
+        "armed": autopilot.armed,
+    }
+    return json.dumps(told)
 
 
 def _arrived(bound: socket.socket) -> list[tuple[bytes, Address]]:
@@ -100,13 +127,22 @@ def main() -> None:
     parser.add_argument(
         "--failing", action="append", default=[], metavar="CHECK", help="an arming check that fails"
     )
+    parser.add_argument("--yaw", type=float, default=0.0, help="rad, clockwise from north")
+    parser.add_argument("--report", action="store_true", help="tell where it is, as JSON")
     told = parser.parse_args()
     bound = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     bound.bind(told.bind)
     x, y, z = told.start
     failing = tuple(told.failing)
-    settings = Settings(told.firmware, told.system, start_m=(x, y, z), failing=failing)
-    serve(bound, settings, tuple(told.peer))
+    settings = Settings(
+        told.firmware, told.system, start_m=(x, y, z), yaw_rad=told.yaw, failing=failing
+    )
+    serve(bound, settings, tuple(told.peer), report=_print if told.report else None)
+
+
+def _print(line: str) -> None:
+    sys.stdout.write(line + "\n")
+    sys.stdout.flush()
 
 
 if __name__ == "__main__":

@@ -89,6 +89,7 @@ class MavlinkDriver:
         self._sent_s = -math.inf  #: our last set-point
         self._streaming_s = math.inf  #: since when set-points go out without a break
         self._heard_s = -math.inf  #: anything of the autopilot
+        self._hears = True  #: it was heard of lately
         self._excused_s = -math.inf  #: until then it may have changed its mode for want of us
         self._asked_mode: int | None = None
         self._own_mode: int | None = None  #: the mode in which it is because koord asked for it
@@ -142,6 +143,8 @@ class MavlinkDriver:
     def remarks(self) -> tuple[str, ...]:
         """Why the vehicle does not do what it is told, and what its autopilot says."""
         found: list[str] = []
+        if not self._hears:
+            found.append(f"nothing is heard of the autopilot at `{self.options.connection}`")
         if self._taken is not None:
             found.append(
                 f"koord does not command it: a person or the autopilot has switched it to"
@@ -223,9 +226,9 @@ class MavlinkDriver:
                 self._taken = self._modes.name(mode)
 
     def _sensed(self, now_s: float) -> Sensed | None:
-        hears = now_s - self._telemetry.heard_s <= self.options.link
+        self._hears = now_s - self._telemetry.heard_s <= self.options.link
         obeys = self._taken is None or self._telemetry.airborne(now_s) is False
-        return self._telemetry.sensed(now_s, link=hears and obeys)
+        return self._telemetry.sensed(now_s, link=self._hears and obeys)
 
     def _nothing_heard(self) -> DriverError:
         where = f"`{self.options.connection}`"

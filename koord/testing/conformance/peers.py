@@ -1,0 +1,222 @@
+"""The other side of a driver's wire, as a process that is started, frozen and ended.
+
+It may tell where the vehicle is: lines of JSON on its standard output, such as
+``{"east": 1.0, "north": 2.0, "up": 0.0, "heading": 0.7, "armed": false}`` (metres; radians
+counter-clockwise from east). What else it writes is kept for people.
+"""
+
+from __future__ import annotations
+
+import os
+import shlex
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections import deque
+from collections.abc import Sequence
+from typing import Any, Protocol, TypeVar, cast
+
+import msgspec
+from msgspec import Struct
+
+from koord.runtime.motion.world import Point
+from koord.testing.conformance.findings import Failed
+
+#: A peer that has said nothing for so long says nothing.
+_SAYS_S = 5.0
+
+#: So many lines that are no reports are kept.
+_LINES = 20
+
+Found = TypeVar("Found")
+
+
+class Truth(Struct, frozen=True):
+    """Where a vehicle is, as the other side says. ``heard_s``: when that was read, monotonic."""
+
+    east: float
+    north: float
+    up: float = 0.0
+    heading: float | None = None
+    armed: bool | None = None
+    heard_s: float = 0.0
+
+    @property
+    def position_m(self) -> Point:
+        return self.east, self.north, self.up
+
+
+class OtherSide(Protocol):
+    """The other side of a driver's wire."""
+
+    @property
+    def is_running(self) -> bool: ...
+
+    def start(self) -> None:
+        """Start it, and wait until it is there. Raises Failed."""
+
+    def stop(self) -> None:
+        """End it at once."""
+
+    def freeze(self) -> None:
+        """Let it do and say nothing, until it is thawed."""
+
+    def thaw(self) -> None: ...
+
+    def truth(self) -> Truth | None:
+        """Where the vehicle is; None: it does not say."""
+
+    def seen(self) -> Sequence[Truth]:
+        """Where the vehicle was, the latest last, as far as that is kept."""
+
+
+class CommandPeer:
+    """A command as the other side."""
+
+    def __init__(self, command: Sequence[str], environment: dict[str, str] | None = None) -> None:
+        self.command = tuple(command)
+        self._environment = environment or {}
+        self._process: subprocess.Popen[bytes] | None = None
+        self._reports: deque[Truth] = deque(maxlen=2000)
+        self._lines: deque[str] = deque(maxlen=_LINES)
+        self._spoke = threading.Event()
+
+    @property
+    def is_running(self) -> bool:
+        return self._process is not None and self._process.poll() is None
+
+    def start(self) -> None:
+        self._spoke.clear()
+        self._reports.clear()
+        try:
+            self._process = subprocess.Popen(
+                self.command,
+                stdin=subprocess.PIPE,  # peers end with it
+                stdout=subprocess.PIPE,
+                stderr=subprocess.STDOUT,
+                env={**os.environ, **self._environment},
+                start_new_session=True,
+            )
+        except OSError as error:
+            raise Failed(
+                f"the peer `{shlex.join(self.command)}` cannot be started: {error}"
+            ) from None
+        threading.Thread(target=self._read, args=(self._process,), daemon=True).start()
+        self._spoke.wait(_SAYS_S)
+        if not self.is_running:
+            said = "; ".join(self._lines) or "without a word"
+            raise Failed(f"the peer `{shlex.join(self.command)}` has ended: {said}")
+
+    def stop(self) -> None:
+        if self._process is not None:
+            self._signal(signal.SIGKILL)
+            self._process.wait()
+            for stream in (self._process.stdin, self._process.stdout):
+                if stream is not None:
+                    stream.close()
+        self._process = None
+
+    def freeze(self) -> None:
+        self._signal(signal.SIGSTOP)
+
+    def thaw(self) -> None:
+        self._signal(signal.SIGCONT)
+
+    def truth(self) -> Truth | None:
+        return self._reports[-1] if self._reports else None
+
+    def seen(self) -> Sequence[Truth]:
+        return tuple(self._reports)
+
+    def _signal(self, number: int) -> None:
+        assert self._process is not None
+        if self._process.poll() is None:
+            os.killpg(self._process.pid, number)
+
+    def _read(self, process: subprocess.Popen[bytes]) -> None:
+        assert process.stdout is not None
+        try:
+            for line in process.stdout:
+                self._hear(line)
+        except ValueError:
+            return  # it was closed: the process has been ended
+
+    def _hear(self, line: bytes) -> None:
+        try:
+            told = msgspec.json.decode(line, type=Truth)
+        except msgspec.MsgspecError:
+            self._lines.append(line.decode(errors="replace").strip())
+            return
+        self._reports.append(msgspec.structs.replace(told, heard_s=time.monotonic()))
+        self._spoke.set()
+
+
+class KnownPeer(Struct, frozen=True):
+    """A peer that comes with koord. ``{free}`` in it stands for a port that nobody uses."""
+
+    driver: str
+    command: tuple[str, ...]
+    options: dict[str, Any]
+    vehicle: str
+    at_m: Point = (0.0, 0.0, 0.0)
+    heading_rad: float = 0.0
+    environment: dict[str, str] = {}
+
+    def filled(self) -> KnownPeer:
+        """The same, with a port for ``{free}``."""
+        free = str(_free_port())
+        return KnownPeer(
+            self.driver,
+            tuple(word.replace("{free}", free) for word in self.command),
+            _filled(self.options, free),
+            self.vehicle,
+            self.at_m,
+            self.heading_rad,
+            self.environment,
+        )
+
+
+def _filled(value: Found, free: str) -> Found:
+    if isinstance(value, str):
+        return cast(Found, value.replace("{free}", free))
+    if isinstance(value, dict):
+        return cast(Found, {name: _filled(one, free) for name, one in value.items()})
+    return value
+
+
+def _free_port() -> int:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as bound:
+        bound.bind(("127.0.0.1", 0))
+        port: int = bound.getsockname()[1]
+        return port
+
+
+def _autopilot(firmware: str, silence_s: float) -> KnownPeer:
+    """A simulated autopilot, 2 m east and 1 m north of its origin; it faces north-east."""
+    return KnownPeer(
+        "mavlink",
+        (
+            *(sys.executable, "-m", "koord.testing.autopilot.serving", "--firmware", firmware),
+            *("--bind", "127.0.0.1:{free}", "--start", "1", "2", "0", "--yaw", "0.7"),
+            "--report",
+        ),
+        {
+            "connection": "udpout:127.0.0.1:{free}",
+            "autopilot": firmware,
+            "connect": 5.0,
+            "silence": silence_s,
+        },
+        "QUAD",
+        (2.0, 1.0, 0.0),
+        1.5707963 - 0.7,
+    )
+
+
+#: The peers that come with koord, by name.
+KNOWN = {
+    "px4": _autopilot("px4", 1.0),
+    "ardupilot": _autopilot("ardupilot", 5.0),
+}
