@@ -72,14 +72,14 @@ ROS = (
     Mutant(
         "poses are as old as their stamps say",
         f"{_ROS}.driver.RosDriver._hear_pose",
-        "self._fix, self._fix_at_s = fix, now_s",
-        "self._fix, self._fix_at_s = fix, fix.stamp_s",
+        "self._heard, self._heard_at_s = fix, now_s",
+        "self._heard, self._heard_at_s = fix, fix.stamp_s",
         (HEARD,),
     ),
     Mutant(
         "a vehicle of ROS that is silent answers",
-        f"{_ROS}.driver.RosDriver.sense",
-        "now_s - self._fix_at_s <= self.options.silent",
+        f"{_ROS}.driver.RosDriver._answers",
+        "now_s - self._heard_at_s <= self.options.silent",
         "True",
         (HEARD,),
     ),

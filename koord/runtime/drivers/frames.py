@@ -49,11 +49,27 @@ def rotated(attitude: Quaternion, vector: Point) -> Point:
     return a, b, c
 
 
+def in_body(attitude: Quaternion, vector: Point) -> Point:
+    """A vector of the world, in the body."""
+    w, x, y, z = attitude
+    return rotated((w, -x, -y, -z), vector)
+
+
 # --- NED and FRD, of MAVLink ----------------------------------------------------------------------
 
 #: What turns NED into ENU, and FLU into FRD.
 _NED_TO_ENU: Quaternion = (0.0, _HALF, _HALF, 0.0)
 _FLU_TO_FRD: Quaternion = (0.0, 1.0, 0.0, 0.0)
+
+
+def angles_of(attitude: Quaternion) -> tuple[float, float, float]:
+    """Roll, pitch and yaw of an attitude: turned by yaw first, about z, then y, then x."""
+    w, x, y, z = attitude
+    return (
+        math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y)),
+        math.asin(max(-1.0, min(1.0, 2 * (w * y - z * x)))),
+        yaw_of(attitude),
+    )
 
 
 def ned_to_enu(vector: Point) -> Point:
@@ -75,6 +91,12 @@ def attitude_from_ned(attitude: Quaternion) -> Quaternion:
 def attitude_to_ned(attitude: Quaternion) -> Quaternion:
     """The attitude of an FRD body in NED, from that of the same body as FLU in ENU."""
     return product(product(_NED_TO_ENU, attitude), _FLU_TO_FRD)
+
+
+def flu_to_frd(vector: Point) -> Point:
+    """Forward, left, up as forward, right, down; the other way round it is the same."""
+    x, y, z = vector
+    return x, -y, -z
 
 
 # --- y up, of Motive and of graphics --------------------------------------------------------------

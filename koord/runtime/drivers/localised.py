@@ -25,7 +25,7 @@ _BELOW_M = 0.3
 _LOOK_S = 0.01
 
 #: For so long a vehicle is waited for that was told where it is.
-_TAKES_S = 15.0
+_TAKES_S = 30.0
 
 
 class Localised:

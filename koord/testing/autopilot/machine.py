@@ -11,9 +11,11 @@ from enum import Enum
 from typing import Any
 
 from msgspec import Struct
+from msgspec.structs import replace
 from pymavlink.dialects.v20 import common as mavlink
 
 from koord.testing.autopilot.airframe import Airframe, Handling, Target, Vector
+from koord.testing.autopilot.estimate import Estimate
 
 #: A step of flight.
 _STEP_S = 0.02
@@ -97,6 +99,8 @@ class Settings(Struct, frozen=True):
     battery: float = 1.0
     drain_per_s: float = 0.0
     handling: Handling = Handling()
+    vision: bool = False  #: it knows where it is by what it is told alone
+    vision_loss_s: float = 1.0  #: and no more so long after that
 
 
 class SimulatedAutopilot:
@@ -106,6 +110,7 @@ class SimulatedAutopilot:
         """Stand on the ground, disarmed."""
         self.settings, self.firmware = settings, FIRMWARES[settings.firmware]
         self.airframe = Airframe(settings.start_m, settings.yaw_rad, settings.handling)
+        self.estimate = Estimate(is_external=settings.vision, loss_s=settings.vision_loss_s)
         self.mode, self.armed, self.battery = Mode.MANUAL, False, settings.battery
         self.failing = settings.failing
         self.failsafes: list[str] = []
@@ -134,6 +139,29 @@ class SimulatedAutopilot:
                 self._tell_parameter(message.param_id)
             case "SET_POSITION_TARGET_LOCAL_NED" if message.target_system == self.settings.system:
                 self._hear_setpoint(message)
+            case "VISION_POSITION_ESTIMATE":
+                self._hear_place((message.x, message.y, message.z), message.yaw)
+            case "ODOMETRY" if self._reads(message):
+                w, x, y, z = message.q
+                yaw = math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+                self._hear_place((message.x, message.y, message.z), yaw)
+
+    def _reads(self, odometry: Any) -> bool:
+        """Whether odometry is in the frames that this firmware takes."""
+        frame = mavlink.MAV_FRAME_LOCAL_NED if self.firmware.wants_stream else 20  # LOCAL_FRD
+        return (odometry.frame_id, odometry.child_frame_id) == (frame, mavlink.MAV_FRAME_BODY_FRD)
+
+    def _hear_place(self, position_m: Vector, yaw_rad: float) -> None:
+        true = self.airframe.position_m, self.airframe.yaw_rad
+        self.estimate.hear((position_m, yaw_rad), true, self._now_s)
+
+    @property
+    def position_m(self) -> Vector:
+        """Where it believes that it is."""
+        x, y, z = (
+            a + b for a, b in zip(self.airframe.position_m, self.estimate.error_m, strict=True)
+        )
+        return x, y, z
 
     def _hear_setpoint(self, message: Any) -> None:
         if message.coordinate_frame != mavlink.MAV_FRAME_LOCAL_NED:
@@ -185,6 +213,9 @@ class SimulatedAutopilot:
         if mode is None:
             return int(mavlink.MAV_RESULT_UNSUPPORTED)
         streams = self._now_s - self._setpoint_s < 0.5 and self._now_s - self._stream_s > 0.5
+        if mode is Mode.GUIDED and not self.estimate.is_valid(self._now_s):
+            self._say("Mode change failed: no position estimate")
+            return int(mavlink.MAV_RESULT_TEMPORARILY_REJECTED)
         if mode is Mode.GUIDED and self.firmware.wants_stream and not streams:
             self._say("Switching to Offboard denied: no setpoints")
             return int(mavlink.MAV_RESULT_TEMPORARILY_REJECTED)
@@ -192,8 +223,11 @@ class SimulatedAutopilot:
         return int(mavlink.MAV_RESULT_ACCEPTED)
 
     def _arm(self) -> int:
-        if self.failing:
-            for check in self.failing:
+        failing = self.failing
+        if not self.estimate.is_valid(self._now_s):
+            failing = (*failing, "no position estimate")
+        if failing:
+            for check in failing:
                 self._say(f"{self.firmware.complains}: {check}")
             return self.firmware.refuses
         if self.mode is Mode.LAND:
@@ -209,13 +243,13 @@ class SimulatedAutopilot:
         if not self.armed or self.mode is not Mode.GUIDED or self.is_in_the_air:
             return int(mavlink.MAV_RESULT_FAILED)
         self._rises_to_m = height_m
-        self._target = Target(self.airframe.position_m)
+        self._target = Target(self.position_m)
         return int(mavlink.MAV_RESULT_ACCEPTED)
 
     def _enter(self, mode: Mode) -> None:
         if mode is not self.mode:
             self.mode, self._rises_to_m = mode, None
-            self._target = Target(self.airframe.position_m)
+            self._target = Target(self.position_m)
 
     # --- what it does ---------------------------------------------------------------------------
 
@@ -229,7 +263,8 @@ class SimulatedAutopilot:
         while self._now_s + _STEP_S <= now_s:
             self._now_s += _STEP_S
             self._watch()
-            self.airframe.step(self._aim() if self.armed else None, _STEP_S)
+            self.airframe.step(self._controlled() if self.armed else None, _STEP_S)
+            self.estimate.step(self._now_s, _STEP_S)
             if self.armed:
                 self.battery = max(0.0, self.battery - self.settings.drain_per_s * _STEP_S)
 
@@ -243,6 +278,8 @@ class SimulatedAutopilot:
         lands = self.mode is Mode.LAND
         if self._now_s - self._idle_since_s > (_LANDED_S if lands else settings.idle_s):
             self.armed = False
+        if not self.estimate.is_valid(self._now_s) and self.is_in_the_air and not lands:
+            self._fail_safe("Position estimate lost, landing", Mode.LAND)
         if self.mode is Mode.GUIDED:
             stream_s = self._now_s - self._setpoint_s
             if self.firmware.wants_stream and stream_s > settings.stream_loss_s:
@@ -257,10 +294,18 @@ class SimulatedAutopilot:
         self._say(why)
         self._enter(mode)
 
+    def _controlled(self) -> Target:
+        """Its aim, as far off as it is wrong about where it is."""
+        aim, error = self._aim(), self.estimate.error_m
+        if aim.position_m is None:
+            return aim
+        x, y, z = (a - b for a, b in zip(aim.position_m, error, strict=True))
+        return replace(aim, position_m=(x, y, z))
+
     def _aim(self) -> Target:
-        """What its position controller is to reach."""
-        x, y, z = self._target.position_m or self.airframe.position_m
-        ground_m = self.airframe.ground_m
+        """What its position controller is to reach, where it believes that to be."""
+        x, y, z = self._target.position_m or self.position_m
+        ground_m = self.airframe.ground_m + self.estimate.error_m[2]
         match self.mode:
             case Mode.LAND:
                 z = min(z + _SINKING_MPS * _STEP_S, ground_m + 0.2)
@@ -276,9 +321,9 @@ class SimulatedAutopilot:
 
     def _guided(self, setpoint: Target) -> Target:
         if self.firmware.rises_by_command and not self.is_in_the_air:
-            return Target(self.airframe.position_m)  # set-points do not lift it off
+            return Target(self.position_m)  # set-points do not lift it off
         if self._now_s - self._setpoint_s > _SPEEDS_S:
-            return Target(setpoint.position_m or self.airframe.position_m)
+            return Target(setpoint.position_m or self.position_m)
         return setpoint
 
     # --- what it tells --------------------------------------------------------------------------
@@ -321,9 +366,10 @@ class SimulatedAutopilot:
                     3,
                 )
             case mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED:
-                body = self.airframe
+                if not self.estimate.is_valid(self._now_s):
+                    return None
                 return mavlink.MAVLink_local_position_ned_message(
-                    boot_ms, *body.position_m, *body.velocity_mps
+                    boot_ms, *self.position_m, *self.airframe.velocity_mps
                 )
             case mavlink.MAVLINK_MSG_ID_ATTITUDE_QUATERNION:
                 return mavlink.MAVLink_attitude_quaternion_message(

@@ -21,6 +21,7 @@ from koord.runtime.drivers.mavlink.modes import MODES
 from koord.runtime.drivers.mavlink.options import MavlinkOptions
 from koord.runtime.drivers.mavlink.requests import Requests
 from koord.runtime.drivers.mavlink.telemetry import Telemetry
+from koord.runtime.drivers.mavlink.vision import ExternalVision
 from koord.runtime.drivers.setpoints import (
     Arm,
     Capabilities,
@@ -28,6 +29,7 @@ from koord.runtime.drivers.setpoints import (
     Drive,
     Hold,
     Land,
+    Located,
     Position,
     Sensed,
     Setpoint,
@@ -82,6 +84,7 @@ class MavlinkDriver:
         self._requests = Requests(options)
         self._control = Control(options, origin, ground_m)
         self._failsafe = FailsafeCheck(options)
+        self._vision = ExternalVision(options, origin)
         self._link = link
         self._told: Setpoint = Disarm()
         self._told_s = -math.inf
@@ -99,19 +102,34 @@ class MavlinkDriver:
     # --- the interface of drivers ---------------------------------------------------------------
 
     def open(self, now_s: float) -> None:
-        """Connect, and wait for the first pose: here alone. Raises DriverError."""
+        """Connect, and wait for the first pose: here alone. Raises DriverError.
+
+        Whoever is told where it is has no pose before: its heartbeat is waited for.
+        """
         if self._link is None:
             self._link = WireLink(self.options)
         begun_s = now_s
-        while self._sensed(now_s) is None:
+        while not self._is_found(now_s):
             if now_s - begun_s > self.options.connect:
                 self._link.close()
                 raise self._nothing_heard()
             self._listen(now_s)
             now_s += self._link.wait(0.02)
 
+    def _is_found(self, now_s: float) -> bool:
+        if self._vision.is_used:
+            return self._telemetry.armed is not None
+        return self._sensed(now_s) is not None
+
+    def locate(self, located: Located, now_s: float) -> None:
+        """Tell the autopilot where it is. (M-VISION)"""
+        message = self._vision.take(located, now_s)
+        if message is not None and self._link is not None:
+            self._send(message)
+
     def sense(self, now_s: float) -> Sensed | None:
         self._listen(now_s)
+        self._vision.watch(self._telemetry.position_m, now_s)
         return self._sensed(now_s)
 
     def command(self, setpoint: Setpoint, now_s: float) -> None:
@@ -152,6 +170,8 @@ class MavlinkDriver:
             )
         elif self._was_armed and self._telemetry.armed is False and self._moves:
             found.append("the autopilot has disarmed itself: koord does not arm it again by itself")
+        if trouble := self._vision.trouble(self._telemetry.position_m):
+            found.append(trouble)
         if trouble := self._failsafe.trouble:
             found.append(f"the failsafe of the autopilot is not set up: {trouble}")
         disarms = isinstance(self._told, Disarm)
@@ -228,6 +248,7 @@ class MavlinkDriver:
     def _sensed(self, now_s: float) -> Sensed | None:
         self._hears = now_s - self._telemetry.heard_s <= self.options.link
         obeys = self._taken is None or self._telemetry.airborne(now_s) is False
+        obeys = obeys and not self._vision.differs
         return self._telemetry.sensed(now_s, link=self._hears and obeys)
 
     def _nothing_heard(self) -> DriverError:

@@ -19,6 +19,14 @@ class AutopilotKind(Enum):
     ARDUPILOT = "ardupilot"
 
 
+class Vision(Enum):
+    """How an autopilot is told where a localiser says that it is."""
+
+    NONE = "none"
+    POSITION = "position"  #: VISION_POSITION_ESTIMATE
+    ODOMETRY = "odometry"  #: ODOMETRY, with the velocity
+
+
 #: Forms of connections, with what follows the first word.
 _FORMS = {
     "udpin": "HOST:PORT",
@@ -44,6 +52,8 @@ class MavlinkOptions(Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tr
     connect: Positive = 10.0  #: s, for which its pose is waited for at the start
     link: Positive = 3.0  #: s, greatest age of its heartbeat
     silence: Positive = 1.0  #: s, after which it acts by itself if koord falls silent
+    vision: Vision = Vision.POSITION  #: with a localiser: what the autopilot is told of it
+    agree: Positive = 0.5  #: m, by which its own estimate may differ from the localiser's
     telemetry: Annotated[float, Meta(ge=5, le=200)] = 30.0  #: poses a second that are asked for
 
     def __post_init__(self) -> None:

@@ -8,9 +8,9 @@ from abc import ABC, abstractmethod
 from typing import Any, ClassVar, NoReturn
 
 from koord.runtime.drivers.driver import DriverError
-from koord.runtime.drivers.frames import to_xyzw, turned, yaw_of
+from koord.runtime.drivers.frames import in_body, to_xyzw, turned, yaw_of
 from koord.runtime.drivers.ros.graph import Fields, Sender
-from koord.runtime.drivers.ros.poses import Fix, in_body
+from koord.runtime.drivers.ros.poses import Fix
 from koord.runtime.drivers.setpoints import (
     Arm,
     Disarm,

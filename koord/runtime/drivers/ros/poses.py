@@ -57,12 +57,6 @@ def vector_of(message: Any) -> Point:
     return message.x, message.y, message.z
 
 
-def in_body(attitude: Quaternion, vector: Point) -> Point:
-    """A vector of the world, in the body."""
-    w, x, y, z = attitude
-    return rotated((w, -x, -y, -z), vector)
-
-
 def velocity_of(message: Any, fix: Fix) -> Point:
     """The velocity in the world that TwistStamped or Odometry tell.
 
