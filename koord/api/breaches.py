@@ -47,7 +47,7 @@ class BrokenStatement(Struct, frozen=True):
 
 
 class Grounds(Struct, frozen=True):
-    """What proofs rest on, of a report of ``koord verify --rests-on --json``."""
+    """What proofs rest on, of a report of verdicts."""
 
     claims: tuple[str, ...]
     needed: tuple[Premise, ...]
@@ -69,7 +69,7 @@ class Grounds(Struct, frozen=True):
 def grounds_of(path: str, program: Program) -> Grounds:
     """Read what the proofs of a program rest on. Raises KoordError. (K911)"""
     name = visible(path)
-    cure = "write one with `koord verify --rests-on --json`"
+    cure = "write one with `koord verify` and `rests_on=`, as JSON"
     try:
         verdicts = msgspec.json.decode(read_bytes(path), type=Verdicts)
     except (msgspec.MsgspecError, UnicodeDecodeError) as error:

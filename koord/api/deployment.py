@@ -38,7 +38,7 @@ from koord.runtime.deploy.member import Platform
 from koord.runtime.deploy.recording import DeploymentRecord
 from koord.runtime.deploy.running import (
     CannotTakePartError,
-    RoundReport,
+    News,
     Runner,
     member_of,
     print_of,
@@ -64,6 +64,10 @@ from koord.syntax.system import System
 
 if TYPE_CHECKING:
     from koord.api.deployed_parts import Parts
+    from koord.api.live_page import LivePage
+
+#: Where a page is served if nobody says: on this machine alone, at any port.
+LIVE = ("127.0.0.1", 0)
 
 #: Where a robot notes where it is, if nobody says.
 _STATE = ".koord"
@@ -96,6 +100,7 @@ class DeployRequest(Struct, frozen=True):
     allow_models: tuple[str, ...] = ()
     arm: bool = False
     rests_on: str | None = None
+    live: tuple[str, int] | None = None  #: address and port
 
 
 def deploy(
@@ -117,6 +122,7 @@ def deploy(
     allow_models: Sequence[str] = (),
     arm: bool = False,
     rests_on: str | PathLike[str] | None = None,
+    live: bool | tuple[str, int] = False,
     progress: Listener | None = None,
     cancellation: Cancellation | None = None,
 ) -> Deployed:
@@ -136,7 +142,9 @@ def deploy(
     time; ``allow_models`` are ports (``Module.port``) that may be made up where nobody serves them.
     Vehicles stay where they are unless ``arm`` says that they may move. The program's claims are
     watched while it runs: what did not hold is ``broken`` of the result, with the verdicts whose
-    proofs need it if ``rests_on`` is a report of ``koord verify --rests-on --json``.
+    proofs need it if ``rests_on`` is the file of a report of :func:`koord.verify` that was made
+    with ``rests_on``, as JSON. ``live`` serves a page of the run on this machine, or at an address
+    and port, for everybody who can reach that.
     ``progress`` hears :class:`FleetHeard`.
 
     Raises :class:`koord.KoordError` for what is wrong with the input, or with the network.
@@ -158,6 +166,7 @@ def deploy(
         allow_models=tuple(allow_models),
         arm=arm,
         rests_on=None if rests_on is None else fspath(rests_on),
+        live=(LIVE if live else None) if isinstance(live, bool) else live,
     )
     if restart and pid is not None:
         raise ArgumentError("restart", NOT_RESTARTED)
@@ -412,6 +421,30 @@ class _Deployment(Struct, frozen=True):
             parts.remove()  # else the run may go on
         return replace(ended, merged=merged)
 
+    def page(self, stack: ExitStack, job: Job, watch: FleetWatch) -> LivePage | None:
+        """The page that is served while the run goes on, if that is wanted. Raises KoordError."""
+        if self.request.live is None:
+            return None
+        require(SIM, "sim")
+        from koord.api.live_page import live_page
+
+        served = live_page(self.fitted, job, watch, self.request.live, self.tell)
+        return stack.enter_context(served)
+
+    def heard(
+        self,
+        page: LivePage | None,
+        watch: FleetWatch,
+        news: Sequence[News],
+        processes: Mapping[int, ProcessReport] | None = None,
+    ) -> None:
+        """Watch and show what robots tell."""
+        if page is not None:
+            page.hear(news)
+        watch.hear(news, processes)
+        if page is not None:
+            page.show_broken()
+
     def ended(self, statuses: Mapping[int, RobotReport], watch: FleetWatch) -> Deployed:
         """Make the result from the robots' last reports."""
         interrupted = self.is_cancelled()
@@ -436,19 +469,19 @@ def _one(of: _Deployment, pid: int) -> Deployed:
         parts = of.parts(stack, job)
         recorder = of.recorder(stack, parts)
         make = member_of if parts is None else parts.member
-        watch = FleetWatch(of.fitted, job, of.grounds)
+        watch = FleetWatch(of.fitted, job, of.grounds, pid)
+        page = of.page(stack, job, watch)
         runner = Runner(job, pid, transport, make=make)
-        runner.keeps_moments = recorder is not None
+        runner.keeps_rounds, runner.keeps_poses = True, page is not None
 
-        def report(status: RobotReport) -> None:
-            watch.hear([(status, ())])
-            of.tell(FleetHeard.of({pid: status}, job.rounds, broken=watch.broken))
+        def report(news: News) -> None:
+            of.heard(page, watch, [news])
+            of.tell(FleetHeard.of({pid: news.status}, job.rounds, broken=watch.broken))
             if recorder is not None:
-                recorder.hear([(status, tuple(runner.moments))], is_sure=True)
-                runner.moments.clear()
+                recorder.hear([news], is_sure=True)
 
         last = runner.run(of.is_cancelled, report)
-        report(last)
+        report(runner.news())
         unrecorded = of.unrecorded(recorder, parts)
         trouble = None if parts is None else parts.trouble
         if parts is not None and request.trace is None and not (trouble or unrecorded):
@@ -474,14 +507,16 @@ def _all(of: _Deployment) -> Deployed:
         make = member_of if parts is None else parts.member
         plan = local_plan(job.configuration, job.robots)
         stack.enter_context(_found_here(job, Addresses(tuple(enumerate(plan.addresses)))))
-        launch = Launch(job, plan, make, keeps_moments=True, scratch=scratch)
         watch = FleetWatch(of.fitted, job, of.grounds)
+        page = of.page(stack, job, watch)
+        is_shown = page is not None
+        launch = Launch(job, plan, make, keeps_rounds=True, keeps_poses=is_shown, scratch=scratch)
         fleet = SupervisedProcesses(launch, restarts=request.restart)
         stack.callback(fleet.close)
         tell(FleetHeard.of({}, job.rounds))
         while not fleet.is_over:
             news = fleet.turn(_WAIT_S)
-            watch.hear(news, fleet.processes)
+            of.heard(page, watch, news, fleet.processes)
             if recorder is not None:
                 recorder.hear(news, is_sure=fleet.is_accepted, processes=fleet.processes)
             tell(FleetHeard.of(fleet.statuses, job.rounds, fleet.processes, watch.broken))
@@ -533,11 +568,11 @@ class _Recorder:
         self._tails = {} if parts is None else parts.tails()
         self._record: DeploymentRecord | None = None
         self._trouble: OSError | None = None
-        self._early: list[tuple[RobotReport, tuple[RoundReport, ...]]] = []
+        self._early: list[News] = []
 
     def hear(
         self,
-        news: Iterable[tuple[RobotReport, tuple[RoundReport, ...]]],
+        news: Iterable[News],
         processes: Mapping[int, ProcessReport] | None = None,
         *,
         is_sure: bool,
@@ -577,10 +612,10 @@ class _Recorder:
             self._record = DeploymentRecord(file)
             self._stack.callback(self.close)
             self._record.describe(self._problem)
-        for status, moments in self._early:
+        for one in self._early:
             now = time.time_ns()
-            self._record.moments(moments, now)
-            self._record.status(status, now, processes.get(status.pid))
+            self._record.rounds(one.rounds, now)
+            self._record.status(one.status, now, processes.get(one.status.pid))
         self._early.clear()
         for pid, tail in self._tails.items():
             self._record.told(pid, tail.lines(), time.time_ns())

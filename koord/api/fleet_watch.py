@@ -6,8 +6,7 @@ from collections.abc import Iterable, Mapping
 
 from koord.api.breaches import BrokenStatement, Grounds, broken_statements
 from koord.api.fitting import Fitted
-from koord.runtime.deploy.running import Job, RoundReport, ideal_host
-from koord.runtime.deploy.status import RobotReport
+from koord.runtime.deploy.running import Job, News, ideal_host
 from koord.runtime.deploy.supervision import ProcessReport
 from koord.runtime.deploy.watching import Breach, FleetMonitor, joined
 from koord.runtime.robot import AnsweringHost
@@ -16,39 +15,39 @@ from koord.runtime.robot import AnsweringHost
 class FleetWatch:
     """What is known of the claims of a run: what robots tell, and what all of them show."""
 
-    def __init__(self, fitted: Fitted, job: Job, grounds: Grounds | None) -> None:
+    def __init__(
+        self, fitted: Fitted, job: Job, grounds: Grounds | None, pid: int | None = None
+    ) -> None:
+        """Watch a run; ``pid``: of this robot alone, as the others tell nothing here."""
+        assert job.watched is not None
         self._program, self._grounds = fitted.program, grounds
         self._breaches: dict[int, tuple[Breach, ...]] = {}
         self._unwatched: set[str] = set()
-        assert job.watched is not None
-        self._watched = job.watched
-        self._monitor: FleetMonitor | None = None
-        if job.is_local:
-            host = _host(fitted, job)
-            self._monitor = FleetMonitor(job.watched, job.classes, job.kinds, job.delta_s, host)
+        self._there = set(range(job.robots)) if pid is None else {pid}
+        has_all = len(self._there) == job.robots
+        self._of_others = set() if has_all else FleetMonitor.claims_of(job.watched)
+        self.monitor = FleetMonitor(
+            job.watched, job.classes, job.kinds, job.delta_s, _host(fitted, job)
+        )
 
     def hear(
-        self,
-        news: Iterable[tuple[RobotReport, tuple[RoundReport, ...]]],
-        processes: Mapping[int, ProcessReport] | None = None,
+        self, news: Iterable[News], processes: Mapping[int, ProcessReport] | None = None
     ) -> None:
         """Take note of what robots tell, and look at what is known of all by now."""
-        for status, moments in news:
-            self._breaches[status.pid] = status.breaches
-            self._unwatched |= set(status.unwatched)
-            if self._monitor is not None:
-                for moment in moments:
-                    if moment.state is not None:
-                        self._monitor.hear(moment.pid, moment.state)
-        if self._monitor is not None:
-            lost = {pid for pid, one in (processes or {}).items() if one.is_lost}
-            self._monitor.look(set(range(self._monitor.robots)) - lost)
+        for one in news:
+            self._breaches[one.status.pid] = one.status.breaches
+            self._unwatched |= set(one.status.unwatched)
+            for told in one.rounds:
+                if told.state is not None:
+                    self.monitor.hear(told.pid, told.state)
+        lost = {pid for pid, one in (processes or {}).items() if one.is_lost}
+        self.monitor.look(self._there - lost)
 
     @property
     def breaches(self) -> tuple[Breach, ...]:
         """The breaches so far."""
-        of_all = () if self._monitor is None else self._monitor.breaches.all
-        return joined(*(self._breaches[pid] for pid in sorted(self._breaches)), of_all)
+        told = (self._breaches[pid] for pid in sorted(self._breaches))
+        return joined(*told, self.monitor.breaches.all)
 
     @property
     def broken(self) -> tuple[BrokenStatement, ...]:
@@ -57,13 +56,8 @@ class FleetWatch:
 
     @property
     def unwatched(self) -> tuple[str, ...]:
-        """The claims of which nobody knew enough to look at them."""
-        found = set(self._unwatched)
-        if self._monitor is None:
-            found |= FleetMonitor.claims_of(self._watched)
-        else:
-            found |= self._monitor.unknown
-        return tuple(sorted(found))
+        """The claims of which nobody knew enough to look at them, or not for all robots."""
+        return tuple(sorted({*self._unwatched, *self._of_others, *self.monitor.unknown}))
 
 
 def _host(fitted: Fitted, job: Job) -> AnsweringHost:

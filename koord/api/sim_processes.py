@@ -72,7 +72,7 @@ def simulate_processes(
         ):
             maker = RobotMaker(made, fitted.scene, fallback(fitted))
             plan = local_plan(deployment.configuration, deployment.robots)
-            fleet = launched(Launch(deployment, plan, maker, keeps_moments=True))
+            fleet = launched(Launch(deployment, plan, maker, keeps_rounds=True))
             stack.callback(fleet.join)
             stack.callback(fleet.kill)
             follower = _Follower(fleet, deployment, followed, tell, cancellation)
@@ -110,9 +110,9 @@ class _Follower(Struct):
         is_stopped = False
         self.tell(FleetHeard.of({}, self.deployment.rounds))
         while not fleet.is_over:
-            for _, moments in fleet.news(_WAIT_S):
-                self.late += sum(moment.late for moment in moments)
-                followed.hear(moments)
+            for news in fleet.news(_WAIT_S):
+                self.late += sum(one.late for one in news.rounds)
+                followed.hear(news.rounds)
             yield from followed.rounds()
             self.tell(FleetHeard.of(fleet.statuses, self.deployment.rounds))
             # Of a robot whose process has died nothing more is told: the run is known up to here.

@@ -6,11 +6,21 @@ import argparse
 import sys
 from argparse import ArgumentTypeError
 from importlib.util import find_spec
+from ipaddress import ip_address
 
 from koord.api.deployed import Deployed, FleetHeard
-from koord.api.deployment import NOT_RESTARTED, NOT_TWICE, DeployRequest, Job, deploy_fitted, job_of
+from koord.api.deployment import (
+    LIVE,
+    NOT_RESTARTED,
+    NOT_TWICE,
+    DeployRequest,
+    Job,
+    deploy_fitted,
+    job_of,
+)
 from koord.api.files import same_file
 from koord.api.fitting import Fitted
+from koord.api.outputs import PageServed
 from koord.api.progress import Progress
 from koord.cli.arguments import (
     add_files,
@@ -85,6 +95,15 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="what `koord verify --rests-on --json` printed: say which verdicts rest on a claim "
         "that does not hold",
     )
+    parser.add_argument(
+        "--live",
+        metavar="ADDRESS:PORT",
+        nargs="?",
+        type=address,
+        const=LIVE,
+        help="serve a page of the run: on this machine alone, or where everybody sees it who can "
+        "reach that address",
+    )
     parser.add_argument("--record", metavar="FILE", help="record what robots do, as MCAP")
     parser.add_argument(
         "--trace",
@@ -134,6 +153,7 @@ def main(arguments: argparse.Namespace) -> int:
         allow_models=tuple(arguments.allow_model),
         arm=arguments.arm,
         rests_on=arguments.rests_on,
+        live=arguments.live,
     )
     report = DiagnosticReport()
     prepared = prepare(arguments, request, report)
@@ -149,6 +169,8 @@ def main(arguments: argparse.Namespace) -> int:
             if isinstance(told, FleetHeard):
                 board.is_stopping = interruption.requested
                 board.show(told)
+            elif isinstance(told, PageServed):
+                board.announce(told.message)
             else:
                 board.say(told.message)
 
@@ -163,6 +185,19 @@ def main(arguments: argparse.Namespace) -> int:
     if deployed.unmerged:
         report_error(KoordError(deployed.unmerged), as_json=False)
     return _ended(deployed)
+
+
+def address(text: str) -> tuple[str, int]:
+    """An address and a port as one argument: ``0.0.0.0:8000``. Raises ArgumentTypeError."""
+    host, colon, port = text.rpartition(":")
+    try:
+        ip_address(host)
+        number = int(port)
+    except ValueError:
+        number = -1
+    if not colon or not 0 <= number < 65_536:
+        raise ArgumentTypeError(f"{text!r} is no address with a port, such as 0.0.0.0:8000")
+    return host, number
 
 
 def prepare(

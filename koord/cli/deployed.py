@@ -55,6 +55,14 @@ class Board:
         if self._line is not None:
             self._line.__exit__()
 
+    def announce(self, text: str) -> None:
+        """Show a line for good, above the table."""
+        if self._live is not None:
+            with suppress(OSError):
+                self._live.console.print(visible(text), highlight=False)
+        else:
+            self._print(text)
+
     def say(self, text: str) -> None:
         """Show what is done after the run, in place of the table."""
         if self._line is None:

@@ -36,6 +36,7 @@ _FLAGS = {
     "properties": "--with",
     "record": "--record",
     "resume": "--resume",
+    "rests_on": "--rests-on",
     "robots": "--robots",
 }
 _ARGUMENT = re.compile(rf"`({'|'.join(_FLAGS)})=(?:'(\w+)')?`")

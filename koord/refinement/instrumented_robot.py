@@ -32,6 +32,7 @@ from koord.refinement.translation import Translation, to_written
 from koord.runtime.deploy.journal import Recollection
 from koord.runtime.deploy.member import Member, Platform
 from koord.runtime.deploy.running import Job
+from koord.runtime.drivers.frames import Quaternion
 from koord.runtime.guardian.events import Order
 from koord.runtime.motion.world import Point
 from koord.runtime.orders.hearing import Obeyed
@@ -140,6 +141,14 @@ class Witness(TracingHost):
     @property
     def state(self) -> str:
         return self.host.state
+
+    @property
+    def attitude(self) -> Quaternion:
+        return self.host.attitude
+
+    @property
+    def path(self) -> tuple[Point, ...]:
+        return self.host.path
 
     @property
     def is_at_rest(self) -> bool:

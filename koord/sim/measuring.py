@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from msgspec import Struct
@@ -14,7 +15,7 @@ from koord.runtime.motion.automaton import MotionState
 from koord.runtime.motion.world import Point
 from koord.runtime.platform.sensors import MotionSensors
 from koord.runtime.proposals import Decision
-from koord.runtime.robot import Status
+from koord.runtime.robot import Robot, Status
 from koord.runtime.shapes import Array, Record
 from koord.runtime.shapes import Sequence as ListOf
 from koord.sim.fleet import Fleet
@@ -170,20 +171,18 @@ class Gauge:
         self._skips, self._blocked = np.zeros(n, np.int64), np.zeros(n, np.int64)
         self._near: Near | None = None
         self._nearby = Nearby()
-        self._tasks = _task_list(engine)
-        self._owner: list[int | None] = []
-        self._visited: list[float | None] = []
-        self._visit_m = [placed.model.visit.epsilon_m for placed in scene.robots]
+        visit_m = [placed.model.visit.epsilon_m for placed in scene.robots]
+        self._tasks = TaskGauge(type(engine.robots[0]), recorder, visit_m)
 
     @property
     def tasks(self) -> int:
         """The number of tasks."""
-        return len(self._owner)
+        return len(self._tasks.owners)
 
     @property
     def visited(self) -> int:
         """The number of visited tasks."""
-        return sum(time is not None for time in self._visited)
+        return sum(time is not None for time in self._tasks.visited)
 
     def tick(self) -> Nearest | None:
         """Record the end of a tick; return the pair of robots that is nearest now."""
@@ -202,15 +201,14 @@ class Gauge:
         skipped = list(decision.skipped)
         self._skips[skipped] += deeds[skipped] != Idle.STOPPED
         self._blocked[skipped] += deeds[skipped] == Idle.BLOCKED
-        self._note_assigned()
+        self._tasks.note_assigned(self.engine.store.values, self.engine.round * self.scene.delta_s)
 
     def round(self, sensed: Sequence[MotionSensors]) -> None:
         """Record the end of a round, with the robots' sensors."""
         robots = zip(sensed, self.engine.robots, strict=True)
         waits = [s.state is MotionState.IDLE and r.status is not Status.STOPPED for s, r in robots]
         self._waited += np.array(waits, np.int64)
-        if self._tasks is not None:
-            self._note_visits(self._tasks)
+        self._tasks.note_visits(self._last, self.fleet.now_s)
 
     def figures(self, digest: str) -> Figures:
         """The metrics of the run so far."""
@@ -224,48 +222,61 @@ class Gauge:
                 int(self._blocked[k]),
                 sum(
                     owner == k and visited is not None
-                    for owner, visited in zip(self._owner, self._visited, strict=True)
+                    for owner, visited in zip(self._tasks.owners, self._tasks.visited, strict=True)
                 ),
             )
             for k in range(n)
         )
-        tasks = map(OfTask, self._owner, self._visited)
+        tasks = map(OfTask, self._tasks.owners, self._tasks.visited)
         rounds = self.engine.round
         # One proposal and one acknowledgement of each robot, a decision and a commit.
         messages = (rounds + 1) * (2 * n + 2)
         time_s = rounds * delta_s
         return Figures(rounds, time_s, robots, tuple(tasks), self._near, messages, digest)
 
-    # --- tasks ----------------------------------------------------------------------------------
 
-    def _note_assigned(self) -> None:
+class TaskGauge:
+    """The measurement of a program's tasks: who has each, and when that robot was there."""
+
+    def __init__(self, program: type[Robot], recorder: RunLogger, visit_m: Sequence[float]) -> None:
+        """``visit_m``: of each robot, how near to a task it has visited it."""
+        self.owners: list[int | None] = []
+        self.visited: list[float | None] = []  #: s
+        self._recorder, self._visit_m = recorder, visit_m
+        self._tasks = _task_list(program)
+        self._values: Mapping[str, Any] = {}
+
+    def note_assigned(self, values: Mapping[str, Any], time_s: float) -> None:
+        """Record who has tasks now, by the values of shared variables."""
         tasks = self._tasks
         if tasks is None:
             return
-        held = self.engine.store.values[tasks.name]
+        self._values = values
+        held = values[tasks.name]
         if held is None or held is tasks.seen:
             return
         tasks.seen = held
-        for known in (self._owner, self._visited):
+        for known in (self.owners, self.visited):
             known += [None] * (len(held) - len(known))
         for number, task in enumerate(held):
-            if self._owner[number] is None and (task[tasks.owner] or 0) >= 0 and tasks.taken(task):
-                self._owner[number] = task[tasks.owner]
-                time_s = self.engine.round * self.scene.delta_s
-                self.recorder.task(time_s, number, TaskState.ASSIGNED, task[tasks.owner])
+            if self.owners[number] is None and (task[tasks.owner] or 0) >= 0 and tasks.taken(task):
+                self.owners[number] = task[tasks.owner]
+                self._recorder.task(time_s, number, TaskState.ASSIGNED, task[tasks.owner])
 
-    def _note_visits(self, tasks: _TaskList) -> None:
-        held = self.engine.store.values[tasks.name]
+    def note_visits(self, positions: Floats, time_s: float) -> None:
+        """Record the tasks whose owners are there, positions ``(n, 3)``."""
+        if self._tasks is None:
+            return
         for number, owner in self._open():
-            place: Point = tuple(held[number][0])
-            away = math.dist(self._last[owner].tolist(), place)
+            place: Point = tuple(self._values[self._tasks.name][number][0])
+            away = math.dist(positions[owner].tolist(), place)
             if away <= self._visit_m[owner]:
-                self._visited[number] = self.fleet.now_s
-                self.recorder.task(self.fleet.now_s, number, TaskState.DONE, owner)
+                self.visited[number] = time_s
+                self._recorder.task(time_s, number, TaskState.DONE, owner)
 
     def _open(self) -> Iterator[tuple[int, int]]:
-        for number, owner in enumerate(self._owner):
-            if owner is not None and self._visited[number] is None:
+        for number, owner in enumerate(self.owners):
+            if owner is not None and self.visited[number] is None:
                 yield number, owner
 
 
@@ -281,9 +292,9 @@ class _TaskList(Struct):
         return self.flag is None or task[self.flag] is True
 
 
-def _task_list(engine: Engine) -> _TaskList | None:
-    """The list of tasks, if the program has one; INIT need not be over."""
-    for variable in type(engine.robots[0]).SHARED.variables:
+def _task_list(program: type[Robot]) -> _TaskList | None:
+    """The list of tasks, if the program has one."""
+    for variable in program.SHARED.variables:
         shape = variable.shape
         if isinstance(shape, Array | ListOf) and isinstance(shape.element, Record):
             names = list(getattr(shape.element.make, "_fields", ()))

@@ -9,12 +9,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
-from koord.runtime.engine import RoundEngine as Engine
-from koord.runtime.engine import Shown
+from koord.runtime.engine import Ended, Shown
+from koord.runtime.motion.arrays import Floats, Ints
 from koord.runtime.motion.bodies import Body
 from koord.runtime.motion.world import World
 from koord.runtime.proposals import INIT_ROUND, Decision, Plain
@@ -30,7 +30,8 @@ from koord.runtime.shapes import (
     to_plain,
 )
 from koord.runtime.shapes import Sequence as ListOf
-from koord.sim.fleet import Fleet, Placed
+from koord.runtime.store import AgreedStore
+from koord.sim.fleet import Placed
 from koord.sim.run_log import (
     SHARED,
     WHOLE,
@@ -95,10 +96,37 @@ def header_of(
     )
 
 
+class EngineView(Protocol):
+    """What an observer sees of the rounds of a run."""
+
+    @property
+    def robots(self) -> Sequence[Robot]: ...
+    @property
+    def store(self) -> AgreedStore: ...
+    @property
+    def shown(self) -> Sequence[Shown]: ...
+    @property
+    def round(self) -> int: ...
+    @property
+    def ended(self) -> Ended | None: ...
+
+
+class FleetView(Protocol):
+    """What an observer sees of robots in the world; rows are robots."""
+
+    @property
+    def now_s(self) -> float: ...
+    def positions(self) -> Floats: ...
+    def headings(self) -> Floats: ...
+    def attitudes(self) -> Floats: ...
+    def paths_given(self) -> Ints: ...
+    def path(self, robot: int) -> Floats: ...
+
+
 class Observer:
     """An observer that feeds a recorder with the ticks of a fleet and the rounds of an engine."""
 
-    def __init__(self, recorder: RunLogger, engine: Engine, fleet: Fleet) -> None:
+    def __init__(self, recorder: RunLogger, engine: EngineView, fleet: FleetView) -> None:
         self.recorder, self.engine, self.fleet = recorder, engine, fleet
         header = recorder.recording.header
         self._shared = [(v, _plain_element(v.shape)) for v in header.shared]
@@ -116,9 +144,9 @@ class Observer:
     def begun(self, decision: Decision) -> None:
         """Record the end of INIT."""
         self.tick(self.fleet)
-        self.round(decision, deeds_of(decision, self.engine.robots))
+        self.round(decision.round, deeds_of(decision, self.engine.robots))
 
-    def tick(self, fleet: Fleet, separation_m: float = math.nan) -> None:
+    def tick(self, fleet: FleetView, separation_m: float = math.nan) -> None:
         """Record the end of a tick. ``separation_m`` is that of the two nearest robots."""
         now_s = fleet.now_s
         if not self.recorder.is_due(now_s):
@@ -133,10 +161,13 @@ class Observer:
                 self.recorder.path(now_s, robot, fleet.path(robot))
             self._given = given
 
-    def round(self, decision: Decision, deeds: Deeds) -> None:
-        """Record a round after its decision, before the environment's turn."""
-        number = decision.round
-        time_s = max(number, 0) * self.recorder.recording.header.delta_s
+    def round(self, number: int, deeds: Deeds, time_s: float | None = None) -> None:
+        """Record a round after its decision, before the environment's turn.
+
+        ``time_s`` is when that was, if not as virtual time goes by.
+        """
+        if time_s is None:
+            time_s = max(number, 0) * self.recorder.recording.header.delta_s
         changes: list[LoggedChange] = []
         if time_s >= self._values_due_s - 1e-9:
             self._values_due_s = time_s + self._values_s

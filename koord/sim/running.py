@@ -186,7 +186,7 @@ class Simulation:
         engine = self.engine
         decision = engine.program_turns(self.schedule)
         deeds = deeds_of(decision, engine.robots)
-        self.observer.round(decision, deeds)
+        self.observer.round(decision.round, deeds)
         self.gauge.events(decision, deeds)
         self._note(decision)
         if engine.ended is None:

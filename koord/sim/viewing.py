@@ -14,6 +14,7 @@ import time
 import zlib
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from importlib.resources import files
+from ipaddress import ip_address
 from typing import Any, BinaryIO
 
 from koord.sim.packing import pack
@@ -81,7 +82,8 @@ def _text(name: str) -> str:
 
 
 #: Nobody else is to see the run: only this machine.
-_HOST = "127.0.0.1"
+THIS_MACHINE = "127.0.0.1"
+_EVERYWHERE = "0.0.0.0"
 #: By these names browsers on this machine may ask. Another name is that of a foreign page.
 _NAMES = ("127.0.0.1", "localhost")
 
@@ -104,8 +106,11 @@ class Live:
     Raises OSError if the port is taken.
     """
 
-    def __init__(self, recording: RunLog, port: int = 0) -> None:
-        """Make a server; ``port`` 0 is any free port."""
+    def __init__(self, recording: RunLog, port: int = 0, host: str = THIS_MACHINE) -> None:
+        """Make a server at an address of this machine; ``port`` 0 is any free port.
+
+        At another one than that of loopback everybody in the network sees the run.
+        """
         self._recording = recording
         self._over = threading.Event()
         self._watching = 0
@@ -122,12 +127,14 @@ class Live:
             def log_message(self, format: str, *arguments: Any) -> None:
                 """Log nothing: messages to users come from the command line."""
 
-        self._server = _Server((_HOST, port), Handler)
+        self._host = host
+        self._server = _Server((host, port), Handler)
         self._thread = threading.Thread(target=self._serve, name="live page", daemon=True)
 
     @property
     def address(self) -> str:
-        return f"http://{_HOST}:{self._server.server_address[1]}/"
+        host = THIS_MACHINE if self._host == _EVERYWHERE else self._host
+        return f"http://{host}:{self._server.server_address[1]}/"
 
     def __enter__(self) -> Live:
         self._thread.start()
@@ -151,7 +158,7 @@ class Live:
 
     def _answer(self, request: BaseHTTPRequestHandler, page: bytes) -> None:
         name = request.headers.get("Host", "").rpartition(":")[0]
-        if name not in _NAMES:
+        if not (name in _NAMES or (self._host != THIS_MACHINE and _is_address(name))):
             request.send_error(403)
         elif request.path == "/":
             request.send_response(200)
@@ -192,6 +199,15 @@ class Live:
                 request.wfile.flush()
                 sent = now
             self._over.wait(_PERIOD_S)
+
+
+def _is_address(name: str) -> bool:
+    """Return whether a host is named by its address: no foreign page can pretend that."""
+    try:
+        ip_address(name)
+    except ValueError:
+        return False
+    return True
 
 
 class Throttle:

@@ -14,8 +14,8 @@ from koord.cli.main import main
 from koord.runtime.configuration.model import RunConfiguration
 from koord.runtime.deploy import supervised
 from koord.runtime.deploy.local import LocalProcesses
-from koord.runtime.deploy.running import RoundReport
-from koord.runtime.deploy.status import RobotReport, unheard
+from koord.runtime.deploy.running import News
+from koord.runtime.deploy.status import unheard
 from koord.runtime.transports.transport import TransportError
 from koord.runtime.transports.udp import Plan, on_this_machine
 
@@ -137,12 +137,12 @@ def test_nothing_is_recorded_before_all_robots_can_talk(
     class Halves(LocalProcesses):
         """Robot 0 tells how it is doing, and then robot 1 that it cannot begin."""
 
-        def news(self, timeout_s: float) -> Iterator[tuple[RobotReport, tuple[RoundReport, ...]]]:
+        def news(self, timeout_s: float) -> Iterator[News]:
             if self.statuses:
                 self.failures[1] = TransportError("robot 1 cannot begin")
                 return
             self.statuses[0] = unheard(0)
-            yield self.statuses[0], ()
+            yield News(self.statuses[0])
 
         @property
         def is_over(self) -> bool:

@@ -32,7 +32,7 @@ DRIVEN = (
         "a robot that was lost is taken to be where it was",
         "runtime.deploy.watching.FleetMonitor._at",
         "return UnknownRobot()",
-        "return self._robots[pid]",
+        "return self.robots[pid]",
         (WATCHED,),
     ),
     Mutant(

@@ -69,7 +69,7 @@ class IdealHost(Untimed):
         self._step_m = delta_s * speed * (1 - _SLACK)
         self._random = Random(f"{seed} {pid}")
         self._done = 0  #: way-points of the path that lie behind
-        self._path: tuple[Point, ...] = ()
+        self.path: tuple[Point, ...] = ()
 
     def _place(self, pid: int) -> Point:
         """Start positions for robots, in rows from the low corner of the world."""
@@ -114,7 +114,7 @@ class IdealHost(Untimed):
         for name in robot.SENSORS:
             module, _, port = name.rpartition("_")
             if port in DONE:
-                readings[name] = self._done >= len(self._path)
+                readings[name] = self._done >= len(self.path)
             elif name not in readings and getattr(robot, name) is None:
                 readings[name] = default(robot.PORTS[name], robot.numAgents)
         return readings
@@ -146,8 +146,8 @@ class IdealHost(Untimed):
         return ()
 
     def _move(self, path: tuple[Point, ...]) -> None:
-        if path != self._path:
-            self._path, self._done = path, 0
+        if path != self.path:
+            self.path, self._done = path, 0
         left = 0.0 if self.holding else self._step_m
         while self._done < len(path):
             goal = path[self._done]

@@ -25,7 +25,7 @@ from koord.runtime.deploy.running import (
     CannotTakePartError,
     Job,
     Make,
-    RoundReport,
+    News,
     Runner,
     described,
     member_of,
@@ -128,8 +128,8 @@ class Farewell(Struct, frozen=True):
     error: str | None = None
 
 
-#: What a robot's process says: how it is doing and what it did, or why it ends.
-News = tuple[RobotReport, tuple[RoundReport, ...]] | TransportError | CannotTakePartError | Farewell
+#: What a robot's process says: what is new of it, or why it ends.
+Said = News | TransportError | CannotTakePartError | Farewell
 
 _STOP = b"stop"
 
@@ -148,7 +148,8 @@ class Launch(Struct, frozen=True):
     plan: Plan
     make: Make = member_of
     carry: Carry = Udp
-    keeps_moments: bool = False
+    keeps_rounds: bool = False
+    keeps_poses: bool = False
     scratch: str | None = None  #: a folder that is of no use without the first process
 
 
@@ -180,8 +181,8 @@ class LocalProcesses(Struct):
         for error in self.failures.values():
             raise error
 
-    def news(self, timeout_s: float) -> Iterator[tuple[RobotReport, tuple[RoundReport, ...]]]:
-        """Yield new reports of processes, waiting at most ``timeout_s`` for the first."""
+    def news(self, timeout_s: float) -> Iterator[News]:
+        """Yield what is new of processes, waiting at most ``timeout_s`` for the first."""
         open_ends = [end for end in self.ends if not end.closed]
         if not open_ends:
             time.sleep(timeout_s)
@@ -190,7 +191,7 @@ class LocalProcesses(Struct):
             assert isinstance(ready, Connection)
             pid = self.ends.index(ready)
             try:
-                said: News = ready.recv()
+                said: Said = ready.recv()
             except (EOFError, OSError):
                 ready.close()
                 self._closed.append(pid)
@@ -200,9 +201,9 @@ class LocalProcesses(Struct):
                     self.failures[pid] = said
                 case Farewell():
                     self.farewells[pid] = said
-                case (status, moments):
+                case News(status=status):
                     self.statuses[pid] = status
-                    yield status, moments
+                    yield said
 
     def ended(self) -> Iterator[ProcessEnd]:
         """Yield how the processes ended that have since this was last asked."""
@@ -338,15 +339,14 @@ def _robot(launch: Launch, pid: int, end: Connection) -> None:
         return
     try:
         runner = Runner(launch.job, pid, transport, make=launch.make)
-        runner.keeps_moments = launch.keeps_moments
+        runner.keeps_rounds, runner.keeps_poses = launch.keeps_rounds, launch.keeps_poses
 
-        def report(status: RobotReport) -> None:
-            moments = tuple(runner.moments)
-            runner.moments.clear()
+        def report(news: News) -> None:
             with suppress(OSError):  # nobody hears it any more: it is told to stop
-                end.send((status, moments))
+                end.send(news)
 
-        report(runner.run(asked, report))
+        runner.run(asked, report)
+        report(runner.news())
         farewell = None if asked.by is None else Farewell(signal=asked.by)
     except CannotTakePartError as error:
         end.send(error)

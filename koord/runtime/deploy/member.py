@@ -26,6 +26,7 @@ from koord.runtime.deploy.journal import (
     Vow,
 )
 from koord.runtime.deploy.watching import RobotMonitor, RobotState
+from koord.runtime.drivers.frames import LEVEL, Quaternion
 from koord.runtime.encoding import decoder, encode
 from koord.runtime.guardian.events import Order
 from koord.runtime.motion.world import Point
@@ -103,6 +104,16 @@ class Platform(AnsweringHost, Protocol):
         ...
 
     @property
+    def attitude(self) -> Quaternion:
+        """The attitude of the vehicle, w first."""
+        ...
+
+    @property
+    def path(self) -> tuple[Point, ...]:
+        """The path that the vehicle follows."""
+        ...
+
+    @property
     def is_at_rest(self) -> bool:
         """True if the vehicle stands on the ground, and does not move any more."""
         ...
@@ -123,6 +134,8 @@ _BODILESS = "a point, without a vehicle"
 class Untimed:
     """What moves robots by reckoning, whenever their sensors are read."""
 
+    attitude: Quaternion = LEVEL
+    path: tuple[Point, ...] = ()
     is_at_rest = True
     remarks: tuple[str, ...] = ()
     state = _BODILESS
@@ -173,7 +186,7 @@ class Member:
         self.tell: Callable[[LogEntry], Any] = _nothing  #: what is to be said of a round besides
         self.unwritable: str | None = None  #: why its journal cannot be written
         self.monitor: RobotMonitor | None = None
-        self.tells_states = False
+        self.is_alone = False  #: nobody hears here what the others tell of their states
         self.state: RobotState | None = None  #: when the round began that was proposed for last
         self._journal: Journal | None = None
         self._identity: tuple[Entered, Start] | None = None
@@ -239,8 +252,7 @@ class Member:
         """Look at the state when a round begins. (P-WATCH)"""
         if self.monitor is not None:
             self.monitor.begun(round_, self.store.values)
-        if self.tells_states:
-            self.state = RobotState.of(self.robot, round_, self.store)
+            self.state = RobotState.of(self.robot, round_, self.store, is_alone=self.is_alone)
 
     def watch(self, watched: Watched, kinds: int) -> None:
         """Watch the claims that the robot, of one of so many kinds, can judge by itself."""

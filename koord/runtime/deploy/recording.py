@@ -50,19 +50,19 @@ class DeploymentRecord:
         facts |= {"delta_s": str(problem.delta_s), "differing": ", ".join(problem.differing)}
         self._file.describe("koord", facts)
 
-    def moments(self, moments: tuple[RoundReport, ...], now_ns: int) -> None:
+    def rounds(self, rounds: tuple[RoundReport, ...], now_ns: int) -> None:
         """Write the rounds of a robot."""
-        for moment in moments:
-            said = [{"stream": w.stream, "values": repr(w.values)} for w in moment.output]
+        for one in rounds:
+            said = [{"stream": w.stream, "values": repr(w.values)} for w in one.output]
             message = {
-                "round": moment.round,
-                "event": moment.event,
-                "position": list(moment.position),
-                "late": moment.late,
-                "took_s": moment.took_s,
+                "round": one.round,
+                "event": one.event,
+                "position": list(one.position),
+                "late": one.late,
+                "took_s": one.took_s,
                 "output": said,
             }
-            self._file.add(f"/robots/{moment.pid}", _ROBOTS, message, now_ns, moment.round)
+            self._file.add(f"/robots/{one.pid}", _ROBOTS, message, now_ns, one.round)
 
     def status(
         self, status: RobotReport, now_ns: int, process: ProcessReport | None = None

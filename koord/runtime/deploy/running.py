@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 import traceback
 from collections.abc import Callable, Mapping
@@ -31,8 +32,10 @@ from koord.runtime.deploy.member import DivergedError, Member, Platform
 from koord.runtime.deploy.resuming import come_back, enter
 from koord.runtime.deploy.status import RobotReport, Tally, added, gathering, status_of
 from koord.runtime.deploy.watching import RobotState
+from koord.runtime.drivers.frames import LEVEL, Quaternion
 from koord.runtime.encoding import text_digest
 from koord.runtime.guardian.events import Order
+from koord.runtime.motion.world import Point
 from koord.runtime.node import Clock, Peer
 from koord.runtime.orders.hearing import Body, Hearer, Obeyed
 from koord.runtime.proposals import INIT_ROUND, Admitted
@@ -60,6 +63,9 @@ from koord.version import __version__
 
 #: How often a robot says how it is doing.
 REPORT_S = 0.25
+
+#: How often it notes where it is, if anybody wants to know.
+POSE_S = 0.1
 
 #: How long a robot stays to answer others after its last round, in rounds.
 LINGERING = 8
@@ -192,8 +198,27 @@ class RoundReport(Struct, frozen=True):
     output: tuple[Written, ...]
     late: bool
     took_s: float
+    at_s: float = 0.0  #: of the robot's clock
     state: RobotState | None = None  #: when the round began, if that is to be told
     told: Any = None  #: what the robot tells besides (:attr:`Member.tell`)
+
+
+class PoseReport(Struct, frozen=True):
+    """The report of a robot on where it was."""
+
+    pid: int
+    at_s: float  #: of the robot's clock
+    position: Point
+    attitude: Quaternion
+    path: tuple[Point, ...] | None = None  #: that it follows; None: the same as before
+
+
+class News(Struct, frozen=True):
+    """What a robot tells: how it is doing, its rounds and where it was since it told last."""
+
+    status: RobotReport
+    rounds: tuple[RoundReport, ...] = ()
+    poses: tuple[PoseReport, ...] = ()
 
 
 def member_of(job: Job, pid: int) -> Member:
@@ -241,8 +266,12 @@ class Runner:
     ) -> None:
         self.job = job
         self.tally = Tally()
-        self.moments: list[RoundReport] = []  #: not yet taken by anyone
-        self.keeps_moments = False
+        self.keeps_rounds = False
+        self.keeps_poses = False
+        self._rounds: list[RoundReport] = []  #: not yet told to anyone
+        self._poses: list[PoseReport] = []
+        self._pose_due_s = -math.inf
+        self._path: tuple[Point, ...] = ()
         self.trouble: str | None = None  #: why it had to stop
         self.peer: Peer | None = None  #: None: it is in no run yet
         self.run_id = NO_RUN
@@ -273,7 +302,7 @@ class Runner:
         self.member.seen = self._saw
         if job.watched is not None:
             self.member.watch(job.watched, len(job.classes))
-            self.member.tells_states = job.is_local
+            self.member.is_alone = not job.is_local
         self._setup = Setup(
             job.robots,
             Timing.of(job.pace_s, job.robots, job.unhurried_s),
@@ -383,7 +412,11 @@ class Runner:
         self.joining.say_roll()
 
     def _hear(self, sender: int, beacon: Beacon) -> None:
-        self.member.host.hear(sender, beacon, self._clock())
+        now_s = self._clock()
+        self.member.host.hear(sender, beacon, now_s)
+        if self.keeps_poses and not self.job.is_local:  # nobody else tells of that robot here
+            here = PoseReport(sender, now_s - beacon.age_s, beacon.position_m, LEVEL)
+            self._poses.append(here)
 
     def _known(self, robot: int) -> tuple[Known, float | None] | None:
         """What this robot knows of another, and when it was heard. (R-RUNNING)"""
@@ -470,15 +503,17 @@ class Runner:
                 tally.took_s += took_s
                 tally.overdue += took_s > 1.5 * self.job.pace_s > 0
         self._committed_at = now
-        if self.keeps_moments:
+        if self.keeps_rounds:
             event = None if kept is None or kept.event is None else kept.event
             name = None if event is None else self.member.robot.EVENTS[event].name
             output = tuple(self.member.output)
             position = self.member.host.position
             told, state = self.member.tell(entry), self.member.state
             self.member.state = None
-            self.moments.append(
-                RoundReport(pid, entry.round, name, position, output, late, took_s, state, told)
+            self._rounds.append(
+                RoundReport(
+                    pid, entry.round, name, position, output, late, took_s, now, state, told
+                )
             )
         self.member.output.clear()
 
@@ -505,8 +540,15 @@ class Runner:
             drops=tuple(drops.items()),
         )
 
+    def news(self) -> News:
+        """What is new since the last call."""
+        rounds, poses = tuple(self._rounds), tuple(self._poses)
+        self._rounds.clear()
+        self._poses.clear()
+        return News(self.status, rounds, poses)
+
     def run(
-        self, is_told_to_stop: Callable[[], bool], report: Callable[[RobotReport], None]
+        self, is_told_to_stop: Callable[[], bool], report: Callable[[News], None]
     ) -> RobotReport:
         """Run until the run is over, all robots have stopped, or the robot is told to stop.
 
@@ -529,7 +571,7 @@ class Runner:
             now = self._clock()
             if now >= next_report:
                 next_report = now + REPORT_S
-                report(self.status)
+                report(self.news())
                 if is_told_to_stop():
                     break
             if leave_at is None and (self._is_over or self.member.all_stopped):
@@ -571,10 +613,24 @@ class Runner:
         age_s = None if at is None else now - at
         host = self.member.host
         due_s = host.tick(now, age_s, self.member.holding)
+        if self.keeps_poses:
+            self._note_pose(now)
         beacon = None if self.peer is None else host.beacon(self._clock())
         if beacon is not None and self.peer is not None:
             self.peer.tell(beacon)
         return min(REPORT_S / 4, max(0.0, due_s - self._clock()))
+
+    def _note_pose(self, now_s: float) -> None:
+        """Note where the robot is, now and then."""
+        if now_s < self._pose_due_s:
+            return
+        self._pose_due_s = now_s + POSE_S
+        platform = self.member.platform
+        path = platform.path
+        new = None if path == self._path else path
+        self._path = path
+        pid = self.member.robot.pid
+        self._poses.append(PoseReport(pid, now_s, platform.position, platform.attitude, new))
 
     @property
     def _is_over(self) -> bool:

@@ -5,10 +5,10 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping
 
-from msgspec.structs import replace
+from msgspec import structs
 
 from koord.runtime.deploy.local import Launch, launched
-from koord.runtime.deploy.running import RoundReport
+from koord.runtime.deploy.running import News
 from koord.runtime.deploy.status import RobotReport
 from koord.runtime.deploy.supervision import EndCause, ProcessReport, Supervisor
 
@@ -48,24 +48,27 @@ class SupervisedProcesses:
         """True if each robot has begun, or ended."""
         return self._fleet.is_over or len(self.statuses) == len(self.processes)
 
-    def turn(self, timeout_s: float) -> list[tuple[RobotReport, tuple[RoundReport, ...]]]:
+    def turn(self, timeout_s: float) -> list[News]:
         """Wait for reports, and return them; do what is to be done about processes that ended.
 
         Raises TransportError, if a robot could not begin.
         """
         supervisor, fleet = self._supervisor, self._fleet
-        news = [(supervisor.heard(said), moments) for said, moments in fleet.news(timeout_s)]
+        news = [
+            structs.replace(said, status=supervisor.heard(said.status))
+            for said in fleet.news(timeout_s)
+        ]
         for pid, failure in fleet.failures.items():
             if not supervisor.processes[pid].restarts:
                 raise failure
         now = time.monotonic()
         for end in fleet.ended():
             if end.pid in self._overdue:
-                end = replace(end, cause=EndCause.DEAF)
+                end = structs.replace(end, cause=EndCause.DEAF)
             if supervisor.ended(end, now):
                 fleet.replace(end.pid)
             if supervisor.processes[end.pid].end is end:
-                news.append((supervisor.statuses[end.pid], ()))
+                news.append(News(supervisor.statuses[end.pid]))
         if supervisor.is_stuck(now):
             self.stop()
         for pid in supervisor.overdue(now):

@@ -7,7 +7,7 @@ Who hears of all robots watches the other invariants. A broken claim stops nobod
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import chain
 from typing import Any
 
@@ -184,11 +184,11 @@ class RobotState(Struct, frozen=True):
     shared: tuple[Plain, ...] | None  #: the store, of some robots in some rounds
 
     @staticmethod
-    def of(robot: Robot, round_: int, store: AgreedStore) -> RobotState:
-        """The present state of a robot. The robots tell of the store in turn."""
+    def of(robot: Robot, round_: int, store: AgreedStore, *, is_alone: bool = False) -> RobotState:
+        """The present state of a robot. If it is not alone, robots tell of the store in turn."""
         held, own = vars(robot), {**robot.LOCALS, **robot.PORTS}
         plain = tuple(to_plain(shape, held[name]) for name, shape in own.items())
-        is_next = round_ % robot.numAgents == robot.pid
+        is_next = is_alone or round_ % robot.numAgents == robot.pid
         return RobotState(
             round_, plain, robot.ran, robot.status.value, store.snapshot() if is_next else None
         )
@@ -198,7 +198,8 @@ class FleetMonitor:
     """The monitor of all robots, in the process that hears of them. (P-WATCH)
 
     It looks at invariants that no robot can judge by itself, when a round begins. Robots that tell
-    nothing are unknown.
+    nothing are unknown. ``seen`` hears of each round that was looked at; ``robots`` and ``store``
+    are in its state then, those that are unknown in their last one.
     """
 
     def __init__(
@@ -211,19 +212,15 @@ class FleetMonitor:
     ) -> None:
         """Watch robots that are ``classes[kinds[pid]]``; ``host`` answers what claims ask."""
         self.breaches = Breaches()
-        self._robots = [classes[kind](pid, kinds, delta_s, host) for pid, kind in enumerate(kinds)]
-        self._store = AgreedStore(classes[0].SHARED, len(kinds))
+        self.robots = [classes[kind](pid, kinds, delta_s, host) for pid, kind in enumerate(kinds)]
+        self.store = AgreedStore(classes[0].SHARED, len(kinds))
         claims = _of_several(watched)
         self._states = StateMonitor(watch_of(watched, kinds, delta_s, host), claims, kinds)
         self._told: dict[int, dict[int, RobotState]] = {}
         self._last = [INIT_ROUND] * len(kinds)  #: the round that each told of last
         self._own: list[tuple[Plain, ...]] = [() for _ in kinds]  #: what robots told last
         self._shared: tuple[Plain, ...] | None = None
-
-    @property
-    def robots(self) -> int:
-        """The number of robots."""
-        return len(self._robots)
+        self.seen: Callable[[int], None] = _ignored
 
     @property
     def unknown(self) -> set[str]:
@@ -254,18 +251,19 @@ class FleetMonitor:
         if shared is None:
             return
         if shared != self._shared:
-            self._store.restore(shared)
+            self.store.restore(shared)
             self._shared = shared
-        robots = [self._at(pid, told.get(pid)) for pid in range(len(self._robots))]
-        self._states.see(robots, self._store.values)
+        robots = [self._at(pid, told.get(pid)) for pid in range(len(self.robots))]
+        self._states.see(robots, self.store.values)
         for claim, who in self._states.broken(_STATES):
             self.breaches.add(Breach.of(claim, who, round_))
+        self.seen(round_)
 
     def _at(self, pid: int, state: RobotState | None) -> Robot | UnknownRobot:
         """A robot in the state that it told."""
         if state is None:
             return UnknownRobot()
-        robot = self._robots[pid]
+        robot = self.robots[pid]
         own = {**robot.LOCALS, **robot.PORTS}
         were = self._own[pid] or (_NOTHING,) * len(own)
         for (name, shape), value, was in zip(own.items(), state.own, were, strict=True):
@@ -274,3 +272,7 @@ class FleetMonitor:
         self._own[pid] = state.own
         robot.ran, robot.status = state.ran, Status(state.status)
         return robot
+
+
+def _ignored(round_: int) -> None:
+    """Ignore that a round was looked at: the default listener."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 
+from koord.runtime.drivers.frames import Quaternion
 from koord.runtime.guardian.events import Condition, Order, Other
 from koord.runtime.guardian.modes import Mode
 from koord.runtime.motion.group import TICK_S
@@ -192,6 +193,14 @@ class VehiclePlatform(Forwarding):
         self._is_stopping = True
         self.vehicle.order(Order.STOP, now_s)
         self.vehicle.order(Order.LAND, now_s)
+
+    @property
+    def attitude(self) -> Quaternion:
+        return self.vehicle.sensed.attitude
+
+    @property
+    def path(self) -> tuple[Point, ...]:
+        return self.vehicle.pilot.path
 
     @property
     def is_at_rest(self) -> bool:

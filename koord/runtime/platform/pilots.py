@@ -102,6 +102,11 @@ class Pilot(ABC):
         )
 
     @property
+    def path(self) -> tuple[Point, ...]:
+        """The path that the robot follows."""
+        return tuple(map(_point, self.group.path(0)))
+
+    @property
     def is_under_way(self) -> bool:
         """True if the robot has somewhere to go."""
         return bool(automaton.moves(self.group.automata)[0])
