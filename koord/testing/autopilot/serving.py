@@ -54,19 +54,13 @@ def serve(
     settings: Settings,
     peers: tuple[Address, ...] = (),
     goes_on: Callable[[], bool] = lambda: True,
-<<<<<<< HEAD
     report: Callable[[str], None] | None = None,
-) -> None:
-    """Be an autopilot for all who talk to a bound socket, and for ``peers`` from the beginning.
-
-    ``report`` hears some times a second where the aircraft is, as a line of JSON.
-=======
     truth: Truth | None = None,
 ) -> None:
     """Be an autopilot for all who talk to a bound socket, and for ``peers`` from the beginning.
 
-    ``truth`` is told where its aircraft really is, as a motion capture sees it.
->>>>>>> 618fcf78 (Tell autopilots where a localiser says that they are)
+    ``report`` hears some times a second where the aircraft is, as a line of JSON; ``truth`` is told
+    where it really is, as a motion capture sees it.
     """
     autopilot = SimulatedAutopilot(settings, time.monotonic())
     wire = Wire(settings.system)
@@ -77,14 +71,11 @@ def serve(
         select.select([bound], [], [], 0.01)
         now_s = time.monotonic()
         autopilot.advance(now_s)
-<<<<<<< HEAD
         if report is not None and now_s - reported_s >= _REPORT_S:
             reported_s = now_s
             report(_reported(autopilot))
-=======
         if truth is not None:
             _send(bound, _true(autopilot, truth), truth.address)
->>>>>>> 618fcf78 (Tell autopilots where a localiser says that they are)
         for data, address in _arrived(bound):
             known[address] = now_s
             wire.heard(autopilot, data)
@@ -94,7 +85,6 @@ def serve(
                 _send(bound, data, address)
 
 
-<<<<<<< HEAD
 def _reported(autopilot: SimulatedAutopilot) -> str:
     """Where it is: east, north, up in metres; its heading counter-clockwise from east."""
     north, east, down = autopilot.airframe.position_m
@@ -106,7 +96,8 @@ def _reported(autopilot: SimulatedAutopilot) -> str:
         "armed": autopilot.armed,
     }
     return json.dumps(told)
-=======
+
+
 class Truth(Struct, frozen=True):
     """Who is told where an aircraft really is, and what that calls it."""
 
@@ -121,7 +112,6 @@ def _true(autopilot: SimulatedAutopilot, truth: Truth) -> bytes:
     there = [x + east, y + north, z - down]
     heading = math.remainder(math.pi / 2 - autopilot.airframe.yaw_rad, math.tau)
     return json.dumps({"body": truth.body, "position": there, "heading": heading}).encode()
->>>>>>> 618fcf78 (Tell autopilots where a localiser says that they are)
 
 
 def _arrived(bound: socket.socket) -> list[tuple[bytes, Address]]:
@@ -158,10 +148,8 @@ def main() -> None:
     parser.add_argument(
         "--failing", action="append", default=[], metavar="CHECK", help="an arming check that fails"
     )
-<<<<<<< HEAD
     parser.add_argument("--yaw", type=float, default=0.0, help="rad, clockwise from north")
     parser.add_argument("--report", action="store_true", help="tell where it is, as JSON")
-=======
     parser.add_argument(
         "--vision", action="store_true", help="know where it is by external vision alone"
     )
@@ -172,28 +160,27 @@ def main() -> None:
         help="a fake NatNet server (--told), which sees where it really is",
     )
     parser.add_argument("--body", default="drone", help="its name there")
->>>>>>> 618fcf78 (Tell autopilots where a localiser says that they are)
     told = parser.parse_args()
     bound = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     bound.bind(told.bind)
     x, y, z = told.start
     failing = tuple(told.failing)
     settings = Settings(
-<<<<<<< HEAD
-        told.firmware, told.system, start_m=(x, y, z), yaw_rad=told.yaw, failing=failing
+        told.firmware,
+        told.system,
+        start_m=(x, y, z),
+        yaw_rad=told.yaw,
+        failing=failing,
+        vision=told.vision,
     )
-    serve(bound, settings, tuple(told.peer), report=_print if told.report else None)
+    report = _print if told.report else None
+    truth = None if told.truth is None else Truth(told.truth, told.body)
+    serve(bound, settings, tuple(told.peer), report=report, truth=truth)
 
 
 def _print(line: str) -> None:
     sys.stdout.write(line + "\n")
     sys.stdout.flush()
-=======
-        told.firmware, told.system, start_m=(x, y, z), failing=failing, vision=told.vision
-    )
-    truth = None if told.truth is None else Truth(told.truth, told.body)
-    serve(bound, settings, tuple(told.peer), truth=truth)
->>>>>>> 618fcf78 (Tell autopilots where a localiser says that they are)
 
 
 if __name__ == "__main__":
