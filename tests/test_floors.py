@@ -191,7 +191,7 @@ GUARDED = (
     ("numba", ("koord/sim/",), 1),
     ("mujoco", ("koord/sim/",), 1),
     ("mcap", ("koord/runtime/",), 1),
-    ("cyclonedds", ("koord/runtime/drivers/ros2/",), 2),
+    ("cyclonedds", ("koord/runtime/drivers/ros2/", "koord/testing/ros2/"), 4),
     ("natnet", ("koord/runtime/drivers/localisers/",), 1),
     ("rerun", ("koord/sim/files/",), 1),
     ("rosbags", ("koord/sim/files/",), 1),
@@ -207,7 +207,9 @@ JUDGING = ("koord/semantics/", "koord/traces/")
 TALKING = (
     *("koord/cli/", "koord/__main__.py"),
     # Processes of their own, which tell others by their standard output.
-    *("koord/testing/autopilot/serving.py", "koord/testing/conformance/killed.py"),
+    "koord/testing/autopilot/serving.py",
+    "koord/testing/conformance/killed.py",
+    "koord/testing/ros2/serving.py",
 )
 
 TALKING_NAMES = frozenset({"print", "input", "exit", "quit", "SystemExit", "breakpoint"})

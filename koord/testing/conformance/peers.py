@@ -16,7 +16,8 @@ import sys
 import threading
 import time
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from typing import Any, Protocol, TypeVar, cast
 
 import msgspec
@@ -179,6 +180,21 @@ class KnownPeer(Struct, frozen=True):
         )
 
 
+@contextmanager
+def patched(environment: Mapping[str, str]) -> Iterator[None]:
+    """Within the context, this process and those it starts have these variables too."""
+    before = {name: os.environ.get(name) for name in environment}
+    os.environ.update(environment)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
+
+
 def _filled(value: Found, free: str) -> Found:
     if isinstance(value, str):
         return cast(Found, value.replace("{free}", free))
@@ -215,8 +231,55 @@ def _autopilot(firmware: str, silence_s: float) -> KnownPeer:
     )
 
 
+#: DDS on this machine alone, without multicast.
+_LOOPBACK = (
+    "<CycloneDDS><Domain><General><AllowMulticast>false</AllowMulticast><Interfaces>"
+    '<NetworkInterface name="lo" multicast="false"/></Interfaces></General><Discovery>'
+    "<ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>40"
+    '</MaxAutoParticipantIndex><Peers><Peer address="127.0.0.1"/></Peers></Discovery>'
+    "</Domain></CycloneDDS>"
+)
+
+
+def _car() -> KnownPeer:
+    """A car as a node of ROS 2."""
+    return KnownPeer(
+        "ros2",
+        (
+            *(sys.executable, "-m", "koord.testing.ros2.serving", "--prefix", "kit{free}"),
+            *("--domain", "77", "--start", "1.0", "-0.5", "0.6", "--report"),
+        ),
+        {
+            "positioning_topic": {"topic": "pose", "type": "PoseStamped"},
+            "ros_node_prefix": "kit{free}",
+            "domain": 77,
+            "dead_man": 0.5,
+        },
+        "DIFF",
+        (1.0, -0.5, 0.0),
+        0.6,
+        {"CYCLONEDDS_URI": _LOOPBACK},
+    )
+
+
+def _crazyflie() -> KnownPeer:
+    """A Crazyflie that is simulated."""
+    return KnownPeer(
+        "crazyflie",
+        (
+            *(sys.executable, "-m", "koord.testing.crazyflie.serving"),
+            *("--bind", "127.0.0.1:{free}", "--start", "0.5", "-0.5", "0"),
+        ),
+        {"uri": "udp://127.0.0.1:{free}"},
+        "QUAD",
+        (0.5, -0.5, 0.0),
+    )
+
+
 #: The peers that come with koord, by name.
 KNOWN = {
+    "crazyflie": _crazyflie(),
+    "ros2": _car(),
     "px4": _autopilot("px4", 1.0),
     "ardupilot": _autopilot("ardupilot", 5.0),
 }

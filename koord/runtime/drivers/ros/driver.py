@@ -69,6 +69,7 @@ class RosDriver(ABC):
         #: what the vehicle says of the last way-point; programs are told by where it is
         self.reached: bool | None = None
         self._trouble: str | None = None  #: why the pose that was heard last does not count
+        self._is_answering = True
         self._links: _Links | None = None
         self._heard: Fix | None = None
         self._heard_at_s = 0.0
@@ -158,6 +159,7 @@ class RosDriver(ABC):
             self._hear_velocity(self._links, now_s)
             self._hear_others(self._links)
         fix = self._fix
+        self._is_answering = self._answers(now_s)
         if fix is None:
             return None
         battery = self.plan.battery
@@ -167,7 +169,7 @@ class RosDriver(ABC):
             self._velocity(now_s),
             self._heard_at_s if self._located is None else fix.stamp_s,
             battery=None if battery is None else self._readings.get(battery),
-            link=self._answers(now_s),
+            link=self._is_answering,
         )
 
     def _answers(self, now_s: float) -> bool:
@@ -203,6 +205,8 @@ class RosDriver(ABC):
             yield trouble
         if self._fix is None:
             return  # its start says what lacks
+        if not self._is_answering and self.plan.positioning is not None:
+            yield f"nothing is heard on `{self.plan.positioning.told}` any more"
         if not self._links.commander.sender.is_heard:
             yield f"nobody listens to `{self.plan.command.told}`"
 
