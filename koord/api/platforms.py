@@ -68,7 +68,7 @@ def platforms(
             driver = _driver(drivers, device)
             wishes = driver.capabilities.wishes
             steersman = pilot(settings, world, scene.seed * len(scene.robots) + pid, wishes=wishes)
-            driven = DrivenVehicle(driver, steersman, guarded, time.monotonic())
+            driven = DrivenVehicle(driver, steersman, guarded, time.monotonic(), watched=arms)
         except DriverError as error:
             raise CannotTakePartError(f"robot {pid}: {error.message}", error.hint) from None
 

@@ -9,6 +9,7 @@ BEACONS = "tests/runtime/platform/test_beacons.py"
 DRIVEN_BY = "tests/runtime/platform/test_driven.py"
 FRAMES = "tests/runtime/platform/test_frames.py"
 REGISTRY = "tests/runtime/platform/test_registry.py"
+WATCHDOG = "tests/runtime/platform/test_watchdog.py"
 DRY_RUN = "tests/cli/test_dry_run.py"
 WATCHED = "tests/runtime/platform/test_watched.py"
 
@@ -67,8 +68,8 @@ DRIVEN = (
     Mutant(
         "guardians are not told of other robots",
         "runtime.platform.vehicle.DrivenVehicle.tick",
-        "Ticked(now_s, sensed, wish, round_age_s, holding, others, heartbeat_age_s)",
-        "Ticked(now_s, sensed, wish, round_age_s, holding, (), heartbeat_age_s)",
+        "Ticked(now_s, sensed, wish, round_age_s, holding, others, heartbeat_age_s, watchdog)",
+        "Ticked(now_s, sensed, wish, round_age_s, holding, (), heartbeat_age_s, watchdog)",
         (DRIVEN_BY,),
     ),
     Mutant(
@@ -77,6 +78,27 @@ DRIVEN = (
         "self.driver.command(answer.setpoint, now_s)",
         "self.driver.command(getattr(event, 'wish', None) or answer.setpoint, now_s)",
         (DRIVEN_BY,),
+    ),
+    Mutant(
+        "robots do not miss their watchdogs",
+        "runtime.platform.watchdog.Watchdog._hear",
+        "self._is_gone or not heard",
+        "self._is_gone",
+        (WATCHDOG,),
+    ),
+    Mutant(
+        "guardians are not told of watchdogs",
+        "runtime.guardian.conditions._of_surroundings",
+        "tick.watchdog is not None",
+        "False",
+        (WATCHDOG, "tests/runtime/guardian/test_conditions.py"),
+    ),
+    Mutant(
+        "vehicles that nothing stops move",
+        "runtime.platform.watchdog.watchdog_of",
+        "wanted is DeadMan.NONE",
+        "wanted is DeadMan.NONE or stopper is None",
+        (WATCHDOG,),
     ),
     Mutant(
         "a simulated vehicle goes on when nobody speaks to it any more",

@@ -84,8 +84,8 @@ ORDERED = (
     Mutant(
         "robots without a heartbeat move",
         "runtime.platform.vehicle.DrivenVehicle.tick",
-        "Ticked(now_s, sensed, wish, round_age_s, holding, others, heartbeat_age_s)",
-        "Ticked(now_s, sensed, wish, round_age_s, holding, others, 0.0)",
+        "Ticked(now_s, sensed, wish, round_age_s, holding, others, heartbeat_age_s, watchdog)",
+        "Ticked(now_s, sensed, wish, round_age_s, holding, others, 0.0, watchdog)",
         (OBEYING,),
     ),
     Mutant(

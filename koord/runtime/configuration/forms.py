@@ -12,7 +12,7 @@ from typing import Annotated, Any
 import msgspec
 from msgspec import Meta
 
-from koord.runtime.guardian.limits import EstopAction
+from koord.runtime.guardian.limits import DeadMan, EstopAction
 from koord.runtime.motion.bodies import VEHICLES, Level, Steering
 from koord.syntax.core import LEAST_DELTA_S, MOST_DELTA_S
 
@@ -133,6 +133,8 @@ class SafetyForm(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
     battery_more: Share | None = None  #: of 1; so much more before it goes on
     heartbeat: Positive | None = None  #: s, greatest age of the e-stop's; else none is asked for
     estop: EstopAction | None = None
+    watchdog: Positive | None = None  #: s, a robot that is silent for longer is stopped by it
+    dead_man: DeadMan | None = None  #: what stops a vehicle whose robot is killed
     still: Positive | None = None  #: m/s, slower than this it stands
     landed: Positive | None = None  #: m, not higher above the ground it has landed
 

@@ -11,7 +11,7 @@ import msgspec
 
 from koord.runtime.configuration.forms import Agent, Carrier, Device, Form
 from koord.runtime.configuration.reading import Document, Path, problem
-from koord.runtime.guardian.limits import EstopAction
+from koord.runtime.guardian.limits import DeadMan, EstopAction
 from koord.runtime.motion.bodies import VEHICLES, Level, Steering
 from koord.syntax.diagnostics import Diagnostic
 
@@ -21,6 +21,7 @@ _STEP = re.compile(r"\.([^.\[\]]+)|\[(\d+|\.\.\.)\]")
 _UNKNOWN = re.compile(r"Object contains unknown field `([^`]*)`")
 _CHOICES: Mapping[str, Iterable[str]] = {
     "transport": [one.value for one in Carrier],
+    "dead_man": [one.value for one in DeadMan],
     "estop": [one.value for one in EstopAction],
     "level": [one.value for one in Level],
     "steering": [one.value for one in Steering],

@@ -92,6 +92,20 @@ class Located(Struct, frozen=True):
     measured_at_s: float  #: monotonic
 
 
+class Stopper(Struct, frozen=True):
+    """What a watchdog stops a vehicle with, in a process of its own. (P-WATCHDOG)
+
+    ``target`` (``module:name``) makes, of ``arguments`` by name, an object with ``stop()``, which
+    tells the vehicle once to stop and does not wait, and ``close()``. It is made before the vehicle
+    moves, and connects then. It is asked to stop again and again, for ``for_s`` seconds after the
+    robot has ended.
+    """
+
+    target: str
+    arguments: bytes = b"{}"  #: as JSON
+    for_s: float = 5.0
+
+
 class Capabilities(Struct, frozen=True):
     """What a driver can do and tell, and what it asks of those who use it."""
 
@@ -100,6 +114,7 @@ class Capabilities(Struct, frozen=True):
     rate_hz: float  #: set-points a second that it needs
     pose_age_s: float  #: how old its poses usually are at most
     dead_man_s: float | None = None  #: the vehicle stops by itself after this long without any
+    stopper: Stopper | None = None  #: else a watchdog does, if there is this
     tells_battery: bool = False
     tells_airborne: bool = False
     takeoff_height_m: float | None = None  #: it has to rise to this before it is led; None: never

@@ -240,6 +240,7 @@ def _with(well: Ticked, condition: Condition) -> Ticked:
         Condition.PROTOCOL: replace(well, holding=Reason.NO_MAJORITY),
         Condition.LINK: _sensed(well, link=False),
         Condition.HEARTBEAT: replace(well, heartbeat_age_s=9.0),
+        Condition.WATCHDOG: replace(well, watchdog="it has ended"),
         Condition.BATTERY: _sensed(well, battery=0.1),
         Condition.POSE: _sensed(well, measured_at_s=well.now_s - 9.0),
         Condition.JUMP: _sensed(well, position_m=_ELSEWHERE),

@@ -105,6 +105,8 @@ def _of_surroundings(setup: Setup, tick: Ticked) -> Iterator[tuple[Condition, st
         missing = _for(tick.heartbeat_age_s)
         said = f"the e-stop has not been heard {missing} (limit {limits.heartbeat_s:.2f} s)"
         yield Condition.HEARTBEAT, said
+    if tick.watchdog is not None:
+        yield Condition.WATCHDOG, tick.watchdog
 
 
 def _is_young(age_s: float | None, most_s: float) -> bool:

@@ -29,6 +29,7 @@ class Condition(Enum):
     PROTOCOL = "the protocol holds"  #: (G-PROTOCOL)
     LINK = "no link to the vehicle"  #: (G-LINK)
     HEARTBEAT = "no heartbeat of the e-stop"  #: (G-HEARTBEAT)
+    WATCHDOG = "no watchdog"  #: (G-WATCHDOG)
     BATTERY = "battery low"  #: (G-BATTERY)
     POSE = "no pose"  #: (G-POSE)
     JUMP = "the pose jumped"  #: (G-JUMP)
@@ -67,6 +68,7 @@ class Ticked(Struct, frozen=True):
     holding: Reason | None = None  #: why the protocol holds
     others: tuple[Other, ...] = ()
     heartbeat_age_s: float | None = None  #: of the e-stop
+    watchdog: str | None = None  #: why that cannot be relied on, if so
 
 
 Event = Ordered | Ticked

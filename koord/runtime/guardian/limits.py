@@ -19,6 +19,13 @@ class EstopAction(Enum):
     DISARM = "disarm"  #: it is disarmed at once; what is in the air falls
 
 
+class DeadMan(Enum):
+    """What stops a vehicle whose robot is killed, where that is said. (P-WATCHDOG)"""
+
+    WATCHDOG = "watchdog"  #: a watchdog, whatever the vehicle does
+    NONE = "none"  #: nothing, on purpose
+
+
 class SafetyLimits(Struct, frozen=True, kw_only=True):
     """The limits for a robot. The defaults are those of a small indoor car."""
 
@@ -39,6 +46,8 @@ class SafetyLimits(Struct, frozen=True, kw_only=True):
     battery_more: float = 0.05  #: so much more before it goes on
     heartbeat_s: float | None = None  #: greatest age of the e-stop's heartbeat; None: it has none
     estop: EstopAction = EstopAction.DISARM
+    watchdog_s: float = 0.5  #: a robot that is silent for longer is stopped by its watchdog
+    dead_man: DeadMan | None = None  #: None: the vehicle itself, or else a watchdog
     still_mps: float = 0.05  #: slower than this it stands
     landed_m: float = 0.15  #: not higher above the ground it has landed
 

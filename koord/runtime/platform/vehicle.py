@@ -27,6 +27,7 @@ from koord.runtime.guardian.modes import Mode, initial
 from koord.runtime.motion.world import Point
 from koord.runtime.platform.pilots import Pilot
 from koord.runtime.platform.sensors import MotionSensors
+from koord.runtime.platform.watchdog import Watchdog, watchdog_of
 from koord.runtime.protocol.events import Reason
 
 #: So many notes are kept.
@@ -39,8 +40,14 @@ _ENDED = (Mode.DISARMED, Mode.STOPPED, Mode.ESTOPPED)
 class DrivenVehicle:
     """The vehicle of one robot. ``notes`` are the guardian's last ones."""
 
-    def __init__(self, driver: Driver, pilot: Pilot, setup: Setup, now_s: float) -> None:
-        """Connect to the vehicle, and wait until it is known where it is. Raises DriverError."""
+    def __init__(
+        self, driver: Driver, pilot: Pilot, setup: Setup, now_s: float, *, watched: bool = False
+    ) -> None:
+        """Connect to the vehicle, and wait until it is known where it is. Raises DriverError.
+
+        ``watched``: it is to move, and so something has to stop it if this process is killed.
+        (P-WATCHDOG)
+        """
         self.driver, self.pilot = driver, pilot
         self.notes: deque[Note] = deque(maxlen=_MOST_NOTES)
         self._matters: dict[Condition, str] = {}
@@ -52,6 +59,7 @@ class DrivenVehicle:
             raise DriverError("the vehicle does not say where it is", "is it switched on?")
         self.sensed: Sensed = sensed
         self._prepare_takeoff(driver.capabilities.takeoff_height_m)
+        self._watchdog = self._watched() if watched else None
 
     @property
     def mode(self) -> Mode:
@@ -104,13 +112,21 @@ class DrivenVehicle:
 
         ``heartbeat_age_s``: since people were there, with the e-stop; None: never.
         """
+        watchdog = None if self._watchdog is None else self._watchdog.feed()
         sensed = self.driver.sense(now_s)
         wish: Wish | None = None
         if sensed is not None:
             self.sensed = sensed
             wish = self._wish(now_s)
-        tick = Ticked(now_s, sensed, wish, round_age_s, holding, others, heartbeat_age_s)
+        tick = Ticked(now_s, sensed, wish, round_age_s, holding, others, heartbeat_age_s, watchdog)
         self._step(tick, now_s)
+
+    def _watched(self) -> Watchdog | None:
+        try:
+            return watchdog_of(self.driver.capabilities, self._setup.limits)
+        except DriverError:
+            self.driver.close()
+            raise
 
     def _prepare_takeoff(self, height_m: float | None) -> None:
         world, limits = self._setup.field.world, self._setup.limits
@@ -146,4 +162,8 @@ class DrivenVehicle:
 
     def close(self) -> None:
         """Let go of the vehicle."""
-        self.driver.close()
+        try:
+            self.driver.close()
+        finally:
+            if self._watchdog is not None:
+                self._watchdog.close()

@@ -90,6 +90,14 @@ def test_the_e_stop_is_heard(age_s: float | None, *, holds: bool) -> None:
     assert robot.conditions == ({Condition.HEARTBEAT} if holds else set())
 
 
+def test_who_has_lost_its_watchdog_holds_and_says_so() -> None:
+    """(G-WATCHDOG)"""
+    robot = Guarded().running()
+    robot.tick(replace(robot.well(), watchdog="the watchdog has ended"))
+    assert robot.conditions == {Condition.WATCHDOG}
+    assert "the watchdog has ended" in robot.texts()
+
+
 @pytest.mark.parametrize(
     ("age_s", "holds"), [(0.0, False), (0.5, False), (0.51, True), (math.nan, True), (-0.6, True)]
 )

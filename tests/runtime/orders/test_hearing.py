@@ -201,7 +201,11 @@ def test_what_is_said_to_another_robot_is_dropped(robot: Robot) -> None:
 
 @pytest.mark.parametrize(
     "key",
-    [order_key(b"another key that robots share, of"), run_key(KEY, b"x"), fleet_key(KEY, "x")],
+    [
+        pytest.param(order_key(b"another key that robots share, of"), id="of others"),
+        pytest.param(run_key(KEY, b"x"), id="of a run"),
+        pytest.param(fleet_key(KEY, "x"), id="before runs"),
+    ],
 )
 def test_who_has_not_the_key_is_not_heard(robot: Robot, key: bytes) -> None:
     """(O-KEY)"""

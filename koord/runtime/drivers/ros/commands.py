@@ -27,11 +27,11 @@ from koord.runtime.motion.bodies import Body, Car
 from koord.runtime.motion.world import Point
 
 #: The frame of commands to what drives.
-_BASE = "base_link"
+BASE = "base_link"
 
 #: Aircraft that are told velocities rise and sink at these speeds, and go to places in proportion
 #: to how far these are, per s, at no more than so much of their cruising speed.
-_RISING_MPS, _SINKING_MPS, _APPROACH, _FASTEST = 0.5, 0.4, 1.0, 1.5
+_RISING_MPS, SINKING_MPS, _APPROACH, _FASTEST = 0.5, 0.4, 1.0, 1.5
 
 #: Whoever is not higher above the ground is on it, in m.
 _LANDED_M = 0.1
@@ -104,14 +104,14 @@ class Wheels(Commander):
             case "Twist":
                 self.sender.send(twist)
             case "TwistStamped":
-                self.sender.send({"header": _header(_BASE), "twist": twist})
+                self.sender.send({"header": header(BASE), "twist": twist})
             case _:
                 if steering is not None:
                     self._steering_rad = steering
                 elif speed and isinstance(self.body, Car):
                     self._steering_rad = math.atan(rate * self.body.wheelbase_m / speed)
                 drive = {"steering_angle": self._steering_rad, "speed": speed}
-                self.sender.send({"header": _header(_BASE), "drive": drive})
+                self.sender.send({"header": header(BASE), "drive": drive})
 
 
 class Wings(Commander):
@@ -132,12 +132,12 @@ class Wings(Commander):
                 velocity = _limited(self._towards(position, fix), speed)
                 rate = _turn(heading, fix)
             case Takeoff(height_m=to_m):
-                rising = max(-_SINKING_MPS, min(_RISING_MPS, _APPROACH * (to_m - height_m)))
+                rising = max(-SINKING_MPS, min(_RISING_MPS, _APPROACH * (to_m - height_m)))
                 velocity = (0.0, 0.0, rising)
             case Land():
-                velocity = (0.0, 0.0, -_SINKING_MPS)
+                velocity = (0.0, 0.0, -SINKING_MPS)
             case Disarm() if height_m > _LANDED_M:
-                velocity = (0.0, 0.0, -_SINKING_MPS)
+                velocity = (0.0, 0.0, -SINKING_MPS)
             case _:
                 velocity = _NOWHERE
         self._say(velocity, rate, fix)
@@ -155,9 +155,9 @@ class Wings(Commander):
     def _say(self, velocity: Point, rate: float, fix: Fix | None) -> None:
         turn = {"z": rate}
         if self.sender.wire.type_name == "TwistStamped":
-            header = _header(_BASE if fix is None else fix.frame)
+            top = header(BASE if fix is None else fix.frame)
             twist = {"linear": _xyz(velocity), "angular": turn}
-            self.sender.send({"header": header, "twist": twist})
+            self.sender.send({"header": top, "twist": twist})
         else:
             own = velocity if fix is None else in_body(fix.attitude, velocity)
             self.sender.send({"linear": _xyz(own), "angular": turn})
@@ -224,7 +224,7 @@ class Targets(Commander):
         assert self._aim is not None
         turn = dict(zip("xyzw", to_xyzw(turned(self._yaw_rad)), strict=True))
         pose = {"position": _xyz(self._aim), "orientation": turn}
-        self.sender.send({"header": _header(fix.frame), "pose": pose})
+        self.sender.send({"header": header(fix.frame), "pose": pose})
         self._said_at_s = now_s
 
     @property
@@ -232,7 +232,7 @@ class Targets(Commander):
         return self._aim
 
 
-def _header(frame: str) -> Fields:
+def header(frame: str) -> Fields:
     """The header of a message of now, by the clock of the wall as all nodes have it."""
     now_ns = time.time_ns()
     stamp = {"sec": now_ns // 10**9, "nanosec": now_ns % 10**9}

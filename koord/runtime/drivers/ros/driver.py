@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
@@ -13,11 +14,11 @@ from koord.runtime.drivers.differences import Differences
 from koord.runtime.drivers.driver import Device, DriverError
 from koord.runtime.drivers.ros.commands import Commander, Targets, Wheels, Wings
 from koord.runtime.drivers.ros.graph import Graph, Latest, Sender
-from koord.runtime.drivers.ros.options import RosOptions
+from koord.runtime.drivers.ros.options import RosOptions, Wire
 from koord.runtime.drivers.ros.plan import plan
 from koord.runtime.drivers.ros.poses import Fix, NotAPoseError, fix_of, velocity_of
 from koord.runtime.drivers.ros.readings import is_reached, reading, written
-from koord.runtime.drivers.setpoints import Capabilities, Located, Sensed, Setpoint
+from koord.runtime.drivers.setpoints import Capabilities, Located, Sensed, Setpoint, Stopper
 from koord.runtime.motion.world import Point
 
 #: Set-points a second that controllers of ROS expect.
@@ -25,6 +26,9 @@ _RATE_HZ = 20.0
 
 #: While it is waited for the vehicle, it is looked for after this.
 _LOOK_S = 0.01
+
+#: How long a watchdog tells vehicles to stop: what drives, and what has to come down first.
+_STOPS_S, _SINKS_S = 5.0, 30.0
 
 
 class _Links(Struct, frozen=True):
@@ -63,6 +67,7 @@ class RosDriver(ABC):
             rate_hz=_RATE_HZ,
             pose_age_s=self.options.pose_age,
             dead_man_s=self.options.dead_man,
+            stopper=self._stopper(),
             tells_battery=self.plan.battery is not None,
             takeoff_height_m=None if device.body.ON_GROUND else self.options.takeoff,
         )
@@ -81,6 +86,30 @@ class RosDriver(ABC):
     @abstractmethod
     def graph(self) -> Graph:
         """Take part in the graph of topics. Raises DriverError."""
+
+    def elsewhere(self) -> tuple[str, object] | None:
+        """How another process takes part in this graph, if it can.
+
+        The class (``module:name``), and its first argument, of which JSON can be made.
+        """
+        return None
+
+    def _stopper(self) -> Stopper | None:
+        """What a watchdog stops the vehicle with. (P-WATCHDOG)"""
+        topics, elsewhere = self.plan, self.elsewhere()
+        if elsewhere is None or (topics.by_targets and topics.positioning is None):
+            return None
+        graph, where = elsewhere
+        flies = not self.device.body.ON_GROUND
+        arguments = {
+            "graph": graph,
+            "where": where,
+            "command": (topics.command.name, topics.command.type_name),
+            "positions": _address(topics.positioning) if topics.by_targets else None,
+            "ground_m": self.device.world.ground if flies else None,
+        }
+        target = "koord.runtime.drivers.ros.stopping:Stopping"
+        return Stopper(target, json.dumps(arguments).encode(), _SINKS_S if flies else _STOPS_S)
 
     @property
     def _kind(self) -> type[Commander]:
@@ -270,6 +299,10 @@ class RosDriver(ABC):
             value = reading(message, self.options.sensors[port].at, self._fix)
             if value is not None:
                 self._readings[port] = value
+
+
+def _address(wire: Wire | None) -> tuple[str, str] | None:
+    return None if wire is None else (wire.name, wire.type_name)
 
 
 def _check_types(links: _Links) -> None:

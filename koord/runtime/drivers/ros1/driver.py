@@ -26,3 +26,7 @@ class Ros1Driver(RosDriver):
 
         assert isinstance(self.options, Ros1Options)
         return RospyGraph(self.options.master, self.options.queue_size)
+
+    def elsewhere(self) -> tuple[str, object] | None:
+        assert isinstance(self.options, Ros1Options)
+        return "koord.runtime.drivers.ros1.graph:RospyGraph", self.options.master

@@ -24,3 +24,7 @@ class Ros2Driver(RosDriver):
 
         assert isinstance(self.options, Ros2Options)
         return DdsGraph(self.options.domain, self.options.queue_size)
+
+    def elsewhere(self) -> tuple[str, object] | None:
+        assert isinstance(self.options, Ros2Options)
+        return "koord.runtime.drivers.ros2.dds:DdsGraph", self.options.domain

@@ -30,10 +30,9 @@ LOOPBACK = (
 )
 
 #: A domain of this process; what else runs beside it has other names of topics if not another one.
-DOMAIN = 10 + os.getpid() % 80
+DOMAIN = int(os.environ.get("KOORD_TEST_DOMAIN", 10 + os.getpid() % 80))
 
 _PERIOD_S = 0.01
-_DEAD_MAN_S = 0.5
 _NUMBERS = count()
 
 
@@ -98,6 +97,8 @@ class Body:
 class Car(Body):
     """It integrates what it is told on one of three topics, and stops when it is told nothing."""
 
+    DEAD_MAN_S = 0.5
+
     def __init__(self, domain: int, prefix: str) -> None:
         super().__init__(domain, prefix)
         listen = self.graph.listen
@@ -120,7 +121,7 @@ class Car(Body):
             else:
                 twist = getattr(message, "twist", message)
                 self.speed, self.rate = twist.linear.x, twist.angular.z
-        if time.monotonic() - self.told_at_s > _DEAD_MAN_S:
+        if time.monotonic() - self.told_at_s > self.DEAD_MAN_S:
             self.speed = self.rate = 0.0
         super().move(dt_s)
 
@@ -131,6 +132,12 @@ class Car(Body):
         limits = {"angle_increment": turn, "range_min": 0.1, "range_max": 4.0}
         self.scans.send({**limits, "ranges": ranges})
         self.batteries.send({"percentage": 0.75})
+
+
+class Runaway(Car):
+    """It goes on with what it was told last, for ever."""
+
+    DEAD_MAN_S = math.inf
 
 
 class Follower(Body):
@@ -162,7 +169,7 @@ class Follower(Body):
 
 def main(kind: str, domain: str, prefix: str) -> None:
     """Run a peer until standard input ends."""
-    body = {"car": Car, "follower": Follower}[kind](int(domain), prefix)
+    body = {"car": Car, "runaway": Runaway, "follower": Follower}[kind](int(domain), prefix)
     threading.Thread(target=body.run, daemon=True).start()
     sys.stdin.read()
 
