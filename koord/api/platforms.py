@@ -113,6 +113,9 @@ class ClaimsHost(WorldHost):
     def go_to(self, robot: int, target: Point) -> None:
         """Nobody moves."""
 
+    def take_off(self, robot: int, up: bool) -> None:
+        """Nobody moves."""
+
 
 def claims_host(fitted: Fitted, job: Job) -> ClaimsHost:
     """Make what answers the questions of claims about the robots of a run."""

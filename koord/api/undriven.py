@@ -16,7 +16,7 @@ from koord.runtime.configuration.model import RunConfiguration, Vehicle
 from koord.runtime.drivers.driver import DriverError, DriverType
 from koord.runtime.drivers.localiser import LocaliserType
 from koord.runtime.drivers.registry import Made, Registry, options_of
-from koord.runtime.ports import DONE, GOALS, PLACES, SENSED
+from koord.runtime.ports import DONE, GOALS, PLACES, SENSED, TAKEOFF
 from koord.syntax import core
 from koord.syntax.core import Direction
 from koord.syntax.diagnostics import Diagnostic, Severity
@@ -131,6 +131,7 @@ def unserved(fitted: Fitted, drivers: Drivers, allowed: Iterable[str] = ()) -> I
         kind = fitted.kinds[robot.pid]
         agent, options = program.agents[kind], drivers.options.get(robot.pid)
         served: frozenset[str] = getattr(options, "ports", frozenset())
+        moving = GOALS if options is None else (*GOALS, TAKEOFF)
         sensed = (_OF_POINTS if options is None else SENSED - {"pscan"}) | served
         for module in agent.modules:
             for port in (agent.ports[k] for k in module.ports):
@@ -143,7 +144,7 @@ def unserved(fitted: Fitted, drivers: Drivers, allowed: Iterable[str] = ()) -> I
                     story = f"{port.label} would be made up by the model of {module.name}"
                 elif is_sensor and name not in sensed:
                     story = f"{who} does not sense {port.label}"
-                elif not is_sensor and name not in (*GOALS, *served):
+                elif not is_sensor and name not in (*moving, *served):
                     story = f"{who} does nothing with {port.label}"
                 else:
                     continue

@@ -1,7 +1,8 @@
 """The meaning of ports and functions of compiled programs to the world that they run in.
 
 Which port is which is told by its name, as in the library of the language: ``psn`` and ``reached``
-(or ``position`` and ``done``) are what a motion module senses, :data:`GOALS` where it is sent.
+(or ``position`` and ``done``) are what a motion module senses, :data:`GOALS` where it is sent, and
+:data:`TAKEOFF` whether it is to fly.
 """
 
 from __future__ import annotations
@@ -15,6 +16,9 @@ from koord.runtime.shapes import Record, Scalar, ScalarKind, Shape, default, ele
 
 #: Actuators that send a robot somewhere.
 GOALS = ("path", "route", "target", "waypoint", "goal")
+
+#: The actuator by which an aircraft takes off, and lands when it is false again.
+TAKEOFF = "takeoff"
 
 PLACES = ("psn", "position")  #: sensors of a robot's position
 DONE = ("reached", "done")  #: sensors of whether it has arrived

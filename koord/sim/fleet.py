@@ -16,7 +16,7 @@ from msgspec import Struct
 from koord.runtime.motion.arrays import Bools, Floats, Ints, lengths
 from koord.runtime.motion.automaton import MotionState
 from koord.runtime.motion.geometry import as_path
-from koord.runtime.motion.group import TICK_S
+from koord.runtime.motion.group import TAKEOFF_M, TICK_S
 from koord.runtime.motion.planning import Hindrance
 from koord.runtime.motion.world import Point, World
 from koord.runtime.platform.sensors import MotionSensors
@@ -109,6 +109,17 @@ class Fleet:
         """Let a robot find a path to a target and follow it."""
         members, row = self._at(robot)
         members.group.go_to(row, target)
+
+    def take_off(self, robot: int, up: bool) -> None:
+        """Let a robot that flies go straight up from the ground, or straight down to it."""
+        members, row = self._at(robot)
+        if self.robots[robot].model.body.ON_GROUND:
+            return
+        x, y, z = members.fixes(self.now_s)[0][row].tolist()
+        ground = members.group.world.ground
+        if up and z >= ground + TAKEOFF_M:
+            return
+        self.follow(robot, [(x, y, z), (x, y, ground + TAKEOFF_M * up)])
 
     def hold(self, robot: int) -> None:
         """Let a robot stay where it is until released."""

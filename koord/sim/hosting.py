@@ -69,3 +69,6 @@ class Hosted(WorldHost):
 
     def go_to(self, robot: int, target: Point) -> None:
         self.fleet.go_to(robot, target)
+
+    def take_off(self, robot: int, up: bool) -> None:
+        self.fleet.take_off(robot, up)

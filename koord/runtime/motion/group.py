@@ -23,6 +23,9 @@ from koord.runtime.motion.world import Point, World
 #: A tick of control, of simulated robots and of deployed ones.
 TICK_S = 0.05
 
+#: The height above the ground to which aircraft rise if nobody says another.
+TAKEOFF_M = 1.0
+
 #: A path that begins so near to a robot begins where it is.
 _BESIDE_M = 0.1
 

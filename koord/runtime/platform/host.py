@@ -13,7 +13,7 @@ from koord.runtime.motion.world import Point, World
 from koord.runtime.orders.hearing import Obeyed
 from koord.runtime.platform.sensors import MotionSensors
 from koord.runtime.platform.vehicle import DrivenVehicle
-from koord.runtime.platform.world_host import WorldHost
+from koord.runtime.platform.world_host import WorldHost, asks_to_fly
 from koord.runtime.protocol.events import Reason
 from koord.runtime.protocol.messages import Beacon
 from koord.runtime.robot import Forwarding, Host, Robot
@@ -39,6 +39,8 @@ class VehicleHost(WorldHost):
     ) -> None:
         super().__init__(classes, kinds, world, library, seed)
         self._vehicle = vehicle
+        if any(map(asks_to_fly, {classes[kind] for kind in kinds})):
+            vehicle.pilot.wait_for_takeoff()
 
     def sensors(self, robot: int) -> MotionSensors:
         return self._vehicle.sensors
@@ -51,6 +53,9 @@ class VehicleHost(WorldHost):
 
     def go_to(self, robot: int, target: Point) -> None:
         self._vehicle.go_to(target)
+
+    def take_off(self, robot: int, up: bool) -> None:
+        self._vehicle.pilot.take_off(up)
 
 
 class VehiclePlatform(Forwarding):

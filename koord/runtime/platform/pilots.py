@@ -15,7 +15,16 @@ import numpy as np
 from msgspec import Struct, field
 
 from koord.runtime.drivers.frames import yaw_of
-from koord.runtime.drivers.setpoints import Drive, Hold, Position, Sensed, Takeoff, Track, Wish
+from koord.runtime.drivers.setpoints import (
+    Drive,
+    Hold,
+    Land,
+    Position,
+    Sensed,
+    Takeoff,
+    Track,
+    Wish,
+)
 from koord.runtime.motion import automaton
 from koord.runtime.motion.arrays import Floats, lengths
 from koord.runtime.motion.automaton import Visit
@@ -24,7 +33,7 @@ from koord.runtime.motion.driving import PREDICTIVE_TICKS, Driving, Measured, Tu
 from koord.runtime.motion.field import field as field_of
 from koord.runtime.motion.flying import Flying
 from koord.runtime.motion.geometry import as_path
-from koord.runtime.motion.group import TICK_S, Group
+from koord.runtime.motion.group import TAKEOFF_M, TICK_S, Group
 from koord.runtime.motion.planners import planner
 from koord.runtime.motion.planning import PlanningEffort
 from koord.runtime.motion.pursuit import Horizon
@@ -100,6 +109,12 @@ class Pilot(ABC):
             group.plights.get(0),
             max(float(gap), 0.0),
         )
+
+    def wait_for_takeoff(self) -> None:  # noqa: B027
+        """Stay on the ground until told to take off; what drives does that anyway."""
+
+    def take_off(self, up: bool) -> None:  # noqa: B027
+        """Take off, or land; what drives does nothing."""
 
     @property
     def path(self) -> tuple[Point, ...]:
@@ -188,8 +203,19 @@ class FlyingPilot(Pilot):
         self._field = field_of(world, flat=False)
         self._has_risen = False
         self._after_takeoff: Sequence[Point] | None = None  #: the path that it was told to follow
+        self._may_fly = True
+
+    def wait_for_takeoff(self) -> None:
+        self._may_fly = False
+        if self.takeoff_height_m is None:
+            self.takeoff_height_m = TAKEOFF_M
+
+    def take_off(self, up: bool) -> None:
+        self._may_fly = up
 
     def wish(self, sensed: Sensed, now_s: float) -> Wish:
+        if not self._may_fly:
+            return self._on_ground(sensed)
         if self.takeoff_height_m is not None:
             self._watch_height(sensed, self.takeoff_height_m)
             if not self._has_risen:
@@ -206,6 +232,14 @@ class FlyingPilot(Pilot):
     def go_to(self, target: Point) -> None:
         self._after_takeoff = None
         super().go_to(target)
+
+    def _on_ground(self, sensed: Sensed) -> Wish:
+        """Stay on the ground, or come down."""
+        self._has_risen = False
+        self.settle(sensed)
+        above_m = sensed.position_m[2] - self._field.world.ground
+        is_down = sensed.airborne is False or (sensed.airborne is None and above_m < _LANDED_M)
+        return Hold() if is_down else Land()
 
     def _watch_height(self, sensed: Sensed, height_m: float) -> None:
         """Notice that it has risen, and that it is on the ground again."""

@@ -20,6 +20,7 @@ from koord.runtime.ports import (
     DONE,
     GOALS,
     PLACES,
+    TAKEOFF,
     is_place,
     is_set,
     is_task,
@@ -97,6 +98,10 @@ class WorldHost(ABC):
     @abstractmethod
     def follow(self, robot: int, path: Sequence[Point]) -> None:
         """Let a robot follow a path; an empty one leaves it where it is."""
+
+    @abstractmethod
+    def take_off(self, robot: int, up: bool) -> None:
+        """Let a robot that flies take off, or land; nothing to others. (P-TAKEOFF)"""
 
     @abstractmethod
     def go_to(self, robot: int, target: Point) -> None:
@@ -187,10 +192,14 @@ class WorldHost(ABC):
     # --- inside ---------------------------------------------------------------------------------
 
     def _order(self, robot: int, name: str, shape: Shape, value: Any) -> None:
-        if value is None or self._sent[robot].get(name) == value:
+        before = self._sent[robot].get(name)
+        if value is None or before == value:
             return
         self._sent[robot][name] = value
-        if isinstance(shape, ListOf | Array):
+        if port_name(name) == TAKEOFF:
+            if value or before:  # nobody has to land who was never told to take off
+                self.take_off(robot, bool(value))
+        elif isinstance(shape, ListOf | Array):
             self.follow(robot, [point_of(p) for p in value if is_set(p)])
         elif is_set(value):
             self.go_to(robot, point_of(value))
@@ -203,10 +212,15 @@ class WorldHost(ABC):
         raise LookupError(function)
 
 
+def asks_to_fly(program: type[Robot]) -> bool:
+    """Return whether a program says when its robot is to take off."""
+    return any(port_name(name) == TAKEOFF for name in program.PORTS if name not in program.SENSORS)
+
+
 def _goals(one: type[Robot]) -> Iterator[tuple[str, Shape]]:
-    """The actuators of a robot that set its goal."""
+    """The actuators of a robot that move it."""
     for name, shape in one.PORTS.items():
-        if port_name(name) in GOALS and name not in one.SENSORS:
+        if port_name(name) in (*GOALS, TAKEOFF) and name not in one.SENSORS:
             yield name, shape
 
 

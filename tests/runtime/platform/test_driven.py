@@ -294,6 +294,41 @@ def test_who_lands_and_is_started_again_rises_again() -> None:
     one.until(lambda: one.here[2] > 0.95)
 
 
+@pytest.mark.parametrize("height_m", [None, 1.5])
+def test_who_is_asked_to_take_off_flies_from_then_on_until_it_is_asked_to_land(
+    height_m: float | None,
+) -> None:
+    """(P-TAKEOFF)"""
+    one = Guarded("QUAD", takeoff_height_m=height_m)
+    one.driven.pilot.wait_for_takeoff()
+    one.started()
+    one.driven.go_to((2.0, 1.0, 1.5))
+    one.tick(60)
+    assert one.here == (0.0, 0.0, 0.0)
+    one.driven.pilot.take_off(True)
+    one.until(lambda: one.here[2] > 0.85 * (height_m or 1.0))
+    assert math.dist(one.here[:2], (0.0, 0.0)) < 0.05
+    one.until(lambda: one.driven.sensors.reached)
+    assert math.dist(one.here, (2.0, 1.0, 1.5)) <= one.model.visit.epsilon_m
+    one.driven.pilot.take_off(False)
+    one.until(lambda: one.here[2] < 0.02)
+    assert math.dist(one.here[:2], (2.0, 1.0)) < 0.3
+    one.tick(40)
+    assert one.here[2] < 0.02
+    one.driven.pilot.take_off(True)
+    one.until(lambda: one.here[2] > 0.85 * (height_m or 1.0))
+
+
+def test_what_drives_does_not_mind_being_asked_to_take_off() -> None:
+    one = Guarded("CAR")
+    one.driven.pilot.wait_for_takeoff()
+    one.started()
+    one.driven.go_to((2.0, 1.0, 0.0))
+    one.driven.pilot.take_off(True)
+    one.driven.pilot.take_off(False)
+    one.until(lambda: one.driven.sensors.reached)
+
+
 def test_a_take_off_out_of_the_fence_is_an_error_at_the_start() -> None:
     with pytest.raises(DriverError, match="a take-off to 5 m leads out of the fence"):
         Guarded("QUAD", takeoff_height_m=5.0)

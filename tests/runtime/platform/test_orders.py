@@ -48,6 +48,8 @@ class Told:
         self.heard: list[Point] = []
         self.sensed = SimpleNamespace(position_m=(5.0, 6.0, 0.0))
         self.reached = False
+        self.waits = False
+        self.flights: list[bool] = []
 
     @property
     def sensors(self) -> MotionSensors:
@@ -57,6 +59,16 @@ class Told:
     def go_to(self, target: Point) -> None:
         self.heard.append(target)
 
+    @property
+    def pilot(self) -> Told:
+        return self
+
+    def wait_for_takeoff(self) -> None:
+        self.waits = True
+
+    def take_off(self, up: bool) -> None:
+        self.flights.append(up)
+
 
 @pytest.fixture
 def told() -> Told:
@@ -65,7 +77,14 @@ def told() -> Told:
 
 @pytest.fixture
 def member(told: Told) -> Member:
-    report = load(Source("orders.krd", PROGRAM))
+    made = member_of(PROGRAM, told)
+    assert not told.waits
+    return made
+
+
+def member_of(program: str, told: Told) -> Member:
+    """A member that runs a program on a vehicle."""
+    report = load(Source("orders.krd", program))
     assert report.program is not None
     classes = loaded(compiled(report.program))
     library = cast(Library, SimpleNamespace(begin_round=lambda: None))
@@ -104,6 +123,36 @@ def test_a_vehicle_never_hears_of_a_turn_that_was_thrown_away(member: Member, to
     assert told.heard == [(1.0, 0.0, 0.0)]
     decided(member, member.propose(2), is_let_through=True)
     assert told.heard == [(1.0, 0.0, 0.0), (2.0, 0.0, 0.0)]
+
+
+FLYING = """\
+using Motion:
+    sensors:
+        pos psn
+    actuators:
+        pos target
+        boolean takeoff
+local:
+    int turn = 0
+Next:
+    pre: turn < 4
+    eff:
+        turn = turn + 1
+        Motion.takeoff = turn == 2 or turn == 3
+"""
+
+
+def test_a_program_asks_to_take_off_and_to_land(told: Told) -> None:
+    """(P-TAKEOFF) (P-ORDER) Each once; who was never told to take off need not land."""
+    member = member_of(FLYING, told)
+    assert told.waits
+    decided(member, member.propose(-1), is_let_through=True)
+    heard = []
+    for round_ in range(4):
+        decided(member, member.propose(round_), is_let_through=True)
+        heard.append([*told.flights])
+    assert heard == [[], [True], [True], [True, False]]
+    assert told.heard == []
 
 
 def test_a_program_reads_where_the_vehicle_is_now(member: Member, told: Told) -> None:
