@@ -17,6 +17,7 @@ from koord.version import __version__
 OWN = {
     "crazyflie": "koord.runtime.drivers.crazyflie.driver:CrazyflieDriver",
     "mavlink": "koord.runtime.drivers.mavlink.driver:MavlinkDriver",
+    "robotarium": "koord.runtime.drivers.robotarium.driver:RobotariumDriver",
     "ros1": "koord.runtime.drivers.ros1.driver:Ros1Driver",
     "ros2": "koord.runtime.drivers.ros2.driver:Ros2Driver",
     "sim": "koord.sim.driver:SIMULATED",
@@ -43,7 +44,7 @@ def installed_drivers() -> tuple[DriverEntry, ...]:
     """The drivers that configurations can name, and what those lack that cannot be loaded.
 
     >>> [driver.name for driver in koord.installed_drivers()]
-    ['crazyflie', 'mavlink', 'ros1', 'ros2', 'sim']
+    ['crazyflie', 'mavlink', 'robotarium', 'ros1', 'ros2', 'sim']
     """
     return tuple(registry().entries())
 

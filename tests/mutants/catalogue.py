@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from tests.mutants.bridged import BRIDGED
 from tests.mutants.catalogue_bits import BITS
 from tests.mutants.catalogue_certified import CERTIFIED
 from tests.mutants.catalogue_compiled import COMPILED
@@ -807,6 +808,7 @@ MUTANTS = (
     *DEPLOYED,
     *DRIVEN,
     *ORDERED,
+    *BRIDGED,
     *FLOWN,
     *MAVLINKED,
     *ROS,

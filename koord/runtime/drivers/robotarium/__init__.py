@@ -1,0 +1,1 @@
+"""Robots of the Robotarium, and of its simulator, by a process that owns the arena."""
