@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Set
 from typing import Any, Protocol
 
 from koord.runtime.drivers.ros.options import Wire
@@ -68,6 +68,13 @@ class Graph(Protocol):
 
     def close(self) -> None:
         """Leave it."""
+
+
+def differs(wire: Wire, types: Set[str], wanted: str) -> str | None:
+    """What is wrong if a topic has ends, none of which has the type that is wanted."""
+    if not types or wanted in types:
+        return None
+    return f"`{wire.told}` has the type {', '.join(sorted(types))}, not {wanted}"
 
 
 def filled(message: Any, fields: Fields) -> Any:

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from koord.runtime.drivers.driver import DriverError
-from koord.runtime.drivers.ros.graph import Fields, filled
+from koord.runtime.drivers.ros.graph import Fields, differs, filled
 from koord.runtime.drivers.ros.options import Wire
 from koord.runtime.drivers.ros1 import library
 from koord.runtime.drivers.ros1.master import Role
@@ -131,9 +131,7 @@ class RospyGraph:
         """What is wrong if a topic has other ends, none of which has its type."""
         end = self._ends[wire]
         types = {told for told in end.others.values() if told is not None}
-        if end.is_connected or not types or end.told_type in types:
-            return None
-        return f"`{wire.told}` has the type {', '.join(sorted(types))}, not {end.told_type}"
+        return None if end.is_connected else differs(wire, types, end.told_type)
 
     @property
     def trouble(self) -> str | None:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from koord.runtime.drivers.driver import DriverError
 from koord.runtime.drivers.ros.graph import Fields, filled
 from koord.runtime.drivers.ros.options import Wire
-from koord.runtime.drivers.ros2.names import HINT, STREAMS, domain_of, told_type
+from koord.runtime.drivers.ros2.graph import STREAMS, Ros2Graph
 
 if TYPE_CHECKING:
     from cyclonedds.builtin import BuiltinDataReader
@@ -87,23 +87,12 @@ class _Ends:
         }
 
 
-def _mistyped(wire: Wire, ends: _Ends) -> str | None:
-    """What is wrong if a topic has ends, none of which has the type that is wanted."""
-    types, wanted = ends.types(wire), told_type(wire.type_name)
-    if not types or wanted in types:
-        return None
-    return f"`{wire.told}` has the type {', '.join(sorted(types))}, not {wanted}"
-
-
-class DdsGraph:
+class DdsGraph(Ros2Graph):
     """A participant in a DDS domain, with the names and the quality of service of ROS 2.
 
     Writers are reliable, volatile, and keep the last ones, as those of rclpy and rclcpp are unless
     they are told otherwise. So are readers, but those of streams, which hear both kinds of writers.
     """
-
-    hint = HINT
-    trouble = None  #: DDS has nobody whom all need
 
     def __init__(self, domain: int | None, depth: int) -> None:
         """Join a domain; None: that of ROS_DOMAIN_ID. Raises DriverError."""
@@ -111,7 +100,7 @@ class DdsGraph:
         from cyclonedds.core import DDSException
         from cyclonedds.domain import DomainParticipant
 
-        self.domain = domain_of(domain)
+        super().__init__(domain)
         self._depth = max(1, depth)
         try:
             self._participant = DomainParticipant(self.domain)
@@ -161,21 +150,11 @@ class DdsGraph:
 
         return Topic(self._participant, f"rt/{wire.name}", getattr(messages, wire.type_name))
 
-    def why_silent(self, wire: Wire) -> str:
-        """Why nothing is heard on a topic, as far as the network tells."""
-        if self._publishers.types(wire):
-            return f"`{wire.told}` is published, and nothing was said on it"
-        return f"nobody publishes `{wire.told}` in domain {self.domain}"
+    def published(self, wire: Wire) -> set[str]:
+        return self._publishers.types(wire)
 
-    def why_unheard(self, wire: Wire) -> str:
-        """Why nobody hears a topic, as far as the network tells."""
-        return _mistyped(wire, self._subscribers) or (
-            f"nobody listens to `{wire.told}` in domain {self.domain}"
-        )
-
-    def mistyped(self, wire: Wire) -> str | None:
-        """What is wrong if a topic is published, but not with its type."""
-        return _mistyped(wire, self._publishers)
+    def heard(self, wire: Wire) -> set[str]:
+        return self._subscribers.types(wire)
 
     def close(self) -> None:
         """Leave the domain."""

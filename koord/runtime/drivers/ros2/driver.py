@@ -2,16 +2,36 @@
 
 from __future__ import annotations
 
+from importlib import import_module
+from importlib.util import find_spec
 from typing import ClassVar
 
 from msgspec import Struct
 
+from koord.runtime.drivers.driver import Device, DriverError
 from koord.runtime.drivers.ros.driver import RosDriver
 from koord.runtime.drivers.ros.graph import Graph
-from koord.runtime.drivers.ros2.options import Ros2Options
-from koord.runtime.motion.libraries import require
+from koord.runtime.drivers.ros2.options import Ros2Options, Transport
+from koord.runtime.motion.libraries import missing
 
-require(("cyclonedds",), "ros2")  # so that it is told where drivers are listed
+#: What can carry topics, the better first, and the graph of each.
+_GRAPHS = {
+    Transport.CYCLONEDDS: "koord.runtime.drivers.ros2.dds:DdsGraph",
+    Transport.RCLPY: "koord.runtime.drivers.ros2.client:RclpyGraph",
+}
+
+_INSTALL = {
+    Transport.CYCLONEDDS: "pip install 'koord[ros2]'",
+    Transport.RCLPY: "start koord with the Python of ROS 2, where its setup file was sourced",
+}
+
+
+def _installed() -> list[Transport]:
+    return [one for one in _GRAPHS if find_spec(one.value) is not None]
+
+
+if not _installed():  # so that it is told where drivers are listed
+    raise missing("cyclonedds", "ros2")
 
 
 class Ros2Driver(RosDriver):
@@ -19,12 +39,26 @@ class Ros2Driver(RosDriver):
 
     OPTIONS: ClassVar[type[Struct]] = Ros2Options
 
-    def graph(self) -> Graph:
-        from koord.runtime.drivers.ros2.dds import DdsGraph
+    def __init__(self, device: Device) -> None:
+        """Find out which topics there are to be, and who carries them. Raises DriverError."""
+        assert isinstance(device.options, Ros2Options)
+        self.domain, self.transport = device.options.domain, _carrier(device.options.transport)
+        super().__init__(device)
 
-        assert isinstance(self.options, Ros2Options)
-        return DdsGraph(self.options.domain, self.options.queue_size)
+    def graph(self) -> Graph:
+        module, _, name = _GRAPHS[self.transport].partition(":")
+        made: Graph = getattr(import_module(module), name)(self.domain, self.options.queue_size)
+        return made
 
     def elsewhere(self) -> tuple[str, object] | None:
-        assert isinstance(self.options, Ros2Options)
-        return "koord.runtime.drivers.ros2.dds:DdsGraph", self.options.domain
+        return _GRAPHS[self.transport], self.domain
+
+
+def _carrier(wanted: Transport) -> Transport:
+    """Who carries topics. Raises DriverError if it is to be who is not there."""
+    there = _installed()
+    if wanted is Transport.AUTO:
+        return there[0]
+    if wanted not in there:
+        raise DriverError(f"`transport: {wanted.value}` is not installed", _INSTALL[wanted])
+    return wanted

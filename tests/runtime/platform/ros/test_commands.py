@@ -481,7 +481,7 @@ def test_a_dds_that_cannot_be_is_named_with_its_cure(monkeypatch: pytest.MonkeyP
 
 def test_a_library_that_is_missing_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delitem(sys.modules, "koord.runtime.drivers.ros2.driver")
-    monkeypatch.setattr("koord.runtime.motion.libraries.find_spec", lambda _: None)
+    monkeypatch.setattr("importlib.util.find_spec", lambda _: None)
     with pytest.raises(KoordError) as error:
         import_module("koord.runtime.drivers.ros2.driver")
     (told,) = error.value.diagnostics

@@ -27,7 +27,7 @@ _NUMBERS = count()
 def rospy_python() -> str:
     """A Python that has rospy, where there is a master too; else skip."""
     if not library.is_installed() or which("rosmaster") is None:
-        pytest.skip(f"rospy or rosmaster is not installed: {INSTALL}")
+        pytest.skip(f"rospy or rosmaster is not installed: run .ci/peers, or {INSTALL}")
     return sys.executable if library.folder() is None else "/usr/bin/python3"
 
 

@@ -28,7 +28,7 @@ from tests.runtime.platform.ros1.peers import (
 )
 
 if not library.is_installed():
-    pytest.skip(f"rospy is not installed: {INSTALL}", allow_module_level=True)
+    pytest.skip(f"rospy is not installed: run .ci/peers, or {INSTALL}", allow_module_level=True)
 
 from koord.runtime.drivers.ros1.driver import Ros1Driver
 from koord.runtime.drivers.ros1.graph import RospyGraph

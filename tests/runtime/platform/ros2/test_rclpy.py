@@ -1,20 +1,13 @@
-"""The driver against nodes of rclpy on Fast DDS: the names and types are those of ROS 2 itself.
-
-rclpy comes from the package index, in an environment of its own: it brings a parser that others
-have another version of, and starts Python anew.
-"""
+"""The driver against nodes of rclpy on Fast DDS: the names and types are those of ROS 2 itself."""
 
 from __future__ import annotations
 
 import math
 import os
-import shlex
 import statistics
 import subprocess
+import sys
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
-from functools import cache
 from pathlib import Path
 
 import pytest
@@ -24,66 +17,13 @@ from koord.runtime.drivers.ros.poses import Fix, fix_of
 from koord.runtime.drivers.ros2.dds import DdsGraph
 from tests.runtime.platform.ros.driving import Driven
 from tests.runtime.platform.ros2.peers import DOMAIN, fresh_prefix
+from tests.runtime.platform.ros2.rclpy_peers import environment, node, rclpy_python
 from tests.runtime.platform.ros2.test_driven import driver
 
 pytestmark = pytest.mark.slow
 
-PACKAGES = (
-    "ros-kilted-rclpy==9.1.2",
-    "ros-kilted-rmw-fastrtps-cpp==9.3.3",
-    "ros-kilted-geometry-msgs==5.5.1",
-)
-
-#: Tests may install packages if this is set.
-ALLOWED = "KOORD_TEST_INSTALL"
-
-NODE = Path(__file__).with_name("rclpy_car.py")
-
 #: There and back through a node, in seconds, as a median.
 ROUND_TRIP_S = 0.005
-
-
-@cache
-def rclpy_python() -> str:
-    """A Python that has rclpy, made in the user's cache if that is allowed; or skip."""
-    folder = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "koord" / "rclpy"
-    python = folder / "bin" / "python"
-    steps = (
-        ["python3.11", "-m", "venv", str(folder)],
-        [str(python), "-m", "pip", "install", "--quiet", *PACKAGES],
-    )
-    if not _has_rclpy(python):
-        if not os.environ.get(ALLOWED):
-            told = " && ".join(shlex.join(step) for step in steps)
-            pytest.skip(f"rclpy is not installed: set {ALLOWED}=1, or run: {told}")
-        for step in steps:
-            subprocess.run(step, check=True, timeout=900)
-    return str(python)
-
-
-def _has_rclpy(python: Path) -> bool:
-    asked = [str(python), "-c", "import rclpy, geometry_msgs.msg"]
-    return python.exists() and subprocess.run(asked, timeout=60, check=False).returncode == 0
-
-
-@contextmanager
-def node(prefix: str) -> Iterator[None]:
-    """The node as a process."""
-    told = {key: os.environ[key] for key in ("PATH", "HOME") if key in os.environ}
-    with subprocess.Popen(
-        [rclpy_python(), str(NODE), prefix],
-        stdin=subprocess.PIPE,
-        env={
-            **told,
-            "RMW_IMPLEMENTATION": "rmw_fastrtps_cpp",
-            "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
-            "ROS_DOMAIN_ID": str(DOMAIN),
-        },
-    ) as process:
-        try:
-            yield
-        finally:
-            process.kill()
 
 
 def test_a_pose_goes_through_a_node_and_back_within_a_few_milliseconds() -> None:
@@ -93,7 +33,7 @@ def test_a_pose_goes_through_a_node_and_back_within_a_few_milliseconds() -> None
     poses = graph.listen(Wire(f"{prefix}/pose", "PoseStamped"))
     sender = graph.publish(Wire(f"{prefix}/waypoint", "PoseStamped"))
     trips = []
-    with node(prefix):
+    with node("echo", prefix, DOMAIN):
         end_s = time.monotonic() + 60
         while poses.take() is None or not sender.is_heard:
             assert time.monotonic() < end_s, graph.why_silent(poses.wire)
@@ -118,8 +58,25 @@ def test_a_pose_goes_through_a_node_and_back_within_a_few_milliseconds() -> None
 def test_a_guarded_robot_drives_a_car_of_rclpy_to_a_place() -> None:
     prefix = fresh_prefix()
     goal = (1.0, 0.5, 0.0)
-    with node(prefix):
+    with node("car", prefix, DOMAIN):
         one = Driven(driver(prefix, "DIFF"))
         one.go_to(goal)
         assert math.dist(one.driven.sensed.position_m, goal) < 0.25
         one.driven.close()
+
+
+def test_what_holds_of_the_driver_by_rclpy_holds() -> None:
+    """By the Python that has rclpy, with koord and what it needs from here."""
+    root, by_rclpy = Path(__file__).parents[4], Path(__file__).with_name("test_by_rclpy.py")
+    here = [str(root), *(path for path in sys.path if path.endswith("site-packages"))]
+    done = subprocess.run(
+        [rclpy_python(), "-m", "pytest", "-q", "-p", "no:cacheprovider", "-m", "slow", by_rclpy],
+        cwd=root,
+        env={**os.environ, **environment(DOMAIN), "PYTHONPATH": os.pathsep.join(here)},
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "skipped" not in done.stdout, done.stdout
