@@ -148,11 +148,14 @@ class Follower(Body):
         self.waypoints = self.topic("waypoint", "PoseStamped", self.graph.listen)
         self.reached = self.topic("reached", "String", self.graph.publish)
         self.aim: tuple[float, float] | None = None
+        self.heard: tuple[float, float] | None = None
 
     def move(self, dt_s: float) -> None:
         message = self.waypoints.take()
         if message is not None:
-            self.aim = message.pose.position.x, message.pose.position.y
+            told = message.pose.position.x, message.pose.position.y
+            if told != self.heard:  # it is said again and again
+                self.aim = self.heard = told
         self.speed = 0.0
         if self.aim is None:
             return
