@@ -27,6 +27,7 @@ OWN = {
 #: koord's own localisers.
 OWN_LOCALISERS = {
     "natnet": "koord.runtime.drivers.localisers.natnet:NatNetLocaliser",
+    "topic": "koord.runtime.drivers.localisers.topic:TopicLocaliser",
 }
 
 
@@ -53,7 +54,7 @@ def installed_localisers() -> tuple[DriverEntry, ...]:
     """The localisers that configurations can name, and what those lack that cannot be loaded.
 
     >>> [localiser.name for localiser in koord.installed_localisers()]
-    ['natnet']
+    ['natnet', 'topic']
     """
     return tuple(localiser_registry().entries())
 

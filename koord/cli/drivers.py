@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
 
 from koord.api.drivers import (
-    DriverEntry,
     drivers_json,
     installed_drivers,
     installed_localisers,
@@ -26,16 +24,12 @@ def main(arguments: argparse.Namespace) -> int:
     if arguments.json:
         print(drivers_json(drivers, localisers))
         return Exit.OK
-    _list("driver", drivers)
-    _list("localiser", localisers)
+    width = max((len(one.name) for one in (*drivers, *localisers)), default=0)
+    for noun, found in (("driver", drivers), ("localiser", localisers)):
+        for one in found:
+            name = f"{noun:<9}  {one.name:<{width}}"
+            print(visible(f"{name}  {one.package}  {one.missing or _options(one.options)}"))
     return Exit.OK
-
-
-def _list(noun: str, found: Sequence[DriverEntry]) -> None:
-    width = max((len(one.name) for one in found), default=0)
-    for one in found:
-        name = f"{noun:<9}  {one.name:<{width}}"
-        print(visible(f"{name}  {one.package}  {one.missing or _options(one.options)}"))
 
 
 def _options(names: tuple[str, ...]) -> str:
