@@ -196,6 +196,7 @@ GUARDED = (
     ("rerun", ("koord/sim/files/",), 1),
     ("rosbags", ("koord/sim/files/",), 1),
     ("viser", ("koord/sim/files/",), 1),
+    ("mavsdk", ("koord/testing/autopilot/",), 1),
     ("cflib", ("koord/runtime/drivers/crazyflie/",), 1),
     ("pymavlink", ("koord/runtime/drivers/mavlink/", "koord/testing/autopilot/"), 3),
 )
