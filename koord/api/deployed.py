@@ -15,6 +15,7 @@ from koord.syntax.problem import Problem
 if TYPE_CHECKING:
     from koord.api.breaches import BrokenStatement as BrokenStatement
     from koord.api.merge import Merged
+    from koord.api.preflight import Preflight
     from koord.runtime.deploy.running import Job
     from koord.runtime.deploy.status import RobotReport as RobotReport
     from koord.runtime.deploy.supervision import ProcessReport as ProcessReport
@@ -35,6 +36,7 @@ class Deployed(Result, frozen=True, kw_only=True):
     unwatched: tuple[str, ...] = ()  #: claims of which nobody knew enough to look at them
     stuck: str | None = None  #: why no round could be decided any more, if that ended the run
     warnings: tuple[Diagnostic, ...] = ()
+    preflight: Preflight | None = None  #: what was found, if nothing else was to be done
     merged: Merged | None = None  #: what all robots have told, if there is to be a trace
     unmerged: tuple[Diagnostic, ...] = ()  #: why there is no trace, or no whole part of one
     left: str | None = None  #: the folder of parts that tell more than the trace has

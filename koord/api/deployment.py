@@ -21,6 +21,7 @@ from koord.api.drivers import localiser_registry, registry
 from koord.api.files import check_writable, no_folder, same_file
 from koord.api.fitting import Configurable, Fitted, fit, fit_request, is_placed, slack_of
 from koord.api.fleet_watch import FleetWatch
+from koord.api.preflight import Approval, Looking, good_enough
 from koord.api.programs import Loadable, Value
 from koord.api.progress import Cancellation, CancelledError, Listener, asker, heard_by
 from koord.api.results import ArgumentError
@@ -99,6 +100,7 @@ class DeployRequest(Struct, frozen=True):
     dry_run: bool = False
     allow_models: tuple[str, ...] = ()
     arm: bool = False
+    preflight: bool = False
     rests_on: str | None = None
     live: tuple[str, int] | None = None  #: address and port
 
@@ -121,6 +123,8 @@ def deploy(
     dry_run: bool = False,
     allow_models: Sequence[str] = (),
     arm: bool = False,
+    approve: Approval | None = None,
+    preflight: bool = False,
     rests_on: str | PathLike[str] | None = None,
     live: bool | tuple[str, int] = False,
     progress: Listener | None = None,
@@ -140,7 +144,11 @@ def deploy(
     of the run, judged by the rules (``merged`` of the result); with a ``pid`` the robot's part of
     it, for :func:`koord.merge`. With ``dry_run`` all vehicles are simulated, in real
     time; ``allow_models`` are ports (``Module.port``) that may be made up where nobody serves them.
-    Vehicles stay where they are unless ``arm`` says that they may move. The program's claims are
+    Vehicles stay where they are unless ``arm`` says that they may move. Before that robots look at
+    themselves and each other: ``approve`` is asked a few times a second with what they have found
+    (:class:`koord.api.preflight.Preflight`), until it answers True or False; without it they are
+    armed if nothing is bad, and else refused. With ``preflight`` that is all that happens
+    (``preflight`` of the result). The program's claims are
     watched while it runs: what did not hold is ``broken`` of the result, with the verdicts whose
     proofs need it if ``rests_on`` is the file of a report of :func:`koord.verify` that was made
     with ``rests_on``, as JSON. ``live`` serves a page of the run on this machine, or at an address
@@ -165,6 +173,7 @@ def deploy(
         dry_run=dry_run,
         allow_models=tuple(allow_models),
         arm=arm,
+        preflight=preflight,
         rests_on=None if rests_on is None else fspath(rests_on),
         live=(LIVE if live else None) if isinstance(live, bool) else live,
     )
@@ -178,7 +187,8 @@ def deploy(
             raise ArgumentError("record", NOT_TWICE)
         require(("mcap",), "record")
     fitted = fit(fit_request(program, config, params, None, None, delta_s))
-    return deploy_fitted(fitted, job_of(fitted, request), request, progress, cancellation)
+    job = job_of(fitted, request)
+    return deploy_fitted(fitted, job, request, progress, cancellation, approve=approve)
 
 
 def job_of(fitted: Fitted, request: DeployRequest) -> Job:
@@ -224,6 +234,7 @@ def job_of(fitted: Fitted, request: DeployRequest) -> Job:
         key_print="" if request.pid is None else print_of(key.key, run),
         warnings=key.warnings,
         is_local=request.pid is None,
+        waits=request.preflight or (request.arm and bool(drivers.made)),
         platforms=_platforms(fitted, drivers, request),
         watched=watched(fitted.program.core, slack_of(fitted, is_exact=is_exact)),
     )
@@ -326,12 +337,17 @@ def deploy_fitted(
     request: DeployRequest,
     progress: Listener | None = None,
     cancellation: Cancellation | None = None,
+    *,
+    approve: Approval | None = None,
 ) -> Deployed:
     """As :func:`deploy`, for a prepared run. Raises KoordError."""
+    if request.preflight:
+        request = replace(request, record=None, trace=None, live=None)
     grounds = None
     if request.rests_on is not None:
         grounds = grounds_of(request.rests_on, fitted.program)
     deployment = _Deployment(fitted, job, request, heard_by(progress), cancellation, grounds)
+    deployment = replace(deployment, approve=approve or good_enough)
     try:
         deployed = _all(deployment) if request.pid is None else _one(deployment, request.pid)
     except TransportError as error:
@@ -351,6 +367,23 @@ class _Deployment(Struct, frozen=True):
     tell: Listener
     cancellation: Cancellation | None
     grounds: Grounds | None
+    approve: Approval = good_enough
+
+    def looking(self, robots: int) -> Looking | None:
+        """The time before the run, in which people look at robots; None: it begins at once."""
+        if not self.job.waits:
+            return None
+        return Looking(robots, self.approve, only_looks=self.request.preflight)
+
+    def looked(self, ended: Deployed, looking: Looking | None, parts: Parts | None) -> bool:
+        """Return whether people only looked. Raises KoordError if they have refused a run."""
+        if looking is None or looking.is_approved:
+            return False
+        if parts is not None:
+            parts.remove()
+        if not (self.request.preflight or ended.interrupted or ended.stuck):
+            raise KoordError(looking.refusals(self.job.configuration.name))
+        return True
 
     @property
     def is_cancelled(self) -> Callable[[], bool]:
@@ -474,19 +507,31 @@ def _one(of: _Deployment, pid: int) -> Deployed:
         runner = Runner(job, pid, transport, make=make)
         runner.keeps_rounds, runner.keeps_poses = True, page is not None
 
+        looking = of.looking(1)
+
         def report(news: News) -> None:
+            if looking is not None:
+                answer = looking.hear({pid: news.status})
+                if answer:
+                    runner.go()
             of.heard(page, watch, [news])
             of.tell(FleetHeard.of({pid: news.status}, job.rounds, broken=watch.broken))
             if recorder is not None:
                 recorder.hear([news], is_sure=True)
 
-        last = runner.run(of.is_cancelled, report)
+        def is_told_to_stop() -> bool:
+            refused = looking is not None and looking.is_over and not looking.is_approved
+            return refused or of.is_cancelled()
+
+        last = runner.run(is_told_to_stop, report)
         report(runner.news())
         unrecorded = of.unrecorded(recorder, parts)
         trouble = None if parts is None else parts.trouble
         if parts is not None and request.trace is None and not (trouble or unrecorded):
             parts.remove()  # the recording has it
     ended = of.ended({pid: last}, watch)
+    if of.looked(ended, looking, parts):
+        return replace(ended, preflight=None if looking is None else looking.found)
     if parts is not None and parts.aside is not None:
         ended = replace(ended, aside=str(parts.aside))
     return replace(ended, unmerged=(trouble.diagnostics if trouble else ()) + unrecorded)
@@ -514,8 +559,16 @@ def _all(of: _Deployment) -> Deployed:
         fleet = SupervisedProcesses(launch, restarts=request.restart)
         stack.callback(fleet.close)
         tell(FleetHeard.of({}, job.rounds))
+        looking = of.looking(job.robots)
         while not fleet.is_over:
             news = fleet.turn(_WAIT_S)
+            match None if looking is None else looking.hear(fleet.statuses):
+                case True:
+                    fleet.go()
+                case False:
+                    fleet.stop()
+                case None:
+                    pass
             of.heard(page, watch, news, fleet.processes)
             if recorder is not None:
                 recorder.hear(news, is_sure=fleet.is_accepted, processes=fleet.processes)
@@ -529,6 +582,8 @@ def _all(of: _Deployment) -> Deployed:
             stuck=fleet.stuck,
             unmerged=of.unrecorded(recorder, parts),
         )
+        if of.looked(ended, looking, parts):
+            return replace(ended, preflight=None if looking is None else looking.found)
         return ended if parts is None else of.traced(ended, parts)
 
 

@@ -82,7 +82,9 @@ def platforms(
             planners, pose, scene.clearance, chart, scene.seed, keep_rounds=_KEPT_ROUNDS
         )
         host = VehicleHost(job.classes, job.kinds, world, library, driven, scene.seed)
-        return VehiclePlatform(host, driven, supplied, arms=arms)
+        return VehiclePlatform(
+            host, driven, supplied, arms=arms, expected=_expected(fitted, pid, start)
+        )
 
     return make
 
@@ -127,6 +129,11 @@ def claims_host(fitted: Fitted, job: Job) -> ClaimsHost:
     chart = Chart(scene.world.grid, scanner_range_m(scene))
     library = Library({}, nowhere, scene.clearance, chart, scene.seed, keep_rounds=_KEPT_ROUNDS)
     return ClaimsHost(job.classes, job.kinds, scene.world, library, scene.seed)
+
+
+def _expected(fitted: Fitted, pid: int, start: Point) -> Point | None:
+    """Where the configuration has a robot; None if it does not say."""
+    return None if fitted.configuration.robots[pid].position is None else start
 
 
 def _standing(start: Point, vehicle: Vehicle, world: World) -> Point:

@@ -36,6 +36,7 @@ from koord.cli.exits import Exit
 from koord.cli.files import check_writable
 from koord.cli.inputs import fit_request, fitted
 from koord.cli.merged import left_lines, merge_lines, refusal_code
+from koord.cli.preflight import Question, check_answerable, show_preflight
 from koord.cli.progress import Interruption
 from koord.cli.terminal import visible
 from koord.syntax.diagnostics import KoordError
@@ -80,6 +81,16 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--arm", action="store_true", help="let vehicles move: without, they stay where they are"
+    )
+    parser.add_argument(
+        "--yes",
+        action="store_true",
+        help="with --arm: answer in advance the question that is asked after the preflight",
+    )
+    parser.add_argument(
+        "--preflight",
+        action="store_true",
+        help="look at all robots, show what is found, move nothing, and end (exit code 0 or 1)",
     )
     parser.add_argument(
         "--allow-model",
@@ -129,6 +140,7 @@ def main(arguments: argparse.Namespace) -> int:
     check_files(read)
     if arguments.all_local == (arguments.pid is not None):
         raise ArgumentTypeError("say --pid I for one robot, or --all-local for all of them")
+    check_answerable(arguments)
     if arguments.restart and arguments.pid is not None:
         raise ArgumentTypeError(f"--restart: {NOT_RESTARTED}")
     if arguments.trace is not None:
@@ -151,7 +163,8 @@ def main(arguments: argparse.Namespace) -> int:
         trace=arguments.trace,
         dry_run=arguments.dry_run,
         allow_models=tuple(arguments.allow_model),
-        arm=arguments.arm,
+        arm=arguments.arm and not arguments.preflight,
+        preflight=arguments.preflight,
         rests_on=arguments.rests_on,
         live=arguments.live,
     )
@@ -163,6 +176,7 @@ def main(arguments: argparse.Namespace) -> int:
     found, job = prepared
     if not arguments.json:
         print(visible(str(found.problem)), flush=True)
+    question = Question(answer=True if arguments.yes else None)
     with Interruption(patient=True) as interruption, Board() as board:
 
         def show(told: Progress) -> None:
@@ -174,7 +188,9 @@ def main(arguments: argparse.Namespace) -> int:
             else:
                 board.say(told.message)
 
-        deployed = deploy_fitted(found, job, request, show, interruption)
+        deployed = deploy_fitted(found, job, request, show, interruption, approve=question.ask)
+    if deployed.preflight is not None and not deployed.interrupted:
+        return show_preflight(deployed.preflight, as_json=arguments.json)
     print(deployed.to_json() if arguments.json else summary(deployed))
     if deployed.merged is not None and not arguments.json:
         for line in merge_lines(arguments.trace, deployed.merged):

@@ -156,6 +156,8 @@ def _named(pids: list[int]) -> str:
 
 
 def _remarks(status: RobotReport, process: ProcessReport | None) -> Iterator[str]:
+    if status.checks:
+        return  # people look at these
     if process is not None and process.story:
         yield process.story
     if process is None or not process.is_lost:

@@ -31,6 +31,7 @@ from koord.refinement.tracing_host import TracingHost
 from koord.refinement.translation import Translation, to_written
 from koord.runtime.deploy.journal import Recollection
 from koord.runtime.deploy.member import Member, Platform
+from koord.runtime.deploy.preflight import Check
 from koord.runtime.deploy.running import Job
 from koord.runtime.drivers.frames import Quaternion
 from koord.runtime.guardian.events import Order
@@ -137,6 +138,9 @@ class Witness(TracingHost):
 
     def stop(self, now_s: float) -> None:
         self.host.stop(now_s)
+
+    def checks(self) -> tuple[Check, ...]:
+        return self.host.checks()
 
     @property
     def state(self) -> str:

@@ -49,7 +49,7 @@ def test_a_program_takes_an_aircraft_to_a_place(
     recording = tmp_path / "run.mcap"
     with autopilot(Settings(firmware, stream_loss_s=30.0, ground_loss_s=30.0)) as address:
         run = files(tmp_path, address, f", autopilot: {firmware}, silence: 30")
-        code = main(["deploy", *run, "--all-local", "--arm", "--record", str(recording)])
+        code = main(["deploy", *run, "--all-local", "--arm", "--yes", "--record", str(recording)])
     said = capsys.readouterr()
     assert code == Exit.OK, said
     assert "all robots have stopped" in said.out

@@ -81,9 +81,9 @@ DRIVEN = (
     ),
     Mutant(
         "robots do not miss their watchdogs",
-        "runtime.platform.watchdog.Watchdog._hear",
-        "self._is_gone or not heard",
+        "runtime.platform.watchdog.Watchdog.feed",
         "self._is_gone",
+        "False",
         (WATCHDOG,),
     ),
     Mutant(

@@ -1,4 +1,4 @@
-"""Seeded mistakes in what people say to robots: orders, and heartbeats of the e-stop."""
+"""Seeded mistakes in what people say to robots, and in what they look at before."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from tests.mutants.mutant import Mutant
 HEARING = "tests/runtime/orders/test_hearing.py"
 CALLING = "tests/runtime/orders/test_calling.py"
 OBEYING = "tests/runtime/orders/test_obeying.py"
+PREFLIGHT = "tests/runtime/platform/test_preflight.py"
 PLACES = "tests/runtime/orders/test_places.py"
 
 #: What stops a fleet, and does not, or lets one move that should not.
@@ -108,6 +109,27 @@ ORDERED = (
         "self.reply is not None and self.reply.outcome in (Outcome.DONE, Outcome.HEARD)",
         "True",
         (CALLING,),
+    ),
+    Mutant(
+        "what is bad is armed if people say yes",
+        "api.preflight.Looking.hear",
+        "answer and self.found.is_good",
+        "answer",
+        (PREFLIGHT,),
+    ),
+    Mutant(
+        "robots begin a run while people still look at another one",
+        "runtime.deploy.running.Runner.step",
+        "self._waits",
+        "self._waits and self._pid == 0",
+        (PREFLIGHT,),
+    ),
+    Mutant(
+        "a vehicle may be anywhere when it is armed",
+        "runtime.platform.checks._position",
+        "off_m <= most_m",
+        "True",
+        (PREFLIGHT,),
     ),
     Mutant(
         "everybody can read the keys of what runs here",

@@ -123,7 +123,7 @@ class _Checker(FormReader):
                 continue
             if path[0] != "params" and path[-1] in _IDLE:
                 places.setdefault(str(path[-1]), span)
-            elif path == ("safety",) or (path[0] in ("device", "devices") and path[-1] == "safety"):
+            elif path[-1] == "safety" and self._is_unguarded(path):
                 places.setdefault("safety", span)
         for name, span in places.items():
             is_idle = name in _IDLE
@@ -132,6 +132,19 @@ class _Checker(FormReader):
             )
             hint = _IDLE.get(name, _UNGUARDED)
             yield Diagnostic("K938", Severity.WARNING, span, story, hint)
+
+    def _is_unguarded(self, path: Path) -> bool:
+        """Return whether limits are of devices none of which has a driver."""
+        at = self._document.value
+        if path == ("safety",):
+            devices = [at.get("device"), *(at.get("devices") or {}).values()]
+        elif path[0] in ("device", "devices"):
+            for step in path[:-1]:
+                at = at[step]
+            devices = [at]
+        else:
+            return False
+        return not any(isinstance(one, dict) and "driver" in one for one in devices)
 
     def _speaks_ros(self, path: Path) -> bool:
         """Return whether a field belongs to a device whose driver speaks ROS."""

@@ -133,6 +133,7 @@ class SafetyForm(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
     battery_more: Share | None = None  #: of 1; so much more before it goes on
     heartbeat: Positive | None = None  #: s, greatest age of the e-stop's; else none is asked for
     estop: EstopAction | None = None
+    start: Positive | None = None  #: m, from its `position` it is armed no further away
     watchdog: Positive | None = None  #: s, a robot that is silent for longer is stopped by it
     dead_man: DeadMan | None = None  #: what stops a vehicle whose robot is killed
     still: Positive | None = None  #: m/s, slower than this it stands

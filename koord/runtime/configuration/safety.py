@@ -26,6 +26,7 @@ LIMIT_NAMES: Mapping[str, str] = {
     "separation": "separation_m",
     "separation_more": "separation_more_m",
     "heartbeat": "heartbeat_s",
+    "start": "start_m",
     "watchdog": "watchdog_s",
     "still": "still_mps",
     "landed": "landed_m",

@@ -24,6 +24,7 @@ from koord.runtime.protocol.handshake import (
     Outcome,
     OutOfStep,
     Party,
+    Refused,
     Roll,
     Say,
     StartedTwice,
@@ -101,6 +102,13 @@ class _StartHeard(Struct):
     is_let_in: bool = False
 
 
+class Seen(Struct, frozen=True):
+    """Another robot, as it was heard of last before a run."""
+
+    at_s: float
+    differs: tuple[str, ...]  #: what it runs otherwise
+
+
 class _Note(Struct):
     """A remark on another robot, and when it was last true."""
 
@@ -119,6 +127,7 @@ class Joining:
         self.ending: Ending | None = None
         self.nonces: tuple[bytes, ...] = ()  #: the roll of the run, if it is known
         self.higher: Callable[[int], None] = _ignored
+        self.seen: dict[int, Seen] = {}  #: by :meth:`look`
         self._state = waiting(party, run)
         self._transport = transport
         self._clock = clock
@@ -160,6 +169,39 @@ class Joining:
         if self._state.run == NO_RUN:
             self._state, outcomes = call_the_roll(party, self._state)
             self._do(outcomes)
+
+    def look(self, most_s: float) -> list[bytes]:
+        """Look for the others, and take part in nothing yet. (P-PREFLIGHT)
+
+        Others hear from this robot, and nobody counts it: it says Join without the leader's nonce.
+        Returns datagrams of runs, as :meth:`turn` does.
+        """
+        now = self._clock()
+        if now >= self._next_at:
+            self._next_at = now + _OTHERS_EVERY_S * max(1.0, self.party.robots / _MANY)
+            self._say(None, Join(self.party.nonce, b"", NO_RUN, self.party.fingerprint))
+        others = []
+        for datagram in self._transport.receive(min(most_s, max(0.0, self._next_at - now))):
+            if is_handshake(datagram):
+                self._see(datagram)
+            else:
+                others.append(datagram)
+        return others
+
+    def _see(self, datagram: bytes) -> None:
+        heard = self._read(datagram)
+        if heard is None:
+            return
+        sender, message = heard
+        match message:
+            case Join(nonce=nonce) if sender == self.party.pid:
+                if nonce != self.party.nonce:
+                    self._do((StartedTwice(sender),))
+                return
+            case Join(fingerprint=theirs) | Refused(fingerprint=theirs) if theirs:
+                self.seen[sender] = Seen(self._clock(), differing(self.party.fingerprint, theirs))
+            case _:
+                self.seen[sender] = Seen(self._clock(), ())
 
     def hear(self, datagram: bytes) -> None:
         """Process a datagram of a handshake, as a robot that is in no run, or back in its own."""

@@ -131,7 +131,7 @@ class Farewell(Struct, frozen=True):
 #: What a robot's process says: what is new of it, or why it ends.
 Said = News | TransportError | CannotTakePartError | Farewell
 
-_STOP = b"stop"
+_STOP, _GO = b"stop", b"go"
 
 #: How long a process may take to end after its last word.
 _REAP_S = 1.0
@@ -239,10 +239,18 @@ class LocalProcesses(Struct):
 
     def stop(self) -> None:
         """Ask all processes to stop safely."""
+        self._tell(_STOP)
+
+    def go(self) -> None:
+        """Let all robots take part in the run: people have looked at them. (P-PREFLIGHT)"""
+        self.launch = replace(self.launch, job=replace(self.launch.job, waits=False))
+        self._tell(_GO)
+
+    def _tell(self, word: bytes) -> None:
         for end in self.ends:
             if not end.closed:
                 with suppress(OSError):  # it has ended, which is heard next
-                    end.send_bytes(_STOP)
+                    end.send_bytes(word)
 
     def kill(self) -> None:
         """End all processes at once."""
@@ -297,6 +305,10 @@ def _process(arguments: tuple[Launch, int, Connection]) -> BaseProcess:
     return multiprocessing.Process(target=_robot, name=name, args=arguments, daemon=True)
 
 
+def _nothing() -> None:
+    """There is no robot yet."""
+
+
 class _Asked:
     """What asks a robot's process to end: a signal, or the first process by a word or by its end.
 
@@ -306,7 +318,9 @@ class _Asked:
 
     def __init__(self, end: Connection) -> None:
         self.by: int | None = None  #: the signal
+        self.go: Callable[[], None] = _nothing
         self._end = end
+        self._is_told = False
         signal.signal(signal.SIGINT, signal.SIG_IGN)
         for name in ("SIGTERM", "SIGHUP"):
             number = getattr(signal, name, None)  # Windows has no SIGHUP
@@ -314,7 +328,19 @@ class _Asked:
                 signal.signal(number, self._on_signal)
 
     def __call__(self) -> bool:
-        return self.by is not None or self.is_orphan or self._end.poll()
+        self._listen()
+        return self.by is not None or self.is_orphan or self._is_told
+
+    def _listen(self) -> None:
+        """Hear what the first process says; its end is the word to stop."""
+        try:
+            while not self._is_told and self._end.poll():
+                if self._end.recv_bytes() == _GO:
+                    self.go()
+                else:
+                    self._is_told = True
+        except (EOFError, OSError):
+            self._is_told = True
 
     @property
     def is_orphan(self) -> bool:
@@ -339,6 +365,7 @@ def _robot(launch: Launch, pid: int, end: Connection) -> None:
         return
     try:
         runner = Runner(launch.job, pid, transport, make=launch.make)
+        asked.go = runner.go
         runner.keeps_rounds, runner.keeps_poses = launch.keeps_rounds, launch.keeps_poses
 
         def report(news: News) -> None:

@@ -25,6 +25,7 @@ from koord.runtime.deploy.journal import (
     Start,
     Vow,
 )
+from koord.runtime.deploy.preflight import Check
 from koord.runtime.deploy.watching import RobotMonitor, RobotState
 from koord.runtime.drivers.frames import LEVEL, Quaternion
 from koord.runtime.encoding import decoder, encode
@@ -98,6 +99,10 @@ class Platform(AnsweringHost, Protocol):
         """Begin to come to a safe stop for good, in the steps that follow."""
         ...
 
+    def checks(self) -> tuple[Check, ...]:
+        """What is found of the vehicle, before it is armed. (P-PREFLIGHT)"""
+        ...
+
     @property
     def state(self) -> str:
         """How the vehicle is doing, in few words."""
@@ -160,6 +165,9 @@ class Untimed:
 
     def alive(self, at_s: float) -> None:
         pass
+
+    def checks(self) -> tuple[Check, ...]:
+        return ()
 
     def stop(self, now_s: float) -> None:
         pass

@@ -28,7 +28,9 @@ from koord.runtime.deploy.journal import (
     Recollection,
     Start,
 )
+from koord.runtime.deploy.looking import SETTLING_S, Lookout, fleet_checks
 from koord.runtime.deploy.member import DivergedError, Member, Platform
+from koord.runtime.deploy.preflight import Check
 from koord.runtime.deploy.resuming import come_back, enter
 from koord.runtime.deploy.status import RobotReport, Tally, added, gathering, status_of
 from koord.runtime.deploy.watching import RobotState
@@ -117,6 +119,7 @@ class Job(Struct, frozen=True):
     insists: bool = False  #: on a new run, whatever journals say
     key_print: str = ""  #: of a key that outlasts this process: journals of others do not count
     warnings: tuple[Diagnostic, ...] = ()  #: of the key
+    waits: bool = False  #: for people, who look at robots before anything is armed (P-PREFLIGHT)
     is_local: bool = False  #: all robots are processes of one machine
     platforms: Callable[[Job, int], Platform] | None = None  #: None: all robots are ideal points
     watched: Watched | None = None  #: the claims that are watched
@@ -285,6 +288,10 @@ class Runner:
         self._remarks: list[str] = []
         self._new_member()
         self._journal = job.journal(pid)
+        self._waits = job.waits
+        self._begun_at = clock()
+        self._due_at: float | None = None  #: when the platform's next tick was due
+        self._late_s = 0.0
         kept = self._recollected()
         party, run = job.party(pid), NO_RUN if kept is None else kept.entered.run
         self.joining = Joining(party, transport, clock, run)
@@ -536,6 +543,7 @@ class Runner:
             status,
             trouble=self.trouble,
             notes=notes,
+            checks=self._checks(),
             run=self.run_id.hex()[:8],
             drops=tuple(drops.items()),
         )
@@ -587,9 +595,24 @@ class Runner:
     def step(self) -> None:
         """Take a step: of the handshake, or of the run. Raises CannotTakePartError."""
         wait_s = self._tick()
+        if self._waits:
+            self._drop(self.joining.look(wait_s))
+            return
         self._join(wait_s)
         if self.peer is not None:
             self.peer.turn(wait_s)
+
+    def go(self) -> None:
+        """Take part in the run: people have looked at the robot. (P-PREFLIGHT)"""
+        self._waits = False
+
+    def _checks(self) -> tuple[Check, ...]:
+        if not self._waits:
+            return ()
+        now = self._clock()
+        since_s = now - self._begun_at
+        looked = Lookout(since_s, self._late_s, self.joining, self.hearer, now)
+        return (*fleet_checks(looked), *self.member.host.checks())
 
     def _heed(self) -> None:
         """Hear what people say, whatever state the robot is in. (O-BESIDE) (O-AT-ONCE)"""
@@ -612,7 +635,9 @@ class Runner:
         now, at = self._clock(), self._committed_at
         age_s = None if at is None else now - at
         host = self.member.host
-        due_s = host.tick(now, age_s, self.member.holding)
+        if self._due_at is not None and now - self._begun_at > SETTLING_S / 2:
+            self._late_s = max(self._late_s, now - self._due_at)
+        due_s = self._due_at = host.tick(now, age_s, self.member.holding)
         if self.keeps_poses:
             self._note_pose(now)
         beacon = None if self.peer is None else host.beacon(self._clock())

@@ -9,6 +9,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from koord.runtime.deploy.member import Member
+from koord.runtime.deploy.preflight import Check
 from koord.runtime.deploy.watching import Breach
 from koord.runtime.deploy.watching import continued as breaches_continued
 from koord.runtime.node import Peer
@@ -46,6 +47,7 @@ class RobotReport(Struct, frozen=True):
     breaches: tuple[Breach, ...] = ()  #: claims that did not hold
     unwatched: tuple[str, ...] = ()  #: claims that asked for what nobody here knows
     run: str = ""  #: the beginning of the run's identity; empty: it is in no run yet
+    checks: tuple[Check, ...] = ()  #: while it waits for people, before anything is armed
     start: int = 0  #: how often its process was started in this run
 
 

@@ -76,6 +76,10 @@ class SupervisedProcesses:
             fleet.processes[pid].kill()
         return news
 
+    def go(self) -> None:
+        """Let all robots take part in the run. (P-PREFLIGHT)"""
+        self._fleet.go()
+
     def stop(self) -> None:
         """Tell all robots to stop safely; one that does not is killed after a while."""
         if not self._supervisor.is_stopping:

@@ -48,6 +48,7 @@ class SafetyLimits(Struct, frozen=True, kw_only=True):
     estop: EstopAction = EstopAction.DISARM
     watchdog_s: float = 0.5  #: a robot that is silent for longer is stopped by its watchdog
     dead_man: DeadMan | None = None  #: None: the vehicle itself, or else a watchdog
+    start_m: float = 0.5  #: it is armed no further from where its configuration has it
     still_mps: float = 0.05  #: slower than this it stands
     landed_m: float = 0.15  #: not higher above the ground it has landed
 

@@ -76,6 +76,7 @@ class Hearer:
         """Make an ear; ``channel`` has the order key, and the number of the robot."""
         self.alive_at_s: float | None = None  #: people were there, by the own clock (O-ALIVE)
         self.heard_at_s: float | None = None  #: when anything authentic was heard last
+        self.clock_off_s = 0.0  #: how far the caller's clock of the wall is ahead of this one's
         self._pid = channel.pid
         self._body = body
         self._clock, self._wall = clock, wall
@@ -105,6 +106,7 @@ class Hearer:
             return None
         now_s = self._clock()
         self.heard_at_s = now_s
+        self.clock_off_s = request.said_at_s - self._wall()
         outcome, why = self._outcome(request, now_s)
         if outcome is Outcome.STALE:
             self.drops[Drop.STALE] += 1

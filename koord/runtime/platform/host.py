@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 
+from koord.runtime.deploy.preflight import Check
 from koord.runtime.drivers.frames import Quaternion
 from koord.runtime.guardian.events import Condition, Order, Other
 from koord.runtime.guardian.modes import Mode
@@ -11,6 +12,7 @@ from koord.runtime.motion.group import TICK_S
 from koord.runtime.motion.library import Library
 from koord.runtime.motion.world import Point, World
 from koord.runtime.orders.hearing import Obeyed
+from koord.runtime.platform.checks import vehicle_checks
 from koord.runtime.platform.sensors import MotionSensors
 from koord.runtime.platform.vehicle import DrivenVehicle
 from koord.runtime.platform.world_host import WorldHost, asks_to_fly
@@ -68,8 +70,11 @@ class VehiclePlatform(Forwarding):
         supplied: Callable[[Host], Host] | None = None,
         *,
         arms: bool = True,
+        expected: Point | None = None,
     ) -> None:
         """Make a platform; ``arms``: people have said that the vehicle may move.
+
+        ``expected`` is where the configuration has it, if it says so.
 
         ``supplied`` makes a host of this one that answers more than a vehicle knows.
         """
@@ -80,6 +85,7 @@ class VehiclePlatform(Forwarding):
         self._due_s: float | None = None
         self._is_stopping = False
         self._arms = arms
+        self._expected = expected
         self._robots = len(host.kinds)
         self._beacon_due_s = 0.0
         self._others: dict[int, tuple[Beacon, float]] = {}
@@ -192,6 +198,10 @@ class VehiclePlatform(Forwarding):
         """The mode, and whether the vehicle stands."""
         mode = self.vehicle.mode.value
         return f"{mode}, at rest" if self.vehicle.is_at_rest else mode
+
+    def checks(self) -> tuple[Check, ...]:
+        """What is found of the vehicle, before it is armed. (P-PREFLIGHT)"""
+        return tuple(vehicle_checks(self.vehicle, self._expected))
 
     def stop(self, now_s: float) -> None:
         """Land, or come to the last stop. (P-START)"""

@@ -22,6 +22,7 @@ from koord.runtime.guardian.events import (
     Other,
     Ticked,
 )
+from koord.runtime.guardian.limits import SafetyLimits
 from koord.runtime.guardian.machine import step
 from koord.runtime.guardian.modes import Mode, initial
 from koord.runtime.motion.world import Point
@@ -70,6 +71,27 @@ class DrivenVehicle:
     def conditions(self) -> frozenset[Condition]:
         """Why it may not move."""
         return self._guardian.conditions
+
+    @property
+    def stands(self) -> bool:
+        """True if it was on the ground and still at the last tick."""
+        return self._guardian.at_rest
+
+    def matter(self, condition: Condition) -> str | None:
+        """What people are told of a condition that is there."""
+        return self._matters.get(condition) if condition in self._guardian.conditions else None
+
+    @property
+    def limits(self) -> SafetyLimits:
+        return self._setup.limits
+
+    @property
+    def dead_man(self) -> str | None:
+        """What stops it if this process is killed; None: nothing."""
+        if self._watchdog is not None:
+            return f"a watchdog, after {self.limits.watchdog_s:g} s"
+        own_s = self.driver.capabilities.dead_man_s
+        return None if own_s is None else f"it stops by itself, after {own_s:g} s"
 
     @property
     def is_at_rest(self) -> bool:

@@ -99,7 +99,7 @@ def _deployed(folder: Path, subject: Subject, places: list[Point]) -> dict[str, 
     written = ", ".join(f"pos({x:.3f}, {y:.3f}, {z:.3f})" for x, y, z in places)
     (folder / "places.krd").write_text(_PROGRAM.format(places=written), encoding="utf-8")
     (folder / "places.yaml").write_text(_configuration(subject, places), encoding="utf-8")
-    how = ["--dry-run"] if subject.is_virtual else ["--arm"]
+    how = ["--dry-run"] if subject.is_virtual else ["--arm", "--yes"]
     begun_s = time.monotonic()
     try:
         ran = subprocess.run(
