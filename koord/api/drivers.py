@@ -26,6 +26,7 @@ OWN = {
 
 #: koord's own localisers.
 OWN_LOCALISERS = {
+    "gps": "koord.runtime.drivers.localisers.gps:GpsLocaliser",
     "natnet": "koord.runtime.drivers.localisers.natnet:NatNetLocaliser",
     "topic": "koord.runtime.drivers.localisers.topic:TopicLocaliser",
 }
@@ -54,7 +55,7 @@ def installed_localisers() -> tuple[DriverEntry, ...]:
     """The localisers that configurations can name, and what those lack that cannot be loaded.
 
     >>> [localiser.name for localiser in koord.installed_localisers()]
-    ['natnet', 'topic']
+    ['gps', 'natnet', 'topic']
     """
     return tuple(localiser_registry().entries())
 

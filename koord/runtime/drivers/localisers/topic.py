@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from enum import Enum
-from importlib.util import find_spec
+from importlib import import_module
 from typing import Annotated, ClassVar, assert_never
 
 from msgspec import Meta, Struct
@@ -15,7 +15,9 @@ from koord.runtime.drivers.ros.graph import Graph, Latest
 from koord.runtime.drivers.ros.options import Names, Use
 from koord.runtime.drivers.ros.poses import NotAPoseError, fix_of
 from koord.runtime.drivers.ros1 import library
+from koord.runtime.drivers.ros2.options import Transport
 from koord.runtime.drivers.setpoints import Located
+from koord.syntax.diagnostics import KoordError
 
 #: Messages that are kept for who is slow.
 _QUEUE = 10
@@ -28,16 +30,43 @@ class Carrier(Enum):
     ROS_2 = "ros2"
 
 
-class TopicOptions(LocaliserOptions, frozen=True, forbid_unknown_fields=True, kw_only=True):
+class GraphOptions(LocaliserOptions, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Which graph of topics it is."""
+
+    ros: Carrier = Carrier.ROS_2
+    transport: Transport = Transport.AUTO  #: of ROS 2
+    domain: Annotated[int, Meta(ge=0, le=232)] | None = None  #: of ROS 2, else ROS_DOMAIN_ID
+    master: Name | None = None  #: of ROS 1, else ROS_MASTER_URI
+
+
+class TopicOptions(GraphOptions, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Which topic it is; `{pid}` in its name is the robot's."""
 
     topic: Name
     type: Name = "PoseStamped"
-    ros: Carrier = Carrier.ROS_2
-    domain: Annotated[int, Meta(ge=0, le=232)] | None = None  #: of ROS 2, else ROS_DOMAIN_ID
-    master: Name | None = None  #: of ROS 1, else ROS_MASTER_URI
     frame: str | None = None  #: `frame_id` that poses must have; without: that of the first
     silent: Positive = 0.5  #: s without a pose until people are told why
+
+
+def joined(of: GraphOptions) -> Graph:
+    """Take part in a graph of topics. Raises DriverError, also for a library that is missing."""
+    match of.ros:
+        case Carrier.ROS_1:
+            if not library.is_installed():
+                raise DriverError("rospy is needed for `ros: ros1`", library.INSTALL)
+            from koord.runtime.drivers.ros1.graph import RospyGraph
+
+            return RospyGraph(of.master, _QUEUE)
+        case Carrier.ROS_2:
+            try:
+                ros2 = import_module("koord.runtime.drivers.ros2.driver")
+            except KoordError as error:
+                (told, *_) = error.diagnostics
+                raise DriverError(told.message, told.hint or "") from None
+            made: Graph = ros2.joined(of.transport, of.domain, _QUEUE)
+            return made
+        case _:
+            assert_never(of.ros)
 
 
 class TopicLocaliser:
@@ -60,27 +89,8 @@ class TopicLocaliser:
         self._now_s = 0.0
 
     def open(self, now_s: float) -> None:
-        self._graph, self._now_s = self._joined(), now_s
+        self._graph, self._now_s = joined(self.options), now_s
         self._latest = self._graph.listen(self.wire)
-
-    def _joined(self) -> Graph:
-        """A part in the graph. Raises DriverError, also for a library that is missing."""
-        match self.options.ros:
-            case Carrier.ROS_1:
-                if not library.is_installed():
-                    raise DriverError("rospy is needed for `ros: ros1`", library.INSTALL)
-                from koord.runtime.drivers.ros1.graph import RospyGraph
-
-                return RospyGraph(self.options.master, _QUEUE)
-            case Carrier.ROS_2:
-                if find_spec("cyclonedds") is None:
-                    hint = "install it with: pip install 'koord[ros2]'"
-                    raise DriverError("cyclonedds is needed for `ros: ros2`", hint)
-                from koord.runtime.drivers.ros2.dds import DdsGraph
-
-                return DdsGraph(self.options.domain, _QUEUE)
-            case _:
-                assert_never(self.options.ros)
 
     def locate(self, now_s: float) -> Located | None:
         self._now_s = now_s

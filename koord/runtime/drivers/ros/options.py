@@ -24,6 +24,7 @@ PACKAGES = {
     "Float64": "std_msgs",
     "Int32": "std_msgs",
     "LaserScan": "sensor_msgs",
+    "NavSatFix": "sensor_msgs",
     "Odometry": "nav_msgs",
     "Point": "geometry_msgs",
     "PoseStamped": "geometry_msgs",
@@ -39,6 +40,7 @@ class Use(Enum):
     """What a topic is for; the value says it in messages."""
 
     POSITIONING = "positioning_topic"
+    FIX = "topic"
     VELOCITY = "velocity_topic"
     COMMAND = "command_topic"
     WAYPOINT = "waypoint_topic"
@@ -50,6 +52,7 @@ class Use(Enum):
 #: The types that fit each use.
 FITTING = {
     Use.POSITIONING: ("PoseStamped", "Odometry", "PoseWithCovarianceStamped", "TransformStamped"),
+    Use.FIX: ("NavSatFix",),  #: of GPS
     Use.VELOCITY: ("TwistStamped", "Odometry"),
     Use.COMMAND: ("Twist", "TwistStamped", "AckermannDriveStamped", "PoseStamped"),
     # Published configurations say String of way-points. Their middleware did not read that, and

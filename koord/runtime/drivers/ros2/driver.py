@@ -46,12 +46,17 @@ class Ros2Driver(RosDriver):
         super().__init__(device)
 
     def graph(self) -> Graph:
-        module, _, name = _GRAPHS[self.transport].partition(":")
-        made: Graph = getattr(import_module(module), name)(self.domain, self.options.queue_size)
-        return made
+        return joined(self.transport, self.domain, self.options.queue_size)
 
     def elsewhere(self) -> tuple[str, object] | None:
         return _GRAPHS[self.transport], self.domain
+
+
+def joined(transport: Transport, domain: int | None, depth: int) -> Graph:
+    """Take part in the graph of a domain. Raises DriverError."""
+    module, _, name = _GRAPHS[_carrier(transport)].partition(":")
+    made: Graph = getattr(import_module(module), name)(domain, depth)
+    return made
 
 
 def _carrier(wanted: Transport) -> Transport:

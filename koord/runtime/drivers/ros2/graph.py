@@ -15,6 +15,7 @@ STREAMS = frozenset(
     {
         "BatteryState",
         "LaserScan",
+        "NavSatFix",
         "Odometry",
         "PoseStamped",
         "PoseWithCovarianceStamped",

@@ -11,13 +11,25 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from cyclonedds.idl import IdlStruct
-from cyclonedds.idl.types import array, float32, float64, int32, sequence, uint8, uint32
+from cyclonedds.idl.types import (
+    array,
+    float32,
+    float64,
+    int8,
+    int32,
+    sequence,
+    uint8,
+    uint16,
+    uint32,
+)
 
 if TYPE_CHECKING:
     Covariance = list[float]
+    Covariance9 = list[float]
     Numbers = list[float]
 else:
     Covariance = array[float64, 36]
+    Covariance9 = array[float64, 9]
     Numbers = sequence[float32]
 
 
@@ -162,6 +174,23 @@ class LaserScan(IdlStruct, typename=_wire("sensor_msgs", "LaserScan")):
     range_max: float32 = 0.0
     ranges: Numbers = field(default_factory=list)
     intensities: Numbers = field(default_factory=list)
+
+
+@dataclass
+class NavSatStatus(IdlStruct, typename=_wire("sensor_msgs", "NavSatStatus")):
+    status: int8 = 0  #: -1: it has no fix
+    service: uint16 = 1
+
+
+@dataclass
+class NavSatFix(IdlStruct, typename=_wire("sensor_msgs", "NavSatFix")):
+    header: Header = field(default_factory=Header)
+    status: NavSatStatus = field(default_factory=NavSatStatus)
+    latitude: float64 = 0.0
+    longitude: float64 = 0.0
+    altitude: float64 = 0.0
+    position_covariance: Covariance9 = field(default_factory=lambda: [0.0] * 9)
+    position_covariance_type: uint8 = 0
 
 
 @dataclass

@@ -10,7 +10,9 @@ import pytest
 
 from koord.runtime.configuration.model import Vehicle
 from koord.runtime.drivers.driver import Device, DriverError
+from koord.runtime.drivers.localisers import topic
 from koord.runtime.drivers.localisers.topic import TopicLocaliser, TopicOptions
+from koord.runtime.motion.libraries import missing
 from tests.runtime.platform.ros.test_heard import WORLD, HeldGraph, pose
 from tests.runtime.platform.ros2.peers import DOMAIN, fresh_prefix, peer
 
@@ -25,7 +27,7 @@ class Heard:
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, **options: Any) -> None:
         self.graph: Any = HeldGraph()
-        monkeypatch.setattr(TopicLocaliser, "_joined", lambda _: self.graph)
+        monkeypatch.setattr(topic, "joined", lambda _: self.graph)
         self.localiser = localiser(**options)
         self.localiser.open(10.0)
         self.graph.ends["pose"].says.clear()
@@ -53,9 +55,13 @@ def test_a_pose_counts_from_the_tick_that_hears_it(monkeypatch: pytest.MonkeyPat
 
 
 def test_a_library_that_is_missing_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("koord.runtime.drivers.localisers.topic.find_spec", lambda name: None)
-    with pytest.raises(DriverError, match="cyclonedds is needed"):
+    def missing_here(name: str) -> object:
+        raise missing("cyclonedds", "ros2")
+
+    monkeypatch.setattr(topic, "import_module", missing_here)
+    with pytest.raises(DriverError, match="cyclonedds is needed") as caught:
         localiser().open(10.0)
+    assert "pip install" in caught.value.hint
 
 
 @pytest.mark.parametrize(
