@@ -62,7 +62,7 @@ def test_a_program_takes_a_crazyflie_to_a_place(
     with crazyflie(Settings(arms_itself=False)) as (host, port):
         configuration = FLYING.format(uri=f"udp://{host}:{port}", more="")
         run = files(tmp_path, IN_THE_AIR, configuration)
-        code = main(["deploy", *run, "--all-local", "--arm", "--record", str(recording)])
+        code = main(["deploy", *run, "--all-local", "--arm", "--yes", "--record", str(recording)])
     said = capsys.readouterr()
     assert code == Exit.OK, said
     assert "all robots have stopped" in said.out
@@ -79,7 +79,7 @@ def test_a_program_takes_a_robot_of_the_arena_to_a_place(
     recording = tmp_path / "run.mcap"
     with bridge(FAKE, "0,0,0") as where:
         run = files(tmp_path, ON_GROUND, DRIVING.format(where=where, more=""))
-        code = main(["deploy", *run, "--all-local", "--arm", "--record", str(recording)])
+        code = main(["deploy", *run, "--all-local", "--arm", "--yes", "--record", str(recording)])
     said = capsys.readouterr()
     assert code == Exit.OK, said
     assert min(math.dist(there, (1.0, 0.0, 0.0)) for there in positions(recording, 0)) <= 0.2

@@ -21,9 +21,7 @@ def vehicle_checks(vehicle: DrivenVehicle, expected: Point | None) -> Iterator[C
     yield _position(sensed.position_m, expected, limits.start_m)
     moves = None if vehicle.stands else "it is not known to be on the ground and to stand"
     yield check("at rest", moves, "it stands")
-    armed = "it is armed, and nobody here has done that" if sensed.armed else None
-    untold = "" if sensed.armed is None else "it is not"
-    yield check("armed", armed, untold or "the vehicle does not tell")
+    yield _armed(sensed.armed)
     yield _battery(vehicle)
     yield _dead_man(vehicle)
     if limits.heartbeat_s is not None:
@@ -35,6 +33,17 @@ def vehicle_checks(vehicle: DrivenVehicle, expected: Point | None) -> Iterator[C
         yield Check("watchdog", Finding.BAD, watchdog)
     for remark in vehicle.driver.remarks:
         yield Check("driver", Finding.DOUBTFUL, remark)
+
+
+def _armed(armed: bool | None) -> Check:
+    match armed:
+        case None:
+            return Check("armed", Finding.GOOD, "the vehicle does not tell")
+        case False:
+            return Check("armed", Finding.GOOD, "it is not")
+        case True:  # some vehicles arm themselves when they are switched on
+            text = "it is armed, and no robot of this run has done that"
+            return Check("armed", Finding.DOUBTFUL, text, "keep away from it")
 
 
 def _position(here: Point, expected: Point | None, most_m: float) -> Check:

@@ -87,7 +87,6 @@ def test_a_vehicle_that_stands_where_it_should_is_good() -> None:
         ("place", {"position_m": (3.95, 0.0, 0.0)}),
         ("position", {"position_m": (0.6, 0.0, 0.0)}),
         ("at rest", {"velocity_mps": (0.3, 0.0, 0.0)}),
-        ("armed", {"armed": True}),
         ("battery", {"battery": 0.05}),
     ],
 )
@@ -96,6 +95,10 @@ def test_what_is_wrong_with_a_vehicle_is_bad(name: str, sensed: dict[str, object
     one = Vehicle().sensing(**sensed)  # type: ignore[arg-type]
     follows = {"link": {"at rest"}, "pose": {"at rest"}, "place": {"position"}}
     assert set(one.found(Finding.BAD)) == {name} | follows.get(name, set())
+
+
+def test_a_vehicle_that_somebody_has_armed_is_for_people_to_decide() -> None:
+    assert "it is armed" in Vehicle().sensing(armed=True).found(Finding.DOUBTFUL)["armed"]
 
 
 def test_how_far_it_may_stand_from_its_position_is_configured() -> None:
