@@ -208,6 +208,7 @@ JUDGING = ("koord/semantics/", "koord/traces/")
 TALKING = (
     *("koord/cli/", "koord/__main__.py"),
     # Processes of their own, which tell others by their standard output.
+    "koord/runtime/drivers/localisers/motioncapture_reader.py",
     "koord/testing/autopilot/serving.py",
     "koord/testing/conformance/killed.py",
     "koord/testing/ros2/serving.py",

@@ -27,6 +27,7 @@ OWN = {
 #: koord's own localisers.
 OWN_LOCALISERS = {
     "gps": "koord.runtime.drivers.localisers.gps:GpsLocaliser",
+    "motioncapture": "koord.runtime.drivers.localisers.motioncapture:MotionCaptureLocaliser",
     "natnet": "koord.runtime.drivers.localisers.natnet:NatNetLocaliser",
     "topic": "koord.runtime.drivers.localisers.topic:TopicLocaliser",
 }
@@ -55,7 +56,7 @@ def installed_localisers() -> tuple[DriverEntry, ...]:
     """The localisers that configurations can name, and what those lack that cannot be loaded.
 
     >>> [localiser.name for localiser in koord.installed_localisers()]
-    ['gps', 'natnet', 'topic']
+    ['gps', 'motioncapture', 'natnet', 'topic']
     """
     return tuple(localiser_registry().entries())
 
