@@ -9,6 +9,7 @@ BEACONS = "tests/runtime/platform/test_beacons.py"
 DRIVEN_BY = "tests/runtime/platform/test_driven.py"
 FRAMES = "tests/runtime/platform/test_frames.py"
 REGISTRY = "tests/runtime/platform/test_registry.py"
+LAST_STOP = "tests/runtime/platform/test_last_stop.py"
 WATCHDOG = "tests/runtime/platform/test_watchdog.py"
 DRY_RUN = "tests/cli/test_dry_run.py"
 WATCHED = "tests/runtime/platform/test_watched.py"
@@ -78,6 +79,27 @@ DRIVEN = (
         "self.driver.command(answer.setpoint, now_s)",
         "self.driver.command(getattr(event, 'wish', None) or answer.setpoint, now_s)",
         (DRIVEN_BY,),
+    ),
+    Mutant(
+        "a driver that raises once is not told to stop any more",
+        "runtime.deploy.running.Runner._stop",
+        "is_told = True",
+        "return",
+        (LAST_STOP,),
+    ),
+    Mutant(
+        "who senses nothing is not told to stop",
+        "runtime.platform.vehicle.DrivenVehicle._sensed",
+        "not self.is_ending",
+        "True",
+        (LAST_STOP,),
+    ),
+    Mutant(
+        "who stands is at rest, whatever it has heard",
+        "runtime.platform.vehicle.DrivenVehicle.is_at_rest",
+        "self.mode in _ENDED and self._guardian.at_rest and self._is_heard",
+        "self.mode in _ENDED and self._guardian.at_rest",
+        (LAST_STOP,),
     ),
     Mutant(
         "robots do not miss their watchdogs",

@@ -58,6 +58,10 @@ _STATUSES = {StopRequests.TO_STOP: Status.STOPPED, StopRequests.TO_STOP_TOGETHER
 _STORE = decoder(tuple[tuple[Any, ...], tuple[int, ...], EventFault | None])
 
 
+#: How long a vehicle may take to come to its last stop before it is let go of all the same.
+LANDING_S = 20.0
+
+
 class DivergedError(Exception):
     """Raised where the store differs from the decision's digest: an error in koord or in memory."""
 

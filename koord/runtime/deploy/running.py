@@ -6,7 +6,7 @@ import math
 import time
 import traceback
 from collections.abc import Callable, Mapping
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from functools import partial
 from hashlib import blake2b
 from pathlib import Path
@@ -29,7 +29,7 @@ from koord.runtime.deploy.journal import (
     Start,
 )
 from koord.runtime.deploy.looking import SETTLING_S, Lookout, fleet_checks
-from koord.runtime.deploy.member import DivergedError, Member, Platform
+from koord.runtime.deploy.member import LANDING_S, DivergedError, Member, Platform
 from koord.runtime.deploy.preflight import Check
 from koord.runtime.deploy.resuming import come_back, enter
 from koord.runtime.deploy.status import RobotReport, Tally, added, gathering, status_of
@@ -73,8 +73,8 @@ POSE_S = 0.1
 LINGERING = 8
 
 
-#: How long a vehicle may take to come to its last stop before it is let go of all the same.
-_LANDING_S = 20.0
+#: A vehicle that could not be told to stop is told again after so long.
+_RETRY_S = 0.05
 
 #: How long a robot that cannot write its journal waits before it tries again.
 _AGAIN_S = 0.5
@@ -662,14 +662,31 @@ class Runner:
         return self.peer is not None and self.peer.node.over
 
     def _stop(self) -> None:
-        """Come to a safe stop: nobody will tell the robot to go on. (P-START)"""
+        """Come to a safe stop: nobody will tell the robot to go on. (P-START) (P-LAST-STOP)"""
         host = self.member.host
         host.holding = True
-        host.stop(self._clock())
-        end_s = self._clock() + _LANDING_S
-        while not host.is_at_rest and self._clock() < end_s:
-            self._transport.receive(self._tick())
-        self.member.host.close()
-        self._transport.close()
-        if self._journal is not None:
-            self._journal.close()
+        end_s = self._clock() + LANDING_S
+        is_told = False
+        while self._clock() < end_s:
+            try:
+                if not is_told:
+                    host.stop(self._clock())
+                    is_told = True
+                if host.is_at_rest:
+                    break
+                wait_s = self._tick()
+            except Exception as error:  # the next tick may get through
+                self.trouble = self.trouble or described(error)
+                wait_s = _RETRY_S
+            self._transport.receive(wait_s)
+        with ExitStack() as stack:  # whatever one of them raises, the others are closed
+            if self._journal is not None:
+                stack.callback(self._journal.close)
+            stack.callback(self._transport.close)
+            stack.callback(self._let_go)
+
+    def _let_go(self) -> None:
+        try:
+            self.member.host.close()
+        except Exception as error:  # whatever a driver does at its end
+            self.trouble = self.trouble or described(error)

@@ -12,6 +12,7 @@ from typing import assert_never
 from msgspec import Struct, to_builtins
 from msgspec.structs import replace
 
+from koord.runtime.deploy.member import LANDING_S
 from koord.runtime.deploy.status import RobotReport, continued, unheard
 from koord.runtime.proposals import INIT_ROUND
 
@@ -23,8 +24,8 @@ AT_ONCE_S, MOST_DEATHS = 3.0, 5
 #: they died may still be on its way.
 STUCK_S = 2.0
 
-#: How long robots are waited for that were told to stop.
-STOP_S = 10.0
+#: How long robots are waited for that were told to stop: vehicles land first.
+STOP_S = LANDING_S + 5.0
 
 
 class EndCause(Enum):

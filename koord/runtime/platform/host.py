@@ -205,7 +205,7 @@ class VehiclePlatform(Forwarding):
 
     def stop(self, now_s: float) -> None:
         """Land, or come to the last stop. (P-START)"""
-        self._is_stopping = True
+        self._is_stopping = self.vehicle.is_ending = True
         self.vehicle.order(Order.STOP, now_s)
         self.vehicle.order(Order.LAND, now_s)
 

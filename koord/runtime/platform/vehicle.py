@@ -51,6 +51,8 @@ class DrivenVehicle:
         """
         self.driver, self.pilot = driver, pilot
         self.notes: deque[Note] = deque(maxlen=_MOST_NOTES)
+        self._is_heard = True  #: the driver has taken the last set-point
+        self.is_ending = False  #: it is coming to its last stop
         self._matters: dict[Condition, str] = {}
         self._setup = setup
         self._guardian = initial(now_s)
@@ -96,7 +98,7 @@ class DrivenVehicle:
     @property
     def is_at_rest(self) -> bool:
         """True if it is on the ground and does not move any more."""
-        return self.mode in _ENDED and self._guardian.at_rest
+        return self.mode in _ENDED and self._guardian.at_rest and self._is_heard
 
     @property
     def remarks(self) -> tuple[str, ...]:
@@ -135,7 +137,7 @@ class DrivenVehicle:
         ``heartbeat_age_s``: since people were there, with the e-stop; None: never.
         """
         watchdog = None if self._watchdog is None else self._watchdog.feed()
-        sensed = self.driver.sense(now_s)
+        sensed = self._sensed(now_s)
         wish: Wish | None = None
         if sensed is not None:
             self.sensed = sensed
@@ -161,6 +163,15 @@ class DrivenVehicle:
             )
         self.pilot.takeoff_height_m = height_m
 
+    def _sensed(self, now_s: float) -> Sensed | None:
+        """What the driver senses; at the end one that raises senses nothing. (P-LAST-STOP)"""
+        try:
+            return self.driver.sense(now_s)
+        except Exception:  # whatever a driver does: it may still hear
+            if not self.is_ending:
+                raise
+            return None
+
     def _wish(self, now_s: float) -> Wish:
         is_running = self.mode is Mode.RUNNING
         (self.pilot.release if is_running else self.pilot.hold)()
@@ -179,7 +190,9 @@ class DrivenVehicle:
             else:
                 self._matters.pop(note.condition, None)
         if answer.setpoint is not None:
+            self._is_heard = False
             self.driver.command(answer.setpoint, now_s)
+            self._is_heard = True
         return answer.notes
 
     def close(self) -> None:
