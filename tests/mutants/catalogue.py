@@ -19,6 +19,7 @@ from tests.mutants.guarded import GUARDED
 from tests.mutants.horn import HORN
 from tests.mutants.instants import INSTANTS
 from tests.mutants.judged import JUDGED
+from tests.mutants.located import LOCATED
 from tests.mutants.mavlinked import MAVLINKED
 from tests.mutants.mutant import Mutant
 from tests.mutants.ordered import ORDERED
@@ -810,6 +811,7 @@ MUTANTS = (
     *ORDERED,
     *BRIDGED,
     *FLOWN,
+    *LOCATED,
     *MAVLINKED,
     *ROS,
     *GUARDED,

@@ -138,7 +138,7 @@ DRIVEN = (
     ),
     Mutant(
         "one of two drivers of one name is taken",
-        "runtime.drivers.registry.Registry.load",
+        "runtime.drivers.registry.Registry._entry",
         "len(found) > 1",
         "len(found) > 2",
         (REGISTRY,),

@@ -88,11 +88,11 @@ class Seen:
 class Guarded:
     """A car with pilot and guardian, which a localiser sees one metre to the north-east."""
 
-    def __init__(self) -> None:
+    def __init__(self, shift: Point = (1.0, 1.0, 0.0), *, starts: bool = True) -> None:
         self.now = 100.0
         one = device()
         body = vehicle(one)
-        self.seen = Seen(body, (1.0, 1.0, 0.0))
+        self.seen = Seen(body, shift)
         model = device_model(one.vehicle)
         guarded = Setup(usual(model.body), field(WORLD, flat=True), 0.1)
         made = Localised(body, self.seen, one)
@@ -102,7 +102,7 @@ class Guarded:
         self.driven.order(Order.ARM, self.now)
         self.tick(30)
         self.driven.order(Order.START, self.now)
-        assert self.mode is Mode.RUNNING, self.driven.notes
+        assert (self.mode is Mode.RUNNING) is starts, self.driven.notes
 
     @property
     def mode(self) -> Mode:
@@ -310,3 +310,14 @@ def test_one_pose_that_jumps_tells_a_part_of_its_velocity_only() -> None:
     for k in range(2):
         differences.hear((0.1 * k, 0.0, 0.0), 0.05 * k, 0.05 * k)
     assert differences.velocity_mps[0] == pytest.approx(2.0 / 3)
+
+
+def test_who_stands_outside_of_the_fence_does_not_start() -> None:
+    """(P-LOCATE-START) It is told why, and moves once it is seen inside."""
+    one = Guarded(shift=(5.0, 0.0, 0.0), starts=False)
+    assert one.driven.mode is Mode.ARMED
+    one.driven.go_to((2.5, 1.5, 0.0))
+    one.tick(40)
+    assert one.seen.body.truth()[0].tolist() == [[0.0, 0.0, 0.0]]
+    assert any("outside of the world" in remark for remark in one.driven.remarks)
+    assert any(note.condition is Condition.FENCE for note in one.driven.notes)

@@ -101,19 +101,16 @@ class GpsLocaliser:
         self._heard_s = now_s
         self._trouble = self._flaw(fix)
         if self._trouble is None:
+            origin = self.options.origin
+            height_m = origin[2] if fix.height_m is None else fix.height_m
             east, north, up = _pymap3d.geodetic2enu(
-                fix.latitude_deg, fix.longitude_deg, self._height_m(fix), *self.options.origin
+                fix.latitude_deg, fix.longitude_deg, height_m, *origin
             )
             ground_m = self._device.world.ground
             up_m = ground_m if self._device.body.ON_GROUND else float(up)
             there = (float(east), float(north), up_m)
             self._located = Located(there, None, now_s - self.options.latency)
         return self._located
-
-    def _height_m(self, fix: GeoFix) -> float:
-        """Its height; what drives is on the ground, whatever a receiver says."""
-        height_m = self.options.origin[2]
-        return height_m if fix.height_m is None or self._device.body.ON_GROUND else fix.height_m
 
     def _flaw(self, fix: GeoFix) -> str | None:
         """Why a message is no position."""
