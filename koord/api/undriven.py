@@ -6,6 +6,7 @@ its place in the program or the configuration. (P-NOTHING-INVENTED)
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Generic
 
@@ -13,9 +14,10 @@ from msgspec import Struct
 
 from koord.api.fitting import Fitted
 from koord.runtime.configuration.model import RunConfiguration, Vehicle
-from koord.runtime.drivers.driver import DriverError, DriverType
+from koord.runtime.drivers.driver import Addressed, Device, DriverError, DriverType
 from koord.runtime.drivers.localiser import LocaliserType
 from koord.runtime.drivers.registry import Made, Registry, options_of
+from koord.runtime.motion.world import World
 from koord.runtime.ports import DONE, GOALS, PLACES, SENSED, TAKEOFF
 from koord.syntax import core
 from koord.syntax.core import Direction
@@ -50,7 +52,7 @@ def drivers_of(
     robots = configuration.robots
     driven = _named(
         configuration,
-        {one.pid: (one.vehicle.driver, one.vehicle.options) for one in robots},
+        {one.pid: (_of_here(one.vehicle.driver), one.vehicle.options) for one in robots},
         drivers,
         ("driver", "options"),
     )
@@ -60,7 +62,7 @@ def drivers_of(
         localisers,
         ("localiser", "localiser_options"),
     )
-    problems = [*driven.problems, *located.problems]
+    problems = [*driven.problems, *located.problems, *_confused(configuration, driven)]
     made = Drivers(driven.made, driven.options, located.made, located.options)
     return made, list(dict.fromkeys(problems))
 
@@ -97,6 +99,32 @@ def _named(
             )
             found.problems.append(_problem(where, f"{vehicle.name}: {error.message}", error.hint))
     return found
+
+
+def _of_here(name: str | None) -> str | None:
+    """The driver of a name; `ros` is that of the ROS that is set up here. (P-ROS-PUBLISHED)"""
+    if name != "ros":
+        return name
+    return "ros2" if os.environ.get("ROS_VERSION") == "2" else "ros1"
+
+
+def _confused(configuration: RunConfiguration, driven: _Named[DriverType]) -> Iterator[Diagnostic]:
+    """Yield the vehicles that cannot be reached, and those that two robots would move."""
+    owners: dict[tuple[str, str], int] = {}
+    for pid, options in driven.options.items():
+        made, vehicle = driven.made[pid], configuration.robots[pid].vehicle
+        if not isinstance(made, Addressed):
+            continue
+        where = configuration.place(*vehicle.path)
+        try:
+            address = made.address(Device(pid, vehicle, World(), (0.0, 0.0, 0.0), options=options))
+        except DriverError as error:
+            yield _problem(where, f"{vehicle.name}: {error.message}", error.hint)
+            continue
+        other = owners.setdefault((str(_of_here(vehicle.driver)), address), pid)
+        if other != pid:
+            hint = "give each its own; in names of topics `{pid}` is the robot's"
+            yield _problem(where, f"robots {other} and {pid} would both move `{address}`", hint)
 
 
 def undriven(fitted: Fitted) -> Iterator[Diagnostic]:

@@ -6,6 +6,8 @@ from tests.mutants.mutant import Mutant
 
 COMMANDS = "tests/runtime/platform/ros/test_commands.py"
 HEARD = "tests/runtime/platform/ros/test_heard.py"
+PUBLISHED = "tests/runtime/platform/ros/test_published.py"
+CONFIGURATION = "tests/runtime/test_configuration.py"
 NODE = "tests/runtime/platform/ros1/test_node.py"
 
 _ROS = "runtime.drivers.ros"
@@ -138,5 +140,26 @@ ROS = (
         "self._cell.pop()",
         "self._cell[-1]",
         (NODE,),
+    ),
+    Mutant(
+        "two robots may be moved by one topic",
+        "api.undriven._confused",
+        "other != pid",
+        "other == address",
+        (PUBLISHED,),
+    ),
+    Mutant(
+        "topics of published configurations are those of all robots",
+        "runtime.configuration.checking._topics",
+        "driver == _PUBLISHED",
+        "driver == name",
+        (CONFIGURATION,),
+    ),
+    Mutant(
+        "way-points of published automata ask for no answer",
+        f"{_ROS}.commands.Targets._say",
+        "fix.frame if self._frame is None else self._frame",
+        "fix.frame",
+        (HEARD,),
     ),
 )

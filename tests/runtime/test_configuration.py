@@ -113,21 +113,23 @@ def test_the_paper_s_listing_is_three_equal_robots() -> None:
     assert configuration.delta_s is None
 
 
-def test_fields_of_the_published_middleware_have_no_effect_and_this_is_told() -> None:
+def test_fields_of_the_published_middleware_that_have_no_effect_are_told() -> None:
     """Each kind of field once, where it stands first."""
-    told = [(d.span.line, d.message) for d in loaded(SEVERAL).warnings]
+    simulated = SEVERAL.replace("bot_type:", "driver: sim\n      bot_type:")
+    told = [(d.span.line, d.message) for d in loaded(simulated).warnings]
     assert told == [
         (line, f"`{name}` has no effect")
         for line, name in (
             (2, "mutex_handler"),
-            (17, "ros_node_prefix"),
-            (18, "queue_size"),
-            (19, "waypoint_topic"),
-            (20, "reached_topic"),
-            (21, "positioning_topic"),
+            (18, "ros_node_prefix"),
+            (19, "queue_size"),
+            (20, "waypoint_topic"),
+            (21, "reached_topic"),
+            (22, "positioning_topic"),
         )
     ]
-    assert {d.code for d in loaded(SEVERAL).warnings} == {"K938"}
+    assert {d.code for d in loaded(simulated).warnings} == {"K938"}
+    assert [d.message for d in loaded(SEVERAL).warnings] == ["`mutex_handler` has no effect"]
     assert not loaded("num_robots: 1\nparams: {plist: 1.0}").warnings
 
 
@@ -381,6 +383,28 @@ def test_topics_of_the_published_middleware_are_options_of_a_driver_that_speaks_
         "reached_topic": {"topic": "reached", "type": "String"},
         "queue_size": 5,
     }
+
+
+def test_a_device_that_names_topics_and_no_driver_is_of_the_published_middleware() -> None:
+    """(P-ROS-PUBLISHED)"""
+    car, drone = (robot.vehicle for robot in loaded(SEVERAL).robots)
+    told = [json.loads(one.options) for one in (car, drone)]
+    assert (car.driver, drone.driver) == ("ros", "ros")
+    assert [one["ros_node_prefix"] for one in told] == ["car/waypoint_node", "drone/waypoint_node"]
+    assert [one["motion_automaton"] for one in told] == ["MoatTestCar", "MoatHectorQuadrotor"]
+    assert all(one["queue_size"] == 1 for one in told)
+
+
+def test_the_name_of_a_robot_stands_before_its_topics_once() -> None:
+    (robot,) = loaded(ROS.replace("        DRIVER\n", "").replace("hotdec_car", "car/node")).robots
+    assert json.loads(robot.vehicle.options)["ros_node_prefix"] == "car/node"
+    (robot,) = loaded(ROS.replace("DRIVER", "driver: ros1")).robots
+    assert json.loads(robot.vehicle.options)["ros_node_prefix"] == "hotdec_car"
+
+
+def test_the_published_planner_of_straight_lines_is_known_by_its_name() -> None:
+    (robot,) = loaded(ROS.replace("DRIVER", "").replace("RRT_CAR", "SimplePlanner")).robots
+    assert robot.vehicle.planner is PlannerName.STRAIGHT
 
 
 def test_without_such_a_driver_topics_have_no_effect() -> None:

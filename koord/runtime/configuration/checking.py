@@ -50,15 +50,22 @@ _OWN = "own"
 #: Fields of a device in the published middleware that are options of drivers that speak ROS.
 _ROS = ("positioning_topic", "queue_size", "reached_topic", "ros_node_prefix", "waypoint_topic")
 
+#: The driver of a device that names topics and no driver, as the published middleware: which ROS
+#: that is, the environment says. (P-ROS-PUBLISHED)
+_PUBLISHED = "ros"
+
 #: The drivers that speak it.
-_ROS_DRIVERS = ("ros1", "ros2")
+_ROS_DRIVERS = (_PUBLISHED, "ros1", "ros2")
+
+#: Planners by the names that the published middleware has for them too.
+_PLANNERS = {"SimplePlanner": PlannerName.STRAIGHT.value}
 
 #: Fields of the published middleware that are read, and change nothing; and what does.
 _IDLE: Mapping[str, str] = {
     "mutex_handler": "robots that enter one lock class are kept apart by the protocol",
     "nbr_pids": "every robot talks with all others",
     "plist": "a robot listens on the `port` of its device",
-} | dict.fromkeys(_ROS, "it is for drivers that speak ROS: `driver: ros2`")
+} | dict.fromkeys(_ROS, "it is for drivers that speak ROS: `driver: ros1`, `ros2`")
 
 
 #: Where a `safety:` block changes nothing either.
@@ -148,14 +155,13 @@ class _Checker(FormReader):
 
     def _speaks_ros(self, path: Path) -> bool:
         """Return whether a field belongs to a device whose driver speaks ROS."""
-        at = self._document.value
-        for step in path:
-            if isinstance(at, dict) and at.get("driver") in _ROS_DRIVERS:
-                return True
-            if not (isinstance(at, dict) and step in at):
-                return False
-            at = at[step]
-        return False
+        device = self._document.value
+        for step in path[: 1 if path[0] == "device" else 2]:
+            device = device.get(step) if isinstance(device, dict) else None
+        if not isinstance(device, dict):
+            return False
+        driver = device.get("driver", _PUBLISHED if _names_topics(device) else None)
+        return driver in _ROS_DRIVERS
 
     def _agents(self, form: Form) -> list[tuple[Agent, Path]]:
         """The robots by pid, and their places in the file."""
@@ -199,7 +205,7 @@ class _Checker(FormReader):
         safety = self._safety(form, device, where, world)
         localiser, localiser_options = self._localiser(form, device, where)
         vehicle = msgspec.structs.replace(
-            self._vehicle(name, device, where),
+            self._vehicle(name, device, agent.motion_automaton, where),
             safety=safety,
             localiser=localiser,
             localiser_options=msgspec.json.encode(localiser_options),
@@ -241,7 +247,7 @@ class _Checker(FormReader):
             return name, Device(), path
         return name, form.devices[name], ("devices", name)
 
-    def _vehicle(self, name: str, device: Device, path: Path) -> Vehicle:
+    def _vehicle(self, name: str, device: Device, automaton: str | None, path: Path) -> Vehicle:
         """Make the vehicle of a device; fields under ``motion`` count as the device's own."""
         motion = device.motion if device.motion is not None else Motion()
         where = path if device.planner is not None else (*path, "motion")
@@ -254,8 +260,8 @@ class _Checker(FormReader):
             tuple(device.motion_automata or motion.motion_automata),
             device.simulation,
             path,
-            driver=device.driver,
-            options=msgspec.json.encode({**_topics(device, motion), **device.options}),
+            driver=_driver(device),
+            options=msgspec.json.encode({**_topics(name, device, automaton), **device.options}),
         )
 
     def _localiser(
@@ -265,13 +271,13 @@ class _Checker(FormReader):
         name = device.localiser or form.localiser
         name = None if name == _OWN else name
         hint = "name a `localiser`; `koord drivers` lists them"
-        if device.localiser is not None and device.driver is None:
+        if device.localiser is not None and _driver(device) is None:
             self._once((*path, "localiser"), "nothing drives this vehicle", "name its `driver`")
         elif name is None and device.localiser_options:
             self._once((*path, "localiser_options"), "these are options of no localiser", hint)
         if form.localiser is None and form.localiser_options:
             self._once(("localiser_options",), "these are options of no localiser", hint)
-        if name is None or device.driver is None:
+        if name is None or _driver(device) is None:
             return None, {}
         shared = form.localiser_options if name == form.localiser else {}
         return name, {**shared, **device.localiser_options}
@@ -420,6 +426,7 @@ class _Checker(FormReader):
 
 def _planner_named(name: str, type_name: str) -> PlannerName | tuple[str, str]:
     """The planner of a name for a vehicle, or a message with the cure."""
+    name = _PLANNERS.get(name, name)
     suitable = [one.value for one in VEHICLES[type_name].planners]
     known = ", ".join(suitable)
     if name not in [one.value for one in PlannerName]:
@@ -440,12 +447,37 @@ def _height(height: float | None) -> float:
     return math.inf if height is None else height
 
 
-def _topics(device: Device, motion: Motion) -> dict[str, Any]:
+def _driver(device: Device) -> str | None:
+    """What drives a device."""
+    if device.driver is None and "positioning_topic" in _stated(device):
+        return _PUBLISHED
+    return device.driver
+
+
+def _names_topics(value: Mapping[Any, Any]) -> bool:
+    """Return whether the value of a device in a file says where its vehicle is heard."""
+    motion = value.get("motion")
+    return any(isinstance(one, dict) and "positioning_topic" in one for one in (value, motion))
+
+
+def _topics(name: str, device: Device, automaton: str | None) -> dict[str, Any]:
     """The options that a device states as the published middleware has them."""
-    if device.driver not in _ROS_DRIVERS:
+    driver = _driver(device)
+    if driver not in _ROS_DRIVERS:
         return {}
-    stated = {**_given(motion), **_given(device)}
-    return {name: msgspec.to_builtins(value) for name, value in stated.items()}
+    options = {key: msgspec.to_builtins(value) for key, value in _stated(device).items()}
+    if automaton is not None:
+        options["motion_automaton"] = automaton
+    if driver == _PUBLISHED:
+        prefix = options.get("ros_node_prefix", "")
+        if prefix.strip("/").partition("/")[0] != name:  # as its launcher writes it
+            options["ros_node_prefix"] = f"{name}/{prefix}"
+    return options
+
+
+def _stated(device: Device) -> dict[str, Any]:
+    """What a device states of topics; fields under ``motion`` count as its own."""
+    return {**_given(device.motion or Motion()), **_given(device)}
 
 
 def _given(form: Motion) -> dict[str, Any]:

@@ -7,7 +7,7 @@ blocks: it is asked at each tick, and answers with the latest that it knows. (P-
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar, Protocol, runtime_checkable
 
 from msgspec import Struct
 
@@ -54,6 +54,15 @@ class DriverType(Protocol):
 
     def __call__(self, device: Device) -> Driver:
         """Make the driver of a device; nothing is opened yet. Raises DriverError."""
+        ...
+
+
+@runtime_checkable
+class Addressed(Protocol):
+    """A driver type that knows by what its vehicles are reached, before anything is opened."""
+
+    def address(self, device: Device) -> str:
+        """What tells a vehicle to move: no other robot may have the same. Raises DriverError."""
         ...
 
 

@@ -172,9 +172,18 @@ class Targets(Commander):
 
     WISHES = (Position, Track, Takeoff)
 
-    def __init__(self, sender: Sender, body: Body, ground_m: float, *, streams: bool) -> None:
+    def __init__(
+        self,
+        sender: Sender,
+        body: Body,
+        ground_m: float,
+        *,
+        streams: bool,
+        frame: str | None = None,
+    ) -> None:
+        """Positions are in ``frame``; None: in that of poses."""
         super().__init__(sender, body, ground_m)
-        self._streams = streams
+        self._streams, self._frame = streams, frame
         self._aim: Point | None = None
         self._yaw_rad = 0.0
         self._last: Setpoint | None = None
@@ -224,7 +233,8 @@ class Targets(Commander):
         assert self._aim is not None
         turn = dict(zip("xyzw", to_xyzw(turned(self._yaw_rad)), strict=True))
         pose = {"position": _xyz(self._aim), "orientation": turn}
-        self.sender.send({"header": header(fix.frame), "pose": pose})
+        frame = fix.frame if self._frame is None else self._frame
+        self.sender.send({"header": header(frame), "pose": pose})
         self._said_at_s = now_s
 
     @property

@@ -83,6 +83,16 @@ class RosDriver(ABC):
         self._told: tuple[Point, float] | None = None  #: the velocity that was told, and when
         self._readings: dict[str, Any] = {}
 
+    @classmethod
+    def address(cls, device: Device) -> str:
+        """The topic that moves a vehicle. Raises DriverError."""
+        return plan(device, device.options).command.told
+
+    @property
+    def _waypoint_frame(self) -> str | None:
+        automaton = self.options.motion_automaton
+        return None if automaton is None or not self.plan.by_waypoints else automaton.frame
+
     @abstractmethod
     def graph(self) -> Graph:
         """Take part in the graph of topics. Raises DriverError."""
@@ -158,7 +168,9 @@ class RosDriver(ABC):
             None if topics.reached is None else graph.listen(topics.reached),
             {port: graph.listen(wire) for port, wire in topics.sensors.items()},
             {port: graph.publish(wire) for port, wire in topics.actuators.items()},
-            Targets(sender, body, ground_m, streams=not topics.by_waypoints)
+            Targets(
+                sender, body, ground_m, streams=not topics.by_waypoints, frame=self._waypoint_frame
+            )
             if self._kind is Targets
             else self._kind(sender, body, ground_m),
         )

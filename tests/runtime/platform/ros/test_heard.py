@@ -12,7 +12,7 @@ from koord.runtime.configuration.model import Vehicle
 from koord.runtime.drivers.driver import Device, DriverError
 from koord.runtime.drivers.frames import turned
 from koord.runtime.drivers.ros.graph import Fields, filled
-from koord.runtime.drivers.ros.options import SensorTopic, Wire
+from koord.runtime.drivers.ros.options import Automaton, SensorTopic, Wire
 from koord.runtime.drivers.ros2 import messages as m
 from koord.runtime.drivers.ros2.driver import Ros2Driver
 from koord.runtime.drivers.ros2.options import Ros2Options
@@ -180,6 +180,19 @@ def test_what_is_said_of_an_earlier_way_point_is_not_about_the_next() -> None:
         answers.append(one.driver.reached)
     assert answers == [True, None]
     assert len(one.sent("waypoint")) == 2
+
+
+@pytest.mark.parametrize(("automaton", "frame"), [(None, "map"), (Automaton.CAR, "1")])
+def test_way_points_of_published_automata_ask_for_an_answer(
+    automaton: Automaton | None, frame: str
+) -> None:
+    """(P-ROS-PUBLISHED)"""
+    one = Told(
+        waypoint_topic=Topic(topic="waypoint", type="PoseStamped"), motion_automaton=automaton
+    )
+    one.driver.command(Position((1.0, 0.0, 0.0), None, 0.5), 10.0)
+    (sent,) = one.sent("waypoint")
+    assert sent.header.frame_id == frame
 
 
 def test_actuators_of_the_program_are_told_on_their_topics() -> None:

@@ -83,15 +83,9 @@ def node(
 ) -> Iterator[subprocess.Popen[bytes]]:
     """A vehicle as a process."""
     told = {key: os.environ[key] for key in ("PATH", "HOME") if key in os.environ}
+    called = f"{name}_{prefix}".replace("/", "_")
     with subprocess.Popen(
-        [
-            rospy_python(),
-            str(NODE),
-            kind,
-            f"{name}_{prefix}",
-            pose or f"/{prefix}/pose",
-            f"/{prefix}",
-        ],
+        [rospy_python(), str(NODE), kind, called, pose or f"/{prefix}/pose", f"/{prefix}"],
         stdin=subprocess.PIPE,
         env={**told, **environment(home)},
     ) as process:

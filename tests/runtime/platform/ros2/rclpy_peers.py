@@ -48,7 +48,7 @@ def node(
 ) -> Iterator[subprocess.Popen[bytes]]:
     """A vehicle as a process."""
     told = {key: os.environ[key] for key in ("PATH", "HOME") if key in os.environ}
-    about = kind, f"{kind}_{prefix}", pose or f"/{prefix}/pose", f"/{prefix}"
+    about = kind, f"{kind}_{prefix}".replace("/", "_"), pose or f"/{prefix}/pose", f"/{prefix}"
     with subprocess.Popen(
         [rclpy_python(), str(NODE), *about],
         stdin=subprocess.PIPE,
