@@ -209,9 +209,9 @@ TALKING = (
     *("koord/cli/", "koord/__main__.py"),
     # Processes of their own, which tell others by their standard output.
     "koord/runtime/drivers/localisers/motioncapture_reader.py",
-    "koord/testing/autopilot/serving.py",
     "koord/testing/conformance/killed.py",
     "koord/testing/ros2/serving.py",
+    "koord/testing/truth.py",
 )
 
 TALKING_NAMES = frozenset({"print", "input", "exit", "quit", "SystemExit", "breakpoint"})

@@ -11,7 +11,7 @@ import pytest
 from koord.cli.exits import Exit
 from koord.cli.main import main
 from koord.testing.autopilot.machine import Settings
-from koord.testing.autopilot.serving import Address
+from koord.testing.sockets import Address
 from tests.cli.test_dry_run import ERRAND as ON_GROUND
 from tests.cli.test_dry_run import positions
 from tests.runtime.platform.autopilots import autopilot

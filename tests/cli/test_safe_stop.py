@@ -14,7 +14,7 @@ import pytest
 
 from koord.cli.exits import Exit
 from koord.testing.autopilot.machine import Settings
-from koord.testing.autopilot.serving import Address
+from koord.testing.sockets import Address
 from tests.cli.test_mavlink import CONFIG, ERRAND
 from tests.runtime.platform.autopilots import autopilot
 from tests.runtime.platform.test_mavlink_process import Observer

@@ -49,8 +49,15 @@ FLOWN = (
     Mutant(
         "an armed one that stands is held above where it stands",
         f"{_DRIVER}._fly",
-        "not telemetry.has(Info.CAN_FLY) or (down and isinstance(flight, Hold))",
-        "not telemetry.has(Info.CAN_FLY)",
+        "isinstance(flight, Hold) or not self._was_told_to_arm",
+        "not self._was_told_to_arm",
+        (CRAZYFLIE,),
+    ),
+    Mutant(
+        "one that arms itself flies though nobody told it to arm",
+        f"{_DRIVER}._fly",
+        "isinstance(flight, Hold) or not self._was_told_to_arm",
+        "isinstance(flight, Hold)",
         (CRAZYFLIE,),
     ),
     Mutant(

@@ -3,26 +3,23 @@
 from __future__ import annotations
 
 import argparse
-import json
 import math
 import select
 import socket
-import sys
 import time
 from collections.abc import Callable
 
-from msgspec import Struct
 from pymavlink.dialects.v20 import common as mavlink
 
 from koord.testing.autopilot.machine import FIRMWARES, Settings, SimulatedAutopilot
+from koord.testing.sockets import Address, address_of, arrived, send
+from koord.testing.truth import Place, Truth, reported, show, told
 
 #: Who was not heard for so long is told nothing any more.
 _GONE_S = 10.0
 
 #: It reports so often where it is.
 _REPORT_S = 0.05
-
-Address = tuple[str, int]
 
 
 class Wire:
@@ -73,74 +70,29 @@ def serve(
         autopilot.advance(now_s)
         if report is not None and now_s - reported_s >= _REPORT_S:
             reported_s = now_s
-            report(_reported(autopilot))
+            report(reported(_place(autopilot), armed=autopilot.armed))
         if truth is not None:
-            _send(bound, _true(autopilot, truth), truth.address)
-        for data, address in _arrived(bound):
+            send(bound, told(_place(autopilot), truth), truth.address)
+        for data, address in arrived(bound):
             known[address] = now_s
             wire.heard(autopilot, data)
         known = {one: at_s for one, at_s in known.items() if now_s - at_s < _GONE_S}
         for data in wire.told(autopilot):
             for address in {*peers, *known}:
-                _send(bound, data, address)
+                send(bound, data, address)
 
 
-def _reported(autopilot: SimulatedAutopilot) -> str:
-    """Where it is: east, north, up in metres; its heading counter-clockwise from east."""
+def _place(autopilot: SimulatedAutopilot) -> Place:
     north, east, down = autopilot.airframe.position_m
-    told = {
-        "east": east,
-        "north": north,
-        "up": -down,
-        "heading": math.pi / 2 - autopilot.airframe.yaw_rad,
-        "armed": autopilot.armed,
-    }
-    return json.dumps(told)
-
-
-class Truth(Struct, frozen=True):
-    """Who is told where an aircraft really is, and what that calls it."""
-
-    address: Address
-    body: str
-    origin_m: tuple[float, float, float] = (0.0, 0.0, 0.0)  #: of its local frame, east, north, up
-
-
-def _true(autopilot: SimulatedAutopilot, truth: Truth) -> bytes:
-    """Where it is, as JSON for a fake motion capture: east, north, up."""
-    (north, east, down), (x, y, z) = autopilot.airframe.position_m, truth.origin_m
-    there = [x + east, y + north, z - down]
-    heading = math.remainder(math.pi / 2 - autopilot.airframe.yaw_rad, math.tau)
-    return json.dumps({"body": truth.body, "position": there, "heading": heading}).encode()
-
-
-def _arrived(bound: socket.socket) -> list[tuple[bytes, Address]]:
-    found = []
-    try:
-        while True:
-            found.append(bound.recvfrom(2048))
-    except OSError:
-        return found
-
-
-def _send(bound: socket.socket, data: bytes, address: Address) -> None:
-    try:
-        bound.sendto(data, address)
-    except OSError:
-        return  # as on the air
-
-
-def _address(text: str) -> Address:
-    host, _, port = text.rpartition(":")
-    return host, int(port)
+    return Place(east, north, -down, math.pi / 2 - autopilot.airframe.yaw_rad)
 
 
 def main() -> None:
     """Serve one from the command line: ``python -m koord.testing.autopilot.serving``."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--firmware", choices=sorted(FIRMWARES), default="px4")
-    parser.add_argument("--bind", type=_address, default=("127.0.0.1", 0), metavar="HOST:PORT")
-    parser.add_argument("--peer", type=_address, action="append", default=[], metavar="HOST:PORT")
+    parser.add_argument("--bind", type=address_of, default=("127.0.0.1", 0), metavar="HOST:PORT")
+    parser.add_argument("--peer", type=address_of, action="append", default=[], metavar="HOST:PORT")
     parser.add_argument("--system", type=int, default=1)
     parser.add_argument(
         "--start", type=float, nargs=3, default=(0.0, 0.0, 0.0), metavar=("N", "E", "D")
@@ -155,32 +107,27 @@ def main() -> None:
     )
     parser.add_argument(
         "--truth",
-        type=_address,
+        type=address_of,
         metavar="HOST:PORT",
-        help="a fake NatNet server (--told), which sees where it really is",
+        help="a fake NatNet server (--given), which sees where it really is",
     )
     parser.add_argument("--body", default="drone", help="its name there")
-    told = parser.parse_args()
+    given = parser.parse_args()
     bound = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-    bound.bind(told.bind)
-    x, y, z = told.start
-    failing = tuple(told.failing)
+    bound.bind(given.bind)
+    x, y, z = given.start
+    failing = tuple(given.failing)
     settings = Settings(
-        told.firmware,
-        told.system,
+        given.firmware,
+        given.system,
         start_m=(x, y, z),
-        yaw_rad=told.yaw,
+        yaw_rad=given.yaw,
         failing=failing,
-        vision=told.vision,
+        vision=given.vision,
     )
-    report = _print if told.report else None
-    truth = None if told.truth is None else Truth(told.truth, told.body)
-    serve(bound, settings, tuple(told.peer), report=report, truth=truth)
-
-
-def _print(line: str) -> None:
-    sys.stdout.write(line + "\n")
-    sys.stdout.flush()
+    report = show if given.report else None
+    truth = None if given.truth is None else Truth(given.truth, given.body)
+    serve(bound, settings, tuple(given.peer), report=report, truth=truth)
 
 
 if __name__ == "__main__":

@@ -268,11 +268,13 @@ def _crazyflie() -> KnownPeer:
         "crazyflie",
         (
             *(sys.executable, "-m", "koord.testing.crazyflie.serving"),
-            *("--bind", "127.0.0.1:{free}", "--start", "0.5", "-0.5", "0"),
+            *("--bind", "127.0.0.1:{free}", "--start", "0.5", "-0.5", "0", "--yaw", "0.6"),
+            *("--report", "--switched-on-again"),
         ),
         {"uri": "udp://127.0.0.1:{free}"},
         "QUAD",
         (0.5, -0.5, 0.0),
+        0.6,
     )
 
 

@@ -14,6 +14,7 @@ from collections.abc import Iterator
 from enum import Enum
 
 from msgspec import Struct
+from msgspec.structs import replace
 
 from koord.testing.autopilot.airframe import Airframe, Handling, Target, Vector, product
 from koord.testing.crazyflie.attitudes import Quaternion, unpacked, yaw_of
@@ -252,6 +253,20 @@ class SimulatedCrazyflie:
         """Where it really is: east, north, up."""
         north, east, down = self.airframe.position_m
         return east, north, -down
+
+    @property
+    def locked_s(self) -> float:
+        """For how long it has been locked."""
+        return self._now_s - self._since_s if self.state is State.LOCKED else 0.0
+
+    def switched_on(self, now_s: float) -> SimulatedCrazyflie:
+        """The same one where it lies, switched off and on again."""
+        x, y, _ = self.position_m
+        start = x, y, self.settings.start_m[2]
+        settings = replace(
+            self.settings, start_m=start, yaw_rad=yaw_of(self.attitude), battery=self.battery
+        )
+        return SimulatedCrazyflie(settings, now_s)
 
     @property
     def runs(self) -> bool:

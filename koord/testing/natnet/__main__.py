@@ -15,7 +15,8 @@ import msgspec
 
 from koord.testing.natnet.machine import Told, Up
 from koord.testing.natnet.packets import Stream, Version
-from koord.testing.natnet.serving import Address, Settings, serve
+from koord.testing.natnet.serving import Settings, serve
+from koord.testing.sockets import Address, address_of
 
 
 def main() -> None:
@@ -27,16 +28,22 @@ def main() -> None:
     )
     parser.add_argument("--body", action="append", required=True, metavar="NAME")
     parser.add_argument(
-        "--bind", type=_address, default=("127.0.0.1", 1510), metavar="HOST:PORT", help="requests"
+        "--bind", type=address_of, default=("127.0.0.1", 1510), metavar="HOST:PORT", help="requests"
     )
     parser.add_argument(
-        "--told", type=_address, default=("127.0.0.1", 1512), metavar="HOST:PORT", help="the truth"
+        "--told",
+        type=address_of,
+        default=("127.0.0.1", 1512),
+        metavar="HOST:PORT",
+        help="the truth",
     )
     parser.add_argument("--version", type=Version.of, default=Version(4, 1), help="3.0 to 4.2")
     parser.add_argument("--up", type=Up, default=Up.Y, help="the axis that points up: y, z")
     parser.add_argument("--rate", type=float, default=100.0, help="frames a second")
     parser.add_argument("--latency", type=float, default=0.0, help="s from exposure to frame")
-    parser.add_argument("--multicast", type=_address, metavar="GROUP:PORT", help="else to clients")
+    parser.add_argument(
+        "--multicast", type=address_of, metavar="GROUP:PORT", help="else to clients"
+    )
     parser.add_argument("--interface", default="127.0.0.1", help="for multicast")
     parser.add_argument("--script", type=Path, metavar="FILE", help="lines of JSON")
     told = parser.parse_args()
@@ -59,11 +66,6 @@ def _bound(address: Address) -> socket.socket:
     made = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     made.bind(address)
     return made
-
-
-def _address(text: str) -> Address:
-    host, _, port = text.rpartition(":")
-    return host, int(port)
 
 
 if __name__ == "__main__":

@@ -7,7 +7,7 @@ import socket
 import struct
 import time
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 from msgspec import Struct
 
@@ -20,11 +20,10 @@ from koord.testing.natnet.packets import (
     packet,
     server_info,
 )
+from koord.testing.sockets import Address, arrived, send
 
 #: Who has not said for so long that it is there is sent nothing any more.
 _GONE_S = 10.0
-
-Address = tuple[str, int]
 
 
 class Settings(Struct, frozen=True):
@@ -105,21 +104,21 @@ def serve(
     while goes_on():
         select.select([commands, told], [], [], min(0.002, 0.5 / settings.rate_hz))
         now_s = time.monotonic()
-        for data, _ in _arrived(told):
+        for data, _ in arrived(told):
             news = told_in(data)
             if news is not None:
                 server.capture.hear(news)
-        for data, client in _arrived(commands):
+        for data, client in arrived(commands):
             answer = server.answer(data, client, now_s)
             if answer is not None:
-                _send(commands, answer, client)
+                send(commands, answer, client)
         for data in server.frames(now_s):
             stream = settings.stream
             if stream.group is not None:
-                _send(out, data, (stream.group, stream.port))
+                send(out, data, (stream.group, stream.port))
                 continue
             for client in server.clients:
-                _send(commands, data, client)
+                send(commands, data, client)
 
 
 def _sender(settings: Settings) -> socket.socket:
@@ -129,19 +128,3 @@ def _sender(settings: Settings) -> socket.socket:
     made.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, interface)
     made.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_LOOP, 1)
     return made
-
-
-def _arrived(bound: socket.socket) -> Sequence[tuple[bytes, Address]]:
-    found = []
-    try:
-        while True:
-            found.append(bound.recvfrom(65536))
-    except OSError:
-        return found
-
-
-def _send(bound: socket.socket, data: bytes, address: Address) -> None:
-    try:
-        bound.sendto(data, address)
-    except OSError:
-        return  # as in a network

@@ -10,7 +10,8 @@ from multiprocessing.process import BaseProcess
 from typing import Any
 
 from koord.testing.autopilot.machine import Settings
-from koord.testing.autopilot.serving import Address, serve
+from koord.testing.autopilot.serving import serve
+from koord.testing.sockets import Address
 
 SPAWN = multiprocessing.get_context("spawn")
 

@@ -157,14 +157,29 @@ def test_who_is_armed_stays_on_the_ground_until_it_takes_off() -> None:
     assert bench.crazyflie.runs is False
 
 
-def test_what_arms_itself_is_not_asked_to_and_flies_only_when_it_is_told() -> None:
-    """A Crazyflie 2.1 is armed when it lies on its feet: what does not fly is not told anything."""
+def test_what_arms_itself_is_not_asked_to_and_is_armed_when_it_is_told() -> None:
+    """A Crazyflie 2.1 could fly when it lies on its feet; so nothing is said to it. (C-ARM)"""
     bench = Bench()
-    assert bench.sensed.armed is True
-    bench.tick(Disarm(), 40)
+    for told in (Disarm(), Takeoff(1.0), Position((1.0, 0.0, 1.0), None, 0.5)):
+        bench.tick(told, 20)
+        assert bench.sensed.armed is False
     bench.tick(Arm(), 40)
+    assert bench.sensed.armed is True
     assert bench.sent(9, 1) == []
     assert bench.sent(7) == []
+    bench.tick(Disarm(), 2)
+    assert bench.sensed.armed is False
+
+
+def test_who_takes_over_in_the_air_holds_and_lands_it() -> None:
+    """It was flown by a process that is no more: it is nobody's wish that it falls."""
+    air = Air(Settings())
+    Bench(air).risen()
+    late = Bench(air)
+    late.tick(Hold(), 60)
+    assert late.here[2] > 0.9
+    assert late.state() is State.FLYING
+    late.until(Land(), lambda: late.sensed.airborne is False)
 
 
 def test_a_crazyflie_that_refuses_to_arm_is_named_with_its_reason() -> None:
@@ -291,6 +306,7 @@ def test_a_link_that_is_lost_is_told_and_found_again() -> None:
     bench.air.down = bench.air.up = False
     bench.tick(Disarm(), 30)
     assert not bench.is_linked()
+    assert bench.remarks() == ("nothing was heard of the Crazyflie for 1.5 s: is it in reach?",)
     bench.tick(Disarm(), 60)
     assert bench.remarks() == ("the link to the Crazyflie is lost: Too many packets lost",)
     bench.air.crazyflie = SimulatedCrazyflie(Settings(start_m=(1.0, 0.0, 0.0)), bench.air.now)

@@ -32,7 +32,8 @@ from koord.runtime.drivers.setpoints import (
 )
 from koord.runtime.motion.world import World
 from koord.testing.crazyflie.machine import Settings
-from koord.testing.crazyflie.serving import Address, serve
+from koord.testing.crazyflie.serving import serve
+from koord.testing.sockets import Address
 from tests.runtime.platform.autopilots import running
 
 WORLD = World((-5.0, -5.0, 0.0), (5.0, 5.0, 4.0))

@@ -29,7 +29,7 @@ from koord.runtime.drivers.setpoints import (
 )
 from koord.runtime.motion.world import World
 from koord.testing.autopilot.machine import Settings
-from koord.testing.autopilot.serving import Address
+from koord.testing.sockets import Address
 from tests.runtime.platform.autopilots import autopilot, running
 
 WORLD = World((-5.0, -5.0, 0.0), (5.0, 5.0, 4.0))

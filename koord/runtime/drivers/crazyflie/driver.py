@@ -54,7 +54,7 @@ _TICK_S, _COMMAND_S = 0.1, 0.5
 _UNANSWERED_S, _REFUSED_S = 0.2, 1.0
 
 #: It connects anew after it was silent so many times longer than it may be.
-_PATIENCE = 3
+_PATIENCE = 2
 
 #: A new estimate is begun by a parameter of 8 bits that is set for so long, and good so much later.
 _UINT8, _RESET_S = 0x08, 0.1
@@ -109,7 +109,7 @@ class CrazyflieDriver:
         self._asked: int | None = None  #: the command
         self._refused: int | None = None
         self._lands_until_s = -math.inf  #: it has said that it lands, and is down by then
-        self._was_armed = False
+        self._was_told_to_arm = self._was_armed = False  #: since it was told to disarm
         self._told: Setpoint = Disarm()
 
     # --- the interface of drivers ---------------------------------------------------------------
@@ -142,7 +142,8 @@ class CrazyflieDriver:
 
     def sense(self, now_s: float) -> Sensed | None:
         self._listen(now_s)
-        return self._telemetry.sensed(link=self._hears(now_s) and not self._cannot)
+        obeys = self._hears(now_s) and not self._cannot
+        return self._telemetry.sensed(link=obeys, was_told=self._was_told_to_arm)
 
     def locate(self, located: Located, now_s: float) -> None:
         """Tell it where it is, as its own estimate wants to know it. (C-LOCATE)"""
@@ -161,8 +162,7 @@ class CrazyflieDriver:
             case Disarm():
                 self._disarm(now_s)
             case Arm():
-                if not self._telemetry.armed and self._telemetry.airborne is False:
-                    self._ask_arming(True, now_s)
+                self._arm(now_s)
             case Land():
                 self._land(now_s)
             case Drive():
@@ -183,6 +183,11 @@ class CrazyflieDriver:
         found: list[str] = []
         if self._lost is not None:
             found.append(f"the link to the Crazyflie is lost: {self._lost}")
+        elif not self._hears(self._now_s):
+            silent_s = self._now_s - self._telemetry.heard_s
+            found.append(
+                f"nothing was heard of the Crazyflie for {silent_s:.1f} s: is it in reach?"
+            )
         elif not self._telemetry.is_sure:
             found.append(f"the Crazyflie does not know where it is: {self._unsure}")
         if self._cannot:
@@ -192,7 +197,7 @@ class CrazyflieDriver:
             found.append(f"the Crazyflie does not {doing}: its supervisor refuses")
         elif self._asked == _LAND and self._refused is not None:
             found.append(f"the Crazyflie does not land (error {self._refused})")
-        elif self._was_armed and self._telemetry.armed is False and self._moves:
+        elif self._was_armed and self._is_armed is False and self._moves:
             found.append("the Crazyflie has disarmed itself: koord does not arm it again by itself")
         texts = self._telemetry.texts(self._now_s)
         return (*found, *(f"the Crazyflie says: {text}" for text in texts))
@@ -232,11 +237,10 @@ class CrazyflieDriver:
                     self._telemetry.hear_text(text, now_s)
                 case Up(protocol=protocol):
                     self._protocol, self._lost = protocol, None
-                    self._telemetry.forget()
+                    self._telemetry.begin_anew()
                 case Down(why=why):
                     self._protocol, self._lost = None, _first_line(why)
-        if self._telemetry.armed and not isinstance(self._told, Disarm):
-            self._was_armed = True
+        self._was_armed = self._was_armed or bool(self._is_armed)
         patience_s = _PATIENCE * self.options.link
         silent_s = now_s - max(self._telemetry.heard_s, self._since_s)
         if self._telemetry.heard_s > -math.inf and silent_s > patience_s:
@@ -281,6 +285,10 @@ class CrazyflieDriver:
         return None
 
     @property
+    def _is_armed(self) -> bool | None:
+        return self._telemetry.armed(was_told=self._was_told_to_arm)
+
+    @property
     def _moves(self) -> bool:
         return isinstance(self._told, Track | Position | Velocity | Takeoff)
 
@@ -309,12 +317,19 @@ class CrazyflieDriver:
         """In the air this stops its motors; so it does until it counts as landed."""
         if self._telemetry.airborne is not False:
             self._send(lambda cf: cf.commander.send_stop_setpoint())
-        elif self._telemetry.armed and not self._telemetry.has(Info.ARMS_ITSELF):
-            self._was_armed = False
+            return
+        self._was_told_to_arm = self._was_armed = False
+        if self._telemetry.has(Info.ARMED) and not self._telemetry.has(Info.ARMS_ITSELF):
             self._ask_arming(False, now_s)
         else:
-            self._was_armed = False
             self._forget_request()
+
+    def _arm(self, now_s: float) -> None:
+        if self._telemetry.airborne is not False:
+            return
+        self._was_told_to_arm = True
+        if not self._telemetry.has(Info.ARMED):
+            self._ask_arming(True, now_s)
 
     def _ask_arming(self, arms: bool, now_s: float) -> None:
         if not self._is_due(_ARM, now_s):
@@ -357,7 +372,8 @@ class CrazyflieDriver:
         """Only what is armed flies, and what stands and is to hold goes on standing. (C-ARM)"""
         telemetry = self._telemetry
         down = telemetry.airborne is False
-        if not telemetry.has(Info.CAN_FLY) or (down and isinstance(flight, Hold)):
+        stays = isinstance(flight, Hold) or not self._was_told_to_arm
+        if not telemetry.has(Info.CAN_FLY) or (down and stays):
             self._heading_rad = None
             return
         here, velocity = telemetry.position_m, telemetry.velocity_mps

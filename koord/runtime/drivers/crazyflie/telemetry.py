@@ -51,8 +51,13 @@ class Telemetry:
         self._texts: dict[str, float] = {}
 
     def forget(self) -> None:
-        """Forget where it was: it begins with a new estimate, or was started again."""
-        self.position_m, self.info, self.spread_m = None, None, math.inf
+        """Forget where it was: it begins with a new estimate."""
+        self.position_m = None
+        self.begin_anew()
+
+    def begin_anew(self) -> None:
+        """Believe no new pose before it says how good they are: it may have been started again."""
+        self.spread_m = math.inf
         self._clock, self._boot_ms = RemoteClock(), 0
 
     def hear(self, logged: Logged) -> None:
@@ -105,9 +110,11 @@ class Telemetry:
         """Return whether its supervisor says one of these."""
         return self.info is not None and any(flag in self.info for flag in flags)
 
-    @property
-    def armed(self) -> bool | None:
-        return None if self.info is None else Info.ARMED in self.info
+    def armed(self, *, was_told: bool) -> bool | None:
+        """Whether it flies if it is told to. What arms itself has to be told as well. (C-ARM)"""
+        if self.info is None:
+            return None
+        return Info.ARMED in self.info and (was_told or Info.ARMS_ITSELF not in self.info)
 
     @property
     def airborne(self) -> bool | None:
@@ -122,8 +129,11 @@ class Telemetry:
         empty_v, full_v = self._options.battery
         return min(1.0, max(0.0, (self._voltage_v - empty_v) / (full_v - empty_v)))
 
-    def sensed(self, *, link: bool) -> Sensed | None:
-        """What the guardian and motion are told; None before the first pose that counts."""
+    def sensed(self, *, link: bool, was_told: bool) -> Sensed | None:
+        """What the guardian and motion are told; None before the first pose that counts.
+
+        ``was_told``: koord has told it to arm.
+        """
         if self.position_m is None or self.attitude is None:
             return None
         return Sensed(
@@ -132,7 +142,7 @@ class Telemetry:
             self.velocity_mps,
             self._measured_s,
             battery=self.battery,
-            armed=self.armed,
+            armed=self.armed(was_told=was_told),
             airborne=self.airborne,
             link=link,
         )
