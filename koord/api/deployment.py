@@ -34,7 +34,7 @@ from koord.runtime.configuration.keys import SharedKey, shared_key
 from koord.runtime.configuration.model import RunConfiguration
 from koord.runtime.deploy.ideal import unanswered
 from koord.runtime.deploy.joining import knock
-from koord.runtime.deploy.local import Launch, local_plan, reach_of, transport_of
+from koord.runtime.deploy.local import Launch, local_plan, transport_of
 from koord.runtime.deploy.member import Platform
 from koord.runtime.deploy.recording import DeploymentRecord
 from koord.runtime.deploy.running import (
@@ -50,8 +50,9 @@ from koord.runtime.deploy.supervised import SupervisedProcesses
 from koord.runtime.deploy.supervision import ProcessReport
 from koord.runtime.encoding import text_digest
 from koord.runtime.motion.libraries import SIM, require
-from koord.runtime.orders.lines import Addresses, Reach
-from koord.runtime.orders.places import left
+from koord.runtime.orders.lines import Addresses, Reach, robots_of
+from koord.runtime.orders.places import Access, left
+from koord.runtime.orders.reach import reach_of
 from koord.runtime.ports import plain_name
 from koord.runtime.protocol.handshake import Fingerprint
 from koord.runtime.robot import Robot
@@ -589,8 +590,9 @@ def _all(of: _Deployment) -> Deployed:
 
 def _found_here(job: Job, reach: Reach) -> AbstractContextManager[object]:
     """Let people of this machine find the robots of this process. (O-HERE)"""
-    key = order_key(job.key)
-    return left(job.configuration.name, key, reach, encrypts=job.encrypts)
+    is_whole = len(robots_of(reach)) == job.robots
+    access = Access(order_key(job.key), job.encrypts, reach, is_whole)
+    return left(job.configuration.name, access)
 
 
 @contextmanager

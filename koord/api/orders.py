@@ -6,28 +6,21 @@ import os
 import time
 from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import ExitStack, contextmanager
-from os import PathLike
-from pathlib import Path
-from typing import TypeAlias
 
 from msgspec import Struct, to_builtins
-from msgspec.structs import replace
 
-from koord.api.fitting import read_configuration
+from koord.api.callees import Callees, Where, callees
 from koord.api.progress import Cancellation, Listener, Progress, asker, heard_by
 from koord.api.results import ArgumentError, Result, html_table
-from koord.runtime.configuration.keys import shared_key
-from koord.runtime.configuration.model import RunConfiguration
-from koord.runtime.deploy.local import reach_of
 from koord.runtime.orders.calling import Call, Called
-from koord.runtime.orders.lines import Line, Reach, line_to, robots_of
+from koord.runtime.orders.lines import Line, line_to
 from koord.runtime.orders.messages import Outcome, Reply, Request
 from koord.runtime.orders.messages import Wanted as Wanted
-from koord.runtime.orders.places import Running, found
+from koord.runtime.orders.places import found
 from koord.runtime.transports.transport import TransportError
 from koord.runtime.wire.codec import Channel, DatagramWriter, OrderReader
-from koord.runtime.wire.frames import MOST_ROBOTS, order_key
-from koord.syntax.diagnostics import Diagnostic, KoordError, refusal
+from koord.runtime.wire.frames import MOST_ROBOTS
+from koord.syntax.diagnostics import Diagnostic, refusal
 
 #: How long robots are called, in seconds, unless somebody says.
 USUAL_S = 5.0
@@ -43,9 +36,6 @@ SILENT_S = 1.0
 
 #: The name of a caller on the wire: the number of no robot.
 _CALLER = MOST_ROBOTS - 1
-
-#: The file of a configuration; None: all that runs on this machine.
-Where: TypeAlias = str | PathLike[str] | None
 
 
 class RobotAnswer(Struct, frozen=True):
@@ -68,12 +58,13 @@ class OrderReport(Result, frozen=True, kw_only=True):
 
     wanted: Wanted
     robots: tuple[RobotAnswer, ...]
-    warnings: tuple[Diagnostic, ...] = ()
+    warnings: tuple[Diagnostic, ...] = ()  #: why others than those of this machine were not called
 
     @property
     def ok(self) -> bool:
         """True if all robots have answered, and have done it."""
-        return bool(self.robots) and all(one.is_done for one in self.robots)
+        known = bool(self.robots) and not self.warnings
+        return known and all(one.is_done for one in self.robots)
 
     def to_dict(self) -> dict[str, object]:
         robots = [{**to_builtins(one), "answer": str(one)} for one in self.robots]
@@ -152,7 +143,7 @@ def heartbeat(
     """
     is_cancelled, tell = asker(cancellation), heard_by(progress)
     while not is_cancelled():
-        fleets, _ = _fleets(config, robots, is_patient=True)
+        fleets, _ = callees(config, robots, is_patient=True)
         if fleets and _beat(config, fleets, _Watch(is_cancelled, pressed or _never), tell):
             return _ordered(config, Wanted.ESTOP, robots, USUAL_S)
         if not fleets:
@@ -172,7 +163,7 @@ class _Watch(Struct, frozen=True):
     pressed: Callable[[], bool]
 
 
-def _beat(config: Where, fleets: list[_Fleet], watch: _Watch, tell: Listener) -> bool:
+def _beat(config: Where, fleets: list[Callees], watch: _Watch, tell: Listener) -> bool:
     """Send heartbeats until something ends them, or for some time; return whether by e-stop."""
     with _called(fleets, Wanted.ALIVE) as calls:
         while not watch.is_cancelled():
@@ -188,87 +179,10 @@ def _beat(config: Where, fleets: list[_Fleet], watch: _Watch, tell: Listener) ->
 def _ordered(
     config: Where, wanted: Wanted, robots: Collection[int] | None, timeout_s: float
 ) -> OrderReport:
-    fleets, warnings = _fleets(config, robots)
+    fleets, warnings = callees(config, robots)
     with _called(fleets, wanted) as calls:
         calls.until_over(timeout_s)
         return OrderReport(wanted=wanted, robots=calls.answers(), warnings=warnings)
-
-
-# --- who there is ---------------------------------------------------------------------------------
-
-
-class _Fleet(Struct, frozen=True):
-    """Robots that are reached in one way. Those that are ``gone`` need not answer."""
-
-    name: str
-    key: bytes
-    encrypts: bool
-    reach: Reach
-    pids: tuple[int, ...]
-    file: Path | None = None  #: of a run of this machine
-    is_gone: bool = False
-
-
-def _fleets(
-    config: Where, robots: Collection[int] | None, *, is_patient: bool = False
-) -> tuple[list[_Fleet], tuple[Diagnostic, ...]]:
-    """The robots that are meant. Raises KoordError if there are none, or none can be reached."""
-    name = None if config is None else os.fspath(config)
-    fleets = [_here(path, run) for path, run in found(name)]
-    warnings: tuple[Diagnostic, ...] = ()
-    if name is not None:
-        covered = {pid for one in fleets if not one.is_gone for pid in one.pids}
-        try:
-            is_alone = not fleets and not is_patient
-            fleets += _configured(read_configuration(name), covered, is_alone=is_alone)
-        except KoordError as error:
-            if not fleets:
-                raise
-            warnings = error.diagnostics  # those of this machine are called all the same
-    elif not fleets and not is_patient:
-        story = "nobody has deployed robots on this machine, as far as this user can see"
-        hint = "say the configuration of robots that are elsewhere: `koord estop CONFIG`"
-        raise refusal("K932", "koord estop", story, hint)
-    if robots is not None and fleets:
-        known = {pid for one in fleets for pid in one.pids}
-        if unknown := sorted(set(robots) - known):
-            story = f"there is no robot {unknown[0]}: there are {_spans(known)}"
-            raise ArgumentError("robots", story)
-        fleets = [_of(one, robots) for one in fleets]
-    return [one for one in fleets if one.pids], warnings
-
-
-def _spans(pids: Iterable[int]) -> str:
-    return ", ".join(map(str, sorted(pids)))
-
-
-def _of(fleet: _Fleet, robots: Collection[int]) -> _Fleet:
-    return replace(fleet, pids=tuple(pid for pid in fleet.pids if pid in robots))
-
-
-def _here(path: Path, run: Running) -> _Fleet:
-    """The robots of a process of this machine. (O-HERE)"""
-    pids = robots_of(run.reach)
-    return _Fleet(run.configuration, run.key, run.encrypts, run.reach, pids, path, not run.is_alive)
-
-
-def _configured(
-    configuration: RunConfiguration, covered: Collection[int], *, is_alone: bool
-) -> list[_Fleet]:
-    """The robots of a configuration, wherever they are, but for those that are found already.
-
-    Raises KoordError.
-    """
-    pids = tuple(robot.pid for robot in configuration.robots if robot.pid not in covered)
-    key = shared_key(configuration) if pids else None
-    if key is None:
-        if pids and is_alone:
-            story = "no robots of this configuration run on this machine, and it has no key"
-            hint = "name the key by which others are reached: network: {key_file: …}, or KOORD_KEY"
-            raise refusal("K932", configuration.name, story, hint)
-        return []
-    reach, encrypts = reach_of(configuration, pids), configuration.talk.encrypts
-    return [_Fleet(configuration.name, order_key(key.key), encrypts, reach, pids)]
 
 
 # --- calling --------------------------------------------------------------------------------------
@@ -277,11 +191,12 @@ def _configured(
 class _Line:
     """A call to one fleet, over its line."""
 
-    def __init__(self, fleet: _Fleet, wanted: Wanted, line: Line) -> None:
-        channel = Channel(fleet.key, MOST_ROBOTS, _CALLER, 1, fleet.encrypts)
+    def __init__(self, fleet: Callees, wanted: Wanted, line: Line) -> None:
+        access = fleet.access
+        channel = Channel(access.key, MOST_ROBOTS, _CALLER, 1, access.encrypts)
         self.fleet, self.line, self.call = fleet, line, Call(fleet.pids, wanted)
         self._writer = DatagramWriter(channel)
-        self._reader = OrderReader(fleet.key, encrypts=fleet.encrypts)
+        self._reader = OrderReader(access.key, encrypts=access.encrypts)
 
     def say(self) -> None:
         for request in self.call.requests(time.monotonic(), time.time()):
@@ -377,13 +292,13 @@ def _answer(pid: int, called: Called, where: str) -> RobotAnswer:
 
 
 @contextmanager
-def _called(fleets: Iterable[_Fleet], wanted: Wanted) -> Iterator[_Calls]:
+def _called(fleets: Iterable[Callees], wanted: Wanted) -> Iterator[_Calls]:
     """Open lines to fleets. Raises KoordError for a network that cannot be used."""
     with ExitStack() as stack:
         lines: list[_Line] = []
         for fleet in fleets:
             try:
-                line = line_to(fleet.reach)
+                line = line_to(fleet.access.reach)
             except TransportError as error:
                 raise refusal("K933", fleet.name, error.message, error.hint or None) from None
             stack.callback(line.close)

@@ -6,8 +6,10 @@ import argparse
 
 from koord.api.orders import USUAL_S, OrderReport, estop
 from koord.cli.arguments import add_json, pids, seconds
+from koord.cli.diagnostics import report_error
 from koord.cli.exits import Exit
 from koord.cli.terminal import visible
+from koord.syntax.diagnostics import KoordError
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -59,6 +61,8 @@ def main(arguments: argparse.Namespace) -> int:
 
 def show(report: OrderReport, arguments: argparse.Namespace) -> int:
     """Show what robots answered; return the exit code."""
+    if report.warnings:
+        report_error(KoordError(report.warnings), as_json=False)
     if arguments.json:
         print(report.to_json())
     else:

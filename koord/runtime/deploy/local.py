@@ -32,7 +32,6 @@ from koord.runtime.deploy.running import (
 )
 from koord.runtime.deploy.status import RobotReport
 from koord.runtime.deploy.supervision import EndCause, ProcessEnd
-from koord.runtime.orders.lines import Addresses, Reach, Routes
 from koord.runtime.transports.routed import Routed
 from koord.runtime.transports.transport import Transport, TransportError
 from koord.runtime.transports.udp import Delivery, Plan, Udp, on_this_machine
@@ -111,14 +110,6 @@ def transport_of(configuration: RunConfiguration, run: str, pid: int) -> Transpo
     if talk.carrier is Carrier.ZENOH:
         return Routed(run, pid, len(configuration.robots), talk.connect, talk.listen)
     return Udp(plan_of(configuration), pid)
-
-
-def reach_of(configuration: RunConfiguration, pids: tuple[int, ...]) -> Reach:
-    """How people reach robots of a configuration. (O-KEY)"""
-    talk = configuration.talk
-    if talk.carrier is Carrier.ZENOH:
-        return Routes(pids, talk.connect, talk.listen)
-    return Addresses(tuple((pid, configuration.robots[pid].address) for pid in pids))
 
 
 class Farewell(Struct, frozen=True):

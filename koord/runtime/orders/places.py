@@ -21,6 +21,15 @@ from koord.runtime.orders.lines import Reach
 _VERSION = 1
 
 
+class Access(Struct, frozen=True):
+    """All that is needed to tell robots something."""
+
+    key: bytes
+    encrypts: bool
+    reach: Reach
+    is_whole: bool = False  #: these are all robots of their configuration
+
+
 class Running(Struct, frozen=True):
     """What a process of `koord deploy` leaves of the robots that it runs."""
 
@@ -28,9 +37,7 @@ class Running(Struct, frozen=True):
     configuration: str  #: its file, as an absolute path
     process: int
     begun: str  #: when that process was started, as the system counts; empty: it does not say
-    key: bytes
-    encrypts: bool
-    reach: Reach
+    access: Access
 
     @property
     def is_alive(self) -> bool:
@@ -62,20 +69,11 @@ def folder() -> Path:
 
 
 @contextmanager
-def left(
-    configuration: str, key: bytes, reach: Reach, *, encrypts: bool, where: Path | None = None
-) -> Iterator[Path | None]:
+def left(configuration: str, access: Access, where: Path | None = None) -> Iterator[Path | None]:
     """Leave a file within the context; None if the machine has no place for it."""
     process = os.getpid()
-    made = Running(
-        _VERSION,
-        os.path.abspath(configuration),
-        process,
-        _begun(process),
-        key,
-        encrypts,
-        reach,
-    )
+    begun, path_of = _begun(process), os.path.abspath(configuration)
+    made = Running(_VERSION, path_of, process, begun, access)
     path = _written(folder() if where is None else where, msgspec.json.encode(made))
     try:
         yield path
