@@ -47,10 +47,12 @@ class Localised:
 
     def open(self, now_s: float) -> None:
         """Wait for the first pose, and then for the vehicle. Raises DriverError."""
+        begun_s = time.monotonic()
         self.localiser.open(now_s)
         try:
             passed_s = self._wait_for_pose(now_s)
             self.driver.open(now_s + passed_s)
+            passed_s = time.monotonic() - begun_s
         except DriverError:
             self.localiser.close()
             raise

@@ -15,7 +15,7 @@ from koord.runtime.drivers.driver import Device, DriverError
 from koord.runtime.drivers.frames import LEVEL, turned
 from koord.runtime.drivers.localised import Localised
 from koord.runtime.drivers.localiser import LocaliserOptions
-from koord.runtime.drivers.setpoints import Drive, Located
+from koord.runtime.drivers.setpoints import Capabilities, Drive, Located, Sensed
 from koord.runtime.guardian.conditions import Setup
 from koord.runtime.guardian.events import Condition, Order
 from koord.runtime.guardian.limits import usual
@@ -241,6 +241,43 @@ def test_a_driver_that_wants_to_know_is_told_each_pose_once() -> None:
     held.says = Located((math.nan, 0.0, 0.0), LEVEL, 20.1)
     made.sense(20.1)
     assert len(passed.heard) == 4
+
+
+class Slow:
+    """A driver that takes four seconds to open, by a clock that a test has set."""
+
+    def __init__(self, passing: list[float]) -> None:
+        self.capabilities = Capabilities(("CAR",), (Drive,), 20.0, 0.1)
+        self.remarks: tuple[str, ...] = ()
+        self._passing = passing
+
+    def open(self, now_s: float) -> None:
+        self._passing[0] += 4.0
+
+    def sense(self, now_s: float) -> Sensed:
+        return Sensed(HERE, LEVEL, (0.0, 0.0, 0.0), now_s)
+
+
+def test_what_is_read_when_a_vehicle_was_slow_to_answer_is_read_then(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Else the clock of a localiser is believed to be so much behind, and its poses are old."""
+    passing = [10.0]
+    monkeypatch.setattr("koord.runtime.drivers.localised.time.monotonic", lambda: passing[0])
+    times: list[float] = []
+
+    class Noting(Counting):
+        def locate(self, now_s: float) -> Located | None:
+            times.append(now_s)
+            return super().locate(now_s)
+
+    made: Any = Localised(Slow(passing), Noting(), device())  # type: ignore[arg-type]
+    model = device_model(device().vehicle)
+    setup = Setup(usual(model.body), field(WORLD, flat=True), 0.1)
+    steersman = pilot(PilotSettings(model.body, model.planner), WORLD)
+    driven = DrivenVehicle(made, steersman, setup, 10.0)
+    assert times == [10.0, 14.0, 14.0]
+    assert driven.sensed.measured_at_s == 14.0
 
 
 def test_a_vehicle_that_does_not_take_its_pose_does_not_start(
