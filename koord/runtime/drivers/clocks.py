@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 #: The clocks of others, and of simulated ones on busy machines, differ by this share at most.
 _DRIFT = 0.02
 
@@ -19,9 +21,14 @@ class RemoteClock:
     def __init__(self) -> None:
         self._offset_s: float | None = None  #: our clock when this one was at 0
         self._sent_s = 0.0
+        self._now_s = -math.inf
 
     def hear(self, sent_s: float, now_s: float) -> None:
-        """Take note of a message that left at a time of that clock and is read now."""
+        """Take note of a message that left at a time of that clock and is read now.
+
+        Time does not run backwards: whoever says an earlier one has waited since.
+        """
+        now_s = self._now_s = max(now_s, self._now_s)
         offset_s = now_s - sent_s
         if self._offset_s is not None and sent_s >= self._sent_s - _RESTART_S:
             drift_s = _DRIFT * max(0.0, sent_s - self._sent_s)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from msgspec.structs import replace
@@ -48,39 +48,37 @@ class Localised:
     def open(self, now_s: float) -> None:
         """Wait for the first pose, and then for the vehicle. Raises DriverError."""
         begun_s = time.monotonic()
+
+        def now() -> float:
+            return now_s + time.monotonic() - begun_s
+
         self.localiser.open(now_s)
         try:
-            passed_s = self._wait_for_pose(now_s)
-            self.driver.open(now_s + passed_s)
-            passed_s = time.monotonic() - begun_s
+            self._wait_for_pose(now)
+            self.driver.open(now())
         except DriverError:
             self.localiser.close()
             raise
         try:
-            self._wait_for_vehicle(now_s + passed_s)
+            self._wait_for_vehicle(now)
         except DriverError:
             self.close()
             raise
 
-    def _wait_for_pose(self, now_s: float) -> float:
-        """Wait until it is known where the vehicle is; return how long that took. (P-LOCATE-START)
-
-        Raises DriverError.
-        """
-        begun_s, passed_s = time.monotonic(), 0.0
-        while self._listen(now_s + passed_s) is None:
-            if passed_s >= self._options.wait:
+    def _wait_for_pose(self, now: Callable[[], float]) -> None:
+        """Wait until it is known where the vehicle is. Raises DriverError. (P-LOCATE-START)"""
+        until_s = now() + self._options.wait
+        while self._listen(now()) is None:
+            if now() >= until_s:
                 why = "; ".join(self._why) or f"{self._name} does not say where the vehicle is"
                 raise DriverError(why, "see `localiser` and its options")
             time.sleep(_LOOK_S)
-            passed_s = time.monotonic() - begun_s
-        return passed_s
 
-    def _wait_for_vehicle(self, now_s: float) -> None:
+    def _wait_for_vehicle(self, now: Callable[[], float]) -> None:
         """Wait until a vehicle that was told where it is knows that. Raises DriverError."""
-        begun_s, passed_s = time.monotonic(), 0.0
-        while self.sense(now_s + passed_s) is None:
-            if passed_s >= _TAKES_S:
+        until_s = now() + _TAKES_S
+        while self.sense(now()) is None:
+            if now() >= until_s:
                 why = "; ".join(self.driver.remarks)
                 raise DriverError(
                     f"the vehicle does not take where {self._name} says that it is"
@@ -88,7 +86,6 @@ class Localised:
                     "see the options of its driver",
                 )
             time.sleep(_LOOK_S)
-            passed_s = time.monotonic() - begun_s
 
     def sense(self, now_s: float) -> Sensed | None:
         located = self._listen(now_s)

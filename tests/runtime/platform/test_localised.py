@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
 from typing import Any, ClassVar
 
 import pytest
@@ -10,6 +11,8 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from koord.runtime.configuration.model import Vehicle
+from koord.runtime.drivers import localised as module
+from koord.runtime.drivers.clocks import RemoteClock
 from koord.runtime.drivers.differences import Differences
 from koord.runtime.drivers.driver import Device, DriverError
 from koord.runtime.drivers.frames import LEVEL, turned
@@ -358,3 +361,42 @@ def test_who_stands_outside_of_the_fence_does_not_start() -> None:
     assert one.seen.body.truth()[0].tolist() == [[0.0, 0.0, 0.0]]
     assert any("outside of the world" in remark for remark in one.driven.remarks)
     assert any(note.condition is Condition.FENCE for note in one.driven.notes)
+
+
+class SlowToOpen(Held):
+    """A localiser that takes time to open; its clock is another one. It notes when it is asked."""
+
+    def __init__(self, clock: SimpleNamespace) -> None:
+        super().__init__()
+        self.clock, self.asked, self.remote = clock, list[float](), RemoteClock()
+
+    def open(self, now_s: float) -> None:
+        self.clock.now += 0.7
+
+    def locate(self, now_s: float) -> Located | None:
+        self.asked.append(now_s)
+        sent_s = self.clock.now - 5000.0
+        self.remote.hear(sent_s, now_s)
+        return Located(HERE, LEVEL, self.remote.ours(sent_s))
+
+
+def test_what_took_long_to_open_does_not_make_poses_old(monkeypatch: pytest.MonkeyPatch) -> None:
+    """(P-LOCATE-START)"""
+    clock = SimpleNamespace(now=10.0, sleep=lambda _: None)
+    clock.monotonic = lambda: clock.now
+    monkeypatch.setattr(module, "time", clock)
+    slow = SlowToOpen(clock)
+    made = Localised(vehicle(replace(device(), options=None)), slow, device())
+    made.open(10.0)
+    assert min(slow.asked) == pytest.approx(10.7)
+    clock.now += 0.05
+    sensed = made.sense(clock.now)
+    assert sensed is not None
+    assert clock.now - sensed.measured_at_s == pytest.approx(0.0)
+
+
+def test_a_clock_is_not_read_before_it_was() -> None:
+    clock = RemoteClock()
+    clock.hear(1.0, 101.0)
+    clock.hear(1.1, 100.5)  # said by somebody who has waited
+    assert clock.ours(1.1) == pytest.approx(101.0, abs=0.01)

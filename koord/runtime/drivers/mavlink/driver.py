@@ -7,6 +7,7 @@ the autopilot's own failsafe acts. (M-TICK)
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Mapping
 from typing import Any, ClassVar
 
@@ -107,7 +108,9 @@ class MavlinkDriver:
         Whoever is told where it is has no pose before: its heartbeat is waited for.
         """
         if self._link is None:
+            opening_s = time.monotonic()
             self._link = WireLink(self.options)
+            now_s += time.monotonic() - opening_s
         begun_s = now_s
         while not self._is_found(now_s):
             if now_s - begun_s > self.options.connect:
