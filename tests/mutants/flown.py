@@ -84,7 +84,7 @@ FLOWN = (
     Mutant(
         "what is locked obeys",
         f"{_DRIVER}.sense",
-        "self._hears(now_s) and not self._cannot",
+        "self._hears(now_s) and not self._telemetry.cannot",
         "self._hears(now_s)",
         (CRAZYFLIE,),
     ),

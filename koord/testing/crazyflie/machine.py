@@ -16,8 +16,10 @@ from enum import Enum
 from msgspec import Struct
 from msgspec.structs import replace
 
-from koord.testing.autopilot.airframe import Airframe, Handling, Target, Vector, product
+from koord.testing.autopilot.airframe import Airframe, Target, Vector, product
 from koord.testing.crazyflie.attitudes import Quaternion, unpacked, yaw_of
+from koord.testing.crazyflie.settings import Settings as Settings
+from koord.testing.crazyflie.settings import State as State
 from koord.testing.crazyflie.tables import Kind, Logs, Parameters
 
 _STEP_S = 0.01
@@ -39,18 +41,6 @@ _PROTOCOL = 12
 
 #: `errno`
 _EBUSY = 16
-
-
-class State(Enum):
-    """The states of the supervisor."""
-
-    CHECKS_FAIL = "pre-flight checks not passed"
-    CHECKS_PASS = "pre-flight checks passed"
-    READY = "ready to fly"
-    FLYING = "flying"
-    LANDED = "landed"
-    LEVEL_OUT = "warning, level out"
-    LOCKED = "locked"
 
 
 _MAY_FLY = (State.READY, State.FLYING, State.LANDED, State.LEVEL_OUT)
@@ -78,24 +68,6 @@ class Landing(Struct, frozen=True):
     end_down_m: float
     begun_s: float
     lasts_s: float
-
-
-class Settings(Struct, frozen=True):
-    """A simulated Crazyflie, as it is set up."""
-
-    start_m: Vector = (
-        0.0,
-        0.0,
-        0.0,
-    )  #: east, north, up of its frame; it stands on the ground there
-    yaw_rad: float = 0.0  #: counter-clockwise from east
-    arms_itself: bool = True  #: as a Crazyflie 2.1 does; others wait for a request
-    tumbled: bool = False  #: it does not lie as it should: it refuses to arm
-    wants_poses: bool = False  #: it has no positioning of its own
-    forgets: tuple[str, ...] = ()  #: log variables that an old firmware has not got
-    battery: float = 1.0
-    drain_per_s: float = 0.0
-    handling: Handling = Handling(speed_mps=2.0)
 
 
 Packet = tuple[int, int, bytes]  #: port, channel, data

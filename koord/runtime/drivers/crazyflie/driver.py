@@ -7,7 +7,7 @@ out after half a second, and stops its motors after two. (C-TICK) (C-SILENCE)
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, ClassVar
 
 from msgspec import Struct
@@ -24,7 +24,9 @@ from koord.runtime.drivers.crazyflie.link import (
     Up,
 )
 from koord.runtime.drivers.crazyflie.options import CrazyflieOptions
+from koord.runtime.drivers.crazyflie.requests import Request, Requests
 from koord.runtime.drivers.crazyflie.telemetry import Info, Telemetry
+from koord.runtime.drivers.crazyflie.troubles import first_line, unreachable
 from koord.runtime.drivers.driver import Device, DriverError
 from koord.runtime.drivers.frames import to_xyzw, turned, yaw_of
 from koord.runtime.drivers.leading import Flight, Leader, between
@@ -47,11 +49,12 @@ from koord.runtime.drivers.setpoints import (
 #: The firmware stops motors after this. (`COMMANDER_WDT_TIMEOUT_SHUTDOWN` of `supervisor.c`)
 _SILENCE_S = 2.0
 
+#: It says that it flies for 2 s after its motors have stopped; who says so for longer than this
+#: after the end of its landing has not landed.
+_LANDED_S = 4.0
+
 #: What could not be sent within these is dropped: set-points and poses, and commands.
 _TICK_S, _COMMAND_S = 0.1, 0.5
-
-#: A command is repeated after this, in s: if nobody answered, and if it was refused.
-_UNANSWERED_S, _REFUSED_S = 0.2, 1.0
 
 #: It connects anew after it was silent so many times longer than it may be.
 _PATIENCE = 2
@@ -105,9 +108,7 @@ class CrazyflieDriver:
         self._since_s = -math.inf  #: last time it was connected to, or that was tried
         self._now_s = -math.inf
         self._heading_rad: float | None = None  #: that it is told to have in the air
-        self._asked_s = self._answered_s = -math.inf  #: to arm or disarm, or to land
-        self._asked: int | None = None  #: the command
-        self._refused: int | None = None
+        self._requests = Requests()
         self._lands_until_s = -math.inf  #: it has said that it lands, and is down by then
         self._was_told_to_arm = self._was_armed = False  #: since it was told to disarm
         self._told: Setpoint = Disarm()
@@ -124,7 +125,7 @@ class CrazyflieDriver:
             self._link.open()
             now_s = self._wait(now_s, lambda: self._telemetry.info is not None)
             if self._telemetry.info is None:
-                raise self._nothing_heard(self._lost or "it does not answer")
+                raise unreachable(self.options.uri, self._lost or "it does not answer")
             if self.options.reset and not self._telemetry.airborne:
                 now_s = self._begin_estimate(now_s)
             if not self._is_told_poses:
@@ -142,7 +143,7 @@ class CrazyflieDriver:
 
     def sense(self, now_s: float) -> Sensed | None:
         self._listen(now_s)
-        obeys = self._hears(now_s) and not self._cannot
+        obeys = self._hears(now_s) and not self._telemetry.cannot
         return self._telemetry.sensed(link=obeys, was_told=self._was_told_to_arm)
 
     def locate(self, located: Located, now_s: float) -> None:
@@ -190,13 +191,13 @@ class CrazyflieDriver:
             )
         elif not self._telemetry.is_sure:
             found.append(f"the Crazyflie does not know where it is: {self._unsure}")
-        if self._cannot:
-            found.append(f"the Crazyflie cannot fly: {self._cannot}")
-        elif self._asked == _ARM and self._refused is not None:
+        if self._telemetry.cannot:
+            found.append(f"the Crazyflie cannot fly: {self._telemetry.cannot}")
+        elif self._requests.refusal(Request.ARMING) is not None:
             doing = "disarm" if isinstance(self._told, Disarm) else "arm"
             found.append(f"the Crazyflie does not {doing}: its supervisor refuses")
-        elif self._asked == _LAND and self._refused is not None:
-            found.append(f"the Crazyflie does not land (error {self._refused})")
+        elif (error := self._requests.refusal(Request.LANDING)) is not None:
+            found.append(f"the Crazyflie does not land (error {error})")
         elif self._was_armed and self._is_armed is False and self._moves:
             found.append("the Crazyflie has disarmed itself: koord does not arm it again by itself")
         texts = self._telemetry.texts(self._now_s)
@@ -207,7 +208,7 @@ class CrazyflieDriver:
 
     # --- what is heard --------------------------------------------------------------------------
 
-    def _wait(self, now_s: float, condition: Any) -> float:
+    def _wait(self, now_s: float, condition: Callable[[], bool]) -> float:
         """Listen until something holds, the link is lost, or time is up; return the time then."""
         begun_s = now_s
         while not condition() and self._lost is None and now_s - begun_s <= self.options.connect:
@@ -239,7 +240,7 @@ class CrazyflieDriver:
                     self._protocol, self._lost = protocol, None
                     self._telemetry.begin_anew()
                 case Down(why=why):
-                    self._protocol, self._lost = None, _first_line(why)
+                    self._protocol, self._lost = None, first_line(why)
         self._was_armed = self._was_armed or bool(self._is_armed)
         patience_s = _PATIENCE * self.options.link
         silent_s = now_s - max(self._telemetry.heard_s, self._since_s)
@@ -249,16 +250,14 @@ class CrazyflieDriver:
 
     def _hear_answer(self, port: int, data: bytes) -> None:
         """Take note of what it said to a command."""
-        command, result = data[0] & 0x7F, None
+        command = data[0] & 0x7F
         if port == CRTPPort.SETPOINT_HL and command == _LAND and len(data) > 3:
-            result = None if data[3] in _LANDS else data[3]
-            if result is None and isinstance(self._told, Land):
-                self._lands_until_s = self._now_s + self._landing_s + _SILENCE_S + 2.0
+            lands = data[3] in _LANDS
+            self._requests.hear(None if lands else data[3], self._now_s)
+            if lands and isinstance(self._told, Land):
+                self._lands_until_s = self._now_s + self._landing_s + _LANDED_S
         elif port != CRTPPort.SETPOINT_HL and command == _ARM and len(data) > 1:
-            result = None if data[1] else 1
-        else:
-            return
-        self._answered_s, self._refused = self._now_s, result
+            self._requests.hear(None if data[1] else 1, self._now_s)
 
     def _hears(self, now_s: float) -> bool:
         return self._lost is None and now_s - self._telemetry.heard_s <= self.options.link
@@ -273,43 +272,12 @@ class CrazyflieDriver:
         )
 
     @property
-    def _cannot(self) -> str | None:
-        """Why it cannot fly until somebody has looked at it."""
-        telemetry = self._telemetry
-        if telemetry.has(Info.LOCKED):
-            return "it has locked itself (after a fall or an emergency stop): start it again"
-        if telemetry.has(Info.CRASHED):
-            return "it has crashed: look at it, and start it again"
-        if telemetry.has(Info.TUMBLED):
-            return "it does not lie as it should: put it on its feet"
-        return None
-
-    @property
     def _is_armed(self) -> bool | None:
         return self._telemetry.armed(was_told=self._was_told_to_arm)
 
     @property
     def _moves(self) -> bool:
         return isinstance(self._told, Track | Position | Velocity | Takeoff)
-
-    def _nothing_heard(self, why: str) -> DriverError:
-        where = f"the Crazyflie at `{self.options.uri}`"
-        if "Dongle" in why or "radio with serial" in why:
-            return DriverError(
-                f"there is no Crazyradio for {where}",
-                "plug it in; on Linux people need the right to use it (udev rules of Bitcraze)",
-            )
-        if "busy" in why:
-            return DriverError(
-                f"another process uses the Crazyradio of {where}",
-                "each robot needs one of its own: radio://0/…, radio://1/…",
-            )
-        if "firmware" in why:
-            return DriverError(f"{where}: {why}", "bring its firmware up to date")
-        return DriverError(
-            f"nothing is heard of {where}: {why}",
-            "is it switched on? Are channel, rate and address those of `uri`?",
-        )
 
     # --- what is said ---------------------------------------------------------------------------
 
@@ -322,7 +290,7 @@ class CrazyflieDriver:
         if self._telemetry.has(Info.ARMED) and not self._telemetry.has(Info.ARMS_ITSELF):
             self._ask_arming(False, now_s)
         else:
-            self._forget_request()
+            self._requests.forget()
 
     def _arm(self, now_s: float) -> None:
         if self._telemetry.airborne is not False:
@@ -332,7 +300,7 @@ class CrazyflieDriver:
             self._ask_arming(True, now_s)
 
     def _ask_arming(self, arms: bool, now_s: float) -> None:
-        if not self._is_due(_ARM, now_s):
+        if not self._requests.is_due(Request.ARMING, now_s):
             return
         protocol = self._protocol or _SUPERVISOR_SINCE
 
@@ -351,7 +319,7 @@ class CrazyflieDriver:
         """Let it land by itself: it goes on with that if koord is killed. (C-LAND)"""
         if self._telemetry.airborne is False or now_s < self._lands_until_s:
             return
-        if not self._is_due(_LAND, now_s):
+        if not self._requests.is_due(Request.LANDING, now_s):
             return
         height_m = self._ground_m - self._origin[2]
         lasts_s = self._landing_s
@@ -408,25 +376,5 @@ class CrazyflieDriver:
             self._heading_rad = 0.0 if attitude is None else yaw_of(attitude)
         return self._heading_rad
 
-    def _is_due(self, command: int, now_s: float) -> bool:
-        """Return whether a command is to be sent now, for the first time or again."""
-        if self._asked != command:
-            self._forget_request()
-        pause_s = _UNANSWERED_S if self._answered_s < self._asked_s else _REFUSED_S
-        if now_s - self._asked_s < pause_s:
-            return False
-        self._asked, self._asked_s = command, now_s
-        return True
-
-    def _forget_request(self) -> None:
-        self._asked = self._refused = None
-        self._asked_s = self._answered_s = -math.inf
-
     def _send(self, command: Command, lasts_s: float = _TICK_S) -> None:
         self._link.send(command, lasts_s)
-
-
-def _first_line(why: str) -> str:
-    """What went wrong, without the traceback that cflib adds."""
-    line = why.strip().split("\n")[0] if why.strip() else "it does not answer"
-    return line.removeprefix("Couldn't load link driver: ")

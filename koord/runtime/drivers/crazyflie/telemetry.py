@@ -110,6 +110,17 @@ class Telemetry:
         """Return whether its supervisor says one of these."""
         return self.info is not None and any(flag in self.info for flag in flags)
 
+    @property
+    def cannot(self) -> str | None:
+        """Why it cannot fly until somebody has looked at it."""
+        if self.has(Info.LOCKED):
+            return "it has locked itself (after a fall or an emergency stop): start it again"
+        if self.has(Info.CRASHED):
+            return "it has crashed: look at it, and start it again"
+        if self.has(Info.TUMBLED):
+            return "it does not lie as it should: put it on its feet"
+        return None
+
     def armed(self, *, was_told: bool) -> bool | None:
         """Whether it flies if it is told to. What arms itself has to be told as well. (C-ARM)"""
         if self.info is None:
