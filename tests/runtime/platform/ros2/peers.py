@@ -33,6 +33,7 @@ LOOPBACK = (
 DOMAIN = int(os.environ.get("KOORD_TEST_DOMAIN", 10 + os.getpid() % 80))
 
 _PERIOD_S = 0.01
+_SOON_S = 0.0002
 _NUMBERS = count()
 
 
@@ -170,9 +171,28 @@ class Follower(Body):
         super().move(dt_s)
 
 
+class Echo(Body):
+    """It sends each place back at once."""
+
+    def __init__(self, domain: int, prefix: str) -> None:
+        super().__init__(domain, prefix)
+        self.places = self.topic("waypoint", "PoseStamped", self.graph.listen)
+        self.echo = self.topic("echo", "PoseStamped", self.graph.publish)
+
+    def run(self) -> None:
+        while True:
+            message = self.places.take()
+            if message is not None:
+                self.echo.send({"pose": {"position": {"x": message.pose.position.x}}})
+            time.sleep(_SOON_S)
+
+
+KINDS = {"car": Car, "echo": Echo, "follower": Follower, "runaway": Runaway}
+
+
 def main(kind: str, domain: str, prefix: str) -> None:
     """Run a peer until standard input ends."""
-    body = {"car": Car, "runaway": Runaway, "follower": Follower}[kind](int(domain), prefix)
+    body = KINDS[kind](int(domain), prefix)
     threading.Thread(target=body.run, daemon=True).start()
     sys.stdin.read()
 
