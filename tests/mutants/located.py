@@ -43,7 +43,7 @@ LOCATED = (
     ),
     Mutant(
         "a device cannot do without the localiser of all",
-        "runtime.configuration.checking._Checker._localiser",
+        "runtime.configuration.locating.stated_localiser",
         "None if name == _OWN else name",
         "name",
         (CONFIGURATION,),

@@ -22,6 +22,7 @@ from koord.runtime.configuration.forms import (
     WorldForm,
 )
 from koord.runtime.configuration.keys import HINT, weakness
+from koord.runtime.configuration.locating import stated_localiser
 from koord.runtime.configuration.model import (
     RobotPlace,
     RunConfiguration,
@@ -43,9 +44,6 @@ DEFAULT_PORT = 61_820
 
 #: In the block of addresses that any organisation may use for itself.
 DEFAULT_GROUP = "239.255.75.1"
-
-#: The localiser that is none: where a vehicle is, its driver says.
-_OWN = "own"
 
 #: Fields of a device in the published middleware that are options of drivers that speak ROS.
 _ROS = ("positioning_topic", "queue_size", "reached_topic", "ros_node_prefix", "waypoint_topic")
@@ -203,12 +201,14 @@ class _Checker(FormReader):
     ) -> RobotPlace:
         name, device, where = self._device(form, agent, path)
         safety = self._safety(form, device, where, world)
-        localiser, localiser_options = self._localiser(form, device, where)
+        localiser = stated_localiser(form, device, where, driven=_driver(device) is not None)
+        for flawed, story, cure in localiser.flaws:
+            self._once(flawed, story, cure)
         vehicle = msgspec.structs.replace(
             self._vehicle(name, device, agent.motion_automaton, where),
             safety=safety,
-            localiser=localiser,
-            localiser_options=msgspec.json.encode(localiser_options),
+            localiser=localiser.name,
+            localiser_options=msgspec.json.encode(localiser.options),
         )
         automaton = agent.motion_automaton
         if automaton is not None and vehicle.automata and automaton not in vehicle.automata:
@@ -263,24 +263,6 @@ class _Checker(FormReader):
             driver=_driver(device),
             options=msgspec.json.encode({**_topics(name, device, automaton), **device.options}),
         )
-
-    def _localiser(
-        self, form: Form, device: Device, path: Path
-    ) -> tuple[str | None, dict[str, Any]]:
-        """What says where the vehicle of a device is, and its options. (P-LOCATE-NAME)"""
-        name = device.localiser or form.localiser
-        name = None if name == _OWN else name
-        hint = "name a `localiser`; `koord drivers` lists them"
-        if device.localiser is not None and _driver(device) is None:
-            self._once((*path, "localiser"), "nothing drives this vehicle", "name its `driver`")
-        elif name is None and device.localiser_options:
-            self._once((*path, "localiser_options"), "these are options of no localiser", hint)
-        if form.localiser is None and form.localiser_options:
-            self._once(("localiser_options",), "these are options of no localiser", hint)
-        if name is None or _driver(device) is None:
-            return None, {}
-        shared = form.localiser_options if name == form.localiser else {}
-        return name, {**shared, **device.localiser_options}
 
     def _safety(self, form: Form, device: Device, where: Path, world: World | None) -> SafetyLimits:
         """The limits of a robot on a device."""
