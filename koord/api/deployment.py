@@ -27,6 +27,8 @@ from koord.api.progress import Cancellation, CancelledError, Listener, asker, he
 from koord.api.results import ArgumentError
 from koord.api.robots import Seconds
 from koord.api.undriven import Drivers, drivers_of, undriven, unserved
+from koord.runtime.chaos.network import Faults
+from koord.runtime.chaos.unreliable import Unreliable
 from koord.runtime.compile import compiled
 from koord.runtime.compile.loading import loaded
 from koord.runtime.compile.watching import watched
@@ -56,7 +58,8 @@ from koord.runtime.orders.reach import reach_of
 from koord.runtime.ports import plain_name
 from koord.runtime.protocol.handshake import Fingerprint
 from koord.runtime.robot import Robot
-from koord.runtime.transports.transport import TransportError
+from koord.runtime.transports.transport import Transport, TransportError
+from koord.runtime.transports.udp import Udp
 from koord.runtime.wire.frames import order_key
 from koord.syntax import core
 from koord.syntax.diagnostics import Diagnostic, KoordError, Severity, refusal
@@ -104,6 +107,7 @@ class DeployRequest(Struct, frozen=True):
     preflight: bool = False
     rests_on: str | None = None
     live: tuple[str, int] | None = None  #: address and port
+    loss: float = 0.0  #: the share of the datagrams that are lost on purpose
 
 
 def deploy(
@@ -128,6 +132,7 @@ def deploy(
     preflight: bool = False,
     rests_on: str | PathLike[str] | None = None,
     live: bool | tuple[str, int] = False,
+    loss: float = 0.0,
     progress: Listener | None = None,
     cancellation: Cancellation | None = None,
 ) -> Deployed:
@@ -153,7 +158,8 @@ def deploy(
     watched while it runs: what did not hold is ``broken`` of the result, with the verdicts whose
     proofs need it if ``rests_on`` is the file of a report of :func:`koord.verify` that was made
     with ``rests_on``, as JSON. ``live`` serves a page of the run on this machine, or at an address
-    and port, for everybody who can reach that.
+    and port, for everybody who can reach that. ``loss`` is the share of the arriving datagrams
+    that are lost on purpose, to rehearse a bad network.
     ``progress`` hears :class:`FleetHeard`.
 
     Raises :class:`koord.KoordError` for what is wrong with the input, or with the network.
@@ -177,6 +183,7 @@ def deploy(
         preflight=preflight,
         rests_on=None if rests_on is None else fspath(rests_on),
         live=(LIVE if live else None) if isinstance(live, bool) else live,
+        loss=loss,
     )
     if restart and pid is not None:
         raise ArgumentError("restart", NOT_RESTARTED)
@@ -455,6 +462,14 @@ class _Deployment(Struct, frozen=True):
             parts.remove()  # else the run may go on
         return replace(ended, merged=merged)
 
+    def lossy(self, transport: Transport, pid: int) -> Transport:
+        """A network that loses what it is to lose."""
+        loss = self.request.loss
+        if not loss:
+            return transport
+        faults = Faults(loss=loss, least_delay_s=0.0, most_delay_s=0.0)
+        return Unreliable(transport, faults, self.job.configuration.seed + pid)
+
     def page(self, stack: ExitStack, job: Job, watch: FleetWatch) -> LivePage | None:
         """The page that is served while the run goes on, if that is wanted. Raises KoordError."""
         if self.request.live is None:
@@ -491,7 +506,7 @@ def _one(of: _Deployment, pid: int) -> Deployed:
     job, request = of.job, of.request
     # Nothing is written before it is sure that this robot can talk to the others.
     try:
-        transport = transport_of(job.configuration, job.run, pid)
+        transport = of.lossy(transport_of(job.configuration, job.run, pid), pid)
     except TransportError:
         with suppress(OSError):
             knock(job.party(pid), job.configuration.robots[pid].address)
@@ -556,7 +571,15 @@ def _all(of: _Deployment) -> Deployed:
         watch = FleetWatch(of.fitted, job, of.grounds)
         page = of.page(stack, job, watch)
         is_shown = page is not None
-        launch = Launch(job, plan, make, keeps_rounds=True, keeps_poses=is_shown, scratch=scratch)
+        launch = Launch(
+            job,
+            plan,
+            make,
+            lambda plan, pid: of.lossy(Udp(plan, pid), pid),
+            keeps_rounds=True,
+            keeps_poses=is_shown,
+            scratch=scratch,
+        )
         fleet = SupervisedProcesses(launch, restarts=request.restart)
         stack.callback(fleet.close)
         tell(FleetHeard.of({}, job.rounds))

@@ -115,6 +115,13 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="serve a page of the run: on this machine alone, or where everybody sees it who can "
         "reach that address",
     )
+    parser.add_argument(
+        "--lose",
+        metavar="SHARE",
+        type=share,
+        default=0.0,
+        help="lose so much of what arrives, from 0 to 1, to rehearse a bad network",
+    )
     parser.add_argument("--record", metavar="FILE", help="record what robots do, as MCAP")
     parser.add_argument(
         "--trace",
@@ -167,6 +174,7 @@ def main(arguments: argparse.Namespace) -> int:
         preflight=arguments.preflight,
         rests_on=arguments.rests_on,
         live=arguments.live,
+        loss=arguments.lose,
     )
     report = DiagnosticReport()
     prepared = prepare(arguments, request, report)
@@ -201,6 +209,17 @@ def main(arguments: argparse.Namespace) -> int:
     if deployed.unmerged:
         report_error(KoordError(deployed.unmerged), as_json=False)
     return _ended(deployed)
+
+
+def share(text: str) -> float:
+    """A number from 0 to 1, which is less. Raises ArgumentTypeError."""
+    try:
+        number = float(text)
+    except ValueError:
+        number = -1.0
+    if not 0 <= number < 1:
+        raise ArgumentTypeError(f"{text!r} is no share: a number from 0 to less than 1")
+    return number
 
 
 def address(text: str) -> tuple[str, int]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 import json
 import math
+import socket
 import sys
 import time
 from typing import Any
@@ -70,6 +71,16 @@ class Car:
         """Where it is, as a line of JSON."""
         return json.dumps({"east": self.x, "north": self.y, "heading": self.heading})
 
+    def seen(self, body: str) -> bytes:
+        """Where cameras see it, as its ``body``."""
+        place = [self.x, self.y, 0.0]
+        return json.dumps({"body": body, "position": place, "heading": self.heading}).encode()
+
+
+def _address(text: str) -> tuple[str, int]:
+    host, _, port = text.rpartition(":")
+    return host, int(port)
+
 
 def _towards(now: float, wanted: float, most: float) -> float:
     return now + max(-most, min(most, wanted - now))
@@ -84,7 +95,15 @@ def main() -> None:
         "--start", type=float, nargs=3, default=(0.0, 0.0, 0.0), metavar=("X", "Y", "RAD")
     )
     parser.add_argument("--report", action="store_true", help="tell where it is, as JSON")
+    parser.add_argument(
+        "--truth",
+        type=_address,
+        metavar="HOST:PORT",
+        help="a fake NatNet server (--told), which sees where it is",
+    )
+    parser.add_argument("--body", help="its name there; else that of its topics")
     told = parser.parse_args()
+    truth = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     car, steps, due_s = Car(told.prefix, told.domain, tuple(told.start)), 0, time.monotonic()
     while True:
         car.step(time.monotonic(), _PERIOD_S)
@@ -92,6 +111,8 @@ def main() -> None:
         if told.report and steps % _REPORT == 0:
             sys.stdout.write(car.report() + "\n")
             sys.stdout.flush()
+        if told.truth is not None:
+            truth.sendto(car.seen(told.body or told.prefix), told.truth)
         due_s = max(due_s + _PERIOD_S, time.monotonic() - _PERIOD_S)
         time.sleep(max(0.0, due_s - time.monotonic()))
 
