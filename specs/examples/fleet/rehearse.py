@@ -5,11 +5,12 @@ protocol over UDP, ROS 2 and MAVLink, and a motion capture that says where they 
 run is judged, and so is where the vehicles really were:
 
     python specs/examples/fleet/rehearse.py
-    python specs/examples/fleet/rehearse.py --lose 0.3 --kill 1:15 --blind 2:25
+    python specs/examples/fleet/rehearse.py --lose 0.3 --kill 1:8 --blind 2:20
 
 The first visits all places. In the second 30 % of all datagrams are lost, the process of robot 1 is
-killed after 15 s, and robot 2 is not seen by the cameras any more after 25 s: nobody leaves the
-arena, nobody comes too close to another one, and who cannot know where it is holds, and lands.
+killed 8 s after all vehicles have begun to move, and robot 2 is not seen by the cameras any more
+12 s after that: nobody leaves the arena, nobody comes too close to another one, and who cannot know
+where it is holds, and lands.
 """
 
 from __future__ import annotations
@@ -41,6 +42,9 @@ _AUTOPILOT = ("127.0.0.1", 14590)
 #: The arena of the configuration, and how near two vehicles may come: no two of them touch then.
 _LOW, _HIGH, _APART_M = (-3.5, -4.0, -0.1), (3.5, 4.0, 3.0), 0.5
 
+#: What is so far from where it began moves.
+_MOVES_M = 0.5
+
 #: So near to a place it has been visited.
 _THERE_M = 0.25
 
@@ -51,7 +55,7 @@ BODIES = ("car0", "car1", "drone")
 
 
 class Incident(NamedTuple):
-    """What happens to a robot, and after how many seconds of the run."""
+    """What happens to a robot, and how many seconds after all vehicles have begun to move."""
 
     pid: int
     at_s: float
@@ -81,6 +85,16 @@ class Truth(threading.Thread):
             x, y, z = told["position"]
             self.seen.setdefault(told["body"], []).append((time.monotonic(), (x, y, z)))
             self.port.sendto(data, _TOLD)
+
+    @property
+    def moving_s(self) -> float:
+        """How long ago all vehicles had begun to move; less than 0: they have not."""
+        begun_s = 0.0
+        for body in BODIES:
+            told = [*self.seen.get(body, [])]
+            moved = (at_s for at_s, place in told if math.dist(place, told[0][1]) > _MOVES_M)
+            begun_s = max(begun_s, next(moved, math.inf))
+        return time.monotonic() - begun_s
 
     def tell_cameras(self, **what: object) -> None:
         """Let something happen to the cameras."""
@@ -212,7 +226,7 @@ def _happen(
     """Let things happen until the run is over; return since when somebody is not seen."""
     blinded_s = None
     while time.monotonic() - begun_s < most_s:
-        now_s = time.monotonic() - begun_s
+        now_s = truth.moving_s
         if kill is not None and now_s >= kill.at_s and robots[kill.pid].poll() is None:
             robots[kill.pid].kill()
         if blind is not None and now_s >= blind.at_s and blinded_s is None:
