@@ -1,4 +1,4 @@
-"""*Task* with two cars of ROS 2 and a drone of PX4, located by NatNet: `rehearse.py` of examples."""
+"""*Task* with cars of ROS 2 and a drone of PX4, located by NatNet: `rehearse.py` of examples."""
 
 from __future__ import annotations
 

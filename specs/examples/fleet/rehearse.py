@@ -199,7 +199,7 @@ def rehearse(
         robots = []
         for pid in range(3):
             words = ("koord", "deploy", str(PROGRAM), str(config), "--pid", str(pid), "--arm")
-            words += ("--fresh", "--state", str(folder / "journals"))
+            words += ("--yes", "--fresh", "--state", str(folder / "journals"))
             words += ("--trace", str(folder / f"part{pid}.jsonl"), "--lose", str(lose))
             robots.append(stack.enter_context(started(*words, log=folder / f"robot{pid}.log")))
         begun_s = time.monotonic()
