@@ -16,6 +16,9 @@ from koord.syntax.source import whole_file
 #: Who looks and does not arm does not wait longer for other robots, in seconds.
 PATIENCE_S = 10.0
 
+#: What is bad, of robots that may be armed, may pass in so long: a pose is late at the start, say.
+MENDING_S = 5.0
+
 #: And lets the others hear of it for so long after that.
 _LINGER_S = 1.0
 
@@ -66,14 +69,15 @@ Approval = Callable[[Preflight], bool | None]
 
 
 def good_enough(preflight: Preflight) -> bool | None:
-    """Arm as soon as all robots are good, and not if one is bad: for who has nobody to ask."""
-    if not preflight.is_settled:
-        return None
-    return preflight.is_good
+    """Say yes as soon as all is known: for who has nobody to ask. What is bad is not armed."""
+    return True if preflight.is_settled else None
 
 
 class Looking:
-    """The time before a run, in which people look at what robots have found."""
+    """The time before a run, in which people look at what robots have found.
+
+    Who says yes to what is bad is refused, unless it is good within some seconds.
+    """
 
     def __init__(self, robots: int, approve: Approval, *, only_looks: bool) -> None:
         self.found = Preflight({}, robots)
@@ -82,6 +86,7 @@ class Looking:
         self._approve, self._only_looks = approve, only_looks
         self._begun_at = time.monotonic()
         self._settled_at: float | None = None
+        self._bad_at: float | None = None  #: since when there is a yes for what is bad
 
     def hear(self, statuses: Mapping[int, RobotReport]) -> bool | None:
         """Take reports in, and ask: True begins the run, False ends it, None waits."""
@@ -93,10 +98,17 @@ class Looking:
             self.is_over = self._has_looked()
             return False if self.is_over else None
         answer = self._approve(self.found)
-        if answer is None:
+        if answer is None or (answer and not self.found.is_good and self._may_pass()):
             return None
         self.is_over, self.is_approved = True, answer and self.found.is_good
         return self.is_approved
+
+    def _may_pass(self) -> bool:
+        """Return whether what is bad may be good soon."""
+        now = time.monotonic()
+        if self._bad_at is None:
+            self._bad_at = now
+        return now - self._bad_at < MENDING_S
 
     def _has_looked(self) -> bool:
         now = time.monotonic()

@@ -8,7 +8,7 @@ from typing import cast
 import pytest
 from msgspec.structs import replace
 
-from koord.api.preflight import Looking, Preflight, good_enough
+from koord.api.preflight import MENDING_S, Looking, Preflight, good_enough
 from koord.runtime.compile import compiled
 from koord.runtime.compile.loading import loaded
 from koord.runtime.configuration.checking import load as load_configuration
@@ -251,11 +251,28 @@ DOUBT = Check("e-stop", Finding.DOUBTFUL, "not tried")
     ],
 )
 def test_what_is_bad_is_not_armed_and_what_is_open_is_waited_for(
-    checks: dict[int, tuple[Check, ...]], answer: bool | None
+    checks: dict[int, tuple[Check, ...]],
+    answer: bool | None,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """(P-PREFLIGHT)"""
-    assert good_enough(Preflight(checks, 2)) is answer
-    looking = Looking(2, lambda found: True, only_looks=False)
+    now = [100.0]
+    monkeypatch.setattr("koord.api.preflight.time.monotonic", lambda: now[0])
     statuses = {pid: replace(unheard(pid), checks=found) for pid, found in checks.items()}
-    said = looking.hear(statuses)
-    assert said is (answer is True), "who says yes to what is bad, or open, arms nothing"
+    assert good_enough(Preflight(checks, 2)) is (None if answer is None else True)
+    asked, insists = (
+        Looking(2, approve, only_looks=False) for approve in (good_enough, lambda found: True)
+    )
+    for looking in (asked, insists):
+        assert looking.hear(statuses) is (True if answer else None), "bad may become good"
+    now[0] += MENDING_S
+    if not answer:
+        assert asked.hear(statuses) is answer
+        assert insists.hear(statuses) is False, "who says yes to what is not good arms nothing"
+
+
+def test_what_is_bad_for_a_moment_does_not_keep_robots_from_being_armed() -> None:
+    """(P-PREFLIGHT)"""
+    looking = Looking(1, good_enough, only_looks=False)
+    assert looking.hear({0: replace(unheard(0), checks=(GOOD, BAD))}) is None
+    assert looking.hear({0: replace(unheard(0), checks=(GOOD,))}) is True
