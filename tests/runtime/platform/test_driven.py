@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable
+from typing import cast
 
 import numpy as np
 import pytest
 from msgspec.structs import replace
 
 from koord.runtime.configuration.model import Vehicle
-from koord.runtime.drivers.driver import Device, DriverError
-from koord.runtime.drivers.setpoints import Arm, Drive, Track
+from koord.runtime.drivers.driver import Device, Driver, DriverError
+from koord.runtime.drivers.setpoints import Arm, Drive, Sensed, Track
 from koord.runtime.guardian.conditions import Setup
 from koord.runtime.guardian.events import Condition, Order, Other
 from koord.runtime.guardian.limits import usual
@@ -354,3 +356,29 @@ def test_two_that_would_meet_stop_before_they_touch(kind: str) -> None:
         nearest = min(nearest, math.dist(left.here, right.here))
     assert {left.mode, right.mode} == {Mode.HOLDING}
     assert 0.4 < nearest < 2.5  # of 4 m at the beginning
+
+
+def test_a_driver_that_waits_at_the_start_is_asked_for_what_it_senses_then() -> None:
+    """Not for a time that is over: it may learn from that how far clocks of others are off."""
+    asked: list[float] = []
+
+    class Waits:
+        def __init__(self) -> None:
+            self.driver = vehicle(Device(0, Vehicle("CAR", "CAR"), WORLD, (0.0, 0.0, 0.0)))
+            self.capabilities = self.driver.capabilities
+
+        def open(self, now_s: float) -> None:
+            self.driver.open(now_s)
+            until_s = time.monotonic() + 0.05
+            while time.monotonic() < until_s:
+                pass
+
+        def sense(self, now_s: float) -> Sensed | None:
+            asked.append(now_s)
+            return self.driver.sense(now_s)
+
+    body = device_model(Vehicle("CAR", "CAR")).body
+    steersman = pilot(PilotSettings(body, PlannerName.RRT_CAR), WORLD)
+    guarded = Setup(usual(body), field(WORLD, flat=True), 0.1)
+    DrivenVehicle(cast(Driver, Waits()), steersman, guarded, 100.0)
+    assert asked[-1] >= 100.05
