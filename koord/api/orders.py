@@ -22,6 +22,9 @@ from koord.runtime.wire.codec import Channel, DatagramWriter, OrderReader
 from koord.runtime.wire.frames import MOST_ROBOTS
 from koord.syntax.diagnostics import Diagnostic, refusal
 
+#: What people say besides the e-stop.
+ORDERS = (Wanted.STOP, Wanted.START, Wanted.LAND, Wanted.RESET)
+
 #: How long robots are called, in seconds, unless somebody says.
 USUAL_S = 5.0
 
@@ -120,11 +123,10 @@ def order(
     >>> koord.order("task.yaml", "stop").ok
     True
     """
-    try:
-        asked = Wanted(wanted)
-    except ValueError:
-        known = ", ".join(one.value for one in Wanted)
-        raise ArgumentError("wanted", f"{wanted!r} is no order: there are {known}") from None
+    asked = next((one for one in ORDERS if wanted in (one, one.value)), None)
+    if asked is None:
+        known = ", ".join(one.value for one in ORDERS)
+        raise ArgumentError("wanted", f"{wanted!r} is no order: there are {known}")
     return _ordered(config, asked, robots, timeout_s)
 
 

@@ -134,7 +134,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.epilog = (
         "exit codes: 0 the rounds were done, or all robots have stopped, 1 a fault ended the run "
         "or a claim did not hold or its trace is not legal, "
-        "2 errors in the input, 3 robots stopped before all rounds were "
+        "2 errors in the input, or what may not be armed, 3 robots stopped before all rounds were "
         "done or the trace lacks some, or their processes ended, 130 stopped with Ctrl-C, "
         "143 by SIGTERM, 129 by SIGHUP (robots stop safely; a second one stops at once). What "
         "robots tell is in FILE.parts, beside the trace or the recording, until that is made: of a "

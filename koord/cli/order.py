@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import argparse
 
-from koord.api.orders import Wanted, order
+from koord.api.orders import ORDERS, order
 from koord.cli.estop import EXITS, add_callees, show
-
-_ORDERS = (Wanted.STOP, Wanted.START, Wanted.LAND, Wanted.RESET)
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -16,7 +14,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "order",
-        choices=[one.value for one in _ORDERS],
+        choices=[one.value for one in ORDERS],
         help="stop: hold until start, and land or stop for good after a while; start: go on; "
         "land: end where they are; reset: after an e-stop, before start",
     )
