@@ -27,6 +27,7 @@ ELSEWHERE = "KOORD_ROS1"
 
 #: What rospy consists of, and what it needs that is made for ROS.
 _OWN = (
+    "actionlib_msgs",
     "catkin",
     "catkin_pkg",
     "genmsg",

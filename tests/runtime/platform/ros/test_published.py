@@ -161,7 +161,7 @@ def test_a_published_configuration_leads_vehicles_of_the_published_kind(
             pose = f"/vrpn_client_node/{name}/pose"
             vehicles.enter_context(node(f"{name}/waypoint_node", pose))
         done = subprocess.run(
-            [*KOORD, "deploy", "visit.krd", "run.yaml", "--all-local", "--arm", "--rounds", "900"],
+            [*KOORD, "deploy", "visit.krd", "run.yaml", "--all-local", "--arm", "--yes"],
             cwd=tmp_path,
             env={**os.environ, **told, "PYTHONPATH": root},
             capture_output=True,

@@ -6,14 +6,19 @@ import math
 import statistics
 import time
 from collections.abc import Iterator
+from io import BytesIO
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from koord.runtime.configuration.forms import Topic
 from koord.runtime.configuration.model import Vehicle
 from koord.runtime.drivers.driver import Device, DriverError
-from koord.runtime.drivers.ros.options import Wire
+from koord.runtime.drivers.ros.graph import Fields, filled
+from koord.runtime.drivers.ros.options import PACKAGES, Wire
+from koord.runtime.drivers.ros.poses import Fix, fix_of, velocity_of
+from koord.runtime.drivers.ros.readings import reading, written
 from koord.runtime.drivers.ros1 import library
 from koord.runtime.drivers.ros1.options import Ros1Options
 from koord.runtime.drivers.setpoints import Drive, Hold
@@ -31,7 +36,7 @@ if not library.is_installed():
     pytest.skip(f"rospy is not installed: run .ci/peers, or {INSTALL}", allow_module_level=True)
 
 from koord.runtime.drivers.ros1.driver import Ros1Driver
-from koord.runtime.drivers.ros1.graph import RospyGraph
+from koord.runtime.drivers.ros1.graph import RospyGraph, _named
 
 # rospy calls what Python will not have for long, and leaves sockets to be collected.
 pytestmark = [
@@ -39,6 +44,15 @@ pytestmark = [
     pytest.mark.filterwarnings("ignore::ResourceWarning"),
     pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning"),
 ]
+
+#: A value of each type that ports can have.
+VALUES = (
+    ("Bool", True),
+    ("Float64", 0.5),
+    ("Int32", 7),
+    ("String", "open"),
+    ("Point", (1.0, 2.0, 3.0)),
+)
 
 POSE = Topic(topic="pose", type="PoseStamped")
 
@@ -246,6 +260,39 @@ def test_messages_that_no_package_has_are_those_of_their_definition() -> None:
     drive = library._defined("AckermannDriveStamped")
     assert drive._md5sum == "1fd5d7f58889cefd44d29f6653240d0c"
     assert drive().drive.steering_angle == 0.0
+
+
+@pytest.mark.parametrize("type_name", PACKAGES)
+def test_all_types_are_those_of_ros_1(type_name: str) -> None:
+    assert library.message_type(type_name)._type == f"{PACKAGES[type_name]}/{type_name}"
+
+
+def sent(type_name: str, fields: Fields) -> Any:
+    """A message as it comes over the wire."""
+    made = library.message_type(type_name)
+    wire = BytesIO()
+    filled(made(), _named(fields)).serialize(wire)
+    return made().deserialize(wire.getvalue())
+
+
+def test_messages_of_ros_1_are_read_as_those_of_ros_2() -> None:
+    header = {"stamp": {"sec": 5, "nanosec": 500_000_000}, "frame_id": "map"}
+    pose = {"position": {"x": 1.0, "y": 2.0, "z": 3.0}, "orientation": {"w": 1.0}}
+    fix = Fix((1.0, 2.0, 3.0), (1.0, 0.0, 0.0, 0.0), "map", 5.5)
+    assert fix_of(sent("PoseStamped", {"header": header, "pose": pose})) == fix
+    assert fix_of(sent("Odometry", {"header": header, "pose": {"pose": pose}})) == fix
+    twist = sent("TwistStamped", {"header": header, "twist": {"linear": {"x": 0.5}}})
+    assert velocity_of(twist, fix) == (0.5, 0.0, 0.0)
+    drive = sent("AckermannDriveStamped", {"header": header, "drive": {"steering_angle": 0.25}})
+    assert drive.drive.steering_angle == 0.25
+    scan = sent("LaserScan", {"range_min": 0.1, "range_max": 4.0, "ranges": [1.0, math.inf]})
+    assert reading(scan, (0.0, 0.0, 0.0), fix) == ((1, 2, 3), (2, 2, 3), (5, 2, 3))
+    assert reading(sent("BatteryState", {"percentage": 0.75}), (0.0, 0.0, 0.0), None) == 0.75
+
+
+@pytest.mark.parametrize(("type_name", "value"), VALUES)
+def test_values_of_ports_come_back_as_they_went(type_name: str, value: object) -> None:
+    assert reading(sent(type_name, written(type_name, value)), (0.0, 0.0, 0.0), None) == value
 
 
 def test_what_else_is_in_the_folder_stands_in_for_nothing() -> None:

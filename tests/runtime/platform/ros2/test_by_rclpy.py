@@ -12,8 +12,11 @@ import pytest
 from koord.runtime.configuration.forms import Topic
 from koord.runtime.configuration.model import Vehicle
 from koord.runtime.drivers.driver import Device, DriverError
+from koord.runtime.drivers.ros.graph import filled
 from koord.runtime.drivers.ros.options import Wire
-from koord.runtime.drivers.ros2.client import RclpyGraph
+from koord.runtime.drivers.ros.poses import Fix
+from koord.runtime.drivers.ros.readings import reading, written
+from koord.runtime.drivers.ros2.client import RclpyGraph, message_type
 from koord.runtime.drivers.ros2.driver import Ros2Driver
 from koord.runtime.drivers.ros2.options import Ros2Options, Transport
 from koord.runtime.drivers.setpoints import Drive, Hold, Position
@@ -92,6 +95,30 @@ def test_a_pose_goes_through_a_node_and_back_within_a_few_milliseconds() -> None
             time.sleep(0.005)
     graph.close()
     assert statistics.median(trips) < ROUND_TRIP_S, sorted(trips)
+
+
+@pytest.mark.parametrize(
+    ("type_name", "value"),
+    [
+        ("Bool", True),
+        ("Float64", 0.5),
+        ("Int32", 7),
+        ("String", "open"),
+        ("Point", (1.0, 2.0, 3.0)),
+    ],
+)
+def test_values_of_ports_come_back_as_they_went(type_name: str, value: object) -> None:
+    message = filled(message_type(type_name)(), written(type_name, value))
+    assert reading(message, (0.0, 0.0, 0.0), None) == value
+
+
+def test_scans_and_batteries_are_read() -> None:
+    limits = {"range_min": 0.125, "range_max": 4.0, "ranges": [1.0, math.inf]}
+    fix = Fix((1.0, 2.0, 3.0), (1.0, 0.0, 0.0, 0.0), "map", 0.0)
+    scan = filled(message_type("LaserScan")(), limits)
+    assert reading(scan, (0.0, 0.0, 0.0), fix) == ((1, 2, 3), (2, 2, 3), (5, 2, 3))
+    battery = filled(message_type("BatteryState")(), {"percentage": 0.75})
+    assert reading(battery, (0.0, 0.0, 0.0), None) == 0.75
 
 
 def complaint(prefix: str, **options: object) -> str:
