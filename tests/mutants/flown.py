@@ -5,6 +5,7 @@ from __future__ import annotations
 from tests.mutants.mutant import Mutant
 
 CRAZYFLIE = "tests/runtime/platform/test_crazyflie.py"
+PROCESS = "tests/runtime/platform/test_crazyflie_process.py"
 
 _DRIVER = "runtime.drivers.crazyflie.driver.CrazyflieDriver"
 _TELEMETRY = "runtime.drivers.crazyflie.telemetry.Telemetry"
@@ -80,6 +81,20 @@ FLOWN = (
         "cf.commander.send_notify_setpoint_stop()",
         "None",
         (CRAZYFLIE,),
+    ),
+    Mutant(
+        "who is let go of in the air is told to stop its motors",
+        "runtime.drivers.crazyflie.link.CflibLink._shut",
+        "link, crazyflie.link = crazyflie.link, None",
+        "link = None",
+        (PROCESS,),
+    ),
+    Mutant(
+        "what could not be sent in time is sent late",
+        "runtime.drivers.crazyflie.link.CflibLink._send_all",
+        "time.monotonic() <= until_s",
+        "True",
+        (PROCESS,),
     ),
     Mutant(
         "what is locked obeys",

@@ -132,6 +132,7 @@ def test_who_is_let_go_of_in_the_air_is_not_told_to_stop_its_motors() -> None:
     """cflib's own way to close a link sends a thrust of zero. (C-CLOSE)"""
     with crazyflie(Settings()) as address:
         looking, driver = made(address, reset=False), made(address)
+        tell(driver, Arm(), lambda sensed: sensed.armed is True)
         tell(driver, Takeoff(1.5), lambda sensed: sensed.position_m[2] > 1.4)
         tell(driver, Land(), lambda sensed: sensed.position_m[2] < 1.3)
         driver.close()
