@@ -144,6 +144,7 @@ class Bench:
 
 @pytest.mark.parametrize("firmware", FIRMWARES)
 def test_it_takes_off_follows_a_way_holds_lands_and_disarms(firmware: str) -> None:
+    """(M-TAKEOFF)"""
     bench = Bench(firmware).risen()
     assert bench.here == pytest.approx((0.0, 0.0, 1.0), abs=0.05)
     assert bench.sensed.airborne is True
@@ -175,7 +176,7 @@ def test_it_takes_off_follows_a_way_holds_lands_and_disarms(firmware: str) -> No
 
 
 def test_poses_are_east_north_up() -> None:
-    """Three metres to the north, two to the east, the nose to the north-west."""
+    """Three metres to the north, two to the east, the nose to the north-west. (M-FRAME)"""
     settings = Settings(start_m=(3.0, 2.0, -0.5), yaw_rad=-math.pi / 4)
     bench = Bench(air=Air(settings))
     assert bench.here == pytest.approx((2.0, 3.0, 0.5))
@@ -263,6 +264,7 @@ def test_who_is_armed_stays_on_the_ground_until_it_takes_off(firmware: str) -> N
 def test_an_autopilot_that_refuses_to_arm_is_named_with_its_reason(
     firmware: str, said: str
 ) -> None:
+    """(M-COMMAND)"""
     reason = "compass 0 is inconsistent with the compass that is inside of it"
     bench = Bench(firmware, Air(Settings(firmware, failing=(reason,))))
     bench.tick(Arm(), 100)
@@ -282,6 +284,7 @@ def is_command(message: Any, command: int) -> bool:
 
 
 def test_px4_is_sent_set_points_before_it_is_asked_for_offboard_mode() -> None:
+    """(M-MODE)"""
     bench = Bench("px4").armed()
     kinds = [
         one.get_type()
@@ -295,7 +298,7 @@ def test_px4_is_sent_set_points_before_it_is_asked_for_offboard_mode() -> None:
 
 
 def test_who_disarms_itself_is_not_armed_again_by_a_wish() -> None:
-    """Somebody may have their hands at it."""
+    """Somebody may have their hands at it. (M-ARM)"""
     bench = Bench().armed()
     bench.until(Hold(), lambda: bench.sensed.armed is False)
     bench.tick(Takeoff(1.0), 60)
@@ -349,6 +352,7 @@ def test_a_link_that_is_lost_is_told_and_so_is_its_return() -> None:
 
 @pytest.mark.parametrize("firmware", FIRMWARES)
 def test_the_autopilot_acts_when_koord_falls_silent(firmware: str) -> None:
+    """(M-TICK)"""
     bench = Bench(firmware).risen()
     sent = len(bench.air.sent)
     bench.tick(None, 200)
@@ -375,6 +379,7 @@ def test_who_comes_back_goes_on_when_it_is_told_to_move(firmware: str) -> None:
 
 @pytest.mark.parametrize("firmware", FIRMWARES)
 def test_who_steers_by_hand_is_not_disturbed(firmware: str) -> None:
+    """(M-HANDS)"""
     bench = Bench(firmware).risen()
     bench.autopilot._enter(Mode.MANUAL)
     bench.tick(Track((1.0, 0.0, 1.0), (0.0, 0.0, 0.0)), 40)
@@ -450,6 +455,7 @@ def test_what_the_battery_has_is_told() -> None:
     ],
 )
 def test_a_failsafe_that_is_not_set_up_is_told(settings: Settings, said: str) -> None:
+    """(M-FAILSAFE)"""
     bench = Bench(settings.firmware, Air(settings))
     bench.tick(Disarm(), 40)
     (told,) = bench.driver.remarks

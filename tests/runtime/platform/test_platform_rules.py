@@ -9,8 +9,8 @@ import pytest
 
 from tests.rules import Rules
 
-RULE = re.compile(r"^\*\*([PCB]-[A-Z-]+?)\.\*\*", re.MULTILINE)
-CITED = re.compile(r"\(([PCB]-[A-Z]+(?:-[A-Z]+)*)\)")
+RULE = re.compile(r"^\*\*([PMCB]-[A-Z-]+?)\.\*\*", re.MULTILINE)
+CITED = re.compile(r"\(([PMCB]-[A-Z]+(?:-[A-Z]+)*)\)")
 RULES = Rules("platforms", (RULE,), CITED, Path(__file__).name)
 
 

@@ -276,7 +276,7 @@ class MavlinkDriver:
             self._ask(_ARM, (0.0, _FORCE) if in_the_air else (0.0,), now_s)
 
     def _arm(self, now_s: float) -> None:
-        """On the ground: the mode first, then the motors."""
+        """On the ground: the mode first, then the motors. (M-ARM)"""
         if self._telemetry.airborne(now_s) is not False:
             return
         self._stream(Hold(), now_s)
@@ -300,6 +300,7 @@ class MavlinkDriver:
             self._switch(self._modes.GUIDED, now_s)
 
     def _rise(self, takeoff: Takeoff, now_s: float) -> None:
+        """Let it take off by its own command. (M-TAKEOFF)"""
         if self._switch(self._modes.GUIDED, now_s):
             height_m = self._control.above_start_m(takeoff, self._telemetry.position_m)
             self._ask(_TAKEOFF, (0.0,) * 6 + (round(height_m, 2),), now_s)
@@ -308,7 +309,7 @@ class MavlinkDriver:
         return self._telemetry.airborne(now_s) is False
 
     def _is_steered(self, now_s: float) -> bool:
-        """Return whether a person steers it in the air: nothing takes it from them."""
+        """Return whether a person steers it in the air: nothing takes it from them. (M-HANDS)"""
         mode = self._telemetry.mode
         return mode is not None and not self._is_down(now_s) and self._modes.is_manual(mode)
 
@@ -317,7 +318,7 @@ class MavlinkDriver:
         return isinstance(self._told, Track | Position | Velocity | Takeoff)
 
     def _switch(self, mode: int, now_s: float) -> bool:
-        """Ask for a mode if it is in another one; return whether it is in this one."""
+        """Ask for a mode if it is in another one; return whether it is in this one. (M-MODE)"""
         if self._telemetry.mode == mode:
             self._asked_mode = self._own_mode = mode
             return True

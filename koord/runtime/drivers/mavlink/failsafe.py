@@ -15,7 +15,7 @@ _ROUNDING = 1.001
 
 
 class FailsafeCheck:
-    """Asks for the parameter that the failsafe rests on, and judges it."""
+    """Asks for the parameter that the failsafe rests on, and judges it. (M-FAILSAFE)"""
 
     def __init__(self, options: MavlinkOptions) -> None:
         self._options = options

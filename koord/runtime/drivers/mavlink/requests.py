@@ -68,7 +68,10 @@ class Requests:
         self._streams = list(self._wanted)
 
     def ask(self, command: int, parameters: tuple[float, ...], now_s: float) -> Message | None:
-        """The command as a message if it is due: at once, or when the last one had no effect."""
+        """The command as a message if it is due: at once, or when the last one had no effect.
+
+        (M-COMMAND)
+        """
         asked = self._asked.get(command)
         if asked is None or asked.parameters != parameters:
             asked = self._asked[command] = Asked(parameters, now_s)

@@ -32,7 +32,7 @@ _TEXT_S = 10.0
 
 
 class Telemetry:
-    """The latest of what an autopilot has told."""
+    """The latest of what an autopilot has told. (M-FRAME)"""
 
     def __init__(self, origin_m: Point, ground_m: float) -> None:
         """Know nothing yet. ``origin_m``: of the autopilot's local frame, in the world."""
