@@ -15,6 +15,7 @@ import pytest
 from koord.runtime.configuration.forms import Topic
 from koord.runtime.configuration.model import Vehicle
 from koord.runtime.drivers.driver import Device, DriverError
+from koord.runtime.drivers.localisers.topic import Carrier, TopicLocaliser, TopicOptions
 from koord.runtime.drivers.ros.graph import Fields, filled
 from koord.runtime.drivers.ros.options import PACKAGES, Wire
 from koord.runtime.drivers.ros.poses import Fix, fix_of, velocity_of
@@ -246,6 +247,30 @@ def test_a_car_that_dies_has_no_link_and_nobody_who_listens(core: None, home: Pa
         car.wait()
         until(made, lambda s: not s.link)
         remarked(made, "nobody listens to")
+        made.close()
+
+
+@pytest.mark.slow
+def test_a_topic_of_ros_1_says_where_another_vehicle_is(core: None, home: Path) -> None:
+    """(P-LOCATE-TOPIC)"""
+    prefix = fresh_prefix()
+    told = TopicOptions(topic=f"/{prefix}/pose", ros=Carrier.ROS_1)
+    device = Device(0, Vehicle("hawk", "QUAD"), WORLD, (0.0, 0.0, 0.0), options=told)
+    with node("car", prefix, home) as car:
+        made = TopicLocaliser(device)
+        made.open(time.monotonic())
+        end_s = time.monotonic() + 30.0
+        while (located := made.locate(time.monotonic())) is None:
+            assert time.monotonic() < end_s, made.remarks
+            time.sleep(0.02)
+        assert located.position_m == (0.0, 0.0, 0.0)
+        assert made.remarks == ()
+        car.kill()
+        car.wait()
+        while not any("nothing is said" in one for one in made.remarks):
+            assert time.monotonic() < end_s + 30.0
+            made.locate(time.monotonic())
+            time.sleep(0.02)
         made.close()
 
 
