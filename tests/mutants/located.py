@@ -65,7 +65,7 @@ LOCATED = (
     Mutant(
         "a pose of a motion capture counts from when it is read",
         f"{_NATNET}._hear",
-        "self._clock.ours(sent_s if is_old else exposed_s)",
+        "self._clock.ours(exposed_s if tells else sent_s)",
         "now_s",
         (NATNET,),
     ),

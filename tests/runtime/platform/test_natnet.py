@@ -176,6 +176,9 @@ def test_no_way_to_the_server_is_an_error_with_a_cure() -> None:
     made = localiser("127.0.0.1", local="203.0.113.7")
     with pytest.raises(DriverError, match=r"no way to the NatNet server at 127.0.0.1:1510"):
         made.open(0.0)
+    made = localiser("nobody.invalid")
+    with pytest.raises(DriverError, match=r"no way to the NatNet server at nobody.invalid:1510"):
+        made.open(0.0)
 
 
 def _harmful(version: Version) -> list[bytes]:

@@ -85,8 +85,8 @@ class NatNetLocaliser:
             sent_s = told.stamp_transmit / client.server.clock_hz
             exposed_s = told.stamp_camera_mid_exposure / client.server.clock_hz
             self._clock.hear(sent_s, now_s)
-            is_old = not 0 <= sent_s - exposed_s <= _LONGEST_S
-            measured_s = self._clock.ours(sent_s if is_old else exposed_s)
+            tells = 0 <= sent_s - exposed_s <= _LONGEST_S
+            measured_s = self._clock.ours(exposed_s if tells else sent_s)
         for body in frame.rigid_bodies:
             if body.id_num == self._number and body.tracking_valid:
                 position = self.options.position(body.pos)

@@ -110,7 +110,6 @@ class NatNetClient:
 
         Raises DriverError.
         """
-        self.address = address
         self.server: Server | None = None
         self.frame: Any = None
         self.names: dict[str, int] | None = None
@@ -123,7 +122,8 @@ class NatNetClient:
         self._alive = Request(_KEEPALIVE)
         self._frames: socket.socket | None = None
         try:
-            self._local = _route(address) if local is None else local
+            self.address = socket.gethostbyname(address[0]), address[1]  # once: it may wait
+            self._local = _route(self.address) if local is None else local
             self._commands = _socket((self._local, 0))
         except OSError as error:
             raise DriverError(
