@@ -210,7 +210,7 @@ TALKING = (
     # Processes of their own, which tell others by their standard output.
     "koord/runtime/drivers/localisers/motioncapture_reader.py",
     "koord/testing/conformance/killed.py",
-    "koord/testing/ros2/serving.py",
+    "koord/testing/cars.py",
     "koord/testing/truth.py",
 )
 

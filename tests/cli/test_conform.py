@@ -47,7 +47,7 @@ def test_nothing_that_could_be_checked_is_no_success(capsys: pytest.CaptureFixtu
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        ((), "--driver: say which, or a peer that koord has: crazyflie, ros2"),
+        ((), "--driver: say which, or a peer that koord has: crazyflie, ros1"),
         (("--driver", "simm"), "did you mean sim?"),
         (("--driver", "nowhere:Car"), "No module named 'nowhere'"),
         (("--driver", "math:nothing"), "has no attribute 'nothing'"),

@@ -8,17 +8,21 @@ import pytest
 
 import koord
 from koord.testing.conformance import KNOWN
+from tests.runtime.platform.ros1.peers import rospy_python
 
 LIBRARIES = {
     "ardupilot": "pymavlink",
     "crazyflie": "cflib",
     "px4": "pymavlink",
+    "ros1": "rospy",
     "ros2": "cyclonedds",
 }
 
 
 def conformed(peer: str, *only: str) -> koord.Conformance:
-    if find_spec(LIBRARIES[peer]) is None:
+    if peer == "ros1":
+        rospy_python()
+    elif find_spec(LIBRARIES[peer]) is None:
         pytest.skip(f"pip install 'koord[{KNOWN[peer].driver}]'")
     return koord.conform(peer=peer, only=only)
 

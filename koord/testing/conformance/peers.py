@@ -262,6 +262,27 @@ def _car() -> KnownPeer:
     )
 
 
+def _car_of_ros_1() -> KnownPeer:
+    """A car as a node of ROS 1, with a master."""
+    return KnownPeer(
+        "ros1",
+        (
+            *(sys.executable, "-m", "koord.testing.ros1.serving", "--prefix", "kit"),
+            *("--master", "{free}", "--start", "1.0", "-0.5", "0.6", "--report"),
+        ),
+        {
+            "positioning_topic": {"topic": "pose", "type": "PoseStamped"},
+            "ros_node_prefix": "kit",
+            "master": "http://127.0.0.1:{free}",
+            "dead_man": 0.5,
+        },
+        "DIFF",
+        (1.0, -0.5, 0.0),
+        0.6,
+        {"ROS_IP": "127.0.0.1"},
+    )
+
+
 def _crazyflie() -> KnownPeer:
     """A Crazyflie that is simulated."""
     return KnownPeer(
@@ -281,6 +302,7 @@ def _crazyflie() -> KnownPeer:
 #: The peers that come with koord, by name.
 KNOWN = {
     "crazyflie": _crazyflie(),
+    "ros1": _car_of_ros_1(),
     "ros2": _car(),
     "px4": _autopilot("px4", 1.0),
     "ardupilot": _autopilot("ardupilot", 5.0),

@@ -1,0 +1,1 @@
+"""A car as a node of ROS 1, to try drivers on."""
