@@ -35,8 +35,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--peer",
         metavar="PEER",
-        help="the other side of its wire: px4, ardupilot, crazyflie, ros2, or a command, which "
-        "is started, frozen and ended",
+        help="the other side of its wire: px4, ardupilot, crazyflie, ros1, ros2, or a command, "
+        "which is started, frozen and ended",
     )
     parser.add_argument("--vehicle", metavar="TYPE", help="the type of vehicle: CAR, DIFF, QUAD")
     parser.add_argument(
