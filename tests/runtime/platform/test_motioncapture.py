@@ -170,12 +170,13 @@ def _address() -> str | None:
 
 
 @pytest.mark.slow
-def test_the_library_reads_the_fake_server_of_natnet() -> None:
+@pytest.mark.parametrize("version", [Version(3), Version(4, 1)], ids=["3.0", "4.1"])
+def test_the_library_reads_the_fake_server_of_natnet(version: Version) -> None:
     """It is a client of NatNet that shares nothing with koord's. (P-LOCATE-READER)"""
     interface = _address()
     if interface is None:
         pytest.skip("this machine has no network")
-    settings = Settings(("car",), Version(3), stream=Stream(1511, "239.255.42.99"))
+    settings = Settings(("car",), version, stream=Stream(1511, "239.255.42.99"))
     settings = msgspec.structs.replace(settings, interface=interface)
     with (
         socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as commands,

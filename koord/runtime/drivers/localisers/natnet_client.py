@@ -132,7 +132,7 @@ class NatNetClient:
             ) from None
 
     def poll(self, now_s: float) -> None:
-        """Send the requests that are due, and read what has come. Raises DriverError."""
+        """Send the requests that are due, and read what has come."""
         if self.server is None:
             self._ask(self._connect, now_s, _AGAIN_S)
         else:
@@ -221,7 +221,7 @@ class NatNetClient:
             self._join(group)
 
     def _join(self, group: tuple[str, int]) -> None:
-        """Hear what a group hears, as others on this machine may. Raises DriverError."""
+        """Hear what a group hears, as others on this machine may, too."""
         address = ("" if sys.platform == "win32" else group[0], group[1])
         try:
             self._frames = _socket(address, shared=True)
