@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from koord.api.drivers import DriverEntry as DriverEntry
     from koord.api.drivers import installed_drivers as installed_drivers
     from koord.api.drivers import installed_localisers as installed_localisers
+    from koord.api.drivers import installed_plug_ins as installed_plug_ins
     from koord.api.export import Exported as Exported
     from koord.api.export import export as export
     from koord.api.fitting import read_configuration as read_configuration
@@ -97,7 +98,12 @@ _HOMES = {
     "koord.api.deployed": ("Deployed",),
     "koord.api.deployment": ("deploy",),
     "koord.api.documents": ("codes", "explain", "format", "schema"),
-    "koord.api.drivers": ("DriverEntry", "installed_drivers", "installed_localisers"),
+    "koord.api.drivers": (
+        "DriverEntry",
+        "installed_drivers",
+        "installed_localisers",
+        "installed_plug_ins",
+    ),
     "koord.api.export": ("Exported", "export"),
     "koord.api.fitting": ("read_configuration",),
     "koord.api.guardian_check": ("GuardianCheck", "check_guardian"),

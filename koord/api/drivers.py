@@ -3,13 +3,20 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
 from msgspec import to_builtins
 
 from koord.runtime.drivers.driver import DriverType
 from koord.runtime.drivers.localiser import LocaliserType
-from koord.runtime.drivers.registry import DRIVERS, LOCALISERS, Registry
+from koord.runtime.drivers.registry import (
+    CONTROLLERS,
+    DRIVERS,
+    LOCALISERS,
+    MODULES,
+    PLANNERS,
+    Registry,
+)
 from koord.runtime.drivers.registry import DriverEntry as DriverEntry
 from koord.version import __version__
 
@@ -61,11 +68,21 @@ def installed_localisers() -> tuple[DriverEntry, ...]:
     return tuple(localiser_registry().entries())
 
 
-def drivers_json(drivers: Iterable[DriverEntry], localisers: Iterable[DriverEntry]) -> str:
-    """The drivers and localisers as ``koord drivers --json`` prints them."""
-    told = {
-        "version": 1,
-        "drivers": to_builtins(tuple(drivers)),
-        "localisers": to_builtins(tuple(localisers)),
-    }
-    return json.dumps(told, indent=2)
+def installed_plug_ins() -> Mapping[str, tuple[DriverEntry, ...]]:
+    """The planners, controllers and modules of other packages, by kind: koord has none itself.
+
+    >>> sorted(koord.installed_plug_ins())
+    ['controller', 'module', 'planner']
+    """
+    registries = (
+        Registry(PLANNERS, {}, ""),
+        Registry(CONTROLLERS, {}, ""),
+        Registry(MODULES, {}, ""),
+    )
+    return {one.group.noun: tuple(one.entries()) for one in registries}
+
+
+def drivers_json(found: Mapping[str, Iterable[DriverEntry]]) -> str:
+    """What is installed, by kind (``driver``), as ``koord drivers --json`` prints it."""
+    told = {f"{noun}s": to_builtins(tuple(entries)) for noun, entries in found.items()}
+    return json.dumps({"version": 1, **told}, indent=2)

@@ -6,7 +6,7 @@ and summaries hold.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any
 
@@ -27,6 +27,7 @@ class FallbackHost(Struct):
     system: System
     seed: int
     starts: Mapping[tuple[int | None, str], Any]
+    served: Sequence[frozenset[str]]  #: the ports of each robot that plug-ins serve
     _seeded: dict[int, SeededHost] = field(default_factory=dict)
 
     def start(self, robot: int | None, name: str) -> Any:
@@ -35,7 +36,10 @@ class FallbackHost(Struct):
 
     def read(self, robot: Robot) -> Mapping[str, Any]:
         readings = dict(self.world.read(robot))
-        unknown = [name for name in robot.SENSORS if port_name(name) not in SENSED]
+        served = self.served[robot.pid]
+        unknown = [
+            name for name in robot.SENSORS if port_name(name) not in SENSED and name not in served
+        ]
         if unknown:
             drawn = self._of(robot.pid).read(robot)
             readings |= {name: drawn[name] for name in unknown}
@@ -58,11 +62,13 @@ class FallbackHost(Struct):
         return self._seeded[pid]
 
 
-def fallback(system: System, seed: int, *, starts: bool) -> Callable[[Host], Host]:
+def fallback(
+    system: System, seed: int, *, starts: bool, served: Sequence[frozenset[str]]
+) -> Callable[[Host], Host]:
     """Return what makes the fallback hosts of a run, which agree in all processes.
 
     With ``starts``, variables start as assumptions require. Raises KoordError where no such starts
     are found.
     """
     settled = settled_starts(system, PythonNames(system.program), seed) if starts else {}
-    return partial(FallbackHost, system=system, seed=seed, starts=settled)
+    return partial(FallbackHost, system=system, seed=seed, starts=settled, served=served)

@@ -25,6 +25,7 @@ from koord.runtime.platform.pilots import PilotSettings, pilot
 from koord.runtime.platform.sensors import MotionSensors
 from koord.runtime.platform.vehicle import DrivenVehicle
 from koord.runtime.platform.world_host import WorldHost
+from koord.runtime.plugins.loading import served_modules
 from koord.runtime.robot import Host
 from koord.sim.driver import SIMULATED
 from koord.sim.scene import scanner_range_m
@@ -61,7 +62,7 @@ def platforms(
         device = Device(pid, vehicle, world, start, placed.heading_rad, scene.seed)
         model = placed.model
         settings = PilotSettings(
-            model.body, model.planner, model.steering, model.visit, model.effort
+            model.body, model.planner, model.steering, model.visit, model.effort, model.controller
         )
         guarded = Setup(vehicle.safety, field(world, flat=model.body.ON_GROUND), float(job.delta_s))
         try:
@@ -82,6 +83,15 @@ def platforms(
             planners, pose, scene.clearance, chart, scene.seed, keep_rounds=_KEPT_ROUNDS
         )
         host = VehicleHost(job.classes, job.kinds, world, library, driven, scene.seed)
+        if vehicle.modules:
+            host.modules[pid] = served_modules(
+                vehicle.modules,
+                pid,
+                world,
+                model.body,
+                scene.seed,
+                is_simulated=drivers.made[pid] is SIMULATED,
+            )
         return VehiclePlatform(
             host, driven, supplied, arms=arms, expected=_expected(fitted, pid, start)
         )

@@ -61,7 +61,7 @@ def setup_of(fitted: Fitted) -> Setup:
         high=scene.world.high,
         is_bounded=configuration.bounded and is_file,
         moves=moves(core),
-        by_chance=unanswered(core),
+        by_chance=unanswered(fitted),
     )
 
 

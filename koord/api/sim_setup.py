@@ -12,6 +12,7 @@ from koord.runtime.compile import compiled
 from koord.runtime.compile.loading import loaded
 from koord.runtime.compile.watching import Watched, WatchedKind, watched
 from koord.runtime.platform.world_host import ANSWERED
+from koord.runtime.plugins.names import served_ports
 from koord.runtime.ports import SENSED, plain_name
 from koord.sim.claims import Checked, Watching
 from koord.sim.running import Cast, Simulation
@@ -50,13 +51,14 @@ def fallback(fitted: Fitted) -> Callable[[Host], Host] | None:
     """The fallback host for queries that no world answers, if there are any. Raises KoordError."""
     program = fitted.program.core
     starts = bool(program.assumptions) and not is_placed(program)
-    if not starts and not unanswered(program):
+    if not starts and not unanswered(fitted):
         return None
     from koord.api import fallback_host
     from koord.syntax.system import System
 
     system = System(program, fitted.kinds, fitted.delta_s)
-    return fallback_host.fallback(system, fitted.scene.seed, starts=starts)
+    names = [frozenset("_".join(port) for port in one) for one in _served(fitted)]
+    return fallback_host.fallback(system, fitted.scene.seed, starts=starts, served=names)
 
 
 @uncollected()
@@ -110,8 +112,14 @@ def limit_s(fitted: Fitted, rounds: int | None, time_s: float | None) -> float:
     return _LONG_S if stops else _ENDLESS_S
 
 
-def unanswered(program: core.Program) -> tuple[str, ...]:
-    """The functions and sensors of a program that no simulated world answers."""
+def _served(fitted: Fitted) -> list[frozenset[tuple[str, str]]]:
+    """The modules and ports of each robot that plug-ins serve. Raises KoordError."""
+    return [served_ports(robot.model.modules) for robot in fitted.scene.robots]
+
+
+def unanswered(fitted: Fitted) -> tuple[str, ...]:
+    """The functions and sensors of a program that no simulated world answers, nor a plug-in."""
+    program, served = fitted.program.core, frozenset.intersection(*_served(fitted))
     functions = (plain_name(function.name) for function in program.externals)
     ports = (
         agent.ports[position]
@@ -124,7 +132,9 @@ def unanswered(program: core.Program) -> tuple[str, ...]:
     found += [
         port.label
         for port in ports
-        if port.direction is Direction.SENSOR and port.declaration.variable.name not in SENSED
+        if port.direction is Direction.SENSOR
+        and port.declaration.variable.name not in SENSED
+        and tuple(port.label.split(".")) not in served
     ]
     return tuple(dict.fromkeys(found))
 

@@ -18,6 +18,7 @@ from koord.runtime.drivers.driver import Addressed, Device, DriverError, DriverT
 from koord.runtime.drivers.localiser import LocaliserType
 from koord.runtime.drivers.registry import Made, Registry, options_of
 from koord.runtime.motion.world import World
+from koord.runtime.plugins.names import served_ports
 from koord.runtime.ports import DONE, GOALS, PLACES, SENSED, TAKEOFF
 from koord.syntax import core
 from koord.syntax.core import Direction
@@ -159,6 +160,7 @@ def unserved(fitted: Fitted, drivers: Drivers, allowed: Iterable[str] = ()) -> I
         kind = fitted.kinds[robot.pid]
         agent, options = program.agents[kind], drivers.options.get(robot.pid)
         served: frozenset[str] = getattr(options, "ports", frozenset())
+        own = served_ports(robot.vehicle.modules)
         moving = GOALS if options is None else (*GOALS, TAKEOFF)
         sensed = (_OF_POINTS if options is None else SENSED - {"pscan"}) | served
         for module in agent.modules:
@@ -166,7 +168,7 @@ def unserved(fitted: Fitted, drivers: Drivers, allowed: Iterable[str] = ()) -> I
                 name = port.declaration.variable.name
                 who = "an ideal point" if options is None else f"the driver of {robot.vehicle.name}"
                 is_sensor = port.direction is Direction.SENSOR
-                if port.label in allows or (kind, port.label) in told:
+                if (module.name, name) in own or port.label in allows or (kind, port.label) in told:
                     continue
                 if module.environment is not None:
                     story = f"{port.label} would be made up by the model of {module.name}"

@@ -20,6 +20,7 @@ from koord.runtime.motion.group import TAKEOFF_M, TICK_S
 from koord.runtime.motion.planning import Hindrance
 from koord.runtime.motion.world import Point, World
 from koord.runtime.platform.sensors import MotionSensors
+from koord.runtime.plugins.calls import PlugInError
 from koord.sim.squads import DeviceModel, Engines, Squad, squad
 from koord.sim.vehicles.points import PointSquad
 
@@ -78,8 +79,11 @@ class Fleet:
         """Advance in whole ticks up to a time in seconds; ``watch`` is called after every tick."""
         last = math.floor(time_s / TICK_S + 1e-6)
         while self.ticks < last:
-            for members, _ in self._squads:
-                members.tick(self.now_s)
+            for members, numbers in self._squads:
+                try:
+                    members.tick(self.now_s)
+                except PlugInError as error:
+                    raise error.of(int(numbers[error.row])) from error
             self.ticks += 1
             if watch is not None:
                 watch(self)

@@ -10,6 +10,8 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
+from koord.runtime.drivers.frames import turned
+from koord.runtime.drivers.setpoints import Sensed
 from koord.runtime.motion.library import Library
 from koord.runtime.motion.world import Point
 from koord.runtime.platform.sensors import MotionSensors
@@ -63,6 +65,10 @@ class Hosted(WorldHost):
             return ()
         sensed = self.sensed[robot]
         return scanner.scan(sensed.psn, sensed.heading_rad, self._noise[robot])
+
+    def whereabouts(self, robot: int) -> tuple[Sensed, float]:
+        seen, now_s = self.sensed[robot], self.fleet.now_s
+        return Sensed(seen.psn, turned(seen.heading_rad), (0.0, 0.0, 0.0), now_s), now_s
 
     def follow(self, robot: int, path: Sequence[Point]) -> None:
         self.fleet.follow(robot, path)

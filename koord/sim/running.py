@@ -19,6 +19,7 @@ from koord.runtime.motion.library import Chart, Library
 from koord.runtime.motion.planners import planner
 from koord.runtime.motion.planning import Pose
 from koord.runtime.motion.world import Point
+from koord.runtime.plugins.loading import served_modules
 from koord.runtime.proposals import Decision
 from koord.runtime.robot import Host, Robot
 from koord.sim.digest import Digest, events_of
@@ -346,4 +347,10 @@ def host_of(cast: Cast, scene: Scene, fleet: Fleet) -> Hosted:
         for robot, lidar in scene.scanners.items()
     }
     host = Hosted(cast.classes, cast.kinds, fleet, library, scene.seed, scanners)
+    for pid, placed in enumerate(scene.robots):
+        model = placed.model
+        if model.modules:
+            host.modules[pid] = served_modules(
+                model.modules, pid, scene.world, model.body, scene.seed, is_simulated=True
+            )
     return host

@@ -158,6 +158,8 @@ def device_model(vehicle: Vehicle) -> DeviceModel:
             Wind(wind.mean, wind.gust, wind.calm),
         ),
         PlanningEffort(form.effort.steps, form.effort.star_steps),
+        vehicle.controller,
+        vehicle.modules,
     )
 
 

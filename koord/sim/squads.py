@@ -6,6 +6,7 @@ its controller take a step, and its vehicle moves under the command in smaller s
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cached_property
 from importlib import import_module
 from typing import TYPE_CHECKING, Protocol, TypeAlias, assert_never
@@ -21,6 +22,7 @@ from koord.runtime.motion.group import TICK_S, Group
 from koord.runtime.motion.planners import planner
 from koord.runtime.motion.planning import PlanningEffort, Touched
 from koord.runtime.motion.world import World
+from koord.runtime.plugins.calls import PlugIn
 from koord.sim.disturbances import Delay, Disturbances, Fixes
 from koord.sim.vehicles.wheels import Hull, Rolling
 
@@ -44,12 +46,14 @@ class DeviceModel(Struct, frozen=True):
     """The simulation model of a device, as in the configuration. Its robots make a squad."""
 
     body: Body
-    planner: PlannerName
+    planner: PlannerName | PlugIn
     level: Level = Level.FULL
     steering: Steering = Steering.PREDICTIVE
     visit: Visit = field(default_factory=Visit)
     disturbances: Disturbances = field(default_factory=Disturbances)
     effort: PlanningEffort = field(default_factory=PlanningEffort)
+    controller: PlugIn | None = None
+    modules: tuple[tuple[str, PlugIn], ...] = ()  #: of the program, and what serves them
 
 
 class Engines:
@@ -201,6 +205,15 @@ class Tracker(Protocol):
     def command(self, measured: Measured, dt_s: float) -> Floats:
         """Commands for the next step, shape ``(n, 2)``."""
         ...
+
+
+def tracker(setup: SquadSetup, usual: Callable[[], Tracker]) -> Tracker:
+    """The law of a squad: that of its controller if its device names one. Raises PlugInError."""
+    if setup.model.controller is None:
+        return usual()
+    from koord.runtime.plugins.loading import own_driving
+
+    return own_driving(setup.model.controller, setup.group)
 
 
 class WheeledSquad:

@@ -9,6 +9,7 @@ import pytest
 
 import koord
 from koord.cli.main import main
+from koord.testing.conformance import CommandPeer
 
 SIM = ("conform", "--driver", "sim", "--vehicle", "DIFF")
 
@@ -39,6 +40,7 @@ def test_what_fails_is_told_by_the_exit_code_too(capsys: pytest.CaptureFixture[s
 
 
 def test_nothing_that_could_be_checked_is_no_success(capsys: pytest.CaptureFixture[str]) -> None:
+    """(P-KIT)"""
     code, out, _ = run(capsys, *SIM, "--only", "stale")
     assert code == 3
     assert "--peer COMMAND" in out
@@ -81,6 +83,18 @@ def test_a_peer_that_does_not_start_is_named(capsys: pytest.CaptureFixture[str])
     code, out, _ = run(capsys, *words, "sh -c 'echo the port is taken; exit 1'")
     assert code == 1
     assert "has ended: the port is taken" in " ".join(out.split())
+
+
+def test_a_peer_is_asked_where_the_vehicle_is() -> None:
+    """(P-KIT-PEER)"""
+    told = '{"east": 1.0, "north": 2.0, "heading": 0.5, "more": 1}'
+    peer = CommandPeer(["sh", "-c", f"echo hello; echo '{told}'; sleep 60"])
+    peer.start()
+    seen = peer.truth()
+    peer.stop()
+    assert seen is not None
+    assert (seen.position_m, seen.heading, seen.armed) == ((1.0, 2.0, 0.0), 0.5, None)
+    assert not peer.is_running
 
 
 def test_it_is_a_call_as_well() -> None:

@@ -23,6 +23,7 @@ from tests.mutants.located import LOCATED
 from tests.mutants.mavlinked import MAVLINKED
 from tests.mutants.mutant import Mutant
 from tests.mutants.ordered import ORDERED
+from tests.mutants.plugged import PLUGGED
 from tests.mutants.protocol import PROTOCOL, WIRE_MISTAKES
 from tests.mutants.ros import ROS
 from tests.mutants.simulated import SIMULATED
@@ -812,6 +813,7 @@ MUTANTS = (
     *BRIDGED,
     *FLOWN,
     *LOCATED,
+    *PLUGGED,
     *MAVLINKED,
     *ROS,
     *GUARDED,

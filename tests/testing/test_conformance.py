@@ -13,8 +13,11 @@ from koord.testing.conformance.peers import OtherSide
 from koord.testing.conformance.running import NAMES, bench_of
 from tests.testing.faulty import WIRE, Fault
 
+#: What is deployed for.
+PROGRAMS = ("program", "twin")
+
 #: All that takes no process of its own.
-QUICK = tuple(name for name in NAMES if name != "program")
+QUICK = tuple(name for name in NAMES if name not in PROGRAMS)
 
 #: What is wrong with a driver, the check that finds it, and the vehicle if it takes a certain one.
 CAUGHT = (
@@ -108,7 +111,7 @@ def test_nothing_is_said_of_a_driver_that_does_as_it_should(vehicle: str) -> Non
 def test_every_check_has_a_driver_that_fails_it() -> None:
     caught = {check for _, check, _ in CAUGHT}
     # That a driver opens fails with whatever opening raises; programs, where they are deployed.
-    assert caught | {"pose", "opens", "program"} == set(NAMES)
+    assert caught | {"pose", "opens", *PROGRAMS} == set(NAMES)
     assert found(Fault.SWAPPED, "DIFF", "pose")["pose"].verdict is Verdict.FAILED
 
 
@@ -120,7 +123,7 @@ def test_what_a_driver_raises_is_named() -> None:
 class TestSimulatedCar(ConformanceSuite):
     """A driver as tests of one's own."""
 
-    LEFT_OUT: ClassVar = {"program": "it takes as long as a deployed run"}
+    LEFT_OUT: ClassVar = dict.fromkeys(PROGRAMS, "it takes as long as a deployed run")
 
     def subject(self) -> Subject:
         return Subject(
@@ -144,6 +147,6 @@ def test_without_leave_nothing_moves() -> None:
     bench = bench_of(Subject(told.target, told.options, "DIFF", is_virtual=True), WIRE)
     moves = {check.name for check in CHECKS if check.moves} - {"lands"}
     findings = {one.check: one for one in conform(bench, QUICK)}
-    for name in moves - {"program"}:
+    for name in moves.difference(PROGRAMS):
         assert findings[name].verdict is Verdict.SKIPPED, name
         assert "--arm" in findings[name].cure

@@ -30,6 +30,7 @@ from koord.runtime.configuration.model import (
     Talk,
     Vehicle,
 )
+from koord.runtime.configuration.plug_ins import plugged
 from koord.runtime.configuration.reading import Path, problem, read
 from koord.runtime.configuration.safety import safety_flaws, stated_safety
 from koord.runtime.configuration.typed import FormReader
@@ -251,7 +252,11 @@ class _Checker(FormReader):
         """Make the vehicle of a device; fields under ``motion`` count as the device's own."""
         motion = device.motion if device.motion is not None else Motion()
         where = path if device.planner is not None else (*path, "motion")
-        planner = self._planner(device.planner or motion.planner, device.bot_type, where)
+        named = device.planner or motion.planner
+        found = plugged(device, named)
+        for field, story, hint in found.flaws:
+            self._once((*path, *field), story, hint)
+        planner = found.planner or self._planner(named, device.bot_type, where)
         return Vehicle(
             name,
             device.bot_type,
@@ -262,6 +267,8 @@ class _Checker(FormReader):
             path,
             driver=_driver(device),
             options=msgspec.json.encode({**_topics(name, device, automaton), **device.options}),
+            controller=found.controller,
+            modules=found.modules,
         )
 
     def _safety(self, form: Form, device: Device, where: Path, world: World | None) -> SafetyLimits:

@@ -140,6 +140,13 @@ class SafetyForm(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
     landed: Positive | None = None  #: m, not higher above the ground it has landed
 
 
+class Served(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """A plug-in that serves a module of a program, with its options."""
+
+    plug_in: Name
+    options: dict[str, Any] = {}
+
+
 class Device(Motion, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """A vehicle."""
 
@@ -155,6 +162,10 @@ class Device(Motion, frozen=True, forbid_unknown_fields=True, kw_only=True):
     options: dict[str, Any] = {}  #: of the driver
     localiser: Name | None = None  #: what says where it is; `own`: its driver. Else as for all
     localiser_options: dict[str, Any] = {}
+    planner_options: dict[str, Any] = {}  #: of a planner that is a plug-in
+    controller: Name | None = None  #: a plug-in that follows ways, instead of the vehicle's own law
+    controller_options: dict[str, Any] = {}
+    modules: dict[Name, Name | Served] = {}  #: of the program, and the plug-ins that serve them
 
 
 class Agent(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):

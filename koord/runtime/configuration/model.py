@@ -12,6 +12,7 @@ from koord.runtime.configuration.reading import Document, Path, problem
 from koord.runtime.guardian.limits import SafetyLimits
 from koord.runtime.motion.bodies import VEHICLES, Body, PlannerName, VehicleType
 from koord.runtime.motion.world import Point, World
+from koord.runtime.plugins.calls import PlugIn
 from koord.syntax.content import ByContent
 from koord.syntax.diagnostics import Diagnostic, KoordError
 from koord.syntax.elaboration.settings import ParamValue
@@ -24,7 +25,7 @@ class Vehicle(Struct, frozen=True):
 
     name: str
     type_name: str = "CAR"
-    planner: PlannerName | None = None
+    planner: PlannerName | PlugIn | None = None
     speed_mps: float | None = None
     automata: tuple[str, ...] = ()
     simulation: SimulationForm = field(default_factory=SimulationForm)
@@ -34,6 +35,8 @@ class Vehicle(Struct, frozen=True):
     options: bytes = b"{}"  #: of the driver, as JSON
     localiser: str | None = None  #: None: its driver says where it is
     localiser_options: bytes = b"{}"  #: as JSON
+    controller: PlugIn | None = None  #: None: the vehicle's own law of motion
+    modules: tuple[tuple[str, PlugIn], ...] = ()  #: of the program, by name, and what serves them
 
     @property
     def type(self) -> VehicleType:

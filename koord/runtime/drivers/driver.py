@@ -67,7 +67,7 @@ class Addressed(Protocol):
 
 
 class Driver(Protocol):
-    """The driver of one vehicle."""
+    """The driver of one vehicle. Who inherits from it may leave out what has an answer here."""
 
     capabilities: Capabilities
 
@@ -85,6 +85,7 @@ class Driver(Protocol):
 
     def ports(self) -> Mapping[str, Any]:
         """The latest readings of sensors of the program's own modules, by the ports' names."""
+        return {}
 
     def act(self, port: str, value: Any) -> None:
         """Pass the value of an actuator of the program's own modules on."""
@@ -92,6 +93,7 @@ class Driver(Protocol):
     @property
     def remarks(self) -> tuple[str, ...]:
         """What people should know by now: why the vehicle does not do what it is told."""
+        return ()
 
     def close(self) -> None:
         """Let go of the vehicle, which was told to hold, land or disarm before."""

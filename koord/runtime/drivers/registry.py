@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from difflib import get_close_matches
 from functools import cached_property
 from importlib.metadata import EntryPoint, entry_points
-from typing import ClassVar, Generic, Protocol, TypeVar, cast
+from typing import TYPE_CHECKING, ClassVar, Generic, Protocol, TypeVar, cast
 
 import msgspec
 from msgspec import Struct
@@ -19,6 +19,11 @@ from msgspec import Struct
 from koord.runtime.drivers.driver import DriverError, DriverType
 from koord.runtime.drivers.localiser import LocaliserType
 from koord.syntax.diagnostics import KoordError
+
+if TYPE_CHECKING:  # what these need, configurations are read without
+    from koord.runtime.plugins.control import OwnControllerType
+    from koord.runtime.plugins.modules import OwnModuleType
+    from koord.runtime.plugins.planning import OwnPlannerType
 
 
 class Optioned(Protocol):
@@ -39,6 +44,9 @@ class Group(Struct, Generic[Made], frozen=True):
 
 DRIVERS = Group[DriverType]("koord.drivers", "driver")
 LOCALISERS = Group[LocaliserType]("koord.localisers", "localiser")
+PLANNERS: Group[OwnPlannerType] = Group("koord.planners", "planner")
+CONTROLLERS: Group[OwnControllerType] = Group("koord.controllers", "controller")
+MODULES: Group[OwnModuleType] = Group("koord.modules", "module")
 
 
 class DriverEntry(Struct, frozen=True):

@@ -19,6 +19,7 @@ from koord.runtime.motion.field import field
 from koord.runtime.motion.planning import Hindrance, Planner, Plight, Pose, hindrance, suits
 from koord.runtime.motion.routes import Routes
 from koord.runtime.motion.world import Point, World
+from koord.runtime.plugins.calls import PlugInError
 
 #: A tick of control, of simulated robots and of deployed ones.
 TICK_S = 0.05
@@ -181,7 +182,11 @@ class Group:
         source = np.random.SeedSequence((self._seeds[robot], int(self._plans[robot])))
         seed = int(source.generate_state(1)[0])
         target = self.targets.pop(robot)
-        path = self.planner.plan(Pose((x, y, z), heading_rad), target, seed)
+        try:
+            path = self.planner.plan(Pose((x, y, z), heading_rad), target, seed)
+        except PlugInError as error:
+            error.row = robot
+            raise
         if path is None:
             self._orders.failed[robot] = True
             why = hindrance(self.body, self.world, target) or Hindrance.NO_WAY

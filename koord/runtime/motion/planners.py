@@ -5,10 +5,11 @@ from __future__ import annotations
 from koord.runtime.motion.bodies import Body, PlannerName
 from koord.runtime.motion.planning import Ground, Planner, PlanningEffort, Straight
 from koord.runtime.motion.world import World
+from koord.runtime.plugins.calls import PlugIn
 
 
 def planner(
-    name: PlannerName,
+    name: PlannerName | PlugIn,
     world: World,
     body: Body,
     effort: PlanningEffort = PlanningEffort(),
@@ -19,6 +20,10 @@ def planner(
     ``avoid_m`` is the radius of what stands at a point to avoid.
     """
     ground = Ground(world, body, avoid_m)
+    if isinstance(name, PlugIn):
+        from koord.runtime.plugins.loading import own_planner
+
+        return own_planner(name, ground)
     if name is PlannerName.STRAIGHT:
         return Straight(ground)
     from koord.runtime.motion.rrt import CurvePlanner, SpacePlanner

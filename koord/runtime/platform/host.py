@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from typing import Any
 
 from koord.runtime.deploy.preflight import Check
 from koord.runtime.drivers.frames import Quaternion
+from koord.runtime.drivers.setpoints import Sensed
 from koord.runtime.guardian.events import Condition, Order, Other
 from koord.runtime.guardian.modes import Mode
 from koord.runtime.motion.group import TICK_S
@@ -16,11 +19,17 @@ from koord.runtime.platform.checks import vehicle_checks
 from koord.runtime.platform.sensors import MotionSensors
 from koord.runtime.platform.vehicle import DrivenVehicle
 from koord.runtime.platform.world_host import WorldHost, asks_to_fly
+from koord.runtime.plugins.calls import PlugInError
+from koord.runtime.ports import GOALS, SENSED, TAKEOFF, port_name
 from koord.runtime.protocol.events import Reason
 from koord.runtime.protocol.messages import Beacon
 from koord.runtime.robot import Forwarding, Host, Robot
+from koord.runtime.shapes import ShapeError, from_plain, to_plain
 
 _UNARMED = "the vehicle is not to be armed, and stays where it is"
+
+#: Before the names of modules among the troubles of a pilot.
+_MODULE = "module "
 
 #: How often a robot says where it is; of more robots than this each says it less often.
 BEACON_S = 0.1
@@ -41,6 +50,7 @@ class VehicleHost(WorldHost):
     ) -> None:
         super().__init__(classes, kinds, world, library, seed)
         self._vehicle = vehicle
+        self._acted: dict[str, Any] = {}  #: what the driver was told for actuators last
         if any(map(asks_to_fly, {classes[kind] for kind in kinds})):
             vehicle.pilot.wait_for_takeoff()
 
@@ -49,6 +59,38 @@ class VehicleHost(WorldHost):
 
     def scan(self, robot: int) -> tuple[Point, ...]:
         return tuple(self._vehicle.driver.ports().get("pscan", ()))
+
+    def whereabouts(self, robot: int) -> tuple[Sensed, float]:
+        return self._vehicle.sensed, self._vehicle.now_s
+
+    def modules_fail(self, robot: int, troubles: Mapping[str, PlugInError]) -> None:
+        """Let the vehicle hold for as long as a module fails. (P-OWN)"""
+        kept = self._vehicle.pilot.troubles
+        for name in [name for name in kept if name.startswith(_MODULE)]:
+            del kept[name]
+        kept.update({f"{_MODULE}{name}": error.told for name, error in troubles.items()})
+
+    def served(self, robot: int) -> dict[str, Any]:
+        """What plug-ins serve, and the driver itself. (P-DRIVER)"""
+        program, found = self.classes[self.kinds[robot]], super().served(robot)
+        ports = self._vehicle.driver.ports()
+        for name in program.SENSORS if ports else ():
+            port = port_name(name)
+            if port in ports and port not in SENSED and name not in found:
+                with suppress(ShapeError):  # it is of another type: the last reading stays
+                    found[name] = from_plain(program.PORTS[name], ports[port], len(self.kinds))
+        return found
+
+    def order(self, robot: Robot) -> None:
+        super().order(robot)
+        modules, held = self.modules.get(robot.pid), vars(robot)
+        for name, shape in robot.PORTS.items():
+            port, value = port_name(name), held.get(name)
+            if name in robot.SENSORS or value is None or port in (*GOALS, TAKEOFF):
+                continue
+            if (modules is None or name not in modules) and self._acted.get(name) != value:
+                self._acted[name] = value
+                self._vehicle.driver.act(port, to_plain(shape, value))
 
     def follow(self, robot: int, path: Sequence[Point]) -> None:
         self._vehicle.follow(path)

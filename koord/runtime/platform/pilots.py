@@ -39,6 +39,9 @@ from koord.runtime.motion.planning import PlanningEffort
 from koord.runtime.motion.pursuit import Horizon
 from koord.runtime.motion.world import Point, World
 from koord.runtime.platform.sensors import MotionSensors
+from koord.runtime.plugins.calls import PlugIn, PlugInError
+from koord.runtime.plugins.loading import own_driving
+from koord.runtime.plugins.planning import CheckedPlanner
 
 #: It has risen who is at this share of the height of its take-off; lower than that it has landed,
 #: if it does not say so itself.
@@ -52,10 +55,11 @@ class PilotSettings(Struct, frozen=True):
     """How a robot moves, as its configuration says."""
 
     body: Body
-    planner: PlannerName
+    planner: PlannerName | PlugIn
     steering: Steering = Steering.PREDICTIVE
     visit: Visit = field(default_factory=Visit)
     effort: PlanningEffort = field(default_factory=PlanningEffort)
+    controller: PlugIn | None = None
 
 
 class Pilot(ABC):
@@ -69,6 +73,10 @@ class Pilot(ABC):
         body = settings.body
         made = planner(settings.planner, world, body, settings.effort)
         self.planner = made
+        if isinstance(made, CheckedPlanner):
+            made.forgives = True
+        #: plug-ins that fail, by what they are for; while there are some, the robot stays
+        self.troubles: dict[str, str] = {}
         self.group = Group(1, body, world, made, settings.visit, [seed])
 
     def wish(self, sensed: Sensed, now_s: float) -> Wish:
@@ -122,6 +130,12 @@ class Pilot(ABC):
         return tuple(map(_point, self.group.path(0)))
 
     @property
+    def remarks(self) -> tuple[str, ...]:
+        """What people should know: which plug-ins fail."""
+        failed = self.planner.trouble if isinstance(self.planner, CheckedPlanner) else None
+        return (*((failed,) if failed is not None else ()), *self.troubles.values())
+
+    @property
     def is_under_way(self) -> bool:
         """True if the robot has somewhere to go."""
         return bool(automaton.moves(self.group.automata)[0])
@@ -154,6 +168,31 @@ class CarPilot(Pilot):
             self.group.replan(np.flatnonzero(self._driving.legs.missed).tolist())
         self._ticks += 1
         return self._wish
+
+
+class OwnPilot(Pilot):
+    """The pilot of what drives, with a controller of a lab's own. (P-OWN)"""
+
+    def __init__(
+        self, settings: PilotSettings, controller: PlugIn, world: World, seed: int = 0
+    ) -> None:
+        super().__init__(settings, world, seed)
+        self._driving = own_driving(controller, self.group)
+
+    def _law(self, position: Floats, heading: Floats, sensed: Sensed) -> Wish:
+        measured = Measured(position, heading, _speed(heading, sensed))
+        try:
+            speed, rate = self._driving.drives(measured, TICK_S)[0].tolist()
+        except PlugInError as error:
+            self.troubles["controller"] = error.told
+            return Hold()
+        self.troubles.pop("controller", None)
+        self.group.replan(np.flatnonzero(self._driving.legs.missed).tolist())
+        body = self.group.body
+        if not isinstance(body, Car):
+            return Drive(speed, rate)
+        steering = math.atan(rate * body.wheelbase_m / speed) if abs(speed) > 1e-3 else None
+        return Drive(speed, rate, steering)
 
 
 class TurningPilot(Pilot):
@@ -287,6 +326,8 @@ def pilot(
     """
     if settings.body.ON_GROUND and Drive not in wishes:
         return SendingPilot(settings, world, seed)
+    if settings.controller is not None:
+        return OwnPilot(settings, settings.controller, world, seed)
     match settings.body:
         case Car():
             return CarPilot(settings, world, seed)

@@ -8,6 +8,7 @@ from koord.runtime.motion.automaton import MotionState
 from koord.runtime.motion.bodies import PlannerName
 from koord.runtime.motion.planning import Plight
 from koord.runtime.motion.world import Point
+from koord.runtime.plugins.calls import PlugIn
 
 
 class MotionSensors(NamedTuple):
@@ -16,7 +17,7 @@ class MotionSensors(NamedTuple):
     psn: Point
     heading_rad: float
     reached: bool
-    planner: PlannerName
+    planner: PlannerName | PlugIn
     state: MotionState
     plight: Plight | None = None  #: why it cannot do what it was told last
     short_m: float = 0.0  #: how far it is from where it would count as there

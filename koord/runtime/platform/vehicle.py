@@ -54,6 +54,7 @@ class DrivenVehicle:
         self.notes: deque[Note] = deque(maxlen=_MOST_NOTES)
         self._is_heard = True  #: the driver has taken the last set-point
         self.is_ending = False  #: it is coming to its last stop
+        self.now_s = now_s  #: of the last tick
         self._matters: dict[Condition, str] = {}
         self._setup = setup
         self._guardian = initial(now_s)
@@ -106,9 +107,10 @@ class DrivenVehicle:
     @property
     def remarks(self) -> tuple[str, ...]:
         """Why the vehicle does not do what its program wants, if so."""
+        own = (*self.pilot.remarks, *self.driver.remarks)
         if self.mode is Mode.RUNNING or self.mode in _ENDED:
-            return self.driver.remarks
-        return (*self._matters.values(), *self.driver.remarks)
+            return own
+        return (*self._matters.values(), *own)
 
     @property
     def sensors(self) -> MotionSensors:
@@ -139,6 +141,7 @@ class DrivenVehicle:
 
         ``heartbeat_age_s``: since people were there, with the e-stop; None: never.
         """
+        self.now_s = now_s
         watchdog = None if self._watchdog is None else self._watchdog.feed()
         sensed = self._sensed(now_s)
         wish: Wish | None = None
@@ -179,7 +182,7 @@ class DrivenVehicle:
         is_running = self.mode is Mode.RUNNING
         (self.pilot.release if is_running else self.pilot.hold)()
         wish = self.pilot.wish(self.sensed, now_s)
-        return wish if is_running else Hold()
+        return wish if is_running and not self.pilot.troubles else Hold()
 
     def _step(self, event: Event, now_s: float) -> tuple[Note, ...]:
         answer: Answer

@@ -13,9 +13,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from random import Random
 from typing import Any
 
+from koord.runtime.drivers.frames import turned
+from koord.runtime.drivers.setpoints import Sensed
 from koord.runtime.motion.library import Library, occupied
 from koord.runtime.motion.world import Point, World
 from koord.runtime.platform.sensors import MotionSensors
+from koord.runtime.plugins.calls import PlugInError
+from koord.runtime.plugins.modules import ServedModules
 from koord.runtime.ports import (
     DONE,
     GOALS,
@@ -70,6 +74,7 @@ class WorldHost(ABC):
         """Make a host of robots whose programs are ``classes[kinds[pid]]``."""
         self.classes, self.kinds = tuple(classes), tuple(kinds)
         self.watches: tuple[type[Robot], ...] = ()  #: others that may ask the library
+        self.modules: dict[int, ServedModules] = {}  #: of robots, that plug-ins serve (P-OWN)
         self.library = library
         self._world = world
         self._draw = {robot: Random(f"{seed} {robot}") for robot in range(len(kinds))}
@@ -107,6 +112,27 @@ class WorldHost(ABC):
     def go_to(self, robot: int, target: Point) -> None:
         """Let a robot find a path to a target and follow it."""
 
+    def whereabouts(self, robot: int) -> tuple[Sensed, float]:
+        """Where a robot is, for the modules that it has, and the time in s."""
+        sensed = self.sensors(robot)
+        return Sensed(sensed.psn, turned(sensed.heading_rad), (0.0, 0.0, 0.0), 0.0), 0.0
+
+    def modules_fail(self, robot: int, troubles: Mapping[str, PlugInError]) -> None:
+        """Take note of modules that fail now; none if all is well. Raises the first."""
+        for error in troubles.values():
+            raise error.of(robot)
+
+    def served(self, robot: int) -> dict[str, Any]:
+        """The readings of a robot's sensors that plug-ins serve, by the sensors' names."""
+        modules = self.modules.get(robot)
+        if modules is None:
+            return {}
+        sensed, now_s = self.whereabouts(robot)
+        program = self.classes[self.kinds[robot]]
+        readings = modules.read(program, len(self.kinds), sensed, now_s)
+        self.modules_fail(robot, modules.troubles)
+        return readings
+
     def order(self, robot: Robot) -> None:
         """Carry out what a robot's actuators say that they did not say before."""
         held, sent = vars(robot), self._sent[robot.pid]
@@ -114,6 +140,10 @@ class WorldHost(ABC):
             value = held[name]
             if value is not sent.get(name):
                 self._order(robot.pid, name, shape, value)
+        modules = self.modules.get(robot.pid)
+        if modules is not None:
+            modules.act(robot, self.whereabouts(robot.pid)[1])
+            self.modules_fail(robot.pid, modules.troubles)
 
     # --- the host of compiled robots ------------------------------------------------------------
 
@@ -126,6 +156,8 @@ class WorldHost(ABC):
         if isinstance(shape, Array) and is_task(shape.element):
             tasks = (*self._world.tasks, *[None] * shape.size)
             return tuple(task_at(shape.element, tasks[k], robots) for k in range(shape.size))
+        if robot is not None and robot in self.modules and name in self.modules[robot]:
+            return self.served(robot).get(name, default(shape, robots))
         return default(shape, robots)
 
     def read(self, robot: Robot) -> Mapping[str, Any]:
@@ -146,7 +178,7 @@ class WorldHost(ABC):
                     readings[name] = default(shape, robot.numAgents)
                 case _:
                     pass
-        return readings
+        return readings | self.served(robot.pid)
 
     def ask(
         self, turn: Turn, robot: int, key: Key, function: str, arguments: tuple[Any, ...]

@@ -23,6 +23,7 @@ from koord.sim.squads import (
     VehicleSetup,
     Wheeled,
     WheeledSquad,
+    tracker,
     wheeled,
 )
 from koord.sim.vehicles import mjcf
@@ -36,9 +37,11 @@ def squad(setup: SquadSetup) -> WheeledSquad:
     """Make a squad of cars at rest, with pursuit or model-predictive control."""
     car, steering = setup.model.body, setup.model.steering
     assert isinstance(car, Car)
-    every = PREDICTIVE_TICKS if steering is Steering.PREDICTIVE else 1
-    tracker = Driving(setup.group, steering, Horizon(step_s=every * STEPS * STEP_S))
-    return WheeledSquad(setup, vehicles(setup), tracker, every)
+    predicts = steering is Steering.PREDICTIVE and setup.model.controller is None
+    every = PREDICTIVE_TICKS if predicts else 1
+    horizon = Horizon(step_s=every * STEPS * STEP_S)
+    law = tracker(setup, lambda: Driving(setup.group, steering, horizon))
+    return WheeledSquad(setup, vehicles(setup), law, every)
 
 
 def vehicles(setup: VehicleSetup) -> Wheeled:

@@ -15,7 +15,7 @@ from koord.runtime.motion.arrays import Floats, bounded
 from koord.runtime.motion.bodies import DifferentialDrive
 from koord.runtime.motion.driving import Turning
 from koord.runtime.motion.world import Point
-from koord.sim.squads import SquadSetup, VehicleSetup, Wheeled, WheeledSquad, wheeled
+from koord.sim.squads import SquadSetup, VehicleSetup, Wheeled, WheeledSquad, tracker, wheeled
 from koord.sim.vehicles import mjcf
 from koord.sim.vehicles.wheels import Hull, Rolling
 
@@ -25,7 +25,8 @@ _BALL_M, _BALL_AT = 0.03, 0.7
 
 def squad(setup: SquadSetup) -> WheeledSquad:
     """Make a squad of differential drives at rest."""
-    return WheeledSquad(setup, vehicles(setup), Turning(setup.group))
+    law = tracker(setup, lambda: Turning(setup.group))
+    return WheeledSquad(setup, vehicles(setup), law)
 
 
 def vehicles(setup: VehicleSetup) -> Wheeled:

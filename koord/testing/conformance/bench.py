@@ -192,6 +192,8 @@ class Bench:
     def linked(self) -> None:
         """Wait until the vehicle answers: what it does not tell before, it may tell then."""
         self.until(lambda s: s.sensed.link, None, _LINK_S, "the vehicle answers")
+        if "armed at rest" not in self.kept:
+            self.kept["armed at rest"] = self.run(1.5, Disarm())[-1].sensed.armed
 
     def arm(self) -> None:
         """Arm it. Raises Failed."""
@@ -239,8 +241,17 @@ class Bench:
         if self.subject.flies:
             self.until(_is_down, Land(), _REST_S, "it has come down")
         self.until(stands, Hold(), _REST_S, "it stands")
-        self.until(lambda s: s.sensed.armed is not True, Disarm(), _REST_S, "it is disarmed")
+        self.until(self.is_disarmed, Disarm(), _REST_S, "it is disarmed")
         return self.log[begun:]
+
+    def is_disarmed(self, sample: Sample) -> bool:
+        """Return whether it is not armed, unless it arms itself."""
+        return sample.sensed.armed is not True or self.arms_itself
+
+    @property
+    def arms_itself(self) -> bool:
+        """True if it is armed whenever it stands, whatever it is told, as some small drones."""
+        return self.kept.get("armed at rest") is True
 
     def keep(self, name: str, make: Callable[[], Answer]) -> Answer:
         """What checks have in common: made when it is first asked for."""

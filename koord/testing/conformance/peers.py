@@ -1,4 +1,4 @@
-"""The other side of a driver's wire, as a process that is started, frozen and ended.
+"""The other side of a driver's wire, as a process that is started, frozen and ended. (P-KIT-PEER)
 
 It may tell where the vehicle is: lines of JSON on its standard output, such as
 ``{"east": 1.0, "north": 2.0, "up": 0.0, "heading": 0.7, "armed": false}`` (metres; radians
@@ -168,7 +168,7 @@ class KnownPeer(Struct, frozen=True):
 
     def filled(self) -> KnownPeer:
         """The same, with a port for ``{free}``."""
-        free = str(_free_port())
+        free = str(free_port())
         return KnownPeer(
             self.driver,
             tuple(word.replace("{free}", free) for word in self.command),
@@ -203,7 +203,8 @@ def _filled(value: Found, free: str) -> Found:
     return value
 
 
-def _free_port() -> int:
+def free_port() -> int:
+    """A port of UDP that nobody uses now."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as bound:
         bound.bind(("127.0.0.1", 0))
         port: int = bound.getsockname()[1]

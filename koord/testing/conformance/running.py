@@ -1,4 +1,4 @@
-"""The suite: its checks, in the order in which they are made."""
+"""The suite: its checks, in the order in which they are made. (P-KIT)"""
 
 from __future__ import annotations
 
@@ -53,6 +53,7 @@ CHECKS = (
     Check("restarts", "closes and opens again", failing.restarts),
     Check("blocks", "no call waits", failing.never_blocks),
     Check("program", "a program goes to places; its trace is judged", program.runs, moves=True),
+    Check("twin", "a second process of one robot is refused", program.twin, moves=True),
 )
 
 NAMES = tuple(check.name for check in CHECKS)

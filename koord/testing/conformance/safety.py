@@ -156,7 +156,7 @@ def estop(bench: Bench, found: Measures) -> None:
     after = bench.until(_slow, guarded.telling(None), limit_s + 5.0, "it stands after the e-stop")
     found.at_most(after[-1].now_s - ordered_s, limit_s, "it does not go on after", "s")
     end = bench.until(
-        lambda s: s.sensed.armed is not True and s.sensed.airborne is not True and stands(s),
+        lambda s: bench.is_disarmed(s) and s.sensed.airborne is not True and stands(s),
         guarded.telling(None),
         40.0,
         "it is down and disarmed after the e-stop",
@@ -190,7 +190,7 @@ def lands(bench: Bench, found: Measures) -> None:
     found.at_most(gone, 0.4, "it came down beside where it was by")
     above = down[-1].sensed.position_m[2] - bench.subject.at_m[2]
     found.at_most(abs(above), 0.2, "on the ground, off by")
-    found.expect(down[-1].sensed.armed is not True, "disarmed")
+    found.expect(bench.is_disarmed(down[-1]), "disarmed")
 
 
 # --- the dead man ---------------------------------------------------------------------------------
@@ -262,6 +262,10 @@ def _kill(bench: Bench, found: Measures, limit_s: float, says: str) -> None:
     gone = math.dist(flat(last), flat(samples[0].sensed.position_m))
     most = bench.subject.speed_mps * limit_s + 0.5
     found.at_most(gone, most, "since the kill it got on by")
+    if peer is not None:  # it may have locked itself, until somebody switches it off and on
+        bench.close()
+        peer.stop()
+        bench.open()
 
 
 def _until_it_moves(process: subprocess.Popen[str]) -> Point | None:

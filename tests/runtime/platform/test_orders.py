@@ -50,6 +50,11 @@ class Told:
         self.reached = False
         self.waits = False
         self.flights: list[bool] = []
+        self.readings: dict[str, Any] = {}
+        self.acted: list[tuple[str, Any]] = []
+        self.driver = SimpleNamespace(
+            ports=lambda: self.readings, act=lambda port, value: self.acted.append((port, value))
+        )
 
     @property
     def sensors(self) -> MotionSensors:
@@ -164,3 +169,39 @@ def test_a_program_reads_where_the_vehicle_is_now(member: Member, told: Told) ->
     decided(member, member.propose(1), is_let_through=True)
     assert vars(member.robot)["seen"] == (7.0, 8.0, 0.0)
     assert member.host.position == (7.0, 8.0, 0.0)
+
+
+LAMPS = """\
+using Motion:
+    sensors:
+        pos psn
+using Lamp:
+    sensors:
+        float charge
+    actuators:
+        boolean on
+local:
+    float seen = 0.0
+Light:
+    pre: seen < 2.0
+    eff:
+        seen = Lamp.charge
+        Lamp.on = Lamp.charge > 0.6
+"""
+
+
+def test_a_driver_serves_ports_of_the_programs_own_modules(told: Told) -> None:
+    """(P-DRIVER) (P-ORDER) A reading of another type does not count; an actuator, once."""
+    told.readings = {"charge": 0.75, "more": 1}
+    member = member_of(LAMPS, told)
+    decided(member, member.propose(-1), is_let_through=True)
+    decided(member, member.propose(0), is_let_through=False)
+    assert told.acted == []
+    for turn in range(1, 4):
+        decided(member, member.propose(turn), is_let_through=True)
+    assert told.acted[-1] == ("on", True)
+    assert len(told.acted) == len(set(told.acted))
+    told.readings = {"charge": "full"}
+    decided(member, member.propose(4), is_let_through=True)
+    assert told.acted[-1] == ("on", True)
+    assert cast(Any, member).robot.seen == 0.75
