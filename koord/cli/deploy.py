@@ -185,7 +185,7 @@ def main(arguments: argparse.Namespace) -> int:
     if not arguments.json:
         print(visible(str(found.problem)), flush=True)
     question = Question(answer=True if arguments.yes else None)
-    with Interruption(patient=True) as interruption, Board() as board:
+    with Interruption(patient=True) as interruption, Board(waits=job.waits) as board:
 
         def show(told: Progress) -> None:
             if isinstance(told, FleetHeard):

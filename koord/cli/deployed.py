@@ -36,7 +36,9 @@ _LASTING_S = 1.0
 class Board:
     """A table that is redrawn while robots run; without a terminal, lines of what is noticed."""
 
-    def __init__(self) -> None:
+    def __init__(self, *, waits: bool = False) -> None:
+        """Make a board; one that ``waits`` leaves the terminal to a question before the run."""
+        self._waits = waits
         self._console = Console(stderr=True)
         self._live: Live | None = None
         self._line: LiveLine | None = None
@@ -45,10 +47,14 @@ class Board:
         self.is_stopping = False
 
     def __enter__(self) -> Board:
+        if not self._waits:
+            self._begin()
+        return self
+
+    def _begin(self) -> None:
         if self._console.is_terminal:
             self._live = Live(console=self._console, auto_refresh=False, transient=True)
             self._live.start()
-        return self
 
     def __exit__(self, *_: object) -> None:
         self._close()
@@ -73,6 +79,11 @@ class Board:
     def show(self, heard: FleetHeard) -> None:
         """Show the present status of the robots."""
         now = time.monotonic()
+        if self._waits:
+            if not heard.statuses or any(status.checks for status in heard.statuses.values()):
+                return  # people look at these, and are asked
+            self._waits = False
+            self._begin()
         if not self._console.is_terminal:
             self._lines.hear(heard, now)
         if self._live is None or now < self._shown_at + 0.2:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import pty
+import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -15,6 +17,8 @@ from koord.cli.main import main
 from koord.cli.preflight import Question, table
 from koord.cli.terminal import PLAIN
 from tests.cli.test_dry_run import CONFIG, ERRAND
+
+ROOT = Path(__file__).parents[2]
 
 GOOD = Check("pose", Finding.GOOD, "there")
 BAD = Check("pose", Finding.BAD, "3 s old", "look at the cameras")
@@ -72,6 +76,31 @@ def test_what_is_bad_is_refused_whatever_was_answered(
     said = capsys.readouterr()
     assert "not armed: robot 0: heartbeat" in said.err
     assert "koord heartbeat CONFIG" in said.out
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("typed", "code"), [("y", Exit.OK), ("n", Exit.BAD_INPUT)])
+def test_people_are_asked_on_a_terminal(run: list[str], typed: str, code: Exit) -> None:
+    """(P-PREFLIGHT) The table of the run does not cover the question."""
+    ours, theirs = pty.openpty()
+    command = [sys.executable, "-m", "koord", *run, "--arm"]
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "TERM": "xterm"}
+    with subprocess.Popen(
+        command, stdin=theirs, stdout=theirs, stderr=theirs, env=environment
+    ) as process:
+        os.close(theirs)
+        shown, is_answered = b"", False
+        while True:
+            try:
+                shown += os.read(ours, 4096)
+            except OSError:  # the other end is closed
+                break
+            if b"[y/N]" in shown and not is_answered:
+                is_answered = True
+                os.write(ours, f"{typed}\n".encode())
+        os.close(ours)
+        assert process.wait(60) == code, shown
+    assert (b"all robots have stopped" in shown) is (typed == "y")
 
 
 # --- the question ---------------------------------------------------------------------------------
