@@ -23,6 +23,7 @@ from koord.version import __version__
 #: koord's own drivers.
 OWN = {
     "crazyflie": "koord.runtime.drivers.crazyflie.driver:CrazyflieDriver",
+    "ideal": "koord.sim.driver:IDEAL",
     "mavlink": "koord.runtime.drivers.mavlink.driver:MavlinkDriver",
     "robotarium": "koord.runtime.drivers.robotarium.driver:RobotariumDriver",
     "ros1": "koord.runtime.drivers.ros1.driver:Ros1Driver",
@@ -54,7 +55,7 @@ def installed_drivers() -> tuple[DriverEntry, ...]:
     """The drivers that configurations can name, and what those lack that cannot be loaded.
 
     >>> [driver.name for driver in koord.installed_drivers()]
-    ['crazyflie', 'mavlink', 'robotarium', 'ros1', 'ros2', 'sim']
+    ['crazyflie', 'ideal', 'mavlink', 'robotarium', 'ros1', 'ros2', 'sim']
     """
     return tuple(registry().entries())
 

@@ -1,4 +1,4 @@
-"""The driver ``sim``: a vehicle model of the simulator, moved as real time goes by.
+"""The driver ``sim``: a vehicle model of the simulator, moved as real time goes by; and ``ideal``.
 
 What it is told is carried out by the controllers that vehicles have below a driver: servos and
 motors of what drives, the position controller of what flies. It stops by itself, as a good vehicle
@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from importlib import import_module
 from typing import Any, ClassVar
 
@@ -18,7 +18,7 @@ import numpy as np
 from msgspec import Struct
 
 from koord.runtime.drivers.driver import Device, NoOptions
-from koord.runtime.drivers.frames import LEVEL, Quaternion, turned
+from koord.runtime.drivers.frames import Quaternion, turned
 from koord.runtime.drivers.setpoints import (
     Arm,
     Capabilities,
@@ -192,8 +192,14 @@ class SimulatedWheels(SimulatedVehicle):
 
     def move(self, setpoint: Setpoint, steps: int) -> None:
         speed, rate = 0.0, 0.0
-        if isinstance(setpoint, Drive):
-            speed, rate = setpoint.speed_mps, setpoint.yaw_rate_radps
+        match setpoint:
+            case Drive(speed_mps=speed, yaw_rate_radps=rate):
+                pass
+            case Velocity(velocity_mps=(x, y, _), yaw_rate_radps=rate):
+                heading = float(self._vehicles.heading[0])
+                speed = x * math.cos(heading) + y * math.sin(heading)
+            case _:
+                pass
         self._vehicles.advance(self._command(setpoint, speed, rate), STEP_S, steps)
 
     def _command(self, setpoint: Setpoint, speed: float, rate: float) -> Floats:
@@ -307,31 +313,63 @@ class SimulatedDrone(SimulatedVehicle):
 
 
 class SimulatedPoint(SimulatedVehicle):
-    """An ideal point, which is where it is told to be."""
+    """An ideal point, which is where it is told to be, and turns at once."""
 
-    WISHES = (Track, Position)
+    WISHES = (Track, Position, Velocity, Takeoff)
 
     def __init__(self, device: Device, model: DeviceModel) -> None:
         super().__init__(device, model)
         self._position, self._velocity = device.position_m, (0.0, 0.0, 0.0)
+        self._heading_rad = device.heading_rad
+        self._ground_m = device.world.ground
 
     def move(self, setpoint: Setpoint, steps: int) -> None:
-        self._velocity = (0.0, 0.0, 0.0)
-        if isinstance(setpoint, Track):
-            self._position, self._velocity = setpoint.position_m, setpoint.velocity_mps
+        lasts_s, here = steps * STEP_S, self._position
+        x, y, _ = here
+        match setpoint:
+            case Track(position_m=position, velocity_mps=velocity):
+                self._position, self._velocity = position, velocity
+                return
+            case Position(position_m=goal, speed_mps=speed):
+                self._position = _towards(here, goal, speed * lasts_s)
+            case Velocity(velocity_mps=velocity, yaw_rate_radps=rate):
+                self._heading_rad += rate * lasts_s
+                ends = (a + v * lasts_s for a, v in zip(here, velocity, strict=True))
+                end_x, end_y, end_z = ends
+                self._position = end_x, end_y, end_z
+            case Takeoff(height_m=height):
+                goal = (x, y, self._ground_m + height)
+                self._position = _towards(here, goal, _RISING_MPS * lasts_s)
+            case Land() if not self.model.body.ON_GROUND:
+                goal = (x, y, self._ground_m)
+                self._position = _towards(here, goal, _SINKING_MPS * lasts_s)
+            case _:
+                pass
+        vx, vy, vz = ((b - a) / lasts_s for a, b in zip(here, self._position, strict=True))
+        self._velocity = vx, vy, vz
 
     def truth(self) -> tuple[Floats, Floats]:
-        return np.array([self._position]), np.zeros(1)
+        return np.array([self._position]), np.array([self._heading_rad])
 
     def attitude(self, heading_rad: float) -> Quaternion:
-        return LEVEL
+        return turned(heading_rad)
 
     def velocity(self) -> Point:
         return self._velocity
 
     @property
     def airborne(self) -> bool:
-        return False
+        is_high = self._position[2] > self._ground_m + _AIRBORNE_M
+        return is_high and not self.model.body.ON_GROUND
+
+
+def _towards(here: Point, goal: Point, far_m: float) -> Point:
+    """The point so far on the way to a goal, or the goal if that is nearer."""
+    left_m = math.dist(here, goal)
+    if left_m <= far_m:
+        return goal
+    x, y, z = (a + (b - a) * far_m / left_m for a, b in zip(here, goal, strict=True))
+    return x, y, z
 
 
 def vehicle(device: Device) -> SimulatedVehicle:
@@ -351,14 +389,21 @@ def vehicle(device: Device) -> SimulatedVehicle:
     return SimulatedWheels(device, model, vehicles)
 
 
+def point(device: Device) -> SimulatedVehicle:
+    """A point in place of the vehicle of a device: it goes where that is sent, and as fast."""
+    return SimulatedPoint(device, device_model(device.vehicle))
+
+
 class _Simulated(Struct, frozen=True):
     """What makes simulated vehicles."""
+
+    make: Callable[[Device], SimulatedVehicle]
 
     OPTIONS: ClassVar[type[Struct]] = NoOptions
 
     def __call__(self, device: Device) -> SimulatedVehicle:
-        return vehicle(device)
+        return self.make(device)
 
 
-#: The driver ``sim``.
-SIMULATED = _Simulated()
+#: The driver ``sim``, and the driver ``ideal``.
+SIMULATED, IDEAL = _Simulated(vehicle), _Simulated(point)

@@ -6,9 +6,11 @@ guardian makes of that goes to the driver. (P-TICK)
 
 from __future__ import annotations
 
+import math
 import time
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 
 from koord.runtime.drivers.driver import Driver, DriverError
 from koord.runtime.drivers.setpoints import Hold, Sensed, Wish
@@ -26,6 +28,7 @@ from koord.runtime.guardian.events import (
 from koord.runtime.guardian.limits import SafetyLimits
 from koord.runtime.guardian.machine import step
 from koord.runtime.guardian.modes import Mode, initial
+from koord.runtime.motion.group import TICK_S
 from koord.runtime.motion.world import Point
 from koord.runtime.platform.pilots import Pilot
 from koord.runtime.platform.sensors import MotionSensors
@@ -34,6 +37,9 @@ from koord.runtime.protocol.events import Reason
 
 #: So many notes are kept.
 _MOST_NOTES = 256
+
+#: For so long it is told that a driver blocked.
+_REMARKED_S = 5.0
 
 #: The modes in which a vehicle that stands stays where it is.
 _ENDED = (Mode.DISARMED, Mode.STOPPED, Mode.ESTOPPED)
@@ -53,6 +59,7 @@ class DrivenVehicle:
         self.driver, self.pilot = driver, pilot
         self.notes: deque[Note] = deque(maxlen=_MOST_NOTES)
         self._is_heard = True  #: the driver has taken the last set-point
+        self._blocked = "", -math.inf  #: how the driver blocked, and when that was over
         self.is_ending = False  #: it is coming to its last stop
         self.now_s = now_s  #: of the last tick
         self._matters: dict[Condition, str] = {}
@@ -107,7 +114,9 @@ class DrivenVehicle:
     @property
     def remarks(self) -> tuple[str, ...]:
         """Why the vehicle does not do what its program wants, if so."""
-        own = (*self.pilot.remarks, *self.driver.remarks)
+        said, at_s = self._blocked
+        blocked = (said,) if time.monotonic() - at_s < _REMARKED_S else ()
+        own = (*blocked, *self.pilot.remarks, *self.driver.remarks)
         if self.mode is Mode.RUNNING or self.mode in _ENDED:
             return own
         return (*self._matters.values(), *own)
@@ -169,10 +178,21 @@ class DrivenVehicle:
             )
         self.pilot.takeoff_height_m = height_m
 
+    @contextmanager
+    def _timed(self, what: str) -> Iterator[None]:
+        """Notice a driver that blocks: nothing else is done meanwhile. (P-DRIVER)"""
+        begun_s = time.monotonic()
+        yield
+        took_s = time.monotonic() - begun_s
+        if took_s > TICK_S:
+            said = f"the driver took {took_s:.2f} s to {what}: it is not to block"
+            self._blocked = said, begun_s + took_s
+
     def _sensed(self, now_s: float) -> Sensed | None:
         """What the driver senses; at the end one that raises senses nothing. (P-LAST-STOP)"""
         try:
-            return self.driver.sense(now_s)
+            with self._timed("sense"):
+                return self.driver.sense(now_s)
         except Exception:  # whatever a driver does: it may still hear
             if not self.is_ending:
                 raise
@@ -197,7 +217,8 @@ class DrivenVehicle:
                 self._matters.pop(note.condition, None)
         if answer.setpoint is not None:
             self._is_heard = False
-            self.driver.command(answer.setpoint, now_s)
+            with self._timed("command the vehicle"):
+                self.driver.command(answer.setpoint, now_s)
             self._is_heard = True
         return answer.notes
 

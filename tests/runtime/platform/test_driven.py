@@ -13,7 +13,7 @@ from msgspec.structs import replace
 
 from koord.runtime.configuration.model import Vehicle
 from koord.runtime.drivers.driver import Device, Driver, DriverError
-from koord.runtime.drivers.setpoints import Arm, Drive, Sensed, Track
+from koord.runtime.drivers.setpoints import Arm, Drive, Sensed, Track, Velocity
 from koord.runtime.guardian.conditions import Setup
 from koord.runtime.guardian.events import Condition, Order, Other
 from koord.runtime.guardian.limits import usual
@@ -26,7 +26,7 @@ from koord.runtime.motion.world import Box, Point, World
 from koord.runtime.platform.pilots import PilotSettings, pilot
 from koord.runtime.platform.vehicle import DrivenVehicle
 from koord.runtime.protocol.events import Reason
-from koord.sim.driver import DEAD_MAN_S, vehicle
+from koord.sim.driver import DEAD_MAN_S, SimulatedPoint, SimulatedVehicle, point, vehicle
 from koord.sim.fleet import Fleet, Placed
 from koord.sim.scene import TRACKING_M, device_model
 
@@ -43,6 +43,7 @@ class Guarded:
         start: Point = (0.0, 0.0, 0.0),
         world: World = WORLD,
         takeoff_height_m: float | None = None,
+        made: Callable[[Device], SimulatedVehicle] = vehicle,
     ) -> None:
         self.now = 100.0
         self.round_age_s: float | None = 0.05
@@ -53,9 +54,10 @@ class Guarded:
         device = Device(0, told, world, start)
         settings = PilotSettings(body, self.model.planner)
         guarded = Setup(usual(body), field(world, flat=body.ON_GROUND), 0.1)
-        driver = vehicle(device)
+        driver = made(device)
         driver.capabilities = replace(driver.capabilities, takeoff_height_m=takeoff_height_m)
-        self.driven = DrivenVehicle(driver, pilot(settings, world), guarded, self.now)
+        steersman = pilot(settings, world, wishes=driver.capabilities.wishes)
+        self.driven = DrivenVehicle(driver, steersman, guarded, self.now)
 
     def tick(self, times: int = 1, others: tuple[Other, ...] = ()) -> None:
         for _ in range(times):
@@ -382,3 +384,51 @@ def test_a_driver_that_waits_at_the_start_is_asked_for_what_it_senses_then() -> 
     guarded = Setup(usual(body), field(WORLD, flat=True), 0.1)
     DrivenVehicle(cast(Driver, Waits()), steersman, guarded, 100.0)
     assert asked[-1] >= 100.05
+
+
+def test_a_driver_that_blocks_is_named() -> None:
+    """(P-DRIVER)"""
+    one = Guarded("CAR").started()
+    heard = one.driven.driver.sense
+
+    def slow(now_s: float) -> Sensed | None:
+        until_s = time.monotonic() + 2 * TICK_S
+        while time.monotonic() < until_s:
+            pass
+        return heard(now_s)
+
+    one.driven.driver.sense = slow  # type: ignore[method-assign]
+    one.tick()
+    (remark,) = one.driven.remarks
+    assert remark.startswith("the driver took 0.1")
+    assert "to sense" in remark
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_driver_ideal_makes_a_point_of_any_vehicle(kind: str) -> None:
+    one = Guarded(kind, made=point).started()
+    assert isinstance(one.driven.driver, SimulatedPoint)
+    goal = goal_of(kind)
+    one.driven.go_to(goal)
+    one.until(lambda: not one.driven.sensors.reached)
+    one.until(lambda: one.driven.sensors.reached)
+    assert math.dist(one.here, goal) <= one.model.visit.epsilon_m
+    one.driven.order(Order.LAND, one.now)
+    one.until(lambda: one.driven.is_at_rest)
+    assert one.here[2] <= 0.05
+
+
+@pytest.mark.parametrize("kind", ["CAR", "DIFF"])
+def test_what_drives_follows_velocities_as_far_as_it_can(kind: str) -> None:
+    driver = vehicle(Device(0, Vehicle(kind, kind), WORLD, (0.0, 0.0, 0.0)))
+    driver.open(0.0)
+    driver.command(Arm(), 0.0)
+    now_s = 0.0
+    for _ in range(40):
+        now_s += TICK_S
+        driver.command(Velocity((0.4, 0.0, 0.0), 0.0), now_s)
+        driver.sense(now_s)
+    sensed = driver.sense(now_s)
+    assert sensed is not None
+    assert sensed.velocity_mps == pytest.approx((0.4, 0.0, 0.0), abs=0.02)
+    assert sensed.position_m[0] > 0.5
