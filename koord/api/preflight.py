@@ -123,7 +123,7 @@ class Looking:
         """Why nothing was armed, as diagnostics."""
         place = whole_file(name)
         stories = self.found.hindrances or ("nobody has said yes",)
-        hint = "mend this, or look again with --preflight"
+        hint = "mend this, or look again with `preflight=`"
         return tuple(
             Diagnostic("K939", Severity.ERROR, place, f"not armed: {story}", hint)
             for story in stories

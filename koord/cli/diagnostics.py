@@ -32,6 +32,7 @@ _FLAGS = {
     "live": "--live",
     "numbers": "--numbers",
     "params": "--set",
+    "preflight": "--preflight",
     "program": "--program",
     "properties": "--with",
     "record": "--record",
