@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Iterator, Mapping
+from ipaddress import IPv4Address
 from typing import Generic
 
 from msgspec import Struct
@@ -111,21 +112,28 @@ def _of_here(name: str | None) -> str | None:
 
 def _confused(configuration: RunConfiguration, driven: _Named[DriverType]) -> Iterator[Diagnostic]:
     """Yield the vehicles that cannot be reached, and those that two robots would move."""
-    owners: dict[tuple[str, str], int] = {}
+    owners: dict[tuple[str, str, str | None], int] = {}
     for pid, options in driven.options.items():
         made, vehicle = driven.made[pid], configuration.robots[pid].vehicle
         if not isinstance(made, Addressed):
             continue
         where = configuration.place(*vehicle.path)
         try:
-            address = made.address(Device(pid, vehicle, World(), (0.0, 0.0, 0.0), options=options))
+            address, is_one = made.address(
+                Device(pid, vehicle, World(), (0.0, 0.0, 0.0), options=options)
+            )
         except DriverError as error:
             yield _problem(where, f"{vehicle.name}: {error.message}", error.hint)
             continue
-        other = owners.setdefault((str(_of_here(vehicle.driver)), address), pid)
+        computer = None if is_one else _computer(configuration.robots[pid].address[0])
+        other = owners.setdefault((str(_of_here(vehicle.driver)), address, computer), pid)
         if other != pid:
             hint = "give each its own; in names of topics `{pid}` is the robot's"
             yield _problem(where, f"robots {other} and {pid} would both move `{address}`", hint)
+
+
+def _computer(ip: str) -> str:
+    return "here" if IPv4Address(ip).is_loopback else ip
 
 
 def undriven(fitted: Fitted) -> Iterator[Diagnostic]:

@@ -61,8 +61,11 @@ class DriverType(Protocol):
 class Addressed(Protocol):
     """A driver type that knows by what its vehicles are reached, before anything is opened."""
 
-    def address(self, device: Device) -> str:
-        """What tells a vehicle to move: no other robot may have the same. Raises DriverError."""
+    def address(self, device: Device) -> tuple[str, bool]:
+        """What tells a vehicle to move: no other robot may have the same. Raises DriverError.
+
+        False beside it: on another computer it may be another vehicle's.
+        """
         ...
 
 

@@ -84,9 +84,9 @@ class RosDriver(ABC):
         self._readings: dict[str, Any] = {}
 
     @classmethod
-    def address(cls, device: Device) -> str:
-        """The topic that moves a vehicle. Raises DriverError."""
-        return plan(device, device.options).command.told
+    def address(cls, device: Device) -> tuple[str, bool]:
+        """The topic that moves a vehicle, and whether all computers mean the same by it."""
+        return plan(device, device.options).command.told, True
 
     @property
     def _waypoint_frame(self) -> str | None:

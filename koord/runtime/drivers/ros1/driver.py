@@ -6,6 +6,7 @@ from typing import ClassVar
 
 from msgspec import Struct
 
+from koord.runtime.drivers.driver import Device
 from koord.runtime.drivers.ros.driver import RosDriver
 from koord.runtime.drivers.ros.graph import Graph
 from koord.runtime.drivers.ros1 import library
@@ -20,6 +21,13 @@ class Ros1Driver(RosDriver):
     """The driver of a vehicle that nodes of ROS 1 move."""
 
     OPTIONS: ClassVar[type[Struct]] = Ros1Options
+
+    @classmethod
+    def address(cls, device: Device) -> tuple[str, bool]:
+        """The topic that moves a vehicle; computers may have masters of their own."""
+        assert isinstance(device.options, Ros1Options)
+        told, _ = super().address(device)
+        return told, device.options.master is not None
 
     def graph(self) -> Graph:
         from koord.runtime.drivers.ros1.graph import RospyGraph

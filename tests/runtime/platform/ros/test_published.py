@@ -15,6 +15,7 @@ import pytest
 from koord.api.drivers import localiser_registry, registry
 from koord.api.undriven import drivers_of
 from koord.runtime.configuration.checking import load
+from koord.runtime.drivers.ros1 import library
 from koord.runtime.drivers.ros2.driver import Ros2Driver
 from koord.syntax.source import Source
 from tests.runtime.platform.ros1 import peers as ros1
@@ -120,6 +121,24 @@ def test_what_cannot_be_is_told_before_the_run(
 ) -> None:
     _, _, problems = drivers(CONFIGURATION.replace(was, wrong))
     assert any(problem.startswith(message) for problem in problems), problems
+
+
+def test_computers_may_have_masters_of_ros_1_of_their_own(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    if not library.is_installed():
+        pytest.skip(f"rospy is not installed: run .ci/peers, or {library.INSTALL}")
+    monkeypatch.setenv("ROS_VERSION", "1")
+    shared = CONFIGURATION.replace("'waypoint'", "'/waypoint'")
+    message = "robots 0 and 1 would both move `/waypoint`"
+    assert drivers(shared)[2] == [message]
+    elsewhere = shared.replace("127.0.0.1\n        port: 61822", "10.0.0.7\n        port: 61822")
+    assert drivers(elsewhere)[2] == []
+    bot = "        bot_type:"
+    one = elsewhere.replace(
+        bot, "        driver: ros1\n        options: {master: 'http://a:1'}\n" + bot
+    )
+    assert drivers(one)[2] == [message]
 
 
 # --- with nodes in processes of their own ---------------------------------------------------------
