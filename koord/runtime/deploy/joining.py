@@ -26,6 +26,7 @@ from koord.runtime.protocol.handshake import (
     Party,
     Refused,
     Roll,
+    Running,
     Say,
     StartedTwice,
     TurnedAway,
@@ -107,6 +108,7 @@ class Seen(Struct, frozen=True):
 
     at_s: float
     differs: tuple[str, ...]  #: what it runs otherwise
+    is_in_run: bool = False
 
 
 class _Note(Struct):
@@ -188,6 +190,11 @@ class Joining:
                 others.append(datagram)
         return others
 
+    @property
+    def goes_on(self) -> bool:
+        """True if there is a run to go on with, for which a majority will do. (R-RESUME)"""
+        return self._state.run != NO_RUN or any(one.is_in_run for one in self.seen.values())
+
     def _see(self, datagram: bytes) -> None:
         heard = self._read(datagram)
         if heard is None:
@@ -200,8 +207,10 @@ class Joining:
                 return
             case Join(fingerprint=theirs) | Refused(fingerprint=theirs) if theirs:
                 self.seen[sender] = Seen(self._clock(), differing(self.party.fingerprint, theirs))
+            case Running(run=run):
+                self.seen[sender] = Seen(self._clock(), (), is_in_run=run != NO_RUN)
             case _:
-                self.seen[sender] = Seen(self._clock(), ())
+                self.seen[sender] = Seen(self._clock(), (), is_in_run=isinstance(message, Roll))
 
     def hear(self, datagram: bytes) -> None:
         """Process a datagram of a handshake, as a robot that is in no run, or back in its own."""

@@ -51,7 +51,10 @@ def _others(looked: Lookout) -> Iterator[Check]:
     there = {pid for pid, one in seen.items() if looked.now_s - one.at_s <= _SEEN_S}
     missing = [pid for pid in range(party.robots) if pid != party.pid and pid not in there]
     if party.robots > 1:
-        if missing:
+        if missing and looked.joining.goes_on:
+            text = f"not heard of: {_named(missing)}; there is a run to go on with"
+            yield Check("others", Finding.DOUBTFUL, text)
+        elif missing:
             yield Check("others", Finding.PENDING, f"not heard of: {_named(missing)}")
         else:
             yield Check("others", Finding.GOOD, "all are heard, with the same key")

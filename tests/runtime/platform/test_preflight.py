@@ -221,6 +221,19 @@ def test_robots_that_wait_are_seen_by_those_in_a_run() -> None:
     assert set(fleet.found(1, Finding.GOOD)) >= {"others", "program"}
 
 
+def test_who_comes_back_to_a_run_does_not_wait_for_those_that_are_gone() -> None:
+    """(P-PREFLIGHT) A majority goes on; before a run all are waited for."""
+    fleet = Fleet()
+    for runner in fleet.runners.values():
+        runner.go()
+    fleet.steps(300)
+    del fleet.runners[2]
+    fleet.runners[1] = fleet.runner(1, fleet.job)
+    fleet.steps(600)
+    assert "not heard of: 2" in fleet.found(1, Finding.DOUBTFUL)["others"]
+    assert not fleet.found(1, Finding.PENDING)
+
+
 def test_an_e_stop_that_was_heard_is_good_and_a_clock_that_is_off_is_told() -> None:
     fleet = Fleet(1)
     writer = DatagramWriter(Channel(order_key(KEY), MOST_ROBOTS, MOST_ROBOTS - 1))
