@@ -8,6 +8,7 @@ from __future__ import annotations
 import os
 import stat
 import tempfile
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -16,6 +17,9 @@ import msgspec
 from msgspec import Struct
 
 from koord.runtime.orders.lines import Reach
+
+#: Files of processes that were killed are removed if they are older than this.
+_OLD_S = 60.0
 
 #: Raised when the form of these files changes: others are not read.
 _VERSION = 1
@@ -72,6 +76,7 @@ def folder() -> Path:
 def left(configuration: str, access: Access, where: Path | None = None) -> Iterator[Path | None]:
     """Leave a file within the context; None if the machine has no place for it."""
     process = os.getpid()
+    _tidy(folder() if where is None else where)
     begun, path_of = _begun(process), os.path.abspath(configuration)
     made = Running(_VERSION, path_of, process, begun, access)
     path = _written(folder() if where is None else where, msgspec.json.encode(made))
@@ -82,6 +87,14 @@ def left(configuration: str, access: Access, where: Path | None = None) -> Itera
             path.unlink(missing_ok=True)
             with suppress(OSError):  # others may have left something
                 path.parent.rmdir()
+
+
+def _tidy(where: Path) -> None:
+    """Remove old files of processes that were killed, which could not do so."""
+    for path, run in found(None, where):
+        with suppress(OSError):
+            if not run.is_alive and time.time() - path.stat().st_mtime > _OLD_S:
+                path.unlink()
 
 
 def _written(where: Path, data: bytes) -> Path | None:

@@ -85,8 +85,13 @@ def test_a_process_that_was_killed_is_known_to_be_gone(tmp_path: Path) -> None:
         "    os.kill(os.getpid(), 9)\n"
     )
     subprocess.run([sys.executable, "-c", text, str(where)], check=False, timeout=60)
-    ((_, run),) = found(None, where)
+    ((file, run),) = found(None, where)
     assert not run.is_alive
+    with left("task.yaml", ACCESS, where):
+        assert file.exists(), "its robots may still be on their way to their last stop"
+    os.utime(file, (0, 0))
+    with left("task.yaml", ACCESS, where):
+        assert not file.exists()
 
 
 def test_another_process_of_its_number_is_not_it(tmp_path: Path) -> None:
