@@ -1,6 +1,7 @@
 # make check   format, lint, strict types, fast tests: what has to pass before a commit
 # make slow    the deep searches and the long fuzzing runs
 # make sample  one case of each deep search of which none is a fast test, in two minutes
+# make peers   the same of tests against vehicles in processes of their own
 # make bench   the tables of benchmarks/
 # make format  put the layout right
 
@@ -23,7 +24,7 @@ ATHERIS   := $(VENV)/.atheris
 
 BENCHMARKS := $(filter-out benchmarks/harness.py,$(sort $(wildcard benchmarks/*.py)))
 
-.PHONY: check format lint types test sample slow fuzz bench clean
+.PHONY: check format lint types test sample peers slow fuzz bench clean
 
 # Types are checked beside the tests: by themselves they would keep one core busy.
 check: lint
@@ -44,7 +45,11 @@ slow: $(INSTALLED)
 	$(MAKE) fuzz
 
 sample: $(INSTALLED)
-	$(BIN)/pytest -q $(PARALLEL) -m slow --one-of-each
+	$(BIN)/pytest -q $(PARALLEL) -m "slow and not waits" --one-of-each
+
+# They wait more than they compute: more at once than there are cores.
+peers: $(INSTALLED)
+	$(BIN)/pytest -q -n $$((2 * $(JOBS))) --dist worksteal -m "slow and waits" --one-of-each
 
 fuzz: $(INSTALLED) $(ATHERIS)
 	$(BIN)/python -m tests.fuzz.fuzz_text -max_total_time=$(FUZZ_SECONDS)

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import is_hypothesis_test, settings
 
 from koord.verify.processes import keep_freed_memory
-from tests.sampling import one_of_each
+from tests.sampling import one_of_each, waits
 
 COMMON = settings(derandomize=True, deadline=None, print_blob=False)
 settings.register_profile("default", COMMON, max_examples=20)
@@ -76,9 +76,11 @@ def pytest_unconfigure() -> None:
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Tests on what hypothesis makes are run by `make slow` again."""
+    """Mark tests on what hypothesis makes, and those that wait for vehicles; take the sample."""
     for item in items:
         if isinstance(item, pytest.Function) and is_hypothesis_test(item.obj):
             item.add_marker("generated")
+        if waits(item.path):
+            item.add_marker("waits")
     if config.getoption("one_of_each"):
         items[:] = one_of_each(items)

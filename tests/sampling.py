@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Iterable, Sequence
+from pathlib import Path
 
 import pytest
 from hypothesis import settings
@@ -13,6 +14,7 @@ _FAMILIES = re.compile(r"_many(_|$)|_at_length$|_further_on$")
 
 #: Tests whose shortest case takes more than 15 seconds of CPU, and why.
 TOO_LONG = {
+    "test_all_places_are_visited_and_the_trace_is_legal": "a minute and a half of real time",
     "test_all_three_refuse_all_mutants_alike": "three readers of some hundred configurations",
     "test_cars_and_drones_visit_all_places": "two minutes of real time",
     "test_cars_among_processes_make_the_same_run": "half a minute of a fleet, twice",
@@ -25,7 +27,37 @@ TOO_LONG = {
     "test_the_text_is_typed": "mypy, of all compiled examples",
     "test_the_tour_can_be_taken_in_an_environment_that_pip_made": "pip installs all extras",
     "test_threads_verify_examples_under_load": "four examples, four times at once",
+    "test_with_loss_a_killed_robot_and_a_lost_localiser_everybody_is_safe": "two minutes, as well",
 }
+
+
+#: Files of tests that wait for vehicles in processes of their own and in real time:
+#: `make peers` runs more of them at once than there are cores.
+WAITING = (
+    "cli/test_conform.py",
+    "cli/test_estop.py",
+    "cli/test_mavlink.py",
+    "cli/test_preflight.py",
+    "cli/test_safe_stop.py",
+    "cli/test_small_robots.py",
+    "deployed/test_rehearsal.py",
+    "runtime/platform/ros/test_published.py",
+    "runtime/platform/ros1/test_rospy.py",
+    "runtime/platform/ros2/test_by_rclpy.py",
+    "runtime/platform/ros2/test_killed.py",
+    "runtime/platform/ros2/test_rclpy.py",
+    "runtime/platform/test_crazyflie_process.py",
+    "runtime/platform/test_lab.py",
+    "runtime/platform/test_mavsdk.py",
+    "runtime/platform/test_motioncapture.py",
+    "runtime/platform/test_robotarium_process.py",
+    "testing/test_peers.py",
+)
+
+
+def waits(file: Path) -> bool:
+    """Whether the tests of a file wait for vehicles."""
+    return file.as_posix().endswith(tuple(f"tests/{one}" for one in WAITING))
 
 
 def is_too_long(test: str) -> bool:

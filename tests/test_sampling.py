@@ -6,12 +6,19 @@ from pathlib import Path
 
 import pytest
 
-from tests.sampling import TOO_LONG, one_of_each
+from tests.sampling import TOO_LONG, WAITING, one_of_each, waits
 
 
 def test_what_the_sample_leaves_out_are_tests() -> None:
     texts = [path.read_text("utf-8") for path in Path(__file__).parent.rglob("test_*.py")]
     assert [test for test in TOO_LONG if not any(f"def {test}(" in text for text in texts)] == []
+
+
+def test_the_files_that_wait_are_there() -> None:
+    folder = Path(__file__).parent
+    assert [one for one in WAITING if not (folder / one).is_file()] == []
+    assert waits(folder / WAITING[0])
+    assert not waits(Path(__file__))
 
 
 #: Tests with their cases, each with its marks, and what the sample has of them.
