@@ -19,6 +19,9 @@ from koord.testing.conformance.subjects import angle, flat, minus
 #: How far legs go, m.
 LEG_M = 0.8
 
+#: How far it is led about a bend.
+BEND_RAD = math.pi / 3
+
 #: Directions may be off by this.
 _OFF_DEG = 20.0
 
@@ -106,13 +109,13 @@ def leg(bench: Bench, direction: Point, *, backwards: bool = False) -> Leg:
 
 
 def _bent(bench: Bench) -> Bend:
-    """Lead it an eighth of a circle to the left, and back."""
+    """Lead it a sixth of a circle to the left, and back."""
     subject = bench.subject
     telling = turning(subject.body, subject.speed_mps, subject.turn_m)
     rate = subject.speed_mps / subject.turn_m
-    samples = bench.run(math.pi / 4 / rate, telling)
+    samples = bench.run(BEND_RAD / rate, telling)
     bench.run(0.5, Hold())
-    bench.run(math.pi / 4 / rate, turning(subject.body, -subject.speed_mps, subject.turn_m))
+    bench.run(BEND_RAD / rate, turning(subject.body, -subject.speed_mps, subject.turn_m))
     bench.run(1.0, Hold())
     return Bend(rate, samples)
 
@@ -246,9 +249,9 @@ def units(bench: Bench, found: Measures) -> None:
     if led.bend is not None:
         turned = sum(_steps([yaw_of(one.sensed.attitude) for one in led.bend.samples]))
         found.expect(
-            0.4 * math.pi / 4 <= turned <= 1.5 * math.pi / 4,
-            f"led to turn by {math.pi / 4:.2f} rad, it says {turned:.2f} rad",
-            f"{0.4 * math.pi / 4:.2f} to {1.5 * math.pi / 4:.2f} rad",
+            0.4 * BEND_RAD <= turned <= 1.5 * BEND_RAD,
+            f"led to turn by {BEND_RAD:.2f} rad, it says {turned:.2f} rad",
+            f"{0.4 * BEND_RAD:.2f} to {1.5 * BEND_RAD:.2f} rad",
         )
 
 

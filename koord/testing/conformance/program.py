@@ -139,7 +139,7 @@ def _deploy(folder: Path, subject: Subject, places: list[Point]) -> Deployed:
     written = ", ".join(f"pos({x:.3f}, {y:.3f}, {z:.3f})" for x, y, z in places)
     (folder / "places.krd").write_text(_PROGRAM.format(places=written), encoding="utf-8")
     (folder / "places.yaml").write_text(_configuration(subject, places), encoding="utf-8")
-    how = ["--dry-run"] if subject.is_virtual else ["--arm"]
+    how = ["--dry-run"] if subject.is_virtual else ["--arm", "--yes"]
     words = ["deploy", "places.krd", "places.yaml", "--pid", "0", "--rounds", str(_ROUNDS), *how]
     environment = {
         **os.environ,
