@@ -40,13 +40,6 @@ PLUGGED = (
         (KIT,),
     ),
     Mutant(
-        "a vehicle that goes on is taken for one that has stopped",
-        f"{_KIT}.safety._fall_silent",
-        "_slow(silent[-1])",
-        "True",
-        (KIT,),
-    ),
-    Mutant(
         "a vehicle may leave its fence",
         f"{_KIT}.safety.fence",
         "outside <= 0",
