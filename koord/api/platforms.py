@@ -22,6 +22,7 @@ from koord.runtime.motion.planning import Pose
 from koord.runtime.motion.world import Point, World
 from koord.runtime.platform.host import VehicleHost, VehiclePlatform
 from koord.runtime.platform.pilots import PilotSettings, pilot
+from koord.runtime.platform.rising import RisingPlanner
 from koord.runtime.platform.sensors import MotionSensors
 from koord.runtime.platform.vehicle import DrivenVehicle
 from koord.runtime.platform.world_host import WorldHost
@@ -78,7 +79,10 @@ def platforms(
             return Pose(sensors.psn, sensors.heading_rad)
 
         chart = Chart(world.grid, scanner_range_m(scene))
-        planners = {pid: steersman.planner}
+        planner, height_m = steersman.planner, steersman.takeoff_height_m
+        if height_m is not None and not model.body.ON_GROUND:
+            planner = RisingPlanner(planner, world.ground, height_m)
+        planners = {pid: planner}
         library = Library(
             planners, pose, scene.clearance, chart, scene.seed, keep_rounds=_KEPT_ROUNDS
         )

@@ -38,14 +38,14 @@ from koord.runtime.motion.planners import planner
 from koord.runtime.motion.planning import PlanningEffort
 from koord.runtime.motion.pursuit import Horizon
 from koord.runtime.motion.world import Point, World
+from koord.runtime.platform.rising import RISEN
 from koord.runtime.platform.sensors import MotionSensors
 from koord.runtime.plugins.calls import PlugIn, PlugInError
 from koord.runtime.plugins.loading import own_driving
 from koord.runtime.plugins.planning import CheckedPlanner
 
-#: It has risen who is at this share of the height of its take-off; lower than that it has landed,
-#: if it does not say so itself.
-_RISEN, _LANDED_M = 0.9, 0.15
+#: Who is lower than that has landed, if it does not say so itself.
+_LANDED_M = 0.15
 
 #: Who rises does not drift further.
 _RISES_WITHIN_M = 0.5
@@ -243,6 +243,7 @@ class FlyingPilot(Pilot):
         self._has_risen = False
         self._after_takeoff: Sequence[Point] | None = None  #: the path that it was told to follow
         self._may_fly = True
+        self._has_a_way = False  #: it was sent somewhere, or asked to fly
 
     def wait_for_takeoff(self) -> None:
         self._may_fly = False
@@ -250,7 +251,7 @@ class FlyingPilot(Pilot):
             self.takeoff_height_m = TAKEOFF_M
 
     def take_off(self, up: bool) -> None:
-        self._may_fly = up
+        self._may_fly = self._has_a_way = up
 
     def wish(self, sensed: Sensed, now_s: float) -> Wish:
         if not self._may_fly:
@@ -260,15 +261,18 @@ class FlyingPilot(Pilot):
             if not self._has_risen:
                 self.settle(sensed)
                 self.group.update(np.array([sensed.position_m]), now_s)  # ways are found up there
-                return Takeoff(self.takeoff_height_m)
+                return Takeoff(self.takeoff_height_m) if self._has_a_way else Hold()
         return super().wish(sensed, now_s)
 
     def follow(self, path: Sequence[Point], sensed: Sensed) -> None:
+        far_m = math.dist(path[-1], sensed.position_m) if path else 0.0
+        self._has_a_way = len(path) > 1 or far_m > self.group.visit.epsilon_m
         rises_first = self.takeoff_height_m is not None and not self._has_risen
         self._after_takeoff = path if rises_first else None
         super().follow(path, sensed)
 
     def go_to(self, target: Point) -> None:
+        self._has_a_way = True
         self._after_takeoff = None
         super().go_to(target)
 
@@ -284,7 +288,7 @@ class FlyingPilot(Pilot):
         """Notice that it has risen, and that it is on the ground again."""
         above_m = sensed.position_m[2] - self._field.world.ground
         if not self._has_risen:
-            self._has_risen = sensed.airborne is not False and above_m >= _RISEN * height_m
+            self._has_risen = sensed.airborne is not False and above_m >= RISEN * height_m
             if self._has_risen and self._after_takeoff is not None:
                 self._join(self._after_takeoff, sensed)
         elif sensed.airborne is False or (sensed.airborne is None and above_m < _LANDED_M):

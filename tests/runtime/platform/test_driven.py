@@ -22,8 +22,11 @@ from koord.runtime.motion.bodies import VEHICLES, PlannerName
 from koord.runtime.motion.field import field
 from koord.runtime.motion.geometry import point_path
 from koord.runtime.motion.group import TICK_S
+from koord.runtime.motion.planners import planner
+from koord.runtime.motion.planning import PlanningEffort, Pose
 from koord.runtime.motion.world import Box, Point, World
 from koord.runtime.platform.pilots import PilotSettings, pilot
+from koord.runtime.platform.rising import RisingPlanner
 from koord.runtime.platform.vehicle import DrivenVehicle
 from koord.runtime.protocol.events import Reason
 from koord.sim.driver import DEAD_MAN_S, SimulatedPoint, SimulatedVehicle, point, vehicle
@@ -291,11 +294,37 @@ def test_a_path_that_is_not_free_from_above_is_planned_anew() -> None:
 
 def test_who_lands_and_is_started_again_rises_again() -> None:
     one = Guarded("QUAD", takeoff_height_m=1.0).started()
+    one.driven.go_to((1.0, 0.0, 1.5))
     one.until(lambda: one.here[2] > 0.95)
     one.driven.order(Order.LAND, one.now)
     one.until(lambda: one.driven.is_at_rest)
     one.started()
     one.until(lambda: one.here[2] > 0.95)
+
+
+def test_who_is_sent_nowhere_stays_on_the_ground() -> None:
+    """(P-TAKEOFF) A path that is where it stands already leads nowhere."""
+    one = Guarded("QUAD", takeoff_height_m=1.0).started()
+    one.tick(60)
+    one.driven.follow([(0.0, 0.0, 0.0)])
+    one.tick(60)
+    assert one.here == (0.0, 0.0, 0.0)
+    assert one.driven.sensors.reached
+    one.driven.follow([(0.0, 0.0, 0.0), (0.0, 0.0, 1.2)])
+    one.until(lambda: one.here[2] > 1.1)
+
+
+def test_ways_from_the_ground_begin_straight_up() -> None:
+    """(P-TAKEOFF) So that what is said of a way is true of the rise as well."""
+    made = PlanningEffort()
+    body = device_model(Vehicle("QUAD", "QUAD")).body
+    rising = RisingPlanner(planner(PlannerName.STRAIGHT, WORLD, body, made), WORLD.ground, 1.0)
+    path = rising.plan(Pose((1.0, 2.0, 0.0)), (2.0, 2.0, 1.5), 0)
+    assert path is not None
+    assert path.tolist() == [[1.0, 2.0, 0.0], [1.0, 2.0, 1.0], [2.0, 2.0, 1.5]]
+    path = rising.plan(Pose((1.0, 2.0, 0.95)), (2.0, 2.0, 1.5), 0)
+    assert path is not None
+    assert path.tolist() == [[1.0, 2.0, 0.95], [2.0, 2.0, 1.5]]
 
 
 @pytest.mark.parametrize("height_m", [None, 1.5])
