@@ -66,6 +66,9 @@ if TYPE_CHECKING:
     from koord.api.refine_simulated import refine_simulated as refine_simulated
     from koord.api.refinement import Refinement as Refinement
     from koord.api.refinement import refine as refine
+    from koord.api.remote import Login as Login
+    from koord.api.remote import RemoteLine as RemoteLine
+    from koord.api.remote import deploy_remotely as deploy_remotely
     from koord.api.replay import ReplayReport as ReplayReport
     from koord.api.replay import load_trace as load_trace
     from koord.api.replay import replay as replay
@@ -120,6 +123,7 @@ _HOMES = {
     "koord.api.recheck": ("RecheckReport", "recheck"),
     "koord.api.refine_simulated": ("SimulatedRuns", "refine_simulated"),
     "koord.api.refinement": ("Refinement", "refine"),
+    "koord.api.remote": ("Login", "RemoteLine", "deploy_remotely"),
     "koord.api.replay": ("ReplayReport", "load_trace", "replay"),
     "koord.api.results": ("ArgumentError",),
     "koord.api.run": ("Policy", "RunReport", "run"),

@@ -219,7 +219,7 @@ def job_of(fitted: Fitted, request: DeployRequest) -> Job:
     if request.as_fast_as_possible and (request.dry_run or drivers.made):
         missing += (_hurried(configuration),)
     if key is None:
-        missing += (_keyless(configuration),)
+        missing += (keyless(configuration),)
     if key is None or missing:
         raise KoordError(missing)
     if configuration.talk.encrypts:
@@ -333,7 +333,8 @@ def _hurried(configuration: RunConfiguration) -> Diagnostic:
     return Diagnostic("K932", Severity.ERROR, whole_file(configuration.name), story, hint)
 
 
-def _keyless(configuration: RunConfiguration) -> Diagnostic:
+def keyless(configuration: RunConfiguration) -> Diagnostic:
+    """The diagnostic of robots on several computers that have no key. (K932)"""
     story = "the robots have no key in common"
     hint = "write one with `koord config key robots.key`, and add: network: {key_file: robots.key}"
     return Diagnostic("K932", Severity.ERROR, whole_file(configuration.name), story, hint)

@@ -121,10 +121,14 @@ class Looking:
 
     def refusals(self, name: str) -> tuple[Diagnostic, ...]:
         """Why nothing was armed, as diagnostics."""
-        place = whole_file(name)
-        stories = self.found.hindrances or ("nobody has said yes",)
-        hint = "mend this, or look again with `preflight=`"
-        return tuple(
-            Diagnostic("K939", Severity.ERROR, place, f"not armed: {story}", hint)
-            for story in stories
-        )
+        return refusals(self.found, name)
+
+
+def refusals(found: Preflight, name: str) -> tuple[Diagnostic, ...]:
+    """Why nothing was armed, as diagnostics, of what was found and who was asked."""
+    place = whole_file(name)
+    stories = found.hindrances or ("nobody has said yes",)
+    hint = "mend this, or look again with `preflight=`"
+    return tuple(
+        Diagnostic("K939", Severity.ERROR, place, f"not armed: {story}", hint) for story in stories
+    )

@@ -38,6 +38,7 @@ from koord.cli.inputs import fit_request, fitted
 from koord.cli.merged import left_lines, merge_lines, refusal_code
 from koord.cli.preflight import Question, check_answerable, show_preflight
 from koord.cli.progress import Interruption
+from koord.cli.remote import add_ssh, check_ssh, print_unit, run_over_ssh
 from koord.cli.terminal import visible
 from koord.syntax.diagnostics import KoordError
 
@@ -49,6 +50,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--all-local", action="store_true", help="run all robots, as processes on this machine"
     )
+    add_ssh(parser)
     parser.add_argument(
         "--rounds", metavar="R", type=rounds, help="end after so many rounds (go on until Ctrl-C)"
     )
@@ -145,8 +147,14 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def main(arguments: argparse.Namespace) -> int:
     read = [arguments.file, arguments.config, *arguments.properties]
     check_files(read)
-    if arguments.all_local == (arguments.pid is not None):
-        raise ArgumentTypeError("say --pid I for one robot, or --all-local for all of them")
+    if [arguments.all_local, arguments.pid is not None, arguments.ssh].count(True) != 1:
+        raise ArgumentTypeError(
+            "say --pid I for one robot, or --all-local for all of them on this machine, "
+            "or --ssh for all of them on their own computers"
+        )
+    check_ssh(arguments)
+    if arguments.systemd:
+        return print_unit(arguments, request_of(arguments))
     check_answerable(arguments)
     if arguments.restart and arguments.pid is not None:
         raise ArgumentTypeError(f"--restart: {NOT_RESTARTED}")
@@ -158,24 +166,9 @@ def main(arguments: argparse.Namespace) -> int:
             raise ArgumentTypeError(f"--record: {NOT_TWICE}")
         if find_spec("mcap") is None:
             raise ArgumentTypeError("--record needs the MCAP library: pip install 'koord[record]'")
-    request = DeployRequest(
-        pid=arguments.pid,
-        rounds=arguments.rounds,
-        as_fast_as_possible=arguments.as_fast_as_possible,
-        run=arguments.run,
-        state=arguments.state,
-        fresh=arguments.fresh,
-        record=arguments.record,
-        restart=arguments.restart,
-        trace=arguments.trace,
-        dry_run=arguments.dry_run,
-        allow_models=tuple(arguments.allow_model),
-        arm=arguments.arm and not arguments.preflight,
-        preflight=arguments.preflight,
-        rests_on=arguments.rests_on,
-        live=arguments.live,
-        loss=arguments.lose,
-    )
+    request = request_of(arguments)
+    if arguments.ssh:
+        return _end(arguments, run_over_ssh(arguments, request))
     report = DiagnosticReport()
     prepared = prepare(arguments, request, report)
     report.print(sys.stderr, as_json=False)
@@ -197,6 +190,13 @@ def main(arguments: argparse.Namespace) -> int:
                 board.say(told.message)
 
         deployed = deploy_fitted(found, job, request, show, interruption, approve=question.ask)
+    return _end(arguments, deployed)
+
+
+def _end(arguments: argparse.Namespace, deployed: Deployed | None) -> int:
+    """Print what came of a run, and return the exit code; None: its errors were printed."""
+    if deployed is None:
+        return Exit.BAD_INPUT
     if deployed.preflight is not None and not deployed.interrupted:
         return show_preflight(deployed.preflight, as_json=arguments.json)
     print(deployed.to_json() if arguments.json else summary(deployed))
@@ -209,6 +209,28 @@ def main(arguments: argparse.Namespace) -> int:
     if deployed.unmerged:
         report_error(KoordError(deployed.unmerged), as_json=False)
     return _ended(deployed)
+
+
+def request_of(arguments: argparse.Namespace) -> DeployRequest:
+    """The request that flags make."""
+    return DeployRequest(
+        pid=arguments.pid,
+        rounds=arguments.rounds,
+        as_fast_as_possible=arguments.as_fast_as_possible,
+        run=arguments.run,
+        state=arguments.state,
+        fresh=arguments.fresh,
+        record=arguments.record,
+        restart=arguments.restart,
+        trace=arguments.trace,
+        dry_run=arguments.dry_run,
+        allow_models=tuple(arguments.allow_model),
+        arm=arguments.arm and not arguments.preflight,
+        preflight=arguments.preflight,
+        rests_on=arguments.rests_on,
+        live=arguments.live,
+        loss=arguments.lose,
+    )
 
 
 def share(text: str) -> float:

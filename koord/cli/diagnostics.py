@@ -26,9 +26,12 @@ from koord.syntax.source import NOWHERE, Source, Span, counted, is_whole_file
 #: The flags for the arguments of the public API that messages name.
 _FLAGS = {
     "cluster": "--cluster",
+    "config": "--ssh-config",
     "delta_s": "--delta",
     "engine": "--engine",
     "form": "--export",
+    "identity": "--identity",
+    "koord": "--koord",
     "live": "--live",
     "numbers": "--numbers",
     "params": "--set",
@@ -39,6 +42,7 @@ _FLAGS = {
     "resume": "--resume",
     "rests_on": "--rests-on",
     "robots": "--robots",
+    "user": "--user",
 }
 _ARGUMENT = re.compile(rf"`({'|'.join(_FLAGS)})=(?:'(\w+)')?`")
 

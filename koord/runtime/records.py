@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import copy
+import heapq
 import io
-from collections.abc import Iterator
+import itertools
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from typing import IO, Any
 
@@ -159,6 +161,31 @@ def read_messages(raw: bytes, prefix: str) -> Iterator[tuple[str, bytes]]:
                 yield channel.topic, message.data
     except Exception as error:  # of the library, of decompression: whatever bytes lead to
         raise DamagedRecordError(str(error) or type(error).__name__) from None
+
+
+def joined_records(raws: Iterable[bytes]) -> bytes:
+    """The messages of recordings as one, in the order of their times.
+
+    What describes the first describes that. The caller has checked that the library is installed.
+    Raises DamagedRecordError.
+    """
+    from mcap.reader import make_reader
+
+    file = io.BytesIO()
+    joined = RecordFile(file)
+    try:
+        readers: list[Any] = [make_reader(io.BytesIO(raw)) for raw in raws]
+        for one in itertools.islice(readers, 1):
+            for metadata in one.iter_metadata():
+                joined.describe(metadata.name, metadata.metadata)
+        every = (one.iter_messages() for one in readers)
+        for schema, channel, message in heapq.merge(*every, key=lambda one: one[2].log_time):
+            form = schema.name, msgspec.json.decode(schema.data)
+            joined.add(channel.topic, form, message.data, message.log_time, message.sequence)
+    except Exception as error:  # of the library, of decompression: whatever bytes lead to
+        raise DamagedRecordError(str(error) or type(error).__name__) from None
+    joined.close()
+    return file.getvalue()
 
 
 def is_record(raw: bytes) -> bool:

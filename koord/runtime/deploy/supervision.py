@@ -36,6 +36,7 @@ class EndCause(Enum):
     KILLED = "killed"  #: by a signal
     CRASHED = "crashed"
     DEAF = "deaf"  #: it was told to stop, did not, and was killed
+    AWAY = "away"  #: it was on a computer of its own; how is in the detail
 
 
 class ProcessEnd(Struct, frozen=True):
@@ -62,6 +63,8 @@ class ProcessEnd(Struct, frozen=True):
                 return f"its process crashed {when}: {self.detail}"
             case EndCause.DEAF:
                 return f"its process did not stop, and was killed {when}"
+            case EndCause.AWAY:
+                return self.detail or "it has not told how it ended"
             case _:
                 assert_never(self.cause)
 

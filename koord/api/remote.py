@@ -1,0 +1,389 @@
+"""Deployment on robots' own computers: started, followed and gathered over SSH. (P-SSH)"""
+
+from __future__ import annotations
+
+import os
+import re
+import secrets
+import time
+from collections.abc import Callable, Coroutine, Iterator, Mapping, Sequence
+from os import PathLike, fspath
+from pathlib import Path, PurePosixPath
+from typing import TYPE_CHECKING
+
+from msgspec import Struct
+from msgspec.structs import replace
+
+from koord.api.command_lines import deploy_flags
+from koord.api.configurations import check_start
+from koord.api.deployed import Deployed
+from koord.api.deployment import NOT_TWICE, DeployRequest, keyless
+from koord.api.files import check_writable, read_bytes, same_file
+from koord.api.fitting import Configurable, FitRequest, Fitted, fit, fit_request
+from koord.api.preflight import Approval, Preflight, good_enough, refusals
+from koord.api.programs import Loadable, Value
+from koord.api.progress import Cancellation, CancelledError, Listener, Progress, asker, heard_by
+from koord.api.remote_answers import (
+    REFUSED,
+    RobotAnswer,
+    checks_of,
+    complaints,
+    has_reported,
+    joined,
+    process_of,
+    status_of,
+)
+from koord.api.results import ArgumentError
+from koord.api.robots import Seconds
+from koord.runtime.configuration.keys import VARIABLE, shared_key
+from koord.runtime.configuration.model import RunConfiguration
+from koord.runtime.motion.libraries import require
+from koord.runtime.remote.logins import RUNS, RemoteEnd, RemoteError, RemoteFile
+from koord.runtime.remote.logins import Login as Login
+from koord.runtime.remote.scripts import KEY
+from koord.syntax.diagnostics import Diagnostic, KoordError, Severity, refusal
+from koord.syntax.source import Span
+from koord.version import __version__
+
+if TYPE_CHECKING:
+    from koord.runtime.remote.computer import Computer
+    from koord.runtime.remote.computers import Computers
+
+#: How often people are asked whether to arm, until they have answered.
+_ASK_S = 0.2
+
+#: The commands there.
+_LOOK, _RUN = "preflight", "deploy"
+
+#: From the folder of a robot, `.koord/runs/RUN/PID`, to the home.
+_HOME = "../../../.."
+
+
+class RemoteLine(Progress, frozen=True, kw_only=True):
+    """Progress: a line that a robot has said; ``pid`` is None if it is about all."""
+
+    pid: int | None = None
+
+
+class RemoteRequest(Struct, frozen=True):
+    """The request for a deployment on robots' own computers. ``logs``: the folder of their logs."""
+
+    wanted: FitRequest
+    fitted: Fitted
+    request: DeployRequest
+    login: Login = Login()
+    logs: str | None = None
+
+
+def deploy_remotely(
+    program: Loadable,
+    config: Configurable = None,
+    *,
+    login: Login | None = None,
+    params: Mapping[str, Value] | None = None,
+    delta_s: Seconds = None,
+    rounds: int | None = None,
+    as_fast_as_possible: bool = False,
+    run: str | None = None,
+    state: str | PathLike[str] | None = None,
+    fresh: bool = False,
+    record: str | PathLike[str] | None = None,
+    trace: str | PathLike[str] | None = None,
+    logs: str | PathLike[str] | None = None,
+    dry_run: bool = False,
+    allow_models: Sequence[str] = (),
+    arm: bool = False,
+    approve: Approval | None = None,
+    preflight: bool = False,
+    rests_on: str | PathLike[str] | None = None,
+    loss: float = 0.0,
+    progress: Listener | None = None,
+    cancellation: Cancellation | None = None,
+) -> Deployed:
+    """Run a program on all robots, each on its own computer, over SSH.
+
+    A robot's computer is reached at the ``ip`` of its device. ``login`` says how, where OpenSSH's
+    own configuration does not: keys and an agent as ``ssh`` has them, host keys that are known. The
+    same version of koord has to be there. ``state`` is a folder in the home there; with it the same
+    call goes on with a run after crashes. What robots say ``progress`` hears as
+    :class:`RemoteLine`, and ``logs`` is a folder for it. Parts and recordings are fetched, and made
+    one ``trace`` and one ``record``. With ``arm`` robots are looked at first, and ``approve`` is
+    asked about all of them. On ``cancellation`` robots stop safely. The rest is as for
+    :func:`koord.deploy`.
+
+    Raises :class:`koord.KoordError` for what is wrong with the input, or with a computer (K946).
+
+    >>> koord.deploy_remotely(program, "fleet.yaml", rounds=100, trace="run.json").merged.ok
+    True
+    """
+    request = DeployRequest(
+        rounds=rounds,
+        as_fast_as_possible=as_fast_as_possible,
+        run=run,
+        state=None if state is None else fspath(state),
+        fresh=fresh,
+        record=None if record is None else fspath(record),
+        trace=None if trace is None else fspath(trace),
+        dry_run=dry_run,
+        allow_models=tuple(allow_models),
+        arm=arm,
+        preflight=preflight,
+        rests_on=None if rests_on is None else fspath(rests_on),
+        loss=loss,
+    )
+    if request.trace is not None:
+        check_writable(request.trace)
+    if request.record is not None:
+        check_writable(request.record)
+        if request.trace is not None and same_file(request.record, request.trace):
+            raise ArgumentError("record", NOT_TWICE)
+        require(("mcap",), "record")
+    wanted = fit_request(program, config, params, None, None, delta_s)
+    kept = None if logs is None else fspath(logs)
+    made = RemoteRequest(wanted, fit(wanted), request, login or Login(), kept)
+    return deploy_over_ssh(made, progress, cancellation, approve=approve)
+
+
+def deploy_over_ssh(
+    run: RemoteRequest,
+    progress: Listener | None = None,
+    cancellation: Cancellation | None = None,
+    *,
+    approve: Approval | None = None,
+) -> Deployed:
+    """As :func:`deploy_remotely`, for a program that fits. Raises KoordError."""
+    check_start(run.fitted)
+    hosts = dict(_hosts(run.fitted.configuration))
+    files = copied(run)
+    require(("asyncssh",), "ssh")
+    from koord.runtime.remote.computers import Computers
+
+    tell = heard_by(progress)
+
+    def said(pid: int, line: str) -> None:
+        tell(RemoteLine(f"robot {pid} | {line}", pid=pid))
+
+    name = re.sub(r"[^\w.-]", "_", run.request.run or run.fitted.configuration.talk.run)
+    stamp = time.strftime("%Y%m%dT%H%M%S", time.gmtime())
+    folder = RUNS / f"{stamp}-{secrets.token_hex(2)}-{name}"
+    with Computers(hosts, run.login, folder, said) as computers:
+        remote = _Remote(run, files, computers, tell, cancellation, approve or good_enough)
+        try:
+            return remote.run()
+        except CancelledError:
+            return remote.ended({}, interrupted=True)
+
+
+def _hosts(configuration: RunConfiguration) -> Iterator[tuple[int, str]]:
+    """Yield each robot with its computer. Raises KoordError if some have none. (K932)"""
+    missing = []
+    for robot in configuration.robots:
+        path = (*robot.vehicle.path, "ip")
+        if path not in configuration.document.spans:
+            story = f"robot {robot.pid} has no computer: its device has no `ip`"
+            hint = "write that of its computer: `ip: 192.168.1.17`"
+            place = configuration.place(*robot.vehicle.path)
+            missing.append(Diagnostic("K932", Severity.ERROR, place, story, hint))
+        yield robot.pid, robot.address[0]
+    if missing:
+        raise KoordError(tuple(dict.fromkeys(missing)))
+
+
+class Copied(Struct, frozen=True):
+    """The files of a run as they are copied, and the words that name them there. (P-SSH-COPY)"""
+
+    files: tuple[RemoteFile, ...]
+    words: tuple[str, ...]  #: behind ``koord deploy``
+    has_key: bool  #: the key is that of people's environment here
+
+
+def copied(run: RemoteRequest) -> Copied:
+    """The files of a run as they are copied. Raises KoordError."""
+    wanted, configuration = run.wanted, run.fitted.configuration
+    key = shared_key(configuration)
+    if key is None:
+        raise KoordError((keyless(configuration),))
+    files: dict[str, bytes] = {}
+
+    def add(path: str, data: bytes) -> str:
+        name = Path(path).name.lstrip("-<").rstrip(">") or "file"
+        while name in files:
+            name = f"_{name}"
+        files[name] = data
+        return name
+
+    key_file = configuration.talk.key_file
+    has_key = VARIABLE in os.environ
+    if has_key:
+        files[KEY] = key.key
+    elif key_file is not None:
+        inside = PurePosixPath(key_file)
+        if inside.is_absolute() or ".." in inside.parts:
+            story = f"the key {key_file} does not lie beside the configuration, as it will there"
+            hint = f"copy it there: `key_file: {inside.name}`; or set {VARIABLE} here"
+            raise refusal("K932", configuration.name, story, hint)
+        files[str(inside)] = key.key
+    words = [
+        add(wanted.source.name, wanted.source.text.encode()),
+        add(configuration.name, configuration.document.source.text.encode()),
+    ]
+    words += [f"--with={add(one.name, one.text.encode())}" for one in wanted.properties]
+    if run.request.rests_on is not None:
+        words.append(f"--rests-on={add(run.request.rests_on, read_bytes(run.request.rests_on))}")
+    made = tuple(RemoteFile(name, data) for name, data in files.items())
+    return Copied(made, tuple(words), has_key)
+
+
+class _Remote(Struct, frozen=True):
+    """A run on robots' computers."""
+
+    of: RemoteRequest
+    copied: Copied
+    computers: Computers
+    tell: Listener
+    cancellation: Cancellation | None
+    approve: Approval
+
+    @property
+    def configuration(self) -> RunConfiguration:
+        return self.of.fitted.configuration
+
+    def run(self) -> Deployed:
+        """Do all, from the first connection to the trace. Raises KoordError and CancelledError."""
+        from koord.api.gathering import Gathering
+
+        request = self.of.request
+        self._prepare()
+        if request.preflight or (request.arm and not request.dry_run):
+            found = self._looked()
+            if request.preflight:
+                return replace(self.ended({}, interrupted=False), preflight=found)
+            self._ask(found)
+        ends = self._ran()
+        interrupted = asker(self.cancellation)()
+        refused = [pid for pid, end in ends.items() if end.code == REFUSED]
+        if refused and not interrupted:
+            raise KoordError(tuple(self._refusals({pid: ends[pid] for pid in refused})))
+        ended = self.ended(ends, interrupted=interrupted)
+        name = self.configuration.name
+        gathering = Gathering(request.trace, request.record, self.of.logs, name)
+        ended = gathering.logged(ended, self.computers)
+        ended = gathering.recorded(ended, self.computers)
+        return gathering.traced(ended, self.computers, self.tell, self.cancellation)
+
+    def ended(self, ends: Mapping[int, RemoteEnd], *, interrupted: bool) -> Deployed:
+        """The result, of how robots' commands have ended."""
+        fitted = self.of.fitted
+        answers = {pid: RobotAnswer.of(end) for pid, end in ends.items()}
+        watched = joined(answers)
+        return Deployed(
+            problem=fitted.problem,
+            statuses={pid: status_of(pid, one) for pid, one in answers.items()},
+            agents=tuple(agent.name for agent in fitted.program.core.agents),
+            kinds=fitted.kinds,
+            rounds=self.of.request.rounds,
+            interrupted=interrupted,
+            processes={pid: process_of(pid, end) for pid, end in ends.items()},
+            broken=watched.broken,
+            unwatched=watched.unwatched,
+            warnings=fitted.warnings,
+        )
+
+    def _prepare(self) -> None:
+        """Connect, and copy what is needed. Raises KoordError and CancelledError."""
+
+        async def prepared(pid: int, computer: Computer) -> None:
+            await computer.open(__version__)
+            await computer.copy(self.copied.files)
+
+        hosts = [str(one.place.host) for one in self.computers.all.values()]
+        self.tell(RemoteLine(f"connecting to {', '.join(dict.fromkeys(hosts))}"))
+        self._each(prepared)
+
+    def _each(self, action: Callable[[int, Computer], Coroutine[object, object, None]]) -> None:
+        """Do something with all computers. Raises KoordError and CancelledError."""
+        is_cancelled = asker(self.cancellation)
+        _, wrong = self.computers.each(action, is_cancelled)
+        if is_cancelled():
+            raise CancelledError("deploying")
+        if wrong:
+            raise KoordError(tuple(self._unusable(wrong)))
+
+    def _start(self, name: str, words: Sequence[str]) -> None:
+        """Start a command of koord on all computers. Raises KoordError and CancelledError."""
+
+        async def started(pid: int, computer: Computer) -> None:
+            own = (self.of.login.koord, "deploy", *self.copied.words, f"--pid={pid}", *words)
+            await computer.start(name, own, has_key=self.copied.has_key)
+
+        self._each(started)
+
+    def _flags(self, request: DeployRequest) -> tuple[str, ...]:
+        wanted = self.of.wanted
+        state = request.state
+        if state is not None:
+            state = str(PurePosixPath(_HOME) / state)  # an absolute one stays as it is
+        request = replace(request, pid=None, state=state)
+        return (*deploy_flags(request, wanted.params, wanted.delta_s), "--json")
+
+    def _looked(self) -> Preflight:
+        """Let robots look at themselves and each other. (P-SSH-ARM)
+
+        Raises KoordError and CancelledError.
+        """
+        request = replace(self.of.request, preflight=True, arm=False, state=None)
+        self._start(_LOOK, self._flags(request))
+        ends = self.computers.follow(_LOOK, asker(self.cancellation), lambda ends: False)
+        if asker(self.cancellation)():
+            raise CancelledError("looking at robots")
+        checks = {pid: checks_of(end) for pid, end in ends.items()}
+        blind = {pid: ends[pid] for pid, found in checks.items() if not found}
+        if blind:
+            raise KoordError(tuple(self._refusals(blind)))
+        return Preflight(checks, len(checks))
+
+    def _ask(self, found: Preflight) -> None:
+        """Ask whether to arm. Raises KoordError if not, and CancelledError."""
+        while (answer := self.approve(found)) is None and found.is_good:
+            if asker(self.cancellation)():
+                raise CancelledError("asking")
+            time.sleep(_ASK_S)
+        if not (answer and found.is_good):
+            raise KoordError(refusals(found, self.configuration.name))
+
+    def _ran(self) -> Mapping[int, RemoteEnd]:
+        """Run all robots to their end. Raises KoordError and CancelledError."""
+        from koord.api.gathering import PART, RECORD
+
+        request = self.of.request
+        words: list[str] = []
+        words += [] if request.trace is None else [f"--trace={PART}"]
+        words += [] if request.record is None else [f"--record={RECORD}"]
+        try:
+            self._start(_RUN, (*self._flags(request), *words))
+        except (KoordError, CancelledError):
+            self.computers.stop(_RUN)  # some may be under way
+            raise
+        return self.computers.follow(_RUN, asker(self.cancellation), self._is_hopeless)
+
+    def _is_hopeless(self, ends: Mapping[int, RemoteEnd]) -> bool:
+        """Return whether those that are left can decide no round any more. (P-SSH-END)"""
+        robots = len(self.computers.all)
+        lost = [end for end in ends.values() if not has_reported(end)]
+        return any(end.code == REFUSED for end in ends.values()) or 2 * len(lost) >= robots
+
+    def _place(self, pid: int) -> Span:
+        return self.configuration.place(*self.configuration.robots[pid].vehicle.path, "ip")
+
+    def _unusable(self, wrong: Mapping[int, RemoteError]) -> Iterator[Diagnostic]:
+        for pid, error in sorted(wrong.items()):
+            host = self.computers.all[pid].place.host
+            story = f"the computer of robot {pid} ({host}): {error.message}"
+            place = self._place(pid)
+            yield Diagnostic("K946", Severity.ERROR, place, story, error.hint or None)
+
+    def _refusals(self, ends: Mapping[int, RemoteEnd]) -> Iterator[Diagnostic]:
+        for pid, end in sorted(ends.items()):
+            for one in complaints(end):
+                story = f"robot {pid} cannot take part: {one.message}"
+                yield Diagnostic("K946", Severity.ERROR, self._place(pid), story, one.hint)

@@ -1,0 +1,1 @@
+"""Robots' own computers, over SSH. See specs/platforms/README.md (P-SSH)."""
