@@ -6,7 +6,7 @@ import multiprocessing
 import os
 import signal
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +17,8 @@ import koord
 from koord.api.deployed import FleetHeard
 from koord.cli.deployed import summary
 from koord.runtime.deploy import local, supervision
-from koord.runtime.deploy.running import Runner
+from koord.runtime.deploy.running import News, Runner
+from koord.runtime.deploy.status import RobotReport
 from koord.runtime.deploy.supervision import EndCause, ProcessState
 
 COUNT = koord.Source("count.krd", "local:\n  int x = 0\nUp:\n  pre: true\n  eff: x = x + 1\n")
@@ -146,13 +147,15 @@ def test_robots_that_are_all_killed_at_the_start_are_all_told_of(
 class Deaf(Runner):
     """A robot that hears that it is to stop, says so, and goes on; unless it is robot 0."""
 
-    def run(self, is_told_to_stop: Any, report: Any) -> Any:
+    def run(
+        self, is_told_to_stop: Callable[[], bool], report: Callable[[News], None]
+    ) -> RobotReport:
         if self.member.robot.pid == 0:
             return super().run(is_told_to_stop, report)
-        report(replace(self.status, round=3))
+        report(News(replace(self.status, round=3)))
         while not is_told_to_stop():
             time.sleep(0.01)
-        report(replace(self.status, round=4))
+        report(News(replace(self.status, round=4)))
         while True:  # a signal between the report and a pause would be waited for in vain
             time.sleep(0.01)
 

@@ -195,6 +195,8 @@ class LocalProcesses(Struct):
                 case News(status=status):
                     self.statuses[pid] = status
                     yield said
+                case _:
+                    assert_never(said)
 
     def ended(self) -> Iterator[ProcessEnd]:
         """Yield how the processes ended that have since this was last asked."""
