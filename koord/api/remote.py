@@ -66,13 +66,17 @@ class RemoteLine(Progress, frozen=True, kw_only=True):
 
 
 class RemoteRequest(Struct, frozen=True):
-    """The request for a deployment on robots' own computers. ``logs``: the folder of their logs."""
+    """The request for a deployment on robots' own computers. ``logs``: the folder of their logs.
+
+    ``attach`` takes the last run there up, whether it has ended or not, and starts nothing.
+    """
 
     wanted: FitRequest
     fitted: Fitted
     request: DeployRequest
     login: Login = Login()
     logs: str | None = None
+    attach: bool = False
 
 
 def deploy_remotely(
@@ -95,6 +99,7 @@ def deploy_remotely(
     arm: bool = False,
     approve: Approval | None = None,
     preflight: bool = False,
+    attach: bool = False,
     rests_on: str | PathLike[str] | None = None,
     loss: float = 0.0,
     progress: Listener | None = None,
@@ -108,8 +113,9 @@ def deploy_remotely(
     call goes on with a run after crashes. What robots say ``progress`` hears as
     :class:`RemoteLine`, and ``logs`` is a folder for it. Parts and recordings are fetched, and made
     one ``trace`` and one ``record``. With ``arm`` robots are looked at first, and ``approve`` is
-    asked about all of them. On ``cancellation`` robots stop safely. The rest is as for
-    :func:`koord.deploy`.
+    asked about all of them. On ``cancellation`` robots stop safely. With ``attach`` nothing is
+    started: the last run there is taken up, to follow it, to stop it, or to fetch what it has
+    written. The rest is as for :func:`koord.deploy`.
 
     Raises :class:`koord.KoordError` for what is wrong with the input, or with a computer (K946).
 
@@ -140,7 +146,7 @@ def deploy_remotely(
         require(("mcap",), "record")
     wanted = fit_request(program, config, params, None, None, delta_s)
     kept = None if logs is None else fspath(logs)
-    made = RemoteRequest(wanted, fit(wanted), request, login or Login(), kept)
+    made = RemoteRequest(wanted, fit(wanted), request, login or Login(), kept, attach)
     return deploy_over_ssh(made, progress, cancellation, approve=approve)
 
 
@@ -253,13 +259,18 @@ class _Remote(Struct, frozen=True):
         from koord.api.gathering import Gathering
 
         request = self.of.request
-        self._prepare()
-        if request.preflight or (request.arm and not request.dry_run):
-            found = self._looked()
-            if request.preflight:
-                return replace(self.ended({}, interrupted=False), preflight=found)
-            self._ask(found)
-        ends = self._ran()
+        self._connect()
+        if self.of.attach:
+            self._take_up()
+        else:
+            self._each(lambda pid, computer: computer.copy(self.copied.files))
+            if request.preflight or (request.arm and not request.dry_run):
+                found = self._looked()
+                if request.preflight:
+                    return replace(self.ended({}, interrupted=False), preflight=found)
+                self._ask(found)
+            self._begin()
+        ends = self.computers.follow(_RUN, asker(self.cancellation), self._is_hopeless)
         interrupted = asker(self.cancellation)()
         refused = [pid for pid, end in ends.items() if end.code == REFUSED]
         if refused and not interrupted:
@@ -289,16 +300,28 @@ class _Remote(Struct, frozen=True):
             warnings=fitted.warnings,
         )
 
-    def _prepare(self) -> None:
-        """Connect, and copy what is needed. Raises KoordError and CancelledError."""
-
-        async def prepared(pid: int, computer: Computer) -> None:
-            await computer.open(__version__)
-            await computer.copy(self.copied.files)
-
-        hosts = [str(one.place.host) for one in self.computers.all.values()]
+    def _connect(self) -> None:
+        """Connect to all. Raises KoordError and CancelledError."""
+        hosts = [one.place.host for one in self.computers.all.values()]
         self.tell(RemoteLine(f"connecting to {', '.join(dict.fromkeys(hosts))}"))
-        self._each(prepared)
+        self._each(lambda pid, computer: computer.open(__version__))
+
+    def _take_up(self) -> None:
+        """Find the last run there. Raises KoordError and CancelledError. (P-SSH-ATTACH)"""
+        runs: dict[int, tuple[str, ...]] = {}
+
+        async def found(pid: int, computer: Computer) -> None:
+            runs[pid] = await computer.runs()
+
+        self._each(found)
+        last = max((run for each in runs.values() for run in each), default=None)
+        story = "no run was started there" if last is None else f"it has no part in the run {last}"
+        without = {pid: RemoteError(story) for pid, each in runs.items() if last not in each}
+        if last is None or without:
+            raise KoordError(tuple(self._unusable(without)))
+        self.tell(RemoteLine(f"the run {last}"))
+        for computer in self.computers.all.values():
+            computer.take_up(last)
 
     def _each(self, action: Callable[[int, Computer], Coroutine[object, object, None]]) -> None:
         """Do something with all computers. Raises KoordError and CancelledError."""
@@ -351,8 +374,8 @@ class _Remote(Struct, frozen=True):
         if not (answer and found.is_good):
             raise KoordError(refusals(found, self.configuration.name))
 
-    def _ran(self) -> Mapping[int, RemoteEnd]:
-        """Run all robots to their end. Raises KoordError and CancelledError."""
+    def _begin(self) -> None:
+        """Start all robots. Raises KoordError and CancelledError."""
         from koord.api.gathering import PART, RECORD
 
         request = self.of.request
@@ -364,7 +387,6 @@ class _Remote(Struct, frozen=True):
         except (KoordError, CancelledError):
             self.computers.stop(_RUN)  # some may be under way
             raise
-        return self.computers.follow(_RUN, asker(self.cancellation), self._is_hopeless)
 
     def _is_hopeless(self, ends: Mapping[int, RemoteEnd]) -> bool:
         """Return whether those that are left can decide no round any more. (P-SSH-END)"""

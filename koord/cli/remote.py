@@ -30,6 +30,7 @@ _OF_SSH = {
     "koord": "--koord",
     "ssh_config": "--ssh-config",
     "logs": "--logs",
+    "attach": "--attach",
 }
 
 
@@ -54,6 +55,12 @@ def add_ssh(parser: argparse.ArgumentParser) -> None:
         "--logs", metavar="DIR", help="with --ssh: keep what each robot says, as DIR/PID.log"
     )
     parser.add_argument(
+        "--attach",
+        action="store_true",
+        help="with --ssh: start nothing, and take the last run there up: follow it, stop it with "
+        "Ctrl-C, fetch what it has written",
+    )
+    parser.add_argument(
         "--systemd",
         action="store_true",
         help="with --pid: print a unit of systemd that runs this command, and end",
@@ -66,9 +73,11 @@ def check_ssh(arguments: argparse.Namespace) -> None:
         raise ArgumentTypeError("--systemd prints the unit of one robot: say --pid I")
     if not arguments.ssh:
         for name, flag in _OF_SSH.items():
-            if getattr(arguments, name) is not None:
+            if getattr(arguments, name):
                 raise ArgumentTypeError(f"{flag} is for --ssh, which is not there")
         return
+    if arguments.attach and (arguments.arm or arguments.preflight):
+        raise ArgumentTypeError("--attach starts nothing: leave --arm and --preflight out")
     if arguments.restart:
         raise ArgumentTypeError("--restart is for processes on this machine: see --systemd")
     if arguments.live is not None:
@@ -90,7 +99,7 @@ def run_over_ssh(arguments: argparse.Namespace, request: DeployRequest) -> Deplo
         print(visible(str(found.problem)), flush=True)
     koord = arguments.koord or "koord"
     login = Login(arguments.user, arguments.identity, koord, arguments.ssh_config)
-    run = RemoteRequest(wanted, found, request, login, arguments.logs)
+    run = RemoteRequest(wanted, found, request, login, arguments.logs, arguments.attach)
     question = Question(answer=True if arguments.yes else None)
     with Interruption(patient=True) as interruption, Board() as board:
 

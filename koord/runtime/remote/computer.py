@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import hashlib
+import os
 from collections.abc import AsyncIterator, Callable, Iterable, Sequence
 from contextlib import asynccontextmanager, suppress
 from pathlib import Path, PurePosixPath
@@ -12,6 +13,7 @@ from typing import Any
 import asyncssh
 
 from koord.runtime.remote.logins import (
+    RUNS,
     Login,
     LostError,
     RemoteEnd,
@@ -41,6 +43,9 @@ _AGAIN_S = 2.0
 
 #: What is read at a time.
 _BLOCK, _LARGE_BLOCK = 1 << 16, 1 << 20
+
+#: The text of a file that knows no host.
+_NOBODY = b"# nobody\n"
 
 #: What the shell answers for a command that is not there, or that it may not start.
 _NO_COMMAND, _NO_PERMISSION = 127, 126
@@ -98,6 +103,20 @@ class Computer:
             said = _text(done.stderr).strip() or f"exit code {done.returncode}"
             raise RemoteError(f"{name}.sh cannot be started: {said}")
 
+    async def runs(self) -> tuple[str, ...]:
+        """The folders of runs there in which this robot was started. Raises RemoteError."""
+        async with self._used(CONNECT_S) as sftp:
+            names = await sftp.listdir(str(RUNS)) if await sftp.exists(str(RUNS)) else ()
+            own = self.place.folder.name
+            found = [
+                one for one in names if await sftp.exists(str(RUNS / one / own / "deploy.pid"))
+            ]
+        return tuple(found)
+
+    def take_up(self, run: str) -> None:
+        """Go on with a run that was started before."""
+        self.place = RemotePlace(self.place.host, RUNS / run / self.place.folder.name)
+
     # --- while it runs --------------------------------------------------------------------------
 
     async def follow(self, name: str) -> RemoteEnd:
@@ -106,11 +125,15 @@ class Computer:
         A connection that is lost is made again. (P-SSH-GOES-ON)
         """
         tail = _Tail(self.place.folder / f"{name}.log", self._tell)
-        stopped = False
+        stopped = known = False
         while not self.given_up:
             try:
                 if self.lost_at_s is not None:
-                    await self._again(name)
+                    await self._again()
+                    known = False
+                if not known:
+                    await self._find(name)
+                    known = True
                 async with self._used(CONNECT_S) as sftp:
                     code = await _code(sftp, self.place.folder / f"{name}.code")
                     await tail.read(sftp)
@@ -173,16 +196,19 @@ class Computer:
             cure = "is it on, in this network, and is its SSH server running?"
             raise RemoteError(f"it cannot be reached: {lost}", cure) from None
 
-    async def _again(self, name: str) -> None:
-        """Connect anew. Raises LostError, and RemoteError if the command there is gone."""
+    async def _again(self) -> None:
+        """Connect anew. Raises LostError."""
         try:
             await self._connect()
         except RemoteError as error:  # of who has the address meanwhile
             raise LostError(error.message) from None
+        self._tell("connected again")
+
+    async def _find(self, name: str) -> None:
+        """Raise RemoteError if a command has neither ended nor is running; and LostError."""
         done = await self._run(is_there_command(self.place.folder, name))
         if done.returncode != 0:
-            raise RemoteError("its process is gone: the computer was started anew, or its folder")
-        self._tell("connected again")
+            raise RemoteError("its process is gone: the computer was started anew, say")
 
     async def _connect(self) -> None:
         """Connect. Raises RemoteError if it refuses, LostError if it does not answer."""
@@ -337,6 +363,11 @@ def _options(host: str, login: Login) -> asyncssh.SSHClientConnectionOptions:
     if options.known_hosts is None:
         story = "OpenSSH's configuration says that no host key is to be verified"
         raise RemoteError(story, "leave out `UserKnownHostsFile none` for this host")
+    if isinstance(options.known_hosts, list):
+        # As OpenSSH has it, a file that is not there knows nobody.
+        there = [file for file in options.known_hosts if os.path.exists(file)]
+        known: Any = there or _NOBODY
+        return asyncssh.SSHClientConnectionOptions(options, known_hosts=known)
     return options
 
 

@@ -59,5 +59,8 @@ def stop_command(folder: PurePosixPath, name: str) -> str:
 
 def is_there_command(folder: PurePosixPath, name: str) -> str:
     """What fails if a command has neither ended nor is running."""
-    inside = f'cd {quote(str(folder))} && {{ [ -e {name}.code ] || kill -0 "$(cat {name}.pid)"; }}'
+    ended = f"[ -e {name}.code ]"
+    # What has just ended has written its code in a moment.
+    found = f'{ended} || kill -0 "$(cat {name}.pid)" || {{ sleep 1; {ended}; }}'
+    inside = f"cd {quote(str(folder))} && {{ {found}; }}"
     return f"sh -c {quote(inside)}"

@@ -122,6 +122,7 @@ class FakeFleet:
         at: TracebackType | None,
     ) -> None:
         for one in self.computers:
+            one.acts(go="")  # nothing goes on there
             self.cut(one)
         self._loop.call_soon_threadsafe(self._loop.stop)
         self._thread.join()

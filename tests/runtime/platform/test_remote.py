@@ -6,6 +6,7 @@ The other side is asyncssh's server in this process; `tests/cli/test_remote.py` 
 from __future__ import annotations
 
 import json
+import re
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -186,7 +187,7 @@ def test_host_keys_are_verified_whatever_is_configured(fleet: FakeFleet) -> None
     """(P-SSH)"""
     config = fleet.folder / "config"
     text = config.read_text("utf-8")
-    for unsafe in ("none", "/dev/null"):
+    for unsafe in ("none", "/dev/null", f"{fleet.folder}/nothing"):
         changed = text.replace(
             f"UserKnownHostsFile {fleet.folder}/known", "StrictHostKeyChecking no\n"
         )
@@ -330,6 +331,42 @@ def test_a_lost_connection_stops_nobody(fleet: FakeFleet) -> None:
     assert done.is_complete
     assert lost.noted("signals") == []
     assert heard.lines.count("robot 1 | flies") == 1  # and is not told again
+
+
+def test_the_last_run_is_taken_up(fleet: FakeFleet) -> None:
+    """(P-SSH-ATTACH)"""
+    with pytest.raises(KoordError, match="no run was started there"):
+        deploy(fleet, attach=True)
+    deploy(fleet, run="earlier")
+    heard = Heard()
+    for one in fleet.computers:
+        one.waits()
+        one.acts(says="flies\n")
+
+    def leave() -> None:
+        until(lambda: all(one.noted("words").count("deploy") == 2 for one in fleet.computers))
+        raise RuntimeError("the laptop is gone")
+
+    heard.when("flies", leave)
+    with pytest.raises(RuntimeError, match="the laptop is gone"):
+        deploy(fleet, heard, run="later")
+    assert not any(one.noted("signals") for one in fleet.computers)
+    heard, stop = Heard(), koord.Cancellation()
+    heard.when("flies", stop.cancel)
+    done = deploy(fleet, heard, attach=True, cancellation=stop)
+    assert any(re.fullmatch(r"the run [\w-]+-later", line) for line in heard.lines)
+    assert [one.noted("signals") for one in fleet.computers] == [["TERM"]] * 3
+    assert len(done.statuses) == 3
+
+
+def test_a_process_that_is_gone_is_told(fleet: FakeFleet) -> None:
+    """(P-SSH-END) (P-SSH-ATTACH)"""
+    deploy(fleet)
+    [code] = fleet.computers[1].files("deploy.code")
+    code.unlink()  # as if its computer had lost its power
+    done = deploy(fleet, attach=True)
+    assert "its process is gone" in done.processes[1].story
+    assert done.statuses[2].is_over
 
 
 def test_who_is_lost_is_told_to_stop_when_it_is_reached(fleet: FakeFleet) -> None:
