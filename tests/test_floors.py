@@ -197,7 +197,7 @@ GUARDED = (
     ("rosbags", ("koord/sim/files/",), 1),
     ("viser", ("koord/sim/files/",), 1),
     ("mavsdk", ("koord/testing/autopilot/",), 1),
-    ("asyncssh", ("koord/runtime/remote/",), 1),
+    ("asyncssh", ("koord/runtime/remote/",), 2),
     ("cflib", ("koord/runtime/drivers/crazyflie/",), 1),
     ("pymavlink", ("koord/runtime/drivers/mavlink/", "koord/testing/autopilot/"), 3),
 )

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import os
 import re
 import secrets
 import time
 from collections.abc import Callable, Coroutine, Iterator, Mapping, Sequence
 from os import PathLike, fspath
-from pathlib import Path, PurePosixPath
+from pathlib import PurePosixPath
 from typing import TYPE_CHECKING
 
 from msgspec import Struct
@@ -17,8 +16,8 @@ from msgspec.structs import replace
 from koord.api.command_lines import deploy_flags
 from koord.api.configurations import check_start
 from koord.api.deployed import Deployed
-from koord.api.deployment import NOT_TWICE, DeployRequest, keyless
-from koord.api.files import check_writable, read_bytes, same_file
+from koord.api.deployment import NOT_TWICE, DeployRequest
+from koord.api.files import check_writable, same_file
 from koord.api.fitting import Configurable, FitRequest, Fitted, fit, fit_request
 from koord.api.preflight import Approval, Preflight, good_enough, refusals
 from koord.api.programs import Loadable, Value
@@ -33,15 +32,14 @@ from koord.api.remote_answers import (
     process_of,
     status_of,
 )
+from koord.api.remote_files import Copied, copied, hosts_of
 from koord.api.results import ArgumentError
 from koord.api.robots import Seconds
-from koord.runtime.configuration.keys import VARIABLE, shared_key
 from koord.runtime.configuration.model import RunConfiguration
 from koord.runtime.motion.libraries import require
-from koord.runtime.remote.logins import RUNS, RemoteEnd, RemoteError, RemoteFile
+from koord.runtime.remote.logins import RUNS, RemoteEnd, RemoteError
 from koord.runtime.remote.logins import Login as Login
-from koord.runtime.remote.scripts import KEY
-from koord.syntax.diagnostics import Diagnostic, KoordError, Severity, refusal
+from koord.syntax.diagnostics import Diagnostic, KoordError, Severity
 from koord.syntax.source import Span
 from koord.version import __version__
 
@@ -159,8 +157,8 @@ def deploy_over_ssh(
 ) -> Deployed:
     """As :func:`deploy_remotely`, for a program that fits. Raises KoordError."""
     check_start(run.fitted)
-    hosts = dict(_hosts(run.fitted.configuration))
-    files = copied(run)
+    hosts = dict(hosts_of(run.fitted.configuration))
+    files = copied(run.wanted, run.fitted.configuration, run.request.rests_on)
     require(("asyncssh",), "ssh")
     from koord.runtime.remote.computers import Computers
 
@@ -178,66 +176,6 @@ def deploy_over_ssh(
             return remote.run()
         except CancelledError:
             return remote.ended({}, interrupted=True)
-
-
-def _hosts(configuration: RunConfiguration) -> Iterator[tuple[int, str]]:
-    """Yield each robot with its computer. Raises KoordError if some have none. (K932)"""
-    missing = []
-    for robot in configuration.robots:
-        path = (*robot.vehicle.path, "ip")
-        if path not in configuration.document.spans:
-            story = f"robot {robot.pid} has no computer: its device has no `ip`"
-            hint = "write that of its computer: `ip: 192.168.1.17`"
-            place = configuration.place(*robot.vehicle.path)
-            missing.append(Diagnostic("K932", Severity.ERROR, place, story, hint))
-        yield robot.pid, robot.address[0]
-    if missing:
-        raise KoordError(tuple(dict.fromkeys(missing)))
-
-
-class Copied(Struct, frozen=True):
-    """The files of a run as they are copied, and the words that name them there. (P-SSH-COPY)"""
-
-    files: tuple[RemoteFile, ...]
-    words: tuple[str, ...]  #: behind ``koord deploy``
-    has_key: bool  #: the key is that of people's environment here
-
-
-def copied(run: RemoteRequest) -> Copied:
-    """The files of a run as they are copied. Raises KoordError."""
-    wanted, configuration = run.wanted, run.fitted.configuration
-    key = shared_key(configuration)
-    if key is None:
-        raise KoordError((keyless(configuration),))
-    files: dict[str, bytes] = {}
-
-    def add(path: str, data: bytes) -> str:
-        name = Path(path).name.lstrip("-<").rstrip(">") or "file"
-        while name in files:
-            name = f"_{name}"
-        files[name] = data
-        return name
-
-    key_file = configuration.talk.key_file
-    has_key = VARIABLE in os.environ
-    if has_key:
-        files[KEY] = key.key
-    elif key_file is not None:
-        inside = PurePosixPath(key_file)
-        if inside.is_absolute() or ".." in inside.parts:
-            story = f"the key {key_file} does not lie beside the configuration, as it will there"
-            hint = f"copy it there: `key_file: {inside.name}`; or set {VARIABLE} here"
-            raise refusal("K932", configuration.name, story, hint)
-        files[str(inside)] = key.key
-    words = [
-        add(wanted.source.name, wanted.source.text.encode()),
-        add(configuration.name, configuration.document.source.text.encode()),
-    ]
-    words += [f"--with={add(one.name, one.text.encode())}" for one in wanted.properties]
-    if run.request.rests_on is not None:
-        words.append(f"--rests-on={add(run.request.rests_on, read_bytes(run.request.rests_on))}")
-    made = tuple(RemoteFile(name, data) for name, data in files.items())
-    return Copied(made, tuple(words), has_key)
 
 
 class _Remote(Struct, frozen=True):
@@ -323,10 +261,18 @@ class _Remote(Struct, frozen=True):
         for computer in self.computers.all.values():
             computer.take_up(last)
 
-    def _each(self, action: Callable[[int, Computer], Coroutine[object, object, None]]) -> None:
-        """Do something with all computers. Raises KoordError and CancelledError."""
+    def _each(
+        self,
+        action: Callable[[int, Computer], Coroutine[object, object, None]],
+        *,
+        is_whole: bool = False,
+    ) -> None:
+        """Do something with all computers, to its end if it has to be ``is_whole``.
+
+        Raises KoordError and CancelledError.
+        """
         is_cancelled = asker(self.cancellation)
-        _, wrong = self.computers.each(action, is_cancelled)
+        _, wrong = self.computers.each(action, (lambda: False) if is_whole else is_cancelled)
         if is_cancelled():
             raise CancelledError("deploying")
         if wrong:
@@ -339,7 +285,12 @@ class _Remote(Struct, frozen=True):
             own = (self.of.login.koord, "deploy", *self.copied.words, f"--pid={pid}", *words)
             await computer.start(name, own, has_key=self.copied.has_key)
 
-        self._each(started)
+        try:
+            # Of what was cancelled nobody would know whether it runs.
+            self._each(started, is_whole=True)
+        except (KoordError, CancelledError, KeyboardInterrupt):
+            self.computers.stop(name)  # some may be under way
+            raise
 
     def _flags(self, request: DeployRequest) -> tuple[str, ...]:
         wanted = self.of.wanted
@@ -382,11 +333,7 @@ class _Remote(Struct, frozen=True):
         words: list[str] = []
         words += [] if request.trace is None else [f"--trace={PART}"]
         words += [] if request.record is None else [f"--record={RECORD}"]
-        try:
-            self._start(_RUN, (*self._flags(request), *words))
-        except (KoordError, CancelledError):
-            self.computers.stop(_RUN)  # some may be under way
-            raise
+        self._start(_RUN, (*self._flags(request), *words))
 
     def _is_hopeless(self, ends: Mapping[int, RemoteEnd]) -> bool:
         """Return whether those that are left can decide no round any more. (P-SSH-END)"""

@@ -25,6 +25,7 @@ from tests.mutants.mutant import Mutant
 from tests.mutants.ordered import ORDERED
 from tests.mutants.plugged import PLUGGED
 from tests.mutants.protocol import PROTOCOL, WIRE_MISTAKES
+from tests.mutants.remote import REMOTE
 from tests.mutants.ros import ROS
 from tests.mutants.simulated import SIMULATED
 
@@ -810,6 +811,7 @@ MUTANTS = (
     *DEPLOYED,
     *DRIVEN,
     *ORDERED,
+    *REMOTE,
     *BRIDGED,
     *FLOWN,
     *LOCATED,

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import hashlib
-import os
 from collections.abc import AsyncIterator, Callable, Iterable, Sequence
 from contextlib import asynccontextmanager, suppress
 from pathlib import Path, PurePosixPath
@@ -12,6 +10,7 @@ from typing import Any
 
 import asyncssh
 
+from koord.runtime.remote.connecting import CONNECT_S, connected
 from koord.runtime.remote.logins import (
     RUNS,
     Login,
@@ -29,11 +28,8 @@ from koord.runtime.remote.scripts import (
     version_command,
 )
 
-#: A computer that does not answer for so long is not reached, in seconds; a copy may take longer.
-CONNECT_S, COPY_S = 15.0, 60.0
-
-#: A connection that is silent is asked so often for a sign of life, and so many may be missing.
-_ALIVE_S, _MOST_MISSING = 5, 3
+#: A copy may take so long, in seconds.
+_COPY_S = 60.0
 
 #: How often is looked what a command has said.
 _LOOK_S = 0.2
@@ -43,9 +39,6 @@ _AGAIN_S = 2.0
 
 #: What is read at a time.
 _BLOCK, _LARGE_BLOCK = 1 << 16, 1 << 20
-
-#: The text of a file that knows no host.
-_NOBODY = b"# nobody\n"
 
 #: What the shell answers for a command that is not there, or that it may not start.
 _NO_COMMAND, _NO_PERMISSION = 127, 126
@@ -89,7 +82,7 @@ class Computer:
 
     async def copy(self, files: Iterable[RemoteFile]) -> None:
         """Copy files to the folder there, and see that they arrived. Raises RemoteError."""
-        async with self._used(COPY_S) as sftp:
+        async with self._used(_COPY_S) as sftp:
             await self._make(sftp, self.place.folder)
             for file in files:
                 await self._put(sftp, file)
@@ -146,8 +139,9 @@ class Computer:
                     stopped = True
                 await asyncio.sleep(_LOOK_S)
             except LostError as lost:
-                self._is_lost(str(lost))
-                await asyncio.sleep(_AGAIN_S)
+                if not self.given_up:
+                    self._is_lost(str(lost))
+                    await asyncio.sleep(_AGAIN_S)
             except RemoteError as error:
                 return RemoteEnd(None, lost=error.message)
         return RemoteEnd(None, lost=self.given_up)
@@ -180,13 +174,17 @@ class Computer:
         async with self._used(CONNECT_S) as sftp, sftp.open(path, "rb") as file:
             return await _block(file, offset, _LARGE_BLOCK)
 
-    def close(self) -> None:
-        """Let go of the connection. What runs there goes on."""
+    def let_go(self) -> None:
+        """Let go of the computer for good. What runs there goes on."""
+        self.given_up = self.given_up or "nobody follows it"
+        self._close()
+
+    # --- the connection -------------------------------------------------------------------------
+
+    def _close(self) -> None:
         if self._connection is not None:
             self._connection.abort()
         self._connection = self._sftp = None
-
-    # --- the connection -------------------------------------------------------------------------
 
     async def _first(self) -> None:
         """Connect. Raises RemoteError."""
@@ -212,38 +210,23 @@ class Computer:
 
     async def _connect(self) -> None:
         """Connect. Raises RemoteError if it refuses, LostError if it does not answer."""
-        host, login = self.place.host, self._login
-        self.close()
-        options = _options(host, login)
+        self._close()
+        self._connection = await connected(self.place.host, self._login)
         try:
             async with asyncio.timeout(CONNECT_S):
-                self._connection = await asyncssh.connect(host, options=options)
                 self._sftp = await self._connection.start_sftp_client()
         except TimeoutError:
             raise LostError(f"no answer within {CONNECT_S:g} s") from None
-        except asyncssh.HostKeyNotVerifiable:
-            story = "its host key is not known here, or is another one than it was"
-            cure = (
-                f"`ssh {_named(login.user, host)}` shows its fingerprint: compare, and say yes; if "
-                f"the computer was set up anew, `ssh-keygen -R {host}` forgets the old one first"
-            )
-            raise RemoteError(story, cure) from None
-        except asyncssh.PermissionDenied:
-            cure = (
-                f"`ssh-copy-id {_named(login.user, host)}`, or say `user=`, `identity=`; a key "
-                "with a passphrase has to be in the agent: `ssh-add`"
-            )
-            raise RemoteError("none of your keys is accepted there", cure) from None
         except asyncssh.SFTPError as error:
             raise RemoteError(f"it has no SFTP: {error.reason}", "as `Subsystem sftp`") from None
-        except asyncssh.DisconnectError as error:
+        except asyncssh.Error as error:
             raise LostError(error.reason) from None
         except OSError as error:
             raise LostError(error.strerror or str(error)) from None
         self.lost_at_s = None
 
     def _is_lost(self, why: str) -> None:
-        self.close()
+        self._close()
         if self.lost_at_s is None:
             self.lost_at_s = asyncio.get_running_loop().time()
             self._tell(f"the connection is lost ({why}): the robot goes on; connecting again …")
@@ -300,7 +283,7 @@ class Computer:
             await there.write(file.data)
         await sftp.chmod(str(path), 0o600)
         arrived = await _bytes(sftp, path)
-        if hashlib.sha256(arrived).digest() != hashlib.sha256(file.data).digest():
+        if arrived != file.data:
             story = (
                 f"{path} did not arrive as it is here ({len(arrived)} of {len(file.data)} bytes)"
             )
@@ -335,44 +318,6 @@ class _Tail:
         text = _text(line)
         self.last = text.strip() or self.last
         self._tell(text)
-
-
-def _options(host: str, login: Login) -> asyncssh.SSHClientConnectionOptions:
-    """How to connect. Raises RemoteError."""
-    config: Any = () if login.config is None else [login.config]
-    keys: Any = () if login.identity is None else [login.identity]
-    try:
-        options = asyncssh.SSHClientConnectionOptions(
-            host=host,
-            config=config,
-            username=() if login.user is None else login.user,
-            client_keys=keys,
-            password=None,
-            preferred_auth="publickey",
-            keepalive_interval=_ALIVE_S,
-            keepalive_count_max=_MOST_MISSING,
-        )
-    except (asyncssh.KeyImportError, asyncssh.KeyEncryptionError) as error:
-        cure = "a key with a passphrase: `ssh-add FILE`, and leave `identity=` out"
-        raise RemoteError(f"the key cannot be used: {error}", cure) from None
-    except asyncssh.ConfigParseError as error:
-        raise RemoteError(f"OpenSSH's configuration cannot be read: {error}") from None
-    except OSError as error:
-        story = f"{error.filename} cannot be read: {error.strerror}"
-        raise RemoteError(story, "see `identity=`, `config=`") from None
-    if options.known_hosts is None:
-        story = "OpenSSH's configuration says that no host key is to be verified"
-        raise RemoteError(story, "leave out `UserKnownHostsFile none` for this host")
-    if isinstance(options.known_hosts, list):
-        # As OpenSSH has it, a file that is not there knows nobody.
-        there = [file for file in options.known_hosts if os.path.exists(file)]
-        known: Any = there or _NOBODY
-        return asyncssh.SSHClientConnectionOptions(options, known_hosts=known)
-    return options
-
-
-def _named(user: str | None, host: str) -> str:
-    return host if user is None else f"{user}@{host}"
 
 
 def _cure(error: asyncssh.SFTPError) -> str:

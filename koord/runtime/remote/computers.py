@@ -10,7 +10,7 @@ from contextlib import suppress
 from pathlib import PurePosixPath
 from queue import Empty, SimpleQueue
 from types import TracebackType
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from koord.runtime.remote.computer import Computer
 from koord.runtime.remote.logins import Login, LostError, RemoteEnd, RemoteError
@@ -48,6 +48,7 @@ class Computers:
             for pid, host in hosts.items()
         }
         self._loop = asyncio.new_event_loop()
+        self._futures: list[Future[Any]] = []
         self._thread = threading.Thread(target=self._loop.run_forever, name="ssh", daemon=True)
 
     def _teller(self, pid: int) -> Callable[[str], None]:
@@ -64,21 +65,24 @@ class Computers:
         at: TracebackType | None,
     ) -> None:
         with suppress(TimeoutError):
-            self._begun(self._closed()).result(_INSIST_S)
+            asyncio.run_coroutine_threadsafe(self._closed(), self._loop).result(_INSIST_S)
         self._loop.call_soon_threadsafe(self._loop.stop)
         self._thread.join()
         self._loop.close()
 
     async def _closed(self) -> None:
+        for future in self._futures:
+            future.cancel()
         for one in self.all.values():
-            one.close()
-        others = asyncio.all_tasks() - {asyncio.current_task()}
-        for task in others:
-            task.cancel()
-        await asyncio.gather(*others, return_exceptions=True)
+            one.let_go()
+        # What waits for an answer hears that there is none: by the library's own tasks.
+        if others := asyncio.all_tasks() - {asyncio.current_task()}:
+            await asyncio.wait(others)
 
     def _begun(self, coroutine: Coroutine[object, object, T]) -> Future[T]:
-        return asyncio.run_coroutine_threadsafe(coroutine, self._loop)
+        future = asyncio.run_coroutine_threadsafe(coroutine, self._loop)
+        self._futures.append(future)
+        return future
 
     def each(
         self,

@@ -32,6 +32,7 @@ cat ~/says >&2
 stopped=
 until [ -e ~/go ] || [ "$stopped" ]; do sleep 0.02; done
 [ -e ~/part ] && cp ~/part part.jsonl
+[ -e ~/record ] && cp ~/record run.mcap
 cat ~/$kind.json
 exit "$(cat ~/code)"
 """

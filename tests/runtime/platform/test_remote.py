@@ -5,6 +5,7 @@ The other side is asyncssh's server in this process; `tests/cli/test_remote.py` 
 
 from __future__ import annotations
 
+import io
 import json
 import re
 import threading
@@ -22,6 +23,7 @@ from koord.api.deployed import Deployed
 from koord.api.preflight import Preflight
 from koord.runtime.configuration.keys import VARIABLE
 from koord.runtime.deploy.status import unheard
+from koord.runtime.records import RecordFile, read_messages
 from koord.runtime.remote import computer, computers
 from koord.syntax.diagnostics import KoordError
 from tests.runtime.platform.ssh_servers import FakeComputer, FakeFleet
@@ -161,6 +163,88 @@ def test_logs_are_kept(fleet: FakeFleet) -> None:
     deploy(fleet, logs=fleet.folder / "logs")
     assert (fleet.folder / "logs" / "2.log").read_text("utf-8") == "a remark\n"
     assert (fleet.folder / "logs" / "0.log").read_text("utf-8") == ""
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The recording of a run of three robots, with their parts."""
+    folder = tmp_path_factory.mktemp("run")
+    (folder / "c.yaml").write_text("num_robots: 3\nnetwork: {transport: unicast}\n", "utf-8")
+    path = folder / "run.mcap"
+    koord.deploy(
+        PROGRAM, folder / "c.yaml", rounds=4, as_fast_as_possible=True, fresh=True, record=path
+    )
+    return path
+
+
+def recorded(recording: Path, pid: int) -> tuple[str, bytes]:
+    """The part of a robot, and a recording of that alone."""
+    lines = [line for _, line in read_messages(recording.read_bytes(), f"/parts/{pid}")]
+    file = io.BytesIO()
+    record = RecordFile(file)
+    for at, line in enumerate(lines):
+        record.add(f"/parts/{pid}", ("koord.part", {"type": "object"}), line, 1000 * at + pid)
+    record.close()
+    return "".join(f"{line.decode()}\n" for line in lines), file.getvalue()
+
+
+def test_parts_and_recordings_are_made_one(fleet: FakeFleet, recording: Path) -> None:
+    """(P-SSH-GATHER)"""
+    for pid, one in enumerate(fleet.computers):
+        part, record = recorded(recording, pid)
+        one.acts(part=part)
+        (one.home / "record").write_bytes(record)
+    trace, record_here = fleet.folder / "run.json", fleet.folder / "run.mcap"
+    done = deploy(fleet, rounds=4, trace=trace, record=record_here)
+    assert done.merged is not None
+    assert done.merged.ok
+    assert done.unmerged == ()
+    assert koord.load_trace(trace).rounds == 4
+    assert koord.merge([record_here]).ok
+    topics = [topic for topic, _ in read_messages(record_here.read_bytes(), "/parts/")]
+    assert topics[:4] == ["/parts/0", "/parts/1", "/parts/2", "/parts/0"]  # by their times
+    assert not list(fleet.folder.glob("run.*.parts"))
+
+
+def test_what_is_not_fetched_is_named_and_the_rest_is_made(
+    fleet: FakeFleet, recording: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """(P-SSH-GATHER)"""
+    monkeypatch.setattr(computers, "REACH_S", 0.5)
+    lost, heard = fleet.computers[2], Heard()
+    for pid, one in enumerate(fleet.computers):
+        one.acts(part=recorded(recording, pid)[0])
+    lost.waits()
+    lost.acts(says="flies\n")
+    heard.when("robot 2 | flies", lambda: fleet.cut(lost))
+    done = deploy(fleet, heard, rounds=4, trace=fleet.folder / "run.json")
+    assert done.merged is not None
+    assert done.merged.missing == (2,)
+    [untold] = done.unmerged
+    assert untold.message.startswith("part.jsonl of robot 2 was not fetched")
+    parts = fleet.folder / "run.json.parts"
+    assert done.left == str(parts)
+    assert sorted(one.name for one in parts.iterdir()) == ["0.jsonl", "1.jsonl"]
+
+
+def test_recordings_that_are_damaged_are_left(fleet: FakeFleet, recording: Path) -> None:
+    """(P-SSH-GATHER)"""
+    for pid, one in enumerate(fleet.computers):
+        (one.home / "record").write_bytes(recorded(recording, pid)[1][: -20 * pid or None])
+    done = deploy(fleet, record=fleet.folder / "run.mcap")
+    assert [one.code for one in done.unmerged] == ["K910"]
+    assert len(list((fleet.folder / "run.mcap.parts").iterdir())) == 3
+    assert not (fleet.folder / "run.mcap").exists()
+
+
+def test_a_full_disk_here_is_named(fleet: FakeFleet, monkeypatch: pytest.MonkeyPatch) -> None:
+    """(P-SSH-GATHER)"""
+    (fleet.folder / "logs").mkdir()
+    for pid in range(3):
+        (fleet.folder / "logs" / f"{pid}.log.part").mkdir()  # cannot be written
+    done = deploy(fleet, logs=fleet.folder / "logs")
+    assert len(done.unmerged) == 3
+    assert "logs/0.log cannot be written" in done.unmerged[0].message
 
 
 # --- computers that cannot be used ----------------------------------------------------------------
