@@ -129,7 +129,14 @@ def test_nothing_that_is_raised_speaks_of_flags() -> None:
         "`--export smt2` or `--engine`, not `x='y'`"
     )
     for path in sorted(Path(koord.__path__[0], "api").glob("*.py")):
-        if path.stem in ("forms", "verdict_forms", "documents", "refinement"):
+        if path.stem in (
+            "forms",
+            "verdict_forms",
+            "documents",
+            "refinement",
+            "command_lines",
+            "remote",
+        ):
             continue
         tree = ast.parse(path.read_text(encoding="utf-8"))
         statements = [node.value for node in ast.walk(tree) if isinstance(node, ast.Expr)]

@@ -557,13 +557,14 @@ def test_people_hear_why_a_guarded_vehicle_does_not_start() -> None:
     assert one.driven.mode is GuardianMode.ARMED
     one.air.autopilot.failing = ()
     one.until(lambda: one.driven.mode is GuardianMode.RUNNING)
+    one.driven.go_to((1.0, 0.0, 1.0))
     one.until(lambda: one.driven.sensed.position_m[2] > 0.9)
 
 
 def test_a_lost_link_is_held_for_and_flown_on_after() -> None:
     one = Guarded("px4", Settings(loss_mode=Mode.HOLD))
-    one.until(lambda: one.driven.sensed.position_m[2] > 0.9)
     one.driven.go_to((3.0, 0.0, 1.0))
+    one.until(lambda: one.driven.sensed.position_m[2] > 0.9)
     one.until(lambda: one.driven.sensed.position_m[0] > 1.0)
     one.air.up = one.air.down = False
     one.until(lambda: one.driven.mode is GuardianMode.HOLDING, 1.0)
