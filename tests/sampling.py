@@ -14,6 +14,8 @@ _FAMILIES = re.compile(r"_many(_|$)|_at_length$|_further_on$")
 
 #: Tests whose shortest case takes more than 15 seconds of CPU, and why.
 TOO_LONG = {
+    "test_a_driver_passes_every_check_against_its_peer": "two minutes; some are fast tests",
+    "test_a_dry_run_does_with_the_lab_what_a_simulation_does": "two minutes of real time",
     "test_all_places_are_visited_and_the_trace_is_legal": "a minute and a half of real time",
     "test_all_three_refuse_all_mutants_alike": "three readers of some hundred configurations",
     "test_cars_and_drones_visit_all_places": "two minutes of real time",
@@ -21,12 +23,15 @@ TOO_LONG = {
     "test_events_that_never_run_are_told": "what never happens, looked for in all ways",
     "test_the_fewest_rounds_are_the_fewest_of_many": "all runs of 60 programs",
     "test_nothing_false_is_confirmed_of_a_thousand_edits": "a thousand certificates",
+    "test_robots_whose_people_are_gone_are_reached_all_the_same": "a minute of real time",
     "test_some_work_is_done_for_all_rounds": "an engine that is given twenty seconds",
+    "test_the_labs_driver_passes_the_kit": "a minute and a half of real time",
     "test_the_protocol_can_be_checked_by_itself": "eight runs of it in chaos",
     "test_the_tests_pass_without_mistakes": "all tests that mutants name",
     "test_the_text_is_typed": "mypy, of all compiled examples",
     "test_the_tour_can_be_taken_in_an_environment_that_pip_made": "pip installs all extras",
     "test_threads_verify_examples_under_load": "four examples, four times at once",
+    "test_what_holds_of_the_driver_by_rclpy_holds": "another run of tests, most of a minute",
     "test_with_loss_a_killed_robot_and_a_lost_localiser_everybody_is_safe": "two minutes, as well",
 }
 
@@ -38,6 +43,7 @@ WAITING = (
     "cli/test_estop.py",
     "cli/test_mavlink.py",
     "cli/test_preflight.py",
+    "cli/test_remote.py",
     "cli/test_safe_stop.py",
     "cli/test_small_robots.py",
     "deployed/test_rehearsal.py",
