@@ -138,6 +138,8 @@ def test_nothing_that_is_raised_speaks_of_flags() -> None:
             "remote",
         ):
             continue
+        if path.stem.startswith("remote"):  # the command there is given flags
+            continue
         tree = ast.parse(path.read_text(encoding="utf-8"))
         statements = [node.value for node in ast.walk(tree) if isinstance(node, ast.Expr)]
         constants = [node for node in ast.walk(tree) if isinstance(node, ast.Constant)]
