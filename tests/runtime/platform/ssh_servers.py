@@ -31,6 +31,7 @@ trap 'echo TERM >>~/signals; echo "stops safely" >&2; stopped=1' TERM
 cat ~/says >&2
 stopped=
 until [ -e ~/go ] || [ "$stopped" ]; do sleep 0.02; done
+[ "$stopped" ] && sleep 0.2  # a second signal would be noted as well
 [ -e ~/part ] && cp ~/part part.jsonl
 [ -e ~/record ] && cp ~/record run.mcap
 cat ~/$kind.json
