@@ -48,6 +48,8 @@ class Computers:
             for pid, host in hosts.items()
         }
         self._loop = asyncio.new_event_loop()
+        # What the library's own tasks hear of a lost connection is told by ours.
+        self._loop.set_exception_handler(lambda loop, context: None)
         self._futures: list[Future[Any]] = []
         self._thread = threading.Thread(target=self._loop.run_forever, name="ssh", daemon=True)
 
