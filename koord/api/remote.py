@@ -168,7 +168,10 @@ def deploy_over_ssh(
         tell(RemoteLine(f"robot {pid} | {line}", pid=pid))
 
     name = re.sub(r"[^\w.-]", "_", run.request.run or run.fitted.configuration.talk.run)
-    stamp = time.strftime("%Y%m%dT%H%M%S", time.gmtime())
+    # Names are in the order in which runs were started, as `attach` takes up the last one.
+    now_ns = time.time_ns()
+    micros = now_ns // 1000 % 1_000_000
+    stamp = f"{time.strftime('%Y%m%dT%H%M%S', time.gmtime(now_ns // 10**9))}{micros:06}"
     folder = RUNS / f"{stamp}-{secrets.token_hex(2)}-{name}"
     with Computers(hosts, run.login, folder, said) as computers:
         remote = _Remote(run, files, computers, tell, cancellation, approve or good_enough)
