@@ -31,15 +31,9 @@ from koord.refinement.tracing_host import TracingHost
 from koord.refinement.translation import Translation, to_written
 from koord.runtime.deploy.journal import Recollection
 from koord.runtime.deploy.member import Member, Platform
-from koord.runtime.deploy.preflight import Check
 from koord.runtime.deploy.running import Job
-from koord.runtime.drivers.frames import Quaternion
-from koord.runtime.guardian.events import Order
-from koord.runtime.motion.world import Point
-from koord.runtime.orders.hearing import Obeyed
 from koord.runtime.proposals import INIT_ROUND, Admitted, Decision, EventFault, Faulted, Proposal
-from koord.runtime.protocol.events import Reason
-from koord.runtime.protocol.messages import Beacon, LogEntry
+from koord.runtime.protocol.messages import LogEntry
 from koord.runtime.robot import Robot, Turn
 from koord.semantics.recordings import Answer, Reading, Start
 from koord.syntax.diagnostics import Diagnostic, KoordError
@@ -97,74 +91,6 @@ class Witness(TracingHost):
         written = tuple(to_written(one, places[one.place]) for one in robot.outcome(event))
         self.say(Kept(round_, written))
 
-    # --- a body -----------------------------------------------------------------------------------
-
-    @property
-    def position(self) -> Point:
-        return self.host.position
-
-    @position.setter
-    def position(self, position: Point) -> None:
-        self.host.position = position
-
-    @property
-    def holding(self) -> bool:
-        return self.host.holding
-
-    @holding.setter
-    def holding(self, holding: bool) -> None:
-        self.host.holding = holding
-
-    def also_answer(self, program: type[Robot]) -> None:
-        self.host.also_answer(program)
-
-    def acted(self, robot: Robot) -> None:
-        self.host.acted(robot)
-
-    def tick(self, now_s: float, round_age_s: float | None, reason: Reason | None) -> float:
-        return self.host.tick(now_s, round_age_s, reason)
-
-    def beacon(self, now_s: float) -> Beacon | None:
-        return self.host.beacon(now_s)
-
-    def hear(self, sender: int, beacon: Beacon, now_s: float) -> None:
-        self.host.hear(sender, beacon, now_s)
-
-    def order(self, order: Order, now_s: float) -> Obeyed:
-        return self.host.order(order, now_s)
-
-    def alive(self, at_s: float) -> None:
-        self.host.alive(at_s)
-
-    def stop(self, now_s: float) -> None:
-        self.host.stop(now_s)
-
-    def checks(self) -> tuple[Check, ...]:
-        return self.host.checks()
-
-    @property
-    def state(self) -> str:
-        return self.host.state
-
-    @property
-    def attitude(self) -> Quaternion:
-        return self.host.attitude
-
-    @property
-    def path(self) -> tuple[Point, ...]:
-        return self.host.path
-
-    @property
-    def is_at_rest(self) -> bool:
-        return self.host.is_at_rest
-
-    @property
-    def remarks(self) -> tuple[str, ...]:
-        return self.host.remarks
-
-    def close(self) -> None:
-        self.host.close()
-
     def start(self, robot: int | None, name: str) -> Any:
         if (robot, name) not in self.starts:
             return super().start(robot, name)
@@ -183,18 +109,14 @@ class InstrumentedRobot(Member):
     It gives up if its host does, or if a value is larger than ``largest``. Raises GaveUpError.
     """
 
-    def __init__(self, robot: Robot, host: Platform, largest: int | None = None) -> None:
-        super().__init__(robot, host)
+    def __init__(self, robot: Robot, witness: Witness, largest: int | None = None) -> None:
+        """Make a member of a robot whose program asks through a witness."""
+        super().__init__(robot, witness.host)
         self._largest = largest
-        assert isinstance(robot.host, Witness)
-        self._witness = robot.host
+        self._witness = witness
         self._from_journal: Proposal | None = None
         self._witness.round_of = self._round_of
         self._inquiry = Inquiry(self._witness.host, self._witness.translation, robot.pid)
-
-    @property
-    def platform(self) -> Platform:
-        return self._witness.host
 
     def _round_of(self, turn: Turn) -> int:
         return self.round - 1 - self._turns if turn is Turn.ENV else self.round

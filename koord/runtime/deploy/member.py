@@ -184,6 +184,7 @@ class Member:
     """A member: a robot with its program, its copy of the store, and its journal."""
 
     def __init__(self, robot: Robot, host: Platform) -> None:
+        """Make a member; others may listen in between what its program asks and its ``host``."""
         self.robot = robot
         self.host = host
         self.store = AgreedStore(robot.SHARED, robot.numAgents)
@@ -252,11 +253,10 @@ class Member:
     def _evolve(self) -> EventFault | None:
         """Take one turn of the environment."""
         robot, monitor = self.robot, self.monitor
-        if monitor is None or not monitor.has_contracts:
-            return robot.evolve(self.host.read(robot))
-        held = dict(vars(robot))
-        fault = robot.evolve(self.host.read(robot))
-        if fault is None:
+        is_watched = monitor is not None and monitor.has_contracts
+        held = dict(vars(robot)) if is_watched else {}
+        fault = robot.evolve(robot.host.read(robot))
+        if monitor is not None and is_watched and fault is None:
             monitor.evolved(held, self.round - 1 - self._turns)
         return fault
 
@@ -268,12 +268,7 @@ class Member:
 
     def watch(self, watched: Watched, kinds: int) -> None:
         """Watch the claims that the robot, of one of so many kinds, can judge by itself."""
-        self.monitor = RobotMonitor(watched, self.robot, self.platform, kinds)
-
-    @property
-    def platform(self) -> Platform:
-        """What moves the robot, whoever else listens in between."""
-        return self.host
+        self.monitor = RobotMonitor(watched, self.robot, self.host, kinds)
 
     def commit(self, entry: LogEntry, kept: Admitted | None) -> None:
         """Act on a decision. [SHARED-ASSIGN] [SKIP] [STOP]"""

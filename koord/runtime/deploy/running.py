@@ -650,7 +650,7 @@ class Runner:
         if now_s < self._pose_due_s:
             return
         self._pose_due_s = now_s + POSE_S
-        platform = self.member.platform
+        platform = self.member.host
         path = platform.path
         new = None if path == self._path else path
         self._path = path
