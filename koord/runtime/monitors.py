@@ -13,9 +13,10 @@ from typing import Any
 
 from msgspec import Struct, field
 
-from koord.runtime.compile.watching import WatchedClaim, WatchedKind
+from koord.runtime.compile.loading import loaded
+from koord.runtime.compile.watching import Watched, WatchedClaim, WatchedKind
 from koord.runtime.operations import FaultError
-from koord.runtime.robot import Forwarding, Host, Key, Robot, Turn
+from koord.runtime.robot import AnsweringHost, Forwarding, Host, Key, Robot, Turn
 from koord.runtime.shapes import from_plain
 from koord.runtime.watch import Watch
 
@@ -47,6 +48,14 @@ class KnownAnswers(Forwarding):
             return self.host.ask(turn, robot, key, function, arguments)
         except LookupError:
             raise UnknownError from None
+
+
+def watch_type(watched: Watched, host: AnsweringHost) -> type[Watch]:
+    """The class that judges claims, whose questions a host answers from now on."""
+    (made,) = loaded(watched.text)
+    assert issubclass(made, Watch)
+    host.also_answer(made)
+    return made
 
 
 def named(claim: WatchedClaim) -> str:

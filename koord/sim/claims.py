@@ -9,9 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from koord.runtime.compile.loading import loaded
 from koord.runtime.compile.watching import Watched, WatchedClaim, WatchedKind
-from koord.runtime.monitors import ContractMonitor, StateMonitor, SummaryMonitor, named
+from koord.runtime.monitors import ContractMonitor, StateMonitor, SummaryMonitor, named, watch_type
 from koord.runtime.motion.world import Point
 from koord.runtime.ports import DONE, PLACES, placed, port_name
 from koord.runtime.robot import Host, Robot
@@ -122,9 +121,7 @@ class Checked(SummaryMonitor):
 
 def watch_of(watched: Watched, run: Simulation) -> Watch:
     """Make the monitor of a run's claims; the run's host answers its queries."""
-    (made,) = loaded(watched.text)
-    assert issubclass(made, Watch)
-    run.host.also_answer(made)
+    made = watch_type(watched, run.host)
     return made(run.cast.kinds, run.scene.delta_s, run.claims_host)
 
 

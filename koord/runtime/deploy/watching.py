@@ -14,7 +14,6 @@ from typing import Any
 from msgspec import Struct
 from msgspec.structs import replace
 
-from koord.runtime.compile.loading import loaded
 from koord.runtime.compile.watching import Watched, WatchedClaim, WatchedKind
 from koord.runtime.monitors import (
     ContractMonitor,
@@ -23,12 +22,12 @@ from koord.runtime.monitors import (
     SummaryMonitor,
     UnknownRobot,
     named,
+    watch_type,
 )
 from koord.runtime.proposals import INIT_ROUND, Plain
 from koord.runtime.robot import AnsweringHost, Robot, Status
 from koord.runtime.shapes import from_plain, to_plain
 from koord.runtime.store import AgreedStore
-from koord.runtime.watch import Watch
 from koord.syntax.source import Span
 
 #: What is looked at when a round begins.
@@ -117,11 +116,11 @@ class RobotMonitor:
         self.breaches = Breaches()
         self._robot = robot
         self._round = 0
-        claims, watch = watched.claims, watch_of(watched, robot.kinds, robot.delta, host)
+        claims, made, answers = watched.claims, watch_type(watched, host), KnownAnswers(host)
+        watch, of_summaries = (made(robot.kinds, robot.delta, answers) for _ in range(2))
         self._contracts = ContractMonitor(watch, claims, kinds)
         self._states = StateMonitor(watch, filter(_is_of_store, claims), robot.kinds)
         self._summaries = SummaryMonitor(robot.host)
-        of_summaries = watch_of(watched, robot.kinds, robot.delta, host)
         self._summaries.check(of_summaries, claims, self._broken_summary)
         robot.host = self._summaries
 
@@ -161,14 +160,6 @@ def _is_of_store(claim: WatchedClaim) -> bool:
 def _of_several(watched: Watched) -> list[WatchedClaim]:
     """The claims that no robot can judge by itself."""
     return [one for one in watched.claims if one.sort in _STATES and not _is_of_store(one)]
-
-
-def watch_of(watched: Watched, kinds: Sequence[int], delta_s: float, host: AnsweringHost) -> Watch:
-    """Make what judges claims, with a host that answers what they ask, as far as it can."""
-    (made,) = loaded(watched.text)
-    assert issubclass(made, Watch)
-    host.also_answer(made)
-    return made(kinds, delta_s, KnownAnswers(host))
 
 
 # --- of all robots ------------------------------------------------------------------------------
@@ -214,8 +205,8 @@ class FleetMonitor:
         self.breaches = Breaches()
         self.robots = [classes[kind](pid, kinds, delta_s, host) for pid, kind in enumerate(kinds)]
         self.store = AgreedStore(classes[0].SHARED, len(kinds))
-        claims = _of_several(watched)
-        self._states = StateMonitor(watch_of(watched, kinds, delta_s, host), claims, kinds)
+        watch = watch_type(watched, host)(kinds, delta_s, KnownAnswers(host))
+        self._states = StateMonitor(watch, _of_several(watched), kinds)
         self._told: dict[int, dict[int, RobotState]] = {}
         self._last = [INIT_ROUND] * len(kinds)  #: the round that each told of last
         self._own: list[tuple[Plain, ...]] = [() for _ in kinds]  #: what robots told last
