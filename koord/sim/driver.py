@@ -10,14 +10,14 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from importlib import import_module
 from typing import Any, ClassVar
 
 import numpy as np
 from msgspec import Struct
 
-from koord.runtime.drivers.driver import Device, NoOptions
+from koord.runtime.drivers.driver import Device, Driver, NoOptions
 from koord.runtime.drivers.frames import Quaternion, turned
 from koord.runtime.drivers.setpoints import (
     Arm,
@@ -53,7 +53,7 @@ _MOST_S = 2.0
 _RISING_MPS, _SINKING_MPS, _AIRBORNE_M = 0.5, 0.4, 0.05
 
 
-class SimulatedVehicle(ABC):
+class SimulatedVehicle(Driver, ABC):
     """A vehicle of the simulator as a driver."""
 
     OPTIONS: ClassVar[type[Struct]] = NoOptions
@@ -104,17 +104,6 @@ class SimulatedVehicle(ABC):
 
     def command(self, setpoint: Setpoint, now_s: float) -> None:
         self._told.append((now_s + self.model.disturbances.actuation_delay_s, setpoint))
-
-    def ports(self) -> Mapping[str, Any]:
-        return {}
-
-    def act(self, port: str, value: Any) -> None:
-        """Ignore it: a simulated vehicle has no modules of a program's own."""
-        return
-
-    @property
-    def remarks(self) -> tuple[str, ...]:
-        return ()
 
     def close(self) -> None:
         self._setpoint = Hold()

@@ -92,6 +92,7 @@ class Driver(Protocol):
 
     def act(self, port: str, value: Any) -> None:
         """Pass the value of an actuator of the program's own modules on."""
+        return
 
     @property
     def remarks(self) -> tuple[str, ...]:

@@ -7,7 +7,7 @@ out after half a second, and stops its motors after two. (C-TICK) (C-SILENCE)
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Any, ClassVar
 
 from msgspec import Struct
@@ -27,7 +27,7 @@ from koord.runtime.drivers.crazyflie.options import CrazyflieOptions
 from koord.runtime.drivers.crazyflie.requests import Request, Requests
 from koord.runtime.drivers.crazyflie.telemetry import Info, Telemetry
 from koord.runtime.drivers.crazyflie.troubles import first_line, unreachable
-from koord.runtime.drivers.driver import Device, DriverError
+from koord.runtime.drivers.driver import Device, Driver, DriverError
 from koord.runtime.drivers.frames import to_xyzw, turned, yaw_of
 from koord.runtime.drivers.leading import Flight, Leader, between
 from koord.runtime.drivers.setpoints import (
@@ -76,7 +76,7 @@ _ARM, _SUPERVISOR_SINCE = 1, 12
 _LAND, _LANDS = 8, (0, 1)
 
 
-class CrazyflieDriver:
+class CrazyflieDriver(Driver):
     """The driver of one Crazyflie."""
 
     OPTIONS: ClassVar[type[Struct]] = CrazyflieOptions
@@ -170,13 +170,6 @@ class CrazyflieDriver:
                 self._fly(Hold(), now_s)  # no pilot of an aircraft wishes for this
             case _:
                 self._fly(setpoint, now_s)
-
-    def ports(self) -> Mapping[str, Any]:
-        return {}
-
-    def act(self, port: str, value: Any) -> None:
-        """Ignore it: a Crazyflie has no modules of a program's own."""
-        return
 
     @property
     def remarks(self) -> tuple[str, ...]:

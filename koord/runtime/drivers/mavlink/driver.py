@@ -8,12 +8,11 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from msgspec import Struct
 
-from koord.runtime.drivers.driver import Device, DriverError
+from koord.runtime.drivers.driver import Device, Driver, DriverError
 from koord.runtime.drivers.mavlink.control import Control, Flight
 from koord.runtime.drivers.mavlink.failsafe import FailsafeCheck
 from koord.runtime.drivers.mavlink.library import Message, mavlink
@@ -57,7 +56,7 @@ _TAKEOFF = mavlink.MAV_CMD_NAV_TAKEOFF
 _FORCE = 21196.0
 
 
-class MavlinkDriver:
+class MavlinkDriver(Driver):
     """The driver of one aircraft."""
 
     OPTIONS: ClassVar[type[Struct]] = MavlinkOptions
@@ -152,13 +151,6 @@ class MavlinkDriver:
                 self._fly(Hold(), now_s)  # no pilot of an aircraft wishes for this
             case _:
                 self._fly(setpoint, now_s)
-
-    def ports(self) -> Mapping[str, Any]:
-        return {}
-
-    def act(self, port: str, value: Any) -> None:
-        """Ignore it: an autopilot has no modules of a program's own."""
-        return
 
     @property
     def remarks(self) -> tuple[str, ...]:

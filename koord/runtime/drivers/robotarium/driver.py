@@ -8,14 +8,13 @@ from __future__ import annotations
 
 import math
 import uuid
-from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from msgspec import Struct
 
 from koord.runtime.drivers.clocks import RemoteClock
 from koord.runtime.drivers.differences import Differences
-from koord.runtime.drivers.driver import Device, DriverError
+from koord.runtime.drivers.driver import Device, Driver, DriverError
 from koord.runtime.drivers.frames import turned
 from koord.runtime.drivers.robotarium.messages import Refused, Seen, Told, decoded, encoded
 from koord.runtime.drivers.robotarium.options import RobotariumOptions, address_of
@@ -30,7 +29,7 @@ _DEAD_MAN_S, _POSE_AGE_S, _SMOOTHING_S = 0.5, 0.1, 0.1
 _LOOK_S, _REFUSES_S = 0.05, 1.0
 
 
-class RobotariumDriver:
+class RobotariumDriver(Driver):
     """The driver of one robot."""
 
     OPTIONS: ClassVar[type[Struct]] = RobotariumOptions
@@ -128,13 +127,6 @@ class RobotariumDriver:
                 self._say(x * math.cos(heading) + y * math.sin(heading), rate)
             case _:
                 self._say(0.0, 0.0)
-
-    def ports(self) -> Mapping[str, Any]:
-        return {}
-
-    def act(self, port: str, value: Any) -> None:
-        """Ignore it: the arena has no modules of a program's own."""
-        return
 
     @property
     def remarks(self) -> tuple[str, ...]:
