@@ -280,18 +280,24 @@ class FlyingPilot(Pilot):
         """Stay on the ground, or come down."""
         self._has_risen = False
         self.settle(sensed)
-        above_m = sensed.position_m[2] - self._field.world.ground
-        is_down = sensed.airborne is False or (sensed.airborne is None and above_m < _LANDED_M)
-        return Hold() if is_down else Land()
+        return Hold() if self._is_down(sensed) else Land()
+
+    def _above_ground_m(self, sensed: Sensed) -> float:
+        return sensed.position_m[2] - self._field.world.ground
+
+    def _is_down(self, sensed: Sensed) -> bool:
+        if sensed.airborne is None:
+            return self._above_ground_m(sensed) < _LANDED_M
+        return not sensed.airborne
 
     def _watch_height(self, sensed: Sensed, height_m: float) -> None:
         """Notice that it has risen, and that it is on the ground again."""
-        above_m = sensed.position_m[2] - self._field.world.ground
         if not self._has_risen:
-            self._has_risen = sensed.airborne is not False and above_m >= RISEN * height_m
+            is_high = self._above_ground_m(sensed) >= RISEN * height_m
+            self._has_risen = sensed.airborne is not False and is_high
             if self._has_risen and self._after_takeoff is not None:
                 self._join(self._after_takeoff, sensed)
-        elif sensed.airborne is False or (sensed.airborne is None and above_m < _LANDED_M):
+        elif self._is_down(sensed):
             self._has_risen = False
 
     def _join(self, path: Sequence[Point], sensed: Sensed) -> None:
