@@ -187,6 +187,14 @@ def deploy(
     )
     if restart and pid is not None:
         raise ArgumentError("restart", NOT_RESTARTED)
+    check_outputs(request)
+    fitted = fit(fit_request(program, config, params, None, None, delta_s))
+    job = job_of(fitted, request)
+    return deploy_fitted(fitted, job, request, progress, cancellation, approve=approve)
+
+
+def check_outputs(request: DeployRequest) -> None:
+    """Check that trace and recording can be written. Raises KoordError and ArgumentError."""
     if request.trace is not None:
         check_writable(request.trace)
     if request.record is not None:
@@ -194,9 +202,6 @@ def deploy(
         if request.trace is not None and same_file(request.record, request.trace):
             raise ArgumentError("record", NOT_TWICE)
         require(("mcap",), "record")
-    fitted = fit(fit_request(program, config, params, None, None, delta_s))
-    job = job_of(fitted, request)
-    return deploy_fitted(fitted, job, request, progress, cancellation, approve=approve)
 
 
 def job_of(fitted: Fitted, request: DeployRequest) -> Job:

@@ -359,6 +359,6 @@ def _is_task(type_: Type) -> bool:
     return isinstance(type_, RecordType) and bool(type_.fields) and type_.fields[0][1] == POS
 
 
-def slack_of(fitted: Fitted, *, is_exact: bool) -> Fraction:
+def slack_of(fitted: Fitted, *, is_exact: bool = False) -> Fraction:
     """By how much what is watched may be off, in metres: points are where they are to be."""
     return Fraction(0) if is_exact else Fraction(repr(fitted.scene.slack_m))

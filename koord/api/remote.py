@@ -16,8 +16,7 @@ from msgspec.structs import replace
 from koord.api.command_lines import deploy_flags
 from koord.api.configurations import check_start
 from koord.api.deployed import Deployed
-from koord.api.deployment import NOT_TWICE, DeployRequest
-from koord.api.files import check_writable, same_file
+from koord.api.deployment import DeployRequest, check_outputs
 from koord.api.fitting import Configurable, FitRequest, Fitted, fit, fit_request
 from koord.api.preflight import Approval, Preflight, good_enough, refusals
 from koord.api.programs import Loadable, Value
@@ -33,7 +32,6 @@ from koord.api.remote_answers import (
     status_of,
 )
 from koord.api.remote_files import Copied, copied, hosts_of
-from koord.api.results import ArgumentError
 from koord.api.robots import Seconds
 from koord.runtime.configuration.model import RunConfiguration
 from koord.runtime.motion.libraries import require
@@ -135,13 +133,7 @@ def deploy_remotely(
         rests_on=None if rests_on is None else fspath(rests_on),
         loss=loss,
     )
-    if request.trace is not None:
-        check_writable(request.trace)
-    if request.record is not None:
-        check_writable(request.record)
-        if request.trace is not None and same_file(request.record, request.trace):
-            raise ArgumentError("record", NOT_TWICE)
-        require(("mcap",), "record")
+    check_outputs(request)
     wanted = fit_request(program, config, params, None, None, delta_s)
     kept = None if logs is None else fspath(logs)
     made = RemoteRequest(wanted, fit(wanted), request, login or Login(), kept, attach)

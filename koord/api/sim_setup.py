@@ -7,7 +7,7 @@ from fractions import Fraction
 from typing import TYPE_CHECKING, TypeVar
 
 import koord.api.sim_libraries  # noqa: F401
-from koord.api.fitting import NO_FILE, Fitted, is_placed
+from koord.api.fitting import NO_FILE, Fitted, is_placed, slack_of
 from koord.runtime.compile import compiled
 from koord.runtime.compile.loading import loaded
 from koord.runtime.compile.watching import Watched, WatchedKind, watched
@@ -40,11 +40,6 @@ def cast(fitted: Fitted) -> Cast:
     program, source = fitted.program.core, fitted.program.source
     differing = fitted.problem.differing
     return Cast(source.name, source.text, loaded(compiled(program)), fitted.kinds, differing)
-
-
-def slack(fitted: Fitted) -> Fraction:
-    """The slack of claims in metres."""
-    return Fraction(repr(fitted.scene.slack_m))
 
 
 def fallback(fitted: Fitted) -> Callable[[Host], Host] | None:
@@ -87,7 +82,7 @@ def simulation(
 
     supplied = fallback(fitted)
     made = kind(cast(fitted), fitted.scene, keep_going=keep_going, heard=heard, supplied=supplied)
-    claims = watch(made, program, slack(fitted))
+    claims = watch(made, program, slack_of(fitted))
     for one in checked:
         one.hold(claims, made)
         made.claims.append(one)

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from msgspec.structs import replace
 
-from koord.api.fitting import Fitted
-from koord.api.sim_setup import slack
+from koord.api.fitting import Fitted, slack_of
 from koord.api.traces import sources_of
 from koord.refinement.judging import Judged, judge
 from koord.refinement.running import CompiledRun, ready
@@ -29,7 +28,7 @@ class Tracing:
 
     def __init__(self, fitted: Fitted) -> None:
         """Make a tracer. Raises KoordError where the program is too large for the reference."""
-        self.program, self.slack = fitted.program, slack(fitted)
+        self.program, self.slack = fitted.program, slack_of(fitted)
         core = fitted.program.core
         found = excesses(core, fitted.kinds)
         if found:
