@@ -12,6 +12,7 @@ import msgspec
 
 from koord.runtime.buffers import Buffer, Written
 from koord.runtime.compile.watching import Watched
+from koord.runtime.deploy.attributes import own_shapes, own_values
 from koord.runtime.deploy.journal import (
     AnyRecord,
     Attributes,
@@ -50,7 +51,7 @@ from koord.runtime.protocol.events import Reason
 from koord.runtime.protocol.messages import Beacon, LastRun, LogEntry, Tentative
 from koord.runtime.protocol.state import Durable
 from koord.runtime.robot import AnsweringHost, Robot, Status
-from koord.runtime.shapes import ShapeError, from_plain, to_plain
+from koord.runtime.shapes import ShapeError, from_plain
 from koord.runtime.store import AgreedStore
 
 _STATUSES = {StopRequests.TO_STOP: Status.STOPPED, StopRequests.TO_STOP_TOGETHER: Status.ASKED}
@@ -503,20 +504,15 @@ class Member:
             self.round,
             robot.status.value,
             self._turns,
-            self._plain(vars(robot)),
+            own_values(robot, vars(robot)),
             self.host.position,
             proposal,
-            tuple((event, self._plain(b.state)) for event, b in buffers if b.state),
+            tuple((event, own_values(robot, b.state)) for event, b in buffers if b.state),
         )
         return (page,)
 
-    def _plain(self, state: dict[str, Any]) -> Attributes:
-        own = {**self.robot.LOCALS, **self.robot.PORTS}
-        return tuple(to_plain(shape, state[name]) for name, shape in own.items())
-
     def _attributes(self, plain: Attributes) -> dict[str, Any]:
-        own = {**self.robot.LOCALS, **self.robot.PORTS}
-        robots = self.robot.numAgents
+        own, robots = own_shapes(self.robot), self.robot.numAgents
         return {
             name: from_plain(shape, value, robots, unset=True)
             for (name, shape), value in zip(own.items(), plain, strict=True)

@@ -15,6 +15,8 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from koord.runtime.compile.watching import Watched, WatchedClaim, WatchedKind
+from koord.runtime.deploy.attributes import own_shapes, own_values
+from koord.runtime.deploy.journal import Attributes
 from koord.runtime.monitors import (
     ContractMonitor,
     KnownAnswers,
@@ -26,7 +28,7 @@ from koord.runtime.monitors import (
 )
 from koord.runtime.proposals import INIT_ROUND, Plain
 from koord.runtime.robot import AnsweringHost, Robot, Status
-from koord.runtime.shapes import from_plain, to_plain
+from koord.runtime.shapes import from_plain
 from koord.runtime.store import AgreedStore
 from koord.syntax.source import Span
 
@@ -169,7 +171,7 @@ class RobotState(Struct, frozen=True):
     """The state of a robot when a round begins, as plain values."""
 
     round: int
-    own: tuple[Plain, ...]  #: its variables and ports
+    own: Attributes  #: its variables and ports
     ran: int | None  #: the event of its last turn
     status: int
     shared: tuple[Plain, ...] | None  #: the store, of some robots in some rounds
@@ -177,12 +179,10 @@ class RobotState(Struct, frozen=True):
     @staticmethod
     def of(robot: Robot, round_: int, store: AgreedStore, *, is_alone: bool = False) -> RobotState:
         """The present state of a robot. If it is not alone, robots tell of the store in turn."""
-        held, own = vars(robot), {**robot.LOCALS, **robot.PORTS}
-        plain = tuple(to_plain(shape, held[name]) for name, shape in own.items())
         is_next = is_alone or round_ % robot.numAgents == robot.pid
-        return RobotState(
-            round_, plain, robot.ran, robot.status.value, store.snapshot() if is_next else None
-        )
+        shared = store.snapshot() if is_next else None
+        own = own_values(robot, vars(robot))
+        return RobotState(round_, own, robot.ran, robot.status.value, shared)
 
 
 class FleetMonitor:
@@ -209,7 +209,7 @@ class FleetMonitor:
         self._states = StateMonitor(watch, _of_several(watched), kinds)
         self._told: dict[int, dict[int, RobotState]] = {}
         self._last = [INIT_ROUND] * len(kinds)  #: the round that each told of last
-        self._own: list[tuple[Plain, ...]] = [() for _ in kinds]  #: what robots told last
+        self._own: list[Attributes] = [() for _ in kinds]  #: what robots told last
         self._shared: tuple[Plain, ...] | None = None
         self.seen: Callable[[int], None] = _ignored
 
@@ -255,7 +255,7 @@ class FleetMonitor:
         if state is None:
             return UnknownRobot()
         robot = self.robots[pid]
-        own = {**robot.LOCALS, **robot.PORTS}
+        own = own_shapes(robot)
         were = self._own[pid] or (_NOTHING,) * len(own)
         for (name, shape), value, was in zip(own.items(), state.own, were, strict=True):
             if value != was:  # what is as it was stays the same object, which is quick to judge
