@@ -11,7 +11,7 @@ from koord.api.outputs import PageServed
 from koord.api.progress import Listener
 from koord.runtime.deploy.running import Job, News
 from koord.sim.mirror import FleetMirror
-from koord.sim.observing import header_of
+from koord.sim.running import Cast, header_in
 from koord.sim.viewing import Live
 from koord.syntax.diagnostics import refusal
 from koord.syntax.source import visible
@@ -25,19 +25,9 @@ class LivePage:
 
     def __init__(self, fitted: Fitted, job: Job, watch: FleetWatch) -> None:
         scene, source = fitted.scene, fitted.program.source
-        header = header_of(
-            source.name,
-            source.text,
-            job.classes,
-            job.kinds,
-            scene.world,
-            scene.robots,
-            delta_s=job.delta_s,
-            seed=scene.seed,
-            safety_m=scene.safety_m,
-            devices=scene.names,
-            differing=fitted.problem.differing,
-        )
+        differing = fitted.problem.differing
+        cast = Cast(source.name, source.text, job.classes, job.kinds, differing)
+        header = header_in(cast, scene)
         monitor = watch.monitor
         starts = [placed.start for placed in scene.robots]
         self.mirror = FleetMirror(header, starts, monitor.robots, monitor.store)

@@ -28,7 +28,7 @@ from koord.sim.hosting import Hosted
 from koord.sim.lidar import Scanner
 from koord.sim.measuring import Figures, Gauge
 from koord.sim.observing import Observer, deeds_of, header_of
-from koord.sim.run_log import RunLog, RunLogger
+from koord.sim.run_log import Header, RunLog, RunLogger
 from koord.sim.scene import Scene, scanner_range_m
 from koord.sim.standing import StandingRobot, Watchman
 from koord.syntax.collector import uncollected
@@ -104,6 +104,23 @@ class Cast(Struct, frozen=True):
     differing: tuple[str, ...] = ()
 
 
+def header_in(cast: Cast, scene: Scene) -> Header:
+    """The header of a run of a cast in a scene."""
+    return header_of(
+        cast.name,
+        cast.text,
+        cast.classes,
+        cast.kinds,
+        scene.world,
+        scene.robots,
+        delta_s=scene.delta_s,
+        seed=scene.seed,
+        safety_m=scene.safety_m,
+        devices=scene.names,
+        differing=cast.differing,
+    )
+
+
 class Simulation:
     """A run, round by round: :meth:`begin` first, then :meth:`round` until ``ending`` is set."""
 
@@ -125,8 +142,7 @@ class Simulation:
         self.cast, self.scene, self.keep_going = cast, scene, keep_going
         self.claims: list[Claims] = []  #: that are watched; to be filled before the run begins
         self.schedule: Schedule = schedule if schedule is not None else Deployed()
-        seed = scene.seed
-        self.fleet = Fleet(scene.world, scene.robots, seed) if fleet is None else fleet
+        self.fleet = Fleet(scene.world, scene.robots, scene.seed) if fleet is None else fleet
         self.host = host_of(cast, scene, self.fleet)
         world: Host = self.host if supplied is None else supplied(self.host)
         self.claims_host = world  #: whom claims ask
@@ -134,20 +150,7 @@ class Simulation:
         self.watchman = Watchman(scene.world, [placed.model.body for placed in scene.robots])
         host = self.watchman.hear(host)
         self.engine = Engine(cast.classes, cast.kinds, scene.delta_s, host)
-        header = header_of(
-            cast.name,
-            cast.text,
-            cast.classes,
-            cast.kinds,
-            scene.world,
-            scene.robots,
-            delta_s=scene.delta_s,
-            seed=seed,
-            safety_m=scene.safety_m,
-            devices=scene.names,
-            differing=cast.differing,
-        )
-        self.recorder = RunLogger(header)
+        self.recorder = RunLogger(header_in(cast, scene))
         self.observer = Observer(self.recorder, self.engine, self.fleet)
         self.gauge = Gauge(self.fleet, self.engine, self.recorder, scene)
         self.ending: Ending | None = None
