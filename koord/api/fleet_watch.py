@@ -52,7 +52,10 @@ class FleetWatch:
     @property
     def broken(self) -> tuple[BrokenStatement, ...]:
         """The claims that did not hold so far."""
-        return tuple(broken_statements(self._program, self.breaches, self._grounds))
+        breaches = self.breaches
+        if not breaches:  # as it is asked all the time, and texts need not be looked at
+            return ()
+        return tuple(broken_statements(self._program, breaches, self._grounds))
 
     @property
     def unwatched(self) -> tuple[str, ...]:
