@@ -76,6 +76,9 @@ class Starter:
 
     def __init__(self, environment: Mapping[str, str]) -> None:
         self._line, other = socket.socketpair()
+        for one in (self._line, other):
+            # rospy gives all new sockets of this process a timeout, and they would not block there.
+            one.setblocking(True)
         self._process = subprocess.Popen(
             [sys.executable, "-m", __name__, str(other.fileno())],
             stdin=subprocess.DEVNULL,
