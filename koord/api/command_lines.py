@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterable, Iterator, Mapping
 from fractions import Fraction
 
-from koord.api.deployment import DeployRequest
+from koord.api.deploy_request import DeployRequest
 from koord.runtime.deploy.supervision import STOP_S
 from koord.syntax.literals import ParamValue, literal
 

@@ -15,8 +15,8 @@ from msgspec.structs import replace
 
 from koord.api.command_lines import deploy_flags
 from koord.api.configurations import check_start
+from koord.api.deploy_request import DeployRequest, check_outputs
 from koord.api.deployed import Deployed
-from koord.api.deployment import DeployRequest, check_outputs
 from koord.api.fitting import Configurable, FitRequest, Fitted, fit, fit_request
 from koord.api.preflight import Approval, Preflight, good_enough, refusals
 from koord.api.programs import Loadable, Value

@@ -11,7 +11,7 @@ from pathlib import Path, PurePosixPath
 
 from msgspec import Struct
 
-from koord.api.deployment import keyless
+from koord.api.deploy_setup import keyless
 from koord.api.files import read_bytes
 from koord.api.fitting import FitRequest
 from koord.runtime.configuration.keys import VARIABLE, shared_key

@@ -8,16 +8,10 @@ from argparse import ArgumentTypeError
 from importlib.util import find_spec
 from ipaddress import ip_address
 
+from koord.api.deploy_request import LIVE, NOT_RESTARTED, NOT_TWICE, DeployRequest
+from koord.api.deploy_setup import Job, job_of
 from koord.api.deployed import Deployed, FleetHeard
-from koord.api.deployment import (
-    LIVE,
-    NOT_RESTARTED,
-    NOT_TWICE,
-    DeployRequest,
-    Job,
-    deploy_fitted,
-    job_of,
-)
+from koord.api.deployment import deploy_fitted
 from koord.api.files import same_file
 from koord.api.fitting import Fitted
 from koord.api.outputs import PageServed

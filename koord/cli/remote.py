@@ -10,8 +10,8 @@ from argparse import ArgumentTypeError
 from pathlib import Path
 
 from koord.api.command_lines import deploy_flags, systemd_unit
+from koord.api.deploy_request import DeployRequest
 from koord.api.deployed import Deployed
-from koord.api.deployment import DeployRequest
 from koord.api.progress import Progress
 from koord.api.remote import Login, RemoteLine, RemoteRequest, deploy_over_ssh
 from koord.cli.arguments import settings

@@ -14,7 +14,7 @@ import pytest
 import yaml
 
 from koord.api.configurations import check_start
-from koord.api.deployment import DeployRequest
+from koord.api.deploy_request import DeployRequest
 from koord.cli import config, deploy, inputs
 from koord.cli.diagnostics import DiagnosticReport
 from koord.cli.exits import Exit

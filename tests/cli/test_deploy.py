@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from koord.api.deployment import DeployRequest
+from koord.api.deploy_request import DeployRequest
 from koord.cli import deploy
 from koord.cli.diagnostics import DiagnosticReport
 from koord.cli.exits import Exit

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from koord.api import campaign_runs, deployment
+from koord.api import campaign_runs, deploy_run
 from koord.cli.exits import Exit
 from koord.cli.main import main
 from koord.runtime.configuration.model import RunConfiguration
@@ -113,7 +113,7 @@ def test_robots_of_which_one_cannot_begin_leave_nothing(
         here = on_this_machine(robots, 27_001, group=None)
         return Plan((here.addresses[0], ("203.0.113.9", 27_002)))
 
-    monkeypatch.setattr(deployment, "local_plan", half)
+    monkeypatch.setattr(deploy_run, "local_plan", half)
     before = tree(folder)
     words = [
         "app.krd",

@@ -212,7 +212,7 @@ SHOWN = (
     ),
     Mutant(
         "a start that is refused leaves the folder of journals",
-        "api.deployment._noting",
+        "api.deploy_run._noting",
         "one.rmdir()",
         "pass",
         ("tests/cli/test_refused_starts.py",),

@@ -105,16 +105,16 @@ JUDGED = (
     ),
     Mutant(
         "parts that tell more than the trace are removed",
-        "api.deployment._Deployment.traced",
+        "api.deploy_followed.FollowedRun._traced",
         "not merged.has_all_told",
         "not merged.trace",
         ("tests/cli/test_merge.py",),
     ),
     Mutant(
         "who does not wait for the judge loses what robots told",
-        "api.deployment._Deployment.traced",
-        "left = parts.unmerged(self.request.trace)",
-        "left = parts.unmerged(self.request.trace); parts.remove()",
+        "api.deploy_followed.FollowedRun._traced",
+        "left = parts.unmerged(trace)",
+        "left = parts.unmerged(trace); parts.remove()",
         ("tests/api/test_deployment.py",),
     ),
     Mutant(

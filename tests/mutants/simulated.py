@@ -34,7 +34,7 @@ SIMULATED = (
     ),
     Mutant(
         "deployed runs may begin otherwise than their programs assume",
-        "api.deployment.job_of",
+        "api.deploy_setup.job_of",
         "check_start(fitted)",
         "pass",
         (CONFIG,),
