@@ -18,7 +18,8 @@ from koord.api.fitting import Fitted
 from koord.api.fleet_watch import FleetWatch
 from koord.api.preflight import Approval, Looking
 from koord.api.progress import Cancellation, CancelledError, Listener, asker
-from koord.runtime.deploy.running import Job, Make, News, member_of
+from koord.runtime.deploy.job import Job, Make, member_of
+from koord.runtime.deploy.news import News
 from koord.runtime.deploy.status import RobotReport
 from koord.runtime.deploy.supervision import ProcessReport
 from koord.runtime.motion.libraries import SIM, require

@@ -8,8 +8,8 @@ from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from koord.runtime.deploy.news import News
 from koord.runtime.deploy.recording import DeploymentRecord
-from koord.runtime.deploy.running import News
 from koord.runtime.deploy.supervision import ProcessReport
 from koord.syntax.problem import Problem
 

@@ -14,9 +14,11 @@ from koord.api.deployed import Deployed
 from koord.api.files import no_folder
 from koord.runtime.chaos.network import Faults
 from koord.runtime.chaos.unreliable import Unreliable
+from koord.runtime.deploy.job import Job
 from koord.runtime.deploy.joining import knock
 from koord.runtime.deploy.local import Launch, local_plan, transport_of
-from koord.runtime.deploy.running import Job, News, Runner
+from koord.runtime.deploy.news import News
+from koord.runtime.deploy.running import Runner
 from koord.runtime.deploy.supervised import SupervisedProcesses
 from koord.runtime.orders.lines import Addresses, Reach, robots_of
 from koord.runtime.orders.places import Access, left
@@ -51,8 +53,14 @@ def run_one(of: Deployment, pid: int) -> Deployed:
         stack.enter_context(_found_here(job, reach_of(job.configuration, (pid,))))
         job = stack.enter_context(_noting(job, of.request.state or _STATE))
         followed = FollowedRun(replace(of, job=job), stack)
-        runner = Runner(job, pid, transport, make=followed.make)
-        runner.keeps_rounds, runner.keeps_poses = True, followed.wants_poses
+        runner = Runner(
+            job,
+            pid,
+            transport,
+            make=followed.make,
+            keeps_rounds=True,
+            keeps_poses=followed.wants_poses,
+        )
         followed.begin()
 
         def report(news: News) -> None:

@@ -17,9 +17,9 @@ from koord.runtime.compile.watching import watched
 from koord.runtime.configuration.keys import SharedKey, shared_key
 from koord.runtime.configuration.model import RunConfiguration
 from koord.runtime.deploy.ideal import unanswered
+from koord.runtime.deploy.job import Job as Job
+from koord.runtime.deploy.job import print_of
 from koord.runtime.deploy.member import Platform
-from koord.runtime.deploy.running import Job as Job
-from koord.runtime.deploy.running import print_of
 from koord.runtime.encoding import text_digest
 from koord.runtime.motion.libraries import SIM, require
 from koord.runtime.ports import plain_name

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from koord.api.breaches import BrokenStatement as BrokenStatement
     from koord.api.merge import Merged
     from koord.api.preflight import Preflight
-    from koord.runtime.deploy.running import Job
+    from koord.runtime.deploy.job import Job
     from koord.runtime.deploy.status import RobotReport as RobotReport
     from koord.runtime.deploy.supervision import ProcessReport as ProcessReport
 
@@ -165,7 +165,7 @@ class FleetHeard(Progress, frozen=True, kw_only=True):
     def lags(self) -> dict[int, int]:
         """The number of rounds by which each robot is behind, as far as old reports can tell."""
         statuses = self.statuses.values()
-        from koord.runtime.deploy.running import REPORT_S
+        from koord.runtime.deploy.news import REPORT_S
 
         first = max((status.round for status in statuses), default=0)
         took_s = max((status.took_s for status in statuses), default=0.0)

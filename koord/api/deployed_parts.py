@@ -18,8 +18,8 @@ from koord.api.traces import sources_of
 from koord.refinement.instrumented_robot import instrumented
 from koord.refinement.parts import PartWriter, Whose
 from koord.refinement.running import Compiled, ready
+from koord.runtime.deploy.job import CannotTakePartError, Job
 from koord.runtime.deploy.member import Member
-from koord.runtime.deploy.running import CannotTakePartError, Job
 from koord.runtime.transports.transport import TransportError
 from koord.syntax.analysis.limits import excesses
 from koord.syntax.diagnostics import KoordError, refusal

@@ -19,7 +19,7 @@ from koord.api.programs import Loadable, Value
 from koord.api.progress import Cancellation, Listener, heard_by
 from koord.api.results import ArgumentError
 from koord.api.robots import Seconds
-from koord.runtime.deploy.running import CannotTakePartError, Job
+from koord.runtime.deploy.job import CannotTakePartError, Job
 from koord.runtime.transports.transport import TransportError
 from koord.syntax.diagnostics import refusal
 

@@ -6,7 +6,8 @@ from collections.abc import Iterable, Mapping
 
 from koord.api.breaches import BrokenStatement, Grounds, broken_statements
 from koord.api.fitting import Fitted
-from koord.runtime.deploy.running import Job, News, ideal_host
+from koord.runtime.deploy.job import Job, ideal_host
+from koord.runtime.deploy.news import News
 from koord.runtime.deploy.supervision import ProcessReport
 from koord.runtime.deploy.watching import Breach, FleetMonitor, joined
 from koord.runtime.robot import AnsweringHost

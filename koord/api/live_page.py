@@ -9,7 +9,8 @@ from koord.api.fitting import Fitted
 from koord.api.fleet_watch import FleetWatch
 from koord.api.outputs import PageServed
 from koord.api.progress import Listener
-from koord.runtime.deploy.running import Job, News
+from koord.runtime.deploy.job import Job
+from koord.runtime.deploy.news import News
 from koord.sim.mirror import FleetMirror
 from koord.sim.running import Cast, header_in
 from koord.sim.viewing import Live

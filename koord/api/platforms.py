@@ -11,8 +11,8 @@ from koord.api.fitting import Fitted
 from koord.api.sim_setup import fallback
 from koord.api.undriven import Drivers
 from koord.runtime.configuration.model import Vehicle
+from koord.runtime.deploy.job import CannotTakePartError, Job, ideal_host
 from koord.runtime.deploy.member import Platform
-from koord.runtime.deploy.running import CannotTakePartError, Job, ideal_host
 from koord.runtime.drivers.driver import Device, Driver, DriverError, NoOptions
 from koord.runtime.drivers.localised import Localised
 from koord.runtime.guardian.conditions import Setup

@@ -18,8 +18,8 @@ from koord.api.sim_report import Processes, Simulated, SimulationBegun, report_o
 from koord.api.sim_run import SimulationRequest, conclude
 from koord.api.sim_setup import cast, fallback, limit_s, simulation
 from koord.api.sim_trace import Tracing
+from koord.runtime.deploy.job import Job as Deployment
 from koord.runtime.deploy.local import Launch, LocalProcesses, launched, local_plan
-from koord.runtime.deploy.running import Job as Deployment
 from koord.runtime.proposals import Decision
 from koord.runtime.transports.transport import TransportError
 from koord.sim.processes import Followed, RobotMaker

@@ -37,11 +37,11 @@ from koord.runtime.chaos.network import CALM, Faults, Network, Newborn, Switched
 from koord.runtime.chaos.unreliable import Unreliable
 from koord.runtime.configuration.checking import load as load_configuration
 from koord.runtime.deploy.ideal import IdealHost, unanswered
+from koord.runtime.deploy.job import Job
 from koord.runtime.deploy.journal import Entered, Journal
 from koord.runtime.deploy.local import Launch, LocalProcesses, launched, local_plan
 from koord.runtime.deploy.member import Platform
 from koord.runtime.deploy.resuming import come_back, enter
-from koord.runtime.deploy.running import Job
 from koord.runtime.ports import is_place, point_of
 from koord.runtime.protocol.handshake import RUN_BYTES
 from koord.runtime.protocol.messages import INCARNATION_STEP, Message

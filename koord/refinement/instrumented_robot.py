@@ -29,9 +29,9 @@ from koord.refinement.reports import (
 from koord.refinement.running import Compiled, size_of
 from koord.refinement.tracing_host import TracingHost
 from koord.refinement.translation import Translation, to_written
+from koord.runtime.deploy.job import Job
 from koord.runtime.deploy.journal import Recollection
 from koord.runtime.deploy.member import Member, Platform
-from koord.runtime.deploy.running import Job
 from koord.runtime.proposals import INIT_ROUND, Admitted, Decision, EventFault, Faulted, Proposal
 from koord.runtime.protocol.messages import LogEntry
 from koord.runtime.robot import Robot, Turn

@@ -12,7 +12,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 from msgspec import Struct
 
-from koord.runtime.deploy.running import News, PoseReport, RoundReport
+from koord.runtime.deploy.news import News, PoseReport, RoundReport
 from koord.runtime.engine import Shown
 from koord.runtime.motion.arrays import Floats, Ints
 from koord.runtime.motion.geometry import as_path

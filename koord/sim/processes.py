@@ -18,8 +18,9 @@ from typing import Any, TypeAlias
 import numpy as np
 from msgspec import Struct, field
 
+from koord.runtime.deploy.job import Job
 from koord.runtime.deploy.member import Member, Untimed
-from koord.runtime.deploy.running import Job, RoundReport
+from koord.runtime.deploy.news import RoundReport
 from koord.runtime.motion.arrays import Bools, Floats, Ints
 from koord.runtime.motion.planning import Hindrance
 from koord.runtime.motion.world import Point

@@ -17,7 +17,8 @@ import koord
 from koord.api.deployed import FleetHeard
 from koord.cli.deployed import summary
 from koord.runtime.deploy import local, supervision
-from koord.runtime.deploy.running import News, Runner
+from koord.runtime.deploy.news import News
+from koord.runtime.deploy.running import Runner
 from koord.runtime.deploy.status import RobotReport
 from koord.runtime.deploy.supervision import EndCause, ProcessState
 

@@ -27,11 +27,11 @@ DRIVER = """
 import os, signal, sys
 from pathlib import Path
 import koord.cli.deploy as deploy
-import koord.runtime.deploy.running as running
+import koord.runtime.deploy.job as job
 from koord.cli.deployed import story
 from koord.cli.main import main
 
-class Noted(running.IdealHost):
+class Noted(job.IdealHost):
     def __setattr__(self, name, value):
         super().__setattr__(name, value)
         if name == "holding":
@@ -44,7 +44,7 @@ class Told(deploy.Board):
         stories = [f"{pid} {story(one, heard.processes.get(pid))}" for pid, one in robots]
         print("; ".join([said, *stories]), file=sys.stderr, flush=True)
 
-running.IdealHost, deploy.Board = Noted, Told
+job.IdealHost, deploy.Board = Noted, Told
 signal.signal(signal.SIGHUP, signal.SIG_DFL)  # the tests may run under nohup
 sys.exit(main(sys.argv[1:]))
 """

@@ -14,7 +14,7 @@ from koord.cli.main import main
 from koord.runtime.configuration.model import RunConfiguration
 from koord.runtime.deploy import supervised
 from koord.runtime.deploy.local import LocalProcesses
-from koord.runtime.deploy.running import News
+from koord.runtime.deploy.news import News
 from koord.runtime.deploy.status import unheard
 from koord.runtime.transports.transport import TransportError
 from koord.runtime.transports.udp import Plan, on_this_machine

@@ -329,7 +329,7 @@ WIRE_MISTAKES = (
     ),
     Mutant(
         "another key takes effect in mid-run",
-        "runtime.deploy.running.Runner._recollected",
+        "runtime.deploy.entering.Entrance._recollected",
         "key != key_here",
         "key < ''",
         (KEYS,),

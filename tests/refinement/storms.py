@@ -17,8 +17,8 @@ from koord.refinement.instrumented_robot import InstrumentedRobot
 from koord.refinement.judging import Judged, judge
 from koord.refinement.reports import Acted, Coordinated, Told
 from koord.runtime.chaos.network import Faults
+from koord.runtime.deploy.job import Job
 from koord.runtime.deploy.local import Launch, LocalProcesses, launched
-from koord.runtime.deploy.running import Job
 from tests.refinement.ethernet import BadHub, plan, plugged_in
 
 #: The first coordinator is killed after so long.

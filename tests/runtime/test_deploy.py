@@ -19,11 +19,12 @@ from koord.runtime.compile.loading import loaded
 from koord.runtime.configuration.checking import load as load_configuration
 from koord.runtime.deploy import journal as journal_module
 from koord.runtime.deploy.ideal import IdealHost, unanswered
+from koord.runtime.deploy.job import CannotTakePartError, Job
 from koord.runtime.deploy.journal import AnyRecord, DamagedError, Entered, Journal
 from koord.runtime.deploy.local import hears_itself, local_plan
 from koord.runtime.deploy.member import DivergedError, Member
 from koord.runtime.deploy.resuming import come_back, enter
-from koord.runtime.deploy.running import CannotTakePartError, Job, Runner
+from koord.runtime.deploy.running import Runner
 from koord.runtime.deploy.status import Tally, status_of
 from koord.runtime.engine import Deployed, RoundEngine
 from koord.runtime.motion.world import World

@@ -26,7 +26,8 @@ from koord.runtime.configuration.keys import (
     weakness,
     write_key,
 )
-from koord.runtime.deploy.running import Job, Runner, print_of
+from koord.runtime.deploy.job import Job, print_of
+from koord.runtime.deploy.running import Runner
 from koord.runtime.wire.frames import Drop
 from koord.syntax.diagnostics import KoordError
 from koord.syntax.source import Source
@@ -363,9 +364,7 @@ class Fleet:
         return made
 
     def kill(self, pid: int) -> None:
-        journal = self.runners.pop(pid)._journal
-        assert journal is not None
-        journal.close()
+        self.runners.pop(pid).entrance.close()
 
     def run(self, until_s: float) -> None:
         until_s += self.now
@@ -393,7 +392,7 @@ def test_another_key_takes_effect_with_the_next_run(tmp_path: Path) -> None:
     assert changed.run_id == b""
     assert "its journal is of a run with another key: not used" in changed.status.notes
     assert any("another key" in note for note in fleet.runners[0].status.notes)
-    assert fleet.runners[0].joining.drops[Drop.FORGED] > 0
+    assert fleet.runners[0].entrance.joining.drops[Drop.FORGED] > 0
     assert fleet.runners[0].status.round > before, "the others go on"
 
     fleet.kill(2)

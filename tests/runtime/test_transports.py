@@ -20,7 +20,8 @@ from koord.runtime.chaos.storm import Journal, StormRobot
 from koord.runtime.compile import compiled
 from koord.runtime.compile.loading import loaded
 from koord.runtime.configuration.checking import load as load_configuration
-from koord.runtime.deploy.running import Job, Runner
+from koord.runtime.deploy.job import Job
+from koord.runtime.deploy.running import Runner
 from koord.runtime.node import Peer
 from koord.runtime.protocol.setup import Setup, Timing
 from koord.runtime.protocol.state import fresh

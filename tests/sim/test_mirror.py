@@ -15,7 +15,7 @@ from koord.api.outputs import PageServed
 from koord.runtime.compile import compiled
 from koord.runtime.compile.loading import loaded
 from koord.runtime.deploy.member import Untimed
-from koord.runtime.deploy.running import News, PoseReport, RoundReport
+from koord.runtime.deploy.news import News, PoseReport, RoundReport
 from koord.runtime.deploy.status import unheard
 from koord.runtime.drivers.frames import turned
 from koord.runtime.motion.world import Point, World

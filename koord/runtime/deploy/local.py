@@ -21,15 +21,9 @@ from msgspec.structs import replace
 
 from koord.runtime.configuration.forms import Carrier
 from koord.runtime.configuration.model import RunConfiguration
-from koord.runtime.deploy.running import (
-    CannotTakePartError,
-    Job,
-    Make,
-    News,
-    Runner,
-    described,
-    member_of,
-)
+from koord.runtime.deploy.job import CannotTakePartError, Job, Make, member_of
+from koord.runtime.deploy.news import News
+from koord.runtime.deploy.running import Runner, described
 from koord.runtime.deploy.status import RobotReport
 from koord.runtime.deploy.supervision import EndCause, ProcessEnd
 from koord.runtime.transports.routed import Routed
@@ -357,9 +351,15 @@ def _robot(launch: Launch, pid: int, end: Connection) -> None:
         end.send(error)
         return
     try:
-        runner = Runner(launch.job, pid, transport, make=launch.make)
+        runner = Runner(
+            launch.job,
+            pid,
+            transport,
+            make=launch.make,
+            keeps_rounds=launch.keeps_rounds,
+            keeps_poses=launch.keeps_poses,
+        )
         asked.go = runner.go
-        runner.keeps_rounds, runner.keeps_poses = launch.keeps_rounds, launch.keeps_poses
 
         def report(news: News) -> None:
             with suppress(OSError):  # nobody hears it any more: it is told to stop

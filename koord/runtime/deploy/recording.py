@@ -7,7 +7,7 @@ from typing import IO, Any
 
 from msgspec import to_builtins
 
-from koord.runtime.deploy.running import RoundReport
+from koord.runtime.deploy.news import RoundReport
 from koord.runtime.deploy.status import RobotReport
 from koord.runtime.deploy.supervision import ProcessReport
 from koord.runtime.records import RecordFile

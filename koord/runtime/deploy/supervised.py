@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from msgspec import structs
 
 from koord.runtime.deploy.local import Launch, launched
-from koord.runtime.deploy.running import News
+from koord.runtime.deploy.news import News
 from koord.runtime.deploy.status import RobotReport
 from koord.runtime.deploy.supervision import EndCause, ProcessReport, Supervisor
 

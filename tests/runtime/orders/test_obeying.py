@@ -16,8 +16,9 @@ from koord.runtime.compile import compiled
 from koord.runtime.compile.loading import loaded
 from koord.runtime.configuration.checking import load as load_configuration
 from koord.runtime.deploy.ideal import IdealHost
+from koord.runtime.deploy.job import Job, ideal_host
 from koord.runtime.deploy.member import Platform
-from koord.runtime.deploy.running import Job, Runner, ideal_host
+from koord.runtime.deploy.running import Runner
 from koord.runtime.drivers.setpoints import Disarm, Hold, Setpoint
 from koord.runtime.guardian.events import Condition, Order
 from koord.runtime.guardian.modes import Mode

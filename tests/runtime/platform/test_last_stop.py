@@ -11,8 +11,9 @@ import pytest
 from koord.runtime.compile import compiled
 from koord.runtime.compile.loading import loaded
 from koord.runtime.configuration.checking import load as load_configuration
+from koord.runtime.deploy.job import Job
 from koord.runtime.deploy.member import LANDING_S, Platform
-from koord.runtime.deploy.running import Job, Runner
+from koord.runtime.deploy.running import Runner
 from koord.runtime.drivers.setpoints import Disarm, Hold, Sensed, Setpoint
 from koord.runtime.guardian.modes import Mode
 from koord.runtime.platform.host import VehicleHost, VehiclePlatform
@@ -76,7 +77,7 @@ class Robot:
 
 def _host(job: Job) -> object:
     """As much of a vehicle's host as a program without sensors asks for."""
-    from koord.runtime.deploy.running import ideal_host
+    from koord.runtime.deploy.job import ideal_host
 
     made = ideal_host(job, 0)
     made.kinds = job.kinds  # type: ignore[attr-defined]

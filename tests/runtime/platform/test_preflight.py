@@ -12,8 +12,9 @@ from koord.api.preflight import MENDING_S, Looking, Preflight, good_enough
 from koord.runtime.compile import compiled
 from koord.runtime.compile.loading import loaded
 from koord.runtime.configuration.checking import load as load_configuration
+from koord.runtime.deploy.job import Job
 from koord.runtime.deploy.preflight import Check, Finding
-from koord.runtime.deploy.running import Job, Runner
+from koord.runtime.deploy.running import Runner
 from koord.runtime.deploy.status import unheard
 from koord.runtime.drivers.setpoints import Sensed
 from koord.runtime.motion.group import TICK_S
