@@ -18,7 +18,7 @@ from koord.runtime.drivers.localised import Localised
 from koord.runtime.guardian.conditions import Setup
 from koord.runtime.motion.field import field
 from koord.runtime.motion.library import Chart, Library
-from koord.runtime.motion.planning import Pose
+from koord.runtime.motion.planning import Pose, Room
 from koord.runtime.motion.world import Point, World
 from koord.runtime.platform.host import VehicleHost, VehiclePlatform
 from koord.runtime.platform.pilots import PilotSettings, pilot
@@ -62,9 +62,7 @@ def platforms(
         start = _standing(placed.start, vehicle, world)
         device = Device(pid, vehicle, world, start, placed.heading_rad, scene.seed)
         model = placed.model
-        settings = PilotSettings(
-            model.body, model.planner, model.steering, model.visit, model.effort, model.controller
-        )
+        settings = pilot_settings(fitted, pid)
         guarded = Setup(vehicle.safety, field(world, flat=model.body.ON_GROUND), float(job.delta_s))
         try:
             driver = _driver(drivers, device)
@@ -101,6 +99,23 @@ def platforms(
         )
 
     return make
+
+
+def pilot_settings(fitted: Fitted, pid: int) -> PilotSettings:
+    """How a robot moves. Its ways keep to where its guardian lets it be. (P-WAY)"""
+    scene, safety = fitted.scene, fitted.configuration.robots[pid].vehicle.safety
+    model = scene.robots[pid].model
+    # Who is as far off its way as claims allow for is not yet where its guardian holds it.
+    room = Room(safety.margin_m, scene.clearance.tracking_m)
+    return PilotSettings(
+        model.body,
+        model.planner,
+        model.steering,
+        model.visit,
+        model.effort,
+        model.controller,
+        room,
+    )
 
 
 def _driver(drivers: Drivers, device: Device) -> Driver:

@@ -13,6 +13,7 @@ LAST_STOP = "tests/runtime/platform/test_last_stop.py"
 WATCHDOG = "tests/runtime/platform/test_watchdog.py"
 DRY_RUN = "tests/cli/test_dry_run.py"
 WATCHED = "tests/runtime/platform/test_watched.py"
+WAYS = "tests/runtime/platform/test_ways.py"
 
 #: What moves otherwise than was decided, or without being driven.
 DRIVEN = (
@@ -79,6 +80,34 @@ DRIVEN = (
         "self.driver.command(answer.setpoint, now_s)",
         "self.driver.command(getattr(event, 'wish', None) or answer.setpoint, now_s)",
         (DRIVEN_BY,),
+    ),
+    Mutant(
+        "robots plan ways where their guardians do not let them be",
+        "api.platforms.pilot_settings",
+        "Room(safety.margin_m, scene.clearance.tracking_m)",
+        "Room()",
+        (WAYS,),
+    ),
+    Mutant(
+        "straight ways to targets are as close to obstacles as bodies allow",
+        "runtime.motion.group.Group.__init__",
+        "max(body.radius_m, room.wide_m)",
+        "body.radius_m",
+        (WAYS,),
+    ),
+    Mutant(
+        "trees keep from obstacles what bodies need and no more",
+        "runtime.motion.rrt._keeping",
+        "keeps_m <= reach_m",
+        "True",
+        (WAYS,),
+    ),
+    Mutant(
+        "who is measured below the ground is led along there",
+        "runtime.platform.pilots.FlyingPilot._law",
+        "max(z, self._field.world.ground)",
+        "z",
+        (WAYS,),
     ),
     Mutant(
         "a driver that raises once is not told to stop any more",

@@ -102,7 +102,7 @@ MAVLINKED = (
     Mutant(
         "a path is joined through what is in between",
         f"{_PILOT}._join",
-        "path and not self._field.path_free(as_path([here, *path]), self.group.body.radius_m)",
+        "path and not self._field.path_free(as_path([here, *path]), reach_m)",
         "False",
         (DRIVEN,),
     ),

@@ -16,7 +16,16 @@ from koord.runtime.motion.arrays import Floats, Ints
 from koord.runtime.motion.automaton import MotionState, Visit
 from koord.runtime.motion.bodies import Body
 from koord.runtime.motion.field import field
-from koord.runtime.motion.planning import Hindrance, Planner, Plight, Pose, hindrance, suits
+from koord.runtime.motion.planning import (
+    CLOSE,
+    Hindrance,
+    Planner,
+    Plight,
+    Pose,
+    Room,
+    hindrance,
+    suits,
+)
 from koord.runtime.motion.routes import Routes
 from koord.runtime.motion.world import Point, World
 from koord.runtime.plugins.calls import PlugInError
@@ -44,8 +53,12 @@ class Group:
         planner: Planner,
         visit: Visit,
         seeds: Sequence[int] | None = None,
+        room: Room = CLOSE,
     ) -> None:
-        """Make a group; ``seeds`` are the planners', one for each robot."""
+        """Make a group; ``seeds`` are the planners', one for each robot.
+
+        ``room`` is what ways keep from walls and obstacles besides what the body needs.
+        """
         self.body, self.world, self.planner, self.visit = body, world, planner, visit
         self.count = count
         self.automata = automaton.initial(count)
@@ -57,6 +70,7 @@ class Group:
         self._beside_m = 1e-9 if body.IS_EXACT else _BESIDE_M
         self._orders = automaton.no_orders(count)
         self._field = field(world, flat=body.ON_GROUND)
+        self._reach_m = max(body.radius_m, room.wide_m)
         self._seeds = [0] * count if seeds is None else list(seeds)
         self._plans = np.zeros(count, np.int64)
 
@@ -164,7 +178,7 @@ class Group:
         fits = np.array(
             [suits(self.body, self.world, self.targets[robot]) for robot in robots.tolist()]
         )
-        free = fits & self._field.segments_free(psn[robots], goals, self.body.radius_m)
+        free = fits & self._field.segments_free(psn[robots], goals, self._reach_m)
         gone = robots[free]
         velocity = self._velocity(gone)
         self.routes.put_straight(gone, psn[gone], goals[free])

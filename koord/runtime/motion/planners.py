@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from koord.runtime.motion.bodies import Body, PlannerName
-from koord.runtime.motion.planning import Ground, Planner, PlanningEffort, Straight
+from koord.runtime.motion.planning import CLOSE, Ground, Planner, PlanningEffort, Room, Straight
 from koord.runtime.motion.world import World
 from koord.runtime.plugins.calls import PlugIn
 
@@ -14,12 +14,14 @@ def planner(
     body: Body,
     effort: PlanningEffort = PlanningEffort(),
     avoid_m: float = 0.25,
+    room: Room = CLOSE,
 ) -> Planner:
     """The planner of a name. Raises KoordError if it needs a library that is not installed.
 
-    ``avoid_m`` is the radius of what stands at a point to avoid.
+    ``avoid_m`` is the radius of what stands at a point to avoid, ``room`` what ways keep from walls
+    and obstacles besides what the body needs.
     """
-    ground = Ground(world, body, avoid_m)
+    ground = Ground(world, body, avoid_m, room)
     if isinstance(name, PlugIn):
         from koord.runtime.plugins.loading import own_planner
 

@@ -104,12 +104,33 @@ def suits(body: Body, world: World, goal: Point) -> bool:
     return hindrance(body, world, goal) is None
 
 
+class Room(Struct, frozen=True):
+    """How far positions on ways keep from walls and obstacles, however small the body is. (P-WAY)
+
+    On no way they come nearer than ``least_m``, but to leave a start that is nearer already. Where
+    there is such a way, they keep ``spare_m`` more, away from its start and its goal.
+    """
+
+    least_m: float = 0.0
+    spare_m: float = 0.0
+
+    @property
+    def wide_m(self) -> float:
+        """What is kept where that can be."""
+        return self.least_m + self.spare_m
+
+
+#: As close as bodies allow.
+CLOSE = Room()
+
+
 class Ground(Struct, frozen=True):
     """The planning problem: world, body, and the radius in m of what stands at avoided points."""
 
     world: World
     body: Body
     avoid_m: float
+    room: Room = CLOSE
 
     @property
     def flat(self) -> bool:
@@ -121,6 +142,13 @@ class Ground(Struct, frozen=True):
             return field(self.world, flat=self.flat)
         extra = tuple(Disc((x, y), self.avoid_m) for x, y, _ in avoid)
         return field(replace(self.world, obstacles=self.world.obstacles + extra), flat=self.flat)
+
+    def standing(self, start: Pose) -> Pose:
+        """The start of a way: who stands on the ground may be measured a little below it."""
+        x, y, z = start.position
+        return (
+            start if z >= self.world.ground else replace(start, position=(x, y, self.world.ground))
+        )
 
 
 class Straight(Struct, frozen=True):
@@ -134,5 +162,9 @@ class Straight(Struct, frozen=True):
         body = self.ground.body
         if not suits(body, self.ground.world, goal):
             return None
-        path = np.array([start.position, goal])
-        return path if self.ground.field(avoid).path_free(path, body.radius_m) else None
+        path = np.array([self.ground.standing(start).position, goal])
+        reach_m = max(body.radius_m, self.ground.room.least_m)
+        if not self.ground.field(avoid).path_free(path, reach_m):
+            return None
+        path[0] = start.position
+        return path

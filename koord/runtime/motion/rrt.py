@@ -77,23 +77,34 @@ class TreePlanner(Struct, frozen=True):
         self, start: Pose, goal: Point, seed: int, avoid: Sequence[Point] = ()
     ) -> Floats | None:
         """Plan a path from exactly the start to exactly the goal; None if none was found."""
+        room = self.ground.room
         if not suits(self.ground.body, self.ground.world, goal):
             return None
-        free = self.ground.field(avoid)
-        if self._is_direct(free, start, goal):
+        free, begin = self.ground.field(avoid), self.ground.standing(start)
+        if free.clearance(*goal) < room.least_m:
+            return None
+        for keeps_m in sorted({room.wide_m, room.least_m}, reverse=True):
+            points = self._way(free, begin, goal, keeps_m, seed)
+            if points is not None:
+                points[0], points[-1] = start.position, goal
+                return points
+        return None
+
+    def _way(
+        self, free: Field, start: Pose, goal: Point, keeps_m: float, seed: int
+    ) -> Floats | None:
+        """Find the points of a path whose positions keep so far from walls and obstacles."""
+        if self._is_direct(free, start, goal, keeps_m):
             return np.array([start.position, goal])
         with _chance:
             util.RNG.setSeed(seed % 2**31 + 1)
-            points = self._grown(free, start, goal)
-        if points is not None:
-            points[0], points[-1] = start.position, goal
-        return points
+            return self._grown(free, start, goal, keeps_m)
 
-    def _is_direct(self, free: Field, start: Pose, goal: Point) -> bool:
+    def _is_direct(self, free: Field, start: Pose, goal: Point, keeps_m: float) -> bool:
         """Return whether the straight line does, without a tree."""
         raise NotImplementedError
 
-    def _grown(self, free: Field, start: Pose, goal: Point) -> Floats | None:
+    def _grown(self, free: Field, start: Pose, goal: Point, keeps_m: float) -> Floats | None:
         """Grow a tree, and return the points of a path in it."""
         raise NotImplementedError
 
@@ -101,14 +112,16 @@ class TreePlanner(Struct, frozen=True):
 class SpacePlanner(TreePlanner, frozen=True):
     """A planner for bodies that set out in any direction: RRT in R³, or on the ground plane."""
 
-    def _is_direct(self, free: Field, start: Pose, goal: Point) -> bool:
-        return free.path_free(np.array([start.position, goal]), self.ground.body.radius_m)
+    def _is_direct(self, free: Field, start: Pose, goal: Point, keeps_m: float) -> bool:
+        reach_m = max(self.ground.body.radius_m, keeps_m)
+        return free.path_free(np.array([start.position, goal]), reach_m)
 
-    def _grown(self, free: Field, start: Pose, goal: Point) -> Floats | None:
+    def _grown(self, free: Field, start: Pose, goal: Point, keeps_m: float) -> Floats | None:
         body = self.ground.body
         axes = 2 if body.ON_GROUND else 3
         space = _bounded(base.RealVectorStateSpace(axes), self.ground.world, axes)
-        enough = _leaving(free, start.position, body.radius_m + MARGIN_M)
+        reach_m = max(body.radius_m + MARGIN_M, self.ground.room.least_m)
+        enough = _keeping(free, start.position, goal, reach_m, keeps_m)
 
         height = (lambda _: start.position[2]) if body.ON_GROUND else (lambda state: state[2])
 
@@ -132,13 +145,19 @@ class CurvePlanner(TreePlanner, frozen=True):
     Points of a path are 0.15 m apart, with a point wherever the car reverses.
     """
 
-    def _is_direct(self, free: Field, start: Pose, goal: Point) -> bool:
+    def _is_direct(self, free: Field, start: Pose, goal: Point, keeps_m: float) -> bool:
         return math.dist(start.position, goal) < _HERE_M
 
-    def _grown(self, free: Field, start: Pose, goal: Point) -> Floats | None:
+    def _grown(self, free: Field, start: Pose, goal: Point, keeps_m: float) -> Floats | None:
         body, world = self.ground.body, self.ground.world
         space = _bounded(base.ReedsSheppStateSpace(body.turning_m * _WIDER), world, 2)
-        valid = car_fits(free, body, start)
+        fits = car_fits(free, body, start)
+        enough = _keeping(free, start.position, goal, self.ground.room.least_m, keeps_m)
+        z = start.position[2]
+
+        def valid(state: Any) -> bool:
+            return enough(state.getX(), state.getY(), z) and fits(state)
+
         query = _Query(space, valid, self.effort, self.optimal, range_m=2.5)
         begin = query.state()
         _place(begin, start.position, start.heading_rad)
@@ -236,6 +255,29 @@ def _leaving(free: Field, start: Point, reach_m: float) -> Callable[[float, floa
             return True
         near = math.dist((x, y, z), start) < _LEAVING_M
         return near and clearance >= at_start
+
+    return enough
+
+
+def _keeping(
+    free: Field, start: Point, goal: Point, reach_m: float, keeps_m: float
+) -> Callable[[float, float, float], bool]:
+    """A check that a position has clearance: what is kept, or near the ends what they have there.
+
+    It has the reach in any case, or near the start what it has there.
+    """
+    has_reach = _leaving(free, start, reach_m)
+    if keeps_m <= reach_m:
+        return has_reach
+    ends = [(end, free.clearance(*end) - 1e-3) for end in (start, goal)]
+
+    def enough(x: float, y: float, z: float) -> bool:
+        clearance = free.clearance(x, y, z)
+        if clearance > keeps_m:
+            return True
+        here = (x, y, z)
+        near = any(clearance >= m and math.dist(here, end) < _LEAVING_M for end, m in ends)
+        return near and has_reach(x, y, z)
 
     return enough
 

@@ -35,7 +35,7 @@ from koord.runtime.motion.flying import Flying
 from koord.runtime.motion.geometry import as_path
 from koord.runtime.motion.group import TAKEOFF_M, TICK_S, Group
 from koord.runtime.motion.planners import planner
-from koord.runtime.motion.planning import PlanningEffort
+from koord.runtime.motion.planning import CLOSE, PlanningEffort, Room
 from koord.runtime.motion.pursuit import Horizon
 from koord.runtime.motion.world import Point, World
 from koord.runtime.platform.rising import RISEN
@@ -60,6 +60,7 @@ class PilotSettings(Struct, frozen=True):
     visit: Visit = field(default_factory=Visit)
     effort: PlanningEffort = field(default_factory=PlanningEffort)
     controller: PlugIn | None = None
+    room: Room = CLOSE  #: what its ways keep from walls and obstacles (P-WAY)
 
 
 class Pilot(ABC):
@@ -71,13 +72,13 @@ class Pilot(ABC):
         #: aircraft rise to this above the ground before they follow a way; None: they need not
         self.takeoff_height_m: float | None = None
         body = settings.body
-        made = planner(settings.planner, world, body, settings.effort)
+        made = planner(settings.planner, world, body, settings.effort, room=settings.room)
         self.planner = made
         if isinstance(made, CheckedPlanner):
             made.forgives = True
         #: plug-ins that fail, by what they are for; while there are some, the robot stays
         self.troubles: dict[str, str] = {}
-        self.group = Group(1, body, world, made, settings.visit, [seed])
+        self.group = Group(1, body, world, made, settings.visit, [seed], settings.room)
 
     def wish(self, sensed: Sensed, now_s: float) -> Wish:
         """What the vehicle should do until the next tick, from where it is."""
@@ -305,7 +306,8 @@ class FlyingPilot(Pilot):
         x, y, _ = here = sensed.position_m
         if len(path) > 1 and math.dist(path[0][:2], (x, y)) < _RISES_WITHIN_M:
             path = path[1:]
-        if path and not self._field.path_free(as_path([here, *path]), self.group.body.radius_m):
+        reach_m = max(self.group.body.radius_m, self.settings.room.least_m)
+        if path and not self._field.path_free(as_path([here, *path]), reach_m):
             self.go_to(path[-1])
         else:
             self.follow(path, sensed)
@@ -314,7 +316,10 @@ class FlyingPilot(Pilot):
         if self._flying is None:
             self._flying = Flying(self.group, position, waits=not self.group.body.IS_EXACT)
         to = self._flying.command(position, TICK_S)
-        return Track(_point(to.position[0]), _point(to.velocity[0]), _point(to.acceleration[0]))
+        x, y, z = _point(to.position[0])
+        # Its way begins where it is measured to be, which on the ground may be a little below it.
+        place = x, y, max(z, self._field.world.ground)
+        return Track(place, _point(to.velocity[0]), _point(to.acceleration[0]))
 
     def _origin(self, position: Floats) -> Floats:
         return position if self._flying is None else self._flying.origin(position)
