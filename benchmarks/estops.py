@@ -26,6 +26,7 @@ from koord.runtime.motion.world import World
 from koord.runtime.orders.hearing import Body, Hearer
 from koord.runtime.orders.lines import Addresses, line_to
 from koord.runtime.orders.messages import Request, Wanted
+from koord.runtime.platform.checks import Stated
 from koord.runtime.platform.host import VehicleHost, VehiclePlatform
 from koord.runtime.platform.pilots import PilotSettings, pilot
 from koord.runtime.platform.vehicle import DrivenVehicle
@@ -62,7 +63,9 @@ class Robot(threading.Thread):
         setup = Setup(usual(model.body), field(WORLD, flat=True), 0.1)
         steersman = pilot(PilotSettings(model.body, model.planner), WORLD)
         driven = DrivenVehicle(driver, steersman, setup, time.monotonic())
-        self._platform = VehiclePlatform(cast(VehicleHost, SimpleNamespace(kinds=(0,))), driven)
+        self._platform = VehiclePlatform(
+            cast(VehicleHost, SimpleNamespace(kinds=(0,))), driven, stated=Stated()
+        )
         body = Body(
             lambda order: self._platform.order(order, time.monotonic()),
             lambda: self._platform.state,

@@ -21,6 +21,22 @@ from koord.syntax.diagnostics import Diagnostic, KoordError, refusal
 Where: TypeAlias = str | PathLike[str] | None
 
 
+class FleetFiles(Struct, frozen=True):
+    """The files that say which robots are meant."""
+
+    config: str | None  #: None: all that runs on this machine
+    site: str | None  #: what the configuration does not say (P-SITE)
+
+    @staticmethod
+    def of(config: Where, site: Where) -> FleetFiles:
+        """Take the arguments of an API function. Raises ArgumentError."""
+        if site is not None and config is None:
+            raise ArgumentError("site", "it adds to a configuration: say which")
+        return FleetFiles(
+            None if config is None else os.fspath(config), None if site is None else os.fspath(site)
+        )
+
+
 class Callees(Struct, frozen=True):
     """Robots that are reached in one way. Those that are ``gone`` need not answer."""
 
@@ -32,17 +48,17 @@ class Callees(Struct, frozen=True):
 
 
 def callees(
-    config: Where, robots: Collection[int] | None, *, is_patient: bool = False
+    files: FleetFiles, robots: Collection[int] | None, *, is_patient: bool = False
 ) -> tuple[list[Callees], tuple[Diagnostic, ...]]:
     """The robots that are meant. Raises KoordError if there are none, or none can be reached."""
-    name = None if config is None else os.fspath(config)
+    name = files.config
     fleets = [_here(path, run) for path, run in found(name)]
     warnings: tuple[Diagnostic, ...] = ()
     if name is not None and not any(_is_all(one) for one in fleets):
         covered = {pid for one in fleets if not one.is_gone for pid in one.pids}
         try:
             is_alone = not fleets and not is_patient
-            fleets += _configured(name, covered, is_alone=is_alone)
+            fleets += _configured(name, files.site, covered, is_alone=is_alone)
         except KoordError as error:
             if not fleets:
                 raise
@@ -78,7 +94,9 @@ def _here(path: Path, run: Running) -> Callees:
     return Callees(run.configuration, run.access, pids, path, not run.is_alive)
 
 
-def _configured(name: str, covered: Collection[int], *, is_alone: bool) -> list[Callees]:
+def _configured(
+    name: str, site: str | None, covered: Collection[int], *, is_alone: bool
+) -> list[Callees]:
     """The robots of a configuration, wherever they are, but for those that are found already.
 
     Raises KoordError.
@@ -89,7 +107,8 @@ def _configured(name: str, covered: Collection[int], *, is_alone: bool) -> list[
     from koord.runtime.configuration.keys import shared_key
     from koord.runtime.orders.reach import reach_of
 
-    configuration = load(read_program(name).source)
+    more = None if site is None else read_program(site).source
+    configuration = load(read_program(name).source, more)
     pids = tuple(robot.pid for robot in configuration.robots if robot.pid not in covered)
     key = shared_key(configuration) if pids else None
     if key is None:

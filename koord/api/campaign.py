@@ -242,7 +242,9 @@ def _identity(wanted: FitRequest, request: CampaignRequest) -> str:
         __version__,
         wanted.source.text,
         [source.text for source in wanted.properties],
-        None if configuration is None else configuration.document.source.text,
+        None
+        if configuration is None
+        else "\n---\n".join(one.text for one in configuration.document.sources),
         sorted((name, literal(value)) for name, value in wanted.params.items()),
         str(wanted.delta_s),
         wanted.seed,

@@ -61,10 +61,13 @@ class ConfigurationReport(Result, frozen=True):
         return "\n".join([f"<ConfigurationReport {self.name}: {said}>", *lines])
 
 
-def check_configuration(text: Text, program: Loadable | None = None) -> ConfigurationReport:
+def check_configuration(
+    text: Text, program: Loadable | None = None, site: Text | None = None
+) -> ConfigurationReport:
     """Check a configuration, and a program with it; return all diagnostics.
 
-    ``text`` is the name of a file, or a text. Without a program, the one beside the file counts, if
+    ``text`` is the name of a file, or a text, and so is ``site``: what the configuration does not
+    say (:func:`koord.read_configuration`). Without a program, the one beside the file counts, if
     there is one of its name. Mistakes are data: nothing is raised for them.
 
     >>> koord.check_configuration("task.yaml").errors
@@ -76,7 +79,9 @@ def check_configuration(text: Text, program: Loadable | None = None) -> Configur
     configuration, sources, found = None, list[Source](), list[Diagnostic]()
     try:
         sources.append(source_of(text))
-        configuration = load_configuration(sources[0])
+        if site is not None:
+            sources.append(source_of(site))
+        configuration = load_configuration(*sources)
         found += drivers_of(configuration, registry(), localiser_registry())[1]
         if program is None:
             found += configuration.warnings
@@ -107,8 +112,8 @@ def check_start(fitted: Fitted) -> None:
 def _request(program: Loadable, configuration: RunConfiguration) -> FitRequest:
     if isinstance(program, Program):
         given = dict(program.settings.params)
-        return FitRequest(program.source, configuration, program.properties, given)
-    return FitRequest(source_of(program), configuration, (), {})
+        return FitRequest(program.source, configuration, program.properties, given, located=True)
+    return FitRequest(source_of(program), configuration, (), {}, located=True)
 
 
 def _name(program: Loadable) -> str:

@@ -168,5 +168,8 @@ def _hurried(configuration: RunConfiguration) -> Diagnostic:
 def keyless(configuration: RunConfiguration) -> Diagnostic:
     """The diagnostic of robots on several computers that have no key. (K932)"""
     story = "the robots have no key in common"
-    hint = "write one with `koord config key robots.key`, and add: network: {key_file: robots.key}"
+    hint = (
+        "write one with `koord config key robots.key`, and add network: {key_file: robots.key}, "
+        "here or in the file of a site (`site=`)"
+    )
     return Diagnostic("K932", Severity.ERROR, whole_file(configuration.name), story, hint)

@@ -102,7 +102,8 @@ def deploy(
     if restart and pid is not None:
         raise ArgumentError("restart", NOT_RESTARTED)
     check_outputs(request)
-    fitted = fit(fit_request(program, config, params, None, None, delta_s))
+    wanted = fit_request(program, config, params, None, None, delta_s)
+    fitted = fit(replace(wanted, located=not dry_run))
     job = job_of(fitted, request)
     return deploy_fitted(fitted, job, request, progress, cancellation, approve=approve)
 

@@ -70,7 +70,7 @@ class FitRequest(Struct, frozen=True):
 
     ``robots`` is another number of robots than the configuration's, ``delta_s`` another length of a
     round in seconds, ``seed`` what places hang on that nobody gives; None means as configured, or
-    as the program states.
+    as the program states. ``located``: vehicles say where robots begin, where drivers have them.
     """
 
     source: Source
@@ -80,6 +80,7 @@ class FitRequest(Struct, frozen=True):
     delta_s: Fraction | None = None
     robots: int | None = None
     seed: int | None = None
+    located: bool = False
 
 
 class Fitted(Struct, frozen=True):
@@ -132,9 +133,13 @@ def fit_request(
     return FitRequest(source, config, properties, chosen, delta_of(delta_s), robots, seed)
 
 
-def read_configuration(text: Text) -> RunConfiguration:
-    """Read a configuration from a file or a text. Raises KoordError with every mistake."""
-    return load_configuration(source_of(text))
+def read_configuration(text: Text, site: Text | None = None) -> RunConfiguration:
+    """Read a configuration from a file or a text. Raises KoordError with every mistake.
+
+    What it does not say may be in another one, the ``site``: world, positions, network, safety, ...
+    of the place where robots are (P-SITE). So a configuration is used as it stands, anywhere.
+    """
+    return load_configuration(source_of(text), None if site is None else source_of(site))
 
 
 def beside(path: str, suffix: str) -> str | None:
@@ -233,7 +238,7 @@ def _scene(
     from koord.sim.scene import scene
 
     landmarks = tuple(places_of(program)) if moves(program) else None
-    return scene(configuration, request.seed, request.robots, landmarks)
+    return scene(configuration, request.seed, request.robots, landmarks, located=request.located)
 
 
 def _default(program: core.Program, robots: int | None) -> RunConfiguration:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import os
 import time
 from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import ExitStack, contextmanager
 
 from msgspec import Struct, to_builtins
 
-from koord.api.callees import Callees, Where, callees
+from koord.api.callees import Callees, FleetFiles, Where, callees
 from koord.api.progress import Cancellation, Listener, Progress, asker, heard_by
 from koord.api.results import ArgumentError, Result, html_table
 from koord.runtime.orders.calling import Call, Called
@@ -90,29 +89,33 @@ class HeartbeatHeard(Progress, frozen=True):
 def estop(
     config: Where = None,
     *,
+    site: Where = None,
     robots: Collection[int] | None = None,
     test: bool = False,
     timeout_s: float = USUAL_S,
 ) -> OrderReport:
     """Stop robots at once, whatever they do: the e-stop.
 
-    ``config`` is the configuration with which they were deployed: with its key they are reached
-    wherever they are. Without one all robots are stopped that this user has deployed on this
-    machine. ``robots`` are their pids, if not all are meant. A ``test`` stops nobody, and shows who
-    would have been. They are called for ``timeout_s`` seconds at most.
+    ``config`` is the configuration with which they were deployed, and ``site`` the file of what it
+    does not say, if there is one: with its key they are reached wherever they are. Without one all
+    robots are stopped that this user has deployed on this machine. ``robots`` are their pids, if
+    not all are meant. A ``test`` stops nobody, and shows who would have been. They are called for
+    ``timeout_s`` seconds at most.
 
     Raises :class:`koord.KoordError` if there is nobody to call.
 
     >>> koord.estop("task.yaml").ok
     True
     """
-    return _ordered(config, Wanted.ASK if test else Wanted.ESTOP, robots, timeout_s)
+    files = FleetFiles.of(config, site)
+    return _ordered(files, Wanted.ASK if test else Wanted.ESTOP, robots, timeout_s)
 
 
 def order(
     config: Where,
     wanted: Wanted | str,
     *,
+    site: Where = None,
     robots: Collection[int] | None = None,
     timeout_s: float = USUAL_S,
 ) -> OrderReport:
@@ -127,12 +130,13 @@ def order(
     if asked is None:
         known = ", ".join(one.value for one in ORDERS)
         raise ArgumentError("wanted", f"{wanted!r} is no order: there are {known}")
-    return _ordered(config, asked, robots, timeout_s)
+    return _ordered(FleetFiles.of(config, site), asked, robots, timeout_s)
 
 
 def heartbeat(
     config: Where = None,
     *,
+    site: Where = None,
     robots: Collection[int] | None = None,
     pressed: Callable[[], bool] | None = None,
     progress: Listener | None = None,
@@ -144,10 +148,11 @@ def heartbeat(
     :class:`HeartbeatHeard`. The rest is as for :func:`koord.estop`.
     """
     is_cancelled, tell = asker(cancellation), heard_by(progress)
+    files = FleetFiles.of(config, site)
     while not is_cancelled():
-        fleets, _ = callees(config, robots, is_patient=True)
-        if fleets and _beat(config, fleets, _Watch(is_cancelled, pressed or _never), tell):
-            return _ordered(config, Wanted.ESTOP, robots, USUAL_S)
+        fleets, _ = callees(files, robots, is_patient=True)
+        if fleets and _beat(files.config, fleets, _Watch(is_cancelled, pressed or _never), tell):
+            return _ordered(files, Wanted.ESTOP, robots, USUAL_S)
         if not fleets:
             tell(HeartbeatHeard("nobody to call"))
             time.sleep(_LOOK_S)
@@ -165,7 +170,7 @@ class _Watch(Struct, frozen=True):
     pressed: Callable[[], bool]
 
 
-def _beat(config: Where, fleets: list[Callees], watch: _Watch, tell: Listener) -> bool:
+def _beat(config: str | None, fleets: list[Callees], watch: _Watch, tell: Listener) -> bool:
     """Send heartbeats until something ends them, or for some time; return whether by e-stop."""
     with _called(fleets, Wanted.ALIVE) as calls:
         while not watch.is_cancelled():
@@ -173,15 +178,15 @@ def _beat(config: Where, fleets: list[Callees], watch: _Watch, tell: Listener) -
                 return True
             calls.turn(_WAIT_S)
             tell(HeartbeatHeard("heartbeats", robots=calls.silent_or_not()))
-            if calls.have_moved(None if config is None else os.fspath(config)):
+            if calls.have_moved(config):
                 return False
     return False
 
 
 def _ordered(
-    config: Where, wanted: Wanted, robots: Collection[int] | None, timeout_s: float
+    files: FleetFiles, wanted: Wanted, robots: Collection[int] | None, timeout_s: float
 ) -> OrderReport:
-    fleets, warnings = callees(config, robots)
+    fleets, warnings = callees(files, robots)
     with _called(fleets, wanted) as calls:
         calls.until_over(timeout_s)
         return OrderReport(wanted=wanted, robots=calls.answers(), warnings=warnings)

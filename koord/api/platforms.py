@@ -20,6 +20,7 @@ from koord.runtime.motion.field import field
 from koord.runtime.motion.library import Chart, Library
 from koord.runtime.motion.planning import Pose, Room
 from koord.runtime.motion.world import Point, World
+from koord.runtime.platform.checks import Stated
 from koord.runtime.platform.host import VehicleHost, VehiclePlatform
 from koord.runtime.platform.pilots import PilotSettings, pilot
 from koord.runtime.platform.rising import RisingPlanner
@@ -95,7 +96,11 @@ def platforms(
                 is_simulated=drivers.made[pid] is SIMULATED,
             )
         return VehiclePlatform(
-            host, driven, supplied, arms=arms, expected=_expected(fitted, pid, start)
+            host,
+            driven,
+            supplied,
+            arms=arms,
+            stated=_stated(fitted, pid, start),
         )
 
     return make
@@ -160,9 +165,11 @@ def claims_host(fitted: Fitted, job: Job) -> ClaimsHost:
     return ClaimsHost(job.classes, job.kinds, scene.world, library, scene.seed)
 
 
-def _expected(fitted: Fitted, pid: int, start: Point) -> Point | None:
-    """Where the configuration has a robot; None if it does not say."""
-    return None if fitted.configuration.robots[pid].position is None else start
+def _stated(fitted: Fitted, pid: int, start: Point) -> Stated:
+    """What the configuration says of where a robot is."""
+    configuration = fitted.configuration
+    position = None if configuration.robots[pid].position is None else start
+    return Stated(position, configuration.bounded)
 
 
 def _standing(start: Point, vehicle: Vehicle, world: World) -> Point:

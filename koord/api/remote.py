@@ -135,6 +135,7 @@ def deploy_remotely(
     )
     check_outputs(request)
     wanted = fit_request(program, config, params, None, None, delta_s)
+    wanted = replace(wanted, located=not dry_run)
     kept = None if logs is None else fspath(logs)
     made = RemoteRequest(wanted, fit(wanted), request, login or Login(), kept, attach)
     return deploy_over_ssh(made, progress, cancellation, approve=approve)

@@ -73,6 +73,9 @@ def copied(wanted: FitRequest, configuration: RunConfiguration, rests_on: str | 
         add(wanted.source.name, wanted.source.text.encode()),
         add(configuration.name, configuration.document.source.text.encode()),
     ]
+    site = configuration.document.site
+    if site is not None:
+        words.append(f"--site={add(site.name, site.text.encode())}")
     words += [f"--with={add(one.name, one.text.encode())}" for one in wanted.properties]
     if rests_on is not None:
         words.append(f"--rests-on={add(rests_on, read_bytes(rests_on))}")

@@ -320,6 +320,15 @@ def add_bounds(parser: argparse.ArgumentParser, *, several: bool = False) -> Non
     )
 
 
+def add_site(parser: argparse.ArgumentParser) -> None:
+    """Add the flag for what a configuration does not say. (P-SITE)"""
+    parser.add_argument(
+        "--site",
+        metavar="FILE",
+        help="what CONFIG does not say of the place: its world, the network, safety, ... (.yaml)",
+    )
+
+
 def add_json(parser: argparse.ArgumentParser, what: str) -> None:
     parser.add_argument("--json", action="store_true", help=f"print {what} as JSON")
 

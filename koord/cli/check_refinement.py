@@ -125,7 +125,7 @@ def check_worlds(arguments: argparse.Namespace) -> int:
     totals: list[SimulatedRuns] = []
     with Interruption() as interruption, LiveLine(sys.stderr) as line:
         for file in arguments.files:
-            own = {**vars(arguments), "file": file, "config": None, "delta": None}
+            own = {**vars(arguments), "file": file, "config": None, "site": None, "delta": None}
             report = DiagnosticReport()
             wanted = fit_request(argparse.Namespace(**own), report, seed=arguments.seed)
             if wanted is None:

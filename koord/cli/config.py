@@ -15,7 +15,7 @@ from koord.api.configurations import (
     new_key,
     write_key,
 )
-from koord.cli.arguments import add_json, check_files
+from koord.cli.arguments import add_json, add_site, check_files
 from koord.cli.diagnostics import DiagnosticReport
 from koord.cli.exits import Exit
 from koord.cli.files import DASH, read_program
@@ -40,6 +40,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="the program that is to be run with them; else the one beside a file, if there is one "
         "of its name",
     )
+    add_site(parser)
     add_json(parser, "the diagnostics")
     parser.epilog = "exit codes: 0 no errors, 2 errors"
 
@@ -50,8 +51,8 @@ def main(arguments: argparse.Namespace) -> int:
 
 def _key(arguments: argparse.Namespace) -> int:
     """Print a new key, or write it to a file. Raises KoordError."""
-    if arguments.program is not None or arguments.json:
-        raise ArgumentTypeError("--program and --json are for config check")
+    if arguments.program is not None or arguments.site is not None or arguments.json:
+        raise ArgumentTypeError("--program, --site and --json are for config check")
     if len(arguments.files) > 1:
         raise ArgumentTypeError("config key writes one file")
     path = arguments.files[0] if arguments.files else DASH
@@ -70,7 +71,7 @@ def _check(arguments: argparse.Namespace) -> int:
     report = DiagnosticReport()
     for path in arguments.files:
         before = report.errors
-        found = check(path, arguments.program, report)
+        found = check(path, arguments.program, arguments.site, report)
         if found is not None and report.errors == before and not arguments.json:
             suits = "" if found.program is None else f", suits {visible(found.program)}"
             print(f"{visible(found.name)}: {found.summary()}{suits}")
@@ -78,10 +79,16 @@ def _check(arguments: argparse.Namespace) -> int:
     return Exit.BAD_INPUT if report.errors else Exit.OK
 
 
-def check(path: str, program: str | None, report: DiagnosticReport) -> ConfigurationReport | None:
+def check(
+    path: str, program: str | None, site: str | None, report: DiagnosticReport
+) -> ConfigurationReport | None:
     """Check a configuration, and a program with it; diagnostics go to the report."""
     try:
-        found = check_configuration(_text(path), None if program is None else _text(program))
+        found = check_configuration(
+            _text(path),
+            None if program is None else _text(program),
+            None if site is None else _text(site),
+        )
     except KoordError as error:
         report.add(error.diagnostics)
         return None

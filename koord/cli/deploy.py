@@ -8,6 +8,8 @@ from argparse import ArgumentTypeError
 from importlib.util import find_spec
 from ipaddress import ip_address
 
+from msgspec.structs import replace
+
 from koord.api.deploy_request import LIVE, NOT_RESTARTED, NOT_TWICE, DeployRequest
 from koord.api.deploy_setup import Job, job_of
 from koord.api.deployed import Deployed, FleetHeard
@@ -20,6 +22,7 @@ from koord.cli.arguments import (
     add_files,
     add_json,
     add_settings,
+    add_site,
     check_files,
     delta,
     rounds,
@@ -40,6 +43,7 @@ from koord.syntax.diagnostics import KoordError
 def configure(parser: argparse.ArgumentParser) -> None:
     add_files(parser, several=False)
     parser.add_argument("config", metavar="CONFIG", help="the configuration of the run (.yaml)")
+    add_site(parser)
     parser.add_argument("--pid", metavar="I", type=int, help="run the robot with this pid")
     parser.add_argument(
         "--all-local", action="store_true", help="run all robots, as processes on this machine"
@@ -139,7 +143,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def main(arguments: argparse.Namespace) -> int:
-    read = [arguments.file, arguments.config, *arguments.properties]
+    site = [] if arguments.site is None else [arguments.site]
+    read = [arguments.file, arguments.config, *site, *arguments.properties]
     check_files(read)
     if [arguments.all_local, arguments.pid is not None, arguments.ssh].count(True) != 1:
         raise ArgumentTypeError(
@@ -256,6 +261,8 @@ def prepare(
 ) -> tuple[Fitted, Job] | None:
     """Prepare the run as its robots know it; diagnostics go to the report."""
     wanted = fit_request(arguments, report)
+    if wanted is not None:
+        wanted = replace(wanted, located=not request.dry_run)
     found = None if wanted is None else fitted(wanted, report)
     if found is None:
         return None

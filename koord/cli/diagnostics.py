@@ -42,6 +42,7 @@ _FLAGS = {
     "resume": "--resume",
     "rests_on": "--rests-on",
     "robots": "--robots",
+    "site": "--site",
     "user": "--user",
 }
 _ARGUMENT = re.compile(rf"`({'|'.join(_FLAGS)})=(?:'(\w+)')?`")

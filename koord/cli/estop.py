@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from koord.api.orders import USUAL_S, OrderReport, estop
-from koord.cli.arguments import add_json, pids, seconds
+from koord.cli.arguments import add_json, add_site, pids, seconds
 from koord.cli.diagnostics import report_error
 from koord.cli.exits import Exit
 from koord.cli.terminal import visible
@@ -36,6 +36,7 @@ EXITS = "exit codes: 0 all robots have answered, and have done it, 1 not all, 2 
 
 def add_callees(parser: argparse.ArgumentParser) -> None:
     """Add the flags that say who is called, and for how long."""
+    add_site(parser)
     parser.add_argument(
         "--robots", metavar="PIDS", type=pids, help="these robots only, such as 0,2"
     )
@@ -52,6 +53,7 @@ def add_callees(parser: argparse.ArgumentParser) -> None:
 def main(arguments: argparse.Namespace) -> int:
     report = estop(
         arguments.config,
+        site=arguments.site,
         robots=arguments.robots,
         test=arguments.test,
         timeout_s=arguments.timeout,

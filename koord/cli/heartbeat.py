@@ -9,7 +9,7 @@ from contextlib import suppress
 
 from koord.api.orders import HeartbeatHeard, RobotAnswer, heartbeat
 from koord.api.progress import Progress
-from koord.cli.arguments import pids
+from koord.cli.arguments import add_site, pids
 from koord.cli.estop import table
 from koord.cli.exits import Exit
 from koord.cli.progress import Interruption
@@ -24,6 +24,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="the configuration with which they are deployed, with its key (all robots that you "
         "deploy on this machine)",
     )
+    add_site(parser)
     parser.add_argument(
         "--robots", metavar="PIDS", type=pids, help="these robots only, such as 0,2"
     )
@@ -43,6 +44,7 @@ def main(arguments: argparse.Namespace) -> int:
         board = _Board()
         report = heartbeat(
             arguments.config,
+            site=arguments.site,
             robots=arguments.robots,
             pressed=_is_pressed if watched else None,
             progress=board.show,

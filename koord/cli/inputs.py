@@ -77,8 +77,11 @@ def fit_request(
         configuration = None
         if path is not None:
             text = read_program(path).source
-            report.add((), text)
-            configuration = read_configuration(text)
+            site = None if arguments.site is None else read_program(arguments.site).source
+            report.add((), *(text, site) if site is not None else (text,))
+            configuration = read_configuration(text, site)
+        elif arguments.site is not None:
+            raise ArgumentError("site", "it adds to a configuration, and there is none")
     except KoordError as error:
         report.add(error.diagnostics)
         return None

@@ -26,6 +26,7 @@ def main(arguments: argparse.Namespace) -> int:
     report = order(
         arguments.config,
         arguments.order,
+        site=arguments.site,
         robots=arguments.robots,
         timeout_s=arguments.timeout,
     )

@@ -9,6 +9,8 @@ import sys
 from argparse import ArgumentTypeError
 from pathlib import Path
 
+from msgspec.structs import replace
+
 from koord.api.command_lines import deploy_flags, systemd_unit
 from koord.api.deploy_request import DeployRequest
 from koord.api.deployed import Deployed
@@ -91,6 +93,8 @@ def run_over_ssh(arguments: argparse.Namespace, request: DeployRequest) -> Deplo
     """
     report = DiagnosticReport()
     wanted = fit_request(arguments, report)
+    if wanted is not None:
+        wanted = replace(wanted, located=not request.dry_run)
     found = None if wanted is None else fitted(wanted, report)
     report.print(sys.stderr, as_json=False)
     if wanted is None or found is None:
@@ -114,12 +118,14 @@ def run_over_ssh(arguments: argparse.Namespace, request: DeployRequest) -> Deplo
 
 def print_unit(arguments: argparse.Namespace, request: DeployRequest) -> int:
     """Print a unit of systemd for one robot. Raises ArgumentTypeError. (P-UNIT)"""
-    if DASH in (arguments.file, arguments.config, *arguments.properties):
+    if DASH in (arguments.file, arguments.config, arguments.site, *arguments.properties):
         raise ArgumentTypeError("--systemd: a service has no standard input, name files")
     if arguments.arm and not arguments.yes:
         raise ArgumentTypeError("--systemd: nobody can be asked when it starts: --arm needs --yes")
     koord = shutil.which(sys.argv[0]) or sys.argv[0]
     files = [f"--with={Path(one).resolve()}" for one in arguments.properties]
+    if arguments.site is not None:
+        files.append(f"--site={Path(arguments.site).resolve()}")
     files += [f"{flag}={Path(path).resolve()}" for flag, path in _kept(request) if path]
     params = settings(arguments.settings)
     words = (

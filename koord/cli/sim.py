@@ -12,6 +12,7 @@ from koord.cli.arguments import (
     add_files,
     add_json,
     add_settings,
+    add_site,
     add_trace,
     check_files,
     delta,
@@ -45,6 +46,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="the configuration of the run (.yaml); else the one beside the program, if there is "
         "one of its name",
     )
+    add_site(parser)
     parser.add_argument(
         "--robots",
         metavar="N",
@@ -203,7 +205,8 @@ def main(arguments: argparse.Namespace) -> int:
     if arguments.schedule is not None:
         return _rehearse(arguments)
     config = [arguments.config] if arguments.config is not None else []
-    check_files([arguments.file, *config, *arguments.properties])
+    site = [] if arguments.site is None else [arguments.site]
+    check_files([arguments.file, *config, *site, *arguments.properties])
     is_campaign = arguments.runs is not None or arguments.sweep is not None
     request = _request(arguments)
     if is_campaign:

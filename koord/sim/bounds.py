@@ -33,25 +33,38 @@ _ROOM_M, _ABOVE_M = 3.0, 1.0
 
 
 def world_of(
-    configuration: RunConfiguration, landmarks: Sequence[Point] | None, robots: int
+    configuration: RunConfiguration,
+    landmarks: Sequence[Point] | None,
+    robots: int,
+    *,
+    located: bool = False,
 ) -> World:
     """The world of a configuration, with its bounds, or bounds with room for all places.
 
-    ``landmarks`` are the places that a program names, None if it moves nobody. Raises KoordError if
-    bounds are to be asked for. (K931)
+    ``landmarks`` are the places that a program names, None if it moves nobody. Robots that are
+    ``located`` begin where their vehicles say, if drivers have them. Raises KoordError if bounds
+    are to be asked for. (K931) (P-FENCE-UNSAID)
     """
     world = configuration.world if configuration.world is not None else World()
     if configuration.bounded:
         return world
     if landmarks is None:
         return _with_room(world, robots)
-    lost = [robot.pid for robot in configuration.robots if robot.position is None]
+    lost = [
+        robot.pid
+        for robot in configuration.robots
+        if robot.position is None and not (located and robot.vehicle.driver is not None)
+    ]
+    places = [*landmarks, *_places(configuration, world)]
+    where = configuration.place("world") if configuration.world else configuration.place()
+    hint = "write world: {bounds: {low: [-5, -5, 0], high: [5, 5, 3]}}"
     if lost and configuration.scatter.start is None:
-        where = configuration.place("world") if configuration.world else configuration.place()
         story = f"it is not said how large the world is, nor where robot {lost[0]} begins"
-        hint = "write world: {bounds: {low: [-5, -5, 0], high: [5, 5, 3]}}, or a `position`"
-        raise KoordError((problem(where, story, hint),))
-    return around(world, [*landmarks, *_places(configuration, world)])
+        raise KoordError((problem(where, story, f"{hint}, or a `position`"),))
+    if not places:
+        story = "it is not said how large the world is, and the program names no place in it"
+        raise KoordError((problem(where, story, f"{hint}, here or in the file of a site"),))
+    return around(world, places)
 
 
 def _with_room(world: World, robots: int) -> World:

@@ -73,10 +73,13 @@ def scene(
     seed: int | None = None,
     robots: int | None = None,
     landmarks: Sequence[Point] | None = None,
+    *,
+    located: bool = False,
 ) -> Scene:
     """Make the scene of a configuration, with another seed or number of robots if given.
 
-    ``landmarks`` are the places that a program names, None if it moves nobody. Of more robots than
+    ``landmarks`` are the places that a program names, None if it moves nobody. Those of ``located``
+    robots say themselves where they begin, as far as drivers have them. Of more robots than
     the configuration has, those to come are like the first. Raises KoordError.
     """
     seed = configuration.seed if seed is None else seed
@@ -90,7 +93,7 @@ def scene(
             models[place.vehicle] = device_model(place.vehicle)
     if problems:
         raise KoordError(tuple(problems))
-    world = world_of(configuration, landmarks, len(places))
+    world = world_of(configuration, landmarks, len(places), located=located)
     _refuse(configuration, world_complaints(world), places)
     bodies = [models[place.vehicle].body for place in places]
     clearance = clearance_of(bodies, TRACKING_M, world.ground)

@@ -137,7 +137,7 @@ def refused(
         "properties": [],
         "settings": [],
     }
-    flags |= {"delta": None}
+    flags |= {"delta": None, "site": None}
     told = []
     for check in (_by_config, _by_sim, _by_deploy):
         report = DiagnosticReport()
@@ -151,7 +151,7 @@ def refused(
 
 
 def _by_config(arguments: Namespace, report: DiagnosticReport) -> None:
-    config.check(arguments.config, None, report)
+    config.check(arguments.config, None, None, report)
 
 
 def _by_sim(arguments: Namespace, report: DiagnosticReport) -> None:

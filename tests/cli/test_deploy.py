@@ -250,6 +250,7 @@ def test_rounds_are_as_long_as_the_program_states_if_the_configuration_does_not_
         settings=[],
         properties=[],
         delta=None,
+        site=None,
     )
     wanted = deploy.prepare(arguments, DeployRequest(rounds=2), DiagnosticReport())
     assert wanted is not None

@@ -31,7 +31,7 @@ from koord.runtime.configuration.model import (
     Vehicle,
 )
 from koord.runtime.configuration.plug_ins import plugged
-from koord.runtime.configuration.reading import Path, problem, read
+from koord.runtime.configuration.reading import Path, problem, read, with_site
 from koord.runtime.configuration.safety import safety_flaws, stated_safety
 from koord.runtime.configuration.typed import FormReader
 from koord.runtime.guardian.limits import SafetyLimits
@@ -74,9 +74,14 @@ _SAFETY_HINT = "specs/guardian/README.md says what the limits are for"
 
 
 @uncollected()
-def load(source: Source) -> RunConfiguration:
-    """Load a configuration from a text. Raises KoordError with all mistakes."""
+def load(source: Source, site: Source | None = None) -> RunConfiguration:
+    """Load a configuration from a text, and what it does not say from that of a site. (P-SITE)
+
+    Raises KoordError with all mistakes.
+    """
     document = read(source)
+    if site is not None:
+        document = with_site(document, read(site))
     checker = _Checker(document)
     form = checker.form()
     if checker.problems:

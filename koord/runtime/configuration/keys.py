@@ -95,7 +95,7 @@ def shared_key(
 
     Raises KoordError if it may not be used. (K932)
     """
-    talk, name = configuration.talk, configuration.name
+    talk, name = configuration.talk, configuration.place("network").file
     warnings = () if talk.key is None else tuple(_lying_open(name))
     given = environment.get(VARIABLE)
     if given is None:

@@ -28,6 +28,12 @@ class Document(Struct):
     spans: dict[Path, Span] = field(default_factory=dict)
     names: dict[Path, Span] = field(default_factory=dict)  #: of fields: where the name stands
     words: dict[Path, str] = field(default_factory=dict)  #: what stands there without quotes
+    site: Source | None = None  #: another file, some fields of which are from there (P-SITE)
+
+    @property
+    def sources(self) -> tuple[Source, ...]:
+        """The files that it was read from."""
+        return (self.source,) if self.site is None else (self.source, self.site)
 
     def place(self, path: Path) -> Span:
         """The place of a value, or of the nearest one around it that has one."""
@@ -68,6 +74,31 @@ def read(source: Source) -> Document:
         raise KoordError(tuple(reader.problems))
     reader.document.value = value
     return reader.document
+
+
+def with_site(document: Document, site: Document) -> Document:
+    """A document with the fields of another one. Raises KoordError for those of both. (P-SITE)"""
+    twice = [
+        (site.name_place((k,)), document.name_place((k,)), k)
+        for k in site.value
+        if k in document.value
+    ]
+    if twice:
+        hint = "leave it out in one of both files"
+        raise KoordError(
+            tuple(
+                problem(here, f"`{name}` is in {there.file} too, in line {there.line}", hint)
+                for here, there, name in twice
+            )
+        )
+    return Document(
+        document.source,
+        document.value | site.value,
+        site.spans | document.spans,
+        document.names | site.names,
+        document.words | site.words,
+        site.source,
+    )
 
 
 class _YamlReader:

@@ -5,20 +5,30 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
+from msgspec import Struct
+
 from koord.runtime.deploy.preflight import Check, Finding, check
 from koord.runtime.guardian.events import Condition
-from koord.runtime.motion.world import Point
+from koord.runtime.motion.world import Point, World
 from koord.runtime.platform.vehicle import DrivenVehicle
 
 
-def vehicle_checks(vehicle: DrivenVehicle, expected: Point | None) -> Iterator[Check]:
-    """Yield what is found of a vehicle; ``expected`` is where the configuration has it."""
+class Stated(Struct, frozen=True):
+    """What the configuration says of where a robot is."""
+
+    position: Point | None = None  #: where it begins
+    is_bounded: bool = True  #: it says how large the world is
+
+
+def vehicle_checks(vehicle: DrivenVehicle, stated: Stated) -> Iterator[Check]:
+    """Yield what is found of a vehicle, where it is ``stated`` to be."""
     sensed, limits = vehicle.sensed, vehicle.limits
     yield check("link", vehicle.matter(Condition.LINK), "the vehicle answers")
     here = _shown(sensed.position_m)
     yield check("pose", vehicle.matter(Condition.POSE), f"{here} m, and fresh")
     yield check("place", vehicle.matter(Condition.FENCE), "inside of the world, with its margin")
-    yield _position(sensed.position_m, expected, limits.start_m)
+    yield _fence(vehicle.world, stated)
+    yield _position(sensed.position_m, stated.position, limits.start_m)
     moves = None if vehicle.stands else "it is not known to be on the ground and to stand"
     yield check("at rest", moves, "it stands")
     yield _armed(sensed.armed)
@@ -44,6 +54,16 @@ def _armed(armed: bool | None) -> Check:
         case True:  # some vehicles arm themselves when they are switched on
             text = "it is armed, and no robot of this run has done that"
             return Check("armed", Finding.DOUBTFUL, text, "keep away from it")
+
+
+def _fence(world: World, stated: Stated) -> Check:
+    """How large the world is, and whether somebody has said that."""
+    text = f"from {_shown(world.low)} to {_shown(world.high)} m"
+    if stated.is_bounded:
+        return Check("fence", Finding.GOOD, text)
+    unsaid = f"{text}, with room for all places that are named: nobody has said it"
+    cure = "write world: {bounds: …}, in the configuration or the file of --site"
+    return Check("fence", Finding.DOUBTFUL, unsaid, cure)
 
 
 def _position(here: Point, expected: Point | None, most_m: float) -> Check:

@@ -15,7 +15,7 @@ from koord.runtime.motion.group import TICK_S
 from koord.runtime.motion.library import Library
 from koord.runtime.motion.world import Point, World
 from koord.runtime.orders.hearing import Obeyed
-from koord.runtime.platform.checks import vehicle_checks
+from koord.runtime.platform.checks import Stated, vehicle_checks
 from koord.runtime.platform.sensors import MotionSensors
 from koord.runtime.platform.vehicle import DrivenVehicle
 from koord.runtime.platform.world_host import WorldHost, asks_to_fly
@@ -112,11 +112,11 @@ class VehiclePlatform(Forwarding):
         supplied: Callable[[Host], Host] | None = None,
         *,
         arms: bool = True,
-        expected: Point | None = None,
+        stated: Stated,
     ) -> None:
         """Make a platform; ``arms``: people have said that the vehicle may move.
 
-        ``expected`` is where the configuration has it, if it says so.
+        ``stated`` is what the configuration says of where it is.
 
         ``supplied`` makes a host of this one that answers more than a vehicle knows.
         """
@@ -127,7 +127,7 @@ class VehiclePlatform(Forwarding):
         self._due_s: float | None = None
         self._is_stopping = False
         self._arms = arms
-        self._expected = expected
+        self._stated = stated
         self._robots = len(host.kinds)
         self._beacon_due_s = 0.0
         self._others: dict[int, tuple[Beacon, float]] = {}
@@ -243,7 +243,7 @@ class VehiclePlatform(Forwarding):
 
     def checks(self) -> tuple[Check, ...]:
         """What is found of the vehicle, before it is armed. (P-PREFLIGHT)"""
-        return tuple(vehicle_checks(self.vehicle, self._expected))
+        return tuple(vehicle_checks(self.vehicle, self._stated))
 
     def stop(self, now_s: float) -> None:
         """Land, or come to the last stop. (P-START)"""

@@ -28,7 +28,7 @@ from koord.runtime.guardian.events import (
 from koord.runtime.guardian.limits import SafetyLimits
 from koord.runtime.guardian.machine import step
 from koord.runtime.guardian.modes import Mode, initial
-from koord.runtime.motion.world import Point
+from koord.runtime.motion.world import Point, World
 from koord.runtime.platform.pilots import Pilot
 from koord.runtime.platform.sensors import MotionSensors
 from koord.runtime.platform.watchdog import Watchdog, watchdog_of
@@ -99,6 +99,11 @@ class DrivenVehicle:
     @property
     def limits(self) -> SafetyLimits:
         return self._setup.limits
+
+    @property
+    def world(self) -> World:
+        """The world that it may not leave."""
+        return self._setup.field.world
 
     @property
     def dead_man(self) -> str | None:

@@ -25,6 +25,7 @@ from koord.runtime.guardian.modes import Mode
 from koord.runtime.motion.group import TICK_S
 from koord.runtime.orders.hearing import Obeyed
 from koord.runtime.orders.messages import Outcome, Reply, Request, Stamp, Wanted
+from koord.runtime.platform.checks import Stated
 from koord.runtime.platform.host import VehicleHost, VehiclePlatform
 from koord.runtime.protocol.events import Reason
 from koord.runtime.transports.transport import Visit
@@ -68,7 +69,7 @@ class Vehicle:
     def __init__(self, *, arms: bool = True) -> None:
         self.driven = Guarded("CAR").driven
         host = cast(VehicleHost, SimpleNamespace(kinds=(0,)))
-        self.platform = VehiclePlatform(host, self.driven, arms=arms)
+        self.platform = VehiclePlatform(host, self.driven, stated=Stated(), arms=arms)
         self.now = 100.0
         self.commanded: list[Setpoint] = []
         command = self.driven.driver.command

@@ -9,6 +9,7 @@ import pytest
 
 from koord.runtime.guardian.modes import Mode
 from koord.runtime.motion.group import TICK_S
+from koord.runtime.platform.checks import Stated
 from koord.runtime.platform.host import VehicleHost, VehiclePlatform
 from tests.runtime.platform.test_driven import Guarded
 
@@ -17,7 +18,7 @@ from tests.runtime.platform.test_driven import Guarded
 def test_a_vehicle_is_armed_if_people_said_so(arms: bool) -> None:
     driven = Guarded("CAR").driven
     host = cast(VehicleHost, SimpleNamespace(kinds=(0,)))
-    made = VehiclePlatform(host, driven, arms=arms)
+    made = VehiclePlatform(host, driven, stated=Stated(), arms=arms)
     now = 100.0
     for _ in range(100):
         now += TICK_S
@@ -29,7 +30,7 @@ def test_a_vehicle_is_armed_if_people_said_so(arms: bool) -> None:
 def test_what_is_said_of_a_vehicle_does_not_grow_for_ever() -> None:
     """Of one that is to start, and may not."""
     driven = Guarded("CAR").driven
-    made = VehiclePlatform(cast(VehicleHost, SimpleNamespace(kinds=(0,))), driven)
+    made = VehiclePlatform(cast(VehicleHost, SimpleNamespace(kinds=(0,))), driven, stated=Stated())
     now = 100.0
     for _ in range(600):
         now += TICK_S

@@ -10,6 +10,7 @@ from koord.runtime.drivers.setpoints import Sensed
 from koord.runtime.guardian.events import Other
 from koord.runtime.motion.group import TICK_S
 from koord.runtime.node import Peer
+from koord.runtime.platform.checks import Stated
 from koord.runtime.platform.host import BEACON_S, VehicleHost, VehiclePlatform
 from koord.runtime.platform.vehicle import DrivenVehicle
 from koord.runtime.protocol.events import Reason
@@ -46,7 +47,9 @@ class Host:
 
 def platform() -> tuple[VehiclePlatform, Standing]:
     vehicle = Standing()
-    return VehiclePlatform(cast(VehicleHost, Host()), cast(DrivenVehicle, vehicle)), vehicle
+    return VehiclePlatform(
+        cast(VehicleHost, Host()), cast(DrivenVehicle, vehicle), stated=Stated()
+    ), vehicle
 
 
 def test_a_robot_says_where_it_is_ten_times_a_second() -> None:

@@ -16,6 +16,7 @@ from koord.runtime.deploy.member import LANDING_S, Platform
 from koord.runtime.deploy.running import Runner
 from koord.runtime.drivers.setpoints import Disarm, Hold, Sensed, Setpoint
 from koord.runtime.guardian.modes import Mode
+from koord.runtime.platform.checks import Stated
 from koord.runtime.platform.host import VehicleHost, VehiclePlatform
 from koord.syntax.source import Source
 from tests.loading import example_program
@@ -62,7 +63,7 @@ class Robot:
 
     def _make(self, job: Job, pid: int) -> Platform:
         host = cast(VehicleHost, _host(job))
-        return cast(Platform, VehiclePlatform(host, self.driven))
+        return cast(Platform, VehiclePlatform(host, self.driven, stated=Stated()))
 
     def _close(self) -> None:
         self.is_closed = True

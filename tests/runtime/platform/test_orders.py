@@ -14,6 +14,7 @@ from koord.runtime.motion.automaton import MotionState
 from koord.runtime.motion.bodies import PlannerName
 from koord.runtime.motion.library import Library
 from koord.runtime.motion.world import Point, World
+from koord.runtime.platform.checks import Stated
 from koord.runtime.platform.host import VehicleHost, VehiclePlatform
 from koord.runtime.platform.sensors import MotionSensors
 from koord.runtime.platform.vehicle import DrivenVehicle
@@ -95,7 +96,7 @@ def member_of(program: str, told: Told) -> Member:
     library = cast(Library, SimpleNamespace(begin_round=lambda: None))
     vehicle = cast(DrivenVehicle, told)
     host = VehicleHost(classes, (0,), World(), library, vehicle)
-    platform = VehiclePlatform(host, vehicle)
+    platform = VehiclePlatform(host, vehicle, stated=Stated())
     return Member(classes[0](0, (0,), 0.1, platform), platform)
 
 

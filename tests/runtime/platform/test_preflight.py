@@ -20,6 +20,7 @@ from koord.runtime.drivers.setpoints import Sensed
 from koord.runtime.motion.group import TICK_S
 from koord.runtime.motion.world import Point
 from koord.runtime.orders.messages import Request, Wanted
+from koord.runtime.platform.checks import Stated
 from koord.runtime.platform.host import VehicleHost, VehiclePlatform
 from koord.runtime.protocol.events import Reason
 from koord.runtime.transports.transport import Visit
@@ -41,7 +42,7 @@ class Vehicle:
         setup = self.driven._setup
         self.driven._setup = replace(setup, limits=replace(setup.limits, **limits))
         host = cast(VehicleHost, SimpleNamespace(kinds=(0,)))
-        self.platform = VehiclePlatform(host, self.driven, expected=expected)
+        self.platform = VehiclePlatform(host, self.driven, stated=Stated(expected))
         self.now = 100.0
 
     def sensing(self, age_s: float = 0.0, **sensed: object) -> Vehicle:
@@ -71,6 +72,7 @@ def test_a_vehicle_that_stands_where_it_should_is_good() -> None:
         "link",
         "pose",
         "place",
+        "fence",
         "position",
         "at rest",
         "armed",
@@ -108,6 +110,19 @@ def test_how_far_it_may_stand_from_its_position_is_configured() -> None:
     bad = Vehicle().sensing(position_m=(0.6, 0.0, 0.0)).found(Finding.BAD)
     assert "0.60 m from (0.00, 0.00, 0.00)" in bad["position"]
     assert "limit 0.5 m" in bad["position"]
+
+
+def test_a_fence_that_nobody_has_said_is_for_people_to_decide() -> None:
+    """(P-FENCE-UNSAID)"""
+    vehicle = Vehicle()
+    (said,) = [one for one in vehicle.sensing().platform.checks() if one.name == "fence"]
+    assert said.finding is Finding.GOOD
+    vehicle.platform._stated = Stated(is_bounded=False)
+    (unsaid,) = [one for one in vehicle.platform.checks() if one.name == "fence"]
+    assert unsaid.finding is Finding.DOUBTFUL
+    assert (
+        unsaid.text == f"{said.text}, with room for all places that are named: nobody has said it"
+    )
 
 
 def test_a_heartbeat_that_is_asked_for_has_to_be_heard() -> None:

@@ -22,7 +22,7 @@ from tests.runtime.platform.ros1 import peers as ros1
 from tests.runtime.platform.ros2 import peers as dds
 from tests.runtime.platform.ros2 import rclpy_peers as ros2
 
-#: As the published ones are written, but for the world and the key, which koord asks for.
+#: As the published ones are written: no world, no key, nowhere that robots begin.
 CONFIGURATION = """\
 leader_pid: 0
 udp_bcast_ip: 127.255.255.255
@@ -50,9 +50,6 @@ devices:
         motion:
             <<: *moat
             motion_automata: [MoatTestDrone, MoatHectorQuadrotor]
-delta: 0.1
-world: {bounds: {low: [-3, -3, 0], high: [3, 3, 3]}}
-network: {transport: unicast, key: a key of nobody else at all}
 """
 
 #: Each goes to a place of its own, and stops there.
