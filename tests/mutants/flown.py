@@ -105,9 +105,9 @@ FLOWN = (
     ),
     Mutant(
         "what has disarmed itself is armed by a wish",
-        f"{_DRIVER}.command",
-        "self._fly(setpoint, now_s)",
-        "self._ask_arming(True, now_s) or self._fly(setpoint, now_s)",
+        f"{_DRIVER}._fly",
+        "telemetry = self._telemetry",
+        "telemetry = self._ask_arming(True, now_s) or self._telemetry",
         (CRAZYFLIE,),
     ),
 )

@@ -7,7 +7,6 @@ out, so that each test runs alike.
 from __future__ import annotations
 
 import random
-from collections.abc import Callable
 from typing import Any
 
 from koord.runtime.configuration.model import Vehicle
@@ -16,13 +15,9 @@ from koord.runtime.drivers.crazyflie.library import Crazyflie, CRTPPacket
 from koord.runtime.drivers.crazyflie.link import Command, Down, Ear, Heard
 from koord.runtime.drivers.crazyflie.options import CrazyflieOptions
 from koord.runtime.drivers.driver import Device
-from koord.runtime.drivers.setpoints import Arm, Sensed, Setpoint, Takeoff
-from koord.runtime.motion.world import Point, World
 from koord.testing.crazyflie.machine import Packet, Settings, SimulatedCrazyflie, State
 from koord.testing.crazyflie.serving import datagram_of, packet_of
-
-WORLD = World((-5.0, -5.0, 0.0), (5.0, 5.0, 4.0))
-TICK_S = 0.05
+from tests.runtime.platform.bench import WORLD, AircraftBench
 
 
 class Air:
@@ -109,18 +104,15 @@ class Air:
                         one.callback(heard)
 
 
-class Bench:
-    """A driver and its Crazyflie; time passes in ticks."""
+class Bench(AircraftBench[Air, CrazyflieDriver]):
+    """A driver and its Crazyflie."""
 
     def __init__(self, air: Air | None = None, vehicle: Vehicle | None = None, **options: Any):
-        self.air = air or Air(Settings())
+        air = air or Air(Settings())
         told = CrazyflieOptions(uri="udp://127.0.0.1:19850", **options)
-        self.air.connected(told)
         described = vehicle or Vehicle("drone", "QUAD")
         device = Device(0, described, WORLD, (1.0, 2.0, 0.0), options=told)
-        self.driver = CrazyflieDriver(device, self.air)
-        self.driver.open(self.air.now)
-        self._sensed = self.driver.sense(self.air.now)
+        super().__init__(air, CrazyflieDriver(device, air.connected(told)))
 
     @property
     def crazyflie(self) -> SimulatedCrazyflie:
@@ -130,50 +122,8 @@ class Bench:
         """That of its supervisor."""
         return self.crazyflie.state
 
-    def is_linked(self) -> bool:
-        return self.sensed.link
-
     def remarks(self) -> tuple[str, ...]:
         return self.driver.remarks
-
-    @property
-    def sensed(self) -> Sensed:
-        assert self._sensed is not None
-        return self._sensed
-
-    @property
-    def here(self) -> Point:
-        return self.sensed.position_m
-
-    def sense(self) -> Sensed | None:
-        self._sensed = self.driver.sense(self.air.now)
-        return self._sensed
-
-    def tick(self, setpoint: Setpoint | None, times: int = 1) -> None:
-        """Sense and command, as a platform does; None: say nothing."""
-        for _ in range(times):
-            self.air.pass_time(self.air.now + TICK_S)
-            if setpoint is not None:
-                self.sense()
-                self.driver.command(setpoint, self.air.now)
-
-    def until(
-        self, setpoint: Setpoint | None, condition: Callable[[], bool], most_s: float = 20.0
-    ) -> None:
-        begun = self.air.now
-        while not condition():
-            assert self.air.now - begun < most_s, (self._sensed, self.driver.remarks)
-            self.tick(setpoint)
-
-    def armed(self) -> Bench:
-        self.until(Arm(), lambda: self.sensed.armed is True)
-        return self
-
-    def risen(self, height_m: float = 1.0) -> Bench:
-        self.armed()
-        self.until(Takeoff(height_m), lambda: self.here[2] > 0.95 * height_m)
-        self.tick(Takeoff(height_m), 40)
-        return self
 
     def sent(self, port: int, channel: int = 0) -> list[bytes]:
         """What it was sent on a port."""

@@ -35,7 +35,8 @@ from koord.runtime.motion.world import Point
 from koord.runtime.platform.pilots import PilotSettings, pilot
 from koord.runtime.platform.vehicle import DrivenVehicle
 from koord.testing.crazyflie.machine import Settings, SimulatedCrazyflie, State
-from tests.runtime.platform.flown import TICK_S, WORLD, Air, Bench
+from tests.runtime.platform.bench import TICK_S, WORLD
+from tests.runtime.platform.flown import Air, Bench
 
 
 def test_it_takes_off_follows_a_way_holds_lands_and_disarms() -> None:

@@ -24,7 +24,6 @@ from koord.runtime.drivers.setpoints import (
     Land,
     Position,
     Sensed,
-    Setpoint,
     Takeoff,
     Track,
     Velocity,
@@ -35,15 +34,14 @@ from koord.runtime.guardian.limits import usual
 from koord.runtime.guardian.modes import Mode as GuardianMode
 from koord.runtime.motion.bodies import PlannerName
 from koord.runtime.motion.field import field
-from koord.runtime.motion.world import Point, World
+from koord.runtime.motion.world import Point
 from koord.runtime.platform.pilots import PilotSettings, pilot
 from koord.runtime.platform.vehicle import DrivenVehicle
 from koord.testing.autopilot.machine import Mode, Settings, SimulatedAutopilot
 from koord.testing.autopilot.serving import Wire
+from tests.runtime.platform.bench import TICK_S, WORLD, AircraftBench
 
-WORLD = World((-5.0, -5.0, 0.0), (5.0, 5.0, 4.0))
 FIRMWARES = ("px4", "ardupilot")
-TICK_S = 0.05
 
 
 class Air:
@@ -85,61 +83,24 @@ class Air:
         self.up = self.down = False
 
 
-class Bench:
-    """A driver and its autopilot; time passes in ticks."""
+class Bench(AircraftBench[Air, MavlinkDriver]):
+    """A driver and its autopilot."""
 
     def __init__(self, firmware: str = "px4", air: Air | None = None, **options: Any) -> None:
-        self.air = air or Air(Settings(firmware))
+        air = air or Air(Settings(firmware))
         told = MavlinkOptions(
             connection="udpin:127.0.0.1:0", autopilot=AutopilotKind(firmware), **options
         )
         device = Device(0, Vehicle("drone", "QUAD"), WORLD, (0.0, 0.0, 0.0), options=told)
-        self.driver = MavlinkDriver(device, self.air)
-        self.driver.open(self.air.now)
-        self.sensed = self.sense()
+        super().__init__(air, MavlinkDriver(device, air))
 
     @property
     def autopilot(self) -> SimulatedAutopilot:
         return self.air.autopilot
 
     def sense(self) -> Sensed:
-        sensed = self.driver.sense(self.air.now)
-        assert sensed is not None
-        self.sensed = sensed
-        return sensed
-
-    def tick(self, setpoint: Setpoint | None, times: int = 1) -> None:
-        """Sense and command, as a platform does; None: say nothing."""
-        for _ in range(times):
-            self.air.pass_time(self.air.now + TICK_S)
-            if setpoint is not None:
-                self.sense()
-                self.driver.command(setpoint, self.air.now)
-
-    def until(
-        self, setpoint: Setpoint | None, condition: Callable[[], bool], most_s: float = 20.0
-    ) -> None:
-        begun = self.air.now
-        while not condition():
-            assert self.air.now - begun < most_s, (self.sensed, self.driver.remarks)
-            self.tick(setpoint)
-
-    def is_linked(self) -> bool:
-        return self.sensed.link
-
-    def armed(self) -> Bench:
-        self.until(Arm(), lambda: self.sensed.armed is True)
-        return self
-
-    def risen(self, height_m: float = 1.0) -> Bench:
-        self.armed()
-        self.until(Takeoff(height_m), lambda: self.here[2] > 0.95 * height_m)
-        self.tick(Takeoff(height_m), 40)
-        return self
-
-    @property
-    def here(self) -> Point:
-        return self.sensed.position_m
+        super().sense()
+        return self.sensed
 
 
 @pytest.mark.parametrize("firmware", FIRMWARES)

@@ -29,7 +29,8 @@ from koord.runtime.drivers.setpoints import (
 )
 from koord.runtime.motion.world import Point
 from koord.testing.autopilot.machine import Mode, Settings
-from tests.runtime.platform.test_mavlink import FIRMWARES, TICK_S, WORLD, Air
+from tests.runtime.platform.bench import TICK_S, WORLD
+from tests.runtime.platform.test_mavlink import FIRMWARES, Air
 
 
 class Cameras:

@@ -12,6 +12,7 @@ from typing import Any, ClassVar
 
 from msgspec import Struct
 
+from koord.runtime.drivers.aircraft import AircraftDriver, aircraft_capabilities
 from koord.runtime.drivers.crazyflie.library import CRTPPacket, CRTPPort
 from koord.runtime.drivers.crazyflie.link import (
     Answer,
@@ -27,23 +28,16 @@ from koord.runtime.drivers.crazyflie.options import CrazyflieOptions
 from koord.runtime.drivers.crazyflie.requests import Request, Requests
 from koord.runtime.drivers.crazyflie.telemetry import Info, Telemetry
 from koord.runtime.drivers.crazyflie.troubles import first_line, unreachable
-from koord.runtime.drivers.driver import Device, Driver, DriverError
+from koord.runtime.drivers.driver import Device, DriverError
 from koord.runtime.drivers.frames import to_xyzw, turned, yaw_of
 from koord.runtime.drivers.leading import Flight, Leader, between
 from koord.runtime.drivers.setpoints import (
-    Arm,
-    Capabilities,
     Disarm,
-    Drive,
     Hold,
     Land,
     Located,
-    Position,
     Sensed,
     Setpoint,
-    Takeoff,
-    Track,
-    Velocity,
 )
 
 #: The firmware stops motors after this. (`COMMANDER_WDT_TIMEOUT_SHUTDOWN` of `supervisor.c`)
@@ -76,7 +70,7 @@ _ARM, _SUPERVISOR_SINCE = 1, 12
 _LAND, _LANDS = 8, (0, 1)
 
 
-class CrazyflieDriver(Driver):
+class CrazyflieDriver(AircraftDriver):
     """The driver of one Crazyflie."""
 
     OPTIONS: ClassVar[type[Struct]] = CrazyflieOptions
@@ -87,15 +81,8 @@ class CrazyflieDriver(Driver):
         if not isinstance(options, CrazyflieOptions):
             raise DriverError("a Crazyflie needs a `uri`", "as radio://0/80/2M/E7E7E7E7E7")
         self.options = options
-        self.capabilities = Capabilities(
-            kinds=("QUAD",),
-            wishes=(Track, Position, Velocity, Takeoff, Land),
-            rate_hz=20.0,
-            pose_age_s=3 / options.telemetry,
-            dead_man_s=_SILENCE_S,
-            tells_battery=True,
-            tells_airborne=True,
-            takeoff_height_m=options.takeoff_height,
+        self.capabilities = aircraft_capabilities(
+            options.telemetry, _SILENCE_S, options.takeoff_height
         )
         self._origin = device.position_m if options.origin == "start" else options.origin
         self._ground_m = device.world.ground
@@ -111,7 +98,6 @@ class CrazyflieDriver(Driver):
         self._requests = Requests()
         self._lands_until_s = -math.inf  #: it has said that it lands, and is down by then
         self._was_told_to_arm = self._was_armed = False  #: since it was told to disarm
-        self._told: Setpoint = Disarm()
 
     # --- the interface of drivers ---------------------------------------------------------------
 
@@ -156,20 +142,10 @@ class CrazyflieDriver(Driver):
             self._send(lambda cf: cf.loc.send_extpose(position, attitude))
 
     def command(self, setpoint: Setpoint, now_s: float) -> None:
-        self._told, self._now_s = setpoint, now_s
+        self._now_s = now_s
         if not isinstance(setpoint, Land):
             self._lands_until_s = -math.inf
-        match setpoint:
-            case Disarm():
-                self._disarm(now_s)
-            case Arm():
-                self._arm(now_s)
-            case Land():
-                self._land(now_s)
-            case Drive():
-                self._fly(Hold(), now_s)  # no pilot of an aircraft wishes for this
-            case _:
-                self._fly(setpoint, now_s)
+        super().command(setpoint, now_s)
 
     @property
     def remarks(self) -> tuple[str, ...]:
@@ -267,10 +243,6 @@ class CrazyflieDriver(Driver):
     @property
     def _is_armed(self) -> bool | None:
         return self._telemetry.armed(was_told=self._was_told_to_arm)
-
-    @property
-    def _moves(self) -> bool:
-        return isinstance(self._told, Track | Position | Velocity | Takeoff)
 
     # --- what is said ---------------------------------------------------------------------------
 

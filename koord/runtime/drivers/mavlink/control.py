@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from koord.runtime.drivers.frames import heading_to_ned, ned_to_enu
-from koord.runtime.drivers.leading import Flight as Flight
-from koord.runtime.drivers.leading import Leader, Target, between
+from koord.runtime.drivers.leading import Flight, Leader, Target, between
 from koord.runtime.drivers.mavlink.library import Message, mavlink
 from koord.runtime.drivers.mavlink.options import MavlinkOptions
 from koord.runtime.drivers.setpoints import Takeoff

@@ -12,8 +12,10 @@ from typing import ClassVar
 
 from msgspec import Struct
 
-from koord.runtime.drivers.driver import Device, Driver, DriverError
-from koord.runtime.drivers.mavlink.control import Control, Flight
+from koord.runtime.drivers.aircraft import AircraftDriver, aircraft_capabilities
+from koord.runtime.drivers.driver import Device, DriverError
+from koord.runtime.drivers.leading import Flight
+from koord.runtime.drivers.mavlink.control import Control
 from koord.runtime.drivers.mavlink.failsafe import FailsafeCheck
 from koord.runtime.drivers.mavlink.library import Message, mavlink
 from koord.runtime.drivers.mavlink.link import Link, WireLink
@@ -23,19 +25,12 @@ from koord.runtime.drivers.mavlink.requests import Requests
 from koord.runtime.drivers.mavlink.telemetry import Telemetry
 from koord.runtime.drivers.mavlink.vision import ExternalVision
 from koord.runtime.drivers.setpoints import (
-    Arm,
-    Capabilities,
     Disarm,
-    Drive,
     Hold,
-    Land,
     Located,
-    Position,
     Sensed,
     Setpoint,
     Takeoff,
-    Track,
-    Velocity,
 )
 
 #: Our heartbeats, s apart.
@@ -56,7 +51,7 @@ _TAKEOFF = mavlink.MAV_CMD_NAV_TAKEOFF
 _FORCE = 21196.0
 
 
-class MavlinkDriver(Driver):
+class MavlinkDriver(AircraftDriver):
     """The driver of one aircraft."""
 
     OPTIONS: ClassVar[type[Struct]] = MavlinkOptions
@@ -67,15 +62,8 @@ class MavlinkDriver(Driver):
         if not isinstance(options, MavlinkOptions):
             raise DriverError("a MAVLink vehicle needs a `connection`", "as udpin:0.0.0.0:14540")
         self.options = options
-        self.capabilities = Capabilities(
-            kinds=("QUAD",),
-            wishes=(Track, Position, Velocity, Takeoff, Land),
-            rate_hz=20.0,
-            pose_age_s=3 / options.telemetry,
-            dead_man_s=options.silence,
-            tells_battery=True,
-            tells_airborne=True,
-            takeoff_height_m=options.takeoff_height,
+        self.capabilities = aircraft_capabilities(
+            options.telemetry, options.silence, options.takeoff_height
         )
         origin = device.position_m if options.origin == "start" else options.origin
         ground_m = device.world.ground
@@ -86,7 +74,6 @@ class MavlinkDriver(Driver):
         self._failsafe = FailsafeCheck(options)
         self._vision = ExternalVision(options, origin)
         self._link = link
-        self._told: Setpoint = Disarm()
         self._told_s = -math.inf
         self._beat_s = -math.inf  #: our last heartbeat
         self._sent_s = -math.inf  #: our last set-point
@@ -137,20 +124,10 @@ class MavlinkDriver(Driver):
     def command(self, setpoint: Setpoint, now_s: float) -> None:
         if now_s - self._told_s > self.options.silence:
             self._excused_s = now_s + _EXCUSED_S
-        self._told, self._told_s = setpoint, now_s
+        self._told_s = now_s
         if not isinstance(setpoint, Takeoff):
             self._requests.forget(_TAKEOFF)
-        match setpoint:
-            case Disarm():
-                self._disarm(now_s)
-            case Arm():
-                self._arm(now_s)
-            case Land():
-                self._land(now_s)
-            case Drive():
-                self._fly(Hold(), now_s)  # no pilot of an aircraft wishes for this
-            case _:
-                self._fly(setpoint, now_s)
+        super().command(setpoint, now_s)
 
     @property
     def remarks(self) -> tuple[str, ...]:
@@ -304,10 +281,6 @@ class MavlinkDriver(Driver):
         """Return whether a person steers it in the air: nothing takes it from them. (M-HANDS)"""
         mode = self._telemetry.mode
         return mode is not None and not self._is_down(now_s) and self._modes.is_manual(mode)
-
-    @property
-    def _moves(self) -> bool:
-        return isinstance(self._told, Track | Position | Velocity | Takeoff)
 
     def _switch(self, mode: int, now_s: float) -> bool:
         """Ask for a mode if it is in another one; return whether it is in this one. (M-MODE)"""
