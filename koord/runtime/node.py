@@ -37,7 +37,7 @@ from koord.runtime.protocol.events import (
     Timer,
 )
 from koord.runtime.protocol.machine import step
-from koord.runtime.protocol.messages import Beacon, LastRun, LogEntry, Message
+from koord.runtime.protocol.messages import Beacon, LastRun, LogEntry, Message, RunMessage
 from koord.runtime.protocol.setup import Setup
 from koord.runtime.protocol.state import Durable, State, durable
 from koord.runtime.transports.transport import Transport
@@ -259,11 +259,11 @@ class Peer:
         for datagram in self._datagrams(message):
             self.transport.send(to, datagram)
 
-    def tell(self, message: Message | Beacon) -> None:
+    def tell(self, message: RunMessage) -> None:
         for datagram in self._datagrams(message):
             self.transport.tell(datagram)
 
-    def _datagrams(self, message: Message | Beacon) -> list[bytes]:
+    def _datagrams(self, message: RunMessage) -> list[bytes]:
         state = self.node.state
         datagrams = self._writer.datagrams(state.incarnation, state.round, message)
         self.counts.sent += 1

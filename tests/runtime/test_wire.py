@@ -45,13 +45,13 @@ from koord.runtime.protocol.messages import (
     History,
     LastRun,
     LogEntry,
-    Message,
     Open,
     Overruled,
     Position,
     Propose,
     Recovery,
     RecoveryAnswer,
+    RunMessage,
     Snapshot,
     Support,
     Tentative,
@@ -146,7 +146,7 @@ entries = st.builds(
 positions = st.builds(Position, rounds, epochs)
 rans = st.none() | st.builds(LastRun, rounds, events)
 points = st.tuples(*(st.floats(allow_nan=False) for _ in range(3)))
-messages: st.SearchStrategy[Message | Beacon] = st.one_of(
+messages: st.SearchStrategy[RunMessage] = st.one_of(
     st.builds(Beacon, points, points, st.floats(allow_nan=False)),
     st.builds(Propose, proposals),
     st.builds(Decide, epochs, entries),
@@ -190,7 +190,7 @@ handshakes: st.SearchStrategy[HandshakeMessage] = st.one_of(
 )
 
 
-def sent(message: Message | Beacon, pid: int = 1, key: bytes = KEY, start: int = 1) -> list[bytes]:
+def sent(message: RunMessage, pid: int = 1, key: bytes = KEY, start: int = 1) -> list[bytes]:
     return DatagramWriter(Channel(key, ROBOTS, pid, start)).datagrams(3, 7, message)
 
 
@@ -204,7 +204,7 @@ def big(size: int) -> Snapshot:
 
 @given(messages)
 @examples(300)
-def test_what_is_written_is_read(message: Message | Beacon) -> None:
+def test_what_is_written_is_read(message: RunMessage) -> None:
     reader = DatagramReader(ME)
     letters = [reader.read(datagram) for datagram in sent(message)]
     assert letters[:-1] == [None] * (len(letters) - 1)

@@ -254,3 +254,7 @@ class Beacon(Flat, frozen=True):
     position_m: Point
     velocity_mps: Point
     age_s: float
+
+
+#: What robots of a run say to each other: of the protocol, and of where they are.
+RunMessage = Message | Beacon

@@ -37,12 +37,12 @@ from koord.runtime.protocol.messages import (
     Decide,
     Hello,
     History,
-    Message,
     Open,
     Overruled,
     Propose,
     Recovery,
     RecoveryAnswer,
+    RunMessage,
     Snapshot,
     Support,
     Tentative,
@@ -86,7 +86,7 @@ FIRST_HANDSHAKE_KIND = MessageKind.JOIN
 assert FIRST_ORDER_KIND == MessageKind.REQUEST
 
 #: All that goes into frames.
-AnyMessage = Message | Beacon | HandshakeMessage | OrderMessage
+AnyMessage = RunMessage | HandshakeMessage | OrderMessage
 
 _KINDS: dict[type[AnyMessage], MessageKind] = {
     Propose: MessageKind.PROPOSE,
@@ -126,11 +126,11 @@ def kind_and_body(message: AnyMessage) -> tuple[MessageKind, bytes]:
     return _KINDS[type(message)], encode(message)
 
 
-def message_of(kind: int, body: bytes, robots: int) -> Message | Beacon | None:
+def message_of(kind: int, body: bytes, robots: int) -> RunMessage | None:
     """Decode a message of a run from a whole body; None if it is malformed."""
     if kind >= FIRST_HANDSHAKE_KIND:
         return None
-    message: Message | Beacon | None = _decoded(kind, body)
+    message: RunMessage | None = _decoded(kind, body)
     return message if message is not None and _fits(message, robots) else None
 
 
@@ -181,7 +181,7 @@ def _is_well_formed(message: HandshakeMessage) -> bool:
             assert_never(message)
 
 
-def _fits(message: Message | Beacon, robots: int) -> bool:
+def _fits(message: RunMessage, robots: int) -> bool:
     """Return whether the robots that a message names exist."""
     match message:
         case Decide(entry=entry) | History(entry=entry):

@@ -8,7 +8,7 @@ from msgspec import Struct, field
 
 from koord.runtime.orders.messages import OrderMessage
 from koord.runtime.protocol.handshake import HandshakeMessage
-from koord.runtime.protocol.messages import Beacon, Message
+from koord.runtime.protocol.messages import RunMessage
 from koord.runtime.wire.bodies import (
     FIRST_HANDSHAKE_KIND,
     AnyMessage,
@@ -160,7 +160,7 @@ class Letter(Struct):
 
     sender: int
     incarnation: int
-    message: Message | Beacon
+    message: RunMessage
 
 
 def seal_of(key: bytes, *, encrypts: bool) -> Seal:
