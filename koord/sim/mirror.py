@@ -15,7 +15,7 @@ from msgspec import Struct
 from koord.runtime.deploy.news import News, PoseReport, RoundReport
 from koord.runtime.engine import Shown
 from koord.runtime.motion.arrays import Floats, Ints
-from koord.runtime.motion.geometry import as_path
+from koord.runtime.motion.geometry import as_path, headings_of
 from koord.runtime.robot import Robot
 from koord.runtime.store import AgreedStore
 from koord.sim.measuring import Nearby, TaskGauge
@@ -50,9 +50,7 @@ class _Poses:
         return self._positions
 
     def headings(self) -> Floats:
-        w, x, y, z = self._attitudes.T
-        heading: Floats = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
-        return heading
+        return headings_of(self._attitudes)
 
     def attitudes(self) -> Floats:
         return self._attitudes

@@ -81,6 +81,13 @@ def length(path: Floats) -> float:
     return float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
 
 
+def headings_of(attitudes: Floats) -> Floats:
+    """The headings ``(n,)`` of unit quaternions ``(n, 4)``, w first, in rad from the x axis."""
+    w, x, y, z = attitudes.T
+    heading: Floats = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+    return heading
+
+
 def wrapped(angle: Floats) -> Floats:
     """Wrap angles to [-π, π)."""
     return (angle + np.pi) % (2 * np.pi) - np.pi

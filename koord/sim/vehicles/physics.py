@@ -16,6 +16,7 @@ import numpy as np
 
 from koord.runtime.motion.arrays import Floats
 from koord.runtime.motion.flying import GRAVITY
+from koord.runtime.motion.geometry import headings_of
 from koord.runtime.motion.libraries import missing
 from koord.runtime.motion.planning import Hindrance, Touched
 from koord.runtime.motion.world import Box, Disc, Flat, Obstacle, Polygon, World
@@ -178,8 +179,7 @@ class PhysicalWheels:
     def look(self, data: Any) -> None:
         q = data.qpos[self._qpos[:, None] + np.arange(7)]
         v = data.qvel[self._qvel[:, None] + np.arange(2)]
-        w, x, y, z = q[:, 3:].T
-        self.heading = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+        self.heading = headings_of(q[:, 3:])
         self.position = q[:, :3].copy()
         self.speed = np.cos(self.heading) * v[:, 0] + np.sin(self.heading) * v[:, 1]
 
