@@ -8,9 +8,6 @@ from koord.api.files import check_writable, same_file
 from koord.api.results import ArgumentError
 from koord.runtime.motion.libraries import require
 
-#: Where a page is served if nobody says: on this machine alone, at any port.
-LIVE = ("127.0.0.1", 0)
-
 #: Why a robot that runs by itself is not restarted.
 NOT_RESTARTED = (
     "this is for robots that are all processes on this machine; what starts one restarts it"

@@ -9,7 +9,7 @@ from msgspec.structs import replace
 
 from koord.api.breaches import grounds_of
 from koord.api.deploy_followed import Deployment
-from koord.api.deploy_request import LIVE, NOT_RESTARTED, DeployRequest, check_outputs
+from koord.api.deploy_request import NOT_RESTARTED, DeployRequest, check_outputs
 from koord.api.deploy_run import run_all, run_one
 from koord.api.deploy_setup import job_of
 from koord.api.deployed import Deployed
@@ -19,6 +19,7 @@ from koord.api.programs import Loadable, Value
 from koord.api.progress import Cancellation, Listener, heard_by
 from koord.api.results import ArgumentError
 from koord.api.robots import Seconds
+from koord.api.served_page import LIVE
 from koord.runtime.deploy.job import CannotTakePartError, Job
 from koord.runtime.transports.transport import TransportError
 from koord.syntax.diagnostics import refusal

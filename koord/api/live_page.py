@@ -7,18 +7,12 @@ from contextlib import contextmanager
 
 from koord.api.fitting import Fitted
 from koord.api.fleet_watch import FleetWatch
-from koord.api.outputs import PageServed
 from koord.api.progress import Listener
+from koord.api.served_page import PATIENCE_S, served_page
 from koord.runtime.deploy.job import Job
 from koord.runtime.deploy.news import News
 from koord.sim.mirror import FleetMirror
 from koord.sim.running import Cast, header_in
-from koord.sim.viewing import Live
-from koord.syntax.diagnostics import refusal
-from koord.syntax.source import visible
-
-#: How long browsers may take to fetch the end of a run.
-_PATIENCE_S = 5.0
 
 
 class LivePage:
@@ -59,18 +53,11 @@ def live_page(
 ) -> Iterator[LivePage]:
     """Serve the page of a fleet at an address and port (0: any). Raises KoordError."""
     page = LivePage(fitted, job, watch)
-    host, port = address
-    try:
-        server = Live(page.mirror.log, port, host)
-    except OSError as error:
-        where = visible(f"{host}:{port}")
-        story = f"the page cannot be served at {where}: {error.strerror or error}"
-        raise refusal("K933", "<live>", story, "say another address, or leave it out") from None
-    with server as live:
-        tell(PageServed(f"live: {live.address}", address=live.address))
+    cure = "say another address, or leave it out"
+    with served_page(page.mirror.log, tell, cure, address) as live:
         try:
             yield page
         finally:
             page.show_broken()
             page.mirror.end("the run is over")
-            live.wait_for_watchers(_PATIENCE_S)
+            live.wait_for_watchers(PATIENCE_S)

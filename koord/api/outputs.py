@@ -13,9 +13,9 @@ from msgspec import Struct
 
 from koord.api.files import check_folder, check_writable, write_atomically, write_folder
 from koord.api.growing import Growing, remove_part
-from koord.api.progress import Listener, Progress
+from koord.api.progress import Listener
 from koord.api.results import ArgumentError
-from koord.syntax.diagnostics import refusal
+from koord.api.served_page import PATIENCE_S, served_page
 
 if TYPE_CHECKING:
     from koord.api.sim_trace import Tracing
@@ -74,15 +74,6 @@ RECORDS, PLOTS = tuple(_RECORDS), tuple(_PLOTS)
 
 #: What a page shows: the world from above with timeline and variables, or the robots in space.
 View: TypeAlias = Literal["2d", "3d"]
-
-#: How long a live page may take to fetch the end of a run.
-_PATIENCE_S = 3.0
-
-
-class PageServed(Progress, frozen=True, kw_only=True):
-    """Progress: the page of a run is served at this address."""
-
-    address: str
 
 
 class Outputs(Struct, frozen=True):
@@ -202,19 +193,9 @@ def _served(
     if not outputs.live:
         yield pace
         return
-    from koord.sim.viewing import Live
-
-    try:
-        server = Live(recording)
-    except OSError as error:
-        story = f"the page cannot be served on this machine: {error.strerror}"
-        raise refusal(
-            "K933", "<live>", story, "leave out `live=`: run.html shows the run"
-        ) from None
-    with server as live:
-        tell(PageServed(f"live: {live.address}", address=live.address))
+    with served_page(recording, tell, "leave out `live=`: run.html shows the run") as live:
         yield pace
-        live.wait_for_watchers(_PATIENCE_S)
+        live.wait_for_watchers(PATIENCE_S)
 
 
 def _unhurried(time_s: float) -> None:

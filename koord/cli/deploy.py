@@ -10,14 +10,14 @@ from ipaddress import ip_address
 
 from msgspec.structs import replace
 
-from koord.api.deploy_request import LIVE, NOT_RESTARTED, NOT_TWICE, DeployRequest
+from koord.api.deploy_request import NOT_RESTARTED, NOT_TWICE, DeployRequest
 from koord.api.deploy_setup import Job, job_of
 from koord.api.deployed import Deployed, FleetHeard
 from koord.api.deployment import deploy_fitted
 from koord.api.files import same_file
 from koord.api.fitting import Fitted
-from koord.api.outputs import PageServed
 from koord.api.progress import Progress
+from koord.api.served_page import LIVE, PageServed
 from koord.cli.arguments import (
     add_files,
     add_json,

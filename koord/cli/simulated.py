@@ -13,8 +13,8 @@ from rich.console import Console
 from rich.table import Table
 
 from koord.api.deployed import FleetHeard
-from koord.api.outputs import PageServed
 from koord.api.progress import Progress
+from koord.api.served_page import PageServed
 from koord.api.sim_report import (
     BrokenClaim,
     Ending,

@@ -13,7 +13,7 @@ from jsonschema import Draft202012Validator
 
 import koord
 from koord.api.campaign import CampaignBegun, RunOver
-from koord.api.outputs import PageServed
+from koord.api.served_page import PageServed
 from koord.api.sim_report import Ending, SimulationBegun, SimulationOver
 from koord.cli.main import main
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import koord
-from koord.api.outputs import PageServed
+from koord.api.served_page import PageServed
 from koord.runtime.compile import compiled
 from koord.runtime.compile.loading import loaded
 from koord.runtime.deploy.member import Untimed
