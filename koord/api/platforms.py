@@ -17,8 +17,7 @@ from koord.runtime.drivers.driver import Device, Driver, DriverError, NoOptions
 from koord.runtime.drivers.localised import Localised
 from koord.runtime.guardian.conditions import Setup
 from koord.runtime.motion.field import field
-from koord.runtime.motion.library import Chart, Library
-from koord.runtime.motion.planning import Pose, Room
+from koord.runtime.motion.planning import Room
 from koord.runtime.motion.world import Point, World
 from koord.runtime.platform.checks import Stated
 from koord.runtime.platform.host import VehicleHost, VehiclePlatform
@@ -30,7 +29,7 @@ from koord.runtime.platform.world_host import WorldHost
 from koord.runtime.plugins.loading import served_modules
 from koord.runtime.robot import Host
 from koord.sim.driver import SIMULATED
-from koord.sim.scene import scanner_range_m
+from koord.sim.scene_library import library_of
 
 #: Ways are planned anew after so many rounds at most.
 _KEPT_ROUNDS = 10
@@ -73,18 +72,10 @@ def platforms(
         except DriverError as error:
             raise CannotTakePartError(f"robot {pid}: {error.message}", error.hint) from None
 
-        def pose(robot: int) -> Pose:
-            sensors = driven.sensors
-            return Pose(sensors.psn, sensors.heading_rad)
-
-        chart = Chart(world.grid, scanner_range_m(scene))
         planner, height_m = steersman.planner, steersman.takeoff_height_m
         if height_m is not None and not model.body.ON_GROUND:
             planner = RisingPlanner(planner, world.ground, height_m)
-        planners = {pid: planner}
-        library = Library(
-            planners, pose, scene.clearance, chart, scene.seed, keep_rounds=_KEPT_ROUNDS
-        )
+        library = library_of(scene, {pid: planner}, lambda robot: driven.sensors, _KEPT_ROUNDS)
         host = VehicleHost(job.classes, job.kinds, world, library, driven, scene.seed)
         if vehicle.modules:
             host.modules[pid] = served_modules(
@@ -157,11 +148,10 @@ def claims_host(fitted: Fitted, job: Job) -> ClaimsHost:
     """Make what answers the questions of claims about the robots of a run."""
     scene = fitted.scene
 
-    def nowhere(robot: int) -> Pose:
+    def nobody(robot: int) -> MotionSensors:
         raise LookupError(robot)
 
-    chart = Chart(scene.world.grid, scanner_range_m(scene))
-    library = Library({}, nowhere, scene.clearance, chart, scene.seed, keep_rounds=_KEPT_ROUNDS)
+    library = library_of(scene, {}, nobody, _KEPT_ROUNDS)
     return ClaimsHost(job.classes, job.kinds, scene.world, library, scene.seed)
 
 

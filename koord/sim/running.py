@@ -15,9 +15,7 @@ from msgspec import Struct
 from koord.runtime.engine import Deployed, Ended, Schedule
 from koord.runtime.engine import RoundEngine as Engine
 from koord.runtime.motion.automaton import MotionState
-from koord.runtime.motion.library import Chart, Library
 from koord.runtime.motion.planners import planner
-from koord.runtime.motion.planning import Pose
 from koord.runtime.motion.world import Point
 from koord.runtime.plugins.loading import served_modules
 from koord.runtime.proposals import Decision
@@ -29,7 +27,8 @@ from koord.sim.lidar import Scanner
 from koord.sim.measuring import Figures, Gauge
 from koord.sim.observing import Observer, deeds_of, header_of
 from koord.sim.run_log import Header, RunLog, RunLogger
-from koord.sim.scene import Scene, scanner_range_m
+from koord.sim.scene import Scene
+from koord.sim.scene_library import library_of
 from koord.sim.standing import StandingRobot, Watchman
 from koord.syntax.collector import uncollected
 
@@ -339,12 +338,7 @@ def host_of(cast: Cast, scene: Scene, fleet: Fleet) -> Hosted:
     }
     planners = {pid: made[placed.model] for pid, placed in enumerate(scene.robots)}
 
-    def pose(robot: int) -> Pose:
-        sensed = host.sensed[robot]
-        return Pose(sensed.psn, sensed.heading_rad)
-
-    chart = Chart(scene.world.grid, scanner_range_m(scene))
-    library = Library(planners, pose, scene.clearance, chart, scene.seed, keep_rounds=_KEPT_ROUNDS)
+    library = library_of(scene, planners, lambda robot: host.sensed[robot], _KEPT_ROUNDS)
     scanners = {
         robot: Scanner(lidar, scene.world, scene.robots[robot].start[2])
         for robot, lidar in scene.scanners.items()

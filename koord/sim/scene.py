@@ -126,11 +126,6 @@ def scene(
     )
 
 
-def scanner_range_m(scene: Scene) -> float:
-    """The range of the furthest-reaching scanner, or the usual one."""
-    return max((lidar.range_m for lidar in scene.scanners.values()), default=4.0)
-
-
 def _as_many(robots: tuple[RobotPlace, ...], count: int | None) -> tuple[RobotPlace, ...]:
     if count is None:
         return robots
