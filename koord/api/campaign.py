@@ -6,14 +6,14 @@ import hashlib
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing
-from os import PathLike, fspath
+from os import PathLike
 from statistics import fmean, stdev
 
 from msgspec import Struct, to_builtins
 from msgspec.structs import replace
 
 from koord.api.campaign_runs import Order, Row, RunFile, rows_of
-from koord.api.files import check_writable
+from koord.api.files import check_writable, file_name
 from koord.api.fitting import Configurable, FitRequest, fit, fit_request
 from koord.api.pictures import check_drawable, keep_figure
 from koord.api.programs import Loadable, Value, exact
@@ -170,9 +170,9 @@ def campaign(
         rounds=rounds,
         duration_s=duration_s,
         check_summaries=check_summaries,
-        csv=None if csv is None else fspath(csv),
+        csv=file_name(csv),
         resume=resume,
-        plot=None if plot is None else fspath(plot),
+        plot=file_name(plot),
     )
     request.check()
     wanted = fit_request(program, config, params, robots, seed, delta_s)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from os import PathLike, fspath
+from os import PathLike
 
 from msgspec.structs import replace
 
@@ -13,6 +13,7 @@ from koord.api.deploy_request import NOT_RESTARTED, DeployRequest, check_outputs
 from koord.api.deploy_run import run_all, run_one
 from koord.api.deploy_setup import job_of
 from koord.api.deployed import Deployed
+from koord.api.files import file_name
 from koord.api.fitting import Configurable, Fitted, fit, fit_request
 from koord.api.preflight import Approval, good_enough
 from koord.api.programs import Loadable, Value
@@ -87,16 +88,16 @@ def deploy(
         rounds=rounds,
         as_fast_as_possible=as_fast_as_possible,
         run=run,
-        state=None if state is None else fspath(state),
+        state=file_name(state),
         fresh=fresh,
-        record=None if record is None else fspath(record),
+        record=file_name(record),
         restart=restart,
-        trace=None if trace is None else fspath(trace),
+        trace=file_name(trace),
         dry_run=dry_run,
         allow_models=tuple(allow_models),
         arm=arm,
         preflight=preflight,
-        rests_on=None if rests_on is None else fspath(rests_on),
+        rests_on=file_name(rests_on),
         live=(LIVE if live else None) if isinstance(live, bool) else live,
         loss=loss,
     )

@@ -8,6 +8,7 @@ import shutil
 import stat
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
+from os import PathLike
 from pathlib import Path
 from typing import BinaryIO
 
@@ -21,6 +22,11 @@ LARGEST_FILE = 64 * 1024 * 1024
 
 #: What a folder that may be replaced has in it: rosbag2 folders are the only ones written.
 _OURS = "metadata.yaml"
+
+
+def file_name(given: str | PathLike[str] | None) -> str | None:
+    """The name of a file or folder as people have given it; None: none."""
+    return None if given is None else os.fspath(given)
 
 
 class InputFile(Struct, frozen=True):

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from os import PathLike, fspath
+from os import PathLike
 
 from msgspec.structs import replace
 
+from koord.api.files import file_name
 from koord.api.fitting import Configurable, FitRequest, fit, fit_request
 from koord.api.programs import Loadable, Value
 from koord.api.progress import Cancellation, Listener, Progress, asker, heard_by
@@ -69,7 +70,7 @@ def refine_simulated(
     True
     """
     wanted = fit_request(program, config, params, None, seed, None)
-    folder = None if save is None else fspath(save)
+    folder = file_name(save)
     return judge_simulated(wanted, runs, rounds, folder, progress, cancellation)
 
 

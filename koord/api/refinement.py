@@ -6,7 +6,7 @@ import shlex
 from collections.abc import Callable, Iterable, Iterator
 from fractions import Fraction
 from itertools import cycle, islice
-from os import PathLike, fspath
+from os import PathLike
 from pathlib import Path
 from random import Random
 from typing import Literal, TypeAlias
@@ -14,7 +14,7 @@ from typing import Literal, TypeAlias
 from msgspec import Struct, to_builtins
 from msgspec.structs import replace
 
-from koord.api.files import check_writable
+from koord.api.files import check_writable, file_name
 from koord.api.programs import Loadable, Program, program_of
 from koord.api.progress import Cancellation, Listener, Progress, asker, heard_by
 from koord.api.refused_run import RefusedRun
@@ -202,7 +202,7 @@ def refine(
         faults=faults,
         seed=seed,
         case=case,
-        save=None if save is None else fspath(save),
+        save=file_name(save),
     )
     loaded = tuple(program_of(one) for one in several)
     return refine_loaded(loaded, request, progress, cancellation)

@@ -6,7 +6,7 @@ import re
 import secrets
 import time
 from collections.abc import Callable, Coroutine, Iterator, Mapping, Sequence
-from os import PathLike, fspath
+from os import PathLike
 from pathlib import PurePosixPath
 from typing import TYPE_CHECKING
 
@@ -17,6 +17,7 @@ from koord.api.command_lines import deploy_flags
 from koord.api.configurations import check_start
 from koord.api.deploy_request import DeployRequest, check_outputs
 from koord.api.deployed import Deployed
+from koord.api.files import file_name
 from koord.api.fitting import Configurable, FitRequest, Fitted, fit, fit_request
 from koord.api.preflight import Approval, Preflight, good_enough, refusals
 from koord.api.programs import Loadable, Value
@@ -122,21 +123,21 @@ def deploy_remotely(
         rounds=rounds,
         as_fast_as_possible=as_fast_as_possible,
         run=run,
-        state=None if state is None else fspath(state),
+        state=file_name(state),
         fresh=fresh,
-        record=None if record is None else fspath(record),
-        trace=None if trace is None else fspath(trace),
+        record=file_name(record),
+        trace=file_name(trace),
         dry_run=dry_run,
         allow_models=tuple(allow_models),
         arm=arm,
         preflight=preflight,
-        rests_on=None if rests_on is None else fspath(rests_on),
+        rests_on=file_name(rests_on),
         loss=loss,
     )
     check_outputs(request)
     wanted = fit_request(program, config, params, None, None, delta_s)
     wanted = replace(wanted, located=not dry_run)
-    kept = None if logs is None else fspath(logs)
+    kept = file_name(logs)
     made = RemoteRequest(wanted, fit(wanted), request, login or Login(), kept, attach)
     return deploy_over_ssh(made, progress, cancellation, approve=approve)
 

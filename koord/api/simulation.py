@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from os import PathLike, fspath
 
-from koord.api.files import read_written
+from koord.api.files import file_name, read_written
 from koord.api.fitting import Configurable, Fitted, fit, fit_request
 from koord.api.outputs import Outputs, View
 from koord.api.programs import Loadable, Program, Value, source_of
@@ -64,11 +64,11 @@ def simulate(
     """
     paths = (record,) if isinstance(record, str | PathLike) else tuple(record)
     outputs = Outputs(
-        html=_path(html),
+        html=file_name(html),
         view=view,
         record=tuple(fspath(one) for one in paths),
-        plot=_path(plot),
-        trace=_path(trace),
+        plot=file_name(plot),
+        trace=file_name(trace),
         live=live,
         pace=pace,
     )
@@ -86,10 +86,6 @@ def simulate(
     source = program.source if isinstance(program, Program) else source_of(program)
     name = fspath(schedule)
     return rehearse(source, read_written(name), name, request, progress, cancellation)
-
-
-def _path(given: str | PathLike[str] | None) -> str | None:
-    return None if given is None else fspath(given)
 
 
 def simulate_fitted(
