@@ -17,7 +17,7 @@ from koord.runtime.drivers.driver import Device, Driver, DriverError, NoOptions
 from koord.runtime.drivers.localised import Localised
 from koord.runtime.guardian.conditions import Setup
 from koord.runtime.motion.field import field
-from koord.runtime.motion.planning import Room
+from koord.runtime.motion.planning import Planner, Room
 from koord.runtime.motion.world import Point, World
 from koord.runtime.platform.checks import Stated
 from koord.runtime.platform.host import VehicleHost, VehiclePlatform
@@ -72,7 +72,8 @@ def platforms(
         except DriverError as error:
             raise CannotTakePartError(f"robot {pid}: {error.message}", error.hint) from None
 
-        planner, height_m = steersman.planner, steersman.takeoff_height_m
+        planner: Planner = steersman.asked
+        height_m = steersman.takeoff_height_m
         if height_m is not None and not model.body.ON_GROUND:
             planner = RisingPlanner(planner, world.ground, height_m)
         library = library_of(scene, {pid: planner}, lambda robot: driven.sensors, _KEPT_ROUNDS)

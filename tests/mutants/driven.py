@@ -14,6 +14,7 @@ WATCHDOG = "tests/runtime/platform/test_watchdog.py"
 DRY_RUN = "tests/cli/test_dry_run.py"
 WATCHED = "tests/runtime/platform/test_watched.py"
 WAYS = "tests/runtime/platform/test_ways.py"
+ASKED = "tests/runtime/platform/test_asked_planners.py"
 
 #: What moves otherwise than was decided, or without being driven.
 DRIVEN = (
@@ -108,6 +109,20 @@ DRIVEN = (
         "max(z, self._field.world.ground)",
         "z",
         (WAYS,),
+    ),
+    Mutant(
+        "robots wait for their planners and do nothing else",
+        "runtime.deploy.running.Runner.step",
+        "self.member.host.wait_with(self._tick)",
+        "self.member.host.beacon(0.0)",
+        (ASKED,),
+    ),
+    Mutant(
+        "a planner that thinks is asked again",
+        "runtime.platform.pilots.Pilot.wish",
+        "not self.asked.is_busy",
+        "True",
+        (ASKED,),
     ),
     Mutant(
         "a driver that raises once is not told to stop any more",

@@ -84,6 +84,13 @@ class Platform(AnsweringHost, Protocol):
         """
         ...
 
+    def wait_with(self, meanwhile: Callable[[], float]) -> None:
+        """Let this be done while a turn of the program takes long; it returns when it is due next.
+
+        That is in so many seconds. (P-PLAN)
+        """
+        ...
+
     def beacon(self, now_s: float) -> Beacon | None:
         """What other robots should know of the vehicle now, if it is time to say it. (P-BEACON)"""
         ...
@@ -154,6 +161,9 @@ class Untimed:
         pass
 
     def acted(self, robot: Robot) -> None:
+        pass
+
+    def wait_with(self, meanwhile: Callable[[], float]) -> None:
         pass
 
     def tick(self, now_s: float, round_age_s: float | None, reason: Reason | None) -> float:

@@ -160,6 +160,7 @@ class Runner:
             return
         self.entrance.turn(wait_s)
         if self.peer is not None:
+            self.member.host.wait_with(self._tick)
             self.peer.turn(wait_s)
 
     def go(self) -> None:

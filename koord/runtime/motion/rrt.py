@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 from msgspec import Struct
+from msgspec.structs import replace
 
 from koord.runtime.motion.arrays import Floats
 from koord.runtime.motion.bodies import Body
@@ -52,6 +53,9 @@ _HERE_M = 0.01
 _LEAVING_M = 0.5
 
 
+#: A way with room to spare gets so small a share of the steps.
+_SHARE = 4
+
 #: OMPL has one source of chance for all threads of a process: one plan at a time is made of it.
 _chance = Lock()
 
@@ -83,12 +87,16 @@ class TreePlanner(Struct, frozen=True):
         free, begin = self.ground.field(avoid), self.ground.standing(start)
         if free.clearance(*goal) < room.least_m:
             return None
-        for keeps_m in sorted({room.wide_m, room.least_m}, reverse=True):
-            points = self._way(free, begin, goal, keeps_m, seed)
-            if points is not None:
-                points[0], points[-1] = start.position, goal
-                return points
-        return None
+        points = None
+        if room.spare_m > 0:  # what is found at all is mostly found soon
+            some = replace(self.effort, steps=math.ceil(self.effort.steps / _SHARE))
+            thrifty = replace(self, effort=some)
+            points = thrifty._way(free, begin, goal, room.wide_m, seed)
+        if points is None:
+            points = self._way(free, begin, goal, room.least_m, seed)
+        if points is not None:
+            points[0], points[-1] = start.position, goal
+        return points
 
     def _way(
         self, free: Field, start: Pose, goal: Point, keeps_m: float, seed: int

@@ -165,6 +165,10 @@ class VehiclePlatform(Forwarding):
         self._due_s += TICK_S
         return self._due_s
 
+    def wait_with(self, meanwhile: Callable[[], float]) -> None:
+        """Let ticks go on while a planner thinks. (P-PLAN)"""
+        self.vehicle.pilot.asked.wait_with(meanwhile)
+
     def _begin(self, now_s: float, round_age_s: float | None) -> None:
         """Arm and start the vehicle once rounds are committed. (P-ARM) (P-START)"""
         if round_age_s is None or self._is_stopping or not (self._arms and self._goes):

@@ -38,6 +38,7 @@ from koord.runtime.motion.planners import planner
 from koord.runtime.motion.planning import CLOSE, PlanningEffort, Room
 from koord.runtime.motion.pursuit import Horizon
 from koord.runtime.motion.world import Point, World
+from koord.runtime.platform.asking import AskedPlanner
 from koord.runtime.platform.rising import RISEN
 from koord.runtime.platform.sensors import MotionSensors
 from koord.runtime.plugins.calls import PlugIn, PlugInError
@@ -76,6 +77,8 @@ class Pilot(ABC):
         self.planner = made
         if isinstance(made, CheckedPlanner):
             made.forgives = True
+        #: what a program asks for ways; while it thinks, ways to targets have to wait (P-PLAN)
+        self.asked = AskedPlanner(made)
         #: plug-ins that fail, by what they are for; while there are some, the robot stays
         self.troubles: dict[str, str] = {}
         self.group = Group(1, body, world, made, settings.visit, [seed], settings.room)
@@ -84,7 +87,8 @@ class Pilot(ABC):
         """What the vehicle should do until the next tick, from where it is."""
         position = np.array([sensed.position_m])
         heading = np.array([yaw_of(sensed.attitude)])
-        self.group.plan(self._origin(position), heading)
+        if not self.asked.is_busy:
+            self.group.plan(self._origin(position), heading)
         self.group.update(position, now_s)
         return self._law(position, heading, sensed)
 
