@@ -14,7 +14,6 @@ _FAMILIES = re.compile(r"_many(_|$)|_at_length$|_further_on$")
 
 #: Tests whose shortest case takes more than 15 seconds of CPU, and why.
 TOO_LONG = {
-    "test_a_driver_passes_every_check_against_its_peer": "two minutes; some are fast tests",
     "test_a_dry_run_does_with_the_lab_what_a_simulation_does": "two minutes of real time",
     "test_all_places_are_visited_and_the_trace_is_legal": "a minute and a half of real time",
     "test_all_three_refuse_all_mutants_alike": "three readers of some hundred configurations",
@@ -25,7 +24,6 @@ TOO_LONG = {
     "test_nothing_false_is_confirmed_of_a_thousand_edits": "a thousand certificates",
     "test_robots_whose_people_are_gone_are_reached_all_the_same": "a minute of real time",
     "test_some_work_is_done_for_all_rounds": "an engine that is given twenty seconds",
-    "test_the_labs_driver_passes_the_kit": "a minute and a half of real time",
     "test_the_protocol_can_be_checked_by_itself": "eight runs of it in chaos",
     "test_the_tests_pass_without_mistakes": "all tests that mutants name",
     "test_the_text_is_typed": "mypy, of all compiled examples",

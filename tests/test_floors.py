@@ -211,6 +211,7 @@ TALKING = (
     # Processes of their own, which tell others by their standard output.
     "koord/runtime/drivers/localisers/motioncapture_reader.py",
     "koord/testing/conformance/killed.py",
+    "koord/testing/conformance/lane.py",
     "koord/testing/cars.py",
     "koord/testing/truth.py",
 )

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import shlex
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from difflib import get_close_matches
 from typing import TYPE_CHECKING, Any
 
@@ -18,8 +19,9 @@ from koord.api.results import ArgumentError, Result, html_table
 from koord.syntax.diagnostics import KoordError, refusal
 
 if TYPE_CHECKING:
+    from koord.testing.conformance.bench import Check
     from koord.testing.conformance.findings import Finding as Finding
-    from koord.testing.conformance.peers import OtherSide
+    from koord.testing.conformance.peers import CommandPeer
     from koord.testing.conformance.subjects import Subject
 
 #: The driver of simulated vehicles, which are in the process that drives them.
@@ -42,10 +44,11 @@ class ConformRequest(Struct, frozen=True, kw_only=True):
     arm: bool = False
     virtual_time: bool | None = None
     only: tuple[str, ...] = ()
+    jobs: int = 1
 
 
 class Conformance(Result, frozen=True, kw_only=True):
-    """What the checks of a driver found, in the order in which they were made."""
+    """What the checks of a driver found, in the order of the suite."""
 
     driver: str
     vehicle: str
@@ -111,6 +114,7 @@ def conform(
     arm: bool = False,
     virtual_time: bool | None = None,
     only: Sequence[str] = (),
+    jobs: int = 1,
     progress: Listener | None = None,
     cancellation: Cancellation | None = None,
 ) -> Conformance:
@@ -124,6 +128,10 @@ def conform(
     is a peer, or people say that it may by ``arm``: up to 2 m, and up to 2 m high;
     ``room_m`` about it is its world. In ``virtual_time`` the vehicle moves by the times that its
     driver is told, as simulated ones do. ``only`` are names of checks, if not all are to be made.
+
+    With ``jobs`` so many groups of checks are made at once, each in a process of its own against a
+    peer of its own. A command has place-holders for that, and so have the options: ``{free}`` is a
+    free port, ``{domain}`` a domain of DDS, ``{job}`` a number that counts from 0.
 
     Raises :class:`koord.ArgumentError` for what cannot be, and :class:`koord.KoordError` for
     drivers that cannot be loaded.
@@ -142,6 +150,7 @@ def conform(
         arm=arm,
         virtual_time=virtual_time,
         only=tuple(only),
+        jobs=jobs,
     )
     return conform_request(request, progress, cancellation)
 
@@ -154,35 +163,89 @@ def conform_request(
 ) -> Conformance:
     """Test a driver; ``heard`` is told of each check when it has been made. Raises KoordError."""
     import koord.api.sim_libraries  # noqa: F401
-    from koord.testing.conformance.peers import KNOWN, patched
-    from koord.testing.conformance.running import NAMES, bench_of, conform
+    from koord.testing.conformance.running import NAMES
 
     tell, is_cancelled = heard_by(progress), asker(cancellation)
     names = _known(request.only, NAMES)
     subject, peer = subject_of(request)
+    _can_be_made(subject.name or subject.target, subject)
     found: list[Finding] = []
-    bench = bench_of(subject, peer, is_cancelled=is_cancelled)
-    with patched(KNOWN[request.peer].environment if request.peer in KNOWN else {}):
-        for one in conform(bench, names, lambda check: tell(Progress(check.about))):
-            found.append(one)
-            heard(one)
+
+    def begins(check: Check) -> None:
+        tell(Progress(check.about))
+
+    for one in _findings(request, subject, peer, names, begins, is_cancelled):
+        found.append(one)
+        heard(one)
     return Conformance(
         driver=subject.name or subject.target,
         vehicle=subject.vehicle,
         peer=request.peer,
-        findings=tuple(found),
+        findings=tuple(sorted(found, key=lambda one: NAMES.index(one.check))),
         interrupted=len(found) < len(names),
     )
 
 
-def subject_of(request: ConformRequest) -> tuple[Subject, OtherSide | None]:
-    """What is tested, and the other side of its wire. Raises KoordError."""
-    from koord.runtime.drivers.driver import DriverError
+def _findings(
+    request: ConformRequest,
+    subject: Subject,
+    peer: CommandPeer | None,
+    names: tuple[str, ...],
+    begins: Callable[[Check], None],
+    is_cancelled: Callable[[], bool],
+) -> Iterator[Finding]:
+    """Make the checks, one after the other or side by side. Raises KoordError."""
+    from koord.testing.conformance.beside import beside
+    from koord.testing.conformance.lane import Lane
+    from koord.testing.conformance.peers import KNOWN, patched
+    from koord.testing.conformance.running import bench_of, conform
+
+    environment = KNOWN[request.peer].environment if request.peer in KNOWN else {}
+    if request.jobs == 1:
+        with patched(environment):
+            yield from conform(bench_of(subject, peer, is_cancelled=is_cancelled), names, begins)
+        return
+    _several(request, peer)
+
+    def lane(job: int, checks: tuple[str, ...]) -> Lane:
+        subject, peer = subject_of(request, job)
+        assert peer is not None
+        return Lane(subject, peer.command, environment, checks)
+
+    yield from beside(lane, request.jobs, names, begins, is_cancelled)
+
+
+def _several(request: ConformRequest, peer: CommandPeer | None) -> None:
+    """Raise ArgumentError if there cannot be several peers at once. (P-KIT-JOBS)"""
+    from koord.testing.conformance.holders import has_holder
+    from koord.testing.conformance.peers import KNOWN
+
+    if request.jobs < 1:
+        raise ArgumentError("jobs", "it is 1 at least")
+    if peer is None:
+        raise ArgumentError("jobs", "there is one vehicle; checks side by side need a peer each")
+    if request.peer not in KNOWN:
+        holders = "{free} (a port), {domain} or {job} (a number)"
+        if not has_holder(request.peer):
+            raise ArgumentError(
+                "jobs", f"all peers would be the same one; let its command have {holders}"
+            )
+        if not has_holder(dict(request.options or {})):
+            raise ArgumentError(
+                "jobs",
+                f"all drivers would look for the same peer; let their options have {holders}",
+            )
+
+
+def subject_of(request: ConformRequest, job: int = 0) -> tuple[Subject, CommandPeer | None]:
+    """What is tested, and the other side of its wire, for a job. Raises KoordError."""
     from koord.runtime.motion.bodies import VEHICLES
+    from koord.testing.conformance.holders import fresh
     from koord.testing.conformance.peers import KNOWN, CommandPeer
     from koord.testing.conformance.subjects import Subject
 
-    known = KNOWN[request.peer].filled() if request.peer in KNOWN else None
+    holders = fresh(job)
+    known = KNOWN[request.peer].filled(holders) if request.peer in KNOWN else None
     driver = request.driver or (known.driver if known is not None else None)
     if driver is None:
         peers = ", ".join(KNOWN)
@@ -193,13 +256,13 @@ def subject_of(request: ConformRequest) -> tuple[Subject, OtherSide | None]:
     if not (math.isfinite(request.room_m) and request.room_m >= 2):
         raise ArgumentError("room", "the vehicle needs 2 m about it at least")
     given = {} if known is None else dict(known.options)
-    given |= request.options or {}
+    given |= holders.value(dict(request.options or {}))
     virtual = driver == _SIMULATED if request.virtual_time is None else request.virtual_time
-    peer: OtherSide | None = None
+    peer: CommandPeer | None = None
     if known is not None:
         peer = CommandPeer(known.command, known.environment)
     elif request.peer is not None:
-        peer = CommandPeer(_words(request.peer))
+        peer = CommandPeer([holders.text(one) for one in _words(request.peer)])
     if virtual and peer is not None:
         raise ArgumentError("peer", "it is a process, and virtual time passes in this one alone")
     at_m = request.at_m or (known.at_m if known is not None else (0.0, 0.0, 0.0))
@@ -215,8 +278,15 @@ def subject_of(request: ConformRequest) -> tuple[Subject, OtherSide | None]:
         is_virtual=virtual,
         name="" if ":" in driver else driver,
     )
+    return subject, peer
+
+
+def _can_be_made(driver: str, subject: Subject) -> None:
+    """Raise KoordError for a driver that cannot be made of its options."""
+    from koord.runtime.drivers.driver import DriverError
+
     try:
-        subject.driver()
+        made = subject.driver()
     except DriverError as error:
         raise refusal("K932", driver, error.message, error.hint) from None
     except KoordError:
@@ -224,7 +294,8 @@ def subject_of(request: ConformRequest) -> tuple[Subject, OtherSide | None]:
     except Exception as error:
         story = f"its driver cannot be made: {type(error).__name__}: {error}"
         raise refusal("K932", driver, story, "a driver is called with its device") from None
-    return subject, peer
+    with suppress(Exception):  # it was never opened; what it holds already, it may let go
+        made.close()
 
 
 def read_options(path: str) -> dict[str, Any]:

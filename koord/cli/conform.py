@@ -60,6 +60,15 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--only", metavar="CHECK", action="append", default=[], help="make this check; repeatable"
     )
+    parser.add_argument(
+        "-j",
+        "--jobs",
+        metavar="N",
+        type=int,
+        default=1,
+        help="make so many groups of checks at once, each against a peer of its own (1; 10 are "
+        "all); a command has {free}, {domain} or {job} for that, and so have the options",
+    )
     add_json(parser, "what the checks found")
     parser.epilog = (
         "exit codes: 0 no check failed, 1 a check failed, 2 a mistake in the arguments or the "
@@ -81,6 +90,7 @@ def main(arguments: argparse.Namespace) -> int:
         arm=arguments.arm,
         virtual_time=arguments.virtual_time,
         only=tuple(arguments.only),
+        jobs=arguments.jobs,
     )
     style = style_of(sys.stdout)
     with Interruption(patient=True) as interruption, LiveLine(sys.stderr) as line:

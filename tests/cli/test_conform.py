@@ -11,6 +11,8 @@ import koord
 from koord.cli.main import main
 from koord.testing.conformance import CommandPeer
 
+FAULTY = ("--driver", "tests.testing.faulty:Faulty")
+
 SIM = ("conform", "--driver", "sim", "--vehicle", "DIFF")
 
 
@@ -60,11 +62,19 @@ def test_nothing_that_could_be_checked_is_no_success(capsys: pytest.CaptureFixtu
         (("--driver", "sim", "--at", "here"), "--at: 'here' is no place"),
         (("--driver", "sim", "--peer", "sleep 9"), "--peer: it is a process, and virtual time"),
         (("--driver", "mavlink", "--peer", "'"), "--peer: `'` is no command"),
+        (("--driver", "sim", "--jobs", "2"), "--jobs: there is one vehicle; checks side by side"),
+        (("--peer", "px4", "--jobs", "0"), "--jobs: it is 1 at least"),
+        ((*FAULTY, "--peer", "sleep 9", "--jobs", "2"), "--jobs: all peers would be the same one"),
+        (
+            (*FAULTY, "--peer", "sleep {free}", "--jobs", "2"),
+            "--jobs: all drivers would look for the same peer",
+        ),
     ],
 )
 def test_mistakes_in_the_arguments_are_named(
     capsys: pytest.CaptureFixture[str], words: tuple[str, ...], told: str
 ) -> None:
+    """(P-KIT-JOBS): among others, that there is one vehicle, or one peer, for several jobs."""
     code, _, error = run(capsys, "conform", *words)
     assert code == 2
     assert told in error

@@ -34,7 +34,7 @@ PLUGGED = (
     ),
     Mutant(
         "one call that waits for long is overlooked",
-        f"{_KIT}.failing.never_blocks",
+        f"{_KIT}.failing.judge_calls",
         "usual <= USUALLY_S and most <= AT_MOST_S",
         "usual <= USUALLY_S",
         (KIT,),
@@ -45,5 +45,12 @@ PLUGGED = (
         "outside <= 0",
         "True",
         (KIT,),
+    ),
+    Mutant(
+        "checks of a process that died are forgotten",
+        f"{_KIT}.beside.Running.missing",
+        "check not in self.found",
+        "False",
+        ("tests/testing/test_beside.py",),
     ),
 )

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import os
+import sys
 import time
 from collections import deque
 from collections.abc import Mapping, Sequence
@@ -298,6 +300,15 @@ class Credulous(Faulty):
     """It takes any options."""
 
     OPTIONS: ClassVar[type[Struct]] = Anything
+
+
+def dies(device: Device) -> Faulty:
+    """End the process in which it is to be made."""
+    print("it has died", file=sys.stderr, flush=True)
+    os._exit(3)
+
+
+dies.OPTIONS = Options  # type: ignore[attr-defined]
 
 
 def _onward(setpoint: Drive | Track) -> Drive | Track:

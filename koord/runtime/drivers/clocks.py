@@ -7,7 +7,7 @@ import math
 #: The clocks of others, and of simulated ones on busy machines, differ by this share at most.
 _DRIFT = 0.02
 
-#: Whose time runs backwards by more has been started again.
+#: Whose time runs backwards by more has been started again; or at all, after so long a silence.
 _RESTART_S = 1.0
 
 
@@ -28,9 +28,12 @@ class RemoteClock:
 
         Time does not run backwards: whoever says an earlier one has waited since.
         """
+        silent_s = max(0.0, now_s - self._now_s)
         now_s = self._now_s = max(now_s, self._now_s)
         offset_s = now_s - sent_s
-        if self._offset_s is not None and sent_s >= self._sent_s - _RESTART_S:
+        back_s = self._sent_s - sent_s
+        is_another = back_s > (0.0 if silent_s > _RESTART_S else _RESTART_S)
+        if self._offset_s is not None and not is_another:
             drift_s = _DRIFT * max(0.0, sent_s - self._sent_s)
             offset_s = min(offset_s, self._offset_s + drift_s)
         self._offset_s, self._sent_s = offset_s, sent_s

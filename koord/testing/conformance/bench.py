@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from typing import Any, Protocol, TypeVar
 
@@ -68,6 +68,14 @@ class Sample(Struct, frozen=True):
     sense_s: float
     command_s: float
     truth: Truth | None = None
+    dead: bool = False  #: the other side was frozen or gone
+
+
+class Call(Struct, frozen=True):
+    """A call of the driver at a tick, and how long it took."""
+
+    name: str
+    took_s: float
     dead: bool = False  #: the other side was frozen or gone
 
 
@@ -182,6 +190,13 @@ class Bench:
                 said = "; ".join(self.driver.remarks)
                 raise Failed(f"{what} not in {most_s:g} s{f' ({said})' if said else ''}")
 
+    def calls(self) -> Iterator[Call]:
+        """All calls of the driver at ticks."""
+        for one in self.log:
+            yield Call("sense", one.sense_s, one.dead)
+            if one.told is not None:
+                yield Call("command", one.command_s, one.dead)
+
     # --- the vehicle ----------------------------------------------------------------------------
 
     def may_move(self) -> None:
@@ -287,9 +302,19 @@ def drift(samples: Sequence[Sample]) -> float:
 
 
 def _timed(call: Callable[[], Answer], name: str) -> tuple[Answer, float]:
-    begun_s = time.perf_counter()
+    """Call the driver, and say how long it took, but for what others had the processor for."""
+    begun_s = time.perf_counter() - _waited_s()
     answer = _guarded(name, call)
-    return answer, time.perf_counter() - begun_s
+    return answer, max(0.0, time.perf_counter() - _waited_s() - begun_s)
+
+
+def _waited_s() -> float:
+    """For how long this thread was ready to run and others ran; 0 where nobody counts it."""
+    try:
+        with open("/proc/thread-self/schedstat", "rb") as counted:
+            return 1e-9 * int(counted.read().split()[1])
+    except OSError:
+        return 0.0
 
 
 def _guarded(name: str, call: Callable[[], Answer]) -> Answer:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 
 from koord.runtime.drivers.driver import DriverError
 from koord.runtime.drivers.setpoints import Arm, Disarm, Hold
-from koord.testing.conformance.bench import Bench, Sample
+from koord.testing.conformance.bench import Bench, Call, Sample
 from koord.testing.conformance.findings import Failed, Measures
 from koord.testing.conformance.subjects import flat
 
@@ -20,6 +21,7 @@ _SILENT_S, _BACK_S = 6.0, 15.0
 def stale(bench: Bench, found: Measures) -> None:
     """Freeze the other side: poses grow old, or there is no link; and that ends when it goes on."""
     peer = bench.needs_peer()
+    bench.linked()
     bench.run(0.5, Disarm())
     peer.freeze()
     bench.is_dead = True
@@ -59,6 +61,7 @@ def _is_gone(sample: Sample, limit_s: float) -> bool:
 def link(bench: Bench, found: Measures) -> None:
     """End the other side and start it again: the same driver hears it again, and is obeyed."""
     peer = bench.needs_peer()
+    bench.linked()
     bench.run(0.3, Disarm())
     peer.stop()
     bench.is_dead = True
@@ -96,13 +99,14 @@ def never_blocks(bench: Bench, found: Measures) -> None:
     """Look at how long each call of the driver took, with the other side there and gone."""
     if len(bench.log) < 40:
         bench.run(2.0, Disarm())
+    judge_calls(tuple(bench.calls()), found)
+
+
+def judge_calls(calls: Sequence[Call], found: Measures) -> None:
+    """Judge how long calls took. Raises Failed for those that wait."""
     for words, dead in (("", False), (" while the other side is gone", True)):
         for name in ("sense", "command"):
-            took = sorted(
-                getattr(one, f"{name}_s")
-                for one in bench.log
-                if one.dead is dead and (name == "sense" or one.told is not None)
-            )
+            took = sorted(one.took_s for one in calls if one.dead is dead and one.name == name)
             if not took:
                 continue
             usual, most = took[int(0.95 * (len(took) - 1))], took[-1]
@@ -114,6 +118,7 @@ def never_blocks(bench: Bench, found: Measures) -> None:
 def second(bench: Bench, found: Measures) -> None:
     """Open a second driver of the same vehicle: it is refused, or disturbs nobody."""
     bench.needs_peer()
+    bench.linked()
     bench.run(0.3, Disarm())
     begun_s = time.monotonic()
     try:

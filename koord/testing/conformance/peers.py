@@ -10,7 +10,6 @@ from __future__ import annotations
 import os
 import shlex
 import signal
-import socket
 import subprocess
 import sys
 import threading
@@ -18,21 +17,20 @@ import time
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import Any, Protocol, TypeVar, cast
+from typing import Any, Protocol
 
 import msgspec
 from msgspec import Struct
 
 from koord.runtime.motion.world import Point
 from koord.testing.conformance.findings import Failed
+from koord.testing.conformance.holders import Holders
 
 #: A peer that has said nothing for so long says nothing.
 _SAYS_S = 5.0
 
 #: So many lines that are no reports are kept.
 _LINES = 20
-
-Found = TypeVar("Found")
 
 
 class Truth(Struct, frozen=True):
@@ -156,7 +154,7 @@ class CommandPeer:
 
 
 class KnownPeer(Struct, frozen=True):
-    """A peer that comes with koord. ``{free}`` in it stands for a port that nobody uses."""
+    """A peer that comes with koord; its place-holders are filled when it is used. (P-KIT-JOBS)"""
 
     driver: str
     command: tuple[str, ...]
@@ -166,13 +164,12 @@ class KnownPeer(Struct, frozen=True):
     heading_rad: float = 0.0
     environment: dict[str, str] = {}
 
-    def filled(self) -> KnownPeer:
-        """The same, with a port for ``{free}``."""
-        free = str(free_port())
+    def filled(self, holders: Holders) -> KnownPeer:
+        """The same, with what its place-holders stand for."""
         return KnownPeer(
             self.driver,
-            tuple(word.replace("{free}", free) for word in self.command),
-            _filled(self.options, free),
+            tuple(map(holders.text, self.command)),
+            holders.value(self.options),
             self.vehicle,
             self.at_m,
             self.heading_rad,
@@ -193,22 +190,6 @@ def patched(environment: Mapping[str, str]) -> Iterator[None]:
                 del os.environ[name]
             else:
                 os.environ[name] = value
-
-
-def _filled(value: Found, free: str) -> Found:
-    if isinstance(value, str):
-        return cast(Found, value.replace("{free}", free))
-    if isinstance(value, dict):
-        return cast(Found, {name: _filled(one, free) for name, one in value.items()})
-    return value
-
-
-def free_port() -> int:
-    """A port of UDP that nobody uses now."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as bound:
-        bound.bind(("127.0.0.1", 0))
-        port: int = bound.getsockname()[1]
-        return port
 
 
 def _autopilot(firmware: str, silence_s: float) -> KnownPeer:
@@ -248,12 +229,12 @@ def _car() -> KnownPeer:
         "ros2",
         (
             *(sys.executable, "-m", "koord.testing.ros2.serving", "--prefix", "kit{free}"),
-            *("--domain", "77", "--start", "1.0", "-0.5", "0.6", "--report"),
+            *("--domain", "{domain}", "--start", "1.0", "-0.5", "0.6", "--report"),
         ),
         {
             "positioning_topic": {"topic": "pose", "type": "PoseStamped"},
             "ros_node_prefix": "kit{free}",
-            "domain": 77,
+            "domain": "{domain}",
             "dead_man": 0.5,
         },
         "DIFF",

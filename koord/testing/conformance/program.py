@@ -20,7 +20,7 @@ from koord.runtime.motion.bodies import VEHICLES
 from koord.runtime.motion.world import Point
 from koord.testing.conformance.bench import Bench
 from koord.testing.conformance.findings import Failed, Measures
-from koord.testing.conformance.peers import free_port
+from koord.testing.conformance.holders import free_port
 from koord.testing.conformance.subjects import Subject
 
 #: It goes to these places about where it stands, in m.

@@ -14,9 +14,14 @@ from tests.runtime.platform.labs import lab as lab
 
 @pytest.mark.slow
 def test_the_labs_driver_passes_the_kit(lab: Path) -> None:
-    peer = f"{sys.executable} -m mylab.firmware --port 7170 --start 1 0.5 0.3"
+    peer = f"{sys.executable} -m mylab.firmware --port {{free}} --start 1 0.5 0.3"
     told = koord.conform(
-        "mylab_car", options={"port": 7170}, peer=peer, at_m=(1.0, 0.5, 0.0), heading_rad=0.3
+        "mylab_car",
+        options={"port": "{free}"},
+        peer=peer,
+        at_m=(1.0, 0.5, 0.0),
+        heading_rad=0.3,
+        jobs=4,
     )
     assert told.failed == ()
     assert {one.check for one in told.findings if one.verdict.value == "skipped"} == {

@@ -395,6 +395,15 @@ def test_what_took_long_to_open_does_not_make_poses_old(monkeypatch: pytest.Monk
     assert clock.now - sensed.measured_at_s == pytest.approx(0.0)
 
 
+def test_a_clock_that_was_started_again_soon_is_another_one() -> None:
+    clock = RemoteClock()
+    clock.hear(0.6, 100.0)
+    clock.hear(0.5, 100.1)  # overtaken on its way
+    assert clock.ours(0.6) == pytest.approx(100.0, abs=0.01)
+    clock.hear(0.2, 107.0)
+    assert clock.ours(0.2) == pytest.approx(107.0)
+
+
 def test_a_clock_is_not_read_before_it_was() -> None:
     clock = RemoteClock()
     clock.hear(1.0, 101.0)

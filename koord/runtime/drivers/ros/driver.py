@@ -151,9 +151,10 @@ class RosDriver(ABC):
                 "nothing says where the vehicle is, and which way it looks",
                 "name a `positioning_topic`, or a `localiser` that tells attitudes",
             )
+        begun_s = time.monotonic()
         links = self._links = self._linked()
         try:
-            self._wait_for_vehicle(links, now_s)
+            self._wait_for_vehicle(links, now_s - begun_s)
         except DriverError:
             self._leave(links)
             raise
@@ -175,11 +176,14 @@ class RosDriver(ABC):
             else self._kind(sender, body, ground_m),
         )
 
-    def _wait_for_vehicle(self, links: _Links, now_s: float) -> None:
-        """Wait until it is known where the vehicle is, and that it hears. Raises DriverError."""
+    def _wait_for_vehicle(self, links: _Links, ahead_s: float) -> None:
+        """Wait until it is known where the vehicle is, and that it hears. Raises DriverError.
+
+        Times of ticks are so far ahead of the clock of this machine.
+        """
         graph, topics = links.graph, self.plan
         begun_s, passed_s = time.monotonic(), 0.0
-        while self.sense(now_s + passed_s) is None or not links.commander.sender.is_heard:
+        while self.sense(ahead_s + time.monotonic()) is None or not links.commander.sender.is_heard:
             if self._fix is None and self._trouble is not None:
                 raise DriverError(self.remarks[0], "see `frame` of the driver's options")
             _check_types(links)
