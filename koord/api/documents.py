@@ -60,6 +60,7 @@ DOCUMENTS: Mapping[str, str] = {
     "recheck": "what `koord recheck --json` prints",
     "replay": "what `koord replay --json` prints",
     "merged": "what `koord merge --json` prints",
+    "conformance": "what `koord conform --json` prints",
 }
 
 
@@ -79,6 +80,7 @@ def schema_text(document: str) -> str:
 #: Documents whose schema is made of structs, and published beside this file.
 GENERATED = (
     "certificate",
+    "conformance",
     "diagnostics",
     "merged",
     "part",
@@ -104,6 +106,7 @@ def generated(document: str) -> dict[str, Any]:
     others: dict[str, Any]
     head, whole, others = {
         "certificate": ({"title": "Koord certificate"}, CertificateForm, VALUES),
+        "conformance": ({"title": "Findings of koord on a driver"}, forms.Conformed, {}),
         "diagnostics": ({"title": "Diagnostics of koord"}, forms.Diagnostics, {}),
         "merged": ({"title": "Verdicts of koord on a deployed run"}, forms.Merged, VALUES),
         "part": (
@@ -140,8 +143,8 @@ def schema(document: str = "configuration") -> dict[str, Any]:
     """The JSON Schema of what koord reads and writes.
 
     ``document`` is ``"configuration"``, ``"verdicts"``, ``"diagnostics"``, ``"trace"``,
-    ``"part"``, ``"certificate"``, ``"recheck"``, ``"replay"`` or ``"merged"``. Raises
-    :class:`koord.ArgumentError` for another one.
+    ``"part"``, ``"certificate"``, ``"recheck"``, ``"replay"``, ``"merged"`` or
+    ``"conformance"``. Raises :class:`koord.ArgumentError` for another one.
 
     >>> koord.schema("verdicts")["title"]
     """

@@ -348,3 +348,44 @@ class Diagnostics(Form):
     errors: Annotated[Natural, Meta(description="How many diagnostics are errors.")]
     warnings: Annotated[Natural, Meta(description="How many are warnings.")]
     diagnostics: list[Diagnostic]
+
+
+# --- drivers --------------------------------------------------------------------------------------
+
+
+class Measured(Form):
+    """Something that a check saw."""
+
+    seen: str
+    limit: Annotated[str, Meta(description="What it had to be; empty if there is nothing to say.")]
+    ok: bool
+
+
+class Checked(Form):
+    """What a check of a driver found."""
+
+    check: Annotated[str, Meta(description="Its name, as for --only.")]
+    verdict: Literal["passed", "failed", "skipped"]
+    measures: list[Measured]
+    why: Annotated[str, Meta(description="Why it was skipped; else empty.")]
+    cure: Annotated[str, Meta(description="What would let it be made; else empty.")]
+    took_s: Annotated[float, Meta(ge=0)]
+
+
+class Conformed(Form):
+    """The answer of `koord conform --json`."""
+
+    format: Literal["koord-conformance"]
+    version: Version
+    driver: str
+    vehicle: Annotated[str, Meta(description="Its type, as configurations name it.")]
+    peer: Annotated[
+        str | None,
+        Meta(description="The other side of its wire, as --peer named it; null: none."),
+    ]
+    ok: Annotated[
+        bool,
+        Meta(description="Whether no check failed, some passed, and nobody cut them short."),
+    ]
+    interrupted: bool
+    checks: Annotated[list[Checked], Meta(description="In the order of the suite.")]

@@ -180,3 +180,12 @@ def test_certificates_and_verdicts_on_them_are_as_described(
     found = printed(capsys, "recheck", "c.json", "--json")
     assert found["verdict"] == "refuted"
     valid(capsys, "recheck", found)
+
+
+def test_findings_on_drivers_are_as_described(capsys: pytest.CaptureFixture[str]) -> None:
+    only = ("--only", "options", "--only", "stale", "--only", "opens")
+    for driver in ("sim", "tests.testing.faulty:Faulty"):
+        words = ["conform", "--driver", driver, "--virtual-time", *only, "--json"]
+        found = printed(capsys, *words)
+        assert found["ok"] is (driver == "sim")
+        valid(capsys, "conformance", found)
