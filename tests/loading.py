@@ -13,6 +13,14 @@ from koord.syntax.source import Source
 
 EXAMPLES = Path(__file__).parents[1] / "specs" / "examples"
 
+#: Many small programs of one kind, which have tests of their own (tests/verify/test_protocols.py).
+PROTOCOLS = EXAMPLES / "protocols"
+
+
+def example_files() -> list[Path]:
+    """The programs below ``specs/examples``, in order, without the protocols."""
+    return sorted(path for path in EXAMPLES.rglob("*.krd") if PROTOCOLS not in path.parents)
+
 
 def program_of(text: str, **params: ParamValue) -> core.Program:
     """The core program of a text without mistakes, which may stand farther to the right."""

@@ -14,6 +14,7 @@ from koord.cli.exits import Exit
 from koord.cli.main import main
 from koord.syntax.load import load
 from koord.syntax.source import Source
+from tests.loading import example_files
 
 EXAMPLES = Path(__file__).parent.parent / "specs" / "examples"
 EVERY_ROUND = "holds in every round"
@@ -79,7 +80,7 @@ def _cases() -> Iterator[object]:
 
 
 def test_every_program_is_expected_something_of() -> None:
-    files = {path.relative_to(EXAMPLES).as_posix() for path in EXAMPLES.rglob("*.krd")}
+    files = {path.relative_to(EXAMPLES).as_posix() for path in example_files()}
     assert set(EXPECTED) == files
     assert list(EXPECTED) == sorted(EXPECTED)
 

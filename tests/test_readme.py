@@ -18,6 +18,7 @@ from koord.recheck import certificate
 from koord.traces import form
 from koord.verify import certificate_form
 from tests import environments
+from tests.loading import example_files
 from tests.test_examples import EXPECTED
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -236,7 +237,7 @@ def listed() -> dict[str, str]:
 
 
 def test_every_example_is_listed() -> None:
-    files = {path.relative_to(EXAMPLES).as_posix() for path in EXAMPLES.rglob("*.krd")}
+    files = {path.relative_to(EXAMPLES).as_posix() for path in example_files()}
     assert set(listed()) == files
 
 

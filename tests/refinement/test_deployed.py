@@ -33,6 +33,7 @@ from koord.runtime.robot import Status
 from koord.syntax import core
 from koord.syntax.faults import FaultKind
 from koord.syntax.system import dealt
+from tests.loading import example_files
 from tests.refinement.running import agrees, program, seeds, sources
 from tests.runtime.hub import Hub
 from tests.sampling import first
@@ -102,7 +103,7 @@ def test_examples_are(name: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("file", sorted(EXAMPLES.rglob("*.krd")), ids=lambda path: path.stem)
+@pytest.mark.parametrize("file", example_files(), ids=lambda path: path.stem)
 def test_every_example_is(file: Path) -> None:
     for robots, faults in ((2, LOSS), (4, CHAOS)):
         outcome = expedition(file.read_text("utf-8"), faults=faults, robots=robots, rounds=30)

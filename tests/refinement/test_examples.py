@@ -7,10 +7,11 @@ from pathlib import Path
 import pytest
 
 from koord.refinement.cases import SchedulePolicy
+from tests.loading import example_files
 from tests.refinement.running import agrees, ran
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "specs/examples"
-FILES = sorted(EXAMPLES.rglob("*.krd"))
+FILES = example_files()
 
 
 @pytest.mark.parametrize("file", FILES, ids=lambda path: path.stem)

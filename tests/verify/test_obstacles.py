@@ -27,7 +27,7 @@ from koord.verify.strategy.table import SAFETY
 from koord.verify.strategy.verification import verify
 from koord.verify.verdicts import Bounds, Outcome, Verdict
 from tests.generators.large import large
-from tests.loading import program_of
+from tests.loading import example_files, program_of
 from tests.sampling import sampled
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "specs" / "examples"
@@ -182,7 +182,7 @@ def test_every_unknown_of_an_example_says_why(name: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("path", sorted(EXAMPLES.glob("**/*.krd")), ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", example_files(), ids=lambda path: path.stem)
 def test_every_unknown_of_all_examples_says_why(path: Path) -> None:
     program = program_of(path.read_text(encoding="utf-8"))
     if len(program.agents) == 1:

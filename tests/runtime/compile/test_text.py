@@ -16,9 +16,10 @@ from koord.runtime.compile.loading import loaded
 from koord.syntax import core
 from koord.syntax.load import load
 from koord.syntax.source import Source
+from tests.loading import example_files
 
 ROOT = Path(__file__).resolve().parents[3]
-EXAMPLES = sorted((ROOT / "specs/examples").rglob("*.krd"))
+EXAMPLES = example_files()
 GOLDEN = sorted((Path(__file__).parent / "golden").glob("*.txt"))
 
 #: So many generated programs are looked at.
