@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import argparse
-import json
 import math
-import sys
+import socket
 import time
 from collections.abc import Callable
+
+from koord.testing.sockets import address_of, send
+from koord.testing.truth import Place, Truth, reported, show, told
 
 _PERIOD_S = 0.01
 
@@ -43,9 +45,10 @@ class Car:
         self.x += self.speed * math.cos(self.heading) * dt_s
         self.y += self.speed * math.sin(self.heading) * dt_s
 
-    def report(self) -> str:
-        """Where it is, as a line of JSON."""
-        return json.dumps({"east": self.x, "north": self.y, "heading": self.heading})
+    @property
+    def place(self) -> Place:
+        """Where it is, on the ground."""
+        return Place(self.x, self.y, 0.0, self.heading)
 
 
 def _towards(now: float, wanted: float, most: float) -> float:
@@ -60,11 +63,22 @@ def arguments(story: str) -> argparse.ArgumentParser:
         "--start", type=float, nargs=3, default=(0.0, 0.0, 0.0), metavar=("X", "Y", "RAD")
     )
     parser.add_argument("--report", action="store_true", help="tell where it is, as JSON")
+    parser.add_argument(
+        "--truth",
+        type=address_of,
+        metavar="HOST:PORT",
+        help="a fake NatNet server (--told), which sees where it is",
+    )
+    parser.add_argument("--body", help="its name there; else that of its topics")
     return parser
 
 
-def serve(car: Car, hear: Callable[[float], None], tell: Callable[[], None], reports: bool) -> None:
-    """Move a car for ever: each step it hears at a time, moves, and is told of."""
+def serve(
+    car: Car, hear: Callable[[float], None], tell: Callable[[], None], given: argparse.Namespace
+) -> None:
+    """Move a car for ever: each step it hears at a time, moves, and is told of as ``given``."""
+    truth = None if given.truth is None else Truth(given.truth, given.body or given.prefix)
+    port = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     steps, due_s = 0, time.monotonic()
     while True:
         now_s = time.monotonic()
@@ -72,8 +86,9 @@ def serve(car: Car, hear: Callable[[float], None], tell: Callable[[], None], rep
         car.step(now_s, _PERIOD_S)
         tell()
         steps += 1
-        if reports and steps % _REPORT == 0:
-            sys.stdout.write(car.report() + "\n")
-            sys.stdout.flush()
+        if given.report and steps % _REPORT == 0:
+            show(reported(car.place))
+        if truth is not None:
+            send(port, told(car.place, truth), truth.address)
         due_s = max(due_s + _PERIOD_S, time.monotonic() - _PERIOD_S)
         time.sleep(max(0.0, due_s - time.monotonic()))

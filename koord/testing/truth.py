@@ -29,9 +29,10 @@ class Truth(Struct, frozen=True):
     origin_m: tuple[float, float, float] = (0.0, 0.0, 0.0)  #: of its frame, east, north, up
 
 
-def reported(place: Place, *, armed: bool) -> str:
-    """A line of JSON for benches."""
-    return json.dumps({**place._asdict(), "armed": armed})
+def reported(place: Place, *, armed: bool | None = None) -> str:
+    """A line of JSON for benches; ``armed`` where the vehicle knows."""
+    known = {} if armed is None else {"armed": armed}
+    return json.dumps({**place._asdict(), **known})
 
 
 def told(place: Place, truth: Truth) -> bytes:

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import importlib.util
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
 
 import pytest
+
+from tests.ports import held
 
 SCRIPT = Path(__file__).parents[2] / "specs" / "examples" / "fleet" / "rehearse.py"
 
@@ -23,6 +26,21 @@ def script() -> ModuleType:
     sys.modules["rehearse"] = module
     spec.loader.exec_module(module)
     return module
+
+
+@pytest.fixture(autouse=True)
+def natnet() -> Iterator[None]:
+    """The fake cameras, whose port the configuration says."""
+    with held("natnet"):
+        yield
+
+
+@pytest.mark.slow
+def test_first_places_are_visited_and_everybody_is_safe(script: ModuleType, tmp_path: Path) -> None:
+    done = script.rehearse(most_s=30.0, folder=tmp_path)
+    assert done.visited >= 1, done
+    assert done.is_safe, done
+    assert "every step legal" in done.judged, done
 
 
 @pytest.mark.slow

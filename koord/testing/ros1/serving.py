@@ -62,10 +62,10 @@ def main() -> None:
     """Serve one from the command line: ``python -m koord.testing.ros1.serving --prefix car0``."""
     parser = arguments(__doc__)
     parser.add_argument("--master", type=int, default=11311, metavar="PORT", help="of its master")
-    told = parser.parse_args()
-    with master(told.master):
-        node = Node(Car(tuple(told.start)), told.prefix)
-        serve(node.car, lambda _: None, node.tell, told.report)
+    given = parser.parse_args()
+    with master(given.master):
+        node = Node(Car(tuple(given.start)), given.prefix)
+        serve(node.car, lambda _: None, node.tell, given)
 
 
 if __name__ == "__main__":

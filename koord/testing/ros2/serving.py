@@ -52,9 +52,9 @@ def main() -> None:
     """Serve one from the command line: ``python -m koord.testing.ros2.serving --prefix car0``."""
     parser = arguments(__doc__)
     parser.add_argument("--domain", type=int, default=0)
-    told = parser.parse_args()
-    node = Node(Car(tuple(told.start)), told.prefix, told.domain)
-    serve(node.car, node.hear, node.tell, told.report)
+    given = parser.parse_args()
+    node = Node(Car(tuple(given.start)), given.prefix, given.domain)
+    serve(node.car, node.hear, node.tell, given)
 
 
 if __name__ == "__main__":

@@ -104,6 +104,7 @@ class Truth(threading.Thread):
         """Note no more."""
         self.port.sendto(b"", self.address)
         self.join()
+        self.port.close()
 
 
 @contextmanager
@@ -123,19 +124,21 @@ def started(*words: str, log: Path) -> Iterator[subprocess.Popen[bytes]]:
                     process.wait()
 
 
-def vehicles(stack: ExitStack, truth: Truth, folder: Path) -> None:
-    """Start the cameras, the cars and the autopilot."""
+def vehicles(stack: ExitStack, truth: Truth, folder: Path) -> dict[str, subprocess.Popen[bytes]]:
+    """Start the cameras, the cars and the autopilot; return their processes by name."""
+    made = {}
     where = f"{truth.address[0]}:{truth.address[1]}"
     bodies = [word for body in BODIES for word in ("--body", body)]
     cameras = "koord.testing.natnet", *bodies, "--told", f"{_TOLD[0]}:{_TOLD[1]}"
-    stack.enter_context(started(*cameras, log=folder / "cameras.log"))
+    made["cameras"] = stack.enter_context(started(*cameras, log=folder / "cameras.log"))
     for name, start in (("car0", (-2.5, -3.0, 1.57)), ("car1", (2.5, 3.0, -1.57))):
         words = ["koord.testing.ros2.serving", "--prefix", name, "--truth", where]
         words += ["--start", *map(str, start)]
-        stack.enter_context(started(*words, log=folder / f"{name}.log"))
+        made[name] = stack.enter_context(started(*words, log=folder / f"{name}.log"))
     words = ["koord.testing.autopilot.serving", "--bind", f"{_AUTOPILOT[0]}:{_AUTOPILOT[1]}"]
     words += ["--vision", "--truth", where, "--start", "-2.5", "2.5", "0"]  # north, east, down
-    stack.enter_context(started(*words, log=folder / "drone.log"))
+    made["drone"] = stack.enter_context(started(*words, log=folder / "drone.log"))
+    return made
 
 
 def koord(*words: str) -> subprocess.CompletedProcess[str]:
@@ -149,6 +152,7 @@ class Rehearsal(NamedTuple):
 
     took_s: float
     is_over: bool  #: the robots came to the end by themselves
+    is_seen: bool  #: where each vehicle was is known
     visited: int  #: places of tasks where a vehicle was
     tasks: int
     nearest_m: float
@@ -161,7 +165,7 @@ class Rehearsal(NamedTuple):
     def is_safe(self) -> bool:
         """True if nobody left the arena, nobody came too close, and who was lost held."""
         held = all(one <= _HELD_M for one in self.drifted_m.values())
-        return self.nearest_m >= _APART_M and self.outside_m <= 0 and held
+        return self.is_seen and self.nearest_m >= _APART_M and self.outside_m <= 0 and held
 
     def __str__(self) -> str:
         lines = [
@@ -195,8 +199,7 @@ def rehearse(
         truth = Truth()
         truth.start()
         stack.callback(truth.end)
-        vehicles(stack, truth, folder)
-        robots = []
+        served, robots = vehicles(stack, truth, folder), []
         for pid in range(3):
             words = ("koord", "deploy", str(PROGRAM), str(config), "--pid", str(pid), "--arm")
             words += ("--yes", "--fresh", "--state", str(folder / "journals"))
@@ -204,6 +207,10 @@ def rehearse(
             robots.append(stack.enter_context(started(*words, log=folder / f"robot{pid}.log")))
         begun_s = time.monotonic()
         blinded_s = _happen(robots, truth, begun_s, kill, blind, most_s)
+        for name, process in served.items():
+            if process.poll() is not None:
+                said = (folder / f"{name}.log").read_text("utf-8", "replace").strip()
+                raise RuntimeError(f"{name} has ended, and nothing was rehearsed: {said}")
         is_over = all(robot.poll() is not None for robot in robots)
         took_s = time.monotonic() - begun_s
         for robot in robots:
@@ -269,8 +276,10 @@ def _judged(
         lines = (folder / f"robot{pid}.log").read_text("utf-8", "replace").splitlines()
         said += [f"  robot {pid} | {line}" for line in lines]
     judged = (merged.stdout + merged.stderr).strip()
-    near = _nearest(seen)
-    return Rehearsal(took_s, is_over, visited, tasks, near, outside_m, drifted, judged, said)
+    near, is_seen = _nearest(seen), all(body in seen for body in BODIES)
+    return Rehearsal(
+        took_s, is_over, is_seen, visited, tasks, near, outside_m, drifted, judged, said
+    )
 
 
 def _nearest(seen: dict[str, list[tuple[float, tuple[float, float, float]]]]) -> float:

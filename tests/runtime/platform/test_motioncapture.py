@@ -27,6 +27,7 @@ from koord.runtime.drivers.localisers.motioncapture import (
 from koord.runtime.motion.world import World
 from koord.testing.natnet.packets import Stream, Version
 from koord.testing.natnet.serving import Settings, serve
+from tests.ports import held
 from tests.runtime.platform.autopilots import running
 
 WORLD = World((-4.0, -4.0, 0.0), (4.0, 4.0, 3.0))
@@ -179,6 +180,7 @@ def test_the_library_reads_the_fake_server_of_natnet(version: Version) -> None:
     settings = Settings(("car",), version, stream=Stream(1511, "239.255.42.99"))
     settings = msgspec.structs.replace(settings, interface=interface)
     with (
+        held("natnet"),
         socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as commands,
         socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as told,
         socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as out,
