@@ -134,6 +134,10 @@ def is_stopped(state: str) -> bool:
     return state.startswith("e-stopped")
 
 
+def is_standing(state: str) -> bool:
+    return state.endswith("at rest")
+
+
 @pytest.mark.slow
 def test_a_fleet_on_several_machines_is_stopped_by_its_key(folder: Path) -> None:
     """(O-KEY) (O-ANSWER)"""
@@ -154,6 +158,7 @@ def test_a_fleet_on_several_machines_is_stopped_by_its_key(folder: Path) -> None
         code, answers = said(folder, "order", "go.yaml", "start")
         assert code == Exit.VIOLATED
         assert "reset it first" in answers[0]["why"]
+        wait_for_states(folder, is_standing, "go.yaml")
         assert said(folder, "order", "go.yaml", "reset")[0] == Exit.OK
         assert said(folder, "order", "go.yaml", "start")[0] == Exit.OK
         wait_for_states(folder, is_running, "go.yaml")
