@@ -10,7 +10,7 @@ import pytest
 from hypothesis import is_hypothesis_test, settings
 
 from koord.verify.processes import keep_freed_memory
-from tests.sampling import one_of_each, waits
+from tests.sampling import PEERS, one_of_each, waits
 
 COMMON = settings(derandomize=True, deadline=None, print_blob=False)
 settings.register_profile("default", COMMON, max_examples=20)
@@ -35,6 +35,12 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         action="store_true",
         help="of each test of which nothing runs by default one case, as tests/sampling.py says",
     )
+
+
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Leave files alone of which no test is asked for: to load them all takes seconds."""
+    only_waiting = config.option.markexpr == PEERS and collection_path.suffix == ".py"
+    return True if only_waiting and not waits(collection_path) else None
 
 
 def pytest_collection_finish() -> None:

@@ -59,6 +59,10 @@ WAITING = (
 )
 
 
+#: What `make peers` asks for by `-m`.
+PEERS = "slow and waits"
+
+
 def waits(file: Path) -> bool:
     """Whether the tests of a file wait for vehicles."""
     return file.as_posix().endswith(tuple(f"tests/{one}" for one in WAITING))

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.sampling import TOO_LONG, WAITING, one_of_each, waits
+from tests.sampling import PEERS, TOO_LONG, WAITING, one_of_each, waits
 
 
 def test_what_the_sample_leaves_out_are_tests() -> None:
@@ -19,6 +19,11 @@ def test_the_files_that_wait_are_there() -> None:
     assert [one for one in WAITING if not (folder / one).is_file()] == []
     assert waits(folder / WAITING[0])
     assert not waits(Path(__file__))
+
+
+def test_they_are_asked_for_as_they_are_looked_for() -> None:
+    makefile = (Path(__file__).parents[1] / "Makefile").read_text("utf-8")
+    assert f'-m "{PEERS}" --one-of-each' in makefile
 
 
 #: Tests with their cases, each with its marks, and what the sample has of them.
