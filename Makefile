@@ -20,6 +20,7 @@ PARALLEL  := -n $(JOBS) --dist worksteal
 
 BIN       := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
+COMPILED  := $(VENV)/.compiled
 ATHERIS   := $(VENV)/.atheris
 
 BENCHMARKS := $(filter-out benchmarks/harness.py,$(sort $(wildcard benchmarks/*.py)))
@@ -37,7 +38,7 @@ lint: $(INSTALLED)
 types: $(INSTALLED)
 	$(BIN)/mypy
 
-test: $(INSTALLED)
+test: $(COMPILED)
 	$(BIN)/pytest -q $(PARALLEL)
 
 slow: $(INSTALLED)
@@ -78,6 +79,11 @@ $(INSTALLED): pyproject.toml uv.lock
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
 	$(call install,dev)
 	@touch $@
+
+# Each worker of the tests would compile all that they load, at the same time as the others. What
+# cannot be loaded is told by the tests.
+$(COMPILED): $(INSTALLED)
+	@$(BIN)/pytest -q --collect-only >$@ || true
 
 # There is no wheel of atheris for every Python. Without it the fuzzing says so, and is left out.
 $(ATHERIS): $(INSTALLED)
