@@ -10,7 +10,7 @@ import pytest
 from hypothesis import is_hypothesis_test, settings
 
 from koord.verify.processes import keep_freed_memory
-from tests.sampling import PEERS, one_of_each, waits
+from tests.sampling import PEERS, one_of_each, waits, waits_for_robots
 
 COMMON = settings(derandomize=True, deadline=None, print_blob=False)
 settings.register_profile("default", COMMON, max_examples=20)
@@ -18,7 +18,11 @@ settings.register_profile("slow", COMMON, max_examples=100)
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """All examples where all slow tests are run, and a fifth of them elsewhere."""
+    """All examples where all slow tests are run, and a fifth of them elsewhere.
+
+    What is loaded is no garbage: it is not looked through until all is there.
+    """
+    gc.disable()
     all_of_them = "slow" in config.option.markexpr.replace("not slow", "")
     is_sample = config.getoption("one_of_each")
     settings.load_profile("slow" if all_of_them and not is_sample else "default")
@@ -48,6 +52,7 @@ def pytest_collection_finish() -> None:
     gc.collect()
     gc.freeze()
     gc.set_threshold(20_000, 20, 20)
+    gc.enable()
 
 
 #: How much this process may grow, in bytes, before it looks for garbage.
@@ -82,11 +87,15 @@ def pytest_unconfigure() -> None:
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Mark tests on what hypothesis makes, and those that wait for vehicles; take the sample."""
+    """Mark tests on what hypothesis makes, and those that wait for vehicles; take the sample.
+
+    Those that wait for robots come first: at the end nothing is left to be computed meanwhile.
+    """
     for item in items:
         if isinstance(item, pytest.Function) and is_hypothesis_test(item.obj):
             item.add_marker("generated")
         if waits(item.path):
             item.add_marker("waits")
+    items.sort(key=lambda item: not waits_for_robots(item.path))
     if config.getoption("one_of_each"):
         items[:] = one_of_each(items)

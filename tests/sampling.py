@@ -68,6 +68,11 @@ def waits(file: Path) -> bool:
     return file.as_posix().endswith(tuple(f"tests/{one}" for one in WAITING))
 
 
+def waits_for_robots(file: Path) -> bool:
+    """Whether the tests of a file wait for robots of a fleet that is deployed."""
+    return "/tests/deployed/" in file.as_posix()
+
+
 def is_too_long(test: str) -> bool:
     """Whether `make sample` leaves out a test, of this name."""
     return test in TOO_LONG or _FAMILIES.search(test) is not None
