@@ -95,6 +95,7 @@ class Wire:
         self.is_running, self.is_frozen = False, False
         self.opened = 0
         self.drivers: list[Faulty] = []
+        self.waited_s = 0.0  #: for how long calls have waited on purpose
 
     def start(self) -> None:
         self.is_running, self.is_frozen = True, False
@@ -107,6 +108,10 @@ class Wire:
 
     def thaw(self) -> None:
         self.is_frozen = False
+
+    def wait(self, seconds: float) -> None:
+        time.sleep(seconds)
+        self.waited_s += seconds
 
     @property
     def is_there(self) -> bool:
@@ -217,9 +222,9 @@ class Faulty:
     def _wait(self) -> None:
         alone = not WIRE.is_there
         if self.fault is Fault.BLOCKS or (self.fault is Fault.BLOCKS_ALONE and alone):
-            time.sleep(0.015)
+            WIRE.wait(0.015)
         if self.fault is Fault.BLOCKS_ONCE and self._calls == 9:
-            time.sleep(0.3)
+            WIRE.wait(0.3)
 
     def _hear(self, now_s: float) -> None:
         if self.fault is Fault.SELDOM and now_s - self._heard_s < 0.5:
