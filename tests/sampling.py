@@ -20,6 +20,8 @@ TOO_LONG = {
     "test_cars_and_drones_visit_all_places": "two minutes of real time",
     "test_cars_among_processes_make_the_same_run": "half a minute of a fleet, twice",
     "test_events_that_never_run_are_told": "what never happens, looked for in all ways",
+    "test_the_driver_of_ardupilot_passes_every_check": "as that of px4, which is in the sample",
+    "test_the_driver_of_crazyflies_passes_every_check": "as that of px4, which is in the sample",
     "test_the_fewest_rounds_are_the_fewest_of_many": "all runs of 60 programs",
     "test_nothing_false_is_confirmed_of_a_thousand_edits": "a thousand certificates",
     "test_robots_whose_people_are_gone_are_reached_all_the_same": "a minute of real time",
