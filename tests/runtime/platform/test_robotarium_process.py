@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from importlib.util import find_spec
 from multiprocessing.synchronize import Event
+from pathlib import Path
 
 import pytest
 
@@ -29,13 +30,17 @@ TICK_S = 0.05
 
 FAKE = "koord.testing.robotarium.arena:Arena"
 
+#: Where .ci/peers puts the simulator of the Robotarium.
+SIMULATOR = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "koord/robotarium"
+
 REAL = pytest.param(
     "rps.robotarium:Robotarium",
     marks=[
         pytest.mark.slow,
         pytest.mark.sample,
         pytest.mark.skipif(
-            find_spec("rps") is None, reason="needs: pip install 'koord[robotarium]'"
+            find_spec("rps") is None and not (SIMULATOR / "rps").exists(),
+            reason="the simulator is not there: run .ci/peers, or pip install koord[robotarium]",
         ),
     ],
 )
@@ -54,7 +59,10 @@ def bridge(arena: str, *places: str) -> Iterator[str]:
     command = [sys.executable, "-m", "koord.runtime.drivers.robotarium.bridge", "--bind", where]
     command += ["--robots", str(len(places)), "--arena", arena]
     command += [f"--at={place}" for place in places]
-    process = subprocess.Popen(command, env=os.environ | {"MPLBACKEND": "Agg"})
+    modules = os.pathsep.join([str(SIMULATOR), *filter(None, [os.environ.get("PYTHONPATH")])])
+    process = subprocess.Popen(
+        command, env=os.environ | {"MPLBACKEND": "Agg", "PYTHONPATH": modules}
+    )
     try:
         yield where
     finally:
