@@ -31,7 +31,9 @@ from koord.verify.effort import Deadline, Effort
 from koord.verify.encoding.unrolling import Unrolling, violations
 from koord.verify.engine_names import Engine
 from koord.verify.engines.every_n.candidates import candidates
-from koord.verify.engines.every_n.proving import GENEROUS, infer
+from koord.verify.engines.every_n.lemma_search import infer_from_counterexamples
+from koord.verify.engines.every_n.proving import infer
+from koord.verify.engines.every_n.questions import GENEROUS
 from koord.verify.engines.induction.engine import MAX_DEPTH, PROOF_S
 from koord.verify.engines.induction.proving import prove, step_scripts
 from koord.verify.reduction.abstraction import abstracted
@@ -177,11 +179,16 @@ def _with_lemmas(
     known = [claims[name] for name in sorted(shown.everyone) if claims[name].is_state_property]
     done = {claim.name for claim in inductive}
     left = [claims[name] for name in shown.holding if name not in done]
-    likely = candidates(system.program)
-    if not likely or deadline.passed():
+    if deadline.passed():
         return None
     effort = Effort.of_seconds(GENEROUS.seconds)
-    found = infer(system, left, [*known, *likely], deadline, effort, GENEROUS)
+    found = infer_from_counterexamples(system, left, known, deadline, effort, GENEROUS)
+    if not found.proved:
+        likely = candidates(system.program)
+        if not likely or deadline.passed():
+            return None
+        effort = Effort.of_seconds(GENEROUS.seconds)
+        found = infer(system, left, [*known, *likely], deadline, effort, GENEROUS)
     if not found.proved:
         return None
     lemmas = [Lemma(stated, True) for stated in found.lemmas(known)]

@@ -27,7 +27,8 @@ from koord.traces.trace import Numbers, traced
 from koord.verify.claims import Claim, ClaimKind, claims_of
 from koord.verify.effort import Deadline, Effort
 from koord.verify.engine_names import Engine
-from koord.verify.engines.every_n.proving import SPARING, prove
+from koord.verify.engines.every_n.proving import prove
+from koord.verify.engines.every_n.questions import SPARING
 from koord.verify.engines.explicit.finiteness import NotFinite
 from koord.verify.engines.explicit.limits import Limits
 from koord.verify.engines.explicit.property_checks import Exhausted, GoalKind, Violated

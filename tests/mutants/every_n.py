@@ -6,6 +6,7 @@ from tests.mutants.mutant import Mutant
 
 PROVING = "tests/verify/engines/every_n/test_proving.py"
 LOOPS = "tests/verify/engines/every_n/test_loops.py"
+SEARCH = "tests/verify/engines/every_n/test_lemma_search.py"
 SUMS = "tests/verify/engines/every_n/test_sums.py"
 
 EVERY_N = (
@@ -18,30 +19,30 @@ EVERY_N = (
     ),
     Mutant(
         "every N: faults are assumed away where they are asked for",
-        "verify.engines.every_n.proving._Step._goal",
+        "verify.engines.every_n.questions.Step._goal",
         "[round_.faults(robot)]",
         "[round_.calm, round_.faults(robot)]",
         (PROVING,),
     ),
     Mutant(
         "every N: the environment's turn is not asked about",
-        "verify.engines.every_n.proving._Step._moments",
+        "verify.engines.every_n.questions.Step.moments",
         "[ClaimPhase.INSIDE, ClaimPhase.END]",
         "[ClaimPhase.INSIDE]",
         (PROVING,),
     ),
     Mutant(
         "every N: inside a round nobody is urgent any more",
-        "verify.engines.every_n.proving._Step._goal",
+        "verify.engines.every_n.questions.Step._goal",
         "[] if moment is ClaimPhase.INSIDE else [round_.calm, round_.legal]",
         "[round_.legal]",
         (PROVING,),
     ),
     Mutant(
         "every N: two robots are always one",
-        "verify.engines.every_n.proving._Step._goal",
-        "self._asking.robots[: asked.arity]",
-        "self._asking.robots[:1] * asked.arity",
+        "verify.engines.every_n.questions.Step._goal",
+        "self.asking.robots[: asked.arity]",
+        "self.asking.robots[:1] * asked.arity",
         (PROVING,),
     ),
     Mutant(
@@ -152,5 +153,26 @@ EVERY_N = (
         "range(len(polynomial) + 1)",
         "range(1, len(polynomial) + 2)",
         (SUMS,),
+    ),
+    Mutant(
+        "every N: lemmas are found by what solvers leave open",
+        "verify.engines.every_n.lemma_search._Loop.proved",
+        "answer is SolverAnswer.UNSAT",
+        "answer is not SolverAnswer.SAT",
+        (SEARCH,),
+    ),
+    Mutant(
+        "every N: lemmas found need not hold after INIT",
+        "verify.engines.every_n.lemma_search._Loop._add",
+        "self.start.sifted([claim])",
+        "claim",
+        (SEARCH,),
+    ),
+    Mutant(
+        "every N: what breaks lemmas found is looked for inside rounds only",
+        "verify.engines.every_n.lemma_search._Loop._ask",
+        "self.step.moments()",
+        "self.step.moments()[:1]",
+        (SEARCH,),
     ),
 )

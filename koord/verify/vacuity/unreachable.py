@@ -25,7 +25,8 @@ from koord.syntax.walk import reached, statements, written
 from koord.verify.claims import Claim, ClaimKind
 from koord.verify.effort import Effort
 from koord.verify.engines.every_n.candidates import FEW, candidates
-from koord.verify.engines.every_n.proving import SPARING, infer, prove
+from koord.verify.engines.every_n.proving import infer, prove
+from koord.verify.engines.every_n.questions import SPARING
 from koord.verify.ledger import Ledger
 from koord.verify.reachability_goals import Aim, ReachabilityGoal, idle, reachability_goals_of
 from koord.verify.vacuity.reachability import (

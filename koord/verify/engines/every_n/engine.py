@@ -3,22 +3,19 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 
 from msgspec import Struct
 from msgspec.structs import replace
 
+from koord.verify.claims import Claim
 from koord.verify.effort import Effort
 from koord.verify.engine_names import Engine
 from koord.verify.engines.engine import Purpose, Task, Tools, Worker
 from koord.verify.engines.every_n.candidates import candidates
-from koord.verify.engines.every_n.proving import (
-    AFTER_INIT,
-    GENEROUS,
-    SPARING,
-    ProofBudget,
-    infer,
-    prove,
-)
+from koord.verify.engines.every_n.lemma_search import infer_from_counterexamples
+from koord.verify.engines.every_n.proving import Inferred, infer, prove
+from koord.verify.engines.every_n.questions import AFTER_INIT, GENEROUS, SPARING, ProofBudget
 from koord.verify.ledger import Ledger, Reach
 from koord.verify.obstacles import gave_up
 from koord.verify.verdicts import Outcome, Verdict
@@ -77,11 +74,23 @@ def _infer(ledger: Ledger, thrift: ProofBudget, most: int | None) -> None:
         for claim, verdict in ledger.verdicts.items()
         if verdict.engine is Engine.EVERY_N and claim.is_state_property
     ]
+    if not claims:
+        return
+    effort = Effort.of_seconds(thrift.seconds)
+    found = infer_from_counterexamples(
+        ledger.system, claims, known, ledger.deadline, effort, thrift, ledger.seed
+    )
+    _note(ledger, found, known, started)
     likely = candidates(ledger.system.program)
+    claims = [claim for claim in claims if claim not in found.proved]
     if not likely or not claims or (most is not None and len(likely) > most):
         return
     effort, pool = Effort.of_seconds(thrift.seconds), [*known, *likely]
     found = infer(ledger.system, claims, pool, ledger.deadline, effort, thrift, ledger.seed)
+    _note(ledger, found, known, started)
+
+
+def _note(ledger: Ledger, found: Inferred, known: Sequence[Claim], started: float) -> None:
     seconds = time.monotonic() - started
     lemmas = found.lemmas(known)
     ledger.settle(

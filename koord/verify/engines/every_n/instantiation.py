@@ -90,6 +90,10 @@ class Book(Struct):
         for name in names:
             self._put(name, generation)
 
+    def names(self, limit: int) -> list[Term]:
+        """The names of the first generations."""
+        return [term for term, born in self._names.values() if born <= limit]
+
     def state(self, arity: int, says: Callable[[Names], Term]) -> None:
         """Assert that a statement holds of all integers."""
         frame, fact = self._worked_out(arity, says)

@@ -8,7 +8,8 @@ from koord.syntax.system import System, dealt
 from koord.verify.claims import claims_of
 from koord.verify.effort import Deadline, Effort
 from koord.verify.engines.every_n.candidates import candidates
-from koord.verify.engines.every_n.proving import SPARING, Inferred, Proof, ProofBudget, infer, prove
+from koord.verify.engines.every_n.proving import Inferred, Proof, infer, prove
+from koord.verify.engines.every_n.questions import SPARING, ProofBudget
 from koord.verify.engines.explicit.limits import Limits
 from koord.verify.engines.explicit.property_checks import GoalKind
 from koord.verify.engines.explicit.search import survey

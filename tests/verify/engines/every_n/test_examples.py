@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from koord.verify.engines.every_n.proving import GENEROUS, SPARING, ProofBudget
+from koord.verify.engines.every_n.questions import GENEROUS, SPARING, ProofBudget
 from tests.sampling import but_slow, first
 from tests.verify.engines.every_n.asking import asked, proved
 

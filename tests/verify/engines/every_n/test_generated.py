@@ -15,7 +15,8 @@ from koord.semantics.every_number import NotFiniteError
 from koord.syntax.system import System, dealt
 from koord.verify.claims import claims_of
 from koord.verify.effort import Deadline, Effort
-from koord.verify.engines.every_n.proving import SPARING, prove
+from koord.verify.engines.every_n.proving import prove
+from koord.verify.engines.every_n.questions import SPARING
 from koord.verify.engines.explicit.finiteness import NotFinite
 from koord.verify.engines.explicit.limits import Limits
 from koord.verify.engines.explicit.property_checks import Exhausted, GoalKind

@@ -14,7 +14,8 @@ from koord.verify.effort import Deadline, Effort
 from koord.verify.engine_names import Engine
 from koord.verify.engines.engine import Purpose, Task
 from koord.verify.engines.every_n.candidates import candidates
-from koord.verify.engines.every_n.proving import SPARING, infer
+from koord.verify.engines.every_n.proving import infer
+from koord.verify.engines.every_n.questions import SPARING
 from koord.verify.engines.explicit.engine import ExplicitEngine
 from koord.verify.engines.explicit.limits import HANDFUL
 from koord.verify.ledger import Ledger

@@ -1,0 +1,161 @@
+"""Disjunctions of literals that held in all samples, found where they are wanted.
+
+A literal's truth in all samples is the bits of one integer; a disjunction holds in all of them if
+the union of its literals' bits is full.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+from msgspec import Struct
+
+from koord.syntax import core
+from koord.syntax.budget import ENDLESS, Budget
+from koord.syntax.core import BinaryOp, PropertyKind, QuantifierKind
+from koord.syntax.printing.quoting import Quoting
+from koord.syntax.types import BOOL, INT
+from koord.verify.claims import Claim, ClaimKind, reads_ports
+from koord.verify.engines.every_n.literals import (
+    READ_I,
+    READ_J,
+    I,
+    J,
+    K,
+    Language,
+    Literal,
+    Row,
+    Snapshot,
+)
+
+#: Positions of literals in their language, ascending.
+Disjunction = tuple[int, ...]
+
+#: So many disjunctions, with each order of their literals, are looked at in a step of work.
+_PER_STEP = 6_000
+
+#: More rows of samples are not looked at: their bits would be slow.
+_MOST_ROWS = 6_000
+
+
+class Samples(Struct):
+    """The truth of literals in sampled rows, as bits."""
+
+    language: Language
+    bits: list[int]
+    full: int
+
+    @staticmethod
+    def of(language: Language, snapshots: Iterable[Snapshot]) -> Samples:
+        rows: set[tuple[bool | None, ...]] = set()
+        for here in snapshots:
+            for row in language.rows(here):
+                rows.add(tuple(x.look(here, row) is True for x in language.literals))
+            if len(rows) >= _MOST_ROWS:
+                break
+        bits = [_packed(column) for column in zip(*rows, strict=True)]
+        return Samples(language, bits, (1 << len(rows)) - 1)
+
+    def against(self, here: Snapshot, row: Row, budget: Budget = ENDLESS) -> list[Disjunction]:
+        """The smallest disjunctions that held in all samples and are false in a row."""
+        false = [n for n, x in enumerate(self.language.literals) if x.look(here, row) is False]
+        bits, found = self.bits, list[Disjunction]()
+        open_ = [n for n in false if bits[n]]
+        # Three of so many.
+        budget.spend(1 + len(open_) ** 3 // _PER_STEP)
+        for place, a in enumerate(open_):
+            without_a = self.full & ~bits[a]
+            if not without_a:
+                found.append((a,))
+                continue
+            for second, b in enumerate(open_[place + 1 :], place + 1):
+                without_b = without_a & ~bits[b]
+                if not without_b:
+                    found.append((a, b))
+                elif without_b != without_a:
+                    for c in open_[second + 1 :]:
+                        if not without_b & ~bits[c]:
+                            found.append((a, b, c))
+        return self._least(found)
+
+    def _least(self, found: list[Disjunction]) -> list[Disjunction]:
+        """Those of which no part is enough."""
+        ones = {x for x in found if len(x) == 1}
+        twos = {x for x in found if len(x) == 2 and not any((n,) in ones for n in x)}
+        threes = [
+            (a, b, c)
+            for (a, b, c) in (x for x in found if len(x) == 3)
+            if not ones & {(a,), (b,), (c,)} and not twos & {(a, b), (a, c), (b, c)}
+        ]
+        return [*ones, *twos, *threes]
+
+
+def _packed(truths: Iterable[bool]) -> int:
+    return int("".join("1" if truth else "0" for truth in truths) or "0", 2)
+
+
+def is_false(language: Language, x: Disjunction, here: Snapshot) -> bool:
+    """Return whether a disjunction is known to be false of some robots."""
+    literals = [language.literals[n] for n in x]
+    return any(
+        all(literal.look(here, row) is False for literal in literals) for row in language.rows(here)
+    )
+
+
+def canonical(language: Language, x: Disjunction) -> Disjunction:
+    """One of the two ways to name the robots."""
+    literals = language.literals
+    swapped = tuple(sorted(language.swapped[n] for n in x))
+    if any(literals[n].of and language.swapped[n] == n for n in x):
+        return x
+    about = [_about(literals[n] for n in one) for one in (x, swapped)]
+    return min((about[0] == 2, x), (about[1] == 2, swapped))[1]
+
+
+def cost(language: Language, x: Disjunction) -> tuple[int, ...]:
+    """What comes first: few literals, of one robot, that compare little."""
+    literals = [language.literals[n] for n in x]
+    return len(x), _about(literals) == 3, sum(literal.cost for literal in literals), *x
+
+
+def _about(literals: Iterable[Literal]) -> int:
+    found = 0
+    for literal in literals:
+        found |= literal.of
+    return found
+
+
+# --- in Koord -----------------------------------------------------------------------------------
+
+
+def lemma(program: core.Program, language: Language, x: Disjunction) -> Claim:
+    """The claim that a disjunction holds of any two robots, and any index."""
+    literals = [language.literals[n] for n in x]
+    condition = _implication(literals, apart=_about(literals) == 3)
+    if any(literal.indexed for literal in literals):
+        domain = core.IntRange(core.Const(0, INT), core.Const(language.size, INT))
+        condition = core.Quantified(QuantifierKind.FORALL, K, domain, condition)
+    for robot, variable in ((2, J), (1, I)):
+        if _about(literals) & robot:
+            condition = core.Quantified(
+                QuantifierKind.FORALL, variable, core.RobotRange(), condition
+            )
+    text = Quoting.of(program).text(condition)
+    stated = core.Property(text, PropertyKind.INVARIANT, condition, 3)
+    ports = reads_ports(program, condition)
+    return Claim(text, ClaimKind.PROPERTY, stated, reads_ports=ports)
+
+
+def _implication(literals: Sequence[Literal], *, apart: bool) -> core.Expr:
+    """A disjunction as what follows from what."""
+    last = max(literals, key=lambda x: (x.positive, x.cost, x.of))
+    rest = [x for x in literals if x is not last]
+    parts: list[core.Expr] = [x.said(denied=True) for x in rest]
+    if apart:
+        parts.insert(0, core.Binary(BinaryOp.NE, READ_I, READ_J, BOOL))
+    if not parts:
+        return last.said()
+    premise = parts[0]
+    for part in parts[1:]:
+        premise = core.Binary(BinaryOp.AND, premise, part, BOOL)
+    return core.Binary(BinaryOp.IMPLIES, premise, last.said(), BOOL)

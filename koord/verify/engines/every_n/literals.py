@@ -1,0 +1,353 @@
+"""Literals of lemmas, and what they are worth in configurations that somebody looked at.
+
+A literal is a truth value, a member of an enumeration, or a comparison of two integers of one
+kind, of robots i and j, shared variables, and elements of fixed arrays at an index k. Each can be
+said in Koord, and worked out in a *snapshot*: the values that a sample or a solver's model gives.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
+from typing import TypeAlias, TypeVar
+
+from msgspec import Struct
+
+from koord.semantics.configurations import Configuration
+from koord.semantics.domain import Constant
+from koord.semantics.storage import Cell, Storage, Tree
+from koord.syntax import core
+from koord.syntax.core import BinaryOp, Home, UnaryOp
+from koord.syntax.types import (
+    BOOL,
+    INT,
+    ArrayType,
+    BoolType,
+    EnumType,
+    IntType,
+    RecordType,
+    Type,
+)
+from koord.verify.engines.every_n.kinds_of_integers import ROBOT, KindsOfIntegers, key_of
+
+I = core.Variable(Home.BOUND, 0, "i", INT)  # noqa: E741 - as properties call it
+J = core.Variable(Home.BOUND, 1, "j", INT)
+K = core.Variable(Home.BOUND, 2, "k", INT)
+
+READ_I, READ_J, READ_K = (core.Read(core.Place(v)) for v in (I, J, K))
+
+#: How many constants of a kind integers are compared with.
+_MOST_CONSTANTS = 4
+
+#: Integers of one robot are compared with other integers of another where so few may be.
+_FEW = 2
+
+#: More literals are not looked at: disjunctions of three of them would be too many.
+_MOST_LITERALS = 160
+
+
+V = TypeVar("V")
+
+#: What a robot has: locals, ports, and its entries of allread variables.
+Held: TypeAlias = "tuple[Sequence[Storage[V]], Sequence[Storage[V]], Sequence[Storage[V]]]"
+
+
+class Part(Struct, frozen=True):
+    """A scalar part of a variable. ``steps`` lead to it; an index stands at most once, and is k."""
+
+    variable: core.Variable
+    steps: tuple[core.Step, ...]
+    type: Type
+    size: int | None = None  #: of the array that k is an index of
+
+    def at(self, robot: core.Expr | None) -> core.Expr:
+        """The part as an expression, of a robot if each robot has it."""
+        home = self.variable.home
+        if home is Home.ALLREAD:
+            assert robot is not None
+            assert isinstance(self.variable.type, ArrayType)
+            own = core.IndexStep(robot, self.variable.type.element)
+            return core.Read(core.Place(self.variable, (own, *self.steps)))
+        return core.Read(core.Place(self.variable, self.steps, robot=robot))
+
+
+#: The value of what is not set. Whatever reads it does not hold. [PROP-FAULT]
+UNSET = object()
+
+
+class Snapshot(Struct):
+    """The values of a configuration's parts, as far as they are known.
+
+    Of a part with an index it is a tuple. ``robots`` are those known, by number.
+    """
+
+    robots: dict[int, tuple[object, ...]]
+    shared: tuple[object, ...]
+
+
+#: Robots i and j (None: there is no other), and the index k.
+Row: TypeAlias = "tuple[int, int | None, int]"
+
+
+class Quantity(Struct, frozen=True):
+    """A term: a part of robot i (1) or j (2), a shared part (0), a robot, k, a constant.
+
+    ``look`` gives its value; None where it is unknown.
+    """
+
+    said: core.Expr
+    of: int
+    indexed: bool
+    position: int = -1  #: among the parts
+    value: Constant | None = None
+
+    def look(self, here: Snapshot, row: Row) -> object:
+        if self.value is not None:
+            return self.value
+        robot = row[0] if self.of == 1 else row[1]
+        if self.of and robot is None:
+            return None
+        if self.position < 0:
+            return robot if self.of else row[2]
+        held = here.robots[robot] if robot is not None and self.of else here.shared
+        found = held[self.position]
+        if self.indexed:
+            assert isinstance(found, tuple)
+            return found[row[2]]
+        return found
+
+
+class Literal(Struct, frozen=True):
+    """An atom or its negation: ``left op right``, or ``left`` is ``right``'s value."""
+
+    left: Quantity
+    op: BinaryOp
+    right: Quantity
+    positive: bool
+    cost: int
+
+    @property
+    def of(self) -> int:
+        """The robots that it is about: 1 of i, 2 of j, 3 of both."""
+        return self.left.of | self.right.of
+
+    @property
+    def indexed(self) -> bool:
+        return self.left.indexed or self.right.indexed
+
+    def look(self, here: Snapshot, row: Row) -> bool | None:
+        """The truth of the literal; None where it is about a robot that is unknown."""
+        a, b = self.left.look(here, row), self.right.look(here, row)
+        if a is None or b is None:
+            return None
+        if a is UNSET or b is UNSET:
+            return False
+        if self.op is BinaryOp.EQ:
+            return (a == b) is self.positive
+        assert isinstance(a, int)
+        assert isinstance(b, int)
+        return (a <= b) is self.positive
+
+    def said(self, *, denied: bool = False) -> core.Expr:
+        """The literal, or its negation, in Koord."""
+        left, right, positive = self.left.said, self.right.said, self.positive is not denied
+        if left.type == BOOL:
+            return left if positive else core.Unary(UnaryOp.NOT, left, BOOL)
+        if self.op is BinaryOp.EQ:
+            op = BinaryOp.EQ if positive else BinaryOp.NE
+            return core.Binary(op, left, right, BOOL)
+        if positive:
+            return core.Binary(BinaryOp.LE, left, right, BOOL)
+        return core.Binary(BinaryOp.LT, right, left, BOOL)
+
+
+class Language(Struct, frozen=True):
+    """The parts and literals of a program with one kind of robots."""
+
+    own: tuple[Part, ...]
+    shared: tuple[Part, ...]
+    literals: tuple[Literal, ...]
+    swapped: tuple[int, ...]  #: by literal: the one with i and j exchanged
+    size: int  #: of the arrays that k is an index of; 1 if there is no k
+
+    @staticmethod
+    def of_program(program: core.Program) -> Language:
+        agent = program.agents[0]
+        declared = (*agent.locals, *(port.declaration for port in agent.ports))
+        own = [p for d in declared for p in _parts(d.variable, (), d.variable.type)]
+        for d in program.allread:
+            assert isinstance(d.variable.type, ArrayType)
+            own += _parts(d.variable, (), d.variable.type.element)
+        shared = [p for d in program.allwrite for p in _parts(d.variable, (), d.variable.type)]
+        sizes = [part.size for part in (*own, *shared) if part.size is not None]
+        size = max(sizes, key=sizes.count, default=1)
+        own = [part for part in own if part.size in (None, size)]
+        shared = [part for part in shared if part.size in (None, size)]
+        literals = _literals(program, own, shared, size if sizes else None)[:_MOST_LITERALS]
+        places = {(_twin(x.left), x.op, _twin(x.right), x.positive): x for x in literals}
+        numbers = {id(x): number for number, x in enumerate(literals)}
+        swapped = []
+        for number, x in enumerate(literals):
+            twin = places.get((_exchanged(x.left), x.op, _exchanged(x.right), x.positive))
+            if twin is None and x.op is BinaryOp.EQ:
+                twin = places.get((_exchanged(x.right), x.op, _exchanged(x.left), x.positive))
+            swapped.append(number if twin is None else numbers[id(twin)])
+        return Language(tuple(own), tuple(shared), tuple(literals), tuple(swapped), size)
+
+    def snapshot(
+        self,
+        robots: Mapping[int, Held[V]],
+        shared: Sequence[Storage[V]],
+        read: Callable[[Cell[V], Type], object],
+    ) -> Snapshot:
+        """The values of a configuration: of each robot its locals, ports and allread entries."""
+        known = {}
+        for number, (locals_, ports, entries) in robots.items():
+            homes = {Home.LOCAL: locals_, Home.PORT: ports, Home.ALLREAD: entries}
+            known[number] = tuple(
+                _value(homes[part.variable.home][part.variable.slot], part, read)
+                for part in self.own
+            )
+        common = tuple(_value(shared[part.variable.slot], part, read) for part in self.shared)
+        return Snapshot(known, common)
+
+    def sampled(self, configuration: Configuration[Constant]) -> Snapshot:
+        """The values of a configuration that was reached."""
+        store = configuration.store
+        robots: dict[int, Held[Constant]] = {}
+        for number, robot in enumerate(configuration.robots):
+            entries = [tree.parts[number] for tree in store.allread if isinstance(tree, Tree)]
+            robots[number] = (robot.locals, robot.ports, entries)
+        return self.snapshot(robots, store.allwrite, _held)
+
+    def rows(self, here: Snapshot) -> Iterator[Row]:
+        """The choices of i, j and k: pairs of different robots, or one where there is no other."""
+        numbers = list(here.robots)
+        for i in numbers:
+            for k in range(self.size):
+                if len(numbers) == 1:
+                    yield i, None, k
+                for j in numbers:
+                    if j != i:
+                        yield i, j, k
+
+
+def _held(cell: Cell[Constant], type_: Type) -> object:
+    return cell.value if cell.is_set is True else UNSET
+
+
+def _value(storage: Storage[V], part: Part, read: Callable[[Cell[V], Type], object]) -> object:
+    steps = part.steps
+    for k, step in enumerate(steps):
+        assert isinstance(storage, Tree)
+        if isinstance(step, core.IndexStep):
+            rest = Part(part.variable, steps[k + 1 :], part.type)
+            return tuple(_value(below, rest, read) for below in storage.parts)
+        assert isinstance(step, core.FieldStep)
+        storage = storage.parts[step.position]
+    assert isinstance(storage, Cell)
+    return read(storage, part.type)
+
+
+def _parts(
+    variable: core.Variable, steps: tuple[core.Step, ...], type_: Type, size: int | None = None
+) -> Iterator[Part]:
+    match type_:
+        case BoolType() | IntType() | EnumType():
+            yield Part(variable, steps, type_, size)
+        case RecordType(fields=fields):
+            for position, (name, below) in enumerate(fields):
+                step = core.FieldStep(position, name, below)
+                yield from _parts(variable, (*steps, step), below, size)
+        case ArrayType(element=element, size=int(count)) if size is None:
+            index = core.IndexStep(READ_K, element)
+            yield from _parts(variable, (*steps, index), element, count)
+        case _:
+            return
+
+
+def _twin(q: Quantity) -> tuple[object, ...]:
+    return q.of, q.position, q.indexed, q.value, q.said.type
+
+
+def _exchanged(q: Quantity) -> tuple[object, ...]:
+    return {1: 2, 2: 1}.get(q.of, 0), q.position, q.indexed, q.value, q.said.type
+
+
+# --- literals -----------------------------------------------------------------------------------
+
+
+def _literals(
+    program: core.Program, own: Sequence[Part], shared: Sequence[Part], size: int | None
+) -> list[Literal]:
+    """All literals, the simplest first."""
+    quantities = [
+        *(Quantity(p.at(READ_I), 1, p.size is not None, n) for n, p in enumerate(own)),
+        *(Quantity(p.at(READ_J), 2, p.size is not None, n) for n, p in enumerate(own)),
+        *(Quantity(p.at(None), 0, p.size is not None, n) for n, p in enumerate(shared)),
+    ]
+    atoms: list[tuple[Quantity, BinaryOp, Quantity, int]] = []
+    for q in quantities:
+        match q.said.type:
+            case BoolType():
+                atoms.append((q, BinaryOp.EQ, _constant(True, BOOL), 1))
+            case EnumType(members=members) as type_:
+                for number in range(len(members)):
+                    atoms.append((q, BinaryOp.EQ, _constant(number, type_), 1))
+            case _:
+                pass
+    atoms += _comparisons(program, [q for q in quantities if q.said.type == INT], size)
+    atoms.sort(key=lambda atom: atom[3])
+    return [
+        Literal(left, op, right, positive, cost)
+        for left, op, right, cost in atoms
+        for positive in (True, False)
+    ]
+
+
+def _constant(value: Constant, type_: Type) -> Quantity:
+    assert isinstance(value, int)
+    if isinstance(type_, IntType) and value < 0:
+        inner = core.Const(-value, type_)
+        return Quantity(core.Unary(UnaryOp.NEG, inner, INT), 0, False, value=value)
+    return Quantity(core.Const(value, type_), 0, False, value=value)
+
+
+def _comparisons(
+    program: core.Program, integers: Sequence[Quantity], size: int | None
+) -> Iterator[tuple[Quantity, BinaryOp, Quantity, int]]:
+    """Yield comparisons of integers of one kind."""
+    kinds = KindsOfIntegers.of(program)
+    by_kind: dict[Hashable, list[Quantity]] = {}
+    for q in integers:
+        assert isinstance(q.said, core.Read)
+        by_kind.setdefault(kinds.kind(key_of(q.said.place, 0)), []).append(q)
+    i, j = Quantity(READ_I, 1, False), Quantity(READ_J, 2, False)
+    by_kind.setdefault(kinds.kind(ROBOT), []).extend([i, j])
+    k = Quantity(READ_K, 0, True)
+    if size is not None:
+        by_kind.setdefault(kinds.kind(("below", size)), []).append(k)
+    for kind, members in by_kind.items():
+        is_ordered = kinds.is_ordered(kind)
+        few = len({q.position for q in members if q.of}) <= _FEW
+        constants = kinds.constants(kind)[:_MOST_CONSTANTS]
+        if k in members and size is not None:
+            # Where an index may point.
+            constants, is_ordered = list(dict.fromkeys([*constants, 0, size])), True
+        for constant in constants:
+            c = _constant(constant, INT)
+            for q in members:
+                if q.position >= 0:
+                    yield q, BinaryOp.EQ, c, 2
+                if q.position >= 0 and is_ordered:
+                    yield q, BinaryOp.LE, c, 4
+                    yield c, BinaryOp.LE, q, 4
+        for a, b in ((a, b) for n, a in enumerate(members) for b in members[n + 1 :]):
+            numbers = (a.position < 0) + (b.position < 0)
+            of_two = a.of and b.of and a.of != b.of and a.position != b.position
+            if of_two and not few and not numbers:
+                continue
+            if numbers < 2:
+                yield a, BinaryOp.EQ, b, 2
+            if is_ordered and k not in (a, b):
+                yield a, BinaryOp.LE, b, 3
+                yield b, BinaryOp.LE, a, 3

@@ -1,0 +1,393 @@
+"""Questions about every number of robots: what holds after INIT, and what a round preserves.
+
+All claims are assumed of some configuration, and each is asked for after one more step. [T-EVERY-N]
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from msgspec import Struct
+
+from koord.semantics.configurations import Configuration
+from koord.semantics.domain import conjunction, disjunction
+from koord.syntax import core
+from koord.syntax.analysis.footprint import footprint, stops_show
+from koord.syntax.core import Home
+from koord.syntax.system import System
+from koord.syntax.types import BOOL, INT
+from koord.syntax.walk import nodes
+from koord.verify.claims import Claim, ClaimKind, ClaimPhase
+from koord.verify.effort import Deadline, Effort
+from koord.verify.encoding.solver import Solver, SolverAnswer
+from koord.verify.encoding.terms import Term
+from koord.verify.engines.every_n.all_robots import ParameterisedSystem, Universal
+from koord.verify.engines.every_n.initial_states import ArbitraryState, ParameterisedInit, faults_of
+from koord.verify.engines.every_n.rounds import ParameterisedRound
+
+
+class ProofBudget(Struct, frozen=True):
+    """Budgets of a proof: generations of names, instances, and solver effort.
+
+    ``generations`` of names, ``instances`` in all, ``seconds`` of a solver in all (about), and
+    units of its work on one ``question``; fewer ``with_products`` of unknown reals.
+    """
+
+    generations: int
+    instances: int
+    seconds: float
+    question: int
+    with_products: int
+
+
+#: Where there is nobody else to ask.
+GENEROUS = ProofBudget(
+    generations=3, instances=20_000, seconds=60.0, question=1_500_000, with_products=1_500_000
+)
+
+#: Where others are asked afterwards.
+SPARING = ProofBudget(
+    generations=3, instances=12_000, seconds=3.0, question=1_500_000, with_products=120_000
+)
+
+
+class Means(Struct, frozen=True):
+    """The budgets and the seed of queries."""
+
+    deadline: Deadline
+    effort: Effort
+    thrift: ProofBudget
+    seed: int
+
+
+class Asking:
+    """A system and a solver that knows its facts."""
+
+    def __init__(self, world: ParameterisedSystem, means: Means) -> None:
+        self.world = world
+        self.means = means
+        self._given = 0
+        self._limit: int = -1
+        self.solver = Solver(self.world.d, self.world.unknowns, self.means.seed)
+        self.world.book.most = self.means.thrift.instances
+        self.robots: tuple[Term, ...] = tuple(self.world.d.fresh(f"y{k}", INT) for k in range(4))
+
+    def failing(self, goals: Sequence[tuple[Claim, list[Term]]]) -> dict[Claim, str]:
+        """The claims whose goals (each a conjunction) the facts do not refute."""
+        pending = list(goals)
+        for _, goal in goals:
+            self.world.book.ask(goal)
+        failed: dict[Claim, str] = {}
+        for limit in range(max(self._limit, 0), self.means.thrift.generations):
+            if limit > self._limit:
+                self.world.book.settle(limit)
+                self._limit = limit
+            self.world.book.settle(self._limit)
+            still = []
+            for claim, goal in pending:
+                why = self._why_open(goal)
+                failed.pop(claim, None)
+                if why:
+                    failed[claim] = why
+                if why == _NOT_INDUCTIVE:
+                    # What is too much already is not asked with more facts.
+                    still.append((claim, goal))
+            pending = still
+            if not pending:
+                break
+        return failed
+
+    def sift(self, goals: Sequence[tuple[Claim, list[Term]]], given: Sequence[Term]) -> set[Claim]:
+        """The claims with satisfiable goals, all queried together, as far as the solver tells.
+
+        ``given`` holds besides. Where the solver gives up, all claims that are left are met.
+        """
+        d, book, means = self.world.d, self.world.book, self.means
+        pending = {claim: conjunction(d, goal) for claim, goal in goals}
+        book.ask([*given, *pending.values()])
+        self.look_ahead(1)
+        book.settle(self._limit)
+        met: set[Claim] = set()
+        while pending:
+            self._tell()
+            question = [*given, disjunction(d, list(pending.values()))]
+            answer = self.solver.check(
+                question, means.deadline, means.effort, at_most=4 * self._most
+            )
+            if answer is SolverAnswer.UNSAT:
+                return met
+            hit = set(pending)
+            if answer is SolverAnswer.SAT:
+                model = self.solver.model()
+                hit = {claim for claim, goal in pending.items() if model.truth(goal)}
+            met |= hit
+            for claim in hit:
+                del pending[claim]
+        return met
+
+    def counterexample(
+        self, goals: Sequence[tuple[Claim, list[Term]]], given: Sequence[Term]
+    ) -> tuple[SolverAnswer, set[Claim]]:
+        """Ask whether one of some goals can be met, and which of them are in the model."""
+        d, book, means = self.world.d, self.world.book, self.means
+        asked = {claim: conjunction(d, goal) for claim, goal in goals}
+        book.ask([*given, *asked.values()])
+        self.look_ahead(1)
+        book.settle(self._limit)
+        self._tell()
+        question = [*given, disjunction(d, list(asked.values()))]
+        answer = self.solver.check(question, means.deadline, means.effort, at_most=self._most)
+        if answer is not SolverAnswer.SAT:
+            return answer, set()
+        model = self.solver.model()
+        return answer, {claim for claim, goal in asked.items() if model.truth(goal)}
+
+    def look_ahead(self, generations: int) -> None:
+        """Instantiate names of so many generations from now on."""
+        self._limit = max(self._limit, generations - 1)
+
+    def needed(self, goal: Sequence[Term]) -> frozenset[int] | None:
+        """The positions in a goal of its unsatisfiable core; None if it is not refuted."""
+        self.world.book.ask(goal)
+        self.world.book.settle(self._limit)
+        return self.solver.core() if not self._why_open(goal) else None
+
+    def _tell(self) -> None:
+        """Pass new facts to the solver."""
+        self.solver.add(self.world.book.facts[self._given :])
+        self._given = len(self.world.book.facts)
+
+    def _why_open(self, goal: Sequence[Term]) -> str:
+        """The reason why a goal is not refuted; empty if it is."""
+        self._tell()
+        means = self.means
+        answer = self.solver.check(goal, means.deadline, means.effort, at_most=self._most)
+        if answer is SolverAnswer.UNSAT:
+            return ""
+        if answer is SolverAnswer.SAT:
+            return _NOT_INDUCTIVE
+        return "timeout" if means.deadline.is_near() else "too much for the solver"
+
+    @property
+    def _most(self) -> int:
+        """The effort that one query may use."""
+        thrift = self.means.thrift
+        return thrift.with_products if self.world.d.has_products else thrift.question
+
+    @property
+    def limits(self) -> list[str]:
+        return list(self.world.unknowns.limits)
+
+
+#: How the reason begins why a claim is open of which nobody knows whether it holds to begin with.
+AFTER_INIT = "after INIT"
+
+_NOT_INDUCTIVE = "not inductive for every number of robots"
+
+
+def _universal(claim: Claim) -> Universal:
+    assert claim.stated is not None
+    return Universal.of(claim.stated.condition, claim.stated.bound)
+
+
+class Start:
+    """The base case: the state after INIT."""
+
+    def __init__(self, system: System, means: Means) -> None:
+        program = system.program
+        self._world = ParameterisedSystem.of(system)
+        self._opening = ParameterisedInit(self._world)
+        self._asking = Asking(self._world, means)
+        self._world.book.expect(*self._asking.robots[:2])
+        self._world.book.expect(0, self._world.last, generation=1)
+        for assumption in program.assumptions:
+            given = Universal.of(assumption.condition, assumption.bound)
+            given.suppose(self._world, self._opening.configuration, True)
+
+    @property
+    def limits(self) -> list[str]:
+        return self._asking.limits
+
+    def sifted(self, claims: Sequence[Claim]) -> list[Claim]:
+        """The claims that hold after INIT, as far as a quick query tells."""
+        goals = [(claim, self._goal(claim)) for claim in claims]
+        met = self._asking.sift(goals, [])
+        return [claim for claim in claims if claim not in met]
+
+    def failing(self, claims: Sequence[Claim]) -> dict[Claim, str]:
+        """The claims that are not proved to hold after INIT."""
+        goals = [(claim, self._goal(claim)) for claim in claims if claim.looked_at(ClaimPhase.INIT)]
+        found = self._asking.failing(goals)
+        return {claim: f"{AFTER_INIT}: {why}" for claim, why in found.items()}
+
+    def _goal(self, claim: Claim) -> list[Term]:
+        world, d = self._world, self._world.d
+        robot = self._asking.robots[0]
+        if claim.kind is ClaimKind.FAULT:
+            moves = self._opening.moves(robot)
+            faults = faults_of(self._world, moves)
+            return [d.binary(core.BinaryOp.OR, self._opening.fault, faults)]
+        asked = _universal(claim)
+        names = self._asking.robots[: asked.arity]
+        return [self._opening.calm, asked.broken(world, self._opening.configuration, names)]
+
+
+class Step:
+    """The inductive step: one round from any configuration in which the claims hold."""
+
+    def __init__(self, system: System, means: Means) -> None:
+        program = self._program = system.program
+        world = self.world = ParameterisedSystem.of(system)
+        self._opening = ParameterisedInit(world)
+        self.start = ArbitraryState(world, self._opening)
+        self.asking = Asking(world, means)
+        world.book.expect(*self.asking.robots[:2])
+        world.book.expect(0, world.last, generation=1)
+        world.book.note(self._opening.calm)
+        self._round = ParameterisedRound(world, self.start)
+        self._supposed: dict[Claim, Term] = {}
+        for assumption in _lasting(program):
+            given = Universal.of(assumption.condition, assumption.bound)
+            given.suppose(world, self._opening.configuration, True)
+
+    @property
+    def limits(self) -> list[str]:
+        return self.asking.limits
+
+    def failing(self, candidates: Sequence[Claim]) -> dict[Claim, str]:
+        """The claims that are not proved to be preserved by a round."""
+        given = [self._suppose(claim) for claim in candidates if claim.is_state_property]
+        failed: dict[Claim, str] = {}
+        for moment in self.moments():
+            goals = [
+                (claim, [*given, *goal])
+                for claim in candidates
+                if claim not in failed and (goal := self._goal(claim, moment))
+            ]
+            failed |= self.asking.failing(goals)
+        return failed
+
+    def sifted(self, claims: Sequence[Claim], generations: int) -> list[Claim]:
+        """The largest subset of the claims that a round preserves, with few names."""
+        left = list(claims)
+        self.asking.look_ahead(generations)
+        while True:
+            before = len(left)
+            for moment in self.moments():
+                given = [self._suppose(claim) for claim in left if claim.is_state_property]
+                goals = [(claim, g) for claim in left if (g := self._goal(claim, moment))]
+                met = self.asking.sift(goals, given)
+                left = [claim for claim in left if claim not in met]
+            if len(left) == before:
+                return left
+
+    def counterexample(
+        self, claims: Sequence[Claim], moment: ClaimPhase, generations: int
+    ) -> tuple[SolverAnswer, set[Claim]]:
+        """Ask for a round that breaks one of the claims, with names of so many generations."""
+        self.asking.look_ahead(generations)
+        given = [self._suppose(claim) for claim in claims if claim.is_state_property]
+        goals = [(claim, goal) for claim in claims if (goal := self._goal(claim, moment))]
+        if not goals:
+            return SolverAnswer.UNSAT, set()
+        return self.asking.counterexample(goals, given)
+
+    def lemmas(self, claims: Sequence[Claim], others: Sequence[Claim]) -> list[Claim]:
+        """The lemmas that proofs of the claims use, found one by one."""
+        state = [claim for claim in (*claims, *others) if claim.is_state_property]
+        given = [self._suppose(claim) for claim in state]
+        waiting, found = list(claims), list[Claim]()
+        while waiting:
+            claim = waiting.pop()
+            for moment in self.moments():
+                goal = self._goal(claim, moment)
+                core_ = self.asking.needed([*given, *goal]) if goal else frozenset()
+                if core_ is None:
+                    return list(others)
+                for position in sorted(core_):
+                    if position < len(state) and state[position] not in (*claims, *found):
+                        found.append(state[position])
+                        waiting.append(state[position])
+        return found
+
+    def fewest(self, claims: Sequence[Claim], lemmas: Sequence[Claim]) -> list[Claim]:
+        """A minimal set of lemmas: none can be left out by itself."""
+        kept = list(lemmas)
+        for lemma in lemmas[::-1]:
+            rest = [claim for claim in kept if claim is not lemma]
+            if self.is_closed([*claims, *rest]):
+                kept = rest
+        return kept
+
+    def is_closed(self, claims: Sequence[Claim]) -> bool:
+        """Return whether every round preserves some claims, if all of them hold before it."""
+        given = [self._suppose(claim) for claim in claims if claim.is_state_property]
+        for moment in self.moments():
+            goals = [(claim, goal) for claim in claims if (goal := self._goal(claim, moment))]
+            if self.asking.sift(goals, given):
+                return False
+        return True
+
+    def moments(self) -> list[ClaimPhase]:
+        if stops_show(self._program):
+            return [ClaimPhase.INSIDE, ClaimPhase.MIDDLE, ClaimPhase.END]
+        return [ClaimPhase.INSIDE, ClaimPhase.END]
+
+    def _suppose(self, claim: Claim) -> Term:
+        """The literal under which a claim is assumed of the start."""
+        if claim not in self._supposed:
+            when = self.world.d.fresh(f"suppose {claim.name}", BOOL)
+            self._supposed[claim] = when
+            _universal(claim).suppose(self.world, self.start.configuration, when)
+        return self._supposed[claim]
+
+    def _goal(self, claim: Claim, moment: ClaimPhase) -> list[Term]:
+        """The negation of a claim at a moment, as a conjunction; empty if it cannot fail there."""
+        if not claim.looked_at(ClaimPhase.MIDDLE if moment is ClaimPhase.INSIDE else moment):
+            return []
+        round_, robot, other = self._round, *self.asking.robots[:2]
+        before: list[Term] = [] if moment is ClaimPhase.INSIDE else [round_.calm, round_.legal]
+        match claim.kind:
+            case ClaimKind.PROPERTY:
+                asked = _universal(claim)
+                names = self.asking.robots[: asked.arity]
+                broken = asked.broken(self.world, self._configuration(moment), names)
+                gentle = [round_.gentle] if moment is ClaimPhase.END else []
+                return [round_.calm, *before, *gentle, broken]
+            case ClaimKind.FAULT if moment is ClaimPhase.END:
+                return [*before, round_.breaks(robot)]
+            case ClaimKind.FAULT:
+                return [round_.faults(robot)] if moment is ClaimPhase.INSIDE else []
+            case ClaimKind.LOST_UPDATE:
+                if moment is not ClaimPhase.INSIDE:
+                    return []
+                return [round_.calm, round_.loses(robot, other, claim.subject)]
+            case ClaimKind.CONTRACT:
+                return [*before, round_.gentle, round_.fails(robot, claim.subject)]
+            case ClaimKind.LIVENESS:
+                raise AssertionError("of whole runs nothing is asked here")
+
+    def _configuration(self, moment: ClaimPhase) -> Configuration[Term]:
+        match moment:
+            case ClaimPhase.INSIDE:
+                return self._round.inside
+            case ClaimPhase.MIDDLE:
+                return self._round.middle
+            case _:
+                return self._round.end
+
+
+def _lasting(program: core.Program) -> list[core.Assumption]:
+    """The assumptions about values that never change."""
+    changing = {(home, slot) for home, _, slot in footprint(program)}
+    bodies = tuple(function.body for function in program.functions)
+
+    def lasts(assumption: core.Assumption) -> bool:
+        return not any(
+            isinstance(node, core.Ran | core.Stopped)
+            or (isinstance(node, core.Variable) and (node.home, node.slot) in changing)
+            for node in nodes((assumption.condition, bodies))
+            if not isinstance(node, core.Variable) or node.home is not Home.BOUND
+        )
+
+    return [assumption for assumption in program.assumptions if lasts(assumption)]

@@ -1,0 +1,238 @@
+"""Lemmas that are found from counterexamples to induction. [T-EVERY-N]"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from koord.sampling.reached import reached
+from koord.syntax.core import Const, Home
+from koord.syntax.system import dealt
+from koord.verify.claims import claims_of
+from koord.verify.effort import Deadline, Effort
+from koord.verify.engines.every_n.disjunctions import Samples, canonical, is_false, lemma
+from koord.verify.engines.every_n.kinds_of_integers import ROBOT, KindsOfIntegers
+from koord.verify.engines.every_n.lemma_search import infer_from_counterexamples
+from koord.verify.engines.every_n.literals import Language
+from koord.verify.engines.every_n.proving import Inferred
+from koord.verify.engines.every_n.questions import GENEROUS, SPARING
+from tests.loading import program_of
+from tests.verify.engines.every_n.asking import broken, proved, system_of
+
+PROTOCOLS = Path(__file__).parents[4] / "specs" / "examples" / "protocols"
+
+#: Numbers go round a ring, in entries that their robots alone write; the greatest comes back.
+RING = """
+allread:
+    int[] sent = -1
+local:
+    bool leads = false
+def fun before(int i) -> int:
+    if i > 0: return i - 1
+    return numAgents - 1
+Send:
+    pre: sent[pid] == -1
+    eff: sent[pid] = pid
+Pass:
+    pre: sent[before(pid)] > pid
+    eff: sent[pid] = sent[before(pid)]
+Lead:
+    pre: sent[before(pid)] == pid
+    eff: leads = true
+invariant One: forall i, j: leads@i and leads@j implies i == j
+"""
+
+#: Each key is at one robot, or on its way to one.
+STORE = """
+param int keys = 3
+allwrite:
+    int[keys] heading
+    int wanted = 0
+    int wanting = 0
+local:
+    bool[keys] has
+init:
+    for k = 0, keys:
+        heading[k] = -1
+        has[k] = pid == 0
+Want:
+    eff:
+        atomic:
+            wanted = (wanted + 1) % keys
+            wanting = pid
+Send:
+    pre: has[wanted]
+    eff:
+        atomic:
+            has[wanted] = false
+            heading[wanted] = wanting
+Receive:
+    eff:
+        atomic:
+            for k = 0, keys:
+                if heading[k] == pid:
+                    heading[k] = -1
+                    has[k] = true
+invariant Exclusive:
+    forall i, j: forall k in 0, keys: i != j implies not (has@i[k] and has@j[k])
+"""
+
+#: The environment moves what no event may: between rounds only.
+MOVED = """
+using Door:
+    sensors:
+        int opened = 0
+    environment:
+        opened = opened + 1
+allwrite:
+    int seen = 0
+Look:
+    pre: Door.opened > 0
+    eff:
+        atomic: seen = Door.opened
+invariant Never: seen <= 1
+invariant Shut: forall i: Door.opened@i <= 1
+"""
+
+#: Nothing changes, and what the robots start with is not what the claim says.
+LATE = """
+local:
+    bool on = false
+    bool done = false
+Start:
+    pre: not on
+    eff: on = true
+End:
+    pre: on
+    eff: done = true
+invariant Never: forall i: not done@i
+"""
+
+
+#: What the samples of few robots never show is so with many.
+MANY = """
+local:
+    bool big
+    bool done = false
+init: big = pid > 4
+Finish:
+    pre: big
+    eff: done = true
+invariant Never: forall i: not done@i
+"""
+
+
+def found(text: str, seconds: float = 20.0) -> Inferred:
+    system = system_of(text)
+    effort = Effort.of_seconds(seconds)
+    return infer_from_counterexamples(system, claims_of(system), (), Deadline(), effort, GENEROUS)
+
+
+def text_of(name: str) -> str:
+    return (PROTOCOLS / name).read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("name", "claims"),
+    [
+        ("claim", {"Exclusive", "no fault"}),
+        ("lock_server", {"Exclusive", "no fault"}),
+        ("lockserv", {"Exclusive", "no fault"}),
+        ("ticket", {"Exclusive", "Waits", "no fault"}),
+        # Whoever aborts has a reason: that there is a robot, which no disjunction says.
+        ("two_phase_commit", {"Agree", "Unanimous", "no fault"}),
+    ],
+)
+def test_protocols_are_shown_for_every_number_of_robots(name: str, claims: set[str]) -> None:
+    text = text_of(f"{name}.krd")
+    given = found(text)
+    assert {claim.name for claim in given.proved} == claims
+    # They are Koord, and with them the claims are inductive.
+    lemmas = "".join(f"invariant L{k}: {c.name}\n" for k, c in enumerate(given.invariants))
+    assert proved(text + "\n" + lemmas) >= claims
+
+
+def test_the_greatest_number_on_a_ring_is_the_only_one_that_comes_back() -> None:
+    given = found(RING)
+    assert {claim.name for claim in given.proved} == {"One", "no fault"}
+    assert 1 <= len(given.invariants) <= 6
+
+
+def test_elements_of_arrays_are_spoken_of_at_any_index() -> None:
+    given = found(STORE)
+    assert {claim.name for claim in given.proved} == {"Exclusive", "no fault"}
+    assert any("forall k in 0, 3" in claim.name for claim in given.invariants)
+
+
+@pytest.mark.parametrize("path", sorted(PROTOCOLS.glob("broken/*.krd")), ids=lambda p: p.stem)
+def test_what_some_run_breaks_is_never_proved(path: Path) -> None:
+    text = path.read_text(encoding="utf-8")
+    shown = {claim.name for claim in found(text, 5.0).proved}
+    for count in (2,) if "param int numAgents" in text else (2, 3):
+        assert not shown & broken(text, count, rounds=8)
+
+
+def test_what_breaks_after_rounds_only_is_not_proved() -> None:
+    assert {"Never", "Shut"}.isdisjoint(claim.name for claim in found(MOVED).proved)
+    assert broken(MOVED, 1, rounds=4) >= {"Shut"}
+
+
+def test_what_breaks_in_the_second_round_is_not_proved() -> None:
+    assert {claim.name for claim in found(LATE).proved} <= {"no fault"}
+
+
+def test_what_only_many_robots_break_is_not_proved() -> None:
+    assert {claim.name for claim in found(MANY).proved} <= {"no fault"}
+    assert broken(MANY, 6, rounds=2) == {"Never"}
+
+
+def test_nothing_is_proved_where_solvers_are_not_asked() -> None:
+    system = system_of(text_of("lockserv.krd"))
+    nothing = infer_from_counterexamples(
+        system, claims_of(system), (), Deadline(), Effort.of_seconds(0), SPARING
+    )
+    assert not nothing.proved
+
+
+# --- samples ----------------------------------------------------------------------------------
+
+
+def test_samples_are_of_all_that_a_small_system_reaches() -> None:
+    program = program_of(text_of("lock_server.krd"))
+    seen = reached(dealt(program, 2), 400)
+    # Nobody has the lock, one of two has it.
+    assert len(seen) == 3
+    assert all(configuration.fault is None for configuration in seen)
+
+
+def test_disjunctions_hold_in_all_samples_and_not_where_they_are_wanted() -> None:
+    program = program_of(text_of("lock_server.krd"))
+    language = Language.of_program(program)
+    seen = [language.sampled(c) for c in reached(dealt(program, 2), 400)]
+    samples = Samples.of(language, seen)
+    # Both have the lock.
+    wrong = language.sampled(reached(dealt(program, 2), 400)[0])
+    wrong.robots = {robot: (True,) for robot in wrong.robots}
+    disjunctions = {
+        canonical(language, x) for row in language.rows(wrong) for x in samples.against(wrong, row)
+    }
+    assert disjunctions
+    for x in disjunctions:
+        assert is_false(language, x, wrong)
+        assert not any(is_false(language, x, here) for here in seen)
+    said = {lemma(program, language, x).name for x in disjunctions}
+    assert "forall i, j: i != j and holds@i implies not holds@j" in said
+
+
+def test_integers_that_meet_are_of_one_kind() -> None:
+    program = program_of(text_of("ticket.krd"))
+    kinds = KindsOfIntegers.of(program)
+    ticket = kinds.kind((Home.LOCAL, 0, program.agents[0].locals[1].variable.slot, ()))
+    assert ticket == kinds.kind((Home.ALLWRITE, 0, 0, ()))
+    assert ticket == kinds.kind((Home.ALLWRITE, 0, 1, ()))
+    assert ticket != kinds.kind(ROBOT)
+    assert kinds.is_ordered(ticket)
+    initial = program.allwrite[0].initial
+    assert isinstance(initial, Const)
+    assert initial.value in kinds.constants(ticket)
