@@ -44,6 +44,7 @@ from koord.verify.strategy.table import (
 from koord.verify.vacuity.analysis import (
     FoundVacuities,
     GoalSearch,
+    is_every_n,
     look,
     of_any_number,
     unlooked,
@@ -129,7 +130,7 @@ class _Verification(Struct, frozen=True):
         cut = last.interrupted
         search.wanted &= not cut and not ledger.stopped
         if any(map(self._is_asked, liveness_of(self.system))):
-            search.begin(ledger)
+            search.begin(ledger, self.names)
         unreachable = _Vacuities()
         if search.job is None:
             unreachable = search.end(ledger, self.names)
@@ -247,7 +248,7 @@ class _Verification(Struct, frozen=True):
         while _wanted(ledger, asking.names) and (following := next(turns, None)) is not None:
             number, turn = following
             if not (isinstance(turn, EngineTurn) and turn.quick):
-                search.begin(ledger)
+                search.begin(ledger, self.names)
             if isinstance(turn, SlicesTurn):  # it asks others
                 with ledger.enduring(turn.name):
                     turn.work(ledger)
@@ -311,16 +312,17 @@ class _ReachabilitySearch(Struct):
     failures: list[Failure] = field(default_factory=list)
     job: Job[tuple[GoalSearch | str, tuple[Failure, ...]]] | None = None
 
-    def begin(self, ledger: Ledger) -> None:
+    def begin(self, ledger: Ledger, names: Collection[str]) -> None:
         """Start the search in a process: the work that follows takes long."""
         apart = self.pool.jobs > 1 and not self.of_any_number
         if self.wanted and self.job is None and apart:
+            every_n = is_every_n(ledger, names)
             own = self._of_what_happens(ledger).of((), lambda text: None)
 
             def looked(tell: Progress) -> tuple[GoalSearch | str, tuple[Failure, ...]]:
                 found: GoalSearch | str = ""
                 with own.stopping(), own.enduring(VACUITY):
-                    found = look(own)
+                    found = look(own, every_n=every_n)
                 return found, tuple(own.failures)
 
             self.job = self.pool.submit("", looked)
@@ -328,15 +330,16 @@ class _ReachabilitySearch(Struct):
     def end(self, ledger: Ledger, names: Collection[str]) -> _Vacuities:
         """Finish the search: the vacuities of a ledger's verdicts."""
         found: FoundVacuities | None = None
+        everywhere = ledger.is_of_all_rounds(names)
+        every_n = is_every_n(ledger, names)
         ledger = self._of_what_happens(ledger)
         own = ledger.of(ledger.open(), ledger.report)
-        everywhere = ledger.is_of_all_rounds(names)
         if self.wanted and self.steps.begin("vacuity", 0, VACUITY):
             with own.stopping(), own.enduring(VACUITY):
                 if self.of_any_number:
                     found = of_any_number(own, of_all_rounds=everywhere)
                 else:
-                    looked = self._looked(own)
+                    looked = self._looked(own, every_n=every_n)
                     if isinstance(looked, GoalSearch):
                         found = vacuities(own, looked, of_all_rounds=everywhere)
         self.failures += own.failures
@@ -345,10 +348,10 @@ class _ReachabilitySearch(Struct):
             return _Vacuities((), own.interrupted, missing)
         return _Vacuities(found.vacuities, own.interrupted, found.unlooked)
 
-    def _looked(self, own: Ledger) -> GoalSearch | str:
+    def _looked(self, own: Ledger, *, every_n: bool) -> GoalSearch | str:
         """The result of the parallel search, or of one made now."""
         if self.job is None:
-            return look(own)
+            return look(own, every_n=every_n)
         answer = self.pool.answer(self.job)
         if answer is None:
             own.fail(Failure(VACUITY, self.job.end))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Collection, Iterator, Sequence
+from contextlib import suppress
 
 from msgspec import Struct
 from msgspec.structs import replace
@@ -14,12 +15,13 @@ from koord.syntax.budget import Budget, OutOfBudgetError
 from koord.syntax.core import Home
 from koord.syntax.system import System
 from koord.syntax.walk import reached
-from koord.verify.claims import NO_FAULT, Claim, ClaimPhase, StepFindings
+from koord.verify.claims import NO_FAULT, Claim, ClaimPhase, StepFindings, liveness_of
 from koord.verify.effort import Deadline, Effort
 from koord.verify.encoding.moments import SymbolicConfiguration
 from koord.verify.encoding.solver import SolverAnswer
 from koord.verify.encoding.symbols import SymbolicInputs
 from koord.verify.encoding.unrolling import Unrolling, violations
+from koord.verify.engine_names import Engine
 from koord.verify.engines.induction.proving import representatives
 from koord.verify.ledger import Ledger
 from koord.verify.reachability_goals import (
@@ -39,6 +41,11 @@ from koord.verify.verdicts import Emptiness, Outcome, UnsearchedGoal, Vacuity
 #: many times as long as the verdicts took.
 WORTH_S, WORTH = 8.0, 2.0
 
+#: The same where all verdicts are proofs for every number of robots: no more than so many times as
+#: long as these took, so that the search costs less than what it is about; but so many seconds of
+#: work, in which small programs are looked at to the end.
+SHARE, SHARE_S = 0.5, 0.5
+
 #: What the search for what can happen may cost.
 WISHES_S = 10.0
 
@@ -56,13 +63,17 @@ class GoalSearch(Struct, frozen=True):
     """The vacuity results that do not depend on verdicts.
 
     ``never`` are the goals that no run reaches; None if no run can start, as ``empty`` says.
-    ``effort`` is what is left of it, and ``spent_s`` the work that was done.
+    ``effort`` is what is left of it, and ``spent_s`` the work that was done. ``sure`` are goals
+    that are proved unreachable for every number of robots. ``of_few`` is the system with few robots
+    that was looked at, where verdicts are for every number of them.
     """
 
     empty: tuple[Vacuity, ...]
     never: Unbroken | None
     effort: Effort
     spent_s: float = 0.0
+    sure: frozenset[Claim] = frozenset()
+    of_few: System | None = None
 
 
 class FoundVacuities(Struct, frozen=True):
@@ -72,24 +83,80 @@ class FoundVacuities(Struct, frozen=True):
     unlooked: tuple[UnsearchedGoal, ...] = ()
 
 
-def look(ledger: Ledger) -> GoalSearch:
-    """Search for vacuities that depend on no verdict, so that it can run in parallel."""
+def look(ledger: Ledger, *, every_n: bool = False) -> GoalSearch:
+    """Search for vacuities that depend on no verdict, so that it can run in parallel.
+
+    ``every_n``: all verdicts are proofs for every number of robots, so that it is looked at few of
+    them first. [PROP-VACUOUS]
+    """
     started = time.process_time()
     effort = Effort.of_seconds(WISHES_S)
     wished = reachability_goals_of(ledger.system)
     tell(ledger, wished.all)
-    own = _limited(ledger, _worth(ledger))
+    own = _limited(ledger, _worth(ledger, every_n=every_n))
+    few = unreachable.few_of(ledger.system) if every_n else None
     try:
-        looked = _look(own, reachability_goals_of(own.system), effort)
+        if few is None:
+            looked = _look(own, reachability_goals_of(own.system), effort)
+        else:
+            looked = _look_at_few(own, few, reachability_goals_of(own.system), effort)
     except OutOfBudgetError:
         nevers = frozenset(goal.never for goal in wished.all)
         looked = GoalSearch((), Unbroken(nevers, known=False), effort)
     return replace(looked, spent_s=time.process_time() - started)
 
 
-def _worth(ledger: Ledger) -> float:
+def is_every_n(ledger: Ledger, names: Collection[str]) -> bool:
+    """Return whether all verdicts that are asked for are proofs for every number of robots.
+
+    Claims about whole runs are shown for the robots that are asked about. If they suppose
+    something, these have to do it.
+    """
+    asked = [ledger.verdict(claim) for claim in ledger.claims if not names or claim.name in names]
+    if not all(v.outcome is Outcome.HOLDS and v.engine is Engine.EVERY_N for v in asked):
+        return False
+    of_runs = {claim.name for claim in liveness_of(ledger.problem.original)}
+    goals = reachability_goals_of(ledger.problem.original).all
+    return not any(g.aim is Aim.SUPPOSITION and g.subject in of_runs for g in goals)
+
+
+def _look_at_few(
+    ledger: Ledger, few: System, wished: ReachabilityGoals, effort: Effort
+) -> GoalSearch:
+    """Search with few robots; what these do not reach is proved, or looked for with all of them."""
+    some = unreachable.with_robots_of(few, ledger)
+    looked = _look(some, reachability_goals_of(some.system), effort)
+    if looked.never is None or looked.never.stuck is not None:
+        # More robots may start, or go on, where few do not.
+        return _look(ledger, wished, effort)
+    with suppress(OutOfBudgetError):  # where few start, many most often do
+        start = _start(ledger.system, ledger.seed, ledger.deadline, effort)
+        if start is not None:
+            return GoalSearch((start,), None, effort)
+    unmet_by_few = looked.never.claims
+    left = tuple(goal for goal in wished.all if goal.never in unmet_by_few)
+    if not left:
+        return replace(looked, of_few=few)
+    sure = unreachable.surely_unmet(ledger, wished.system, left)
+    left = tuple(goal for goal in left if goal.never not in sure)
+    found = Unbroken(frozenset(), limits=looked.never.limits)
+    if left:
+        try:
+            searched = _look(ledger, replace(wished, all=left), effort)
+        except OutOfBudgetError:
+            found = Unbroken(frozenset(goal.never for goal in left), known=False)
+        else:
+            if searched.never is None:
+                return searched
+            looked, found = searched, searched.never
+    never = replace(found, claims=found.claims | sure)
+    return replace(looked, never=never, sure=sure, of_few=few)
+
+
+def _worth(ledger: Ledger, *, every_n: bool = False) -> float:
     """The seconds of work that the vacuity analysis may take."""
-    return max(WORTH_S, WORTH * max((ledger.verdict(c).seconds for c in ledger.claims), default=0))
+    took = max((ledger.verdict(c).seconds for c in ledger.claims), default=0.0)
+    return max(SHARE_S, SHARE * took) if every_n else max(WORTH_S, WORTH * took)
 
 
 def _limited(ledger: Ledger, seconds: float) -> Ledger:
@@ -174,8 +241,14 @@ def vacuities(
         ledger,
         [goal for goal in reachability_goals_of(ledger.system).all if goal.never in left.claims],
     )
-    own = _limited(ledger, max(0.0, _worth(ledger) - looked.spent_s))
-    missing: list[Vacuity] = []
+    few = looked.of_few
+    own = _limited(ledger, max(0.0, _worth(ledger, every_n=few is not None) - looked.spent_s))
+    missing: list[Vacuity] = [
+        unreachable.told(goal, ledger.bounds.rounds, certain=True, blocked=False)
+        for goal in reachability_goals_of(ledger.system).all
+        if goal.never in looked.sure
+    ]
+    left = replace(left, claims=left.claims - looked.sure)
     given_up: tuple[UnsearchedGoal, ...] = ()
     try:
         missing += _missing(own, left, looked.effort, of_any_number)
@@ -183,12 +256,14 @@ def vacuities(
         given_up = unlooked(ledger.system, left.claims)
     if not left.known:
         given_up = unlooked(ledger.system, left.claims)
-    own = _limited(ledger, REGARDLESS_S)
+    about = ledger if few is None else unreachable.with_robots_of(few, ledger)
+    own = _limited(about, REGARDLESS_S)
     untouched: list[Vacuity] = []
     unbreakable: list[Vacuity] = []
     try:
         untouched += _untouched(own)
-        unbreakable += _unbreakable(own, [*untouched, *missing], of_any_number)
+        every = of_any_number or few is not None
+        unbreakable += _unbreakable(own, [*untouched, *missing], every)
     except OutOfBudgetError:
         pass  # it is seldom so, and each verdict says how far it holds in any case
     return FoundVacuities((*looked.empty, *missing, *untouched, *unbreakable), given_up)

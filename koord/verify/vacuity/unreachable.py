@@ -156,6 +156,34 @@ def examples(system: System) -> list[System]:
     return [system] if excesses(more.program, more.kinds) else [system, more]
 
 
+#: So many robots of each kind show what is possible with some number of them.
+_FEW_ROBOTS = 3
+
+
+def few_of(system: System) -> System | None:
+    """The system with few robots of each kind; None if it has no more than those."""
+    seen: dict[int, int] = {}
+    kinds = []
+    for kind in system.kinds:
+        seen[kind] = seen.get(kind, 0) + 1
+        if seen[kind] <= _FEW_ROBOTS:
+            kinds.append(kind)
+    return replace(system, kinds=tuple(kinds)) if len(kinds) < system.robots else None
+
+
+def surely_unmet(
+    ledger: Ledger, system: System, goals: Collection[ReachabilityGoal]
+) -> frozenset[Claim]:
+    """The denials of goals that no round reaches, not even in between, for any number of robots.
+
+    ``system`` is that of the ledger, but for what the goals are stated with. Contracts are left
+    out: their turns are looked at with the robots that are asked about.
+    """
+    inside = {inside_rounds(g.never): g.never for g in goals if g.aim is not Aim.CONTRACT}
+    sure = proved(ledger, system, list(inside)) if inside else set[Claim]()
+    return frozenset(inside[claim] for claim in sure)
+
+
 def with_robots_of(system: System, ledger: Ledger) -> Ledger:
     """The ledger, with the robots of another system."""
     problem = ledger.problem

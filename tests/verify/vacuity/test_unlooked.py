@@ -46,7 +46,7 @@ def test_with_time_for_it_nothing_is_left_open(system: System) -> None:
 def test_what_it_is_not_worth_to_look_for_is_named(
     system: System, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(analysis, "_worth", lambda ledger: 0.0)
+    monkeypatch.setattr(analysis, "_worth", lambda ledger, *, every_n=False: 0.0)
     report = verify(system, Bounds(4))
     assert report.outcome is Outcome.HOLDS
     assert not report.interrupted

@@ -1,0 +1,131 @@
+"""Where verdicts are for every number of robots, few of them show that these say something.
+
+[PROP-VACUOUS]
+"""
+
+from __future__ import annotations
+
+import pytest
+
+from koord.syntax.system import dealt
+from koord.verify.engine_names import Engine
+from koord.verify.strategy.verification import verify
+from koord.verify.vacuity import analysis, unreachable
+from koord.verify.verdicts import Bounds, Emptiness, Outcome, Report
+from tests.loading import program_of
+
+MANY = 8
+
+TEXT = """
+allwrite:
+    int sum = 0
+local:
+    int n = 0
+{assumed}
+Up:
+    pre: n < 3
+    eff: n = n + 1
+{event}
+invariant Small: forall i: 0 <= n@i and n@i <= 3
+"""
+
+
+def report_of(event: str, assumed: str = "", robots: int = MANY) -> Report:
+    return verify(dealt(program_of(TEXT.format(event=event, assumed=assumed)), robots), Bounds(4))
+
+
+def event(condition: str) -> str:
+    return f"Other:\n    pre: {condition}\n    eff: sum = 1\n"
+
+
+def empty(report: Report) -> list[tuple[Emptiness, str, bool]]:
+    return [(each.what, each.subject, each.certain) for each in report.vacuities]
+
+
+@pytest.fixture
+def looked_at(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """How many robots each search for goals was about."""
+    numbers: list[int] = []
+    unbroken = analysis.unbroken
+
+    def counted(system, *others, **named):  # type: ignore[no-untyped-def]
+        numbers.append(system.robots)
+        return unbroken(system, *others, **named)
+
+    monkeypatch.setattr(analysis, "unbroken", counted)
+    return numbers
+
+
+def test_what_few_robots_do_is_not_looked_for_with_many(looked_at: list[int]) -> None:
+    report = report_of(event("n == 2"))
+    assert {v.engine for v in report.verdicts} == {Engine.EVERY_N}
+    assert (empty(report), report.unlooked) == ([], ())
+    assert looked_at == [3]
+
+
+def test_what_no_number_of_robots_can_do_is_certain(looked_at: list[int]) -> None:
+    report = report_of(event("n > 7"))
+    assert empty(report) == [(Emptiness.EVENT, "Other", True)]
+    assert looked_at == [3]  # a proof for every number of robots says it
+
+
+def test_what_takes_more_robots_is_looked_for_with_those_that_are_asked_for(
+    looked_at: list[int],
+) -> None:
+    report = report_of(event("numAgents > 5"))
+    assert (empty(report), report.unlooked) == ([], ())
+    assert looked_at == [3, MANY]
+
+
+def test_what_neither_few_nor_those_can_do_is_told(looked_at: list[int]) -> None:
+    report = report_of(event("numAgents > 9"))
+    ((what, subject, _),) = empty(report)
+    assert (what, subject) == (Emptiness.EVENT, "Other")
+    assert looked_at == [3, MANY]
+
+
+def test_that_so_many_robots_cannot_start_is_told() -> None:
+    report = report_of("", assumed="assume: numAgents < 5")
+    assert report.outcome is Outcome.HOLDS
+    assert [(what, sure) for what, _, sure in empty(report)] == [(Emptiness.ASSUMPTIONS, True)]
+    assert empty(report_of("", assumed="assume: numAgents > 5")) == []
+
+
+def test_what_is_given_up_with_many_is_named_and_no_more(monkeypatch: pytest.MonkeyPatch) -> None:
+    look = analysis._look
+
+    def given_up(ledger, *others):  # type: ignore[no-untyped-def]
+        if ledger.system.robots == MANY:
+            raise analysis.OutOfBudgetError
+        return look(ledger, *others)
+
+    monkeypatch.setattr(analysis, "_look", given_up)
+    report = report_of(event("numAgents > 5"))
+    assert [each.subject for each in report.unlooked] == ["Other"]
+    assert report.vacuities == ()
+
+
+def test_few_robots_are_up_to_three_of_each_kind() -> None:
+    system = dealt(program_of(TEXT.format(event="", assumed="")), 3)
+    assert unreachable.few_of(system) is None
+    many = dealt(system.program, MANY)
+    few = unreachable.few_of(many)
+    assert few is not None
+    assert few.kinds == (0, 0, 0)
+
+
+def test_the_search_has_a_share_of_the_time_of_the_proofs() -> None:
+    class Took:
+        claims = ("any",)
+
+        def __init__(self, seconds: float) -> None:
+            self.seconds = seconds
+
+        def verdict(self, claim: object) -> Took:
+            return self
+
+    def worth(seconds: float) -> float:
+        return analysis._worth(Took(seconds), every_n=True)  # type: ignore[arg-type]
+
+    assert worth(0.1) == analysis.SHARE_S
+    assert worth(100.0) == 100.0 * analysis.SHARE
