@@ -64,8 +64,8 @@ class GoalSearch(Struct, frozen=True):
 
     ``never`` are the goals that no run reaches; None if no run can start, as ``empty`` says.
     ``effort`` is what is left of it, and ``spent_s`` the work that was done. ``sure`` are goals
-    that are proved unreachable for every number of robots. ``of_few`` is the system with few robots
-    that was looked at, where verdicts are for every number of them.
+    that are proved unreachable for every number of robots. ``of_few``: few of them
+    were looked at, as verdicts are for every number of them.
     """
 
     empty: tuple[Vacuity, ...]
@@ -73,7 +73,7 @@ class GoalSearch(Struct, frozen=True):
     effort: Effort
     spent_s: float = 0.0
     sure: frozenset[Claim] = frozenset()
-    of_few: System | None = None
+    of_few: bool = False
 
 
 class FoundVacuities(Struct, frozen=True):
@@ -136,7 +136,7 @@ def _look_at_few(
     unmet_by_few = looked.never.claims
     left = tuple(goal for goal in wished.all if goal.never in unmet_by_few)
     if not left:
-        return replace(looked, of_few=few)
+        return replace(looked, of_few=True)
     sure = unreachable.surely_unmet(ledger, wished.system, left)
     left = tuple(goal for goal in left if goal.never not in sure)
     found = Unbroken(frozenset(), limits=looked.never.limits)
@@ -150,7 +150,7 @@ def _look_at_few(
                 return searched
             looked, found = searched, searched.never
     never = replace(found, claims=found.claims | sure)
-    return replace(looked, never=never, sure=sure, of_few=few)
+    return replace(looked, never=never, sure=sure, of_few=True)
 
 
 def _worth(ledger: Ledger, *, every_n: bool = False) -> float:
@@ -241,7 +241,7 @@ def vacuities(
         ledger,
         [goal for goal in reachability_goals_of(ledger.system).all if goal.never in left.claims],
     )
-    few = looked.of_few
+    few = unreachable.few_of(ledger.system) if looked.of_few else None
     own = _limited(ledger, max(0.0, _worth(ledger, every_n=few is not None) - looked.spent_s))
     missing: list[Vacuity] = [
         unreachable.told(goal, ledger.bounds.rounds, certain=True, blocked=False)

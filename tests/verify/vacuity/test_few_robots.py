@@ -7,10 +7,11 @@ from __future__ import annotations
 
 import pytest
 
+from koord.syntax.budget import OutOfBudgetError
 from koord.syntax.system import dealt
 from koord.verify.engine_names import Engine
 from koord.verify.strategy.verification import verify
-from koord.verify.vacuity import analysis, unreachable
+from koord.verify.vacuity import analysis, reachability, unreachable
 from koord.verify.verdicts import Bounds, Emptiness, Outcome, Report
 from tests.loading import program_of
 
@@ -46,7 +47,7 @@ def empty(report: Report) -> list[tuple[Emptiness, str, bool]]:
 def looked_at(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     """How many robots each search for goals was about."""
     numbers: list[int] = []
-    unbroken = analysis.unbroken
+    unbroken = reachability.unbroken
 
     def counted(system, *others, **named):  # type: ignore[no-untyped-def]
         numbers.append(system.robots)
@@ -96,13 +97,21 @@ def test_what_is_given_up_with_many_is_named_and_no_more(monkeypatch: pytest.Mon
 
     def given_up(ledger, *others):  # type: ignore[no-untyped-def]
         if ledger.system.robots == MANY:
-            raise analysis.OutOfBudgetError
+            raise OutOfBudgetError
         return look(ledger, *others)
 
     monkeypatch.setattr(analysis, "_look", given_up)
     report = report_of(event("numAgents > 5"))
     assert [each.subject for each in report.unlooked] == ["Other"]
     assert report.vacuities == ()
+
+
+def test_beside_claims_about_whole_runs_another_process_looks_at_few() -> None:
+    text = TEXT.format(event=event("n == 2"), assumed="") + "eventually Begun: sum >= 0\n"
+    report = verify(dealt(program_of(text), MANY), Bounds(4), jobs=2)
+    assert report.failures == ()
+    assert report.unlooked == ()
+    assert not [each for each in report.vacuities if each.what is Emptiness.EVENT]
 
 
 def test_few_robots_are_up_to_three_of_each_kind() -> None:
