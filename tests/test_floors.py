@@ -182,7 +182,7 @@ GUARDED = (
         ("koord/verify/", "koord/refinement/protocol_proof/", "koord/refinement/guardian_proof/"),
         6,
     ),
-    ("lark", ("koord/syntax/parsing/",), 3),
+    ("lark", ("koord/syntax/parsing/",), 1),
     ("cvc5", ("koord/recheck/",), 1),
     ("ompl", ("koord/runtime/motion/",), 1),
     ("osqp", ("koord/runtime/motion/",), 1),

@@ -73,6 +73,36 @@ def test_checking_a_program_loads_no_solver() -> None:
     assert {"z3", "numpy", "koord.verify"} & loaded == set()
 
 
+#: What a verification has no use for where all is proved, and nothing else is asked for.
+UNUSED_BY_PROOFS = (
+    "lark",
+    "numpy",
+    "numba",
+    "scipy",
+    "rich",
+    "koord.sim",
+    "koord.refinement",
+    "koord.recheck",
+    "koord.runtime.deploy",
+    "koord.verify.export",
+    "koord.verify.certificates",
+    "koord.verify.instants",
+    "koord.verify.engines.bits",
+    "koord.verify.engines.horn",
+)
+
+
+@pytest.mark.parametrize("command", ["check", "verify"])
+def test_reading_and_proving_load_only_what_they_use(command: str) -> None:
+    arguments = [command, str(EXAMPLES / "leader_elect.krd")]
+    loaded = modules_after(f"from koord.cli.main import main; assert main({arguments}) == 0")
+    used = "koord.verify.strategy.time_limits" if command == "verify" else "koord.cli.check"
+    assert used in loaded
+    unused = UNUSED_BY_PROOFS if command == "verify" else (*UNUSED_BY_PROOFS, "koord.verify", "z3")
+    heavy = {name for name in loaded for root in unused if (name + ".").startswith(f"{root}.")}
+    assert heavy == set()
+
+
 def test_a_simulated_run_loads_only_what_it_uses() -> None:
     program = EXAMPLES / "lineform.krd"
     arguments = ["sim", str(program), "--rounds", "1", "--no-html"]

@@ -8,7 +8,8 @@ from typing import cast
 from msgspec.structs import replace
 
 from koord.syntax import ast
-from koord.syntax.parsing.line_forms import LineKind, type_end
+from koord.syntax.parsing.line_forms import type_end
+from koord.syntax.parsing.line_kinds import LineKind
 from koord.syntax.parsing.lines import LinePart
 from koord.syntax.parsing.reader import LineReader
 from koord.syntax.parsing.tokens import ARMS, BLOCKS, KEYWORDS, LOOPS, Token, shown, words

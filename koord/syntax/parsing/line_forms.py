@@ -1,40 +1,23 @@
-"""Parsing of single lines: an LALR parser (grammar.lark) that is fed with tokens."""
+"""Parsing of single lines: an LALR machine (table.py) that is fed with tokens."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from enum import Enum
 from functools import cache
-from pathlib import Path
-from typing import Any, cast
-
-from lark import Lark
-from lark import Token as LarkToken
-from lark.exceptions import UnexpectedToken
-from lark.lexer import Lexer
+from typing import Any
 
 from koord.syntax.content import content_fields
+from koord.syntax.parsing.line_kinds import LineKind
 from koord.syntax.parsing.nodes import Builder
 from koord.syntax.parsing.operands import MisplacedError
+from koord.syntax.parsing.table import Machine, RefusedError, table
 from koord.syntax.parsing.tokens import Token
 from koord.syntax.source import Placed
 
 #: An expression may be a tree so deep: brackets, and operators in a row, both count. What works on
 #: trees later may therefore call itself.
 MAX_DEPTH = 200
-
-
-class LineKind(Enum):
-    """The kinds of lines and parts of lines: the start symbols of the grammar."""
-
-    EXPRESSION = "expression"
-    GOAL = "goal"
-    DECLARATION = "declaration"
-    SIGNATURE = "signature"
-    MEMBERS = "members"
-    STATEMENT = "statement"
-    LOOP = "loop"
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,29 +28,11 @@ class UnexpectedError(Exception):
     expected: frozenset[str]  #: names of terminals; ``$END`` for the end of the line
 
 
-class _NoLexer(Lexer):
-    """A lexer for lark that does nothing: tokens are made elsewhere and fed one by one."""
-
-    def __init__(self, conf: Any) -> None:
-        pass
-
-    def lex(self, *_: Any) -> Any:
-        return iter(())
-
-
 @cache
-def _lark() -> Lark:
-    return Lark(
-        Path(__file__).with_name("grammar.lark").read_text("utf-8"),
-        parser="lalr",
-        lexer=_NoLexer,
-        start=[form.value for form in LineKind],
-        transformer=Builder(),
-        maybe_placeholders=False,
-    )
-
-
-_END = LarkToken("$END", "")
+def _makers() -> tuple[Callable[[list[Any]], Any], ...]:
+    """The method for each rule of the table."""
+    builder = Builder()
+    return tuple(getattr(builder, rule.method) for rule in table().rules)
 
 
 def parse_line(form: LineKind, tokens: list[Token], *, quantified: bool) -> Any:
@@ -77,14 +42,14 @@ def parse_line(form: LineKind, tokens: list[Token], *, quantified: bool) -> Any:
     """
     if quantified:
         _mark_types(tokens)
-    feed = _feeder(form)[0]
+    machine = Machine(form.value, _makers())
     position = 0
     try:
         for token in tokens:
-            feed(token)
+            machine.feed(token.type, token)
             position += 1
-        node = feed(_END, True)
-    except UnexpectedToken:
+        node = machine.finish()
+    except RefusedError:
         raise UnexpectedError(position, _possible(form, tokens[:position])) from None
     if len(tokens) > MAX_DEPTH and _depth(node) > MAX_DEPTH:
         raise MisplacedError(
@@ -96,21 +61,15 @@ def parse_line(form: LineKind, tokens: list[Token], *, quantified: bool) -> Any:
     return node
 
 
-def _feeder(form: LineKind) -> tuple[Callable[..., Any], Callable[[], set[str]]]:
-    """Functions that take a token, and that return the terminals accepted next."""
-    parser = _lark().parse_interactive(None, form.value)
-    return parser.parser_state.feed_token, cast(Callable[[], set[str]], parser.accepts)
-
-
 def _possible(form: LineKind, tokens: list[Token]) -> frozenset[str]:
     """The terminals accepted after a prefix of a line.
 
-    They are fed again: the token that was refused may have changed the state of the parser.
+    They are fed again: the token that was refused may have changed the state of the machine.
     """
-    feed, possible = _feeder(form)
+    machine = Machine(form.value, _makers())
     for token in tokens:
-        feed(token)
-    return frozenset(possible())
+        machine.feed(token.type, token)
+    return frozenset(machine.possible())
 
 
 def _mark_types(tokens: list[Token]) -> None:

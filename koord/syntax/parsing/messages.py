@@ -6,7 +6,8 @@ from collections.abc import Callable, Iterator
 
 from msgspec import Struct
 
-from koord.syntax.parsing.line_forms import LineKind, UnexpectedError
+from koord.syntax.parsing.line_forms import UnexpectedError
+from koord.syntax.parsing.line_kinds import LineKind
 from koord.syntax.parsing.tokens import KEYWORDS, Token, shown, words
 from koord.syntax.source import Span
 

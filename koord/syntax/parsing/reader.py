@@ -6,7 +6,8 @@ from itertools import pairwise
 from typing import Any, cast
 
 from koord.syntax import ast
-from koord.syntax.parsing.line_forms import MAX_DEPTH, LineKind, UnexpectedError, parse_line
+from koord.syntax.parsing.line_forms import MAX_DEPTH, UnexpectedError, parse_line
+from koord.syntax.parsing.line_kinds import LineKind
 from koord.syntax.parsing.lines import GOES_ON, UNFINISHED, LinePart
 from koord.syntax.parsing.messages import explain
 from koord.syntax.parsing.operands import MisplacedError

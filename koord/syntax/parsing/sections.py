@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from koord.syntax import ast
 from koord.syntax.parsing.blocks import block, reach
-from koord.syntax.parsing.line_forms import LineKind
+from koord.syntax.parsing.line_kinds import LineKind
 from koord.syntax.parsing.lines import LinePart
 from koord.syntax.parsing.nodes import FunctionHead, LeadsTo
 from koord.syntax.parsing.reader import LineReader, has_pieces
