@@ -316,7 +316,7 @@ class _ReachabilitySearch(Struct):
         """Start the search in a process: the work that follows takes long."""
         apart = self.pool.jobs > 1 and not self.of_any_number
         if self.wanted and self.job is None and apart:
-            every_n = is_every_n(ledger, names)
+            every_n = is_every_n(self.system, ledger, names)
             own = self._of_what_happens(ledger).of((), lambda text: None)
 
             def looked(tell: Progress) -> tuple[GoalSearch | str, tuple[Failure, ...]]:
@@ -331,7 +331,7 @@ class _ReachabilitySearch(Struct):
         """Finish the search: the vacuities of a ledger's verdicts."""
         found: FoundVacuities | None = None
         everywhere = ledger.is_of_all_rounds(names)
-        every_n = is_every_n(ledger, names)
+        every_n = is_every_n(self.system, ledger, names)
         ledger = self._of_what_happens(ledger)
         own = ledger.of(ledger.open(), ledger.report)
         if self.wanted and self.steps.begin("vacuity", 0, VACUITY):

@@ -106,18 +106,16 @@ def look(ledger: Ledger, *, every_n: bool = False) -> GoalSearch:
     return replace(looked, spent_s=time.process_time() - started)
 
 
-def is_every_n(ledger: Ledger, names: Collection[str]) -> bool:
+def is_every_n(system: System, ledger: Ledger, names: Collection[str]) -> bool:
     """Return whether all verdicts that are asked for are proofs for every number of robots.
 
-    Claims about whole runs are shown for the robots that are asked about. If they suppose
-    something, these have to do it.
+    Those about whole runs are of the robots that are asked about: what these cannot do matters.
     """
     asked = [ledger.verdict(claim) for claim in ledger.claims if not names or claim.name in names]
-    if not all(v.outcome is Outcome.HOLDS and v.engine is Engine.EVERY_N for v in asked):
+    of_runs = {claim.name for claim in liveness_of(system)}
+    if not asked or (of_runs if not names else of_runs.intersection(names)):
         return False
-    of_runs = {claim.name for claim in liveness_of(ledger.problem.original)}
-    goals = reachability_goals_of(ledger.problem.original).all
-    return not any(g.aim is Aim.SUPPOSITION and g.subject in of_runs for g in goals)
+    return all(v.outcome is Outcome.HOLDS and v.engine is Engine.EVERY_N for v in asked)
 
 
 def _look_at_few(
