@@ -44,7 +44,7 @@ WORTH_S, WORTH = 8.0, 2.0
 #: The same where all verdicts are proofs for every number of robots: no more than so many times as
 #: long as these took, so that the search costs less than what it is about; but so many seconds of
 #: work, in which small programs are looked at to the end.
-SHARE, SHARE_S = 0.5, 0.5
+SHARE, SHARE_S = 0.5, 4.0
 
 #: What the search for what can happen may cost.
 WISHES_S = 10.0
