@@ -54,11 +54,16 @@ class Meter:
 
     def reached(self, states: int) -> str:
         """The limit that is reached, in words; empty if none is."""
-        if states > self.limits.states:
-            return f"more than {self.limits.states} states"
         self._countdown -= 1
         if self._countdown > 0:
-            return ""
+            too_many = states > self.limits.states
+            return f"more than {self.limits.states} states" if too_many else ""
+        return self.reached_now(states)
+
+    def reached_now(self, states: int) -> str:
+        """The limit that is reached, as :meth:`reached` says it, without waiting to look."""
+        if states > self.limits.states:
+            return f"more than {self.limits.states} states"
         self._countdown = _EVERY
         deadline = self.limits.deadline_s
         if deadline is not None and self._clock() >= deadline:

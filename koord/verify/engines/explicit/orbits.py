@@ -270,7 +270,7 @@ class Orbits:
 
     def _found(self, state: State) -> State:
         orders = islice(self._orders(state), ORDERS_TRIED)
-        return min(self._renamed(state, renaming) for renaming in orders)
+        return min(self.renamed(state, renaming) for renaming in orders)
 
     def _orders(self, state: State) -> Iterator[Renaming]:
         """Yield renamings that put robots in order of their looks."""
@@ -332,7 +332,7 @@ class Orbits:
 
     # --- renaming -------------------------------------------------------------------------------
 
-    def _renamed(self, state: State, renaming: Renaming) -> State:
+    def renamed(self, state: State, renaming: Renaming) -> State:
         count = self._robots
         renamed = list(state)
         for robot, place in enumerate(renaming):

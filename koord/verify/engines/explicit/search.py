@@ -10,7 +10,7 @@ by rounds, so what it finds violated is shown by a run with the fewest rounds.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import chain, product
 
 from msgspec import Struct
@@ -21,6 +21,12 @@ from koord.syntax.analysis.symmetry import Symmetry, symmetry_of
 from koord.syntax.core import PropertyKind
 from koord.syntax.system import System
 from koord.verify.engines.explicit.commits import Commits
+from koord.verify.engines.explicit.compiled import (
+    FEW,
+    CompiledGoal,
+    CompiledSearch,
+    is_installed,
+)
 from koord.verify.engines.explicit.finiteness import NotFinite, not_finite
 from koord.verify.engines.explicit.found_runs import Tracer, as_it_is
 from koord.verify.engines.explicit.initial_states import openings
@@ -66,10 +72,14 @@ def survey(
     subjects: frozenset[GoalKind] = ALWAYS,
     symmetry: bool = True,
     order_reduction: bool = True,
+    compiled_from: int | None = FEW,
     progress: Progress | None = None,
     clock: Callable[[], float] = time.monotonic,
 ) -> SearchReport:
-    """Search for all violations: of each claim one with the fewest rounds."""
+    """Search for all violations: of each claim one with the fewest rounds.
+
+    Behind ``compiled_from`` states machine code is used where there is any; None: it is not.
+    """
     made = begun(
         system,
         properties,
@@ -77,6 +87,7 @@ def survey(
         subjects=subjects,
         symmetry=symmetry,
         order_reduction=order_reduction,
+        compiled_from=compiled_from,
         progress=progress,
         clock=clock,
     )
@@ -93,6 +104,7 @@ def begun(
     subjects: frozenset[GoalKind] = ALWAYS,
     symmetry: bool = True,
     order_reduction: bool = True,
+    compiled_from: int | None = FEW,
     progress: Progress | None = None,
     clock: Callable[[], float] = time.monotonic,
 ) -> Search | NotFinite:
@@ -101,20 +113,31 @@ def begun(
     if reason is not None:
         return reason
     meter = Meter(limits if limits is not None else Limits(), clock)
-    return Search(system, tuple(properties), meter, subjects, symmetry, order_reduction, progress)
+    return Search(
+        system,
+        tuple(properties),
+        meter,
+        subjects,
+        symmetry,
+        order_reduction,
+        progress,
+        compiled_from if order_reduction and is_installed() else None,
+    )
 
 
 class _Found(Struct, frozen=True):
     """A violation in the search, as a path of representatives.
 
     ``last`` is the check that fails inside the round behind the path; None if the path's last state
-    shows the violation itself or the claim says what to look for.
+    shows the violation itself or the claim says what to look for. ``path`` is that to the state,
+    of configurations as they are, where machine code found it.
     """
 
     claim: SearchGoal
     state: State
     is_behind: bool = False
     check: Check | None = None
+    path: tuple[State, ...] = ()
 
 
 #: Why a search ends that found everything it was asked about.
@@ -133,6 +156,7 @@ class Search:
         symmetry: bool,
         order_reduction: bool,
         progress: Progress | None,
+        compiled_from: int | None,
     ) -> None:
         relaxed = not order_reduction or needs_relaxed(system, properties)
         vault = StateStore(system, tracks_ran=asks_who_ran(properties))
@@ -147,6 +171,10 @@ class Search:
         found = symmetry_of(system, properties) if symmetry else None
         orbits = Orbits(vault, found) if isinstance(found, Symmetry) else None
         self._representative = orbits.representative if orbits is not None else as_it_is
+        self._orbits = (found, orbits) if isinstance(found, Symmetry) and orbits else None
+        # Configurations inside of rounds that no round ends in are left to Python.
+        self._compiled_from = None if relaxed else compiled_from
+        self._compiled: CompiledSearch | None = None
         self._checks = {
             SearchGoal(GoalKind.PROPERTY, p.name): check(system, vault, p) for p in properties
         }
@@ -168,7 +196,27 @@ class Search:
     @property
     def end(self) -> Exhausted | OutOfBounds | NotFinite:
         """The result of the search: exhausted, out of bounds, or not finite."""
-        return self._end or OutOfBounds("interrupted", len(self._seen), self._through)
+        return self._end or OutOfBounds("interrupted", self._states, self._through)
+
+    @property
+    def vault(self) -> StateStore:
+        """The tables of numbers of which states consist."""
+        return self._vault
+
+    @property
+    def seen(self) -> Mapping[State, State | None]:
+        """The states that the road of Python has seen, each with one before it."""
+        return self._seen
+
+    @property
+    def is_compiled(self) -> bool:
+        """Return whether the result is that of machine code."""
+        return self._compiled is not None
+
+    @property
+    def _states(self) -> int:
+        """So many states were seen."""
+        return len(self._seen) if self._compiled is None else self._compiled.states
 
     def violations(self) -> Iterator[Violated]:
         """Yield every violation, each claim once, by rounds."""
@@ -176,13 +224,13 @@ class Search:
             for found in self._found():
                 if found.claim not in self._settled:
                     self._settled.add(found.claim)
-                    yield Violated(found.claim, self._recording(found), len(self._seen))
+                    yield Violated(found.claim, self._recording(found), self._states)
                     if self._has_all():
                         raise LimitReachedError(NOTHING_LEFT)
         except ENDS as error:
-            self._end = end_of(error, len(self._seen), self._through)
+            self._end = end_of(error, self._states, self._through)
         else:
-            self._end = Exhausted(len(self._seen), self._depth)
+            self._end = Exhausted(self._states, self._depth)
 
     def _has_all(self) -> bool:
         """Return whether all goals are violated already, so that the search can end."""
@@ -205,10 +253,66 @@ class Search:
             waiting: list[State] = []
             for position, state in enumerate(frontier):
                 self._tick(len(frontier) - position)
+                if self._compiled_from is not None and len(self._seen) > self._compiled_from:
+                    self._compiled_from = None
+                    yield from self._on_machine_code()
+                    if self._compiled is not None:
+                        return
                 yield from self._expanded(state, waiting)
             frontier = waiting
             if frontier:
                 self._depth = self._through = self._depth + 1
+
+    def _on_machine_code(self) -> Iterator[_Found]:
+        """Search by machine code from the start, if there is any that gets to the end."""
+        from koord.kernels.terms import NoKernelError
+
+        depth, through = self._depth, self._through
+        try:
+            starts = [state for state, before in self._seen.items() if before is None]
+            goals = self._compiled_goals()
+            made = CompiledSearch(self._system, self._vault, goals, self._orbits, starts)
+            self._compiled = made
+            for met in made.met(self._meter, self._tell_of, self.rounds):
+                self._depth = self._through = max(depth, made.depth)
+                yield _Found(
+                    met.goal,
+                    met.path[-1],
+                    met.is_behind,
+                    self._checks.get(met.goal) if met.is_behind else None,
+                    met.path,
+                )
+            self._depth = self._through = made.depth
+        except NoKernelError:
+            self._compiled, self._depth, self._through = None, depth, through
+        except LimitReachedError:
+            assert self._compiled is not None
+            self._depth = self._through = max(depth, self._compiled.depth)
+            raise
+
+    def _compiled_goals(self) -> list[CompiledGoal]:
+        """What is looked for and not settled yet. Raises NoKernelError where it cannot be."""
+        from koord.kernels.terms import NoKernelError
+
+        agents = [self._system.program.agents[kind] for kind in set(self._system.kinds)]
+        models = [m for agent in agents for m in agent.modules if m.environment is not None]
+        if GoalKind.CONTRACT in self._subjects and any(m.contracts for m in models):
+            raise NoKernelError("what models promise is looked at")
+        goals = [
+            CompiledGoal(goal, each.statement, goal in self._inside, goal in self._on_ports)
+            for goal, each in self._checks.items()
+            if goal not in self._settled and isinstance(each.statement, core.Property)
+        ]
+        others = [
+            CompiledGoal(SearchGoal(subject))
+            for subject in (GoalKind.FAULT, GoalKind.LOST_UPDATE)
+            if subject in self._subjects
+        ]
+        return goals + others
+
+    def rounds(self, state: State) -> Iterator[tuple[Round, State]]:
+        """Yield every round from a configuration as it is, with the one after it."""
+        return self._tracer(as_it_is).rounds(state)
 
     def _begin(self, frontier: list[State]) -> Iterator[_Found]:
         count = self._system.robots
@@ -257,8 +361,11 @@ class Search:
         reached = self._meter.reached(len(self._seen))
         if reached:
             raise LimitReachedError(reached)
+        self._tell_of(len(self._seen), self._depth, waiting)
+
+    def _tell_of(self, states: int, rounds: int, waiting: int) -> None:
         if self._progress is not None and self._meter.is_time_to_tell():
-            self._progress(len(self._seen), self._depth, waiting)
+            self._progress(states, rounds, waiting)
 
     # --- what is looked at ----------------------------------------------------------------------
 
@@ -300,14 +407,17 @@ class Search:
 
     # --- recordings -----------------------------------------------------------------------------
 
+    def _tracer(
+        self, representative: Callable[[tuple[int, ...], tuple[int, ...]], State]
+    ) -> Tracer:
+        return Tracer(self._system, self._vault, self._commits, self._joints, representative)
+
     def _recording(self, found: _Found) -> Recording:
-        tracer = Tracer(
-            self._system, self._vault, self._commits, self._joints, self._representative
-        )
+        tracer = self._tracer(as_it_is if found.path else self._representative)
         claim = found.claim
         if claim.subject is GoalKind.FAULT and not found.is_behind:
             return tracer.at_init(found.state)
-        path = self._path(found.state)
+        path = list(found.path) or self._path(found.state)
         if not found.is_behind:
             return tracer.run(path)
         return tracer.run(path, self._last_round(tracer, found))

@@ -1,0 +1,1 @@
+"""Transition kernels: one robot's turns as machine code on packed states."""

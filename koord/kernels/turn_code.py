@@ -1,0 +1,127 @@
+"""Machine code of one robot's turns and of statements. [T-SNAPSHOT]
+
+``event_I_E(state, choice, out)`` runs event E of robot I on a state, with the choices that a number
+below their combinations stands for. It puts a :class:`Course` into ``out`` and gives flags. The
+environment's turn of robot I, ``environment_I``, gives flags and puts a whole state into ``out``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from msgspec import Struct
+
+from koord.kernels.assembling import BYTES, I1, I64, Cells, Code, Evaluation, Ir, word
+from koord.kernels.terms import Scalar
+from koord.kernels.turns import TurnTerms
+
+#: The turn is possible: the event may be selected and the answers are legal.
+POSSIBLE = 1
+FAULTS = 2
+#: An integer does not fit into its cell: there is no machine code for this program.
+TOO_LARGE = 4
+
+
+class Course(Struct, frozen=True):
+    """Where the parts of one robot's move stand, in bytes.
+
+    ``entered`` are lock classes, a bit each; ``own`` the robot's cells after the turn; ``values``,
+    ``mask`` and ``updates`` have the store's cells, those of the two last ones all bits or none.
+    """
+
+    own: int
+    values: int
+    mask: int
+    updates: int
+    size: int
+    entered: int = 0
+
+
+def course(cells: Cells, own_cells: int) -> Course:
+    """The parts of the moves of robots with at most so many cells."""
+    own, shared = cells.whole(own_cells), cells.shared_bytes
+    return Course(8, 8 + own, 8 + own + shared, 8 + own + 2 * shared, 8 + own + 3 * shared)
+
+
+def _choices(code: Code, counts: Sequence[int], chosen: Ir) -> list[Ir]:
+    """The number of the option of each choice, from that of the combination."""
+    found = []
+    for count in counts:
+        found.append(code.b.urem(chosen, word(count)))
+        chosen = code.b.udiv(chosen, word(count))
+    return found
+
+
+def event_code(module: Any, name: str, turn: TurnTerms, robot: int, cells: Cells, of: Course) -> Ir:
+    """The function of one event of one robot."""
+    code = Code(module, name, (BYTES, I64, BYTES), I64)
+    state, chosen, out = code.arguments
+    b, layout = code.b, cells.layout
+    terms = Evaluation(code, cells, state, _choices(code, turn.counts, chosen))
+    too_large = terms.value(False)
+    entered = word(0)
+    for lock, condition in turn.entered:
+        entered = b.or_(entered, b.select(terms.value(condition), word(1 << lock), word(0)))
+    code.put(out, of.entered, entered)
+    own = layout.robots[robot]
+    code.copy(
+        code.at(out, of.own),
+        code.at(state, own.first * cells.size),
+        (own.end - own.first) * cells.size,
+    )
+    for cell, scalar in turn.after:
+        too_large = _noted(terms, scalar, True, too_large)
+        offset = of.own + (cell - own.first) * cells.size
+        code.put(out, offset, cells.narrow(code, terms.value(scalar)))
+    for k in range(cells.shared_bytes // 8):
+        for part in (of.values, of.mask, of.updates):
+            code.put(out, part + 8 * k, word(0))
+    for write in turn.writes:
+        too_large = _noted(terms, write.value, write.condition, too_large)
+        offset = (write.cell - layout.shared_first) * cells.size
+        mask = b.sext(terms.value(write.condition), cells.type)
+        value = cells.narrow(code, terms.value(write.value))
+        code.put(out, of.values + offset, b.and_(value, mask))
+        code.put(out, of.mask + offset, mask)
+        if write.cell in turn.updates:
+            code.put(out, of.updates + offset, mask)
+    _flags(code, terms, turn, too_large)
+    return code.function
+
+
+def environment_code(module: Any, name: str, turn: TurnTerms, cells: Cells) -> Ir:
+    """The function of the environment's turn of one robot; ``out`` has the state before it."""
+    code = Code(module, name, (BYTES, I64, BYTES), I64)
+    state, chosen, out = code.arguments
+    terms = Evaluation(code, cells, state, _choices(code, turn.counts, chosen))
+    too_large = terms.value(False)
+    for cell, scalar in turn.after:
+        too_large = _noted(terms, scalar, True, too_large)
+        code.put(out, cell * cells.size, cells.narrow(code, terms.value(scalar)))
+    _flags(code, terms, turn, too_large)
+    return code.function
+
+
+def statement_code(module: Any, name: str, holds: Scalar, cells: Cells) -> Ir:
+    """The function that says whether a statement holds in a state."""
+    code = Code(module, name, (BYTES,), I1)
+    code.b.ret(Evaluation(code, cells, code.arguments[0], ()).value(holds))
+    return code.function
+
+
+def _noted(terms: Evaluation, scalar: Scalar, condition: Scalar, before: Ir) -> Ir:
+    """Whether a value that is kept on a condition, or one before, is too large for its cell."""
+    if isinstance(scalar, bool) or not terms.cells.may_not_fit(scalar):
+        return before
+    b = terms.code.b
+    fits = terms.cells.fits(terms.code, terms.value(scalar))
+    return b.or_(before, b.and_(terms.value(condition), b.not_(fits)))
+
+
+def _flags(code: Code, terms: Evaluation, turn: TurnTerms, too_large: Ir) -> None:
+    b = code.b
+    possible = b.zext(terms.value(turn.possible), I64)
+    faults = b.select(terms.value(turn.faults), word(FAULTS), word(0))
+    large = b.select(too_large, word(TOO_LARGE), word(0))
+    b.ret(b.or_(b.or_(possible, faults), large))

@@ -1,0 +1,222 @@
+"""A search on machine code, where a system has any. [T-ONE-WINNER] [T-COMMIT] [SYMMETRY]
+
+:mod:`koord.kernels` has what this engine's other files say, for packed states. It finds the states
+that show something; the run to one is written down by the road of Python, so that nothing that
+machine code says is shown without having been worked out again. Of what is out of its reach there
+is no such search: the road of Python goes on from where it was.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from importlib.util import find_spec
+from typing import TYPE_CHECKING
+
+from msgspec import Struct
+
+from koord.semantics.configurations import Configuration
+from koord.semantics.domain import Constant
+from koord.semantics.recordings import Round
+from koord.syntax import core
+from koord.syntax.analysis.footprint import rewritten
+from koord.syntax.analysis.symmetry import Symmetry
+from koord.syntax.system import System
+from koord.verify.engines.explicit.limits import LimitReachedError, Meter
+from koord.verify.engines.explicit.orbits import Orbits
+from koord.verify.engines.explicit.property_checks import GoalKind, SearchGoal
+from koord.verify.engines.explicit.states import State, StateStore
+
+if TYPE_CHECKING:
+    from koord.kernels.exploration import Exploration
+    from koord.kernels.layout import Layout
+    from koord.kernels.rounds import Goals
+
+#: So many states the road of Python looks at before machine code is made.
+FEW = 400
+
+#: The widths of cells that are tried, in bits.
+_WIDTHS = (8, 16, 32)
+
+#: So many states are looked at in one go at first, and at most: some hundredths of a second. How
+#: many they are hangs on no clock, so that a ration of work goes as far on every machine.
+_FIRST_BATCH, _MOST_BATCH = 16, 1_024
+
+
+class CompiledGoal(Struct, frozen=True):
+    """A goal, with the statement that says what it is, if one does."""
+
+    goal: SearchGoal
+    statement: core.Property | None = None
+    inside: bool = False
+    on_ports: bool = False
+
+
+class Met(Struct, frozen=True):
+    """A goal that was met, with the path to it; ``is_behind``: in the round after the path."""
+
+    goal: SearchGoal
+    path: tuple[State, ...]
+    is_behind: bool
+
+
+class CompiledSearch:
+    """A search on machine code. ``depth`` and ``states`` say how far it came."""
+
+    def __init__(
+        self,
+        system: System,
+        vault: StateStore,
+        goals: Sequence[CompiledGoal],
+        orbits: tuple[Symmetry, Orbits] | None,
+        starts: Sequence[State],
+    ) -> None:
+        """Raises NoKernelError, or ImportError where there is nothing to make machine code with."""
+        from koord.kernels.layout import Layout, unset_somewhere
+
+        self._system, self._vault = system, vault
+        self._orbits = orbits[1] if orbits is not None else None
+        found = [vault.configuration(state) for state in starts]
+        unset = unset_somewhere(system, found)
+        symmetry = orbits[0] if orbits is not None else None
+        self._layout: Layout = Layout(system, symmetry, unset, tracks_ran=vault.tracks_ran)
+        self._goals = _by_kind(system, goals)
+        self._starts = found
+        self._exploration, self._count = self._begun()
+        self.depth = 0
+
+    @property
+    def states(self) -> int:
+        """So many states were seen."""
+        return self._exploration.states
+
+    def _begun(self) -> tuple[Exploration, int]:
+        from koord.kernels.exploration import Exploration
+        from koord.kernels.rounds import Rounds
+        from koord.kernels.terms import NoKernelError
+
+        numbers = [self._layout.numbers(start) for start in self._starts]
+        bits = next((b for b in _WIDTHS if all(_fit(n, b) for n in numbers)), None)
+        if bits is None:
+            raise NoKernelError("an integer is too large")
+        exploration = Exploration(Rounds(self._layout, self._stated(), bits))
+        for start in numbers:
+            exploration.enter(start)
+        return exploration, exploration.states
+
+    def _stated(self) -> Goals:
+        from koord.kernels.rounds import Goals
+
+        statements = [g for g in self._goals if g is not None and g.statement is not None]
+        program = self._system.program
+        lost = [g.goal.name for g in self._goals if g is not None and _is_lost(g.goal)]
+        slots = {x.variable.name: x.variable.slot for x in program.allwrite}
+        return Goals(
+            tuple((g.statement.condition, g.statement.bound) for g in statements if g.statement),
+            frozenset(k for k, g in enumerate(statements) if g.inside),
+            frozenset(k for k, g in enumerate(statements) if g.on_ports),
+            any(g is not None and g.goal.subject is GoalKind.FAULT for g in self._goals),
+            tuple(slots[name] for name in lost),
+        )
+
+    # --- searching ------------------------------------------------------------------------------
+
+    def met(
+        self,
+        meter: Meter,
+        tell: Callable[[int, int, int], None],
+        rounds: Callable[[State], Iterator[tuple[Round, State]]],
+    ) -> Iterator[Met]:
+        """Yield each goal that is met, once, by rounds. Raises LimitReachedError or NoKernelError.
+
+        ``rounds`` are those from a state, as the road of Python knows them.
+        """
+        exploration, first, batch = self._exploration, 0, _FIRST_BATCH
+        yield from self._new(rounds)
+        while first < exploration.states:
+            if self.depth == meter.limits.rounds:
+                raise LimitReachedError(f"more than {self.depth} rounds")
+            end = exploration.states
+            while first < end:
+                reached = meter.reached_now(exploration.states)
+                if reached:
+                    raise LimitReachedError(reached)
+                self._system.budget.spend(batch)
+                first = exploration.expand(first, min(end, first + batch))
+                batch = min(2 * batch, _MOST_BATCH)
+                tell(exploration.states, self.depth, end - first)
+                yield from self._new(rounds)
+            if first < exploration.states:
+                self.depth += 1
+
+    def _new(self, rounds: Callable[[State], Iterator[tuple[Round, State]]]) -> Iterator[Met]:
+        found = self._exploration.found
+        for number, goal in enumerate(self._goals):
+            where = int(found[number])
+            if goal is None or where < 0:
+                continue
+            self._goals[number] = None
+            path = self._exploration.path(where >> 1, self._count)
+            yield Met(goal.goal, tuple(self._run(path, rounds)), bool(where & 1))
+
+    # --- runs -----------------------------------------------------------------------------------
+
+    def _run(
+        self, path: list[int], rounds: Callable[[State], Iterator[tuple[Round, State]]]
+    ) -> Iterator[State]:
+        """States of a run whose representatives are those of a path.
+
+        ``names`` are the numbers that the robots of a representative have in the run.
+        """
+        from koord.kernels.terms import NoKernelError
+
+        now = self._exploration.numbers(path[0])
+        names = tuple(range(self._system.robots))
+        yield self._state(now)
+        for number in path[1:]:
+            target = self._exploration.numbers(number)
+            for _, after in rounds(self._state(now)):
+                kept, renaming = self._exploration.canonical(self._numbers(after))
+                if kept == target:
+                    break
+            else:
+                raise NoKernelError("a run is not one of the reference")
+            yield self._orbits.renamed(after, names) if self._orbits is not None else after
+            inverse = {new: old for old, new in enumerate(renaming)}
+            names = tuple(names[inverse[i]] for i in range(len(names)))
+            now = target
+
+    def _numbers(self, state: State) -> list[int]:
+        return self._layout.numbers(self._vault.configuration(state))
+
+    def _state(self, numbers: Sequence[int]) -> State:
+        made: Configuration[Constant] = self._layout.from_numbers(numbers)
+        robots = (self._vault.robot(i, robot) for i, robot in enumerate(made.robots))
+        return (*robots, *self._vault.shared(made.store))
+
+
+def is_installed() -> bool:
+    """Return whether there is anything to make machine code with."""
+    return find_spec("llvmlite") is not None and find_spec("numpy") is not None
+
+
+def _is_lost(goal: SearchGoal) -> bool:
+    return goal.subject is GoalKind.LOST_UPDATE
+
+
+def _fit(numbers: Sequence[int], bits: int) -> bool:
+    most = 2 ** (bits - 1)
+    return all(-most <= number < most for number in numbers)
+
+
+def _by_kind(system: System, goals: Sequence[CompiledGoal]) -> list[CompiledGoal | None]:
+    """The goals in the order in which machine code numbers them: faults stand in any case."""
+    stated: list[CompiledGoal | None] = [g for g in goals if g.statement is not None]
+    faults = next((g for g in goals if g.goal.subject is GoalKind.FAULT), None)
+    names = {x.variable.slot: x.variable.name for x in system.program.allwrite}
+    slots = sorted(set().union(*rewritten(system.program).values()))
+    lost = [
+        CompiledGoal(SearchGoal(GoalKind.LOST_UPDATE, names[slot]))
+        for slot in slots
+        if any(_is_lost(g.goal) for g in goals)
+    ]
+    return [*stated, faults, *lost]
