@@ -7,6 +7,7 @@ from tests.mutants.catalogue_bits import BITS
 from tests.mutants.catalogue_certified import CERTIFIED
 from tests.mutants.catalogue_compiled import COMPILED
 from tests.mutants.catalogue_exported import EXPORTED
+from tests.mutants.catalogue_kernels import KERNELS
 from tests.mutants.catalogue_liveness import LIVENESS
 from tests.mutants.catalogue_shown import SHOWN
 from tests.mutants.cone import CONE
@@ -803,6 +804,7 @@ MUTANTS = (
     *INSTANTS,
     *HORN,
     *BITS,
+    *KERNELS,
     *CERTIFIED,
     *EXPORTED,
     *LIVENESS,
