@@ -31,9 +31,6 @@ if TYPE_CHECKING:
     from koord.kernels.layout import Layout
     from koord.kernels.rounds import Goals
 
-#: So many states the road of Python looks at before machine code is made.
-FEW = 400
-
 #: The widths of cells that are tried, in bits.
 _WIDTHS = (8, 16, 32)
 

@@ -22,7 +22,6 @@ from koord.syntax.core import PropertyKind
 from koord.syntax.system import System
 from koord.verify.engines.explicit.commits import Commits
 from koord.verify.engines.explicit.compiled import (
-    FEW,
     CompiledGoal,
     CompiledSearch,
     is_installed,
@@ -72,7 +71,7 @@ def survey(
     subjects: frozenset[GoalKind] = ALWAYS,
     symmetry: bool = True,
     order_reduction: bool = True,
-    compiled_from: int | None = FEW,
+    compiled_from: int | None = None,
     progress: Progress | None = None,
     clock: Callable[[], float] = time.monotonic,
 ) -> SearchReport:
@@ -104,7 +103,7 @@ def begun(
     subjects: frozenset[GoalKind] = ALWAYS,
     symmetry: bool = True,
     order_reduction: bool = True,
-    compiled_from: int | None = FEW,
+    compiled_from: int | None = None,
     progress: Progress | None = None,
     clock: Callable[[], float] = time.monotonic,
 ) -> Search | NotFinite:
