@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import threading
 from collections.abc import Iterable, Mapping
 from difflib import get_close_matches
 from typing import Any, get_type_hints
@@ -27,6 +28,10 @@ _CHOICES: Mapping[str, Iterable[str]] = {
     "steering": [one.value for one in Steering],
 }
 _MISSING = re.compile(r"Object missing required field `([^`]*)`")
+
+#: msgspec works out what a type is when it is first asked; two threads that did so at once have
+#: ended a process.
+_CONVERTING = threading.Lock()
 
 
 class FormReader:
@@ -56,7 +61,8 @@ class FormReader:
 
     def _typed(self, value: Any, type_: Any, path: Path) -> Any:
         try:
-            return msgspec.convert(value, type_)
+            with _CONVERTING:
+                return msgspec.convert(value, type_)
         except msgspec.ValidationError as error:
             self._explain(str(error), type_, path)
             return None
