@@ -104,8 +104,8 @@ def deploy(
     if restart and pid is not None:
         raise ArgumentError("restart", NOT_RESTARTED)
     check_outputs(request)
-    wanted = fit_request(program, config, params, None, None, delta_s)
-    fitted = fit(replace(wanted, located=not dry_run))
+    wanted = fit_request(program, config, params, None, None, delta_s, located=not dry_run)
+    fitted = fit(wanted)
     job = job_of(fitted, request)
     return deploy_fitted(fitted, job, request, progress, cancellation, approve=approve)
 

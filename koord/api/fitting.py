@@ -117,6 +117,8 @@ def fit_request(
     robots: int | None,
     seed: int | None,
     delta_s: Seconds,
+    *,
+    located: bool = False,
 ) -> FitRequest:
     """Make a request from the arguments of an API function. Raises KoordError."""
     chosen = {name: exact(value) for name, value in (params or {}).items()}
@@ -130,7 +132,8 @@ def fit_request(
         config = beside(source.name, ".yaml")
     if config is not None and not isinstance(config, RunConfiguration):
         config = read_configuration(config)
-    return FitRequest(source, config, properties, chosen, delta_of(delta_s), robots, seed)
+    length = delta_of(delta_s)
+    return FitRequest(source, config, properties, chosen, length, robots, seed, located)
 
 
 def read_configuration(text: Text, site: Text | None = None) -> RunConfiguration:

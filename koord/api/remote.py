@@ -135,8 +135,7 @@ def deploy_remotely(
         loss=loss,
     )
     check_outputs(request)
-    wanted = fit_request(program, config, params, None, None, delta_s)
-    wanted = replace(wanted, located=not dry_run)
+    wanted = fit_request(program, config, params, None, None, delta_s, located=not dry_run)
     kept = file_name(logs)
     made = RemoteRequest(wanted, fit(wanted), request, login or Login(), kept, attach)
     return deploy_over_ssh(made, progress, cancellation, approve=approve)

@@ -341,6 +341,12 @@ def add_trace(parser: argparse.ArgumentParser, what: str) -> None:
     )
 
 
+def read_by(arguments: argparse.Namespace) -> list[str]:
+    """The files that a command reads which runs a program with a configuration."""
+    given = (arguments.file, arguments.config, arguments.site, *arguments.properties)
+    return [path for path in given if path is not None]
+
+
 def check_files(paths: Iterable[str]) -> None:
     """Check that standard input is read once only. Raises ArgumentTypeError."""
     if list(paths).count(DASH) > 1:

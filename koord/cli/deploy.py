@@ -8,8 +8,6 @@ from argparse import ArgumentTypeError
 from importlib.util import find_spec
 from ipaddress import ip_address
 
-from msgspec.structs import replace
-
 from koord.api.deploy_request import NOT_RESTARTED, NOT_TWICE, DeployRequest
 from koord.api.deploy_setup import Job, job_of
 from koord.api.deployed import Deployed, FleetHeard
@@ -25,6 +23,7 @@ from koord.cli.arguments import (
     add_site,
     check_files,
     delta,
+    read_by,
     rounds,
 )
 from koord.cli.deployed import Board, summary
@@ -143,8 +142,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def main(arguments: argparse.Namespace) -> int:
-    site = [] if arguments.site is None else [arguments.site]
-    read = [arguments.file, arguments.config, *site, *arguments.properties]
+    read = read_by(arguments)
     check_files(read)
     if [arguments.all_local, arguments.pid is not None, arguments.ssh].count(True) != 1:
         raise ArgumentTypeError(
@@ -260,9 +258,7 @@ def prepare(
     arguments: argparse.Namespace, request: DeployRequest, report: DiagnosticReport
 ) -> tuple[Fitted, Job] | None:
     """Prepare the run as its robots know it; diagnostics go to the report."""
-    wanted = fit_request(arguments, report)
-    if wanted is not None:
-        wanted = replace(wanted, located=not request.dry_run)
+    wanted = fit_request(arguments, report, located=not request.dry_run)
     found = None if wanted is None else fitted(wanted, report)
     if found is None:
         return None

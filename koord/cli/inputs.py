@@ -66,6 +66,8 @@ def fit_request(
     report: DiagnosticReport,
     robots: int | None = None,
     seed: int | None = None,
+    *,
+    located: bool = False,
 ) -> FitRequest | None:
     """Make the request from flags; diagnostics of the files go to the report."""
     path = arguments.config
@@ -86,7 +88,8 @@ def fit_request(
         report.add(error.diagnostics)
         return None
     params = settings(arguments.settings)
-    return FitRequest(source, configuration, properties, params, arguments.delta, robots, seed)
+    length = arguments.delta
+    return FitRequest(source, configuration, properties, params, length, robots, seed, located)
 
 
 def fitted(request: FitRequest, report: DiagnosticReport) -> Fitted | None:

@@ -9,8 +9,6 @@ import sys
 from argparse import ArgumentTypeError
 from pathlib import Path
 
-from msgspec.structs import replace
-
 from koord.api.command_lines import deploy_flags, systemd_unit
 from koord.api.deploy_request import DeployRequest
 from koord.api.deployed import Deployed
@@ -92,9 +90,7 @@ def run_over_ssh(arguments: argparse.Namespace, request: DeployRequest) -> Deplo
     Raises KoordError.
     """
     report = DiagnosticReport()
-    wanted = fit_request(arguments, report)
-    if wanted is not None:
-        wanted = replace(wanted, located=not request.dry_run)
+    wanted = fit_request(arguments, report, located=not request.dry_run)
     found = None if wanted is None else fitted(wanted, report)
     report.print(sys.stderr, as_json=False)
     if wanted is None or found is None:

@@ -18,6 +18,7 @@ from koord.cli.arguments import (
     delta,
     jobs,
     pace,
+    read_by,
     rounds,
     runs,
     seconds,
@@ -204,9 +205,7 @@ def main(arguments: argparse.Namespace) -> int:
 
     if arguments.schedule is not None:
         return _rehearse(arguments)
-    config = [arguments.config] if arguments.config is not None else []
-    site = [] if arguments.site is None else [arguments.site]
-    check_files([arguments.file, *config, *site, *arguments.properties])
+    check_files(read_by(arguments))
     is_campaign = arguments.runs is not None or arguments.sweep is not None
     request = _request(arguments)
     if is_campaign:
