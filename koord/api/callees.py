@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Collection, Iterable
 from os import PathLike
 from pathlib import Path
@@ -11,6 +10,7 @@ from typing import TypeAlias
 from msgspec import Struct
 from msgspec.structs import replace
 
+from koord.api.files import file_name, read_program
 from koord.api.results import ArgumentError
 from koord.runtime.orders.lines import robots_of
 from koord.runtime.orders.places import Access, Running, found
@@ -32,9 +32,7 @@ class FleetFiles(Struct, frozen=True):
         """Take the arguments of an API function. Raises ArgumentError."""
         if site is not None and config is None:
             raise ArgumentError("site", "it adds to a configuration: say which")
-        return FleetFiles(
-            None if config is None else os.fspath(config), None if site is None else os.fspath(site)
-        )
+        return FleetFiles(file_name(config), file_name(site))
 
 
 class Callees(Struct, frozen=True):
@@ -102,7 +100,6 @@ def _configured(
     Raises KoordError.
     """
     # An e-stop of robots of this machine does not wait until all this is imported.
-    from koord.api.files import read_program
     from koord.runtime.configuration.checking import load
     from koord.runtime.configuration.keys import shared_key
     from koord.runtime.orders.reach import reach_of
