@@ -24,9 +24,9 @@ from koord.verify.verdicts import Outcome, Verdict
 class EveryNEngine(Struct, frozen=True):
     """The engine of proofs for every number of robots, which include the given number.
 
-    Asked to infer, it looks for invariants that help, among likely ones. Where something is
-    violated, rounds that were looked at are enough of the rest. Nothing is done where more
-    invariants are likely than a task allows: each of them costs.
+    Asked to infer, it looks for invariants that help: first against counterexamples, then among
+    likely ones, of which none is tried where there are more than a task allows: each of them costs.
+    Where something is violated, rounds that were looked at are enough of the rest.
     """
 
     @property

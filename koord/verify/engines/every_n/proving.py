@@ -104,7 +104,8 @@ def infer(
     means = Means(deadline, effort, thrift, seed)
     try:
         start = Start(system, means)
-        open_ = [claim for claim in claims if claim not in start.failing(claims)]
+        failing = start.failing(claims)
+        open_ = [claim for claim in claims if claim not in failing]
         if not open_:
             return nothing
         likely = start.sifted(candidates)

@@ -54,10 +54,10 @@ class Meter:
 
     def reached(self, states: int) -> str:
         """The limit that is reached, in words; empty if none is."""
-        self._countdown -= 1
-        if self._countdown > 0:
-            too_many = states > self.limits.states
-            return f"more than {self.limits.states} states" if too_many else ""
+        if states <= self.limits.states:
+            self._countdown -= 1
+            if self._countdown > 0:
+                return ""
         return self.reached_now(states)
 
     def reached_now(self, states: int) -> str:
