@@ -47,12 +47,7 @@ class Thinking:
 
 @pytest.fixture
 def robot() -> Robot:
-    one = Robot()
-    begun = one.now
-    while one.driven.mode is not Mode.RUNNING:
-        one.runner.step()
-        assert one.now < begun + 60
-    return one
+    return Robot().begin()
 
 
 def test_a_robot_ticks_while_a_planner_thinks(robot: Robot) -> None:

@@ -68,6 +68,14 @@ class Robot:
     def _close(self) -> None:
         self.is_closed = True
 
+    def begin(self) -> Robot:
+        """Run it until its vehicle may move."""
+        begun = self.now
+        while self.driven.mode is not Mode.RUNNING:
+            self.runner.step()
+            assert self.now < begun + 60
+        return self
+
     def run_until(self, condition: Callable[[], bool]) -> None:
         """Run it until something holds, and then as long as it takes."""
         begun = self.now
@@ -97,12 +105,7 @@ def raising(*arguments: object) -> None:
 
 @pytest.fixture
 def robot() -> Robot:
-    one = Robot()
-    begun = one.now
-    while one.driven.mode is not Mode.RUNNING:
-        one.runner.step()
-        assert one.now < begun + 60
-    return one
+    return Robot().begin()
 
 
 def test_who_is_told_to_stop_comes_to_rest(robot: Robot) -> None:
