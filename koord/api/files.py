@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import secrets
 import shutil
 import stat
 from collections.abc import Iterable, Mapping
@@ -204,7 +203,7 @@ def _private(name: str, flags: int) -> int:
 
 def _beside(target: Path) -> Path:
     """A temporary name in the folder of a file that is written atomically."""
-    return target.parent / f".{target.name[:100]}.{secrets.token_hex(8)}"
+    return target.parent / f".{target.name[:100]}.{os.urandom(8).hex()}"
 
 
 def _reason(error: OSError | ValueError) -> str:

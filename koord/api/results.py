@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Sequence
-from html import escape
 from typing import Final
 
 from msgspec import Struct, to_builtins
@@ -43,6 +42,7 @@ class ArgumentError(KoordError):
 
 def html_table(heading: str, columns: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
     """A table for a notebook; the text of its cells is escaped."""
+    from html import escape  # no other result needs it
 
     def row(tag: str, cells: Sequence[object]) -> str:
         inside = "".join(f"<{tag}>{escape(str(cell))}</{tag}>" for cell in cells)

@@ -31,7 +31,8 @@ from koord.cli.arguments import (
 )
 from koord.cli.diagnostics import DiagnosticReport
 from koord.cli.exits import Exit
-from koord.cli.inputs import ReadOptions, fit_request, load_programs
+from koord.cli.fitting import fit_request
+from koord.cli.inputs import ReadOptions, load_programs
 from koord.cli.progress import Interruption, LiveLine
 from koord.cli.proofs import code_of_proof
 from koord.cli.terminal import Paint, style_of, visible

@@ -30,7 +30,7 @@ from koord.cli.deployed import Board, summary
 from koord.cli.diagnostics import DiagnosticReport, report_error
 from koord.cli.exits import Exit
 from koord.cli.files import check_writable
-from koord.cli.inputs import fit_request, fitted
+from koord.cli.fitting import fit_request, fitted
 from koord.cli.merged import left_lines, merge_lines, refusal_code
 from koord.cli.preflight import Question, check_answerable, show_preflight
 from koord.cli.progress import Interruption

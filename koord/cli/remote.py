@@ -18,7 +18,7 @@ from koord.cli.arguments import settings
 from koord.cli.deployed import Board
 from koord.cli.diagnostics import DiagnosticReport
 from koord.cli.files import DASH
-from koord.cli.inputs import fit_request, fitted
+from koord.cli.fitting import fit_request, fitted
 from koord.cli.preflight import Question
 from koord.cli.progress import Interruption
 from koord.cli.terminal import visible

@@ -200,7 +200,7 @@ def _of_a_form(text: str, endings: tuple[str, ...]) -> str:
 def main(arguments: argparse.Namespace) -> int:
     # What simulating needs is loaded here: `koord sim --help` is as light as any other.
     from koord.api.simulation import simulate_fitted
-    from koord.cli.inputs import fit_request, fitted
+    from koord.cli.fitting import fit_request, fitted
     from koord.cli.simulated import Shown
 
     if arguments.schedule is not None:

@@ -15,7 +15,7 @@ import yaml
 
 from koord.api.configurations import check_start
 from koord.api.deploy_request import DeployRequest
-from koord.cli import config, deploy, inputs
+from koord.cli import config, deploy, fitting
 from koord.cli.diagnostics import DiagnosticReport
 from koord.cli.exits import Exit
 from koord.cli.main import main
@@ -155,8 +155,8 @@ def _by_config(arguments: Namespace, report: DiagnosticReport) -> None:
 
 
 def _by_sim(arguments: Namespace, report: DiagnosticReport) -> None:
-    wanted = inputs.fit_request(arguments, report)
-    found = None if wanted is None else inputs.fitted(wanted, report)
+    wanted = fitting.fit_request(arguments, report)
+    found = None if wanted is None else fitting.fitted(wanted, report)
     if found is not None:
         check_start(found)
 

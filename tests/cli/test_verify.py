@@ -548,7 +548,7 @@ def test_instants_may_have_a_time_limit_for_each_property(
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="limits of memory are kept by Linux")
-@pytest.mark.parametrize("megabytes", [70, 100])
+@pytest.mark.parametrize("megabytes", [65, 85])
 def test_too_little_memory_is_told(tmp_path: Path, megabytes: int) -> None:
     """Not even the engines can be loaded: no crash, and no mistake of koord's."""
     (tmp_path / "p.krd").write_text("local:\n    int x = 0\n\nA:\n    eff: x = 1\n")

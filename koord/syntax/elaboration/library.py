@@ -6,7 +6,7 @@ from collections.abc import Container, Iterable, Iterator, Mapping
 from enum import Enum
 from fractions import Fraction
 from functools import lru_cache
-from importlib.resources import files
+from pathlib import Path
 
 from msgspec import Struct
 
@@ -21,6 +21,8 @@ from koord.syntax.source import Source, Span, normalise
 
 #: The file of the library; places in it are of no program.
 LIBRARY = "prelude.krd"
+
+_FILE = Path(__file__).parents[1] / LIBRARY
 
 #: Ports of library modules that go by two names; the second is the one that is kept.
 PORT_ALIASES: Mapping[str, Mapping[str, str]] = {
@@ -43,8 +45,7 @@ class Library(Struct, frozen=True):
 @lru_cache(maxsize=1)
 def library() -> Library:
     """The prelude, read once."""
-    path = files("koord.syntax").joinpath(LIBRARY)
-    text = normalise(path.read_text(encoding="utf-8"))
+    text = normalise(_FILE.read_text(encoding="utf-8"))
     parsed = parse(Source(LIBRARY, text))
     assert not parsed.diagnostics, parsed.diagnostics
     functions: dict[str, tuple[ast.FunDef, ...]] = {}
