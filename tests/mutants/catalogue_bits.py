@@ -35,6 +35,20 @@ BITS = (
         (NUMBERS, AGREEMENT),
     ),
     Mutant(
+        "bits that tell a number from some of a range tell it from all",
+        "verify.engines.bits.numbers._is",
+        "all(x & fewer for x in others)",
+        "any(x & fewer for x in others)",
+        (NUMBERS,),
+    ),
+    Mutant(
+        "the greatest number of a range is left out of what its bits may be",
+        "verify.engines.bits.constraint_selection.projected",
+        "range(number.low, number.high + 1)",
+        "range(number.low, number.high)",
+        ("tests/verify/engines/bits/test_constraint_selection.py",),
+    ),
+    Mutant(
         "a fresh number leaves its range",
         "verify.engines.bits.domain.BitDomain.in_range",
         "[numbers.at_most(g, low, wide), numbers.at_most(g, wide, high)]",

@@ -45,7 +45,11 @@ def racy_places(program: core.Program) -> Iterator[core.Place]:
 def winning(
     d: Terms, target: Storage[Term], writes: Sequence[Write], before: Before
 ) -> Storage[Term]:
-    """A flat variable after all writes: each location has the last writer's value."""
+    """A flat variable after all writes: each location has the last writer's value.
+
+    Robots' writes are put in one after the other, and each stands over those of robots before it in
+    number if it comes later than they do. So what robots that all write find is written over.
+    """
     original = target
     robots = sorted({robot for robot, _, _ in writes})
     flags = {
@@ -59,7 +63,7 @@ def winning(
             later = [
                 conjunction(d, [flags[other][location], precedes(d, robot, other, before)])
                 for other in robots
-                if other != robot
+                if other < robot
             ]
             beaten = disjunction(d, later)
             kept.append(d.binary(BinaryOp.AND, flag, d.unary(UnaryOp.NOT, beaten)))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, cast
 
 from msgspec import Struct, field
@@ -86,6 +86,7 @@ class Circuit(Struct, frozen=True):
     ]  #: what standing tokens become: by INIT, by a round
     limits: tuple[str, ...]
     strays: tuple[str, ...]  #: variables some values of which are not followed
+    ranges: tuple[Number, ...] = ()  #: the numbers of the state: all that is reached is in range
 
 
 def circuit_of(system: System, claims: Sequence[Claim], level: int = 0) -> Circuit:
@@ -228,7 +229,8 @@ class _Builder(Struct):
         fault = literal(cast(Bits, p.opening.moment.findings.fault))
         base = _literals((*p.second.constraints, *needed))
         base += [*required, *axioms.of(1)]
-        base += [x for leaf, value in self.made.values() for x in _in_range(d, leaf, value)]
+        ranges = tuple(_ranged(self.made.values()))
+        base += [x for number in ranges for x in d.in_range(number) if x != TRUE]
         program = _literals(p.taken.middle.constraints)
         whole = program + _literals(p.taken.urgency)
         ended = whole + _literals(p.taken.end.constraints)
@@ -269,6 +271,7 @@ class _Builder(Struct):
             tokens,
             tuple(sorted({*p.first.limits, *p.second.limits})),
             tuple(path for path, (leaf, _) in self.made.items() if _is_loose(leaf)),
+            ranges,
         )
 
     def _broken(self, moment: SymbolicConfiguration) -> tuple[dict[Claim, int], list[Bits]]:
@@ -345,10 +348,11 @@ def _is_loose(leaf: Leaf) -> bool:
     return isinstance(leaf, Wild) or (isinstance(leaf, Ranged) and leaf.strays)
 
 
-def _in_range(d: BitDomain, leaf: Leaf, value: Bits) -> list[int]:
-    if isinstance(leaf, Ranged) and isinstance(value, Number) and leaf.low < leaf.high:
-        return [x for x in d.in_range(value) if x != TRUE]
-    return []
+def _ranged(made: Iterable[tuple[Leaf, Bits]]) -> Iterator[Number]:
+    """The numbers of a state that are vectors with a range."""
+    for leaf, value in made:
+        if isinstance(leaf, Ranged) and isinstance(value, Number) and leaf.low < leaf.high:
+            yield value
 
 
 class _Landing(Struct):

@@ -14,6 +14,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from koord.verify.engines.bits.circuit import Circuit, Latch
+from koord.verify.engines.bits.constraint_selection import with_all
 from koord.verify.engines.bits.graph import FALSE, Graph
 from koord.verify.engines.bits.ic3 import SafetyQuery
 from koord.verify.engines.bits.unrolling import Copy
@@ -42,12 +43,13 @@ def machine_of(circuit: Circuit) -> TransitionSystem:
     g = circuit.d.graph
     begun, valid = g.input("begun"), g.input("valid")
     lost = g.both(valid, circuit.lost)
+    steps, broken = with_all(circuit, circuit.bad)
     bad = []
-    for claim, phases in circuit.bad.items():
-        when = g.both(valid, g.any_of(x for _, x in phases))
+    for claim, breaks in broken.items():
+        when = g.both(valid, breaks)
         first = g.both(begun ^ 1, circuit.bad_start.get(claim, FALSE))
-        bad.append((claim.name, g.any_of((when, first, g.both(lost, circuit.steps)))))
-    return _begun(g, (begun, valid), circuit.latches, circuit.opens, circuit.steps, bad)
+        bad.append((claim.name, g.any_of((when, first, g.both(lost, steps)))))
+    return _begun(g, (begun, valid), circuit.latches, circuit.opens, steps, bad)
 
 
 def machine_asking(g: Graph, question: SafetyQuery) -> TransitionSystem:

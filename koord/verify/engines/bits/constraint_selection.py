@@ -11,13 +11,69 @@ from collections.abc import Iterable, Sequence
 
 from koord.verify.claims import Claim, ClaimPhase
 from koord.verify.engines.bits.circuit import Circuit, Latch
-from koord.verify.engines.bits.graph import Graph
+from koord.verify.engines.bits.graph import FALSE, TRUE, Graph
 from koord.verify.engines.bits.ic3 import SafetyQuery, reduced
+from koord.verify.engines.bits.numbers import TABLE, Number
+
+
+class _Ranges:
+    """The ranges of a circuit's numbers, as far as they are about bits that matter.
+
+    A round leads from any state to one in range, so they hold of all that is reached. Of a number
+    of which some bits matter these are in the projection of its range, and nothing is required of
+    bits that do not: a query with the rest of the range has an answer if that without it has one.
+    """
+
+    def __init__(self, circuit: Circuit) -> None:
+        self.graph, self.numbers = circuit.d.graph, circuit.ranges
+        self.parts = {
+            part
+            for number in circuit.ranges
+            for part in _single(self.graph, circuit.d.in_range(number))
+        }
+        self._whole = circuit.d.in_range
+
+    def wide(self, inputs: set[int]) -> list[int]:
+        """The ranges of numbers with bits that matter which are too wide to be projected."""
+        return [
+            x
+            for number in self.numbers
+            if number.high - number.low >= TABLE and inputs & _nodes(number)
+            for x in self._whole(number)
+        ]
+
+    def about(self, inputs: set[int]) -> list[int]:
+        """What ranges say of the bits that matter."""
+        found = self.wide(inputs)
+        for number in self.numbers:
+            if number.high - number.low < TABLE:
+                found.append(projected(self.graph, number, inputs))
+        return [x for x in found if x != TRUE]
+
+
+def _nodes(number: Number) -> set[int]:
+    return {x >> 1 for x in number.literals if x > 1}
+
+
+def projected(g: Graph, number: Number, inputs: set[int]) -> int:
+    """The literal that the bits of a number that are inputs are those of a number in its range."""
+    bits = [(k, x) for k, x in enumerate(number.literals) if x >> 1 in inputs]
+
+    def among(values: frozenset[int], left: Sequence[tuple[int, int]]) -> int:
+        if not values:
+            return FALSE
+        if not left:
+            return TRUE
+        (k, literal), *others = left
+        one = frozenset(v for v in values if (v >> k) & 1)
+        return g.choose(literal, among(one, others), among(values - one, others))
+
+    return among(frozenset(range(number.low, number.high + 1)), bits)
 
 
 def narrowed(circuit: Circuit, claims: Iterable[Claim], given: Iterable[int]) -> SafetyQuery:
     """The query whether one of the claims can break, with the related constraints only."""
-    g = circuit.d.graph
+    g, ranges = circuit.d.graph, _Ranges(circuit)
     relations = {x >> 1 for atoms in circuit.d.opaques.atoms.values() for x in atoms.values()}
     broken = [each for claim in claims for each in circuit.broken[claim]]
     # One by one as they were made: of a conjunction no part stands for itself.
@@ -25,18 +81,23 @@ def narrowed(circuit: Circuit, claims: Iterable[Claim], given: Iterable[int]) ->
     sound = _single(g, [literal ^ 1 for literal in circuit.faults])
     about = {x: _inputs(g, [x]) for x in dict.fromkeys([*needed[ClaimPhase.END], *sound])}
     by_node = {latch.literal >> 1: latch for latch in circuit.latches}
-    pending = sorted(x for x in about if about[x])
+    pending = sorted(x for x in about if about[x] and x not in ranges.parts)
     kept: set[int] = set()
     roots = [circuit.lost, *given, *(when for _, when in broken)]
     inputs: set[int] = set()
     while roots:
+        before = inputs
         inputs = _closed(g, by_node, roots, inputs)
+        inputs = _closed(g, by_node, ranges.wide(inputs), inputs)
         roots = [x for x in pending if about[x] & inputs and about[x] & relations <= inputs]
         kept.update(roots)
         pending = [x for x in pending if x not in kept]
-    steps = g.all_of(kept)
+        if not roots and inputs != before:
+            roots = [TRUE]  # ranges may have brought in more of them
+    bounds = ranges.about(inputs)
+    steps = g.all_of([*kept, *bounds])
     latches = tuple(latch for latch in circuit.latches if latch.literal >> 1 in inputs)
-    violated = [g.all_of([when, *(kept & needed[phase])]) for phase, when in broken]
+    violated = [g.all_of([when, *(kept & needed[phase]), *bounds]) for phase, when in broken]
     lost = g.both(circuit.lost, steps)
     return SafetyQuery(latches, circuit.opens, steps, g.any_of([*violated, lost]), tuple(given))
 
@@ -83,11 +144,41 @@ def _single(g: Graph, literals: Iterable[int]) -> list[int]:
 
 def everything(circuit: Circuit, claims: Iterable[Claim], given: Iterable[int]) -> SafetyQuery:
     """The query whether one of the claims can break, with all constraints."""
-    g = circuit.d.graph
-    bad = [x for claim in claims for _, x in circuit.bad[claim]]
-    violated, known = g.any_of([*bad, g.both(circuit.lost, circuit.steps)]), tuple(given)
-    latches = reduced(circuit.latches, g.cone, [violated, circuit.steps, *known])
-    return SafetyQuery(latches, circuit.opens, circuit.steps, violated, known)
+    g, known = circuit.d.graph, tuple(given)
+    steps, bad = with_all(circuit, claims, known)
+    violated = g.any_of([*bad.values(), g.both(circuit.lost, steps)])
+    latches = reduced(circuit.latches, g.cone, [violated, steps, *known])
+    return SafetyQuery(latches, circuit.opens, steps, violated, known)
+
+
+def with_all(
+    circuit: Circuit, claims: Iterable[Claim], more: Iterable[int] = ()
+) -> tuple[int, dict[Claim, int]]:
+    """Whole rounds, and when claims break, with all constraints: of ranges, what matters.
+
+    What the literals of ``more`` depend on matters as well.
+    """
+    g, ranges = circuit.d.graph, _Ranges(circuit)
+    needed = {
+        phase: [x for x in _single(g, parts) if x not in ranges.parts]
+        for phase, parts in circuit.needed.items()
+    }
+    whole = [*needed[ClaimPhase.END], *(literal ^ 1 for literal in circuit.faults)]
+    broken = {claim: circuit.broken[claim] for claim in claims}
+    by_node = {latch.literal >> 1: latch for latch in circuit.latches}
+    roots = [circuit.lost, *whole, *more, *(x for each in broken.values() for _, x in each)]
+    roots += [x for parts in needed.values() for x in parts]
+    inputs: set[int] = set()
+    while roots:
+        before = inputs
+        inputs = _closed(g, by_node, roots, inputs)
+        roots = ranges.wide(inputs) if inputs != before else []
+    bounds = ranges.about(inputs)
+    bad = {
+        claim: g.any_of(g.all_of([when, *needed[phase], *bounds]) for phase, when in phases)
+        for claim, phases in broken.items()
+    }
+    return g.all_of([*whole, *bounds]), bad
 
 
 def _closed(g: Graph, latches: dict[int, Latch], roots: list[int], known: set[int]) -> set[int]:

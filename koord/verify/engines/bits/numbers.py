@@ -222,9 +222,28 @@ def equal(g: Graph, a: Number, b: Number) -> int:
     a, b = aligned(g, a, b)
     if a.high < b.low or b.high < a.low:
         return FALSE
+    if a.low == a.high:
+        a, b = b, a
     size = max(len(a.literals), len(b.literals))
+    if b.low == b.high and a.high - a.low < TABLE:
+        return _is(g, extended(a.literals, size), (a.low, a.high), b.low)
     pairs = zip(extended(a.literals, size), extended(b.literals, size), strict=True)
     return g.all_of(g.differ(x, y) ^ 1 for x, y in pairs)
+
+
+def _is(g: Graph, literals: tuple[int, ...], within: tuple[int, int], value: int) -> int:
+    """The literal that a vector has a value: as few of its bits as tell it from all others.
+
+    Of a number from -1 on the sign says whether it is -1. Invariants speak of fewer bits then.
+    """
+    low, high = within
+    others = [value ^ x for x in range(low, high + 1) if x != value]  # the bits that differ
+    kept = (1 << len(literals)) - 1
+    for k in range(len(literals)):  # the sign comes last, and is kept if it tells them apart
+        fewer = kept & ~(1 << k)
+        if all(x & fewer for x in others):
+            kept = fewer
+    return g.all_of(x ^ ((value >> k) & 1) ^ 1 for k, x in enumerate(literals) if (kept >> k) & 1)
 
 
 def at_most(g: Graph, a: Number, b: Number) -> int:

@@ -40,6 +40,15 @@ def circuit(seed: int) -> Circuit | None:
         return None
 
 
+def in_range(of: Circuit, random: Random) -> dict[int, bool]:
+    """Numbers of a state that are in their ranges, as all are that a round leads to."""
+    given = {}
+    for number in of.ranges:
+        value = random.randint(number.low, number.high)
+        given |= {x >> 1: bool((value >> k) & 1) for k, x in enumerate(number.literals) if x > 1}
+    return given
+
+
 def test_aiger_steps_as_the_circuit_does() -> None:
     count = 0
     for seed in SEEDS:
@@ -79,7 +88,7 @@ def test_what_init_breaks_is_bad_before_it_is_over_and_never_again() -> None:
             literal >> 1 for literal in (*machine.inputs, *(x.literal for x in machine.latches))
         ]
         for _ in range(40):
-            given = {node: random.random() < 0.5 for node in free}
+            given = {node: random.random() < 0.5 for node in free} | in_range(of, random)
             given[valid >> 1] = given[begun >> 1]
             found = g.values([x for _, x in machine.bad], given)
             for is_bad, (at_start, inside) in zip(found, phases, strict=True):
@@ -104,7 +113,7 @@ def test_a_run_is_one_of_the_rules_no_more_after_an_illegal_step() -> None:
         begun, valid, *others = machine.latches
         free = [x >> 1 for x in (*machine.inputs, *(latch.literal for latch in others))]
         for _ in range(40):
-            given = {node: random.random() < 0.5 for node in free}
+            given = {node: random.random() < 0.5 for node in free} | in_range(of, random)
             given |= {begun.literal >> 1: True, valid.literal >> 1: random.random() < 0.5}
             still, steps, *bad = g.values(
                 [valid.next, of.steps, *(x for _, x in machine.bad)], given

@@ -9,7 +9,14 @@ from koord.semantics.every_number import NotFiniteError
 from koord.verify.claims import claims_of
 from koord.verify.engines.bits.circuit import circuit_of
 from koord.verify.engines.bits.clauses import QUICK, Clauses
-from koord.verify.engines.bits.constraint_selection import everything, narrowed
+from koord.verify.engines.bits.constraint_selection import (
+    everything,
+    narrowed,
+    projected,
+    with_all,
+)
+from koord.verify.engines.bits.domain import BitDomain
+from koord.verify.engines.bits.graph import TRUE
 from tests.generators.profiles import FINITE
 
 
@@ -30,3 +37,42 @@ def test_every_step_and_every_mistake_is_one_of_the_narrow_question() -> None:
             fewer += clauses.solve([clauses.of(narrow.steps), -steps])
             clauses.close()
     assert fewer >= 10
+
+
+def test_with_all_constraints_it_is_the_circuit_wherever_numbers_are_in_range() -> None:
+    fewer = 0
+    for seed in range(9_000, 9_030):
+        made = system(Random(seed), FINITE)
+        try:
+            circuit = circuit_of(made, claims_of(made))
+        except NotFiniteError:
+            continue
+        g = circuit.d.graph
+        steps, bad = with_all(circuit, circuit.bad)
+        ranges = [x for number in circuit.ranges for x in circuit.d.in_range(number)]
+        pairs = [(circuit.steps, steps)]
+        pairs += [(g.any_of(x for _, x in circuit.bad[claim]), bad[claim]) for claim in bad]
+        for old, new in pairs:
+            clauses = Clauses(g, QUICK)
+            for literal in ranges:
+                clauses.require(literal)
+            assert not clauses.solve([clauses.of(g.differ(old, new))]), seed
+            fewer += g.cone([new]) != g.cone([old])
+            clauses.close()
+    assert fewer >= 5
+
+
+def test_a_range_says_of_some_bits_what_numbers_in_it_have() -> None:
+    for low, high in [(-1, 9), (0, 4), (-3, 2), (3, 12), (-6, -2)]:
+        for some in range(32):
+            d = BitDomain()
+            number = d.vector("a", low, high, 0)
+            literals = [(k, x) for k, x in enumerate(number.literals) if x > 1]
+            seen = [(k, x) for k, x in literals if (some >> k) & 1]
+            found = projected(d.graph, number, {x >> 1 for _, x in seen})
+            assert found == TRUE or seen
+            within = {tuple((v >> k) & 1 for k, _ in seen) for v in range(low, high + 1)}
+            for bits in range(1 << len(seen)):
+                given = {x >> 1: bool((bits >> n) & 1) for n, (_, x) in enumerate(seen)}
+                pattern = tuple((bits >> n) & 1 for n in range(len(seen)))
+                assert d.graph.values([found], given) == [pattern in within], (low, high, some)

@@ -71,6 +71,20 @@ def test_unary_operators(op: UnaryOp) -> None:
             assert value_of(d, found, assigned(d, number, x)) == EXACT.unary(op, x)
 
 
+def test_few_bits_tell_a_value_from_all_others_of_a_range() -> None:
+    for low, high in [*RANGES, (-1, 9), (3, 12), (-8, 7), (0, 300)]:
+        for value in range(low, high + 1):
+            d = BitDomain()
+            number = d.between("a", low, high)
+            found = d.binary(BinaryOp.EQ, value, number)
+            for x in range(low, high + 1) if high < 100 else (low, value, high):
+                assert value_of(d, found, assigned(d, number, x)) == (x == value), (x, value)
+    d = BitDomain()
+    number = d.between("a", -1, 9)
+    assert isinstance(number, Number)
+    assert d.binary(BinaryOp.EQ, number, -1) == Bit(number.literals[-1])
+
+
 def test_choices() -> None:
     for first, second in product(RANGES, RANGES):
         d = BitDomain()
