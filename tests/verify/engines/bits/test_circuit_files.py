@@ -42,7 +42,7 @@ def circuit(seed: int) -> Circuit | None:
 
 def in_range(of: Circuit, random: Random) -> dict[int, bool]:
     """Numbers of a state that are in their ranges, as all are that a round leads to."""
-    given = {}
+    given: dict[int, bool] = {}
     for number in of.ranges:
         value = random.randint(number.low, number.high)
         given |= {x >> 1: bool((value >> k) & 1) for k, x in enumerate(number.literals) if x > 1}
