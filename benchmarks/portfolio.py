@@ -1,0 +1,257 @@
+"""The portfolio beside its engines: what `auto` takes, and what the best single engine takes.
+
+Each row is a program with its robots; each engine is asked alone, and `auto`, which asks them all,
+as is the default. An engine *settles* a row if it says as much of every claim as `auto` does: that
+it is violated, or that it holds for as many rounds. An engine alone gets as long as `auto` took:
+what is slower is not the best one. *Excess* is the time of `auto` beyond 1.3 times that of the best
+engine and 0.3 s, on the clock and of processors: it should not be above zero.
+
+The second table is about the look for what makes verdicts say less than they seem to: its part of
+the CPU time that verdicts took, in one process. `KOORD_ROWS` names the rows that are wanted (a
+regular expression): `KOORD_ROWS=claiming benchmarks/portfolio.py`.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import resource
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryFile
+from typing import Any
+
+from harness import (
+    BENCHMARKS,
+    EXAMPLES,
+    Cell,
+    Column,
+    Measured,
+    Report,
+    koord,
+    main,
+    measure,
+    note,
+)
+
+ENGINES = ("search", "induction", "bits", "abc", "spacer", "bmc")
+
+#: How much slower than the best engine alone `auto` may be: so many times, and so many seconds.
+TIMES, SECONDS = 1.3, 0.3
+
+#: The largest part of the proofs' time that the look for vacuity should take.
+SHARE = 0.5
+
+PATIENCE_S = 40.0
+QUICK_S = 10.0
+
+#: Robots and tasks of the claiming model.
+SIZES = ((3, 4), (5, 6), (6, 8), (10, 10))
+
+
+@dataclass(frozen=True)
+class Asked:
+    """A row: its name, and the words of the command that are not about engines."""
+
+    name: str
+    words: tuple[str, ...]
+
+
+def rows() -> list[Asked]:
+    """The claiming model, the examples and the protocols, as `KOORD_ROWS` wants them."""
+    found = []
+    claiming = BENCHMARKS / "programs" / "claiming.krd"
+    lemma = ("--with", str(claiming.with_name("claiming_owned.krd")))
+    for more, told in ((lemma, ", lemma"), ((), "")):
+        for robots, tasks in SIZES:
+            sizes = ("--robots", str(robots), "--set", f"tasks={tasks}")
+            found.append(Asked(f"claiming {robots}/{tasks}{told}", (str(claiming), *sizes, *more)))
+    for folder in (EXAMPLES, EXAMPLES / "protocols"):
+        for path in sorted(folder.glob("*.krd")):
+            found.append(Asked(str(path.relative_to(EXAMPLES)), (str(path),)))
+    wanted = re.compile(os.environ.get("KOORD_ROWS", ""))
+    return [row for row in found if wanted.search(row.name)]
+
+
+def verdicts(measured: Measured) -> dict[str, tuple[str, float]]:
+    """What is said of each claim, and for how many rounds."""
+    found = measured.report()
+    if found is None:
+        return {}
+    return {
+        claim["name"]: (
+            claim["outcome"],
+            float("inf")
+            if claim["all_rounds"] or claim["outcome"] == "violated"
+            else float(-1 if claim["through_round"] is None else claim["through_round"]),
+        )
+        for claim in found["claims"]
+    }
+
+
+def settles(said: dict[str, tuple[str, float]], wanted: dict[str, tuple[str, float]]) -> bool:
+    """Return whether somebody says as much of every claim as is wanted."""
+    return bool(wanted) and all(
+        name in said and said[name][0] == outcome and said[name][1] >= rounds
+        for name, (outcome, rounds) in wanted.items()
+    )
+
+
+def contradicts(
+    one: dict[str, tuple[str, float]], other: dict[str, tuple[str, float]]
+) -> list[str]:
+    """The claims that one shows to be violated and the other to hold in every round."""
+    return [
+        name
+        for name in one.keys() & other.keys()
+        if {one[name][0], other[name][0]} == {"holds", "violated"}
+        and float("inf") == one[name][1] == other[name][1]
+    ]
+
+
+def verified(row: Asked, engine: str, patience_s: float) -> Measured:
+    words = ("--engine", engine, "--json", "--timeout", f"{patience_s:.2f}")
+    return koord("verify", *row.words, *words, timeout_s=1.1 * patience_s + 5)
+
+
+def portfolio(report: Report) -> None:
+    patience_s = QUICK_S if report.quick else PATIENCE_S
+    table = report.table(
+        "auto and each engine alone: seconds on the clock",
+        Column("row", "program"),
+        Column("answer", "auto"),
+        Column("wall_s", "wall s"),
+        Column("cpu_s", "CPU s"),
+        *(Column(engine, engine) for engine in ENGINES),
+        Column("best", "best"),
+        Column("ratio", "ratio"),
+        Column("excess_s", "excess s"),
+        Column("cpu_excess_s", "CPU excess"),
+        Column("met", "met"),
+    )
+    asked = rows()
+    for row in asked:
+        note(row.name)
+        own = verified(row, "auto", patience_s)
+        wanted = verdicts(own)
+        cells: dict[str, Cell] = {
+            "row": row.name,
+            "answer": answer(own, wanted),
+            "wall_s": round(own.wall_s, 3),
+            "cpu_s": round(own.cpu_s, 3),
+        }
+        alone: dict[str, float] = {}
+        for engine in ENGINES:
+            given_s = patience_s if not wanted or "unknown" in answer(own, wanted) else own.wall_s
+            measured = verified(row, engine, min(patience_s, given_s + 0.2))
+            said = verdicts(measured)
+            wrong = contradicts(wanted, said)
+            report.expect(not wrong, f"{row.name}: auto and {engine} differ on {wrong}")
+            cells[f"{engine}_cpu_s"] = round(measured.cpu_s, 3)
+            if settles(said, wanted):
+                alone[engine] = cells[engine] = round(measured.wall_s, 3)
+        if alone:
+            best = min(alone, key=lambda engine: alone[engine])
+            excess_s = own.wall_s - TIMES * alone[best] - SECONDS
+            cells |= {"best": best, "ratio": round(own.wall_s / alone[best], 2)}
+            least = min(float(cells[f"{engine}_cpu_s"] or 0.0) for engine in alone)
+            cells |= {"excess_s": round(excess_s, 2), "met": excess_s <= 0}
+            cells["cpu_excess_s"] = round(own.cpu_s - TIMES * least - SECONDS, 2)
+        table.rows.append(cells)
+        note(str(cells))
+    shares(report, asked, patience_s)
+
+
+def answer(measured: Measured, said: dict[str, tuple[str, float]]) -> str:
+    """The verdicts in few words."""
+    if not said:
+        return "given up" if measured.timed_out else f"no answer ({measured.code})"
+    outcomes = [outcome for outcome, _ in said.values()]
+    return ", ".join(
+        f"{outcomes.count(word)} {word}"
+        for word in ("holds", "violated", "unknown")
+        if word in outcomes
+    )
+
+
+# --- vacuity --------------------------------------------------------------------------------------
+
+
+def shares(report: Report, asked: list[Asked], patience_s: float) -> None:
+    """The part of the look for vacuity, row by row."""
+    table = report.table(
+        "the look for vacuity: CPU seconds in one process",
+        Column("row", "program"),
+        Column("proofs_s", "verdicts"),
+        Column("vacuity_s", "vacuity"),
+        Column("share", "share"),
+        Column("met", "met"),
+    )
+    for row in asked:
+        note(f"vacuity, {row.name}")
+        command = [sys.executable, str(Path(__file__)), "--worker", *row.words]
+        done = measure([*command, "--timeout", f"{patience_s}"], timeout_s=2 * patience_s)
+        told = done.output.rsplit("vacuity: ", 1)
+        if len(told) < 2:
+            table.rows.append({"row": row.name})
+            continue
+        vacuity_s, all_s = map(float, told[1].split())
+        proofs_s = all_s - vacuity_s
+        share = vacuity_s / proofs_s if proofs_s > 0 else 0.0
+        table.rows.append(
+            {
+                "row": row.name,
+                "proofs_s": round(proofs_s, 3),
+                "vacuity_s": round(vacuity_s, 3),
+                "share": round(share, 2),
+                "met": share <= SHARE,
+            }
+        )
+
+
+def work(words: list[str]) -> None:
+    """Verify in this process, and print the seconds of the look for vacuity and of all."""
+    from koord.cli import main as frame
+    from koord.verify.strategy import liveness, verification
+
+    inside = False
+    with TemporaryFile() as told:  # koord's work is done in a process of its own
+
+        def timed(function: Callable[..., Any]) -> Callable[..., Any]:
+            def run(*arguments: Any, **options: Any) -> Any:
+                nonlocal inside
+                if inside:
+                    return function(*arguments, **options)
+                begun, inside = used(), True
+                try:
+                    return function(*arguments, **options)
+                finally:
+                    inside = False
+                    os.write(told.fileno(), f"{used() - begun}\n".encode())
+
+            return run
+
+        looks = [(verification, name) for name in ("look", "vacuities", "of_any_number")]
+        for module, name in [*looks, (liveness, "vacuous_goals")]:
+            setattr(module, name, timed(getattr(module, name)))
+        begun = used()
+        frame.main(["verify", *words, "--jobs", "1"])
+        whole_s = used() - begun
+        told.seek(0)
+        print(f"vacuity: {sum(map(float, told.read().split()))} {whole_s}")
+
+
+def used() -> float:
+    """The CPU seconds of this process and of those that it waited for."""
+    own = resource.getrusage(resource.RUSAGE_SELF)
+    others = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return own.ru_utime + own.ru_stime + others.ru_utime + others.ru_stime
+
+
+if __name__ == "__main__":
+    if sys.argv[1:2] == ["--worker"]:
+        work(sys.argv[2:])
+        sys.exit(0)
+    sys.exit(main("portfolio", __doc__ or "", portfolio))
