@@ -1,14 +1,17 @@
 """Configurations that runs of a few robots reach, to tell what never happens from what does.
 
 A small system's configurations are looked at one by one, those first that were left least often:
-from each a round is run in which robots move or skip at random. What is found is a sample. Nothing
-is shown by it; it says which statements are not worth a proof.
+from each rounds are run in which one robot runs an event, each event of each robot once, and then
+others in which robots move or skip at random. What is found is a sample. Nothing is shown by it;
+it says which statements are not worth a proof.
 """
 
 from __future__ import annotations
 
-from collections.abc import Hashable
+from collections.abc import Hashable, Mapping
 from random import Random
+
+from msgspec import Struct
 
 from koord.sampling.running import ProgramTurn, Run, RunState, new_run
 from koord.semantics.configurations import Configuration
@@ -19,8 +22,31 @@ from koord.syntax.diagnostics import KoordError
 from koord.syntax.system import System
 from koord.traces.trace import Numbers
 
+#: Where so many rounds were run from each configuration, no others are expected.
+_ENOUGH = 12
+
 #: How often a robot has no turn in a round although it could: so that some are left behind.
 _IDLE = 0.4
+
+
+class Crossing(Struct):
+    """A configuration between rounds: what robots may run, and what was not run by one robot yet.
+
+    ``left`` counts the rounds that were run from it.
+    """
+
+    moment: RunState
+    events: Mapping[int, list[int]]
+    alone: list[ProgramTurn]
+    left: int = 0
+
+    @staticmethod
+    def of(run: Run, rng: Random) -> Crossing:
+        # Robots read what the store was when the round began: who goes first changes none of it.
+        events = {robot: run.enabled(robot) for robot in run.waiting}
+        alone = [ProgramTurn(robot, event) for robot, mine in events.items() for event in mine]
+        rng.shuffle(alone)
+        return Crossing(run.moment, events, alone)
 
 
 def reached(system: System, turns: int, seed: int = 0) -> list[Configuration[Constant]]:
@@ -31,9 +57,8 @@ def reached(system: System, turns: int, seed: int = 0) -> list[Configuration[Con
     rng = Random(seed)
     run = new_run(system, Numbers.EXACT, rng)
     seen: dict[Hashable, Configuration[Constant]] = {}
-    moments: list[RunState] = []
-    known: dict[Hashable, int] = {}
-    left: list[int] = []
+    crossings: list[Crossing] = []
+    known: dict[Hashable, Crossing] = {}
     try:
         run.begin()
         while turns > 0:
@@ -42,18 +67,19 @@ def reached(system: System, turns: int, seed: int = 0) -> list[Configuration[Con
             key = _key(run.configuration)
             seen.setdefault(key, run.configuration)
             if key not in known and _is_alive(run):
-                known[key] = len(moments)
-                moments.append(run.moment)
-                left.append(0)
-            if not moments:
+                known[key] = Crossing.of(run, rng)
+                crossings.append(known[key])
+            if not crossings:
                 break
-            if key in known and _is_alive(run) and left[known[key]] == 0:
-                here = known[key]
-            else:
-                here = min(range(len(moments)), key=lambda k: (left[k], -k))
-                run.go_back(moments[here])
-            left[here] += 1
-            turns -= _round(run, rng, seen)
+            here = known.get(key)
+            if here is None or here.left > 0:
+                # The last of those that were left least often.
+                here = min(reversed(crossings), key=lambda each: each.left)
+                if here.left >= _ENOUGH and not here.alone:
+                    break
+                run.go_back(here.moment)
+            here.left += 1
+            turns -= _round(run, rng, here, seen)
     except (KoordError, OutOfBudgetError):
         pass  # What was seen by then is a sample too.
     return list(seen.values())
@@ -68,28 +94,36 @@ def _key(configuration: Configuration[Constant]) -> Hashable:
     return robots, configuration.store
 
 
-def _round(run: Run, rng: Random, seen: dict[Hashable, Configuration[Constant]]) -> int:
-    """Run the turns of a round, and count them."""
+def _round(
+    run: Run, rng: Random, here: Crossing, seen: dict[Hashable, Configuration[Constant]]
+) -> int:
+    """Run the turns of a round, and count them; where one robot goes first, others skip."""
     robots = list(run.waiting)
     rng.shuffle(robots)
+    first = here.alone.pop() if here.alone else None
+    if first is not None:
+        robots.sort(key=lambda robot: robot != first.robot)
     for robot in robots:
-        _turn(run, rng, robot)
-        seen.setdefault(_key(run.configuration), run.configuration)
+        events = list(here.events[robot])
+        rng.shuffle(events)
+        if first is not None and first.robot == robot:
+            events = [] if first.event is None else [first.event]
+        elif (first is not None or rng.random() < _IDLE) and run.may_skip(robot):
+            events = []
+        if _turn(run, robot, events):
+            seen.setdefault(_key(run.configuration), run.configuration)
         if run.configuration.fault is not None:
             break
     return max(1, len(robots))
 
 
-def _turn(run: Run, rng: Random, robot: int) -> None:
-    """Run an event that the robot may select, or skip."""
-    events = run.enabled(robot)
-    rng.shuffle(events)
-    if rng.random() < _IDLE and run.may_skip(robot):
-        events = []
+def _turn(run: Run, robot: int, events: list[int]) -> bool:
+    """Run the first event that the rules allow, or skip; return whether there was an event."""
     for event in events:
         try:
             run.make(ProgramTurn(robot, event))
         except IllegalStepError:
             continue
-        return
+        return True
     run.make(ProgramTurn(robot, None))
+    return False

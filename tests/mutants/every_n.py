@@ -19,7 +19,7 @@ EVERY_N = (
     ),
     Mutant(
         "every N: faults are assumed away where they are asked for",
-        "verify.engines.every_n.questions.Step._goal",
+        "verify.engines.every_n.questions.Step._negation",
         "[round_.faults(robot)]",
         "[round_.calm, round_.faults(robot)]",
         (PROVING,),
@@ -33,14 +33,14 @@ EVERY_N = (
     ),
     Mutant(
         "every N: inside a round nobody is urgent any more",
-        "verify.engines.every_n.questions.Step._goal",
+        "verify.engines.every_n.questions.Step._negation",
         "[] if moment is ClaimPhase.INSIDE else [round_.calm, round_.legal]",
         "[round_.legal]",
         (PROVING,),
     ),
     Mutant(
         "every N: two robots are always one",
-        "verify.engines.every_n.questions.Step._goal",
+        "verify.engines.every_n.questions.Step._negation",
         "self.asking.robots[: asked.arity]",
         "self.asking.robots[:1] * asked.arity",
         (PROVING,),
@@ -114,7 +114,7 @@ EVERY_N = (
     ),
     Mutant(
         "every N: statements say the same of numbers that are no robots",
-        "verify.engines.every_n.instantiation.Book.every",
+        "verify.engines.every_n.instantiation.Book._equivalent",
         "d.binary(BinaryOp.AND, holds, inside)",
         "holds",
         (LOOPS, PROVING),
@@ -174,5 +174,33 @@ EVERY_N = (
         "self.step.moments()",
         "self.step.moments()[:1]",
         (SEARCH,),
+    ),
+    Mutant(
+        "every N: lemmas found need not be kept by rounds",
+        "verify.engines.every_n.lemma_search._Loop.proved",
+        "not hit",
+        "hit is not None",
+        (SEARCH,),
+    ),
+    Mutant(
+        "every N: what all robots of one range are, those of any other are",
+        "verify.engines.every_n.instantiation.Book._once",
+        "d.key(low), d.key(high), d.key(said)",
+        "d.key(low), d.key(said)",
+        (LOOPS,),
+    ),
+    Mutant(
+        "every N: what robots are is the same whoever asks",
+        "verify.engines.every_n.instantiation.Book.every",
+        "not frame.inner and not frame.brings_up and not d.mentions(said, frame.outer)",
+        "not frame.inner and not frame.brings_up",
+        (LOOPS, PROVING),
+    ),
+    Mutant(
+        "every N: loops that go on alike are left in one trip, whatever their ranges",
+        "verify.engines.every_n.instantiation.Book.first",
+        "d.key(through), d.key(low), d.key(high)",
+        "(0,)",
+        (LOOPS,),
     ),
 )

@@ -148,7 +148,7 @@ class Universal(Struct, frozen=True):
     """``forall x1, …, xk: body`` over robots: the slots and kinds of the x, and the body.
 
     A statement that holds of some robots and faults of none of them holds; so the quantifiers may
-    be taken off one by one. [PROP-FAULT]
+    be taken off one by one, and those over fixed ranges may come after them. [PROP-FAULT]
     """
 
     robots: tuple[tuple[int, int | None], ...]
@@ -158,14 +158,18 @@ class Universal(Struct, frozen=True):
     @staticmethod
     def of(condition: core.Expr, bound: int) -> Universal:
         robots: list[tuple[int, int | None]] = []
+        ranges: list[core.Quantified] = []
         body = condition
-        while (
-            isinstance(body, core.Quantified)
-            and body.quantifier is QuantifierKind.FORALL
-            and isinstance(body.domain, core.RobotRange)
-        ):
-            robots.append((body.variable.slot, body.domain.agent))
+        while isinstance(body, core.Quantified) and body.quantifier is QuantifierKind.FORALL:
+            if isinstance(body.domain, core.RobotRange):
+                robots.append((body.variable.slot, body.domain.agent))
+            elif _is_fixed(body.domain):
+                ranges.append(body)
+            else:
+                break
             body = body.body
+        for each in reversed(ranges):
+            body = replace(each, body=body)
         return Universal(tuple(robots), body, bound)
 
     @property
@@ -218,3 +222,12 @@ class Universal(Struct, frozen=True):
         """The condition that some robots break the statement."""
         fails = world.d.unary(UnaryOp.NOT, self.holds(world, configuration, names))
         return conjunction(world.d, [self.of_robots(world, names), fails])
+
+
+def _is_fixed(domain: core.QuantifierDomain) -> bool:
+    """Return whether a quantifier is over integers between two constants."""
+    return (
+        isinstance(domain, core.IntRange)
+        and isinstance(domain.low, core.Const)
+        and isinstance(domain.high, core.Const)
+    )

@@ -7,35 +7,75 @@ the union of its literals' bits is full.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from typing import Any
 
 from msgspec import Struct
 
 from koord.syntax import core
 from koord.syntax.budget import ENDLESS, Budget
-from koord.syntax.core import BinaryOp, PropertyKind, QuantifierKind
+from koord.syntax.core import BinaryOp, Home, PropertyKind, QuantifierKind
 from koord.syntax.printing.quoting import Quoting
 from koord.syntax.types import BOOL, INT
+from koord.syntax.walk import rebuilt
 from koord.verify.claims import Claim, ClaimKind, reads_ports
 from koord.verify.engines.every_n.literals import (
     READ_I,
     READ_J,
+    AnyLiteral,
+    Existence,
     I,
     J,
     K,
     Language,
     Literal,
+    Quantity,
     Row,
     Snapshot,
+    compared,
+    follows,
+    twin_of,
 )
 
 #: Positions of literals in their language, ascending.
 Disjunction = tuple[int, ...]
+
+#: A robot that there is, beside i and j.
+M = core.Variable(Home.BOUND, 3, "m", INT)
 
 #: So many disjunctions, with each order of their literals, are looked at in a step of work.
 _PER_STEP = 6_000
 
 #: More rows of samples are not looked at: their bits would be slow.
 _MOST_ROWS = 6_000
+
+
+class Looking:
+    """Looking at all literals of a language at once, where each quantity is looked at once."""
+
+    def __init__(self, language: Language) -> None:
+        self._quantities: dict[tuple[object, ...], tuple[int, Quantity]] = {}
+        self._existences = [x for x in language.literals if isinstance(x, Existence)]
+        self._literals = [
+            (self._place(x.left), x.op, self._place(x.right), x.positive)
+            for x in language.literals
+            if isinstance(x, Literal)
+        ]
+
+    def _place(self, q: Quantity) -> int:
+        return self._quantities.setdefault(twin_of(q), (len(self._quantities), q))[0]
+
+    def values(self, here: Snapshot, row: Row) -> tuple[object, ...]:
+        """The values of quantities, and whether there is who there may be."""
+        found = [q.look(here, row) for _, q in self._quantities.values()]
+        return *found, *(x.look(here, row) for x in self._existences)
+
+    def truths(self, values: Sequence[object]) -> tuple[bool, ...]:
+        """Of each literal whether it holds, in the order of the language."""
+        found = [
+            compared(values[a], op, values[b], positive=positive) is True
+            for a, op, b, positive in self._literals
+        ]
+        return *found, *(there is True for there in values[len(self._quantities) :])
 
 
 class Samples(Struct):
@@ -47,10 +87,15 @@ class Samples(Struct):
 
     @staticmethod
     def of(language: Language, snapshots: Iterable[Snapshot]) -> Samples:
-        rows: set[tuple[bool | None, ...]] = set()
+        looking = Looking(language)
+        rows: set[tuple[bool, ...]] = set()
+        met: set[tuple[object, ...]] = set()
         for here in snapshots:
             for row in language.rows(here):
-                rows.add(tuple(x.look(here, row) is True for x in language.literals))
+                values = looking.values(here, row)
+                if values not in met:
+                    met.add(values)
+                    rows.add(looking.truths(values))
             if len(rows) >= _MOST_ROWS:
                 break
         bits = [_packed(column) for column in zip(*rows, strict=True)]
@@ -118,7 +163,13 @@ def cost(language: Language, x: Disjunction) -> tuple[int, ...]:
     return len(x), _about(literals) == 3, sum(literal.cost for literal in literals), *x
 
 
-def _about(literals: Iterable[Literal]) -> int:
+def implied(language: Language, weaker: Disjunction, stronger: Disjunction) -> bool:
+    """Return whether it can be seen at once that a disjunction follows from another."""
+    literals = language.literals
+    return all(any(follows(literals[a], literals[b]) for a in weaker) for b in stronger)
+
+
+def _about(literals: Iterable[AnyLiteral]) -> int:
     found = 0
     for literal in literals:
         found |= literal.of
@@ -141,21 +192,42 @@ def lemma(program: core.Program, language: Language, x: Disjunction) -> Claim:
                 QuantifierKind.FORALL, variable, core.RobotRange(), condition
             )
     text = Quoting.of(program).text(condition)
-    stated = core.Property(text, PropertyKind.INVARIANT, condition, 3)
+    stated = core.Property(text, PropertyKind.INVARIANT, condition, 4)
     ports = reads_ports(program, condition)
     return Claim(text, ClaimKind.PROPERTY, stated, reads_ports=ports)
 
 
-def _implication(literals: Sequence[Literal], *, apart: bool) -> core.Expr:
+def _implication(literals: Sequence[AnyLiteral], *, apart: bool) -> core.Expr:
     """A disjunction as what follows from what."""
-    last = max(literals, key=lambda x: (x.positive, x.cost, x.of))
-    rest = [x for x in literals if x is not last]
-    parts: list[core.Expr] = [x.said(denied=True) for x in rest]
+    rest = [x for x in literals if isinstance(x, Literal)]
+    there = [x for x in literals if isinstance(x, Existence)]
+    if there:
+        conclusion = _somebody(there, M if any(x.of & 2 for x in rest) else J)
+    else:
+        last = max(rest, key=lambda x: (x.positive, x.cost, x.of))
+        rest = [x for x in rest if x is not last]
+        conclusion = last.said()
+    parts = [x.said(denied=True) for x in rest]
     if apart:
         parts.insert(0, core.Binary(BinaryOp.NE, READ_I, READ_J, BOOL))
     if not parts:
-        return last.said()
+        return conclusion
     premise = parts[0]
     for part in parts[1:]:
         premise = core.Binary(BinaryOp.AND, premise, part, BOOL)
-    return core.Binary(BinaryOp.IMPLIES, premise, last.said(), BOOL)
+    return core.Binary(BinaryOp.IMPLIES, premise, conclusion, BOOL)
+
+
+def _somebody(cases: Sequence[Existence], somebody: core.Variable) -> core.Expr:
+    """That there is a robot of which one of the cases holds."""
+    body, *others = (_renamed(x.witness.said(), somebody) for x in cases)
+    for other in others:
+        body = core.Binary(BinaryOp.OR, body, other, BOOL)
+    return core.Quantified(QuantifierKind.EXISTS, somebody, core.RobotRange(), body)
+
+
+def _renamed(node: Any, variable: core.Variable) -> Any:
+    """What is said of robot i, of another robot."""
+    if isinstance(node, core.Variable):
+        return variable if node == I else node
+    return rebuilt(node, lambda part: _renamed(part, variable))

@@ -66,6 +66,9 @@ class Book(Struct):
     _seen: set[tuple[int, int]] = field(default_factory=set)
     _looked: int = 0
     _kept: list[Term] = field(default_factory=list)
+    _canonical: Term | None = None
+    _everywhere: dict[tuple[object, ...], Term] = field(default_factory=dict)
+    _leaving: dict[tuple[object, ...], Term] = field(default_factory=dict)
 
     # --- writing --------------------------------------------------------------------------------
 
@@ -77,11 +80,11 @@ class Book(Struct):
         frame = self._frame_of(fact)
         (self.facts if frame is None else frame.facts).append(fact)
 
-    def name(self, index: Term) -> None:
+    def name(self, index: Term, generation: int = 0) -> None:
         """Record that a term is used as the number of a robot."""
         frame = self._frame_of(index)
         if frame is None:
-            self._put(index, self._now)
+            self._put(index, max(generation, self._now))
         elif not any(index is blank for blank in frame.own):
             frame.brings_up.append(index)
 
@@ -101,7 +104,10 @@ class Book(Struct):
         self._keep(frame)
 
     def every(self, low: Term, high: Term, body: Callable[[Term], Term]) -> Term:
-        """A Boolean equivalent to ``body`` for all integers of a range. [T-EVERY-N]"""
+        """A Boolean equivalent to ``body`` for all integers of a range. [T-EVERY-N]
+
+        There is one for all robots if what it says is the same for each of them.
+        """
         d = self.unknowns.terms
         frame, holds_of = self._worked_out(1, lambda names: body(names[0]))
         known = d.known(holds_of)
@@ -112,6 +118,27 @@ class Book(Struct):
         if d.is_valid(self.implied(inside, holds_of)):
             # That an index lies in a range over which it runs, most often.
             return True
+        said = conjunction(d, [holds_of, inside, *frame.facts])
+        if not frame.inner and not frame.brings_up and not d.mentions(said, frame.outer):
+            return self._once(Scheme((), frame.own, frame.facts), low, high, holds_of)
+        return self._equivalent(frame, inside, holds_of)
+
+    def _once(self, frame: Scheme, low: Term, high: Term, holds_of: Term) -> Term:
+        """The Boolean of a statement that is the same wherever it is asked."""
+        d, (blank,) = self.unknowns.terms, frame.own
+        if self._canonical is None:
+            self._canonical = d.blank()
+        said = d.put(holds_of, [(blank, self._canonical)])
+        key = d.key(low), d.key(high), d.key(said)
+        if key not in self._everywhere:
+            with self.about(0):
+                holds = self._equivalent(frame, self.between(low, blank, high), holds_of)
+            self._everywhere[key] = holds
+            self._kept += [said, low, high]
+        return self._everywhere[key]
+
+    def _equivalent(self, frame: Scheme, inside: Term, holds_of: Term) -> Term:
+        d, (blank,) = self.unknowns.terms, frame.own
         with d.depending_on(None):
             holds, witness = d.fresh("every", BOOL), d.fresh("witness", INT)
         frame.facts.append(self.implied(d.binary(BinaryOp.AND, holds, inside), holds_of))
@@ -120,6 +147,23 @@ class Book(Struct):
         frame.doubt = d.binary(BinaryOp.OR, holds, d.put(fails, [(blank, witness)]))
         self._keep(frame)
         return holds
+
+    def first(self, low: Term, high: Term, goes_on: Callable[[Term], Term]) -> tuple[Term, Term]:
+        """Whether a loop runs through, and if not in which trip it is left. [T-LOOP]"""
+        d = self.unknowns.terms
+        through = self.every(low, high, goes_on)
+        key = d.key(through), d.key(low), d.key(high)
+        if d.known(through) is not None or key not in self._leaving:
+            with self.about(through):
+                last = d.fresh_like("witness", 0)
+                self.name(last, generation=1)
+                before = self.every(low, last, goes_on)
+                left = d.unary(UnaryOp.NOT, goes_on(last))
+                at_last = conjunction(d, [self.between(low, last, high), left, before])
+                self.note(d.binary(BinaryOp.OR, through, at_last))
+            self._leaving[key] = last
+            self._kept += [through, low, high]
+        return through, self._leaving[key]
 
     def glimpse(self, body: Callable[[Term], Term]) -> Term:
         """Evaluate a body at an integer of which nothing is known.

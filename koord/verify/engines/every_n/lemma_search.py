@@ -3,11 +3,13 @@
 Claims that are not inductive are asked for with what the solver shows: a configuration from which
 a round breaks one, though all hold in it. A disjunction of literals that held in all samples of
 small systems, and does not hold in that configuration, becomes a lemma, which has to be inductive
-with the others as well. What cannot be kept is given up; what nobody needs is left out in the end.
+with the others as well, if anybody needs it: asked for are the claims, and the lemmas that proofs
+use. What cannot be kept is given up; what nobody needs is left out in the end.
 """
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Sequence
 from functools import partial
 
@@ -33,6 +35,7 @@ from koord.verify.engines.every_n.disjunctions import (
     Samples,
     canonical,
     cost,
+    implied,
     is_false,
     lemma,
 )
@@ -42,13 +45,16 @@ from koord.verify.engines.every_n.proving import STEPS_PER_SECOND, Inferred, bey
 from koord.verify.engines.every_n.questions import Means, ProofBudget, Start, Step
 
 #: Sampled systems: how many robots, and how many turns are spent on them.
-_SAMPLED = ((2, 600), (3, 1_400))
+_SAMPLED = ((2, 800), (3, 2_400))
 
 #: So many steps of work a sampled system may cost: what is slow is sampled less.
-_SAMPLING = 60_000
+_SAMPLING = 100_000
 
 #: So many lemmas are tried against one counterexample at once.
 _AT_ONCE = 3
+
+#: So many counterexamples to a lemma are answered with others, before it is given up.
+_MOST_DEFENCES = 5
 
 #: Counterexamples are asked for at most so often.
 _MOST_QUESTIONS = 150
@@ -78,6 +84,10 @@ class Search(Struct):
 
     def lemma(self, x: Disjunction) -> Claim:
         return lemma(self.program, self.language, x)
+
+    def keep(self, claims: Sequence[Claim]) -> None:
+        """Forget the lemmas that are not among some claims."""
+        self.active = {x: claim for x, claim in self.active.items() if claim in claims}
 
     def is_met(self, here: Snapshot) -> bool:
         """Return whether all active lemmas hold of the robots that are known."""
@@ -182,22 +192,31 @@ class _Loop(Struct):
     known: tuple[Claim, ...]
     generations: int = 1
     most: int = 3
+    defended: Counter[Claim] = field(default_factory=Counter)
 
     def proved(self, claims: Sequence[Claim]) -> tuple[Claim, ...]:
-        """The claims that are inductive with the active lemmas, in the end."""
+        """The claims that are inductive with the active lemmas that they need, in the end.
+
+        All active lemmas are assumed; asked for are the claims, and the lemmas that their proofs
+        use, and theirs. So nothing is spent on lemmas that nobody needs.
+        """
         left, search = list(claims), self.search
-        doubtful: set[Claim] = set()
+        wanted, doubtful = list(claims), set[Claim]()
         for _ in range(_MOST_QUESTIONS):
-            answer, hit = self._ask([*left, *self.known, *search.active.values()])
+            answer, hit = self._ask(wanted, [*left, *search.active.values()])
             if answer is SolverAnswer.UNSAT:
-                return tuple(left)
+                if not hit:
+                    search.keep(wanted)
+                    return tuple(left)
+                wanted += [claim for claim in search.active.values() if claim in hit]
+                continue
             if answer is SolverAnswer.UNKNOWN:
                 if self.generations == 1:
                     return ()
                 # So many names are too much for the solver.
                 self.generations = self.most = self.generations - 1
                 self.step, hit = self.again(), doubtful
-            else:
+            elif self._is_worth_it(hit, left):
                 here = configuration_of(
                     search.language,
                     self.step.world,
@@ -212,10 +231,18 @@ class _Loop(Struct):
                     self.generations, doubtful = self.generations + 1, hit
                     continue
             left = [claim for claim in left if claim not in hit]
+            wanted = list(left)
             self._drop(hit)
             if not left:
                 return ()
         return ()
+
+    def _is_worth_it(self, hit: set[Claim], claims: Sequence[Claim]) -> bool:
+        """Return whether to look for lemmas: of what is only a lemma not for ever."""
+        if not hit.isdisjoint(claims):
+            return True
+        self.defended.update(hit)
+        return all(self.defended[claim] <= _MOST_DEFENCES for claim in hit)
 
     def _drop(self, claims: set[Claim]) -> None:
         """Give up lemmas."""
@@ -223,23 +250,32 @@ class _Loop(Struct):
             del self.search.active[x]
             self.search.dead.add(x)
 
-    def _ask(self, claims: Sequence[Claim]) -> tuple[SolverAnswer, set[Claim]]:
+    def _ask(
+        self, wanted: Sequence[Claim], given: Sequence[Claim]
+    ) -> tuple[SolverAnswer, set[Claim]]:
+        """Ask for a round that breaks something wanted, and what; if none, what else it takes."""
+        used: set[Claim] = set()
         for moment in self.step.moments():
-            answer, hit = self.step.counterexample(claims, moment, self.generations)
-            if answer is not SolverAnswer.UNSAT:
-                return answer, hit
-        return SolverAnswer.UNSAT, set()
+            found = self.step.counterexample(
+                wanted, [*given, *self.known], moment, self.generations
+            )
+            if found[0] is not SolverAnswer.UNSAT:
+                return found
+            used |= found[1]
+        return SolverAnswer.UNSAT, used - {*wanted, *self.known}
 
     def _add(self, here: Snapshot) -> bool:
         """Add lemmas that do not hold in a configuration; return whether there are any."""
-        search, added = self.search, 0
+        search, added = self.search, list[Disjunction]()
         for x in search.against(here):
+            if any(implied(search.language, x, other) for other in added):
+                continue
             claim = search.lemma(x)
             if self.start.sifted([claim]):
                 search.active[x] = claim
-                added += 1
-                if added == _AT_ONCE:
+                added.append(x)
+                if len(added) == _AT_ONCE:
                     break
             else:
                 search.dead.add(x)
-        return added > 0
+        return bool(added)

@@ -1,8 +1,10 @@
 """Literals of lemmas, and what they are worth in configurations that somebody looked at.
 
 A literal is a truth value, a member of an enumeration, or a comparison of two integers of one
-kind, of robots i and j, shared variables, and elements of fixed arrays at an index k. Each can be
-said in Koord, and worked out in a *snapshot*: the values that a sample or a solver's model gives.
+kind, of robots i and j, shared variables, and elements of fixed arrays at an index k; or, where
+a program asks such things of all robots at once, that *there is* a robot of which one of them
+holds. Each can be said in Koord, and worked out in a *snapshot*: the values that a sample or a
+solver's model gives.
 """
 
 from __future__ import annotations
@@ -16,7 +18,7 @@ from koord.semantics.configurations import Configuration
 from koord.semantics.domain import Constant
 from koord.semantics.storage import Cell, Storage, Tree
 from koord.syntax import core
-from koord.syntax.core import BinaryOp, Home, UnaryOp
+from koord.syntax.core import BinaryOp, Home, ListOp, QuantifierKind, UnaryOp
 from koord.syntax.types import (
     BOOL,
     INT,
@@ -27,6 +29,7 @@ from koord.syntax.types import (
     RecordType,
     Type,
 )
+from koord.syntax.walk import nodes
 from koord.verify.engines.every_n.kinds_of_integers import ROBOT, KindsOfIntegers, key_of
 
 I = core.Variable(Home.BOUND, 0, "i", INT)  # noqa: E741 - as properties call it
@@ -137,15 +140,7 @@ class Literal(Struct, frozen=True):
     def look(self, here: Snapshot, row: Row) -> bool | None:
         """The truth of the literal; None where it is about a robot that is unknown."""
         a, b = self.left.look(here, row), self.right.look(here, row)
-        if a is None or b is None:
-            return None
-        if a is UNSET or b is UNSET:
-            return False
-        if self.op is BinaryOp.EQ:
-            return (a == b) is self.positive
-        assert isinstance(a, int)
-        assert isinstance(b, int)
-        return (a <= b) is self.positive
+        return compared(a, self.op, b, positive=self.positive)
 
     def said(self, *, denied: bool = False) -> core.Expr:
         """The literal, or its negation, in Koord."""
@@ -160,12 +155,69 @@ class Literal(Struct, frozen=True):
         return core.Binary(BinaryOp.LT, right, left, BOOL)
 
 
+def compared(a: object, op: BinaryOp, b: object, *, positive: bool) -> bool | None:
+    """The truth of a comparison of two values, or of its negation."""
+    if a is None or b is None:
+        return None
+    if a is UNSET or b is UNSET:
+        return False
+    if op is BinaryOp.EQ:
+        return (a == b) is positive
+    assert isinstance(a, int)
+    assert isinstance(b, int)
+    return (a <= b) is positive
+
+
+class Existence(Struct, frozen=True):
+    """That there is a robot of which a literal (of robot i) holds.
+
+    Of the robots of a snapshot that is: a robot that somebody has to find is not in it. That there
+    is none is said of robot i or j.
+    """
+
+    witness: Literal
+
+    @property
+    def of(self) -> int:
+        return 0
+
+    @property
+    def indexed(self) -> bool:
+        return self.witness.indexed
+
+    @property
+    def cost(self) -> int:
+        return self.witness.cost + 2
+
+    def look(self, here: Snapshot, row: Row) -> bool:
+        return any(self.witness.look(here, (robot, None, row[2])) is True for robot in here.robots)
+
+
+#: What a disjunction consists of.
+AnyLiteral: TypeAlias = "Literal | Existence"
+
+
+def follows(weaker: AnyLiteral, stronger: AnyLiteral) -> bool:
+    """Return whether it can be seen at once that a literal follows from another."""
+    if isinstance(weaker, Literal) and isinstance(stronger, Existence):
+        return False
+    whose = isinstance(weaker, Literal)
+    a = weaker if isinstance(weaker, Literal) else weaker.witness
+    b = stronger if isinstance(stronger, Literal) else stronger.witness
+    if a.op is not b.op or twin_of(a.left, whose=whose) != twin_of(b.left, whose=whose):
+        return False
+    if twin_of(a.right, whose=whose) == twin_of(b.right, whose=whose):
+        return a.positive is b.positive
+    constants = a.right.value is not None and b.right.value is not None
+    return constants and a.op is BinaryOp.EQ and b.positive and not a.positive
+
+
 class Language(Struct, frozen=True):
     """The parts and literals of a program with one kind of robots."""
 
     own: tuple[Part, ...]
     shared: tuple[Part, ...]
-    literals: tuple[Literal, ...]
+    literals: tuple[AnyLiteral, ...]
     swapped: tuple[int, ...]  #: by literal: the one with i and j exchanged
     size: int  #: of the arrays that k is an index of; 1 if there is no k
 
@@ -183,7 +235,7 @@ class Language(Struct, frozen=True):
         own = [part for part in own if part.size in (None, size)]
         shared = [part for part in shared if part.size in (None, size)]
         literals = _literals(program, own, shared, size if sizes else None)[:_MOST_LITERALS]
-        places = {(_twin(x.left), x.op, _twin(x.right), x.positive): x for x in literals}
+        places = {(twin_of(x.left), x.op, twin_of(x.right), x.positive): x for x in literals}
         numbers = {id(x): number for number, x in enumerate(literals)}
         swapped = []
         for number, x in enumerate(literals):
@@ -191,7 +243,11 @@ class Language(Struct, frozen=True):
             if twin is None and x.op is BinaryOp.EQ:
                 twin = places.get((_exchanged(x.right), x.op, _exchanged(x.left), x.positive))
             swapped.append(number if twin is None else numbers[id(twin)])
-        return Language(tuple(own), tuple(shared), tuple(literals), tuple(swapped), size)
+        said: list[AnyLiteral] = [*literals]
+        if asks_everybody(program):
+            said += _existences(literals)[: _MOST_LITERALS - len(said)]
+        swapped += range(len(swapped), len(said))
+        return Language(tuple(own), tuple(shared), tuple(said), tuple(swapped), size)
 
     def snapshot(
         self,
@@ -265,8 +321,9 @@ def _parts(
             return
 
 
-def _twin(q: Quantity) -> tuple[object, ...]:
-    return q.of, q.position, q.indexed, q.value, q.said.type
+def twin_of(q: Quantity, *, whose: bool = True) -> tuple[object, ...]:
+    """What tells one quantity from another; ``whose``: also those of i from those of j."""
+    return q.of if whose else q.of > 0, q.position, q.indexed, q.value, q.said.type
 
 
 def _exchanged(q: Quantity) -> tuple[object, ...]:
@@ -298,10 +355,47 @@ def _literals(
     atoms += _comparisons(program, [q for q in quantities if q.said.type == INT], size)
     atoms.sort(key=lambda atom: atom[3])
     return [
-        Literal(left, op, right, positive, cost)
+        Literal(left, op, right, positive, cost + _is_weak(left, right, positive=positive))
         for left, op, right, cost in atoms
         for positive in (True, False)
     ]
+
+
+def _is_weak(left: Quantity, right: Quantity, *, positive: bool) -> bool:
+    """Return whether a literal says of one of several values that it is not the one."""
+    return not positive and right.value is not None and left.said.type != BOOL
+
+
+def _existences(literals: Sequence[Literal]) -> list[AnyLiteral]:
+    """That there is a robot of which a literal holds."""
+    return [Existence(x) for x in literals if x.of == 1]
+
+
+def asks_everybody(program: core.Program) -> bool:
+    """Return whether events or claims ask whether some robot, or every one, is so."""
+    claims = [_under_robots(stated.condition) for stated in program.properties]
+    bodies = [function.body for function in program.functions]
+    return any(
+        (isinstance(node, core.Quantified) and isinstance(node.domain, core.RobotRange))
+        or (isinstance(node, core.ForRange) and any(_counts(n) for n in nodes(node.high)))
+        or (isinstance(node, core.Builtin) and node.op in (ListOp.ANY, ListOp.ALL))
+        for node in nodes((program.agents, bodies, claims))
+    )
+
+
+def _counts(node: object) -> bool:
+    return isinstance(node, core.NumAgents)
+
+
+def _under_robots(condition: core.Expr) -> core.Expr:
+    """What a statement says of the robots that it is about."""
+    while (
+        isinstance(condition, core.Quantified)
+        and condition.quantifier is QuantifierKind.FORALL
+        and isinstance(condition.domain, core.RobotRange)
+    ):
+        condition = condition.body
+    return condition
 
 
 def _constant(value: Constant, type_: Type) -> Quantity:

@@ -127,7 +127,7 @@ class MachineLoop:
             def look(trip: Machine[Term], found: dict[Path, Term] = found) -> Term:
                 before = dict(scalars(self._kept))
                 after = dict(scalars(trip.memory))
-                for path in before.keys() | after.keys():
+                for path in dict.fromkeys([*before, *after]):
                     if path in before and path in after and self._same(before[path], after[path]):
                         continue
                     if path not in EXITS and path[0] != "result":
@@ -202,12 +202,7 @@ class MachineLoop:
         def goes_on(number: Term) -> Term:
             return m.negated(self._leaves(self._trip(number).memory))
 
-        through = self.facts.book.every(self.low, self.high, goes_on)
-        last = d.fresh_like("witness", 0)
-        book.name(last)
-        before = self.facts.book.every(self.low, last, goes_on)
-        at_last = [book.between(self.low, last, self.high), m.negated(goes_on(last)), before]
-        book.note(m.either(through, conjunction(d, at_last)))
+        through, last = book.first(self.low, self.high, goes_on)
         start = m.memory
         left = self._trip_from(start, last)
         left.memory.broke = False

@@ -128,7 +128,10 @@ class Asking:
     def counterexample(
         self, goals: Sequence[tuple[Claim, list[Term]]], given: Sequence[Term]
     ) -> tuple[SolverAnswer, set[Claim]]:
-        """Ask whether one of some goals can be met, and which of them are in the model."""
+        """Ask whether one of some goals can be met, and which of them are in the model.
+
+        If none can be, the solver's core has positions of what of the given it takes.
+        """
         d, book, means = self.world.d, self.world.book, self.means
         asked = {claim: conjunction(d, goal) for claim, goal in goals}
         book.ask([*given, *asked.values()])
@@ -246,6 +249,7 @@ class Step:
         world.book.note(self._opening.calm)
         self._round = ParameterisedRound(world, self.start)
         self._supposed: dict[Claim, Term] = {}
+        self._goals: dict[tuple[Claim, ClaimPhase], list[Term]] = {}
         for assumption in _lasting(program):
             given = Universal.of(assumption.condition, assumption.bound)
             given.suppose(world, self._opening.configuration, True)
@@ -282,15 +286,27 @@ class Step:
                 return left
 
     def counterexample(
-        self, claims: Sequence[Claim], moment: ClaimPhase, generations: int
+        self,
+        claims: Sequence[Claim],
+        given: Sequence[Claim],
+        moment: ClaimPhase,
+        generations: int,
     ) -> tuple[SolverAnswer, set[Claim]]:
-        """Ask for a round that breaks one of the claims, with names of so many generations."""
+        """Ask for a round that breaks one of the claims, with names of so many generations.
+
+        Returned are the claims that it breaks; if there is none, the given ones that it takes.
+        """
         self.asking.look_ahead(generations)
-        given = [self._suppose(claim) for claim in claims if claim.is_state_property]
+        state = [claim for claim in given if claim.is_state_property]
+        supposed = [self._suppose(claim) for claim in state]
         goals = [(claim, goal) for claim in claims if (goal := self._goal(claim, moment))]
         if not goals:
             return SolverAnswer.UNSAT, set()
-        return self.asking.counterexample(goals, given)
+        answer, hit = self.asking.counterexample(goals, supposed)
+        if answer is SolverAnswer.UNSAT:
+            used = self.asking.solver.core()
+            return answer, {claim for k, claim in enumerate(state) if k in used}
+        return answer, hit
 
     def lemmas(self, claims: Sequence[Claim], others: Sequence[Claim]) -> list[Claim]:
         """The lemmas that proofs of the claims use, found one by one."""
@@ -343,6 +359,11 @@ class Step:
 
     def _goal(self, claim: Claim, moment: ClaimPhase) -> list[Term]:
         """The negation of a claim at a moment, as a conjunction; empty if it cannot fail there."""
+        if (claim, moment) not in self._goals:
+            self._goals[claim, moment] = self._negation(claim, moment)
+        return self._goals[claim, moment]
+
+    def _negation(self, claim: Claim, moment: ClaimPhase) -> list[Term]:
         if not claim.looked_at(ClaimPhase.MIDDLE if moment is ClaimPhase.INSIDE else moment):
             return []
         round_, robot, other = self._round, *self.asking.robots[:2]

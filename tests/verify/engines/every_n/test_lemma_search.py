@@ -11,10 +11,17 @@ from koord.syntax.core import Const, Home
 from koord.syntax.system import dealt
 from koord.verify.claims import claims_of
 from koord.verify.effort import Deadline, Effort
-from koord.verify.engines.every_n.disjunctions import Samples, canonical, is_false, lemma
+from koord.verify.engines.every_n.disjunctions import (
+    Looking,
+    Samples,
+    canonical,
+    implied,
+    is_false,
+    lemma,
+)
 from koord.verify.engines.every_n.kinds_of_integers import ROBOT, KindsOfIntegers
 from koord.verify.engines.every_n.lemma_search import infer_from_counterexamples
-from koord.verify.engines.every_n.literals import Language
+from koord.verify.engines.every_n.literals import Existence, Language
 from koord.verify.engines.every_n.proving import Inferred
 from koord.verify.engines.every_n.questions import GENEROUS, SPARING
 from tests.loading import program_of
@@ -139,9 +146,11 @@ def text_of(name: str) -> str:
         ("claim", {"Exclusive", "no fault"}),
         ("lock_server", {"Exclusive", "no fault"}),
         ("lockserv", {"Exclusive", "no fault"}),
+        ("semaphore", {"Room", "Few", "no fault"}),
+        ("sharded_store", {"OneOwner", "Current", "no fault"}),
         ("ticket", {"Exclusive", "Waits", "no fault"}),
-        # Whoever aborts has a reason: that there is a robot, which no disjunction says.
-        ("two_phase_commit", {"Agree", "Unanimous", "no fault"}),
+        # Whoever aborts has a reason: there is a robot that voted no, or failed.
+        ("two_phase_commit", {"Agree", "Unanimous", "Reasoned", "no fault"}),
     ],
 )
 def test_protocols_are_shown_for_every_number_of_robots(name: str, claims: set[str]) -> None:
@@ -223,6 +232,55 @@ def test_disjunctions_hold_in_all_samples_and_not_where_they_are_wanted() -> Non
         assert not any(is_false(language, x, here) for here in seen)
     said = {lemma(program, language, x).name for x in disjunctions}
     assert "forall i, j: i != j and holds@i implies not holds@j" in said
+
+
+def test_that_there_is_a_robot_is_said_where_somebody_asks() -> None:
+    program = program_of(text_of("two_phase_commit.krd"))
+    language = Language.of_program(program)
+    there = [n for n, x in enumerate(language.literals) if isinstance(x, Existence)]
+    assert there
+    seen = [language.sampled(c) for c in reached(dealt(program, 2), 400)]
+    for here in seen:
+        for n in there:
+            x = language.literals[n]
+            assert isinstance(x, Existence)
+            truth = any(x.witness.look(here, (robot, None, 0)) is True for robot in here.robots)
+            assert x.look(here, (0, 1, 0)) is truth
+    said = {lemma(program, language, (n,)).name for n in there}
+    assert "exists j: vote[j] == no" in said
+    # Beside two robots that are spoken of there is a third.
+    apart = next(n for n, x in enumerate(language.literals) if x.of == 2)
+    assert "exists m: " in lemma(program, language, (apart, there[0])).name
+    other = Language.of_program(program_of(text_of("lockserv.krd")))
+    assert not any(isinstance(x, Existence) for x in other.literals)
+
+
+def test_what_follows_at_once_is_not_tried_as_well() -> None:
+    language = Language.of_program(program_of(text_of("two_phase_commit.krd")))
+    named = {
+        lemma(program_of(text_of("two_phase_commit.krd")), language, (n,)).name: n
+        for n in range(len(language.literals))
+    }
+    yes, open_ = named["forall i: vote[i] == yes"], named["forall i: vote[i] != open"]
+    some = named["exists j: vote[j] == yes"]
+    assert implied(language, (open_,), (yes,))
+    assert implied(language, (some,), (yes,))
+    assert implied(language, (open_, some), (yes,))
+    assert not implied(language, (yes,), (open_,))
+    assert not implied(language, (yes,), (some,))
+    assert not implied(language, (open_,), (yes, some))
+
+
+def test_truths_are_looked_at_together_as_one_by_one() -> None:
+    for name in ("two_phase_commit", "sharded_store", "ticket"):
+        program = program_of(text_of(f"{name}.krd"))
+        language = Language.of_program(program)
+        looking = Looking(language)
+        for configuration in reached(dealt(program, 2), 60):
+            here = language.sampled(configuration)
+            for row in language.rows(here):
+                truths = looking.truths(looking.values(here, row))
+                assert truths == tuple(x.look(here, row) is True for x in language.literals)
 
 
 def test_integers_that_meet_are_of_one_kind() -> None:

@@ -223,3 +223,112 @@ Copy:
 invariant Last: forall i: last@i <= 1
 """
     assert "Last" not in proved(text)
+
+
+#: Two loops that ask the same, one of all robots, one of all but some.
+TWO = """
+allread:
+  bool[] up = false
+local:
+  bool all_ = false
+  bool some = false
+def fun everyone(bool[] who) -> bool:
+  for k = 0, numAgents:
+    if not who[k]:
+      return false
+  return true
+def fun others(bool[] who) -> bool:
+  for k = LOW, HIGH:
+    if not who[k]:
+      return false
+  return true
+Raise:
+  eff:
+    up[pid] = true
+Look:
+  pre: everyone(up)
+  eff:
+    all_ = true
+Glance:
+  pre: others(up)
+  eff:
+    some = true
+invariant All: forall i: all_@i implies forall j: up[j]
+invariant Some: forall i: some@i implies forall j: up[j]
+"""
+
+
+@pytest.mark.parametrize(("low", "high"), [("1", "numAgents"), ("0", "numAgents - 1"), ("0", "1")])
+def test_loops_that_ask_the_same_of_others(low: str, high: str) -> None:
+    text = TWO.replace("LOW", low).replace("HIGH", high)
+    assert "All" in proved(text)
+    assert "Some" not in proved(text)
+    assert "Some" in broken(text, 3)
+
+
+def test_loops_that_ask_the_same_of_the_same() -> None:
+    text = TWO.replace("LOW", "0").replace("HIGH", "numAgents")
+    assert proved(text) == {"All", "Some", "no fault"}
+
+
+#: Loops that are left where they are not where others are: the numbers of the trips count.
+LEFT_AT = """
+allread:
+  bool[] up = false
+local:
+  int one = -1
+  int two = -1
+def fun first(bool[] who) -> int:
+  for k = 0, numAgents:
+    if who[k]:
+      return k
+  return -1
+def fun second(bool[] who) -> int:
+  for k = LOW, numAgents:
+    if who[k]:
+      return k
+  return -1
+Raise:
+  eff:
+    up[pid] = true
+Look:
+  pre: one == -1 and two == -1
+  eff:
+    one = first(up)
+    two = second(up)
+invariant Same: forall i: two@i == -1 or one@i == two@i
+"""
+
+
+def test_loops_are_left_in_the_same_trip_if_they_ask_the_same() -> None:
+    assert "Same" in proved(LEFT_AT.replace("LOW", "0"))
+    assert "Same" not in proved(LEFT_AT.replace("LOW", "1"))
+    assert "Same" in broken(LEFT_AT.replace("LOW", "1"), 2)
+
+
+#: What others are is not the same for each robot that asks.
+EACH = """
+allread:
+  int[] level = 0
+local:
+  bool top = false
+def fun above(int[] all_, int own) -> bool:
+  for k = 0, numAgents:
+    if all_[k] > own:
+      return false
+  return true
+Rise:
+  pre: not top
+  eff:
+    level[pid] = level[pid] + 1
+Look:
+  pre: above(level, level[pid])
+  eff:
+    top = true
+invariant Top: forall i, j: top@i and top@j implies i == j
+"""
+
+
+def test_what_each_robot_asks_is_its_own() -> None:
+    assert "Top" not in proved(EACH)
+    assert "Top" in broken(EACH, 2)
