@@ -121,6 +121,103 @@ def test_as_the_road_of_python_on_many(kind: str) -> None:
 
 CLAIMING = (ROOT / "benchmarks" / "programs" / "clear_tasks.krd").read_text("utf-8")
 
+#: An answer that the summary does not allow would fault, or break the invariant.
+LEGAL = """\
+def fun next(int now) -> int: extern fresh
+    ensures:
+        0 <= result and result <= 4
+        result != 2 and result != now
+
+local:
+    int at = 0
+
+Move:
+    pre: at < 4
+    eff: at = next(at)
+
+invariant Never: at != 2
+"""
+
+#: What a sensor reads depends on what it read before.
+SENSED = """\
+using Sense:
+    sensors:
+        int level
+    contract Slow:
+        ensures:
+            0 <= level' and level' <= 3
+            level' == level or level' == level + 1
+
+local:
+    int seen = 0
+
+Look:
+    pre: seen < Sense.level
+    eff: seen = Sense.level
+
+assume: Sense.level == 0
+
+invariant Near: seen <= Sense.level
+"""
+
+STOPPED = """\
+local:
+    int done = 0
+
+Work:
+    pre: done < 3
+    eff: done = done + 1
+
+Leave:
+    pre: done == 1
+    eff: stop()
+
+invariant StoppedEarly: stopped implies done == 1
+"""
+
+#: A robot that names another one, and itself after that.
+NAMED = """\
+local:
+    int friend = -1
+    bool said = false
+
+Meet:
+    pre: friend == -1
+    eff:
+        atomic:
+            if last != -1 and last != pid:
+                friend = last
+            last = pid
+
+Tell:
+    pre: friend != -1 and not said
+    eff: said = true
+
+allwrite:
+    int last = -1
+
+invariant Others: friend != pid
+invariant NotBoth: forall i, j: i != j and friend@i == j implies friend@j != i
+"""
+
+#: Numbers of either sign, divided by numbers of either sign.
+DIVIDED = """\
+local:
+    int x = -7
+    int y = 0
+    int z = 0
+
+Divide:
+    pre: x < 8
+    eff:
+        y = x / 3 + x % 3 + x / -2
+        z = x % -3
+        x = x + 1
+
+invariant Down: y * 2 < x + 6
+invariant Negative: z <= 0
+"""
+
 LOST = """\
 allwrite:
     int x = 0
@@ -144,10 +241,25 @@ def read(text: str, robots: int) -> System:
     [
         (CLAIMING, 2),
         (LOST, 3),
+        (LEGAL, 2),
+        (SENSED, 2),
+        (STOPPED, 3),
+        (NAMED, 3),
+        (DIVIDED, 1),
         ((ROOT / "specs" / "examples" / "sum_of_ids.krd").read_text("utf-8"), 4),
         ((ROOT / "specs" / "examples" / "leader_elect.krd").read_text("utf-8"), 3),
     ],
-    ids=["claiming", "lost", "sum_of_ids", "leader_elect"],
+    ids=[
+        "claiming",
+        "lost",
+        "legal",
+        "sensed",
+        "stopped",
+        "named",
+        "divided",
+        "sum_of_ids",
+        "leader_elect",
+    ],
 )
 @pytest.mark.parametrize("symmetry", [False, True])
 def test_programs_as_the_road_of_python(text: str, robots: int, symmetry: bool) -> None:
