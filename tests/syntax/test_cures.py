@@ -248,3 +248,11 @@ def test_what_is_displaced_is_read_all_the_same() -> None:
 def test_misspelt_operations_and_keywords_are_suggested(wrong: str, right: str) -> None:
     found = [one.hint for one in diagnostics(ABOVE + EVENT + wrong + "\n")]
     assert f"did you mean `{right}`?" in found, found
+
+
+def test_an_event_inside_of_another_may_have_lost_its_name() -> None:
+    text = "local:\n  int x = 0\nA:\n  :\n    pre: x == 0\n    eff: x = 1\n"
+    found = load(Source("a.krd", text)).diagnostics
+    misplaced = next(d for d in found if d.code == "K141")
+    assert (misplaced.span.line, misplaced.span.column) == (4, 3)
+    assert misplaced.hint == "dedent it by 2 spaces: it stands beside `A`, not in it"

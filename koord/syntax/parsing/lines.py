@@ -55,6 +55,11 @@ class LinePart(Struct):
         return self.tokens[0].type if self.tokens else ""
 
     @property
+    def start(self) -> Token:
+        """The token that the part begins with: its colon, if nothing stands before that."""
+        return self.tokens[0] if self.tokens else self.end
+
+    @property
     def end(self) -> Token:
         """The token that ends the part: its colon, or a token for the place behind it."""
         if self.colon:

@@ -58,11 +58,11 @@ class LineReader:
         around = self.around
         if around is None:
             return False
-        word = f"`{shown(part.tokens[0].text)}`" if part.first in _SECTIONS else "an event"
+        word = f"`{shown(part.start.text)}`" if part.first in _SECTIONS else "an event"
         head = shown(" ".join(token.text for token in around.tokens))
-        by = part.tokens[0].column - around.tokens[0].column
+        by = part.start.column - around.start.column
         cure = f"dedent it by {by} space{'s' * (by != 1)}: it stands beside `{head}`, not in it"
-        if by <= 0 or part.tokens[0].line == around.tokens[0].line:
+        if by <= 0 or part.start.line == around.start.line:
             cure = f"write it on a line of its own, beside `{head}`"
         self.complain(part, "K141", part.span, f"{word} cannot stand inside of `{head}`", cure)
         self.displaced.append(part)
