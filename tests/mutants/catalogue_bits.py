@@ -129,8 +129,8 @@ BITS = (
     Mutant(
         "narrow questions forget what is about the claim",
         "verify.engines.bits.constraint_selection.narrowed",
-        "g.all_of(kept)",
-        "g.all_of(kept) ^ 1",
+        "steps = g.all_of([*kept, *bounds])",
+        "steps = g.all_of([*kept, *bounds]) ^ 1",
         ("tests/verify/engines/bits/test_constraint_selection.py",),
     ),
     # clauses and rounds
