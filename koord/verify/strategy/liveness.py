@@ -43,6 +43,7 @@ def settled(
     *,
     names: Sequence[str] = (),
     proved: Sequence[Claim] = (),
+    everyone: Sequence[Claim] = (),
     seed: int = 0,
     pool: Pool | None = None,
     before: Mapping[str, float] | None = None,
@@ -50,7 +51,8 @@ def settled(
 ) -> LivenessVerdicts:
     """Run the engines of some rows on a system's liveness claims, or the named ones.
 
-    ``proved`` are claims that hold in every round: proofs may rely on them. ``before`` is what was
+    ``proved`` are claims that hold in every round: proofs may rely on them, and on ``everyone``,
+    which hold of every number of robots, if they are for every number. ``before`` is what was
     spent on claims already, by their names; ``steps`` are told of what is known by and by.
     """
     system = slices.system
@@ -65,7 +67,7 @@ def settled(
     if not rows:
         ledger.in_the_way = (WholeRuns(),)
         ledger.stopped = WholeRuns().what
-    asking = _Asking(ledger, rows, proved, pool, steps)
+    asking = _Asking(ledger, rows, proved, everyone, pool, steps)
     parts = _parts(slices, {claim: slices.cone([claim]) for claim in claims})
     with ledger.stopping():
         asking.about(parts)
@@ -113,6 +115,7 @@ class _Asking(Struct):
     ledger: Ledger
     rows: Sequence[AskEngine]
     proved: Sequence[Claim]
+    everyone: Sequence[Claim]
     pool: Pool
     steps: Steps
     doubts: SpuriousViolations = field(default_factory=SpuriousViolations)
@@ -138,7 +141,7 @@ class _Asking(Struct):
         for number, row in enumerate(self.rows):
             turn = EngineTurn(row.engine, row.task, workers)
             for part in parts:
-                work = partial(self._on_circuit, part, turn) if row.opaque else turn.work
+                work = partial(self._on_opaque, part, turn) if row.opaque else turn.work
                 self._ask(part, number, turn.name, work)
 
     def _ask(self, part: _Part, turn: int, name: str, work: Callable[[Ledger], None]) -> None:
@@ -164,8 +167,8 @@ class _Asking(Struct):
         finally:
             self.ledger.take(inner.extract(asked))
 
-    def _on_circuit(self, part: _Part, turn: EngineTurn, ledger: Ledger) -> None:
-        """Run the circuit engine on a slice, with opaque values where there are any."""
+    def _on_opaque(self, part: _Part, turn: EngineTurn, ledger: Ledger) -> None:
+        """Run an engine on a slice, with lemmas, and opaque values where there are any."""
         whole = self.ledger.system
         problem = abstract_problem(whole, part.system)
         if problem is None:
@@ -178,13 +181,20 @@ class _Asking(Struct):
             for claim in liveness_of(problem.system)
             if identity(claim) in outer
         }
-        known = {identity(claim) for claim in self.proved if claim.is_state_property}
+        of_everyone = turn.engine is Engine.EVERY_N
+        given = self.everyone if of_everyone else self.proved
+        known = {identity(claim) for claim in given if claim.is_state_property}
         lemmas = tuple(c for c in claims_of(problem.system) if identity(c) in known)
         inner = replace(ledger.about(problem, tuple(originals)), report=ledger.progress)
-        inner.noted = lambda verdict: _put_down(ledger, verdict, originals[verdict.claim], inner)
+        inner.noted = lambda verdict: _put_down(
+            ledger, verdict, originals[verdict.claim], inner, turn.engine
+        )
         with ledger.waiting():
             try:
-                _without_lemmas_first(inner, turn, lemmas, self.pool)
+                if of_everyone:
+                    replace(turn, task=replace(turn.task, lemmas=lemmas)).work(inner)
+                else:
+                    _without_lemmas_first(inner, turn, lemmas, self.pool)
             finally:
                 for claim in inner.open():
                     inner.noted(inner.verdict(claim))
@@ -192,11 +202,13 @@ class _Asking(Struct):
                     ledger.fail(failure)
 
 
-def _put_down(ledger: Ledger, verdict: Verdict, claim: Claim, inner: Ledger) -> None:
+def _put_down(
+    ledger: Ledger, verdict: Verdict, claim: Claim, inner: Ledger, engine: Engine
+) -> None:
     """Merge the results on a claim from a ledger of its own."""
     said = inner.extract([verdict.claim])
     first = next(iter(verdict.obstacles), None)
-    reach = Reach(Engine.BITS, None, verdict.reason, verdict.seconds, obstacle=first)
+    reach = Reach(engine, None, verdict.reason, verdict.seconds, obstacle=first)
     settled = verdict.outcome is not Outcome.UNKNOWN
     ledger.take(
         replace(

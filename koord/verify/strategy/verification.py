@@ -134,7 +134,7 @@ class _Verification(Struct, frozen=True):
         unreachable = _Vacuities()
         if search.job is None:
             unreachable = search.end(ledger, self.names)
-        proved = [v.claim for v in verdicts if v.outcome is Outcome.HOLDS and v.rounds is None]
+        proved = [v for v in verdicts if v.outcome is Outcome.HOLDS and v.rounds is None]
         cut |= unreachable.interrupted
         runs = self._of_runs(slices, proved, known, cut=cut)
         if search.job is not None and not (cut or runs.interrupted):
@@ -176,7 +176,7 @@ class _Verification(Struct, frozen=True):
         return verdicts, ledger, last
 
     def _of_runs(
-        self, slices: Slices, proved: Sequence[Claim], known: Sequence[Verdict], *, cut: bool
+        self, slices: Slices, proved: Sequence[Verdict], known: Sequence[Verdict], *, cut: bool
     ) -> LivenessVerdicts:
         """Verdicts on the claims about runs that are asked about, if there are any."""
         live = settled(
@@ -185,7 +185,8 @@ class _Verification(Struct, frozen=True):
             () if cut else LIVENESS.get(self.choice, ()),
             self.deadline,
             names=self.names,
-            proved=proved,
+            proved=[verdict.claim for verdict in proved],
+            everyone=[v.claim for v in proved if v.engine is Engine.EVERY_N],
             seed=self.seed,
             pool=self.pool,
             before={v.claim.name: v.seconds for v in known},

@@ -5,7 +5,8 @@ All claims are assumed of some configuration, and each is asked for after one mo
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
+from typing import TypeVar
 
 from msgspec import Struct
 
@@ -24,6 +25,9 @@ from koord.verify.encoding.terms import Term
 from koord.verify.engines.every_n.all_robots import ParameterisedSystem, Universal
 from koord.verify.engines.every_n.initial_states import ArbitraryState, ParameterisedInit, faults_of
 from koord.verify.engines.every_n.rounds import ParameterisedRound
+
+#: What a goal is for: a claim, or a premise of a proof.
+G = TypeVar("G", bound=Hashable)
 
 
 class ProofBudget(Struct, frozen=True):
@@ -72,12 +76,12 @@ class Asking:
         self.world.book.most = self.means.thrift.instances
         self.robots: tuple[Term, ...] = tuple(self.world.d.fresh(f"y{k}", INT) for k in range(4))
 
-    def failing(self, goals: Sequence[tuple[Claim, list[Term]]]) -> dict[Claim, str]:
-        """The claims whose goals (each a conjunction) the facts do not refute."""
+    def failing(self, goals: Sequence[tuple[G, list[Term]]]) -> dict[G, str]:
+        """The claims (or premises) whose goals (each a conjunction) the facts do not refute."""
         pending = list(goals)
         for _, goal in goals:
             self.world.book.ask(goal)
-        failed: dict[Claim, str] = {}
+        failed: dict[G, str] = {}
         for limit in range(max(self._limit, 0), self.means.thrift.generations):
             if limit > self._limit:
                 self.world.book.settle(limit)
@@ -97,8 +101,8 @@ class Asking:
                 break
         return failed
 
-    def sift(self, goals: Sequence[tuple[Claim, list[Term]]], given: Sequence[Term]) -> set[Claim]:
-        """The claims with satisfiable goals, all queried together, as far as the solver tells.
+    def sift(self, goals: Sequence[tuple[G, list[Term]]], given: Sequence[Term]) -> set[G]:
+        """The claims (or premises) with satisfiable goals, as far as the solver tells: one query.
 
         ``given`` holds besides. Where the solver gives up, all claims that are left are met.
         """
@@ -107,7 +111,7 @@ class Asking:
         book.ask([*given, *pending.values()])
         self.look_ahead(1)
         book.settle(self._limit)
-        met: set[Claim] = set()
+        met: set[G] = set()
         while pending:
             self._tell()
             question = [*given, disjunction(d, list(pending.values()))]
@@ -247,7 +251,7 @@ class Step:
         world.book.expect(*self.asking.robots[:2])
         world.book.expect(0, world.last, generation=1)
         world.book.note(self._opening.calm)
-        self._round = ParameterisedRound(world, self.start)
+        self.round = ParameterisedRound(world, self.start)
         self._supposed: dict[Claim, Term] = {}
         self._goals: dict[tuple[Claim, ClaimPhase], list[Term]] = {}
         for assumption in _lasting(program):
@@ -260,7 +264,7 @@ class Step:
 
     def failing(self, candidates: Sequence[Claim]) -> dict[Claim, str]:
         """The claims that are not proved to be preserved by a round."""
-        given = [self._suppose(claim) for claim in candidates if claim.is_state_property]
+        given = [self.suppose(claim) for claim in candidates if claim.is_state_property]
         failed: dict[Claim, str] = {}
         for moment in self.moments():
             goals = [
@@ -278,7 +282,7 @@ class Step:
         while True:
             before = len(left)
             for moment in self.moments():
-                given = [self._suppose(claim) for claim in left if claim.is_state_property]
+                given = [self.suppose(claim) for claim in left if claim.is_state_property]
                 goals = [(claim, g) for claim in left if (g := self._goal(claim, moment))]
                 met = self.asking.sift(goals, given)
                 left = [claim for claim in left if claim not in met]
@@ -298,7 +302,7 @@ class Step:
         """
         self.asking.look_ahead(generations)
         state = [claim for claim in given if claim.is_state_property]
-        supposed = [self._suppose(claim) for claim in state]
+        supposed = [self.suppose(claim) for claim in state]
         goals = [(claim, goal) for claim in claims if (goal := self._goal(claim, moment))]
         if not goals:
             return SolverAnswer.UNSAT, set()
@@ -311,7 +315,7 @@ class Step:
     def lemmas(self, claims: Sequence[Claim], others: Sequence[Claim]) -> list[Claim]:
         """The lemmas that proofs of the claims use, found one by one."""
         state = [claim for claim in (*claims, *others) if claim.is_state_property]
-        given = [self._suppose(claim) for claim in state]
+        given = [self.suppose(claim) for claim in state]
         waiting, found = list(claims), list[Claim]()
         while waiting:
             claim = waiting.pop()
@@ -337,7 +341,7 @@ class Step:
 
     def is_closed(self, claims: Sequence[Claim]) -> bool:
         """Return whether every round preserves some claims, if all of them hold before it."""
-        given = [self._suppose(claim) for claim in claims if claim.is_state_property]
+        given = [self.suppose(claim) for claim in claims if claim.is_state_property]
         for moment in self.moments():
             goals = [(claim, goal) for claim in claims if (goal := self._goal(claim, moment))]
             if self.asking.sift(goals, given):
@@ -349,7 +353,7 @@ class Step:
             return [ClaimPhase.INSIDE, ClaimPhase.MIDDLE, ClaimPhase.END]
         return [ClaimPhase.INSIDE, ClaimPhase.END]
 
-    def _suppose(self, claim: Claim) -> Term:
+    def suppose(self, claim: Claim) -> Term:
         """The literal under which a claim is assumed of the start."""
         if claim not in self._supposed:
             when = self.world.d.fresh(f"suppose {claim.name}", BOOL)
@@ -366,7 +370,7 @@ class Step:
     def _negation(self, claim: Claim, moment: ClaimPhase) -> list[Term]:
         if not claim.looked_at(ClaimPhase.MIDDLE if moment is ClaimPhase.INSIDE else moment):
             return []
-        round_, robot, other = self._round, *self.asking.robots[:2]
+        round_, robot, other = self.round, *self.asking.robots[:2]
         before: list[Term] = [] if moment is ClaimPhase.INSIDE else [round_.calm, round_.legal]
         match claim.kind:
             case ClaimKind.PROPERTY:
@@ -391,11 +395,11 @@ class Step:
     def _configuration(self, moment: ClaimPhase) -> Configuration[Term]:
         match moment:
             case ClaimPhase.INSIDE:
-                return self._round.inside
+                return self.round.inside
             case ClaimPhase.MIDDLE:
-                return self._round.middle
+                return self.round.middle
             case _:
-                return self._round.end
+                return self.round.end
 
 
 def _lasting(program: core.Program) -> list[core.Assumption]:

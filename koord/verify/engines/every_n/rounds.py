@@ -81,14 +81,14 @@ class ParameterisedRound:
         self.world.book.note(self.world.book.implied(self.calm, sound))
         return moves
 
-    def _event(self, robot: Term) -> Term:
-        """The position of the event that a robot runs in this round."""
+    def event(self, robot: Term) -> Term:
+        """The position of the event that a robot runs in this round, or ``NO_EVENT``."""
         with self.world.d.depending_on((robot,)):
             return self.world.d.fresh("event", INT)
 
     def _moves(self, kind: int, robot: Term, here: Term) -> list[PossibleTurn]:
         world, d, book = self.world, self.world.d, self.world.book
-        event = self._event(robot)
+        event = self.event(robot)
         state, seat = self.start.robot(kind, robot), world.seat(kind, robot)
         inputs = RobotInputs(world.unknowns, "round", robot)
         count = len(world.program.agents[kind].events)
@@ -109,7 +109,7 @@ class ParameterisedRound:
         state, seat = self.start.robot(kind, robot), world.seat(kind, robot)
         inputs = RobotInputs(world.unknowns, "round", robot)
         running = d.binary(BinaryOp.NE, state.status, d.const(int(Status.STOPPED), INT))
-        acts = d.binary(BinaryOp.NE, self._event(robot), NO_EVENT)
+        acts = d.binary(BinaryOp.NE, self.event(robot), NO_EVENT)
         for urgent in world.program.agents[kind].events:
             if urgent.urgent:
                 holds, _ = guard_of(d, seat, 0, state, urgent, inputs)

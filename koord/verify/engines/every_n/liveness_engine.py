@@ -1,0 +1,84 @@
+"""The engine of progress: liveness for every number of robots. [T-PROGRESS]"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+
+from msgspec import Struct
+from msgspec.structs import replace
+
+from koord.syntax import core
+from koord.verify.claims import Claim, ClaimKind
+from koord.verify.effort import Effort
+from koord.verify.engine_names import Engine
+from koord.verify.engines.engine import Task, Tools, Worker
+from koord.verify.engines.every_n.progress import ProgressProof, progress
+from koord.verify.engines.every_n.progress_parts import HelpKind, lemmas_of
+from koord.verify.engines.every_n.proving import prove
+from koord.verify.engines.every_n.questions import GENEROUS, SPARING, Means
+from koord.verify.ledger import Ledger, Reach
+from koord.verify.obstacles import gave_up
+from koord.verify.verdicts import Outcome, Verdict
+
+
+class ProgressEngine(Struct, frozen=True):
+    """The engine that proves claims about whole runs for every number of robots.
+
+    It finds no violations. What it is given as lemmas holds in every round, of every number.
+    """
+
+    @property
+    def name(self) -> str:
+        return Engine.EVERY_N.value
+
+    def suits(self, ledger: Ledger, task: Task) -> bool:
+        return True
+
+    def work(self, ledger: Ledger, task: Task) -> None:
+        thrift = GENEROUS if task.seconds is None else replace(SPARING, seconds=task.seconds)
+        system = ledger.system
+        known: Sequence[Claim] | None = None
+        for claim in ledger.open():
+            started = time.monotonic()
+            ledger.progress("every N, measures that settle and help that is not refused")
+            means = Means(ledger.deadline, Effort.of_seconds(thrift.seconds), thrift, ledger.seed)
+            if known is None:
+                known = [*task.lemmas, *_lemmas(ledger, task.lemmas, means)]
+            assert claim.stated is not None
+            found = progress(system, claim.stated, known, means)
+            seconds = time.monotonic() - started
+            if isinstance(found, ProgressProof):
+                under = fairness_of(system.program, found)
+                verdict = Verdict(claim, Outcome.HOLDS, Engine.EVERY_N, seconds, fairness=under)
+                ledger.settle({claim: verdict})
+            else:
+                obstacle = gave_up(Engine.EVERY_N, ledger.deadline)
+                reach = Reach(Engine.EVERY_N, None, found, seconds, obstacle=obstacle)
+                ledger.leave([claim], reach)
+
+
+def make(engine: Engine, tools: Tools) -> Worker:
+    """Make the engine for a problem."""
+    return ProgressEngine()
+
+
+def _lemmas(ledger: Ledger, known: Sequence[Claim], means: Means) -> list[Claim]:
+    """The likely lemmas that hold of every number of robots, beside those that are known."""
+    likely = [
+        Claim(f"lemma {k}", ClaimKind.PROPERTY, stated)
+        for k, stated in enumerate(lemmas_of(ledger.system.program))
+    ]
+    if not likely:
+        return []
+    claims = [*known, *likely]
+    shown = prove(ledger.system, claims, means.deadline, means.effort, means.thrift, means.seed)
+    return [claim for claim in likely if claim in shown.proved]
+
+
+def fairness_of(program: core.Program, proof: ProgressProof) -> tuple[str, ...]:
+    """The kinds of fairness, and expectations, that a proof rests on, by name."""
+    robots = any(each.kind is not HelpKind.EXPECTED for each in proof.help)
+    positions = sorted({each.expectation for each in proof.help if each.expectation is not None})
+    names = (program.expectations[k].name for k in positions)
+    return (*(["robots"] if robots else []), *names)

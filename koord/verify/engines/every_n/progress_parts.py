@@ -1,0 +1,323 @@
+"""The parts of a proof of progress: measures that settle, and help that is not refused.
+
+Measures and help are made from the program: states of robots and shared variables, differences of
+numbers that are compared, guards of events, and what is expected of the environment. Which of them
+a proof may rest on is shown; nothing here is trusted. [T-PROGRESS]
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from enum import Enum
+from typing import Any
+
+from msgspec import Struct
+from msgspec.structs import replace
+
+from koord.semantics.liveness import LIVENESS
+from koord.syntax import core
+from koord.syntax.core import BinaryOp, Home, UnaryOp
+from koord.syntax.types import BOOL, INT, ArrayType, BoolType, EnumType, IntType, RecordType
+from koord.syntax.walk import nodes, reached, rebuilt
+from koord.verify.engines.every_n.candidates import Vocabulary
+
+#: The robot that a measure or help is of, and the one that the claim means.
+ROBOT = core.Variable(Home.BOUND, 0, "i", INT)
+MEANT = core.Variable(Home.BOUND, 1, "me", INT)
+
+READ_ROBOT, READ_MEANT = (core.Read(core.Place(v)) for v in (ROBOT, MEANT))
+
+#: Elements of longer arrays are no measures.
+_MOST_ELEMENTS = 32
+
+#: More measures are not tried.
+_MOST_MEASURES = 400
+
+
+class Phrase(Struct, frozen=True):
+    """An expression about a robot, and about the one that a claim means: the slots of both."""
+
+    said: core.Expr
+    bound: int = 2
+    robot: int | None = 0
+    meant: int | None = 1
+
+
+class Measure(Struct, frozen=True):
+    """A measure that settles: a Boolean that only falls, or a natural number that does not grow.
+
+    It is of each robot of a kind if ``each`` is told.
+    """
+
+    term: Phrase
+    each: core.RobotRange | None = None
+
+
+class HelpKind(Enum):
+    """The kinds of help, by the fairness that it rests on."""
+
+    ROBOT = "robot"  #: the robot is ready, and what it runs changes a measure [FAIR-ROBOT]
+    EXPECTED = "expected"  #: an assumption promises what would change a measure [FAIR-ASSUME]
+    AFTER_RUN = "after a run"  #: both: what the robot runs makes an assumption promise
+
+
+class Help(Struct, frozen=True):
+    """Robots that help where ``state`` holds of them, as long as no measure changes.
+
+    ``expectation`` is the position of the assumption that it rests on.
+    """
+
+    kind: HelpKind
+    state: Phrase
+    each: core.RobotRange
+    expectation: int | None = None
+
+
+# --- measures -------------------------------------------------------------------------------------
+
+
+def measures_of(program: core.Program, stated: core.Property) -> tuple[Measure, ...]:
+    """The candidates for measures of a claim, the simplest first."""
+    found = dict.fromkeys(_measures(program, stated))
+    return tuple(found)[:_MOST_MEASURES]
+
+
+def _measures(program: core.Program, stated: core.Property) -> Iterator[Measure]:
+    for kind in range(len(program.agents)):
+        each, words = range_of(program, kind), _Words(program, kind)
+        if _may_stop(program):
+            yield Measure(Phrase(_negated(core.Stopped(READ_ROBOT))), each)
+        for state in words.states(READ_ROBOT):
+            if not _is_negation(state):
+                yield Measure(Phrase(state), each)
+                yield Measure(Phrase(_negated(state)), each)
+    for state in _shared_states(program):
+        yield Measure(Phrase(state))
+        yield Measure(Phrase(_negated(state)))
+    for left, right in _compared(program, stated):
+        for one, other in ((left, right), (right, left)):
+            difference = core.Binary(BinaryOp.SUB, one, other, INT)
+            if not _speaks_of_robots(difference):
+                yield Measure(Phrase(difference))
+                continue
+            for kind in range(len(program.agents)):
+                yield Measure(Phrase(said_of(difference, ROBOT)), range_of(program, kind))
+            if stated.each is not None:
+                yield Measure(Phrase(said_of(difference, MEANT)))
+
+
+def _is_negation(state: core.Expr) -> bool:
+    """Return whether a state is the negation of another: both are measures."""
+    return isinstance(state, core.Unary) or (
+        isinstance(state, core.Binary) and state.op is BinaryOp.NE
+    )
+
+
+def range_of(program: core.Program, kind: int) -> core.RobotRange:
+    """The robots of a kind, or all where there is one kind."""
+    return core.RobotRange(kind if len(program.agents) > 1 else None)
+
+
+class _Words(Vocabulary, frozen=True):
+    """The atoms of one kind of robots."""
+
+    kind: int = 0
+
+    @property
+    def agent(self) -> core.Agent:
+        return self.program.agents[self.kind]
+
+
+def _shared_states(program: core.Program) -> Iterator[core.Expr]:
+    """Yield the states of shared variables and of elements of arrays."""
+    for entry in program.allwrite:
+        for place in _elements(core.Place(entry.variable)):
+            match place.type:
+                case BoolType():
+                    yield core.Read(place)
+                case EnumType(members=members) as type_:
+                    for k in range(len(members)):
+                        yield _binary(BinaryOp.EQ, core.Read(place), core.Const(k, type_))
+                case IntType():
+                    for constant in _constants(program):
+                        yield _binary(BinaryOp.EQ, core.Read(place), constant)
+                case _:
+                    pass
+
+
+def _constants(program: core.Program) -> list[core.Expr]:
+    """The integers that guards ask for."""
+    found: dict[core.Expr, None] = {}
+    for node in nodes(_guards(program)):
+        if isinstance(node, core.Binary) and node.op in (BinaryOp.EQ, BinaryOp.NE):
+            for side in (node.left, node.right):
+                if isinstance(side, core.Const | core.Unary) and side.type == INT:
+                    found[side] = None
+    return list(found)[:2]
+
+
+def _guards(program: core.Program) -> tuple[core.Expr, ...]:
+    return tuple(event.guard for agent in program.agents for event in agent.events)
+
+
+def _elements(place: core.Place) -> Iterator[core.Place]:
+    match place.type:
+        case RecordType(fields=parts):
+            for k, (name, type_) in enumerate(parts):
+                yield from _elements(place.part(core.FieldStep(k, name, type_)))
+        case ArrayType(element=element, size=int(size)) if size <= _MOST_ELEMENTS:
+            for k in range(size):
+                yield from _elements(place.part(core.IndexStep(core.Const(k, INT), element)))
+        case _:
+            yield place
+
+
+_COMPARISONS = (BinaryOp.EQ, BinaryOp.NE, BinaryOp.LT, BinaryOp.LE)
+
+#: What counts robots, or asks for answers, is no measure.
+_OPEN = core.Choose | core.ExternalCall | core.Quantified | core.ForRange | core.ForEach
+
+
+def _compared(
+    program: core.Program, stated: core.Property
+) -> Iterator[tuple[core.Expr, core.Expr]]:
+    """Yield pairs of integers, of one robot at most, that the program compares."""
+    stated_too = tuple(p.condition for p in program.properties if p.kind not in LIVENESS)
+    for node in nodes((_guards(program), stated_too, stated.condition)):
+        if not isinstance(node, core.Binary) or node.op not in _COMPARISONS:
+            continue
+        pair = (node.left, node.right)
+        others = {
+            part.variable.slot
+            for part in nodes(pair)
+            if isinstance(part, core.Place) and part.variable.home is Home.BOUND
+        }
+        asks = any(isinstance(part, _OPEN) for part in reached(program, pair))
+        if node.left.type == INT and not asks and len(others) <= 1:
+            yield pair
+
+
+def _speaks_of_robots(e: core.Expr) -> bool:
+    return any(
+        isinstance(part, core.Pid)
+        or (isinstance(part, core.Place) and part.variable.home in _OF_ROBOTS)
+        for part in nodes(e)
+    )
+
+
+_OF_ROBOTS = (Home.BOUND, Home.LOCAL, Home.PORT)
+
+
+def said_of(node: Any, robot: core.Variable) -> Any:
+    """An expression of a robot's turn, or with one bound variable, as one about a robot."""
+    if isinstance(node, core.Variable):
+        return node
+    if isinstance(node, core.Pid):
+        return core.Read(core.Place(robot))
+    if isinstance(node, core.Read) and node.place.variable.home is Home.BOUND:
+        return core.Read(core.Place(robot, node.place.steps))
+    made = rebuilt(node, lambda part: said_of(part, robot))
+    if isinstance(made, core.Place) and made.variable.home in (Home.LOCAL, Home.PORT):
+        return replace(made, robot=core.Read(core.Place(robot)))
+    return made
+
+
+# --- help -----------------------------------------------------------------------------------------
+
+
+def help_of(program: core.Program) -> tuple[Help, ...]:
+    """The candidates for help: what assumptions start from, and guards of events."""
+    return tuple(_help(program))
+
+
+def _help(program: core.Program) -> Iterator[Help]:
+    expected = [
+        (k, each)
+        for k, each in enumerate(program.expectations)
+        if each.each is not None and each.each.variable.slot == ROBOT.slot
+    ]
+    for k, each in expected:
+        assert each.each is not None
+        assert each.trigger is not None
+        where = core.RobotRange(each.each.agent)
+        for state in (each.trigger, _binary(BinaryOp.AND, each.trigger, _negated(each.condition))):
+            phrase = Phrase(state, each.bound, each.each.variable.slot, None)
+            yield Help(HelpKind.EXPECTED, phrase, where, k)
+    for kind, agent in enumerate(program.agents):
+        where = range_of(program, kind)
+        for event in agent.events:
+            if not is_certain(program, event.guard):
+                continue
+            state = said_of(event.guard, ROBOT)
+            if _may_stop(program):
+                state = _binary(BinaryOp.AND, state, _negated(core.Stopped(READ_ROBOT)))
+            yield Help(HelpKind.ROBOT, Phrase(state), where)
+            for k, each in expected:
+                assert each.each is not None
+                if each.each.agent in (None, where.agent):
+                    goal = renamed(each.condition, each.each.variable, ROBOT)
+                    waits = _binary(BinaryOp.AND, state, _negated(goal))
+                    yield Help(HelpKind.AFTER_RUN, Phrase(waits, each.bound, meant=None), where, k)
+
+
+def renamed(node: Any, old: core.Variable, new: core.Variable) -> Any:
+    """A statement in which one bound variable is another, whose slot is not among the others'."""
+    if node == old:
+        return new
+    if isinstance(node, core.Variable):
+        return node
+    return rebuilt(node, lambda part: renamed(part, old, new))
+
+
+def _may_stop(program: core.Program) -> bool:
+    """Return whether robots may stop. [STOP]"""
+    return any(isinstance(node, core.Stop | core.TryStop) for node in nodes(program.agents))
+
+
+def is_certain(program: core.Program, guard: core.Expr) -> bool:
+    """Return whether a guard asks for no answer, so that who may run an event can run it."""
+    return not any(
+        isinstance(node, core.Choose | core.ExternalCall) for node in reached(program, guard)
+    )
+
+
+def _binary(op: BinaryOp, left: core.Expr, right: core.Expr) -> core.Binary:
+    return core.Binary(op, left, right, BOOL)
+
+
+def _negated(e: core.Expr) -> core.Expr:
+    return core.Unary(UnaryOp.NOT, e, BOOL)
+
+
+# --- lemmas ---------------------------------------------------------------------------------------
+
+
+def lemmas_of(program: core.Program) -> Iterator[core.Property]:
+    """Yield candidates for lemmas: who stopped found the conditions under which robots stop."""
+    for kind, agent in enumerate(program.agents):
+        for event in agent.events:
+            for conditions in _ways_to_stop(event.effect, ()):
+                for condition in conditions:
+                    stopped = core.Stopped(READ_ROBOT)
+                    said = _binary(BinaryOp.IMPLIES, stopped, said_of(condition, ROBOT))
+                    each = core.Quantified(
+                        core.QuantifierKind.FORALL, ROBOT, range_of(program, kind), said
+                    )
+                    yield core.Property("", core.PropertyKind.INVARIANT, each, 1)
+
+
+def _ways_to_stop(
+    block: core.Block, conditions: tuple[core.Expr, ...]
+) -> Iterator[tuple[core.Expr, ...]]:
+    """Yield the conditions under which each ``stop`` of a block is reached, as far as ifs say."""
+    for statement in block:
+        match statement:
+            case core.Stop():
+                yield conditions
+            case core.If(condition=condition, then=then, otherwise=otherwise):
+                yield from _ways_to_stop(then, (*conditions, condition))
+                yield from _ways_to_stop(otherwise, (*conditions, _negated(condition)))
+            case core.Atomic(body=body):
+                yield from _ways_to_stop(body, conditions)
+            case _:
+                pass
