@@ -237,7 +237,10 @@ def said(verdict: Verdict) -> str:
     """Describe the verdict, and how far it reaches."""
     match verdict.outcome:
         case Outcome.HOLDS if verdict.claim.kind is ClaimKind.LIVENESS:
-            return "holds, under fairness" if verdict.fairness else "holds in every run"
+            everyone = verdict.engine is Engine.EVERY_N
+            if verdict.fairness:
+                return "holds for every N, under fairness" if everyone else "holds, under fairness"
+            return "holds for every N, in every run" if everyone else "holds in every run"
         case Outcome.HOLDS if verdict.engine is Engine.EVERY_N:
             return "holds for every N, in every round"
         case Outcome.HOLDS if verdict.rounds is None:

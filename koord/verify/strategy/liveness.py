@@ -13,7 +13,7 @@ from koord.verify.claims import Claim, claims_of, liveness_of
 from koord.verify.effort import Deadline
 from koord.verify.engine_names import Engine
 from koord.verify.engines.engine import Workers
-from koord.verify.ledger import Extract, Ledger, Reach
+from koord.verify.ledger import Extract, Ledger, Reach, reach_of
 from koord.verify.obstacles import VACUITY, Failure, Unreplayed, WholeRuns
 from koord.verify.processes import Pool, Progress
 from koord.verify.reduction.influence import Cone, Part
@@ -24,6 +24,9 @@ from koord.verify.strategy.resumption import Steps
 from koord.verify.strategy.table import FIRST_LASSOS, AskEngine, EngineTurn
 from koord.verify.vacuity.vacuous_goals import vacuous_goals
 from koord.verify.verdicts import Bounds, Outcome, Vacuity, Verdict
+
+#: The number of the first turn after others: turns of all rows have different numbers.
+_LATER = 10
 
 
 class LivenessVerdicts(Struct, frozen=True):
@@ -48,12 +51,15 @@ def settled(
     pool: Pool | None = None,
     before: Mapping[str, float] | None = None,
     steps: Steps | None = None,
+    so_far: Sequence[Verdict] = (),
+    is_last: bool = True,
 ) -> LivenessVerdicts:
     """Run the engines of some rows on a system's liveness claims, or the named ones.
 
     ``proved`` are claims that hold in every round: proofs may rely on them, and on ``everyone``,
     which hold of every number of robots, if they are for every number. ``before`` is what was
     spent on claims already, by their names; ``steps`` are told of what is known by and by.
+    ``so_far`` is what rows before these found out; ``is_last``: there are no rows after them.
     """
     system = slices.system
     claims = tuple(c for c in liveness_of(system) if not names or c.name in names)
@@ -64,10 +70,15 @@ def settled(
     steps = steps or Steps()
     steps.follow(ledger)
     ledger.before = {c: before.get(c.name, 0.0) for c in claims} if before else {}
-    if not rows:
+    for verdict in so_far:
+        if verdict.outcome is Outcome.UNKNOWN:
+            ledger.leave([verdict.claim], reach_of(verdict))
+        else:
+            ledger.settle({verdict.claim: verdict})
+    if not rows and is_last and not so_far:
         ledger.in_the_way = (WholeRuns(),)
         ledger.stopped = WholeRuns().what
-    asking = _Asking(ledger, rows, proved, everyone, pool, steps)
+    asking = _Asking(ledger, rows, proved, everyone, pool, steps, bool(so_far))
     parts = _parts(slices, {claim: slices.cone([claim]) for claim in claims})
     with ledger.stopping():
         asking.about(parts)
@@ -78,7 +89,7 @@ def settled(
                 asking.about(_parts(slices, {claim: cone([claim]) for claim in doubted}))
     verdicts = tuple(ledger.verdict(claim) for claim in claims)
     empty = asking.empty
-    if not empty and steps.begin("whole runs", 2, VACUITY):
+    if is_last and not empty and steps.begin("whole runs", _LATER - 1, VACUITY):
         with ledger.stopping(), ledger.enduring(VACUITY):
             for part in parts:
                 of = [verdict for verdict in verdicts if verdict.claim in part.claims]
@@ -118,8 +129,14 @@ class _Asking(Struct):
     everyone: Sequence[Claim]
     pool: Pool
     steps: Steps
+    late: bool  #: whether others were asked before
     doubts: SpuriousViolations = field(default_factory=SpuriousViolations)
     empty: list[Vacuity] = field(default_factory=list)  #: what was found out besides
+
+    @property
+    def last(self) -> int:
+        """The number of the last turn."""
+        return len(self.rows) - 1 + (_LATER if self.late else 0)
 
     def doubted(self) -> list[Claim]:
         """The open claims that a slice's lasso breaks, which is no run of the whole system.
@@ -138,7 +155,7 @@ class _Asking(Struct):
         self.doubts = SpuriousViolations()
         workers = Workers(self.pool, of_runs=True)
         workers.tools.vacuities = self.empty
-        for number, row in enumerate(self.rows):
+        for number, row in enumerate(self.rows, _LATER if self.late else 0):
             turn = EngineTurn(row.engine, row.task, workers)
             for part in parts:
                 work = partial(self._on_opaque, part, turn) if row.opaque else turn.work
@@ -157,7 +174,7 @@ class _Asking(Struct):
         if not is_whole:
             problem = plain_problem(self.ledger.system, part.system)
             inner.problem = self.doubts.watching(problem)
-        is_last = turn == len(self.rows) - 1
+        is_last = turn == self.last
         if inner is self.ledger:
             self.steps.take(part.stage, turn, name, work, inner, is_last=is_last)
             return

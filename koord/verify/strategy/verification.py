@@ -129,14 +129,22 @@ class _Verification(Struct, frozen=True):
         verdicts, ledger, last = self._of_states(problem, slices, known, search)
         cut = last.interrupted
         search.wanted &= not cut and not ledger.stopped
-        if any(map(self._is_asked, liveness_of(self.system))):
+        proved = [v for v in verdicts if v.outcome is Outcome.HOLDS and v.rounds is None]
+        rows = () if cut else LIVENESS.get(self.choice, ())
+        # What is looked at for vacuity hangs on whether verdicts are for every number of robots.
+        soon = tuple(row for row in rows if row.engine is Engine.EVERY_N)
+        runs = self._of_runs(slices, proved, known, soon, is_last=soon == rows)
+        search.runs = runs.verdicts
+        cut |= runs.interrupted
+        if any(v.outcome is Outcome.UNKNOWN for v in runs.verdicts):
             search.begin(ledger, self.names)
         unreachable = _Vacuities()
         if search.job is None:
             unreachable = search.end(ledger, self.names)
-        proved = [v for v in verdicts if v.outcome is Outcome.HOLDS and v.rounds is None]
         cut |= unreachable.interrupted
-        runs = self._of_runs(slices, proved, known, cut=cut)
+        if soon != rows:
+            later = () if cut else rows[len(soon) :]
+            runs = self._of_runs(slices, proved, known, later, runs.verdicts)
         if search.job is not None and not (cut or runs.interrupted):
             unreachable = search.end(ledger, self.names)
         failures = [*ledger.failures, *last.failures, *search.failures, *runs.failures]
@@ -176,21 +184,30 @@ class _Verification(Struct, frozen=True):
         return verdicts, ledger, last
 
     def _of_runs(
-        self, slices: Slices, proved: Sequence[Verdict], known: Sequence[Verdict], *, cut: bool
+        self,
+        slices: Slices,
+        proved: Sequence[Verdict],
+        known: Sequence[Verdict],
+        rows: Sequence[AskEngine],
+        so_far: Sequence[Verdict] = (),
+        *,
+        is_last: bool = True,
     ) -> LivenessVerdicts:
         """Verdicts on the claims about runs that are asked about, if there are any."""
         live = settled(
             slices,
             self.bounds,
-            () if cut else LIVENESS.get(self.choice, ()),
+            rows,
             self.deadline,
             names=self.names,
             proved=[verdict.claim for verdict in proved],
             everyone=[v.claim for v in proved if v.engine is Engine.EVERY_N],
             seed=self.seed,
             pool=self.pool,
-            before={v.claim.name: v.seconds for v in known},
+            before={v.claim.name: v.seconds for v in (*known, *so_far)},
             steps=self.steps,
+            so_far=so_far,
+            is_last=is_last,
         )
         if self.bounds.violations == 1:
             return live
@@ -311,13 +328,14 @@ class _ReachabilitySearch(Struct):
     wanted: bool
     of_any_number: bool = False
     failures: list[Failure] = field(default_factory=list)
+    runs: Sequence[Verdict] = ()  #: what is known of whole runs
     job: Job[tuple[GoalSearch | str, tuple[Failure, ...]]] | None = None
 
     def begin(self, ledger: Ledger, names: Collection[str]) -> None:
         """Start the search in a process: the work that follows takes long."""
         apart = self.pool.jobs > 1 and not self.of_any_number
         if self.wanted and self.job is None and apart:
-            every_n = is_every_n(self.system, ledger, names)
+            every_n = is_every_n(self.system, ledger, names, self.runs)
             own = self._of_what_happens(ledger).of((), lambda text: None)
 
             def looked(tell: Progress) -> tuple[GoalSearch | str, tuple[Failure, ...]]:
@@ -332,7 +350,7 @@ class _ReachabilitySearch(Struct):
         """Finish the search: the vacuities of a ledger's verdicts."""
         found: FoundVacuities | None = None
         everywhere = ledger.is_of_all_rounds(names)
-        every_n = is_every_n(self.system, ledger, names)
+        every_n = is_every_n(self.system, ledger, names, self.runs)
         ledger = self._of_what_happens(ledger)
         own = ledger.of(ledger.open(), ledger.report)
         if self.wanted and self.steps.begin("vacuity", 0, VACUITY):

@@ -35,7 +35,7 @@ from koord.verify.vacuity import unreachable
 from koord.verify.vacuity.contradictions import dead_end, unanswerable
 from koord.verify.vacuity.reachability import Unbroken, unbroken
 from koord.verify.vacuity.unreachable import unmet
-from koord.verify.verdicts import Emptiness, Outcome, UnsearchedGoal, Vacuity
+from koord.verify.verdicts import Emptiness, Outcome, UnsearchedGoal, Vacuity, Verdict
 
 #: For how long it is looked at all whether verdicts say something: so many seconds of work, or so
 #: many times as long as the verdicts took.
@@ -106,16 +106,19 @@ def look(ledger: Ledger, *, every_n: bool = False) -> GoalSearch:
     return replace(looked, spent_s=time.process_time() - started)
 
 
-def is_every_n(system: System, ledger: Ledger, names: Collection[str]) -> bool:
+def is_every_n(
+    system: System, ledger: Ledger, names: Collection[str], runs: Collection[Verdict] = ()
+) -> bool:
     """Return whether all verdicts that are asked for are proofs for every number of robots.
 
-    Those about whole runs are of the robots that are asked about: what these cannot do matters.
+    ``runs`` are those about whole runs, as far as they are known.
     """
     asked = [ledger.verdict(claim) for claim in ledger.claims if not names or claim.name in names]
-    of_runs = {claim.name for claim in liveness_of(system)}
-    if not asked or (of_runs if not names else of_runs.intersection(names)):
+    of_runs = {claim.name for claim in liveness_of(system) if not names or claim.name in names}
+    told = [verdict for verdict in runs if verdict.claim.name in of_runs]
+    if not asked + told or len(told) < len(of_runs):
         return False
-    return all(v.outcome is Outcome.HOLDS and v.engine is Engine.EVERY_N for v in asked)
+    return all(v.outcome is Outcome.HOLDS and v.engine is Engine.EVERY_N for v in asked + told)
 
 
 def _look_at_few(

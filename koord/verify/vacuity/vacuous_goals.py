@@ -12,7 +12,9 @@ from koord.verify.claims import Claim, ClaimKind
 from koord.verify.effort import Deadline, Effort
 from koord.verify.encoding.solver import SolverAnswer
 from koord.verify.encoding.unrolling import Unrolling, violations
+from koord.verify.engine_names import Engine
 from koord.verify.vacuity.analysis import never_changes
+from koord.verify.vacuity.unreachable import few_of
 from koord.verify.verdicts import Emptiness, Outcome, Vacuity, Verdict
 
 #: What it may cost to see that something is so at the start, for each property.
@@ -30,10 +32,20 @@ def vacuous_goals(
         detail = ""
         if never_changes(system.program, stated.condition):
             detail = "nothing that its goal reads changes after the start"
-        elif stated.trigger is None and _holds_at_once(system, stated, deadline, seed):
+        elif stated.trigger is None and _holds_at_once(
+            _looked_at(system, verdict), stated, deadline, seed
+        ):
             detail = "its goal is reached at the start already"
         if detail:
             yield Vacuity(Emptiness.UNTOUCHED, stated.name, detail, True, stated.span)
+
+
+def _looked_at(system: System, verdict: Verdict) -> System:
+    """The system whose start shows that a verdict says something: few robots do, if it is for every
+    number of them.
+    """
+    few = few_of(system) if verdict.engine is Engine.EVERY_N else None
+    return system if few is None else few
 
 
 def _holds_at_once(system: System, stated: core.Property, deadline: Deadline, seed: int) -> bool:

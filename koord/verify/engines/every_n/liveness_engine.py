@@ -81,4 +81,5 @@ def fairness_of(program: core.Program, proof: ProgressProof) -> tuple[str, ...]:
     robots = any(each.kind is not HelpKind.EXPECTED for each in proof.help)
     positions = sorted({each.expectation for each in proof.help if each.expectation is not None})
     names = (program.expectations[k].name for k in positions)
-    return (*(["robots"] if robots else []), *names)
+    kinds = (("robots", robots), ("locks", bool(proof.locks)))
+    return (*(name for name, needed in kinds if needed), *names)

@@ -25,11 +25,16 @@ from koord.verify.engines.every_n.questions import Means
 
 
 class ProgressProof(Struct, frozen=True):
-    """A proof of progress: the measures in order, the help, and whether the trigger persists."""
+    """A proof of progress: the measures in order, and the help.
+
+    ``waits``: what leads to the goal lasts until that is reached. ``locks`` are lock classes that
+    the robot that is meant does not enter before, and so does not ask for again and again.
+    """
 
     measures: tuple[Measure, ...]
     help: tuple[Help, ...]
     waits: bool
+    locks: tuple[int, ...]
 
 
 def progress(
@@ -60,6 +65,7 @@ class _Search:
         self.measures: list[Measure] = []
         self.help: list[Help] = []
         self.waits = False
+        self.locks: list[int] = []
 
     def proof(self) -> ProgressProof | str:
         """Find measures and help that prove the claim."""
@@ -71,7 +77,9 @@ class _Search:
             if limits := questions.step.limits:
                 return f"not covered: {'; '.join(sorted(set(limits)))}"
             if found:
-                return ProgressProof(tuple(self.measures), tuple(self.help), self.waits)
+                return ProgressProof(
+                    tuple(self.measures), tuple(self.help), self.waits, tuple(self.locks)
+                )
         if not self.measures:
             return "no measure settles for every number of robots"
         return "nobody is known to help for every number of robots"
@@ -81,6 +89,10 @@ class _Search:
         program = self.system.program
         self.waits = self.waits or questions.waits()
         questions.pend(waits=self.waits)
+        if self.stated.each is not None:
+            classes = [each.index for each in program.lock_classes if each.index not in self.locks]
+            self.locks += [lock for lock in classes if not questions.runs_in_vain(lock)]
+            questions.pend(waits=self.waits, locks=self.locks)
         for measure in self.measures:
             questions.keep(measure)
         waiting = [each for each in help_of(program) if each not in self.help]
@@ -98,7 +110,7 @@ class _Search:
     def _somebody_helps(self) -> bool:
         """Return whether somebody helps as long as the claim is pending."""
         question = StateQuestion(self.system, self.stated, self.known, self.means)
-        return question.somebody(self.help, waits=self.waits)
+        return question.somebody(self.help, waits=self.waits, locks=self.locks)
 
     def _settled(self, questions: RoundQuestions, candidates: Sequence[Measure]) -> list[Measure]:
         """Add measures that settle, one layer after the other; those that may still change."""

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
+from typing import TypeAlias
 
 from msgspec import Struct
 from msgspec.structs import replace
 
-from koord.semantics.configurations import NO_EVENT, Configuration
+from koord.semantics.configurations import NO_EVENT, Configuration, Robot
 from koord.semantics.domain import conjunction, disjunction
 from koord.semantics.expressions import evaluate, statement
 from koord.semantics.machine import Machine
@@ -35,6 +36,9 @@ from koord.verify.engines.every_n.progress_parts import (
     is_certain,
 )
 from koord.verify.engines.every_n.questions import Asking, Means, Step
+
+#: A robot of a kind, with a number, in some configuration.
+RobotState: TypeAlias = "Callable[[int, Term], Robot[Term]]"
 
 
 class Premise(Struct, frozen=True):
@@ -129,6 +133,51 @@ class Statements(Struct):
         state = self.truth(help_.state, configuration, robot)
         return self.d.binary(BinaryOp.AND, self.is_one(robot, help_.each), state)
 
+    def ready(self, robot: Term, state: RobotState) -> Term:
+        """The condition that a robot can run an event, whatever the answers. [FAIR-ROBOT]"""
+        d = self.d
+        ways = []
+        for kind, here in self.world.cases(robot):
+            for event in self.world.program.agents[kind].events:
+                if is_certain(self.world.program, event.guard):
+                    holds, sound = self._guard(robot, state(kind, robot), event)
+                    ways.append(
+                        conjunction(d, [here, self._awake(state(kind, robot)), holds, sound])
+                    )
+        return disjunction(d, ways)
+
+    def unasked(self, robot: Term, state: RobotState, locks: Sequence[int]) -> list[Term]:
+        """The facts that a robot does not ask for lock classes. [FAIR-LOCK]
+
+        One asks if it is ready, and no event without the class may be enabled.
+        """
+        return [self.negated(self._asks(robot, state, lock)) for lock in locks]
+
+    def _asks(self, robot: Term, state: RobotState, lock: int) -> Term:
+        d = self.d
+        ways = [self.ready(robot, state)]
+        for kind, here in self.world.cases(robot):
+            for event in self.world.program.agents[kind].events:
+                if lock in event.lock_classes:
+                    continue
+                off: Term = False
+                if is_certain(self.world.program, event.guard):
+                    holds, sound = self._guard(robot, state(kind, robot), event)
+                    off = conjunction(d, [self.negated(holds), sound])
+                ways.append(d.binary(BinaryOp.IMPLIES, here, off))
+        return conjunction(d, ways)
+
+    def _guard(self, robot: Term, state: Robot[Term], event: core.Event) -> tuple[Term, Term]:
+        """The conditions that a guard holds without a fault, and that it has none."""
+        inputs = RobotInputs(self.world.unknowns, "round", robot)
+        seat = self.world.seat(state.kind, robot)
+        holds, sound = guard_of(self.d, seat, 0, state, event, inputs)
+        return holds, sound
+
+    def _awake(self, state: Robot[Term]) -> Term:
+        stopped = self.d.const(int(Status.STOPPED), INT)
+        return self.d.binary(BinaryOp.NE, state.status, stopped)
+
     def denied(self, help_: Help, configuration: Configuration[Term]) -> Term:
         """A literal under which nobody helps in this way in a configuration."""
         d, book = self.d, self.world.book
@@ -155,7 +204,8 @@ class StateQuestion:
     ) -> None:
         world = self.world = ParameterisedSystem.of(system)
         opening = ParameterisedInit(world)
-        self.configuration = ArbitraryState(world, opening).configuration
+        self._state = ArbitraryState(world, opening)
+        self.configuration = self._state.configuration
         self.asking = Asking(world, means)
         self.statements = Statements(world, stated, *self.asking.robots[:2])
         world.book.expect(*self.asking.robots[:2])
@@ -166,10 +216,11 @@ class StateQuestion:
             universal = Universal.of(claim.stated.condition, claim.stated.bound)
             universal.suppose(world, self.configuration, True)
 
-    def somebody(self, ways: Sequence[Help], *, waits: bool) -> bool:
+    def somebody(self, ways: Sequence[Help], *, waits: bool, locks: Sequence[int]) -> bool:
         """Return whether somebody helps in one of some ways."""
         said = self.statements
         pending = said.pending(self.configuration, waits=waits)
+        pending += said.unasked(said.meant, self._state.robot, locks)
         nobody = [said.denied(each, self.configuration) for each in ways]
         asked = [(Premise("somebody helps"), [*pending, *nobody])]
         return not self.asking.failing(asked) and not self.asking.limits
@@ -206,9 +257,27 @@ class RoundQuestions:
         asked = [(Premise("the trigger persists"), lost)]
         return not self.step.asking.sift(asked, self._pending(waits=False))
 
-    def pend(self, *, waits: bool) -> None:
-        """Suppose from now on that the claim is pending before and after the round."""
+    def pend(self, *, waits: bool, locks: Sequence[int] = ()) -> None:
+        """Suppose from now on that the claim is pending before and after the round.
+
+        The robot that is meant asks for none of some lock classes, before and after it.
+        """
         self._given = self._pending(waits=waits)
+        if locks:
+            for state in (self.step.start.robot, self.step.round.robot):
+                self._given += self.said.unasked(self.said.meant, state, locks)
+
+    def runs_in_vain(self, lock: int) -> bool:
+        """Return whether the robot that is meant may enter a lock class, and stay pending."""
+        d, event = self.d, self.step.round.event(self.said.meant)
+        entering = [
+            conjunction(d, [here, d.binary(BinaryOp.EQ, event, position)])
+            for kind, here in self.world.cases(self.said.meant)
+            for position, each in enumerate(self.program.agents[kind].events)
+            if lock in each.lock_classes
+        ]
+        asked = [(Premise("asks in vain"), [disjunction(d, entering)])]
+        return bool(self.step.asking.sift(asked, self._given))
 
     def keep(self, measure: Measure) -> None:
         """Suppose from now on that a measure stays the same in the round."""
@@ -326,7 +395,7 @@ class RoundQuestions:
             if help_.kind is HelpKind.AFTER_RUN:
                 promised = self._promises(help_, robot, self.after)
                 runs = d.binary(BinaryOp.AND, runs, self.said.negated(promised))
-            ways += [runs, self.said.negated(self._ready(robot))]
+            ways += [runs, self.said.negated(self.said.ready(robot, self.step.start.robot))]
         if help_.expectation is not None:
             ways.append(self._kept(help_, robot, self.after))
         return d.binary(
@@ -349,20 +418,6 @@ class RoundQuestions:
     def _expectation(self, help_: Help) -> core.Property:
         assert help_.expectation is not None
         return self._expected[help_.expectation]
-
-    def _ready(self, robot: Term) -> Term:
-        """The condition that a robot can run an event, whatever the answers. [FAIR-ROBOT]"""
-        world, d = self.world, self.d
-        inputs = RobotInputs(world.unknowns, "round", robot)
-        ways = []
-        for kind, here in world.cases(robot):
-            state, seat = self.step.start.robot(kind, robot), world.seat(kind, robot)
-            awake = d.binary(BinaryOp.NE, state.status, d.const(int(Status.STOPPED), INT))
-            for event in self.program.agents[kind].events:
-                if is_certain(self.program, event.guard):
-                    holds, sound = guard_of(d, seat, 0, state, event, inputs)
-                    ways.append(conjunction(d, [here, awake, holds, sound]))
-        return disjunction(d, ways)
 
 
 def _conjuncts(said: core.Expr) -> Iterator[core.Expr]:

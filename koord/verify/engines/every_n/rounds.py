@@ -197,6 +197,10 @@ class ParameterisedRound:
         self.world.book.name(robot)
         return [(here, state) for here, state, _ in self.evolved(robot)]
 
+    def robot(self, kind: int, robot: Term) -> Robot[Term]:
+        """The robot of a kind with a number, at the end of the round."""
+        return next(state for _, state in self._at_end(robot) if state.kind == kind)
+
     # --- what a round finds out -----------------------------------------------------------------
 
     def faults(self, robot: Term) -> Term:
