@@ -269,7 +269,7 @@ class RoundQuestions:
 
     def runs_in_vain(self, lock: int) -> bool:
         """Return whether the robot that is meant may enter a lock class, and stay pending."""
-        d, event = self.d, self.step.round.event(self.said.meant)
+        d, event = self.d, self._event(self.said.meant)
         entering = [
             conjunction(d, [here, d.binary(BinaryOp.EQ, event, position)])
             for kind, here in self.world.cases(self.said.meant)
@@ -294,6 +294,11 @@ class RoundQuestions:
         asked = [(Premise("changes", m), [self._changes(m)]) for m in measures]
         met = {premise.part for premise in self.step.asking.sift(asked, self._given)}
         return [measure for measure in measures if measure in met]
+
+    def _event(self, robot: Term) -> Term:
+        """The event that a robot runs in the round, with what is known of its turn."""
+        self.step.round.moves(robot)
+        return self.step.round.event(robot)
 
     def helping(self, ways: Sequence[Help]) -> list[Help]:
         """The ways to help that cannot be refused for ever while no measure changes."""
@@ -391,7 +396,7 @@ class RoundQuestions:
         if help_.kind is HelpKind.EXPECTED:
             ways.append(self.said.negated(self._promises(help_, robot, self.before)))
         else:
-            runs = d.binary(BinaryOp.NE, self.step.round.event(robot), NO_EVENT)
+            runs = d.binary(BinaryOp.NE, self._event(robot), NO_EVENT)
             if help_.kind is HelpKind.AFTER_RUN:
                 promised = self._promises(help_, robot, self.after)
                 runs = d.binary(BinaryOp.AND, runs, self.said.negated(promised))

@@ -1,0 +1,246 @@
+"""Progress of every number of robots: what is proved, and what must not be. [T-PROGRESS]
+
+[FAIR-ROBOT] [FAIR-LOCK] [FAIR-ASSUME] Each claim that is not to be proved is violated with few robots,
+as the search for lassos says; one premise speaks against each.
+"""
+
+from __future__ import annotations
+
+import pytest
+
+from koord.syntax.system import System
+from koord.verify.engine_names import Engine
+from koord.verify.strategy.verification import verify
+from koord.verify.verdicts import Bounds, Outcome, Verdict
+from tests.loading import program_of
+from tests.verify.asking import system_of
+
+ONCE = """
+local:
+  bool done = false
+Do:
+  pre: not done
+  eff:
+    done = true
+eventually Done: done
+"""
+
+IDLE = ONCE + "Idle:\n  pre: not done\n  eff:\n    done = done\n"
+
+LOCK = """
+allwrite:
+  bool free = true
+local:
+  bool holds = false
+Take:
+  pre: free and not holds
+  eff:
+    atomic:
+      free = false
+      holds = true
+Give:
+  pre: holds
+  eff:
+    atomic:
+      free = true
+      holds = false
+invariant Held: free or exists i: holds@i
+eventually Enters: not holds leadsto holds
+"""
+
+EXPECTED = """
+using S:
+  sensors:
+    bool ok
+local:
+  bool asked = false
+  bool done = false
+Ask:
+  pre: not asked
+  eff:
+    asked = true
+Do:
+  pre: asked and not done and S.ok
+  eff:
+    done = true
+assume Does: asked leadsto ran(Do)
+eventually Done: done
+"""
+
+COUNTED = """
+allwrite:
+  int left = 5
+Down:
+  pre: left > 0
+  eff:
+    atomic:
+      left = left - 1
+eventually Empty: left <= 0
+"""
+
+PHASES = """
+enum Phase: out, waiting, inside
+local:
+  Phase phase = out
+Come:
+  pre: phase == out
+  eff:
+    phase = waiting
+Go:
+  pre: phase == waiting
+  eff:
+    phase = inside
+eventually Enters: phase == waiting leadsto phase == inside
+"""
+
+#: Programs whose claim holds for every number of robots, with the fairness that proofs rest on.
+HOLDING = {
+    "each does it once": (ONCE, ("robots",)),
+    "who asks for a lock enters": (LOCK, ("robots", "locks")),
+    "what is expected comes about": (EXPECTED, ("robots", "Does")),
+    "a number falls to its end": (COUNTED, ("robots",)),
+    "who waits goes on": (PHASES, ("robots",)),
+}
+
+#: Programs whose claim is violated with so many robots, by the premise that speaks against it.
+VIOLATED = {
+    "a robot may run something else": (IDLE, 1),
+    "a robot may run something else, and not ask": (
+        LOCK + "Idle:\n  pre: not holds\n  eff:\n    holds = holds\n",
+        2,
+    ),
+    "who is granted the lock does not enter": (
+        LOCK + "Peek:\n  pre: free and not holds\n  eff:\n    atomic:\n      free = free\n",
+        1,
+    ),
+    "one robot is not there": (ONCE.replace("pre: not done", "pre: not done and numAgents > 1"), 1),
+    "robots stop before": (ONCE + "Quit:\n  pre: not done\n  eff:\n    stop\n", 1),
+    "the environment need not say so": (
+        "def fun coin() -> bool: extern fresh\n" + ONCE.replace("pre: not", "pre: coin() and not"),
+        1,
+    ),
+    "what is expected goes again": (
+        EXPECTED.replace("assume Does: asked leadsto ran(Do)", "assume Does: asked leadsto S.ok"),
+        1,
+    ),
+    "what is expected of another event": (
+        IDLE + "assume Does: ran(Do) leadsto done\n",
+        1,
+    ),
+    "what is expected comes about without the robot": (
+        EXPECTED.replace(
+            "assume Does: asked leadsto ran(Do)", "assume Does: ran(Ask) leadsto ran(Ask)"
+        ),
+        1,
+    ),
+    "what leads to the goal is left without it": (
+        PHASES + "Away:\n  pre: phase == waiting\n  eff:\n    phase = out\n",
+        1,
+    ),
+    "robots take from each other what one needs": (
+        """
+allwrite:
+  int turn = 0
+local:
+  bool done = false
+Grab:
+  pre: turn != pid
+  eff:
+    atomic:
+      turn = pid
+Do:
+  pre: turn == pid and not done
+  eff:
+    done = true
+invariant Real: 0 <= turn and turn < numAgents
+eventually Some: exists i: done@i
+""",
+        2,
+    ),
+    "what one gives away another takes": (
+        """
+allwrite:
+  bool spare = true
+allread:
+  bool[] up = false
+Down:
+  pre: up[pid]
+  eff:
+    up[pid] = false
+    atomic:
+      spare = true
+Up:
+  pre: not up[pid] and spare
+  eff:
+    up[pid] = true
+    atomic:
+      spare = false
+eventually Never: forall i: up[i] and spare
+""",
+        1,
+    ),
+    "a flag goes up and down": (
+        """
+allwrite:
+  bool open = false
+local:
+  bool through = false
+Open:
+  pre: not open and pid == 0
+  eff:
+    atomic:
+      open = true
+Close:
+  pre: open and pid == 0
+  eff:
+    atomic:
+      open = false
+Pass:
+  pre: open and not through and pid > 0
+  eff:
+    through = true
+eventually Through: through or pid == 0
+""",
+        2,
+    ),
+}
+
+
+def asked(text: str, robots: int, engine: Engine) -> Verdict:
+    """The verdict on the claim about whole runs of a program."""
+    report = verify(of(text, robots), Bounds(6), engine)
+    (verdict,) = (v for v in report.verdicts if v.claim.kind.value == "liveness")
+    return verdict
+
+
+def of(text: str, robots: int) -> System:
+    return system_of(program_of(text), robots)
+
+
+@pytest.mark.parametrize("name", HOLDING)
+def test_claims_are_proved_for_every_number_of_robots(name: str) -> None:
+    text, fairness = HOLDING[name]
+    verdict = asked(text, 2, Engine.EVERY_N)
+    assert verdict.outcome is Outcome.HOLDS, verdict.reason
+    assert verdict.engine is Engine.EVERY_N
+    assert verdict.fairness == fairness
+
+
+@pytest.mark.parametrize("name", [name for name in HOLDING if "expected" not in name])
+@pytest.mark.parametrize("robots", [1, 2, 3])
+def test_what_is_proved_the_search_finds_as_well(name: str, robots: int) -> None:
+    text, _ = HOLDING[name]
+    assert asked(text, robots, Engine.SEARCH).outcome is Outcome.HOLDS
+
+
+@pytest.mark.parametrize("name", VIOLATED)
+def test_what_fails_with_some_number_is_not_proved(name: str) -> None:
+    text, robots = VIOLATED[name]
+    assert asked(text, 2, Engine.EVERY_N).outcome is Outcome.UNKNOWN
+    assert asked(text, robots, Engine.SEARCH).outcome is Outcome.VIOLATED
+
+
+def test_a_number_without_an_end_settles_nothing() -> None:
+    """[T-PROGRESS] A measure that falls for ever is no natural number."""
+    text = COUNTED.replace("pre: left > 0", "pre: left != 9").replace("left <= 0", "left == 9")
+    assert asked(text, 2, Engine.EVERY_N).outcome is Outcome.UNKNOWN
