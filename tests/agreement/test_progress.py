@@ -1,4 +1,4 @@
-"""Progress of every number of robots against liveness by search, on generated programs. [T-PROGRESS]"""
+"""Progress of every number of robots against search, on generated programs. [T-PROGRESS]"""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """Progress of every number of robots: what is proved, and what must not be. [T-PROGRESS]
 
-[FAIR-ROBOT] [FAIR-LOCK] [FAIR-ASSUME] Each claim that is not to be proved is violated with few robots,
-as the search for lassos says; one premise speaks against each.
+[FAIR-ROBOT] [FAIR-LOCK] [FAIR-ASSUME] Each claim that is not to be proved is violated with few
+robots, as the search for lassos says; one premise speaks against each.
 """
 
 from __future__ import annotations
