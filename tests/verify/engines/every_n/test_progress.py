@@ -10,7 +10,8 @@ import pytest
 
 from koord.syntax.system import System
 from koord.verify.engine_names import Engine
-from koord.verify.strategy.verification import verify
+from koord.verify.strategy import verification
+from koord.verify.strategy.table import LIVENESS, PROGRESS
 from koord.verify.verdicts import Bounds, Outcome, Verdict
 from tests.loading import program_of
 from tests.verify.asking import system_of
@@ -206,9 +207,16 @@ eventually Through: through or pid == 0
 }
 
 
+@pytest.fixture(autouse=True)
+def asking_for_progress(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let the engine be asked, which no choice does by itself yet."""
+    rows = {**LIVENESS, Engine.EVERY_N: PROGRESS}
+    monkeypatch.setattr(verification, "LIVENESS", rows)
+
+
 def asked(text: str, robots: int, engine: Engine) -> Verdict:
     """The verdict on the claim about whole runs of a program."""
-    report = verify(of(text, robots), Bounds(6), engine)
+    report = verification.verify(of(text, robots), Bounds(6), engine)
     (verdict,) = (v for v in report.verdicts if v.claim.kind.value == "liveness")
     return verdict
 
