@@ -41,6 +41,7 @@ _NEEDED = (
     "koord.verify.engines.bits.liveness_engine",
     "koord.verify.engines.bmc.engine",
     "koord.verify.engines.every_n.engine",
+    "koord.verify.engines.every_n.liveness_engine",
     "koord.verify.engines.explicit.engine",
     "koord.verify.engines.explicit.exhaustive",
     "koord.verify.engines.explicit.liveness_engine",
