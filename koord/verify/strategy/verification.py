@@ -133,21 +133,27 @@ class _Verification(Struct, frozen=True):
         rows = () if cut else LIVENESS.get(self.choice, ())
         # What is looked at for vacuity hangs on whether verdicts are for every number of robots.
         soon = tuple(row for row in rows if row.engine is Engine.EVERY_N)
-        runs = self._of_runs(slices, proved, known, soon, is_last=soon == rows)
-        search.runs = runs.verdicts
-        cut |= runs.interrupted
-        if any(v.outcome is Outcome.UNKNOWN for v in runs.verdicts):
+        first = LivenessVerdicts(())
+        if soon:
+            first = self._of_runs(slices, proved, known, soon, is_last=soon == rows)
+        search.runs = first.verdicts
+        cut |= first.interrupted
+        settled_soon = {v.claim.name for v in first.verdicts if v.outcome is not Outcome.UNKNOWN}
+        of_runs = filter(self._is_asked, liveness_of(self.system))
+        if any(claim.name not in settled_soon for claim in of_runs):
             search.begin(ledger, self.names)
         unreachable = _Vacuities()
         if search.job is None:
             unreachable = search.end(ledger, self.names)
         cut |= unreachable.interrupted
-        if soon != rows:
+        runs = first
+        if not soon or soon != rows:
             later = () if cut else rows[len(soon) :]
-            runs = self._of_runs(slices, proved, known, later, runs.verdicts)
+            runs = self._of_runs(slices, proved, known, later, first.verdicts)
         if search.job is not None and not (cut or runs.interrupted):
             unreachable = search.end(ledger, self.names)
-        failures = [*ledger.failures, *last.failures, *search.failures, *runs.failures]
+        failures = [*ledger.failures, *last.failures, *search.failures]
+        failures += [*first.failures, *runs.failures]
         return Report(
             (*(v for v in verdicts if self._is_asked(v.claim)), *runs.verdicts),
             unreachable.vacuities + runs.vacuities,
