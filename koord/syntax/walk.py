@@ -80,6 +80,13 @@ def rebuilt(node: Any, part: Callable[[Any], Any]) -> Any:
     return replace(node, **{name: part(getattr(node, name)) for name in names})
 
 
+def renamed(node: Any, old: core.Variable, new: core.Variable) -> Any:
+    """A node in which one variable is another, whose slot no other variable of it has."""
+    if isinstance(node, core.Variable):
+        return new if node == old else node
+    return rebuilt(node, lambda part: renamed(part, old, new))
+
+
 def last_site(program: core.Program) -> int:
     """The greatest number that a call or ``choose`` of the program has."""
     sites = [getattr(node, "site", 0) for node in nodes(program)]

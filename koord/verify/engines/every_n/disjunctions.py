@@ -7,7 +7,6 @@ the union of its literals' bits is full.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import Any
 
 from msgspec import Struct
 
@@ -16,7 +15,7 @@ from koord.syntax.budget import ENDLESS, Budget
 from koord.syntax.core import BinaryOp, Home, PropertyKind, QuantifierKind
 from koord.syntax.printing.quoting import Quoting
 from koord.syntax.types import BOOL, INT
-from koord.syntax.walk import rebuilt
+from koord.syntax.walk import renamed
 from koord.verify.claims import Claim, ClaimKind, reads_ports
 from koord.verify.engines.every_n.literals import (
     READ_I,
@@ -220,14 +219,7 @@ def _implication(literals: Sequence[AnyLiteral], *, apart: bool) -> core.Expr:
 
 def _somebody(cases: Sequence[Existence], somebody: core.Variable) -> core.Expr:
     """That there is a robot of which one of the cases holds."""
-    body, *others = (_renamed(x.witness.said(), somebody) for x in cases)
+    body, *others = (renamed(x.witness.said(), I, somebody) for x in cases)
     for other in others:
         body = core.Binary(BinaryOp.OR, body, other, BOOL)
     return core.Quantified(QuantifierKind.EXISTS, somebody, core.RobotRange(), body)
-
-
-def _renamed(node: Any, variable: core.Variable) -> Any:
-    """What is said of robot i, of another robot."""
-    if isinstance(node, core.Variable):
-        return variable if node == I else node
-    return rebuilt(node, lambda part: _renamed(part, variable))

@@ -18,7 +18,7 @@ from koord.semantics.liveness import LIVENESS
 from koord.syntax import core
 from koord.syntax.core import BinaryOp, Home, UnaryOp
 from koord.syntax.types import BOOL, INT, ArrayType, BoolType, EnumType, IntType, RecordType
-from koord.syntax.walk import nodes, reached, rebuilt
+from koord.syntax.walk import nodes, reached, rebuilt, renamed
 from koord.verify.engines.every_n.candidates import Vocabulary
 
 #: The robot that a measure or help is of, and the one that the claim means.
@@ -258,15 +258,6 @@ def _help(program: core.Program) -> Iterator[Help]:
                     goal = renamed(each.condition, each.each.variable, ROBOT)
                     waits = _binary(BinaryOp.AND, state, _negated(goal))
                     yield Help(HelpKind.AFTER_RUN, Phrase(waits, each.bound, meant=None), where, k)
-
-
-def renamed(node: Any, old: core.Variable, new: core.Variable) -> Any:
-    """A statement in which one bound variable is another, whose slot is not among the others'."""
-    if node == old:
-        return new
-    if isinstance(node, core.Variable):
-        return node
-    return rebuilt(node, lambda part: renamed(part, old, new))
 
 
 def _may_stop(program: core.Program) -> bool:
