@@ -32,8 +32,16 @@ class _Ranges:
             for part in _single(self.graph, circuit.d.in_range(number))
         }
         self._whole = circuit.d.in_range
+        self._latches = {latch.literal >> 1: latch for latch in circuit.latches}
 
-    def wide(self, inputs: set[int]) -> list[int]:
+    def closed(self, roots: list[int], known: set[int]) -> set[int]:
+        """The bits that literals depend on, now or later, with those of wide ranges of them."""
+        inputs = _closed(self.graph, self._latches, roots, known)
+        while (more := _closed(self.graph, self._latches, self._wide(inputs), inputs)) != inputs:
+            inputs = more
+        return inputs
+
+    def _wide(self, inputs: set[int]) -> list[int]:
         """The ranges of numbers with bits that matter which are too wide to be projected."""
         return [
             x
@@ -44,7 +52,7 @@ class _Ranges:
 
     def about(self, inputs: set[int]) -> list[int]:
         """What ranges say of the bits that matter."""
-        found = self.wide(inputs)
+        found = self._wide(inputs)
         for number in self.numbers:
             if number.high - number.low < TABLE:
                 found.append(projected(self.graph, number, inputs))
@@ -80,20 +88,15 @@ def narrowed(circuit: Circuit, claims: Iterable[Claim], given: Iterable[int]) ->
     needed = {phase: set(_single(g, parts)) for phase, parts in circuit.needed.items()}
     sound = _single(g, [literal ^ 1 for literal in circuit.faults])
     about = {x: _inputs(g, [x]) for x in dict.fromkeys([*needed[ClaimPhase.END], *sound])}
-    by_node = {latch.literal >> 1: latch for latch in circuit.latches}
     pending = sorted(x for x in about if about[x] and x not in ranges.parts)
     kept: set[int] = set()
     roots = [circuit.lost, *given, *(when for _, when in broken)]
     inputs: set[int] = set()
     while roots:
-        before = inputs
-        inputs = _closed(g, by_node, roots, inputs)
-        inputs = _closed(g, by_node, ranges.wide(inputs), inputs)
+        inputs = ranges.closed(roots, inputs)
         roots = [x for x in pending if about[x] & inputs and about[x] & relations <= inputs]
         kept.update(roots)
         pending = [x for x in pending if x not in kept]
-        if not roots and inputs != before:
-            roots = [TRUE]  # ranges may have brought in more of them
     bounds = ranges.about(inputs)
     steps = g.all_of([*kept, *bounds])
     latches = tuple(latch for latch in circuit.latches if latch.literal >> 1 in inputs)
@@ -165,15 +168,9 @@ def with_all(
     }
     whole = [*needed[ClaimPhase.END], *(literal ^ 1 for literal in circuit.faults)]
     broken = {claim: circuit.broken[claim] for claim in claims}
-    by_node = {latch.literal >> 1: latch for latch in circuit.latches}
     roots = [circuit.lost, *whole, *more, *(x for each in broken.values() for _, x in each)]
     roots += [x for parts in needed.values() for x in parts]
-    inputs: set[int] = set()
-    while roots:
-        before = inputs
-        inputs = _closed(g, by_node, roots, inputs)
-        roots = ranges.wide(inputs) if inputs != before else []
-    bounds = ranges.about(inputs)
+    bounds = ranges.about(ranges.closed(roots, set()))
     bad = {
         claim: g.any_of(g.all_of([when, *needed[phase], *bounds]) for phase, when in phases)
         for claim, phases in broken.items()
