@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import suppress
 from random import Random
 
 from koord.refinement.generating.programs import system
 from koord.semantics.every_number import NotFiniteError
 from koord.verify.claims import claims_of
-from koord.verify.engines.bits.circuit import circuit_of
+from koord.verify.engines.bits.circuit import Circuit, circuit_of
 from koord.verify.engines.bits.clauses import QUICK, Clauses
 from koord.verify.engines.bits.constraint_selection import (
     everything,
@@ -20,14 +22,17 @@ from koord.verify.engines.bits.graph import TRUE
 from tests.generators.profiles import FINITE
 
 
-def test_every_step_and_every_mistake_is_one_of_the_narrow_question() -> None:
-    fewer = 0
+def circuits() -> Iterator[tuple[int, Circuit]]:
+    """Circuits of generated programs, by their seeds, as far as these are finite."""
     for seed in range(9_000, 9_030):
         made = system(Random(seed), FINITE)
-        try:
-            circuit = circuit_of(made, claims_of(made))
-        except NotFiniteError:
-            continue
+        with suppress(NotFiniteError):
+            yield seed, circuit_of(made, claims_of(made))
+
+
+def test_every_step_and_every_mistake_is_one_of_the_narrow_question() -> None:
+    fewer = 0
+    for seed, circuit in circuits():
         for claim in circuit.bad:
             whole, narrow = (ask(circuit, [claim], []) for ask in (everything, narrowed))
             clauses = Clauses(circuit.d.graph, QUICK)
@@ -41,12 +46,7 @@ def test_every_step_and_every_mistake_is_one_of_the_narrow_question() -> None:
 
 def test_with_all_constraints_it_is_the_circuit_wherever_numbers_are_in_range() -> None:
     fewer = 0
-    for seed in range(9_000, 9_030):
-        made = system(Random(seed), FINITE)
-        try:
-            circuit = circuit_of(made, claims_of(made))
-        except NotFiniteError:
-            continue
+    for seed, circuit in circuits():
         g = circuit.d.graph
         steps, bad = with_all(circuit, circuit.bad)
         ranges = [x for number in circuit.ranges for x in circuit.d.in_range(number)]
