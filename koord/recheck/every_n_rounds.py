@@ -206,12 +206,15 @@ class PrefixBuilder(Struct):
         d: core.Declaration,
         storage: Storage,
         marks: PerRobot[Storage],
-        way: tuple[int, ...],
+        way: tuple[int | Term, ...],
         facts: list[Term],
     ) -> Storage:
         """The atoms below a part; ``marks`` of a robot are set where it writes, with the value."""
+        crowds, v, t = self.crowds, self.crowds.v, self.crowds.v.t
+        if isinstance(storage, Many):
+            at = storage.at
+            return crowds.s.many(lambda k: self._atoms(round_, d, at(k), marks, (*way, k), facts))
         if not isinstance(storage, Cell):
-            assert isinstance(storage, tuple)
             return tuple(
                 self._atoms(round_, d, below, marks, (*way, k), facts)
                 for k, below in enumerate(storage)
@@ -219,23 +222,29 @@ class PrefixBuilder(Struct):
 
         def mark(robot: Term) -> Cell:
             found = marks.of(robot)
-            for k in way:
-                assert isinstance(found, tuple)
-                found = found[k]
+            for step in way:
+                if isinstance(found, Many):
+                    assert isinstance(step, Term)
+                    found = found.at(step)
+                else:
+                    assert isinstance(found, tuple)
+                    assert isinstance(step, int)
+                    found = found[step]
             assert isinstance(found, Cell)
             return found
 
         if mark(marks.blank).is_set.value is False:
             return storage
-        crowds, v, t = self.crowds, self.crowds.v, self.crowds.v.t
         type_, fields = _below(crowds, d.variable.type, way)
         lock = crowds.world.guarding(d.variable.slot, fields)
         if lock is not None:
             last = round_.winners[lock]
         else:
             last = v.symbol(f"last to write {d.variable.name}", INT)
-            facts.append(v.is_robot(last))
-            facts.append(v.every(lambda k: t.implies(mark(k).is_set, mark(last).is_set)))
+            # Of an element of an array over robots there is one for each index.
+            facts.append(t.for_all(v.scope, v.is_robot(last)))
+            ordered = v.every(lambda k: t.implies(mark(k).is_set, mark(last).is_set))
+            facts.append(t.for_all(v.scope, ordered))
         its = mark(last)
         value = v.merge(its.is_set, its.value, storage.value, type_)
         return Cell(t.either(storage.is_set, its.is_set), value)
@@ -280,13 +289,18 @@ def _is_to(w: Write, home: Home, slot: int) -> bool:
     return w.variable.home is home and w.variable.slot == slot
 
 
-def _below(crowds: ParameterisedTurns, type_: Type, way: Sequence[int]) -> tuple[Type, list[int]]:
+def _below(
+    crowds: ParameterisedTurns, type_: Type, way: Sequence[int | Term]
+) -> tuple[Type, list[int]]:
     """The type of a part, and the fields on the way to it."""
     fields = []
-    for k in way:
+    for step in way:
+        if isinstance(step, Term):
+            type_ = crowds.v.element(type_)
+            continue
         if isinstance(type_, RecordType):
-            fields.append(k)
-        type_ = crowds.v.inner(type_)[k]
+            fields.append(step)
+        type_ = crowds.v.inner(type_)[step]
     return type_, fields
 
 

@@ -230,12 +230,14 @@ class Mask(Struct, Generic[V], frozen=True):
     """The set of locations at or below a place that were written, each with its condition.
 
     ``whole``: the place as such. ``parts``: fields or elements by position. ``keys``: keys of a
-    map, each with the condition under which it was written. None where nothing was written below.
+    map, each with the condition under which it was written. ``elements``: those of an array over a
+    crowd, each with its index. None where nothing was written below.
     """
 
     whole: V
     parts: tuple[Mask[V] | None, ...] = ()
     keys: tuple[tuple[V, Value[V]], ...] = ()
+    elements: tuple[tuple[V, Mask[V] | None], ...] = ()
 
 
 def marked(
@@ -255,7 +257,8 @@ def marked(
         # Below a key the whole entry is one location: keys may differ in shape between robots.
         return Mask(mask.whole, mask.parts, (*mask.keys, (condition, first.key)))
     if isinstance(storage, Many):
-        return _own_entry_marked(d, mask, storage, first, rest, condition)
+        assert isinstance(first, AtIndex)
+        return _element_marked(d, mask, storage, first.index, rest, condition)
     below = _parts(storage)
     parts = list(mask.parts) + [None] * (len(below) - len(mask.parts))
     for position, here in _addressed(d, first, len(below)):
@@ -264,19 +267,17 @@ def marked(
     return Mask(mask.whole, tuple(parts), mask.keys)
 
 
-def _own_entry_marked(
+def _element_marked(
     d: Domain[V],
     mask: Mask[V],
     many: Many[V],
-    first: Location[V],
+    index: V,
     rest: Sequence[Location[V]],
     condition: V,
 ) -> Mask[V]:
-    """The mask of a robot's own entry in a crowd's array, the only one it writes. [ALLREAD]"""
-    assert isinstance(first, AtIndex)
-    own = mask.parts[0] if mask.parts else None
-    part = marked(d, own, many.at(first.index), rest, condition)
-    return Mask(mask.whole, (part,), mask.keys)
+    """The mask with one more written place in an element of a crowd's array."""
+    part = marked(d, None, many.at(index), rest, condition)
+    return Mask(mask.whole, elements=(*mask.elements, (index, part)))
 
 
 def _addressed(d: Domain[V], location: AtIndex[V] | AtField, count: int) -> Iterator[tuple[int, V]]:
@@ -319,7 +320,9 @@ def joined(
     if isinstance(target, Tree):
         assert isinstance(source, Tree)
         patched: Storage[V] = target
-        if mask.parts:
+        if isinstance(target, Many):
+            patched = _joined_elements(d, target, source, mask)
+        elif mask.parts:
             triples = zip(target.parts, source.parts, mask.parts, strict=True)
             # Of many elements a robot writes few.
             parts = tuple(t if m is None else joined(d, t, s, m) for t, s, m in triples)
@@ -328,6 +331,24 @@ def joined(
         assert isinstance(source, Cell)
         patched = Cell(target.is_set, _joined_value(d, target.value, source.value, mask))
     return merge_storage_known(d, mask.whole, source, patched)
+
+
+def _joined_elements(
+    d: Domain[V], target: Many[V], source: Storage[V], mask: Mask[V]
+) -> Storage[V]:
+    """An array over a crowd with its written elements taken from another; see :func:`joined`."""
+    assert isinstance(source, Many)
+    if not mask.elements:
+        return target
+
+    def at(i: V) -> Storage[V]:
+        part = target.at(i)
+        for index, below in mask.elements:
+            here = d.binary(BinaryOp.EQ, i, index)
+            part = joined(d, part, source.at(i), restricted(d, below, here))
+        return part
+
+    return many_of(target.crowd, remembering(at))
 
 
 def _joined_value(
@@ -371,6 +392,7 @@ def written(d: Domain[V], mask: Mask[V] | None) -> V:
     if mask is None:
         return d.const(False, BOOL)
     below = [written(d, part) for part in mask.parts]
+    below += [written(d, part) for _, part in mask.elements]
     return disjunction(d, [mask.whole, *below, *(condition for condition, _ in mask.keys)])
 
 
@@ -386,4 +408,5 @@ def restricted(d: Domain[V], mask: Mask[V] | None, condition: V) -> Mask[V] | No
         both(mask.whole),
         tuple(restricted(d, part, condition) for part in mask.parts),
         tuple((both(when), key) for when, key in mask.keys),
+        tuple((index, restricted(d, part, condition)) for index, part in mask.elements),
     )

@@ -17,6 +17,7 @@ from koord.semantics.oracle import Inputs, Phase
 from koord.semantics.statements import machine
 from koord.semantics.values import equal
 from koord.syntax import core
+from koord.syntax.core import BinaryOp
 from koord.syntax.system import System
 from koord.syntax.types import BOOL
 
@@ -48,6 +49,10 @@ def overlap(d: Domain[V], mine: Mask[V] | None, theirs: Mask[V] | None) -> V:
         conjunction(d, [theirs.whole, written(d, mine)]),
     ]
     met += [overlap(d, a, b) for a, b in zip(mine.parts, theirs.parts, strict=False)]
+    for index, part in mine.elements:
+        for their_index, their_part in theirs.elements:
+            same = d.binary(BinaryOp.EQ, index, their_index)
+            met.append(conjunction(d, [same, overlap(d, part, their_part)]))
     for condition, key in mine.keys:
         for other, their_key in theirs.keys:
             met.append(conjunction(d, [condition, other, equal(d, key, their_key)]))

@@ -8,6 +8,7 @@ PROVING = "tests/verify/engines/every_n/test_proving.py"
 LOOPS = "tests/verify/engines/every_n/test_loops.py"
 SEARCH = "tests/verify/engines/every_n/test_lemma_search.py"
 SUMS = "tests/verify/engines/every_n/test_sums.py"
+ARRAYS = "tests/verify/engines/every_n/test_shared_arrays.py"
 
 EVERY_N = (
     Mutant(
@@ -68,7 +69,7 @@ EVERY_N = (
     ),
     Mutant(
         "every N: one robot at most writes a variable without a lock",
-        "verify.engines.every_n.commits.Commits.everything",
+        "verify.engines.every_n.commits.Commits._after_all",
         "slot in self.guards.classes and not self.guards.is_racy(slot)",
         "slot in self.guards.classes",
         (PROVING,),
@@ -202,5 +203,33 @@ EVERY_N = (
         "d.key(through), d.key(low), d.key(high)",
         "(0,)",
         (LOOPS,),
+    ),
+    Mutant(
+        "every N: elements of shared arrays stay as they were",
+        "semantics.locations._joined_elements.at",
+        "d.binary(BinaryOp.EQ, i, index)",
+        "d.binary(BinaryOp.NE, i, i)",
+        (ARRAYS,),
+    ),
+    Mutant(
+        "every N: nobody meets another at an element of a shared array",
+        "semantics.properties.overlap",
+        "mine.elements",
+        "mine.elements[:0]",
+        (ARRAYS,),
+    ),
+    Mutant(
+        "every N: elements of shared arrays that robots race for stay as they were",
+        "verify.engines.every_n.commits.masked",
+        "mask.elements",
+        "mask.elements[:0]",
+        (ARRAYS,),
+    ),
+    Mutant(
+        "every N: all elements of a shared array have one last writer",
+        "verify.engines.every_n.commits.Commits._last_writer",
+        "step is None",
+        "step is None and not place",
+        (ARRAYS,),
     ),
 )

@@ -16,6 +16,8 @@ from tests.recheck.certificates import Document, conjunct, document_of, rechecke
 from tests.recheck.proving import confirmed, settled_for_everyone
 from tests.recheck.test_generated import compared
 from tests.sampling import first, sampled
+from tests.verify.engines.every_n import test_shared_arrays as shared_arrays
+from tests.verify.engines.every_n.asking import system_of
 
 pytest.importorskip("cvc5")
 
@@ -312,3 +314,34 @@ def test_what_is_not_so_is_not_confirmed(text: str) -> None:
     assert names is not None
     assert "Wrong" not in names
     assert "no fault" in names
+
+
+# --- elements that any robot may write ------------------------------------------------------------
+
+
+def test_an_element_that_robots_race_for_is_as_one_of_them_left_it() -> None:
+    found = confirmed(system_of(shared_arrays.RACE), settled_for_everyone)
+    assert found == {"Somebody", "Own", "no fault"}
+
+
+def test_a_token_in_a_ring_is_shown_again() -> None:
+    token = shared_arrays.TOKEN
+    names = {"Exclusive", "Alone", "OnlyOne", "Mine", "no fault"}
+    assert confirmed(system_of(token), settled_for_everyone) == names
+    stays = token.replace("      holds = false\n", "      holds = holds\n")
+    assert confirmed(system_of(stays), settled_for_everyone) == {"no fault"}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("block", range(4))
+def test_what_is_shown_again_of_shared_arrays_is_refuted_for_none(block: int) -> None:
+    shown = 0
+    for seed in range(2 * block, 2 * block + 2):
+        text = shared_arrays.generated(seed)
+        names = confirmed(system_of(text), settled_for_everyone)
+        assert names is not None
+        shown += len(names)
+        for robots in (1, 2, 3):
+            bad, _ = shared_arrays.seen(text, robots)
+            assert not bad & names, (seed, robots)
+    assert shown >= 1

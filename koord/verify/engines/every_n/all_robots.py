@@ -13,7 +13,7 @@ from koord.semantics.expressions import statement
 from koord.semantics.machine import Machine
 from koord.semantics.oracle import Phase
 from koord.semantics.statements import machine
-from koord.semantics.storage import held
+from koord.semantics.storage import Many, Storage, Tree, held, many_of
 from koord.semantics.values import scalar
 from koord.syntax import core
 from koord.syntax.core import BinaryOp, QuantifierKind, UnaryOp
@@ -130,6 +130,20 @@ class ParameterisedSystem(Struct):
     def seat(self, kind: int, robot: Term) -> System:
         """The system in which one robot of a kind runs, as robot 0 of ``kinds``."""
         return replace(self.system, kinds=(kind,), crowd=replace(self.crowd, seated=robot))
+
+    def naming(self, storage: Storage[Term]) -> Storage[Term]:
+        """The storage; indices at which its arrays over robots are read become names."""
+        if isinstance(storage, Many):
+            element = storage.at
+
+            def at(robot: Term) -> Storage[Term]:
+                self.book.name(robot)
+                return self.naming(element(robot))
+
+            return many_of(storage.crowd, at)
+        if isinstance(storage, Tree):
+            return Tree(tuple(self.naming(part) for part in storage.parts))
+        return storage
 
     @property
     def program(self) -> core.Program:

@@ -2,20 +2,38 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from typing import TypeAlias
 
 from msgspec import Struct, field
+from msgspec.structs import replace
 
 from koord.semantics.configurations import Store
 from koord.semantics.domain import conjunction, disjunction
 from koord.semantics.locations import Mask, joined, restricted
-from koord.semantics.storage import Many, Storage, Tree, many_of, merge_storage_known
+from koord.semantics.storage import (
+    Many,
+    Storage,
+    Tree,
+    many_of,
+    merge_storage_known,
+    remembering,
+)
 from koord.semantics.turns import Turned
 from koord.syntax import core
 from koord.syntax.analysis.footprint import WriteExtent
 from koord.syntax.core import BinaryOp
-from koord.syntax.types import INT, is_flat
+from koord.syntax.types import (
+    INT,
+    ArrayType,
+    RecordType,
+    Robots,
+    Type,
+    is_flat,
+    part_types,
+    within,
+)
 from koord.verify.encoding.choices import racy_places
 from koord.verify.encoding.terms import Term, Terms
 from koord.verify.engines.every_n.all_robots import ParameterisedSystem
@@ -26,6 +44,9 @@ MOST_RACING = 4
 
 #: A location of a slot, and the robot that wrote it last.
 LastWrite: TypeAlias = "tuple[int, tuple[int, ...], Term]"
+
+#: The way down to locations of a variable: a position, or None for any robot's number.
+Way: TypeAlias = "tuple[int | None, ...]"
 
 
 class PossibleTurn(Struct, frozen=True):
@@ -45,7 +66,7 @@ class Guards(Struct, frozen=True):
     """
 
     classes: Mapping[int, int]
-    racy: frozenset[tuple[int, tuple[int | None, ...]]]
+    racy: frozenset[tuple[int, Way]]
 
     @staticmethod
     def of(program: core.Program) -> Guards:
@@ -54,7 +75,7 @@ class Guards(Struct, frozen=True):
         classes = {slots[name]: c.index for c in program.lock_classes for name in c.variables}
         return Guards(classes, frozenset(_way(place) for place in racy_places(program)))
 
-    def is_racy(self, slot: int, place: tuple[int, ...] = ()) -> bool:
+    def is_racy(self, slot: int, place: Way = ()) -> bool:
         """Return whether robots may write (a part of, all of) a location at the same time."""
         return any(
             slot == its_slot and all(a is None or a == b for a, b in zip(way, place, strict=False))
@@ -65,7 +86,7 @@ class Guards(Struct, frozen=True):
 NO_GUARDS = Guards({}, frozenset())
 
 
-def _way(place: core.Place) -> tuple[int, tuple[int | None, ...]]:
+def _way(place: core.Place) -> tuple[int, Way]:
     way = (step.position if isinstance(step, core.FieldStep) else None for step in place.steps)
     return place.variable.slot, tuple(way)
 
@@ -124,6 +145,9 @@ class Commits(Struct):
 
     def everything(self, slot: int) -> Storage[Term]:
         """An allwrite variable after the round. [T-ONE-WINNER] [T-COMMIT]"""
+        return self.world.naming(self._after_all(slot))
+
+    def _after_all(self, slot: int) -> Storage[Term]:
         if not self._is_written(slot):
             return self.store.allwrite[slot]
         if slot in self.guards.classes and not self.guards.is_racy(slot):
@@ -194,6 +218,9 @@ class Commits(Struct):
         """A variable with races: each location as its last writer left it."""
         before = self.store.allwrite[slot]
         type_ = self.world.program.allwrite[slot].variable.type
+        if is_flat(type_) and any(_is_of_robots(t) for t in within(type_)):
+            self.world.book.state(1, partial(self._has_last_writer, slot, type_))
+            return self._last_written(slot, before)
         places = list(locations(before)) if is_flat(type_) else []
         lock_class = self.guards.classes.get(slot)
         guarded = [
@@ -222,6 +249,66 @@ class Commits(Struct):
             self._last.append((slot, place, writer))
         return after
 
+    def _has_last_writer(self, slot: int, type_: Type, robots: tuple[Term, ...]) -> Term:
+        """The fact that what a robot writes, in a race for elements, has a last writer."""
+        (robot,), found = robots, []
+        for move in self.moves(robot):
+            for place, way in places_of(type_, move.turned.allwrite.get(slot)):
+                if self._writer_of_class(slot, way) is None:
+                    last = self._last_writer(slot, place, way)
+                    found.append(
+                        self.world.book.implied(
+                            self.writes(slot, place, robot), self.writes(slot, place, last)
+                        )
+                    )
+        return conjunction(self.world.d, found)
+
+    def _writer_of_class(self, slot: int, way: Way) -> Term | None:
+        """The only robot that may write some locations, if they are written in blocks only."""
+        lock_class = self.guards.classes.get(slot)
+        if lock_class is None or self.guards.is_racy(slot, way):
+            return None
+        return self.winner(lock_class)
+
+    def _last_writer(self, slot: int, place: tuple[Term, ...], way: Way) -> Term:
+        """The last robot that writes a location, if one does; a function of its indices."""
+        world = self.world
+        indices = tuple(index for index, step in zip(place, way, strict=True) if step is None)
+        with world.d.depending_on(indices):
+            robot = world.d.fresh(f"last {slot} {way} {self.label}", INT)
+        world.book.note(world.book.between(0, robot, world.crowd.count))
+        world.book.name(robot, generation=1)
+        return robot
+
+    def _last_written(
+        self, slot: int, before: Storage[Term], place: tuple[Term, ...] = (), way: Way = ()
+    ) -> Storage[Term]:
+        """A location, and all below it, as the last robot that writes it leaves it. [T-COMMIT]"""
+        if isinstance(before, Many):
+            at = before.at
+
+            def element(i: Term) -> Storage[Term]:
+                return self._last_written(slot, at(i), (*place, i), (*way, None))
+
+            return many_of(before.crowd, remembering(element))
+        if isinstance(before, Tree):
+            parts = enumerate(before.parts)
+            return Tree(
+                tuple(self._last_written(slot, p, (*place, k), (*way, k)) for k, p in parts)
+            )
+        d = self.world.d
+        after: Storage[Term] = before
+        writer = self._writer_of_class(slot, way)
+        if writer is None:
+            writer = self._last_writer(slot, place, way)
+        for move in self.moves(writer):
+            mask = move.turned.allwrite.get(slot)
+            if mask is not None:
+                written = conjunction(d, [move.chosen, masked(d, mask, place)])
+                theirs = part_at(move.turned.robot.copy.allwrite[slot], place)
+                after = merge_storage_known(d, written, theirs, after)
+        return after
+
     def _nobody_else(
         self, slot: int, place: tuple[int, ...], writer: Term
     ) -> Callable[[Term], Term]:
@@ -244,7 +331,7 @@ class Commits(Struct):
         same = d.binary(BinaryOp.EQ, writer, its_writer)
         self.world.book.note(self.world.book.implied(both, same))
 
-    def writes(self, slot: int, place: tuple[int, ...], robot: Term) -> Term:
+    def writes(self, slot: int, place: tuple[Term, ...], robot: Term) -> Term:
         """The condition that a robot writes a location."""
         d = self.world.d
         found = []
@@ -253,6 +340,10 @@ class Commits(Struct):
             if mask is not None:
                 found.append(conjunction(d, [move.chosen, masked(d, mask, place)]))
         return disjunction(d, found)
+
+
+def _is_of_robots(type_: Type) -> bool:
+    return isinstance(type_, ArrayType) and type_.size is Robots.ALL
 
 
 # --- locations of flat variables: the positions of parts, from the outside in --------------------
@@ -269,13 +360,55 @@ def locations(storage: Storage[Term], above: tuple[int, ...] = ()) -> list[tuple
     ]
 
 
-def masked(d: Terms, mask: Mask[Term] | None, place: tuple[int, ...]) -> Term:
+def places_of(
+    type_: Type, mask: Mask[Term] | None, place: tuple[Term, ...] = (), way: Way = ()
+) -> Iterator[tuple[tuple[Term, ...], Way]]:
+    """The atoms of a flat variable that a mask is about; of arrays over robots, element by element.
+
+    An array over robots that is written as a whole is left out.
+    """
+    match type_:
+        case _ if mask is None:
+            return
+        case ArrayType(element=element, size=Robots.ALL):
+            for index, below in mask.elements:
+                yield from places_of(element, below, (*place, index), (*way, None))
+        case RecordType() | ArrayType():
+            size = type_.size if isinstance(type_, ArrayType) else 0
+            assert isinstance(size, int)
+            for k, part in enumerate(part_types(type_, size)):
+                below = mask.parts[k] if k < len(mask.parts) else None
+                if mask.whole is not False:
+                    below = replace(below, whole=True) if below is not None else Mask(True)
+                yield from places_of(part, below, (*place, k), (*way, k))
+        case _:
+            yield place, way
+
+
+def part_at(storage: Storage[Term], place: tuple[Term, ...]) -> Storage[Term]:
+    """The part of a variable at a place that exists."""
+    for step in place:
+        assert isinstance(storage, Tree)
+        if isinstance(storage, Many):
+            storage = storage.at(step)
+        else:
+            assert isinstance(step, int)
+            storage = storage.parts[step]
+    return storage
+
+
+def masked(d: Terms, mask: Mask[Term] | None, place: tuple[Term, ...]) -> Term:
     """The condition that a mask covers an atom."""
     if mask is None:
         return False
-    if not place or not mask.parts:
-        return mask.whole
-    return d.binary(BinaryOp.OR, mask.whole, masked(d, mask.parts[place[0]], place[1:]))
+    found = [mask.whole]
+    if mask.parts:
+        assert isinstance(place[0], int)
+        found.append(masked(d, mask.parts[place[0]], place[1:]))
+    for index, below in mask.elements:
+        here = d.binary(BinaryOp.EQ, index, place[0])
+        found.append(conjunction(d, [here, masked(d, below, place[1:])]))
+    return disjunction(d, found)
 
 
 def mask_of(storage: Storage[Term], place: tuple[int, ...]) -> Mask[Term]:

@@ -152,7 +152,8 @@ class ArbitraryState:
         slot = entry.variable.slot
         written = self._footprint.get((Home.ALLWRITE, 0, slot), WriteExtent.NEVER)
         like = before.allwrite[slot]
-        return self._some("", entry, entry.variable.type, like, written, ())
+        some = self._some("", entry, entry.variable.type, like, written, ())
+        return self.world.naming(some)
 
     def _entries(self, entry: core.Declaration, before: Store[Term]) -> Storage[Term]:
         """Storage of an allread variable."""

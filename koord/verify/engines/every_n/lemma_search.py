@@ -20,7 +20,7 @@ from koord.sampling.reached import reached
 from koord.semantics.configurations import Configuration
 from koord.semantics.domain import Constant
 from koord.semantics.every_number import NotFiniteError
-from koord.semantics.storage import Cell, Many
+from koord.semantics.storage import Cell, Many, Storage
 from koord.syntax import core
 from koord.syntax.budget import Budget, OutOfBudgetError
 from koord.syntax.system import System, dealt
@@ -41,7 +41,7 @@ from koord.verify.engines.every_n.disjunctions import (
 )
 from koord.verify.engines.every_n.initial_states import ArbitraryState
 from koord.verify.engines.every_n.literals import UNSET, Held, Language, Snapshot
-from koord.verify.engines.every_n.proving import STEPS_PER_SECOND, Inferred, beyond
+from koord.verify.engines.every_n.proving import STEPS_PER_SECOND, Inferred
 from koord.verify.engines.every_n.questions import Means, ProofBudget, Start, Step
 
 #: Sampled systems: how many robots, and how many turns are spent on them.
@@ -131,10 +131,14 @@ def configuration_of(
     for name in world.book.names(limit):
         number = model.scalar(name, INT)
         if isinstance(number, int) and 0 <= number < count and number not in robots:
-            state = start.robot(0, name)
-            entries = [many.at(name) for many in store.allread if isinstance(many, Many)]
-            robots[number] = (state.locals, state.ports, entries)
+            element = partial(_element, name)
+            robots[number] = language.held(start.robot(0, name), store, element)
     return language.snapshot(robots, store.allwrite, read)
+
+
+def _element(robot: Term, storage: Storage[Term]) -> Storage[Term]:
+    assert isinstance(storage, Many)
+    return storage.at(robot)
 
 
 def infer_from_counterexamples(
@@ -151,8 +155,6 @@ def infer_from_counterexamples(
     ``known`` are invariants that were proved before, which may be among the lemmas.
     """
     nothing = Inferred((), ())
-    if beyond(system.program):
-        return nothing
     given, whole = system, system.budget
     system = replace(system, budget=whole.rationed(int(thrift.seconds * STEPS_PER_SECOND)))
     means = Means(deadline, effort, thrift, seed)

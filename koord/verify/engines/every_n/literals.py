@@ -1,7 +1,8 @@
 """Literals of lemmas, and what they are worth in configurations that somebody looked at.
 
 A literal is a truth value, a member of an enumeration, or a comparison of two integers of one
-kind, of robots i and j, shared variables, and elements of fixed arrays at an index k; or, where
+kind, of robots i and j, shared variables, and elements of fixed arrays at an index k (elements of
+arrays over robots are the robots' own); or, where
 a program asks such things of all robots at once, that *there is* a robot of which one of them
 holds. Each can be said in Koord, and worked out in a *snapshot*: the values that a sample or a
 solver's model gives.
@@ -10,11 +11,12 @@ solver's model gives.
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
+from functools import partial
 from typing import TypeAlias, TypeVar
 
 from msgspec import Struct
 
-from koord.semantics.configurations import Configuration
+from koord.semantics.configurations import Configuration, Robot, Store
 from koord.semantics.domain import Constant
 from koord.semantics.storage import Cell, Storage, Tree
 from koord.syntax import core
@@ -27,6 +29,7 @@ from koord.syntax.types import (
     EnumType,
     IntType,
     RecordType,
+    Robots,
     Type,
 )
 from koord.syntax.walk import nodes
@@ -44,14 +47,16 @@ _MOST_CONSTANTS = 4
 #: Integers of one robot are compared with other integers of another where so few may be.
 _FEW = 2
 
+_SHARED = (Home.ALLREAD, Home.ALLWRITE)
+
 #: More literals are not looked at: disjunctions of three of them would be too many.
 _MOST_LITERALS = 160
 
 
 V = TypeVar("V")
 
-#: What a robot has: locals, ports, and its entries of allread variables.
-Held: TypeAlias = "tuple[Sequence[Storage[V]], Sequence[Storage[V]], Sequence[Storage[V]]]"
+#: What a robot has, by home and slot: of what is an array over robots, its element.
+Held: TypeAlias = "Mapping[Home, Mapping[int, Storage[V]]]"
 
 
 class Part(Struct, frozen=True):
@@ -64,13 +69,20 @@ class Part(Struct, frozen=True):
 
     def at(self, robot: core.Expr | None) -> core.Expr:
         """The part as an expression, of a robot if each robot has it."""
-        home = self.variable.home
-        if home is Home.ALLREAD:
+        element = element_of(self.variable)
+        if element is not None:
             assert robot is not None
-            assert isinstance(self.variable.type, ArrayType)
-            own = core.IndexStep(robot, self.variable.type.element)
+            own = core.IndexStep(robot, element)
             return core.Read(core.Place(self.variable, (own, *self.steps)))
         return core.Read(core.Place(self.variable, self.steps, robot=robot))
+
+
+def element_of(variable: core.Variable) -> Type | None:
+    """The type of each robot's element of a shared array over robots; None of anything else."""
+    match variable.type:
+        case ArrayType(element=element, size=Robots.ALL) if variable.home in _SHARED:
+            return element
+    return None
 
 
 #: The value of what is not set. Whatever reads it does not hold. [PROP-FAULT]
@@ -226,10 +238,13 @@ class Language(Struct, frozen=True):
         agent = program.agents[0]
         declared = (*agent.locals, *(port.declaration for port in agent.ports))
         own = [p for d in declared for p in _parts(d.variable, (), d.variable.type)]
-        for d in program.allread:
-            assert isinstance(d.variable.type, ArrayType)
-            own += _parts(d.variable, (), d.variable.type.element)
-        shared = [p for d in program.allwrite for p in _parts(d.variable, (), d.variable.type)]
+        shared: list[Part] = []
+        for d in (*program.allread, *program.allwrite):
+            element = element_of(d.variable)
+            if element is not None:
+                own += _parts(d.variable, (), element)
+            else:
+                shared += _parts(d.variable, (), d.variable.type)
         sizes = [part.size for part in (*own, *shared) if part.size is not None]
         size = max(sizes, key=sizes.count, default=1)
         own = [part for part in own if part.size in (None, size)]
@@ -255,25 +270,42 @@ class Language(Struct, frozen=True):
         shared: Sequence[Storage[V]],
         read: Callable[[Cell[V], Type], object],
     ) -> Snapshot:
-        """The values of a configuration: of each robot its locals, ports and allread entries."""
-        known = {}
-        for number, (locals_, ports, entries) in robots.items():
-            homes = {Home.LOCAL: locals_, Home.PORT: ports, Home.ALLREAD: entries}
-            known[number] = tuple(
-                _value(homes[part.variable.home][part.variable.slot], part, read)
+        """The values of a configuration."""
+        known = {
+            number: tuple(
+                _value(held[part.variable.home][part.variable.slot], part, read)
                 for part in self.own
             )
+            for number, held in robots.items()
+        }
         common = tuple(_value(shared[part.variable.slot], part, read) for part in self.shared)
         return Snapshot(known, common)
 
     def sampled(self, configuration: Configuration[Constant]) -> Snapshot:
         """The values of a configuration that was reached."""
         store = configuration.store
-        robots: dict[int, Held[Constant]] = {}
-        for number, robot in enumerate(configuration.robots):
-            entries = [tree.parts[number] for tree in store.allread if isinstance(tree, Tree)]
-            robots[number] = (robot.locals, robot.ports, entries)
-        return self.snapshot(robots, store.allwrite, _held)
+
+        def element(storage: Storage[Constant], number: int) -> Storage[Constant]:
+            assert isinstance(storage, Tree)
+            return storage.parts[number]
+
+        robots = {
+            number: self.held(robot, store, partial(element, number=number))
+            for number, robot in enumerate(configuration.robots)
+        }
+        return self.snapshot(robots, store.allwrite, _set_value)
+
+    def held(
+        self, robot: Robot[V], store: Store[V], element: Callable[[Storage[V]], Storage[V]]
+    ) -> Held[V]:
+        """What a robot has; ``element`` takes its element of an array over robots."""
+        shared: dict[Home, dict[int, Storage[V]]] = {home: {} for home in _SHARED}
+        for variable in dict.fromkeys(part.variable for part in self.own):
+            if variable.home in shared:
+                whole = store.allread if variable.home is Home.ALLREAD else store.allwrite
+                shared[variable.home][variable.slot] = element(whole[variable.slot])
+        own = {Home.LOCAL: robot.locals, Home.PORT: robot.ports}
+        return shared | {home: dict(enumerate(kept)) for home, kept in own.items()}
 
     def rows(self, here: Snapshot) -> Iterator[Row]:
         """The choices of i, j and k: pairs of different robots, or one where there is no other."""
@@ -287,7 +319,7 @@ class Language(Struct, frozen=True):
                         yield i, j, k
 
 
-def _held(cell: Cell[Constant], type_: Type) -> object:
+def _set_value(cell: Cell[Constant], type_: Type) -> object:
     return cell.value if cell.is_set is True else UNSET
 
 

@@ -20,7 +20,6 @@ from koord.syntax.walk import nodes
 from koord.verify.claims import Claim
 from koord.verify.engines.every_n.progress_parts import Help, Measure, help_of, measures_of
 from koord.verify.engines.every_n.progress_questions import RoundQuestions, StateQuestion
-from koord.verify.engines.every_n.proving import beyond
 from koord.verify.engines.every_n.questions import Means
 
 
@@ -41,9 +40,6 @@ def progress(
     system: System, stated: core.Property, known: Sequence[Claim], means: Means
 ) -> ProgressProof | str:
     """Prove a claim about whole runs, or say why not. ``known`` holds in every round."""
-    why = beyond(system.program)
-    if why:
-        return why
     try:
         return _Search(system, stated, known, means).proof()
     except NotFiniteError as error:

@@ -16,7 +16,6 @@ from koord.semantics.every_number import NotFiniteError
 from koord.syntax import core
 from koord.syntax.budget import OutOfBudgetError
 from koord.syntax.system import System
-from koord.syntax.types import ArrayType, Robots, within
 from koord.verify.claims import Claim
 from koord.verify.effort import Deadline, Effort
 from koord.verify.engines.every_n.questions import GENEROUS, Means, ProofBudget, Start, Step
@@ -45,9 +44,6 @@ def prove(
     How many robots the system has plays no part.
     """
     means = Means(deadline, effort, thrift, seed)
-    why = beyond(system.program)
-    if why:
-        return Proof((), dict.fromkeys(claims, why))
     reasons: dict[Claim, str] = {}
     try:
         start = Start(system, means)
@@ -97,8 +93,6 @@ def infer(
     worked out on the way may cost as much again as solvers may.
     """
     best = nothing = Inferred((), ())
-    if beyond(system.program):
-        return nothing
     whole, steps = system.budget, int(thrift.seconds * STEPS_PER_SECOND)
     system = replace(system, budget=whole.rationed(steps))
     means = Means(deadline, effort, thrift, seed)
@@ -124,12 +118,3 @@ def infer(
         if whole.is_over():
             raise
     return best
-
-
-def beyond(program: core.Program) -> str:
-    """The reason why a program is beyond this engine; empty if it is not."""
-    for entry in program.allwrite:
-        types = within(entry.variable.type)
-        if any(isinstance(t, ArrayType) and t.size is Robots.ALL for t in types):
-            return f"{entry.variable.name} has an element for each robot that any robot may write"
-    return ""

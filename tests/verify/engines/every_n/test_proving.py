@@ -445,18 +445,6 @@ invariant Any: lucky or not lucky
     assert "loop over all robots" in why
 
 
-def test_an_array_that_any_robot_may_write_is_beyond_it() -> None:
-    text = """
-allwrite:
-  int[numAgents] x
-Set:
-  eff:
-    x[0] = 1
-invariant Any: true
-"""
-    assert "any robot may write" in reason(text, "Any")
-
-
 # --- locks and locations --------------------------------------------------------------------------
 
 IN_TURN = """
