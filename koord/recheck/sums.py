@@ -8,6 +8,8 @@ from itertools import pairwise
 from math import factorial, lcm
 from typing import assert_never
 
+from msgspec.structs import replace
+
 from koord.recheck import all_robots
 from koord.recheck.body import RunningBody
 from koord.recheck.sorts import NotRecheckedError, Value
@@ -89,20 +91,61 @@ _MOST_DEGREE = 3
 
 
 def total(v: Values, low: Term, high: Term, index: Term, part: Term) -> Term:
-    """The sum of ``part``, in which ``index`` is free, for indices in ``[low, high)``."""
+    """The sum of ``part``, in which ``index`` is free, for indices in ``[low, high)``.
+
+    What depends on the variables of quantifiers is a function of them.
+    """
     t = v.t
-    for known in v.sums:
-        if (known.low, known.high, t.put(known.part, known.index, index)) == (low, high, part):
-            return known.total
-    made = Sum(v.symbol("sum", part.sort), low, high, index, part)
-    if v.scope:
-        return made.total  # what hangs on other variables is not compared with anything
-    v.ranges += _alone(t, made)
+    free = t.free(part)
+    used = tuple(x for x in v.scope if x.head in free)
+    ends = t.free(low) | t.free(high)
+    if any(x.head in ends for x in v.scope) or any(x.sort != INT for x in used):
+        return v.symbol("sum", part.sort)  # what hangs on more is not compared with anything
+    names = tuple(t.symbol(f"?robot {k} of a sum", INT) for k in range(len(used)))
+    for old, new in zip(used, names, strict=True):
+        part = t.put(part, old, new)
+    known = next((one for one in v.sums if _is_alike(t, one, low, high, index, part)), None)
+    if known is None:
+        known = _met(v, Sum(_symbol(v, names, part), low, high, index, part, names))
+    found = known.total
+    for old, new in zip(names, used, strict=True):
+        found = t.put(found, old, new)
+    return found
+
+
+def _is_alike(t: Terms, one: Sum, low: Term, high: Term, index: Term, part: Term) -> bool:
+    return (one.low, one.high, t.put(one.part, one.index, index)) == (low, high, part)
+
+
+def _symbol(v: Values, names: tuple[Term, ...], part: Term) -> Term:
+    with v.scoped(names):
+        return v.symbol("sum", part.sort)
+
+
+def _met(v: Values, made: Sum) -> Sum:
+    """Say what is known of a sum, and of it and others over the same range."""
+    t = v.t
+    v.ranges += [t.for_all(made.names, axiom) for axiom in _alone(t, made)]
     for other in v.sums:
-        if other.low is low and other.high is high and other.total.sort == part.sort:
-            v.ranges.append(_compared(t, other, made))
+        if (
+            other.low is not made.low
+            or other.high is not made.high
+            or other.total.sort != made.total.sort
+        ):
+            continue
+        if len(other.names) == len(made.names):
+            pairs = [_at_most(t, other, made), _at_most(t, made, other)]
+            if not made.names:
+                pairs += [_compared(t, other, made), *_together(t, other, made)]
+            v.ranges += [t.for_all(made.names, axiom) for axiom in pairs]
+    if made.names:
+        others = tuple(t.symbol(f"?other robot {k} of a sum", INT) for k in range(len(made.names)))
+        twin = made
+        for old, new in zip(made.names, others, strict=True):
+            twin = replace(twin, total=t.put(twin.total, old, new), part=t.put(twin.part, old, new))
+        v.ranges += [t.for_all((*made.names, *others), a) for a in _together(t, made, twin)]
     v.sums.append(made)
-    return made.total
+    return made
 
 
 def _inside(t: Terms, one: Sum, index: Term) -> Term:
@@ -115,6 +158,7 @@ def _every(t: Terms, one: Sum, holds: Term) -> Term:
 
 def _alone(t: Terms, one: Sum) -> Iterator[Term]:
     """Yield axioms of one sum: all parts are zero, or a polynomial, or at most that."""
+    yield _naturally(t, one)
     nothing = t.minus(one.part, one.part)
     yield t.implies(_every(t, one, t.equal(one.part, nothing)), t.equal(one.total, nothing))
     ahead = t.at_most(one.low, one.high)
@@ -128,6 +172,39 @@ def _alone(t: Terms, one: Sum) -> Iterator[Term]:
         yield t.implies(t.both(ahead, same), reached)
         yield t.implies(t.both(ahead, below), t.at_most(scaled, whole_sum))
         yield t.implies(t.conjunction([ahead, below, reached]), same)
+
+
+def _naturally(t: Terms, one: Sum) -> Term:
+    """A part is at most the sum, where none is negative."""
+    nothing, some = t.minus(one.part, one.part), t.bound(0)
+    natural = _every(t, one, t.at_most(nothing, one.part))
+    part = t.put(one.part, one.index, some)
+    known = t.both(_inside(t, one, some), natural)
+    return t.for_all([some], t.implies(known, t.at_most(part, one.total)))
+
+
+def _at_most(t: Terms, one: Sum, two: Sum) -> Term:
+    """A sum is at most another, if each of its parts is."""
+    below = _every(t, one, t.at_most(one.part, t.put(two.part, two.index, one.index)))
+    return t.implies(below, t.at_most(one.total, two.total))
+
+
+def _together(t: Terms, one: Sum, two: Sum) -> Iterator[Term]:
+    """Two sums are together at most that of a number, if their parts are."""
+    other = t.put(two.part, two.index, one.index)
+    pieces = dict.fromkeys(p for s in (one, two) for p, _ in _polynomials(t, s) if p.value)
+    for piece in pieces:
+        below = _every(t, one, t.at_most(t.plus(one.part, other), piece))
+        times = t.times(piece, t.minus(*_ends(t, one)))
+        known = t.both(t.at_most(one.low, one.high), below)
+        yield t.implies(known, t.at_most(t.plus(one.total, two.total), times))
+
+
+def _ends(t: Terms, one: Sum) -> tuple[Term, Term]:
+    """The ends of a sum's range, the higher first, as numbers like its parts."""
+    if one.part.sort == INT:
+        return one.high, one.low
+    return t.widened(one.high), t.widened(one.low)
 
 
 def _compared(t: Terms, one: Sum, two: Sum) -> Term:

@@ -25,13 +25,17 @@ from koord.syntax.types import (
 
 
 class Sum(Struct, frozen=True):
-    """A term for a sum: ``total`` is the sum of ``part`` over ``index`` in ``[low, high)``."""
+    """A term for a sum: ``total`` is the sum of ``part`` over ``index`` in ``[low, high)``.
+
+    Both may depend on numbers of robots, ``names``: then it is one for any.
+    """
 
     total: Term
     low: Term
     high: Term
     index: Term
     part: Term
+    names: tuple[Term, ...] = ()
 
 
 class Values(Sorts):

@@ -17,6 +17,7 @@ from tests.recheck.proving import confirmed, settled_for_everyone
 from tests.recheck.test_generated import compared
 from tests.sampling import first, sampled
 from tests.verify.engines.every_n import test_shared_arrays as shared_arrays
+from tests.verify.engines.every_n import test_sums as sums
 from tests.verify.engines.every_n.asking import system_of
 
 pytest.importorskip("cvc5")
@@ -345,3 +346,30 @@ def test_what_is_shown_again_of_shared_arrays_is_refuted_for_none(block: int) ->
             bad, _ = shared_arrays.seen(text, robots)
             assert not bad & names, (seed, robots)
     assert shown >= 1
+
+
+# --- sums that are asked of any robot -------------------------------------------------------------
+
+
+def test_votes_for_two_robots_are_no_more_than_robots() -> None:
+    found = confirmed(system_of(sums.ELECTION), settled_for_everyone)
+    assert found == {"Seen", "One", "no fault"}
+
+
+WRONG_SUMS = [
+    (sums.ROOM.replace("      n = n + 1", "      n = n + 1\n    else:\n      n = n - 1"), "Mine"),
+    (sums.ELECTION.replace("> numAgents", ">= numAgents"), "One"),
+    (sums.ELECTION.replace("n = n + 1", "n = n + 2"), "One"),
+    (sums.ROOM.replace("many(inside) <= many(near)", "many(near) <= many(inside)"), "Fewer"),
+    (sums.ROOM.replace("many(near) >= 1", "many(near) >= 2"), "Mine"),
+    (sums.APART.replace("<= numAgents", "< numAgents"), "Both"),
+]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("text", "wrong"), WRONG_SUMS)
+def test_sums_whose_parts_are_not_so_are_not_confirmed(text: str, wrong: str) -> None:
+    found = confirmed(system_of(text), settled_for_everyone)
+    assert found is not None
+    assert wrong not in found
+    assert "no fault" in found

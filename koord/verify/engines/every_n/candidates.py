@@ -237,7 +237,7 @@ class Vocabulary(Struct, frozen=True):
                     and node.op in (BinaryOp.LT, BinaryOp.LE)
                     and not any(isinstance(n, core.Call | core.ExternalCall) for n in nodes(node))
                 ):
-                    found[_for_robot(node, robot)] = None
+                    found[for_robot(node, robot)] = None
         return list(found)
 
 
@@ -269,13 +269,13 @@ def _variants(comparison: core.Binary) -> Iterator[core.Expr]:
             yield _binary(BinaryOp.LT, one, later)
 
 
-def _for_robot(node: Any, robot: core.Expr) -> Any:
+def for_robot(node: Any, robot: core.Expr) -> Any:
     """An expression of a robot's turn as a property's expression about that robot."""
     if isinstance(node, core.Pid):
         return robot
     if isinstance(node, core.Variable):
         return node
-    made = rebuilt(node, lambda part: _for_robot(part, robot))
+    made = rebuilt(node, lambda part: for_robot(part, robot))
     if isinstance(made, core.Place) and made.variable.home in (Home.LOCAL, Home.PORT):
         return replace(made, robot=robot)
     return made

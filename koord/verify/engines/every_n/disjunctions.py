@@ -6,26 +6,23 @@ the union of its literals' bits is full.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 from msgspec import Struct
 
 from koord.syntax import core
 from koord.syntax.budget import ENDLESS, Budget
-from koord.syntax.core import BinaryOp, Home, PropertyKind, QuantifierKind
+from koord.syntax.core import BinaryOp, PropertyKind, QuantifierKind
 from koord.syntax.printing.quoting import Quoting
 from koord.syntax.types import BOOL, INT
 from koord.syntax.walk import renamed
 from koord.verify.claims import Claim, ClaimKind, reads_ports
+from koord.verify.engines.every_n.bound import FREE_SLOT, READ_I, READ_J, I, J, K, M
+from koord.verify.engines.every_n.language import Language
 from koord.verify.engines.every_n.literals import (
-    READ_I,
-    READ_J,
     AnyLiteral,
+    ConditionLiteral,
     Existence,
-    I,
-    J,
-    K,
-    Language,
     Literal,
     Quantity,
     Row,
@@ -38,11 +35,11 @@ from koord.verify.engines.every_n.literals import (
 #: Positions of literals in their language, ascending.
 Disjunction = tuple[int, ...]
 
-#: A robot that there is, beside i and j.
-M = core.Variable(Home.BOUND, 3, "m", INT)
-
 #: So many disjunctions, with each order of their literals, are looked at in a step of work.
 _PER_STEP = 6_000
+
+#: So many literals a disjunction has at most, where nothing longer is asked for.
+USUAL = 3
 
 #: More rows of samples are not looked at: their bits would be slow.
 _MOST_ROWS = 6_000
@@ -53,7 +50,7 @@ class Looking:
 
     def __init__(self, language: Language) -> None:
         self._quantities: dict[tuple[object, ...], tuple[int, Quantity]] = {}
-        self._existences = [x for x in language.literals if isinstance(x, Existence)]
+        self._others = [x for x in language.literals if not isinstance(x, Literal)]
         self._literals = [
             (self._place(x.left), x.op, self._place(x.right), x.positive)
             for x in language.literals
@@ -64,9 +61,9 @@ class Looking:
         return self._quantities.setdefault(twin_of(q), (len(self._quantities), q))[0]
 
     def values(self, here: Snapshot, row: Row) -> tuple[object, ...]:
-        """The values of quantities, and whether there is who there may be."""
+        """The values of quantities, and whether the literals hold that have none."""
         found = [q.look(here, row) for _, q in self._quantities.values()]
-        return *found, *(x.look(here, row) for x in self._existences)
+        return *found, *(x.look(here, row) for x in self._others)
 
     def truths(self, values: Sequence[object]) -> tuple[bool, ...]:
         """Of each literal whether it holds, in the order of the language."""
@@ -74,7 +71,7 @@ class Looking:
             compared(values[a], op, values[b], positive=positive) is True
             for a, op, b, positive in self._literals
         ]
-        return *found, *(there is True for there in values[len(self._quantities) :])
+        return *found, *(holds is True for holds in values[len(self._quantities) :])
 
 
 class Samples(Struct):
@@ -100,38 +97,33 @@ class Samples(Struct):
         bits = [_packed(column) for column in zip(*rows, strict=True)]
         return Samples(language, bits, (1 << len(rows)) - 1)
 
-    def against(self, here: Snapshot, row: Row, budget: Budget = ENDLESS) -> list[Disjunction]:
-        """The smallest disjunctions that held in all samples and are false in a row."""
-        false = [n for n, x in enumerate(self.language.literals) if x.look(here, row) is False]
-        bits, found = self.bits, list[Disjunction]()
-        open_ = [n for n in false if bits[n]]
-        # Three of so many.
-        budget.spend(1 + len(open_) ** 3 // _PER_STEP)
-        for place, a in enumerate(open_):
-            without_a = self.full & ~bits[a]
-            if not without_a:
-                found.append((a,))
-                continue
-            for second, b in enumerate(open_[place + 1 :], place + 1):
-                without_b = without_a & ~bits[b]
-                if not without_b:
-                    found.append((a, b))
-                elif without_b != without_a:
-                    for c in open_[second + 1 :]:
-                        if not without_b & ~bits[c]:
-                            found.append((a, b, c))
-        return self._least(found)
+    def against(
+        self, here: Snapshot, row: Row, budget: Budget = ENDLESS, most: int = USUAL
+    ) -> list[Disjunction]:
+        """The smallest disjunctions that held in all samples and are false in a row.
 
-    def _least(self, found: list[Disjunction]) -> list[Disjunction]:
-        """Those of which no part is enough."""
-        ones = {x for x in found if len(x) == 1}
-        twos = {x for x in found if len(x) == 2 and not any((n,) in ones for n in x)}
-        threes = [
-            (a, b, c)
-            for (a, b, c) in (x for x in found if len(x) == 3)
-            if not ones & {(a,), (b,), (c,)} and not twos & {(a, b), (a, c), (b, c)}
-        ]
-        return [*ones, *twos, *threes]
+        They have at most so many literals.
+        """
+        false = [n for n, x in enumerate(self.language.literals) if x.look(here, row) is False]
+        open_ = [n for n in false if self.bits[n]]
+        budget.spend(1 + len(open_) ** most // _PER_STEP)
+        found = set(self._grown((), self.full, open_, most))
+        return [x for x in found if not any(x[:k] + x[k + 1 :] in found for k in range(len(x)))]
+
+    def _grown(
+        self, begun: Disjunction, without: int, rest: Sequence[int], most: int
+    ) -> Iterator[Disjunction]:
+        """Yield what a disjunction can be grown to, given the samples in which it does not hold."""
+        bits = self.bits
+        if most == 1:
+            yield from ((*begun, n) for n in rest if not without & ~bits[n])
+            return
+        for place, n in enumerate(rest, 1):
+            left = without & ~bits[n]
+            if not left:
+                yield (*begun, n)
+            elif left != without:
+                yield from self._grown((*begun, n), left, rest[place:], most - 1)
 
 
 def _packed(truths: Iterable[bool]) -> int:
@@ -157,9 +149,13 @@ def canonical(language: Language, x: Disjunction) -> Disjunction:
 
 
 def cost(language: Language, x: Disjunction) -> tuple[int, ...]:
-    """What comes first: few literals, of one robot, that compare little."""
+    """What comes first: few literals, of one robot, that compare little.
+
+    That there is a robot is worth two: in the little that is known of a model there is hardly one.
+    """
     literals = [language.literals[n] for n in x]
-    return len(x), _about(literals) == 3, sum(literal.cost for literal in literals), *x
+    there = sum(isinstance(literal, Existence) for literal in literals)
+    return len(x) + there, _about(literals) == 3, sum(literal.cost for literal in literals), *x
 
 
 def implied(language: Language, weaker: Disjunction, stronger: Disjunction) -> bool:
@@ -191,14 +187,15 @@ def lemma(program: core.Program, language: Language, x: Disjunction) -> Claim:
                 QuantifierKind.FORALL, variable, core.RobotRange(), condition
             )
     text = Quoting.of(program).text(condition)
-    stated = core.Property(text, PropertyKind.INVARIANT, condition, 4)
+    bound = [x.condition.bound for x in literals if isinstance(x, ConditionLiteral)]
+    stated = core.Property(text, PropertyKind.INVARIANT, condition, max([FREE_SLOT, *bound]))
     ports = reads_ports(program, condition)
     return Claim(text, ClaimKind.PROPERTY, stated, reads_ports=ports)
 
 
 def _implication(literals: Sequence[AnyLiteral], *, apart: bool) -> core.Expr:
     """A disjunction as what follows from what."""
-    rest = [x for x in literals if isinstance(x, Literal)]
+    rest = [x for x in literals if not isinstance(x, Existence)]
     there = [x for x in literals if isinstance(x, Existence)]
     if there:
         conclusion = _somebody(there, M if any(x.of & 2 for x in rest) else J)

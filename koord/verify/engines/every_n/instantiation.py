@@ -14,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from itertools import product
+from typing import TypeAlias
 
 from msgspec import Struct, field
 
@@ -25,12 +26,17 @@ from koord.verify.engines.every_n.functions import Functions
 
 Names = tuple[Term, ...]
 
+#: What is told of names, and of their generation, when something is said of them.
+Arrival: TypeAlias = "Callable[[Names, int], None]"
+
 
 class Scheme(Struct):
     """A quantified fact: ``outer`` blanks are fixed by its context, ``own`` ones range over names.
 
-    ``contexts`` are what the outer blanks stand for, each with its generation. In each context the
-    ``doubt`` is noted, and the ``witness`` in it is a name.
+    ``contexts`` are what the outer blanks stand for, each with its generation; ``known`` has those
+    of a scheme that others ``use``, each time of the terms that they say. Whom a scheme ``calls``
+    is told of its terms. In each context the ``doubt`` is noted, and the ``witness`` in it is a
+    name.
     """
 
     outer: Names
@@ -38,12 +44,15 @@ class Scheme(Struct):
     facts: list[Term] = field(default_factory=list)
     brings_up: list[Term] = field(default_factory=list)
     inner: list[Scheme] = field(default_factory=list)
+    uses: list[tuple[Scheme, Names]] = field(default_factory=list)
+    calls: list[tuple[Arrival, Names]] = field(default_factory=list)
     atom: str = ""  #: the Boolean that the scheme is about, if it is about one
     doubt: Term = True
     witness: Term | None = None
     active: bool = False
+    latest: int | None = None  #: names of later generations are left out
     contexts: list[tuple[Names, int]] = field(default_factory=list)
-    doubted: int = 0
+    known: dict[tuple[object, ...], tuple[Names, int]] = field(default_factory=dict)
     said: set[tuple[object, ...]] = field(default_factory=set)
 
 
@@ -66,8 +75,9 @@ class Book(Struct):
     _seen: set[tuple[int, int]] = field(default_factory=set)
     _looked: int = 0
     _kept: list[Term] = field(default_factory=list)
-    _canonical: Term | None = None
-    _everywhere: dict[tuple[object, ...], Term] = field(default_factory=dict)
+    _canonical: list[Term] = field(default_factory=list)
+    _arrived: list[tuple[Arrival, Names, int]] = field(default_factory=list)
+    _everywhere: dict[tuple[object, ...], tuple[Scheme, Term]] = field(default_factory=dict)
     _leaving: dict[tuple[object, ...], Term] = field(default_factory=dict)
 
     # --- writing --------------------------------------------------------------------------------
@@ -93,13 +103,23 @@ class Book(Struct):
         for name in names:
             self._put(name, generation)
 
+    @contextmanager
+    def reading(self) -> Iterator[None]:
+        """Within the context, nothing becomes a name: what is looked at in a model need not be."""
+        before = dict(self._names)
+        try:
+            yield
+        finally:
+            self._names = before
+
     def names(self, limit: int) -> list[Term]:
         """The names of the first generations."""
         return [term for term, born in self._names.values() if born <= limit]
 
-    def state(self, arity: int, says: Callable[[Names], Term]) -> None:
-        """Assert that a statement holds of all integers."""
-        frame, fact = self._worked_out(arity, says)
+    def state(self, arity: int, says: Callable[[Names], Term], latest: int | None = None) -> None:
+        """Assert that a statement holds of all integers; it is said of names up to a generation."""
+        frame, fact = self.worked_out(arity, says)
+        frame.latest = latest
         frame.facts.append(fact)
         self._keep(frame)
 
@@ -109,7 +129,7 @@ class Book(Struct):
         There is one for all robots if what it says is the same for each of them.
         """
         d = self.unknowns.terms
-        frame, holds_of = self._worked_out(1, lambda names: body(names[0]))
+        frame, holds_of = self.worked_out(1, lambda names: body(names[0]))
         known = d.known(holds_of)
         if known is not None:
             return True if known else d.unary(UnaryOp.NOT, d.binary(BinaryOp.LT, low, high))
@@ -118,24 +138,68 @@ class Book(Struct):
         if d.is_valid(self.implied(inside, holds_of)):
             # That an index lies in a range over which it runs, most often.
             return True
-        said = conjunction(d, [holds_of, inside, *frame.facts])
-        if not frame.inner and not frame.brings_up and not d.mentions(said, frame.outer):
-            return self._once(Scheme((), frame.own, frame.facts), low, high, holds_of)
-        return self._equivalent(frame, inside, holds_of)
+        if not frame.inner and not frame.uses and not frame.brings_up:
+            return self._shared(frame, low, high, holds_of)
+        holds = self._equivalent(frame, inside, holds_of)
+        self._keep(frame)
+        return holds
 
-    def _once(self, frame: Scheme, low: Term, high: Term, holds_of: Term) -> Term:
-        """The Boolean of a statement that is the same wherever it is asked."""
-        d, (blank,) = self.unknowns.terms, frame.own
-        if self._canonical is None:
-            self._canonical = d.blank()
-        said = d.put(holds_of, [(blank, self._canonical)])
-        key = d.key(low), d.key(high), d.key(said)
+    def _shared(self, frame: Scheme, low: Term, high: Term, holds_of: Term) -> Term:
+        """The Boolean of a statement that is the same wherever it is asked of the same terms."""
+        d, (own,) = self.unknowns.terms, frame.own
+        said = conjunction(d, [holds_of, self.between(low, own, high), *frame.facts])
+        used = tuple(blank for blank in frame.outer if d.mentions(said, [blank]))
+        blanks = self.canonical(1 + len(used))
+        pairs = list(zip((own, *used), blanks, strict=True))
+        low, high, holds_of = (d.put(term, pairs) for term in (low, high, holds_of))
+        key = len(used), d.key(low), d.key(high), d.key(holds_of)
         if key not in self._everywhere:
-            with self.about(0):
-                holds = self._equivalent(frame, self.between(low, blank, high), holds_of)
-            self._everywhere[key] = holds
-            self._kept += [said, low, high]
-        return self._everywhere[key]
+            facts = [d.put(fact, pairs) for fact in frame.facts]
+            shared = Scheme(blanks[1:], blanks[:1], facts)
+            with d.opened(shared.outer):
+                holds = self._equivalent(shared, self.between(low, blanks[0], high), holds_of)
+            self._everywhere[key] = shared, holds
+            self._kept += [low, high, holds_of]
+            self._schemes.append(shared)
+            if not used:
+                self._know_of(shared, (), self._now)
+        shared, holds = self._everywhere[key]
+        if used:
+            self._use(shared, used)
+        return d.put(holds, list(zip(blanks[1:], used, strict=True)))
+
+    def _use(self, shared: Scheme, names: Names) -> None:
+        """Say a shared statement of names from now on."""
+        if self._frames:
+            self._frames[-1].uses.append((shared, names))
+        else:
+            self._know_of(shared, names, self._now)
+
+    def canonical(self, count: int) -> Names:
+        """Blanks that stand for others, so that what is said of them can be compared."""
+        while len(self._canonical) < count:
+            self._canonical.append(self.unknowns.terms.blank())
+        return tuple(self._canonical[:count])
+
+    def call(self, arrival: Arrival, names: Names) -> None:
+        """Tell somebody of what blanks of the context stand for, whenever they do."""
+        self._frames[-1].calls.append((arrival, names))
+
+    def keep(self, term: Term) -> None:
+        """Keep a term alive, whose key somebody remembers."""
+        self._kept.append(term)
+
+    def say(self, frame: Scheme, fact: Term, names: Names) -> Term:
+        """Say of names what was worked out about blanks, and return a term of them."""
+        d = self.unknowns.terms
+        pairs = list(zip((*frame.outer, *frame.own), names, strict=True))
+        for each in frame.facts:
+            self.note(d.put(each, pairs))
+        for index in frame.brings_up:
+            self.name(d.put(index, pairs), generation=1)
+        for shared, terms in frame.uses:
+            self._use(shared, tuple(d.put(term, pairs) for term in terms))
+        return d.put(fact, pairs)
 
     def _equivalent(self, frame: Scheme, inside: Term, holds_of: Term) -> Term:
         d, (blank,) = self.unknowns.terms, frame.own
@@ -145,8 +209,15 @@ class Book(Struct):
         fails = d.binary(BinaryOp.AND, inside, d.unary(UnaryOp.NOT, holds_of))
         frame.atom, frame.witness = d.symbol(holds), witness
         frame.doubt = d.binary(BinaryOp.OR, holds, d.put(fails, [(blank, witness)]))
-        self._keep(frame)
         return holds
+
+    def _know_of(self, shared: Scheme, names: Names, born: int) -> None:
+        """Say a shared statement of some names from a generation on."""
+        key = tuple(self.unknowns.terms.key(term) for term in names)
+        known = shared.known.get(key)
+        if known is None or known[1] > born:
+            shared.known[key] = names, born
+            shared.contexts = list(shared.known.values())
 
     def first(self, low: Term, high: Term, goes_on: Callable[[Term], Term]) -> tuple[Term, Term]:
         """Whether a loop runs through, and if not in which trip it is left. [T-LOOP]"""
@@ -187,7 +258,7 @@ class Book(Struct):
         finally:
             self._reopen(frames)
 
-    def _worked_out(self, arity: int, says: Callable[[Names], Term]) -> tuple[Scheme, Term]:
+    def worked_out(self, arity: int, says: Callable[[Names], Term]) -> tuple[Scheme, Term]:
         """Evaluate a statement on blanks, together with the facts recorded on the way."""
         d = self.unknowns.terms
         frame = Scheme(d.open, tuple(d.blank() for _ in range(arity)))
@@ -260,6 +331,8 @@ class Book(Struct):
         seen = -1
         while seen < self.instances < self.most:
             seen = self.instances
+            for arrival, names, born in self._take_arrived():
+                arrival(names, born)
             for fact in self.facts[self._looked :]:
                 self._want(fact)
             self._looked = len(self.facts)
@@ -267,8 +340,13 @@ class Book(Struct):
                 self._unfold(scheme, limit)
         self._now = 0
 
+    def _take_arrived(self) -> list[tuple[Arrival, Names, int]]:
+        arrived, self._arrived = self._arrived, []
+        return arrived
+
     def _unfold(self, scheme: Scheme, limit: int) -> None:
-        names = [(term, born) for term, born in self._names.values() if born <= limit]
+        latest = limit if scheme.latest is None else min(limit, scheme.latest)
+        names = [(term, born) for term, born in self._names.values() if born <= latest]
         needed = not scheme.atom or (scheme.atom, True) in self._wanted
         doubted = bool(scheme.atom) and (scheme.atom, False) in self._wanted
         if (needed or doubted) and not scheme.active:
@@ -285,11 +363,15 @@ class Book(Struct):
             if not needed:
                 continue
             for chosen in product(names, repeat=len(scheme.own)):
+                # Two names that are worth little are worth less together.
+                late = max(born, sum(b for _, b in chosen))
+                if late > limit:
+                    continue
                 here = (*context, *(term for term, _ in chosen))
                 key = tuple(self.unknowns.terms.key(term) for term in here)
                 if key not in scheme.said and self.instances < self.most:
                     scheme.said.add(key)
-                    self._say(scheme, here, max([born, *(b for _, b in chosen)]))
+                    self._say(scheme, here, late)
         for inner in scheme.inner:
             self._unfold(inner, limit)
 
@@ -323,6 +405,10 @@ class Book(Struct):
         deeper = born + 1 if scheme.outer else born
         for inner in scheme.inner:
             inner.contexts.append((names, deeper))
+        for shared, terms in scheme.uses:
+            self._know_of(shared, tuple(d.put(term, pairs) for term in terms), deeper)
+        for arrival, terms in scheme.calls:
+            self._arrived.append((arrival, tuple(d.put(term, pairs) for term in terms), deeper))
 
     def _add(self, fact: Term) -> None:
         """Add a fact whose relevant Booleans are known."""

@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Sequence
 from functools import partial
+from itertools import islice
 
 from msgspec import Struct, field
 from msgspec.structs import replace
@@ -23,14 +24,16 @@ from koord.semantics.every_number import NotFiniteError
 from koord.semantics.storage import Cell, Many, Storage
 from koord.syntax import core
 from koord.syntax.budget import Budget, OutOfBudgetError
+from koord.syntax.diagnostics import KoordError
 from koord.syntax.system import System, dealt
 from koord.syntax.types import INT, Type
-from koord.verify.claims import Claim
+from koord.verify.claims import Claim, ClaimPhase
 from koord.verify.effort import Deadline, Effort
 from koord.verify.encoding.solver import Model, SolverAnswer
 from koord.verify.encoding.terms import Term
-from koord.verify.engines.every_n.all_robots import ParameterisedSystem
+from koord.verify.engines.every_n.conditions import UNSET, asked_of
 from koord.verify.engines.every_n.disjunctions import (
+    USUAL,
     Disjunction,
     Samples,
     canonical,
@@ -39,19 +42,39 @@ from koord.verify.engines.every_n.disjunctions import (
     is_false,
     lemma,
 )
-from koord.verify.engines.every_n.initial_states import ArbitraryState
-from koord.verify.engines.every_n.literals import UNSET, Held, Language, Snapshot
+from koord.verify.engines.every_n.language import Held, Language
+from koord.verify.engines.every_n.literals import Snapshot
 from koord.verify.engines.every_n.proving import STEPS_PER_SECOND, Inferred
-from koord.verify.engines.every_n.questions import Means, ProofBudget, Start, Step
+from koord.verify.engines.every_n.questions import GENEROUS, Means, ProofBudget, Start, Step
+from koord.verify.engines.every_n.watching import WATCHED
 
 #: Sampled systems: how many robots, and how many turns are spent on them.
 _SAMPLED = ((2, 800), (3, 2_400))
 
+#: And where conditions may ask how many robots there are of a sort: of three it is soon all.
+_COUNTED = (*_SAMPLED, (4, 1_600))
+
+#: So many starts are sampled where a program leaves them open, each with fewer turns.
+_STARTS = 8
+
 #: So many steps of work a sampled system may cost: what is slow is sampled less.
 _SAMPLING = 100_000
 
+#: Where so few are too much for the solver at once, they are asked one by one.
+_ONE_BY_ONE = 8
+
+#: So many steps of work the search has at least: with fewer nothing that asks of all is found.
+_LEAST_STEPS = 26_000
+
 #: So many lemmas are tried against one counterexample at once.
 _AT_ONCE = 3
+
+#: Where nothing else helps, lemmas have so many literals, and are of the first rows of a model. So
+#: often that is tried, if there is nobody else to ask.
+_MOST_LITERALS, _FEW_ROWS, _MOST_LONGER = 4, 12, 6
+
+#: Where names were too many for the solver so often, there are fewer from then on.
+_MOST_TOO_MUCH = 3
 
 #: So many counterexamples to a lemma are answered with others, before it is given up.
 _MOST_DEFENCES = 5
@@ -73,12 +96,14 @@ class Search(Struct):
     active: dict[Disjunction, Claim] = field(default_factory=dict)
     dead: set[Disjunction] = field(default_factory=set)
 
-    def against(self, here: Snapshot) -> list[Disjunction]:
+    def against(self, here: Snapshot, most: int) -> list[Disjunction]:
         """Disjunctions to try against a configuration, the best first."""
         found: set[Disjunction] = set()
-        for row in self.language.rows(here):
+        rows = self.language.rows(here)
+        for row in rows if most <= USUAL else islice(rows, _FEW_ROWS):
             found.update(
-                canonical(self.language, x) for x in self.samples.against(here, row, self.budget)
+                canonical(self.language, x)
+                for x in self.samples.against(here, row, self.budget, most)
             )
         return sorted(found - self.dead, key=lambda x: cost(self.language, x))
 
@@ -100,12 +125,17 @@ def searched(system: System, budget: Budget, seed: int) -> Search | None:
     if len(program.agents) != 1:
         return None
     language = Language.of_program(program)
-    snapshots = [
-        language.sampled(configuration)
-        for count, turns in _SAMPLED
-        for configuration in _reached(system, count, turns, seed)
-        if configuration.fault is None
-    ]
+    asked = asked_of(language.conditions, language.size)
+    snapshots = list[Snapshot]()
+    for count, turns in _COUNTED if language.conditions else _SAMPLED:
+        few = dealt(program, count, system.delta_s)
+        few = replace(few, budget=system.budget.rationed(_SAMPLING))
+        try:
+            for configuration in _reached(system, count, turns, seed):
+                if configuration.fault is None:
+                    snapshots.append(language.sampled(configuration, asked(few, configuration)))
+        except (KoordError, OutOfBudgetError):
+            continue  # What was looked at by then is a sample too.
     if not language.literals or not snapshots:
         return None
     return Search(program, language, Samples.of(language, snapshots), budget)
@@ -113,13 +143,22 @@ def searched(system: System, budget: Budget, seed: int) -> Search | None:
 
 def _reached(system: System, count: int, turns: int, seed: int) -> list[Configuration[Constant]]:
     few = dealt(system.program, count, system.delta_s)
-    return reached(replace(few, budget=system.budget.rationed(_SAMPLING)), turns, seed)
+    starts = _STARTS if _is_open(system.program) else 1
+    found = list[Configuration[Constant]]()
+    for k in range(starts):
+        rationed = replace(few, budget=system.budget.rationed(_SAMPLING // starts))
+        found += reached(rationed, turns // starts, seed + k)
+    return found
 
 
-def configuration_of(
-    language: Language, world: ParameterisedSystem, start: ArbitraryState, model: Model, limit: int
-) -> Snapshot:
+def _is_open(program: core.Program) -> bool:
+    """Return whether a program says nothing of what some variable begins with."""
+    return any(d.initial is core.Start.ARBITRARY for d in (*program.allread, *program.allwrite))
+
+
+def configuration_of(language: Language, step: Step, model: Model, limit: int) -> Snapshot:
     """The robots of a model that names were given to, in the configuration before the round."""
+    world, start = step.world, step.start
     store = start.configuration.store
     count = model.scalar(world.crowd.count, INT)
     assert isinstance(count, int)
@@ -128,12 +167,20 @@ def configuration_of(
         return model.scalar(cell.value, type_) if model.truth(cell.is_set) else UNSET
 
     robots: dict[int, Held[Term]] = {}
-    for name in world.book.names(limit):
+    asked: dict[tuple[int, int | None, int], object] = {}
+    watched = world.book.names(WATCHED)
+    with world.book.reading():
+        for name in world.book.names(limit):
+            number = model.scalar(name, INT)
+            if isinstance(number, int) and 0 <= number < count and number not in robots:
+                element = partial(_element, name)
+                robots[number] = language.held(start.robot(0, name), store, element)
+    for name in watched:
         number = model.scalar(name, INT)
-        if isinstance(number, int) and 0 <= number < count and number not in robots:
-            element = partial(_element, name)
-            robots[number] = language.held(start.robot(0, name), store, element)
-    return language.snapshot(robots, store.allwrite, read)
+        if isinstance(number, int) and number in robots:
+            asked |= step.watching.truths(model, name, number)
+    asked |= step.watching.truths(model, None, None)
+    return language.snapshot(robots, store.allwrite, read, count, asked)
 
 
 def _element(robot: Term, storage: Storage[Term]) -> Storage[Term]:
@@ -156,18 +203,20 @@ def infer_from_counterexamples(
     """
     nothing = Inferred((), ())
     given, whole = system, system.budget
-    system = replace(system, budget=whole.rationed(int(thrift.seconds * STEPS_PER_SECOND)))
+    steps = max(_LEAST_STEPS, int(thrift.seconds * STEPS_PER_SECOND))
+    system = replace(system, budget=whole.rationed(steps))
     means = Means(deadline, effort, thrift, seed)
     try:
         start = Start(system, means)
-        step = Step(system, means)
         failing = start.failing(claims)
         open_ = [claim for claim in claims if claim not in failing]
         search = searched(given, system.budget, seed) if open_ else None
         if search is None:
             return nothing
-        again = partial(Step, system, means)
-        loop = _Loop(start, step, again, search, tuple(known))
+        language = search.language
+        again = partial(Step, system, means, language.conditions, language.size)
+        longer = _MOST_LONGER if thrift.seconds >= GENEROUS.seconds else 0
+        loop = _Loop(start, again(), again, search, tuple(known), longer=longer)
         proved, step = loop.proved(open_), loop.step
         if not proved or start.limits or step.limits:
             return nothing
@@ -194,6 +243,8 @@ class _Loop(Struct):
     known: tuple[Claim, ...]
     generations: int = 1
     most: int = 3
+    too_much: int = 0  #: how often names were too many
+    longer: int = 0  #: how often longer lemmas may be looked for
     defended: Counter[Claim] = field(default_factory=Counter)
 
     def proved(self, claims: Sequence[Claim]) -> tuple[Claim, ...]:
@@ -213,25 +264,30 @@ class _Loop(Struct):
                 wanted += [claim for claim in search.active.values() if claim in hit]
                 continue
             if answer is SolverAnswer.UNKNOWN:
-                if self.generations == 1:
+                if self.generations == 1 and not hit:
                     return ()
-                # So many names are too much for the solver.
-                self.generations = self.most = self.generations - 1
-                self.step, hit = self.again(), doubtful
+                if not hit or not hit.isdisjoint(left):
+                    # So many names are too much for the solver: now and then, or always.
+                    self.too_much += 1
+                    if self.generations == 1:
+                        return ()
+                    if self.too_much >= _MOST_TOO_MUCH:
+                        self.most = self.generations - 1
+                    self.generations = min(self.generations - 1, self.most)
+                    self.step, hit = self.again(), hit or doubtful
             elif self._is_worth_it(hit, left):
-                here = configuration_of(
-                    search.language,
-                    self.step.world,
-                    self.step.start,
-                    self.step.asking.solver.model(),
-                    self.generations - 1,
-                )
+                model = self.step.asking.solver.model()
+                here = configuration_of(search.language, self.step, model, self.generations - 1)
                 if search.is_met(here) and self._add(here):
                     continue
                 if self.generations < self.most:
                     # Some other robot may be what is wrong with the configuration.
                     self.generations, doubtful = self.generations + 1, hit
                     continue
+                if self.longer and search.is_met(here):
+                    self.longer -= 1
+                    if self._add(here, _MOST_LITERALS):
+                        continue
             left = [claim for claim in left if claim not in hit]
             wanted = list(left)
             self._drop(hit)
@@ -255,21 +311,36 @@ class _Loop(Struct):
     def _ask(
         self, wanted: Sequence[Claim], given: Sequence[Claim]
     ) -> tuple[SolverAnswer, set[Claim]]:
-        """Ask for a round that breaks something wanted, and what; if none, what else it takes."""
+        """Ask for a round that breaks something wanted, and what; if none, what else it takes.
+
+        Where the solver does not know, returned is what it does not know of, if it is one thing.
+        """
         used: set[Claim] = set()
         for moment in self.step.moments():
-            found = self.step.counterexample(
-                wanted, [*given, *self.known], moment, self.generations
-            )
+            found = self._ask_of(wanted, given, moment)
+            if found[0] is SolverAnswer.UNKNOWN and 1 < len(wanted) <= _ONE_BY_ONE:
+                # All at once is too much: one by one may not be.
+                for claim in wanted:
+                    found = self._ask_of([claim], given, moment)
+                    if found[0] is SolverAnswer.UNKNOWN:
+                        return SolverAnswer.UNKNOWN, {claim}
+                    if found[0] is SolverAnswer.SAT:
+                        return found
+                    used |= found[1]
             if found[0] is not SolverAnswer.UNSAT:
                 return found
             used |= found[1]
         return SolverAnswer.UNSAT, used - {*wanted, *self.known}
 
-    def _add(self, here: Snapshot) -> bool:
+    def _ask_of(
+        self, wanted: Sequence[Claim], given: Sequence[Claim], moment: ClaimPhase
+    ) -> tuple[SolverAnswer, set[Claim]]:
+        return self.step.counterexample(wanted, [*given, *self.known], moment, self.generations)
+
+    def _add(self, here: Snapshot, most: int = USUAL) -> bool:
         """Add lemmas that do not hold in a configuration; return whether there are any."""
         search, added = self.search, list[Disjunction]()
-        for x in search.against(here):
+        for x in search.against(here, most):
             if any(implied(search.language, x, other) for other in added):
                 continue
             claim = search.lemma(x)

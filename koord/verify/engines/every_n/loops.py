@@ -8,7 +8,7 @@ afterwards, so that a proof never rests on it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from typing import TypeAlias
 
 from msgspec import Struct
@@ -16,22 +16,16 @@ from msgspec import Struct
 from koord.semantics.domain import conjunction, disjunction
 from koord.semantics.every_number import NotFiniteError
 from koord.semantics.machine import Machine, Memory
-from koord.semantics.storage import Cell, Many, Storage, Tree
-from koord.semantics.values import Family, Rec, Seq, Table, Value
 from koord.syntax.core import BinaryOp
 from koord.syntax.faults import FaultKind
-from koord.syntax.source import NOWHERE, Span
+from koord.syntax.source import Span
 from koord.syntax.types import FLOAT
 from koord.verify.encoding.terms import Term
 from koord.verify.engines.every_n.functions import FunctionTerms, TripOracle
 from koord.verify.engines.every_n.instantiation import Book
+from koord.verify.engines.every_n.memories import UNLISTED, Path, scalars, with_scalars
 from koord.verify.engines.every_n.sums import Sums
 
-#: Where a scalar is in a memory: the list or field, the slot, then the way down.
-Path: TypeAlias = "tuple[str | int, ...]"
-
-LISTS = ("locals", "ports", "allread", "allwrite", "after", "bound")
-FLAGS = ("stop", "trystop", "broke", "returned")
 EXITS = (("broke",), ("returned",))
 
 #: How often the body is looked at again because it changes more than was thought.
@@ -202,13 +196,51 @@ class MachineLoop:
         def goes_on(number: Term) -> Term:
             return m.negated(self._leaves(self._trip(number).memory))
 
-        through, last = book.first(self.low, self.high, goes_on)
-        start = m.memory
-        left = self._trip_from(start, last)
-        left.memory.broke = False
-        m.memory = (
-            start if d.known(through) is True else left.memory.merged(d, m.negated(through), start)
-        )
+        start, left = m.memory, self._memory_when_left()
+        if left is None:
+            through, last = book.first(self.low, self.high, goes_on)
+            left = self._trip_from(start, last).memory
+        else:
+            through = book.every(self.low, self.high, goes_on)
+        left.broke = False
+        m.memory = start if d.known(through) is True else left.merged(d, m.negated(through), start)
+
+    def _memory_when_left(self) -> Memory[Term] | None:
+        """The memory after the trip that leaves the loop, where it is the same whichever it is.
+
+        Then nobody needs to know which it is. Of Booleans it is enough that they are the same in
+        all trips that leave it; what the loop itself has introduced is gone. Of what cannot be
+        listed nothing may change.
+        """
+        d, book, start = self._d, self.facts.book, self.m.memory
+        before, found = dict(scalars(start)), list[Memory[Term]]()
+
+        def look(number: Term) -> Term:
+            # Where no trip changes what was there, each starts from the same.
+            is_same = not any(path in self._old for path in self._any)
+            looked = self._trip(number) if is_same else self._trip_from(start, number)
+            trip = looked.memory.copied()
+            gone = [old is None for old in start.bound]
+            trip.bound = [None if no else new for no, new in zip(gone, trip.bound, strict=True)]
+            leaves, same = self._leaves(trip), dict[Path, Term]()
+            for path, value in scalars(trip):
+                if path[-1] in UNLISTED and before.get(path) != value:
+                    return True
+                if not d.mentions(value, [number]):
+                    continue
+                if not d.is_boolean(value):
+                    return True
+                if self._same(value, leaves) or d.is_valid(book.implied(leaves, value)):
+                    same[path] = True
+                elif d.is_valid(book.implied(leaves, self.m.negated(value))):
+                    same[path] = False
+                else:
+                    return True
+            found.append(with_scalars(trip, same))
+            return True
+
+        book.glimpse(look)
+        return found[0] if found else None
 
     def _only_when_left(self) -> bool:
         """Return whether no trip changes anything that counts, but the one that leaves the loop."""
@@ -417,80 +449,3 @@ Found: TypeAlias = "Callable[[Term], tuple[Term, Term]]"
 
 #: So many parts of a new value are tried as the one that it is the least of.
 _MOST_PARTS = 6
-
-
-# --- memories as scalars ------------------------------------------------------------------------
-
-
-#: What stands at a path in place of a scalar.
-At: TypeAlias = "Callable[[Path, Term], Term]"
-
-
-def scalars(memory: Memory[Term]) -> list[tuple[Path, Term]]:
-    """All scalars of a memory that can be listed."""
-    found: list[tuple[Path, Term]] = []
-
-    def note(path: Path, scalar: Term) -> Term:
-        found.append((path, scalar))
-        return scalar
-
-    for name in LISTS:
-        for slot, storage in enumerate(getattr(memory, name)):
-            if storage is not None:
-                _mapped((name, slot), storage, note)
-    for name in FLAGS:
-        note((name,), getattr(memory, name))
-    if memory.result is not None:
-        _mapped(("result",), memory.result, note)
-    return found
-
-
-def with_scalars(memory: Memory[Term], new: dict[Path, Term]) -> Memory[Term]:
-    """The memory with other scalars at some paths."""
-    made = memory.copied()
-    for name in LISTS:
-        storages = getattr(made, name)
-        for slot, storage in enumerate(storages):
-            if storage is not None and any(path[:2] == (name, slot) for path in new):
-                storages[slot] = _mapped((name, slot), storage, new.get)
-    for name in FLAGS:
-        if (name,) in new:
-            setattr(made, name, new[name,])
-    return made
-
-
-def _mapped(path: Path, storage: Storage[Term], at: At) -> Storage[Term]:
-    """Storage with something else in the place of each scalar."""
-    if isinstance(storage, Many):
-        _keep((*path, "many"), id(storage), at, "changes an array over all robots")
-        return storage
-    if isinstance(storage, Tree):
-        return Tree(tuple(_mapped((*path, k), part, at) for k, part in enumerate(storage.parts)))
-    is_set = at((*path, "set"), storage.is_set)
-    return Cell(is_set, _mapped_value((*path, "value"), storage.value, at))
-
-
-def _mapped_value(path: Path, value: Value[Term], at: At) -> Value[Term]:
-    def below(parts: Iterable[Value[Term]]) -> tuple[Value[Term], ...]:
-        return tuple(_mapped_value((*path, k), part, at) for k, part in enumerate(parts))
-
-    match value:
-        case Family():
-            _keep((*path, "family"), id(value), at, "changes an array over all robots")
-            return value
-        case Rec(fields=fields):
-            return Rec(below(fields))
-        case Seq(length=length, items=items):
-            _keep((*path, "length"), length, at, "makes a list longer or shorter")
-            return Seq(length, below(items))
-        case Table():
-            _keep((*path, "table"), id(value), at, "changes a map")
-            return value
-        case _:
-            return at(path, value)
-
-
-def _keep(path: Path, scalar: Term, at: At, what: str) -> None:
-    """Refuse to change what no loop over all robots may change."""
-    if at(path, scalar) is not scalar:
-        raise NotFiniteError(NOWHERE, f"a loop over all robots {what}")

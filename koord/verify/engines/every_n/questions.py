@@ -23,8 +23,10 @@ from koord.verify.effort import Deadline, Effort
 from koord.verify.encoding.solver import Solver, SolverAnswer
 from koord.verify.encoding.terms import Term
 from koord.verify.engines.every_n.all_robots import ParameterisedSystem, Universal
+from koord.verify.engines.every_n.conditions import Condition
 from koord.verify.engines.every_n.initial_states import ArbitraryState, ParameterisedInit, faults_of
 from koord.verify.engines.every_n.rounds import ParameterisedRound
+from koord.verify.engines.every_n.watching import Watching
 
 #: What a goal is for: a claim, or a premise of a proof.
 G = TypeVar("G", bound=Hashable)
@@ -46,7 +48,7 @@ class ProofBudget(Struct, frozen=True):
 
 #: Where there is nobody else to ask.
 GENEROUS = ProofBudget(
-    generations=3, instances=20_000, seconds=60.0, question=1_500_000, with_products=1_500_000
+    generations=3, instances=20_000, seconds=60.0, question=6_000_000, with_products=1_500_000
 )
 
 #: Where others are asked afterwards.
@@ -240,9 +242,14 @@ class Start:
 
 
 class Step:
-    """The inductive step: one round from any configuration in which the claims hold."""
+    """The inductive step: one round from any configuration in which the claims hold.
 
-    def __init__(self, system: System, means: Means) -> None:
+    Of ``conditions`` models say how they are; those with an index, of so many (``size``).
+    """
+
+    def __init__(
+        self, system: System, means: Means, conditions: Sequence[Condition] = (), size: int = 1
+    ) -> None:
         program = self._program = system.program
         world = self.world = ParameterisedSystem.of(system)
         self._opening = ParameterisedInit(world)
@@ -252,6 +259,8 @@ class Step:
         world.book.expect(0, world.last, generation=1)
         world.book.note(self._opening.calm)
         self.round = ParameterisedRound(world, self.start)
+        self.watching = Watching(world, conditions, size)
+        self.watching.define(self.start.configuration)
         self._supposed: dict[Claim, Term] = {}
         self._goals: dict[tuple[Claim, ClaimPhase], list[Term]] = {}
         for assumption in _lasting(program):

@@ -7,10 +7,12 @@ from pathlib import Path
 import pytest
 
 from koord.sampling.reached import reached
+from koord.syntax import core
 from koord.syntax.core import Const, Home
 from koord.syntax.system import dealt
 from koord.verify.claims import claims_of
 from koord.verify.effort import Deadline, Effort
+from koord.verify.engines.every_n.conditions import asked_of
 from koord.verify.engines.every_n.disjunctions import (
     Looking,
     Samples,
@@ -20,8 +22,9 @@ from koord.verify.engines.every_n.disjunctions import (
     lemma,
 )
 from koord.verify.engines.every_n.kinds_of_integers import ROBOT, KindsOfIntegers
+from koord.verify.engines.every_n.language import Language
 from koord.verify.engines.every_n.lemma_search import infer_from_counterexamples
-from koord.verify.engines.every_n.literals import Existence, Language
+from koord.verify.engines.every_n.literals import Existence, Snapshot
 from koord.verify.engines.every_n.proving import Inferred
 from koord.verify.engines.every_n.questions import GENEROUS, SPARING
 from tests.loading import program_of
@@ -149,6 +152,13 @@ def text_of(name: str) -> str:
         ("semaphore", {"Room", "Few", "no fault"}),
         ("sharded_store", {"OneOwner", "Current", "no fault"}),
         ("ticket", {"Exclusive", "Waits", "no fault"}),
+        # What a guard has seen: all of a quorum have voted for a value, or more than half for one.
+        ("consensus_epr", {"Agree", "no fault"}),
+        ("majority_election", {"OneLeader", "no fault"}),
+        ("quorum_leader_election", {"OneLeader", "no fault"}),
+        ("toy_consensus", {"Agree", "no fault"}),
+        # What the claim asks of each response was asked when it was sent.
+        ("client_server_ae", {"Asked", "no fault"}),
         # Whoever aborts has a reason: there is a robot that voted no, or failed.
         ("two_phase_commit", {"Agree", "Unanimous", "Reasoned", "no fault"}),
     ],
@@ -204,6 +214,13 @@ def test_nothing_is_proved_where_solvers_are_not_asked() -> None:
     assert not nothing.proved
 
 
+def snapshots(program: core.Program, language: Language, turns: int) -> list[Snapshot]:
+    """What is looked at of the configurations that two robots reach."""
+    few = dealt(program, 2)
+    asked = asked_of(language.conditions, language.size)
+    return [language.sampled(c, asked(few, c)) for c in reached(few, turns)]
+
+
 # --- samples ----------------------------------------------------------------------------------
 
 
@@ -218,10 +235,10 @@ def test_samples_are_of_all_that_a_small_system_reaches() -> None:
 def test_disjunctions_hold_in_all_samples_and_not_where_they_are_wanted() -> None:
     program = program_of(text_of("lock_server.krd"))
     language = Language.of_program(program)
-    seen = [language.sampled(c) for c in reached(dealt(program, 2), 400)]
+    seen = snapshots(program, language, 400)
     samples = Samples.of(language, seen)
     # Both have the lock.
-    wrong = language.sampled(reached(dealt(program, 2), 400)[0])
+    wrong = snapshots(program, language, 400)[0]
     wrong.robots = {robot: (True,) for robot in wrong.robots}
     disjunctions = {
         canonical(language, x) for row in language.rows(wrong) for x in samples.against(wrong, row)
@@ -239,7 +256,7 @@ def test_that_there_is_a_robot_is_said_where_somebody_asks() -> None:
     language = Language.of_program(program)
     there = [n for n, x in enumerate(language.literals) if isinstance(x, Existence)]
     assert there
-    seen = [language.sampled(c) for c in reached(dealt(program, 2), 400)]
+    seen = snapshots(program, language, 400)
     for here in seen:
         for n in there:
             x = language.literals[n]
@@ -272,12 +289,11 @@ def test_what_follows_at_once_is_not_tried_as_well() -> None:
 
 
 def test_truths_are_looked_at_together_as_one_by_one() -> None:
-    for name in ("two_phase_commit", "sharded_store", "ticket"):
+    for name in ("two_phase_commit", "sharded_store", "ticket", "toy_consensus"):
         program = program_of(text_of(f"{name}.krd"))
         language = Language.of_program(program)
         looking = Looking(language)
-        for configuration in reached(dealt(program, 2), 60):
-            here = language.sampled(configuration)
+        for here in snapshots(program, language, 60):
             for row in language.rows(here):
                 truths = looking.truths(looking.values(here, row))
                 assert truths == tuple(x.look(here, row) is True for x in language.literals)

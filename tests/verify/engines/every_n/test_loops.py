@@ -332,3 +332,32 @@ invariant Top: forall i, j: top@i and top@j implies i == j
 def test_what_each_robot_asks_is_its_own() -> None:
     assert "Top" not in proved(EACH)
     assert "Top" in broken(EACH, 2)
+
+
+#: Two rows are found, of different robots.
+FOUND = """
+allread:
+  bool[numAgents][] rows
+  bool[] differ = false
+def fun first(bool[][] all_) -> bool[]:
+  for k = 0, numAgents:
+    if all_[k][0]:
+      return all_[k]
+  return all_[0]
+def fun second(bool[][] all_) -> bool[]:
+  for k = 0, numAgents:
+    if all_[k][numAgents - 1]:
+      return all_[k]
+  return all_[0]
+assume: forall i, j: rows[i][j] == (i == j)
+Look:
+  pre: numAgents > 1
+  eff:
+    differ[pid] = first(rows)[numAgents - 1] != second(rows)[numAgents - 1]
+invariant Never: forall i: not differ[i]
+"""
+
+
+def test_an_array_that_a_loop_leaves_with_is_that_of_the_trip() -> None:
+    assert "Never" not in proved(FOUND)
+    assert "Never" in broken(FOUND, 2)

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import pytest
 
+from koord.verify.engines.every_n.questions import GENEROUS
 from tests.sampling import but_slow
-from tests.verify.engines.every_n.asking import broken, proved
+from tests.verify.engines.every_n.asking import asked, broken, proved
 
 COUNT = """
 allread:
@@ -129,3 +130,134 @@ invariant Rising: many(up) <= 1
 invariant Most: many(up) <= numAgents
 """
     assert proved(text) == {"Most", "no fault"}
+
+
+# --- sums that are asked of any robot -------------------------------------------------------------
+
+ELECTION = """
+using Choice:
+  sensors:
+    int who = 0
+  environment:
+    who = choose(0, numAgents - 1)
+allread:
+  int[] vote = -1
+  bool[] leads = false
+def fun votesFor(int[] votes, int who) -> int:
+  int n = 0
+  for k = 0, numAgents:
+    if votes[k] == who:
+      n = n + 1
+  return n
+Vote:
+  pre: vote[pid] == -1
+  eff:
+    vote[pid] = Choice.who
+Lead:
+  pre: 2 * votesFor(vote, pid) > numAgents
+  eff:
+    leads[pid] = true
+invariant Seen: forall i: leads[i] implies 2 * votesFor(vote, i) > numAgents
+invariant One: forall i, j: leads[i] and leads[j] implies i == j
+"""
+
+
+def test_votes_for_two_robots_are_no_more_than_robots() -> None:
+    assert proved(ELECTION) == {"Seen", "One", "no fault"}
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "wrong", "robots"),
+    [
+        # Two of two have half of the votes each.
+        ("> numAgents", ">= numAgents", {"One"}, 2),
+        # Votes are counted twice.
+        ("n = n + 1", "n = n + 2", {"One"}, 2),
+        # Whoever has voted votes once more, for somebody else.
+        ("pre: vote[pid] == -1", "pre: numAgents > 0", {"One", "Seen"}, 2),
+        # It is somebody else's votes that are counted.
+        ("votesFor(vote, pid)", "votesFor(vote, 0)", {"One"}, 2),
+        # And then nobody's.
+        ("2 * votesFor(vote, i) > numAgents", "2 * votesFor(vote, 0) > numAgents", {"Seen"}, 2),
+    ],
+)
+def test_votes_that_do_not_add_up(old: str, new: str, wrong: set[str], robots: int) -> None:
+    text = ELECTION.replace(old, new)
+    assert text != ELECTION
+    assert not wrong & proved(text)
+    assert wrong <= broken(text, robots, rounds=6)
+
+
+ROOM = """
+allread:
+  bool[] near = false
+  bool[] inside = false
+def fun many(bool[] who) -> int:
+  int n = 0
+  for k = 0, numAgents:
+    if who[k]:
+      n = n + 1
+  return n
+Come:
+  pre: not near[pid]
+  eff:
+    near[pid] = true
+Enter:
+  pre: near[pid] and not inside[pid]
+  eff:
+    inside[pid] = true
+invariant Within: forall i: inside[i] implies near[i]
+invariant Fewer: many(inside) <= many(near)
+invariant Mine: forall i: inside[i] implies many(near) >= 1
+"""
+
+APART = """
+allread:
+  bool[] inside = false
+  bool[] outside = false
+def fun many(bool[] who) -> int:
+  int n = 0
+  for k = 0, numAgents:
+    if who[k]:
+      n = n + 1
+  return n
+Enter:
+  pre: not outside[pid]
+  eff:
+    inside[pid] = true
+Leave:
+  pre: not inside[pid]
+  eff:
+    outside[pid] = true
+invariant Not: forall i: not (inside[i] and outside[i])
+invariant Both: many(inside) + many(outside) <= numAgents
+"""
+
+
+def shown(text: str) -> set[str]:
+    """What is proved where there is time."""
+    return {claim.name for claim in asked(text, GENEROUS).proved}
+
+
+def test_sums_are_compared_part_by_part() -> None:
+    assert shown(ROOM) == {"Within", "Fewer", "Mine", "no fault"}
+    assert shown(APART) == {"Not", "Both", "no fault"}
+
+
+@pytest.mark.parametrize(
+    ("whole", "old", "new", "wrong"),
+    [
+        (ROOM, "pre: near[pid] and not inside[pid]", "pre: not inside[pid]", {"Within", "Fewer"}),
+        (ROOM, "many(inside) <= many(near)", "many(near) <= many(inside)", {"Fewer"}),
+        (ROOM, "many(near) >= 1", "many(near) >= 2", {"Mine"}),
+        (ROOM, "      n = n + 1", "      n = n + 1\n    else:\n      n = n - 1", {"Mine"}),
+        (APART, "pre: not outside[pid]", "pre: numAgents > 0", {"Not", "Both"}),
+        (APART, "<= numAgents", "< numAgents", {"Both"}),
+        (APART, "      n = n + 1", "      n = n + 2", {"Both"}),
+    ],
+)
+def test_sums_whose_parts_are_not_so(whole: str, old: str, new: str, wrong: set[str]) -> None:
+    text = whole.replace(old, new)
+    assert text != whole
+    assert not wrong & shown(text)
+    assert wrong <= broken(text, 2, rounds=6)
