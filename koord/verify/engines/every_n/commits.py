@@ -151,7 +151,7 @@ class Commits(Struct):
         if not self._is_written(slot):
             return self.store.allwrite[slot]
         if slot in self.guards.classes and not self.guards.is_racy(slot):
-            return self._put(slot, self.winner(self.guards.classes[slot]), None)
+            return self._put(slot, self.winner(self.guards.classes[slot]))
         return self._raced(slot)
 
     def winner(self, lock_class: int) -> Term:
@@ -202,13 +202,12 @@ class Commits(Struct):
         self.world.book.glimpse(look)
         return any(seen)
 
-    def _put(self, slot: int, robot: Term, only: Mask[Term] | None) -> Storage[Term]:
-        """The variable with one robot's writes applied; only those of ``only``, if given."""
+    def _put(self, slot: int, robot: Term) -> Storage[Term]:
+        """The variable with one robot's writes applied."""
         d, after = self.world.d, self.store.allwrite[slot]
         for move in self.moves(robot):
             mask = restricted(d, move.turned.allwrite.get(slot), move.chosen)
             if mask is not None:
-                mask = mask if only is None else common(d, mask, only)
                 after = joined(d, after, move.turned.robot.copy.allwrite[slot], mask)
         return after
 
@@ -220,34 +219,21 @@ class Commits(Struct):
         type_ = self.world.program.allwrite[slot].variable.type
         if is_flat(type_) and any(_is_of_robots(t) for t in within(type_)):
             self.world.book.state(1, partial(self._has_last_writer, slot, type_))
-            return self._last_written(slot, before)
-        places = list(locations(before)) if is_flat(type_) else []
-        lock_class = self.guards.classes.get(slot)
-        guarded = [
-            place
-            for place in places
-            if lock_class is not None and not self.guards.is_racy(slot, place)
-        ]
-        if not places or len(places) - len(guarded) > MOST_RACING:
+            return self._last_written(slot, before, partial(self._last_writer, slot))
+        places = locations(before) if is_flat(type_) else []
+        racing = [place for place in places if self._writer_of_class(slot, place) is None]
+        if not places or len(racing) > MOST_RACING:
             with self.world.d.depending_on(None):
                 name = f"raced {self.world.program.allwrite[slot].variable.name} {self.label}"
                 return self.world.unknowns.storage(name, type_, before, WriteExtent.WHOLE)
-        after = before
-        for place in guarded:
-            assert lock_class is not None
-            patched = self._put(slot, self.winner(lock_class), mask_of(before, place))
-            after = taken(after, patched, place)
-        for place in places:
-            if place in guarded:
-                continue
-            writer = self._somebody(f"last {slot}")
-            patched = self._put(slot, writer, mask_of(before, place))
-            after = taken(after, patched, place)
+        writers: dict[tuple[Term, ...], Term] = {}
+        for place in racing:
+            writer = writers[place] = self._somebody(f"last {slot}")
             self._require(self._nobody_else(slot, place, writer))
             for other in self._last:
                 self._same((slot, place, writer), other)
             self._last.append((slot, place, writer))
-        return after
+        return self._last_written(slot, before, lambda place, _: writers[place])
 
     def _has_last_writer(self, slot: int, type_: Type, robots: tuple[Term, ...]) -> Term:
         """The fact that what a robot writes, in a race for elements, has a last writer."""
@@ -281,26 +267,36 @@ class Commits(Struct):
         return robot
 
     def _last_written(
-        self, slot: int, before: Storage[Term], place: tuple[Term, ...] = (), way: Way = ()
+        self,
+        slot: int,
+        before: Storage[Term],
+        racer: Callable[[tuple[Term, ...], Way], Term],
+        place: tuple[Term, ...] = (),
+        way: Way = (),
     ) -> Storage[Term]:
-        """A location, and all below it, as the last robot that writes it leaves it. [T-COMMIT]"""
+        """A location, and all below it, as the last robot that writes it leaves it. [T-COMMIT]
+
+        ``racer`` is the last to write where there are races.
+        """
         if isinstance(before, Many):
             at = before.at
 
             def element(i: Term) -> Storage[Term]:
-                return self._last_written(slot, at(i), (*place, i), (*way, None))
+                return self._last_written(slot, at(i), racer, (*place, i), (*way, None))
 
             return many_of(before.crowd, remembering(element))
         if isinstance(before, Tree):
-            parts = enumerate(before.parts)
             return Tree(
-                tuple(self._last_written(slot, p, (*place, k), (*way, k)) for k, p in parts)
+                tuple(
+                    self._last_written(slot, part, racer, (*place, k), (*way, k))
+                    for k, part in enumerate(before.parts)
+                )
             )
         d = self.world.d
         after: Storage[Term] = before
         writer = self._writer_of_class(slot, way)
         if writer is None:
-            writer = self._last_writer(slot, place, way)
+            writer = racer(place, way)
         for move in self.moves(writer):
             mask = move.turned.allwrite.get(slot)
             if mask is not None:
@@ -409,39 +405,3 @@ def masked(d: Terms, mask: Mask[Term] | None, place: tuple[Term, ...]) -> Term:
         here = d.binary(BinaryOp.EQ, index, place[0])
         found.append(conjunction(d, [here, masked(d, below, place[1:])]))
     return disjunction(d, found)
-
-
-def mask_of(storage: Storage[Term], place: tuple[int, ...]) -> Mask[Term]:
-    """The mask of one atom."""
-    if not isinstance(storage, Tree):
-        return Mask(True)
-    below: list[Mask[Term] | None] = [None] * len(storage.parts)
-    below[place[0]] = mask_of(storage.parts[place[0]], place[1:])
-    return Mask(False, tuple(below))
-
-
-def common(d: Terms, mask: Mask[Term], only: Mask[Term]) -> Mask[Term]:
-    """The intersection of a mask with one atom."""
-    nothing: Mask[Term] = Mask(False)
-    if not only.parts:
-        return mask
-    parts: list[Mask[Term] | None] = []
-    for position, part in enumerate(only.parts):
-        below = mask.parts[position] if position < len(mask.parts) else None
-        if part is None:
-            parts.append(None)
-            continue
-        own = common(d, below, part) if below is not None else nothing
-        parts.append(Mask(d.binary(BinaryOp.OR, mask.whole, own.whole), own.parts, own.keys))
-    return Mask(False, tuple(parts))
-
-
-def taken(storage: Storage[Term], source: Storage[Term], place: tuple[int, ...]) -> Storage[Term]:
-    """The storage with one atom taken from another storage."""
-    if not place:
-        return source
-    assert isinstance(storage, Tree)
-    assert isinstance(source, Tree)
-    position = place[0]
-    part = taken(storage.parts[position], source.parts[position], place[1:])
-    return Tree((*storage.parts[:position], part, *storage.parts[position + 1 :]))
