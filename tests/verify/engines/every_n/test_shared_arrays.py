@@ -62,12 +62,17 @@ def test_a_message_that_is_not_taken_away_is_received_twice() -> None:
     assert proved(text) == {"no fault"}
 
 
-RACE = """
+#: A sensor that names any robot.
+PICK = """\
 using Pick:
   sensors:
     int to = 0
   environment:
     to = choose(0, numAgents - 1)
+"""
+
+RACE = f"""
+{PICK}
 allwrite:
   int[numAgents] x
   int[numAgents] y
@@ -127,15 +132,11 @@ invariant Only: forall i, j: i != j and y[i] implies not y[j]
 
 
 def test_only_fields_in_blocks_have_one_writer() -> None:
-    text = """
+    text = f"""
 def Cell:
   bool taken
   int by
-using Pick:
-  sensors:
-    int to = 0
-  environment:
-    to = choose(0, numAgents - 1)
+{PICK}
 allwrite:
   Cell[numAgents] cell
 assume: forall i: not cell[i].taken and cell[i].by == 0
@@ -194,11 +195,7 @@ def generated(seed: int) -> str:
     """A program whose robots write elements of two arrays, here and there, in blocks or not."""
     random = Random(seed)
     lines = [
-        "using Pick:",
-        "  sensors:",
-        "    int to = 0",
-        "  environment:",
-        "    to = choose(0, numAgents - 1)",
+        *PICK.splitlines(),
         "allwrite:",
         "  int[numAgents] x",
         "  int[numAgents] y",

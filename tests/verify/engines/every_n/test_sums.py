@@ -8,19 +8,24 @@ from koord.verify.engines.every_n.questions import GENEROUS
 from tests.sampling import but_slow
 from tests.verify.engines.every_n.asking import asked, broken, proved
 
-COUNT = """
-allread:
-  bool[] done = false
-allwrite:
-  int count = 0
-local:
-  bool told = false
+#: How many of all robots are.
+MANY = """\
 def fun many(bool[] who) -> int:
   int n = 0
   for k = 0, numAgents:
     if who[k]:
       n = n + 1
   return n
+"""
+
+COUNT = f"""
+allread:
+  bool[] done = false
+allwrite:
+  int count = 0
+local:
+  bool told = false
+{MANY}
 Do:
   pre: not done[pid]
   eff:
@@ -114,15 +119,10 @@ def test_and_no_others() -> None:
 
 
 def test_several_that_change_in_one_round() -> None:
-    text = """
+    text = f"""
 allread:
   bool[] up = false
-def fun many(bool[] who) -> int:
-  int n = 0
-  for k = 0, numAgents:
-    if who[k]:
-      n = n + 1
-  return n
+{MANY}
 Raise:
   eff:
     up[pid] = true
@@ -188,16 +188,11 @@ def test_votes_that_do_not_add_up(old: str, new: str, wrong: set[str], robots: i
     assert wrong <= broken(text, robots, rounds=6)
 
 
-ROOM = """
+ROOM = f"""
 allread:
   bool[] near = false
   bool[] inside = false
-def fun many(bool[] who) -> int:
-  int n = 0
-  for k = 0, numAgents:
-    if who[k]:
-      n = n + 1
-  return n
+{MANY}
 Come:
   pre: not near[pid]
   eff:
@@ -211,16 +206,11 @@ invariant Fewer: many(inside) <= many(near)
 invariant Mine: forall i: inside[i] implies many(near) >= 1
 """
 
-APART = """
+APART = f"""
 allread:
   bool[] inside = false
   bool[] outside = false
-def fun many(bool[] who) -> int:
-  int n = 0
-  for k = 0, numAgents:
-    if who[k]:
-      n = n + 1
-  return n
+{MANY}
 Enter:
   pre: not outside[pid]
   eff:
