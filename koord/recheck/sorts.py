@@ -30,6 +30,7 @@ from koord.syntax.types import (
     StreamType,
     StringType,
     Type,
+    is_by_robot,
     show,
 )
 
@@ -68,7 +69,7 @@ class Sorts(Struct):
     _functions: set[str] = field(default_factory=set)
 
     def is_family(self, type_: Type) -> bool:
-        return isinstance(type_, ArrayType) and type_.size is Robots.ALL and self.robots is None
+        return is_by_robot(type_) and self.robots is None
 
     # --- types ----------------------------------------------------------------------------------
 

@@ -162,6 +162,11 @@ def contains(type_: Type, kind: type[BaseType]) -> bool:
     return any(isinstance(each, kind) for each in within(type_))
 
 
+def is_by_robot(type_: Type) -> bool:
+    """Return whether a type is that of an array with an element for each robot."""
+    return isinstance(type_, ArrayType) and type_.size is Robots.ALL
+
+
 def part_types(type_: Type, count: int) -> tuple[Type, ...]:
     """The types of the parts of a record, or of ``count`` elements of a sequence."""
     if isinstance(type_, RecordType):

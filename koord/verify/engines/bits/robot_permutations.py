@@ -17,7 +17,7 @@ from msgspec.structs import replace
 from koord.syntax import core
 from koord.syntax.analysis.symmetry import Symmetry, symmetry_of
 from koord.syntax.system import System
-from koord.syntax.types import ArrayType, Robots
+from koord.syntax.types import is_by_robot
 from koord.verify.engines.bits.circuit import Latch
 from koord.verify.engines.bits.ic3 import Cube
 
@@ -137,8 +137,7 @@ class _Renaming(Struct):
 
 
 def _is_by_robot(entry: core.Declaration) -> bool:
-    type_ = entry.variable.type
-    return isinstance(type_, ArrayType) and type_.size is Robots.ALL
+    return is_by_robot(entry.variable.type)
 
 
 def _groups(pattern: re.Pattern[str], name: str) -> list[tuple[str, str]]:

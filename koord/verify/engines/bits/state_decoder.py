@@ -30,11 +30,11 @@ from koord.syntax.types import (
     GrowingType,
     IntType,
     RecordType,
-    Robots,
     SequenceType,
     StreamType,
     StringType,
     Type,
+    is_by_robot,
 )
 from koord.syntax.walk import last_site, rebuilt
 from koord.verify.engines.bits.cells import as_constant
@@ -236,7 +236,7 @@ def _parts(
                 inner = shape.parts[k] if isinstance(shape, Fields) else None
                 yield at.field(k, label, its_type), part, inner
         case SequenceType(element=element) as type_:
-            of_robot = isinstance(type_, ArrayType) and type_.size is Robots.ALL
+            of_robot = is_by_robot(type_)
             inner = shape.element if isinstance(shape, Items) else None
             for k, part in enumerate(parts):
                 yield at.element(k, element, of_robot=of_robot), part, inner

@@ -30,6 +30,7 @@ from koord.syntax.types import (
     RecordType,
     Robots,
     Type,
+    is_by_robot,
     is_flat,
     part_types,
     within,
@@ -217,7 +218,7 @@ class Commits(Struct):
         """A variable with races: each location as its last writer left it."""
         before = self.store.allwrite[slot]
         type_ = self.world.program.allwrite[slot].variable.type
-        if is_flat(type_) and any(_is_of_robots(t) for t in within(type_)):
+        if is_flat(type_) and any(map(is_by_robot, within(type_))):
             self.world.book.state(1, partial(self._has_last_writer, slot, type_))
             return self._last_written(slot, before, partial(self._last_writer, slot))
         places = locations(before) if is_flat(type_) else []
@@ -336,10 +337,6 @@ class Commits(Struct):
             if mask is not None:
                 found.append(conjunction(d, [move.chosen, masked(d, mask, place)]))
         return disjunction(d, found)
-
-
-def _is_of_robots(type_: Type) -> bool:
-    return isinstance(type_, ArrayType) and type_.size is Robots.ALL
 
 
 # --- locations of flat variables: the positions of parts, from the outside in --------------------
