@@ -15,13 +15,14 @@ from msgspec import Struct
 
 from koord.semantics.configurations import Configuration
 from koord.semantics.domain import EXACT, Constant
-from koord.semantics.oracle import NoInputs
-from koord.semantics.properties import holds_in
+from koord.semantics.expressions import condition
+from koord.semantics.oracle import NoInputs, Phase
+from koord.semantics.statements import machine
 from koord.syntax import core
 from koord.syntax.core import BinaryOp, Home, ListOp, UnaryOp
 from koord.syntax.printing.quoting import Quoting
 from koord.syntax.system import System
-from koord.syntax.types import BOOL, INT
+from koord.syntax.types import INT
 from koord.syntax.walk import nodes, reached, rebuilt
 from koord.verify.engines.every_n.bound import FREE_SLOT, READ_I, READ_K
 from koord.verify.engines.every_n.candidates import for_robot
@@ -219,8 +220,6 @@ def asked_of(
 
 
 def _value(system: System, here: Configuration[Constant], e: core.Expr, bound: int) -> object:
-    if holds_in(EXACT, system, here, e, bound, NoInputs())[0] is True:
-        return True
-    denied = core.Unary(UnaryOp.NOT, e, BOOL)
-    is_denied = holds_in(EXACT, system, here, denied, bound, NoInputs())[0] is True
-    return False if is_denied else UNSET
+    m = machine(EXACT, system, NoInputs().oracle(Phase.CHECK, 0), bound=bound, view=here)
+    value = condition(m, e)
+    return UNSET if any(fault is True for fault, _ in m.faults) else value

@@ -131,7 +131,7 @@ def searched(system: System, budget: Budget, seed: int) -> Search | None:
         few = dealt(program, count, system.delta_s)
         few = replace(few, budget=system.budget.rationed(_SAMPLING))
         try:
-            for configuration in _reached(system, count, turns, seed):
+            for configuration in _reached(few, system.budget, turns, seed):
                 if configuration.fault is None:
                     snapshots.append(language.sampled(configuration, asked(few, configuration)))
         except (KoordError, OutOfBudgetError):
@@ -141,12 +141,12 @@ def searched(system: System, budget: Budget, seed: int) -> Search | None:
     return Search(program, language, Samples.of(language, snapshots), budget)
 
 
-def _reached(system: System, count: int, turns: int, seed: int) -> list[Configuration[Constant]]:
-    few = dealt(system.program, count, system.delta_s)
-    starts = _STARTS if _is_open(system.program) else 1
+def _reached(few: System, budget: Budget, turns: int, seed: int) -> list[Configuration[Constant]]:
+    """Configurations of a small system; from each start it takes a part of the budget's steps."""
+    starts = _STARTS if _is_open(few.program) else 1
     found = list[Configuration[Constant]]()
     for k in range(starts):
-        rationed = replace(few, budget=system.budget.rationed(_SAMPLING // starts))
+        rationed = replace(few, budget=budget.rationed(_SAMPLING // starts))
         found += reached(rationed, turns // starts, seed + k)
     return found
 
