@@ -27,7 +27,7 @@ def naming(pattern: str) -> list[str]:
     ("what", "pattern", "most"),
     [
         ("an operator that others define", r"\bclamp\b", 2),
-        ("a primitive operator", r"ListOp\.KEYS|KEYS = ", 8),
+        ("a primitive operator", r"ListOp\.KEYS|KEYS = ", 9),
         ("a statement", r"\bRepeat\b|\bREPEAT\b|loops\.repeat\b|def repeat\b", 12),
         (
             "a built-in type",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
+from collections.abc import Callable
 
 from msgspec import Struct
 
@@ -201,14 +202,16 @@ def settle_readings(
     system: System,
     configuration: Configuration[Constant],
     inputs: SampledInputs,
+    keeps: Callable[[int], bool] | None = None,
 ) -> None:
     """Find readings that every contract allows. Raises KoordError if none are found. [ENV-FREE]
 
     First what a vehicle would read, then the readings before the turn, then others, one by one.
+    ``keeps`` says of a robot's readings that contracts allow them, or nothing.
     """
     inputs.look_at(configuration)
     for robot in range(len(configuration.robots)):
-        settle_robot(d, system, configuration, robot, inputs)
+        settle_robot(d, system, configuration, robot, inputs, keeps)
 
 
 def settle_robot(
@@ -217,6 +220,7 @@ def settle_robot(
     configuration: Configuration[Constant],
     robot: int,
     inputs: SampledInputs,
+    keeps: Callable[[int], bool] | None = None,
 ) -> None:
     """Find the readings of one robot. Raises KoordError if none are found."""
     state, agent = configuration.robots[robot], system.agent(robot)
@@ -225,7 +229,7 @@ def settle_robot(
         for port, value in driven(inputs.sampler, agent, module, state).items():
             if not inputs.is_given((robot, port)):
                 inputs.readings[robot, port] = value
-    if any(module.contracts for module in free):
+    if any(module.contracts for module in free) and (keeps is None or not keeps(robot)):
         _Search(d, system, inputs, configuration.round, robot, state).run(free)
 
 

@@ -2,7 +2,8 @@
 
 A property is looked at part by part: conjuncts, and instances of quantifiers over robots. A step
 leaves most of a configuration alone, and a part that reads what it read when it last held holds
-still; so of a thousand parts a step has a few looked at.
+still; so of a thousand parts a step has a few looked at. First by code (:mod:`compiled`), which
+says that a property holds or nothing; then by the rules.
 """
 
 from __future__ import annotations
@@ -11,6 +12,8 @@ from collections.abc import Collection
 
 from msgspec import Struct, field
 
+from koord.sampling.compiled.claims import Claim
+from koord.sampling.compiled.columns import Columns
 from koord.sampling.conjuncts import Conjunct, Place, changed, conjuncts_of
 from koord.semantics.configurations import Configuration
 from koord.semantics.domain import Constant, Domain
@@ -57,6 +60,8 @@ class Monitor(Struct):
     inputs: Inputs[Constant]
     unjudged: dict[str, None] | None = None
     _watched: dict[str, _Watched] = field(default_factory=dict)
+    _claims: dict[str, Claim] = field(default_factory=dict)
+    _columns: Columns | None = None
     _seen: Configuration[Constant] | None = None
 
     def after(self, step: Step) -> Violation | None:
@@ -88,7 +93,17 @@ class Monitor(Struct):
 
     def holds(self, stated: core.Property, configuration: Configuration[Constant]) -> bool:
         """Return whether a property holds in a configuration."""
-        self._look_at(configuration)
+        columns = self._look_at(configuration)
+        claim = self._claims.get(stated.name)
+        if claim is None:
+            claim = self._claims[stated.name] = Claim(columns, stated.condition)
+        if claim.holds():
+            return True
+        return self._holds_by_the_rules(stated, configuration)
+
+    def _holds_by_the_rules(
+        self, stated: core.Property, configuration: Configuration[Constant]
+    ) -> bool:
         watched = self._watched.get(stated.name)
         if watched is None:
             watched = self._watched[stated.name] = _Watched.of(self.system, stated)
@@ -104,14 +119,19 @@ class Monitor(Struct):
         )
         return holds is True
 
-    def _look_at(self, configuration: Configuration[Constant]) -> None:
-        """Mark the conjuncts as stale that read a place that has changed."""
+    def _look_at(self, configuration: Configuration[Constant]) -> Columns:
+        """Mark what reads a place that has changed as stale."""
         before, self._seen = self._seen, configuration
-        if before is None or before is configuration:
-            return
-        for place in changed(before, configuration):
-            for watched in self._watched.values():
+        if self._columns is None:
+            self._columns = Columns(self.d, self.system)
+        if before is configuration:
+            return self._columns
+        places = [] if before is None else list(changed(before, configuration))
+        self._columns.show(configuration, places)
+        for watched in self._watched.values():
+            for place in places:
                 watched.stale.update(watched.readers.get(place, ()))
+        return self._columns
 
     def _part_holds(
         self, part: Conjunct, bound: int, configuration: Configuration[Constant]

@@ -6,11 +6,13 @@ and :func:`koord.semantics.recordings.execute` makes the same run of it again.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from random import Random
 
 from msgspec import Struct, field
 from msgspec.structs import replace
 
+from koord.sampling.compiled.turns import Turns
 from koord.sampling.initial_state_search import settle_readings, settled_start
 from koord.sampling.sampled_inputs import SampledInputs
 from koord.sampling.values import Sampler
@@ -20,6 +22,7 @@ from koord.semantics.oracle import Phase
 from koord.semantics.recordings import Answer, Concrete, Opening, Recording, Round, Step
 from koord.semantics.rounds import (
     IllegalStepError,
+    Stepped,
     enabled,
     evolved,
     faulted_start,
@@ -31,6 +34,7 @@ from koord.semantics.storage import Cell, Storage, Tree
 from koord.semantics.values import Rec, Seq, Table
 from koord.syntax.diagnostics import refusal
 from koord.syntax.system import Status, System
+from koord.syntax.types import GrowingType, MapType, Type, contains
 from koord.traces.trace import Numbers
 
 
@@ -53,10 +57,18 @@ class RunState(Struct, frozen=True):
 class Run:
     """A run in progress. ``begin`` comes first; a ``moment`` can be saved and restored."""
 
-    def __init__(self, system: System, numbers: Numbers, inputs: SampledInputs) -> None:
+    def __init__(
+        self,
+        system: System,
+        numbers: Numbers,
+        inputs: SampledInputs,
+        turns: Turns | None = None,
+    ) -> None:
         self.system = system
         self.numbers = numbers
         self.inputs = inputs
+        self._turns = Turns(numbers.domain, system) if turns is None else turns
+        self._grows = any(map(_grows, _types(system)))
         self._opening = Opening(())
         self._rounds: list[Round] = []
         self._moment: RunState | None = None
@@ -124,6 +136,9 @@ class Run:
 
     def enabled(self, robot: int) -> list[int]:
         """The events that a robot may select; a lock may still be taken."""
+        found = self._turns.enabled(self.configuration, robot, self.inputs)
+        if found is not None:
+            return found
         return enabled(self.d, self.system, self.configuration, robot, self.inputs)
 
     def may_skip(self, robot: int) -> bool:
@@ -146,24 +161,42 @@ class Run:
             stepped = run_skip(self.d, self.system, before.configuration, move.robot, self.inputs)
         else:
             name = self.system.agent(move.robot).events[move.event].name
-            stepped = run_event(
-                self.d, self.system, before.configuration, move.robot, move.event, self.inputs
-            )
-        check_lengths(before.configuration, stepped.configuration)
+            stepped = self._ran(move.robot, move.event)
+        self._check_lengths(stepped.configuration)
         moves = (*before.moves, move)
         self._moment = RunState(stepped.configuration, before.rounds, moves)
         rule = "SKIP" if move.event is None else "EVENT-TRANS"
         return Step(rule, before.rounds, move.robot, name, stepped)
 
+    def _ran(self, robot: int, event: int) -> Stepped[Constant]:
+        """Run an event, by code where that is certain. [EVENT-TRANS]"""
+        configuration = self.configuration
+        stepped = self._turns.run_event(configuration, robot, event, self.inputs)
+        if stepped is not None:
+            return stepped
+        return run_event(self.d, self.system, configuration, robot, event, self.inputs)
+
     def evolve(self) -> Step:
         """Take the environment's turn. Raises KoordError if no readings can be found."""
-        number, before = self.round, self.configuration
-        settle_readings(self.d, self.system, before, self.inputs)
-        stepped = evolved(self.d, self.system, before, self.inputs)
-        check_lengths(before, stepped.configuration)
+        number, before, inputs = self.round, self.configuration, self.inputs
+        settle_readings(
+            self.d,
+            self.system,
+            before,
+            inputs,
+            lambda robot: self._turns.keeps_contracts(before.robots[robot], robot, inputs),
+        )
+        stepped = self._turns.evolved(before, inputs)
+        if stepped is None:
+            stepped = evolved(self.d, self.system, before, self.inputs)
+        self._check_lengths(stepped.configuration)
         self._rounds.append(self._open_round(cut=False))
         self._arrive(stepped.configuration, number + 1)
         return Step("ENV-TRANS", number, None, None, stepped)
+
+    def _check_lengths(self, after: Configuration[Constant]) -> None:
+        if self._grows:
+            check_lengths(self.configuration, after)
 
     def _arrive(self, configuration: Configuration[Constant], rounds: int) -> None:
         self._moment = RunState(configuration, rounds)
@@ -200,12 +233,30 @@ class Run:
         )
 
 
-def new_run(system: System, numbers: Numbers, rng: Random) -> Run:
-    """Start a run whose every input depends on the generator only."""
-    return Run(system, numbers, SampledInputs(Sampler(system, numbers, rng)))
+def new_run(system: System, numbers: Numbers, rng: Random, turns: Turns | None = None) -> Run:
+    """Start a run whose every input depends on the generator only.
+
+    With ``turns`` those of another run of the system are used again.
+    """
+    return Run(system, numbers, SampledInputs(Sampler(system, numbers, rng)), turns)
 
 
 # --- values that grow without end: a run stops before the machine does ----------------------------
+
+
+def _types(system: System) -> Iterator[Type]:
+    """The types of all variables."""
+    program = system.program
+    for entry in (*program.allread, *program.allwrite):
+        yield entry.variable.type
+    for agent in program.agents:
+        for entry in (*agent.locals, *(port.declaration for port in agent.ports)):
+            yield entry.variable.type
+
+
+def _grows(type_: Type) -> bool:
+    return contains(type_, GrowingType) or contains(type_, MapType)
+
 
 #: What one variable holds has at most so many parts. Fixed arrays have a limit of their own.
 MOST_LISTED = 100_000

@@ -9,6 +9,7 @@ from tests.mutants.catalogue_compiled import COMPILED
 from tests.mutants.catalogue_exported import EXPORTED
 from tests.mutants.catalogue_kernels import KERNELS
 from tests.mutants.catalogue_liveness import LIVENESS
+from tests.mutants.catalogue_runs import RUNS
 from tests.mutants.catalogue_shown import SHOWN
 from tests.mutants.cone import CONE
 from tests.mutants.deployed import DEPLOYED
@@ -805,6 +806,7 @@ MUTANTS = (
     *HORN,
     *BITS,
     *KERNELS,
+    *RUNS,
     *CERTIFIED,
     *EXPORTED,
     *LIVENESS,

@@ -17,6 +17,7 @@ from koord.syntax.system import System, dealt
 from koord.traces.names import Names
 from koord.traces.rendering import show_output, show_storage
 from koord.traces.trace import Numbers, Sources, Trace, traced
+from tests.semantics.by_the_rules import ByTheRules
 
 NO_TEXT = Sources(Source("built.krd", ""))
 
@@ -112,7 +113,7 @@ def drive(
 ) -> Drive:
     """A run of a program, after INIT."""
     system = dealt(program, robots)
-    run = new_run(system, numbers, Random(seed))
+    run = new_run(system, numbers, Random(seed), ByTheRules(numbers.domain, system))
     return Drive(run, Names(system), run.begin(order))
 
 
@@ -128,7 +129,8 @@ def played(
 ) -> tuple[Play, Trace]:
     """A run by a policy, to its end, and its trace."""
     system = system if system is not None else dealt(program, robots)
-    run = new_run(system, numbers, rng if rng is not None else Random(0))
+    turns = ByTheRules(numbers.domain, system)
+    run = new_run(system, numbers, rng if rng is not None else Random(0), turns)
     play = Play(run, policy, rounds, Monitor(run.d, system, run.inputs))
     for _ in play.steps():
         pass

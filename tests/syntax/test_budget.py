@@ -106,7 +106,7 @@ def test_a_run_that_is_interrupted_in_a_turn_keeps_what_was_whole(
 
         @property
         def requested(self) -> bool:
-            return next(looks) >= 150
+            return next(looks) >= 60
 
         def __enter__(self) -> Impatient:
             return self

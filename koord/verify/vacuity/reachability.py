@@ -9,6 +9,7 @@ from random import Random
 from msgspec import Struct
 from msgspec.structs import replace
 
+from koord.sampling.compiled.turns import Turns
 from koord.sampling.monitors import Monitor
 from koord.sampling.policies import AtRandom, First, Play, Policy
 from koord.sampling.running import Run, new_run
@@ -48,10 +49,11 @@ class _Onlooker(Monitor):
 
 def runs_of(system: System, rounds: int, seed: int) -> Iterator[tuple[Run, Play]]:
     """Yield a few runs that ignore violations: one as the runtime's, and random ones."""
+    turns = Turns(Numbers.EXACT.domain, system)
     for number, skips in enumerate((None, *SKIPS_PERCENT)):
         rng = Random(seed + number)
         policy: Policy = First() if skips is None else AtRandom(rng, skips)
-        run = new_run(system, Numbers.EXACT, rng)
+        run = new_run(system, Numbers.EXACT, rng, turns)
         yield run, Play(run, policy, rounds, _Onlooker(run.d, system, run.inputs))
 
 

@@ -1,0 +1,1 @@
+"""Claims and turns as Python code on known numbers: the quick way of runs."""
