@@ -18,6 +18,7 @@ from koord.syntax.system import System
 from koord.verify.claims import claims_of
 
 SECONDS = 5.0
+SOON = 0.5
 
 
 def restated(system: System) -> list[Claim]:
@@ -45,14 +46,21 @@ def settled(world: Instance, claims: Sequence[Claim]) -> Iterator[Discharged]:
 Settler: TypeAlias = "Callable[[Instance, Sequence[Claim]], Iterator[Discharged]]"
 
 
-def settled_for_everyone(world: Instance, claims: Sequence[Claim]) -> Iterator[Discharged]:
+def settled_for_everyone(
+    world: Instance, claims: Sequence[Claim], seconds: float = SECONDS
+) -> Iterator[Discharged]:
     """Every obligation of some claims for any number of robots, settled."""
     anyone = Instance(world.program, (), world.delta_s)
     values = Values(Terms(), None, anyone.sealed)
     with SolverSession.start() as session:
-        settling = Settling(values, session, lambda: SECONDS)
+        settling = Settling(values, session, lambda: seconds)
         for obligation in EveryNumber(anyone, claims, values):
             yield instances.settled(settling, obligation)
+
+
+def settled_soon(world: Instance, claims: Sequence[Claim]) -> Iterator[Discharged]:
+    """The same, where most do not follow, and each would be tried as long as it may be."""
+    return settled_for_everyone(world, claims, SOON)
 
 
 def confirmed(
