@@ -10,9 +10,10 @@ from msgspec.structs import replace
 
 from koord.refinement.generating.programs import system
 from koord.verify.effort import Deadline
+from koord.verify.engine_names import Engine
 from koord.verify.reduction.slicing import Slices
 from koord.verify.strategy.liveness import settled
-from koord.verify.strategy.table import PROGRESS
+from koord.verify.strategy.table import LIVENESS
 from koord.verify.verdicts import Bounds, Outcome
 from tests.agreement.test_lassos import LIVELY, searched, with_liveness
 from tests.sampling import blocks
@@ -23,7 +24,7 @@ def compare(seed: int) -> Counter[str]:
     random = Random(seed)
     of = with_liveness(system(random, LIVELY), random)
     count: Counter[str] = Counter()
-    said = settled(Slices(of), Bounds(8), PROGRESS, Deadline.after(None))
+    said = settled(Slices(of), Bounds(8), LIVENESS[Engine.EVERY_N], Deadline.after(None))
     held = {v.claim.name for v in said.verdicts if v.outcome is Outcome.HOLDS}
     assert all(v.outcome is not Outcome.VIOLATED for v in said.verdicts), seed
     for kinds in (of.kinds, of.kinds[:1], (*of.kinds, of.kinds[0])):

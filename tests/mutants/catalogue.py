@@ -9,6 +9,7 @@ from tests.mutants.catalogue_compiled import COMPILED
 from tests.mutants.catalogue_exported import EXPORTED
 from tests.mutants.catalogue_kernels import KERNELS
 from tests.mutants.catalogue_liveness import LIVENESS
+from tests.mutants.catalogue_progress import PROGRESS
 from tests.mutants.catalogue_runs import RUNS
 from tests.mutants.catalogue_shown import SHOWN
 from tests.mutants.cone import CONE
@@ -810,6 +811,7 @@ MUTANTS = (
     *CERTIFIED,
     *EXPORTED,
     *LIVENESS,
+    *PROGRESS,
     *PROTOCOL,
     *WIRE_MISTAKES,
     *DEPLOYED,

@@ -142,20 +142,19 @@ FIRST_LASSOS = Task(rounds=4)
 
 _BITS_OF_RUNS = AskEngine(Engine.BITS, opaque=True)
 
-#: The same about whole runs: the other engines know nothing of them.
+#: The same about whole runs: the other engines know nothing of them. A proof for every number of
+#: robots is one for this number; what it may cost is known, unlike what a search may.
 LIVENESS: Mapping[Engine | None, tuple[AskEngine, ...]] = {
     None: (
+        AskEngine(Engine.EVERY_N, Task(seconds=0.2), opaque=True),
         AskEngine(Engine.SEARCH, Task(states=FEW_STATES, edges=FEW_EDGES)),
         AskEngine(Engine.BITS, Task(questions=FEW_QUESTIONS), opaque=True),
     ),
+    Engine.EVERY_N: (AskEngine(Engine.EVERY_N, opaque=True),),
     Engine.SEARCH: (AskEngine(Engine.SEARCH),),
     Engine.BITS: (_BITS_OF_RUNS,),
     Engine.ABC: (_BITS_OF_RUNS,),
 }
-
-#: Proofs of claims about whole runs for every number of robots. No choice of an engine asks for
-#: them before certificates can hold them, and mistakes put into them are caught.
-PROGRESS: tuple[AskEngine, ...] = (AskEngine(Engine.EVERY_N, opaque=True),)
 
 #: Who proves once more what an engine proved, with fewer premises.
 PROVING_AGAIN: Mapping[Engine, AskEngine] = {

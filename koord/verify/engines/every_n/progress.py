@@ -62,6 +62,8 @@ class _Search:
         self.help: list[Help] = []
         self.waits = False
         self.locks: list[int] = []
+        self.likely = help_of(self.system.program)
+        self._may_help: dict[tuple[bool, tuple[int, ...]], bool] = {}
 
     def proof(self) -> ProgressProof | str:
         """Find measures and help that prove the claim."""
@@ -76,7 +78,7 @@ class _Search:
                 return ProgressProof(
                     tuple(self.measures), tuple(self.help), self.waits, tuple(self.locks)
                 )
-        if not self.measures:
+        if not self.measures and all(self._may_help.values()):
             return "no measure settles for every number of robots"
         return "nobody is known to help for every number of robots"
 
@@ -91,7 +93,9 @@ class _Search:
             questions.pend(waits=self.waits, locks=self.locks)
         for measure in self.measures:
             questions.keep(measure)
-        waiting = [each for each in help_of(program) if each not in self.help]
+        if not self._somebody_may_help():
+            return False
+        waiting = [each for each in self.likely if each not in self.help]
         left = [m for m in measures_of(program, self.stated) if m not in self.measures]
         for generations in all_generations:
             questions.step.asking.look_ahead(generations)
@@ -99,14 +103,24 @@ class _Search:
             found = questions.helping(waiting)
             self.help += found
             waiting = [each for each in waiting if each not in found]
-            if found and self._somebody_helps():
+            if found and self._somebody_helps(self.help):
                 return True
         return False
 
-    def _somebody_helps(self) -> bool:
-        """Return whether somebody helps as long as the claim is pending."""
+    def _somebody_may_help(self) -> bool:
+        """Return whether somebody helps in one of the ways that are likely, were none refused.
+
+        That is asked once, as it takes less than to ask which of them are.
+        """
+        under = self.waits, tuple(self.locks)
+        if under not in self._may_help:
+            self._may_help[under] = self._somebody_helps(self.likely)
+        return self._may_help[under]
+
+    def _somebody_helps(self, ways: Sequence[Help]) -> bool:
+        """Return whether somebody helps in one of some ways as long as the claim is pending."""
         question = StateQuestion(self.system, self.stated, self.known, self.means)
-        return question.somebody(self.help, waits=self.waits, locks=self.locks)
+        return question.somebody(ways, waits=self.waits, locks=self.locks)
 
     def _settled(self, questions: RoundQuestions, candidates: Sequence[Measure]) -> list[Measure]:
         """Add measures that settle, one layer after the other; those that may still change."""

@@ -248,6 +248,7 @@ def _help(program: core.Program) -> Iterator[Help]:
         for event in agent.events:
             if not is_certain(program, event.guard):
                 continue
+            # No variable is bound in a guard (K301): the robot's slot is free.
             state = said_of(event.guard, ROBOT)
             if _may_stop(program):
                 state = _binary(BinaryOp.AND, state, _negated(core.Stopped(READ_ROBOT)))

@@ -8,10 +8,14 @@ from __future__ import annotations
 
 import pytest
 
+from koord.syntax import core
 from koord.syntax.system import System
+from koord.verify.effort import Deadline, Effort
 from koord.verify.engine_names import Engine
+from koord.verify.engines.every_n.progress_parts import Help, HelpKind, Phrase, measures_of
+from koord.verify.engines.every_n.progress_questions import RoundQuestions
+from koord.verify.engines.every_n.questions import GENEROUS, Means
 from koord.verify.strategy import verification
-from koord.verify.strategy.table import LIVENESS, PROGRESS
 from koord.verify.verdicts import Bounds, Outcome, Verdict
 from tests.loading import program_of
 from tests.verify.asking import system_of
@@ -138,6 +142,58 @@ VIOLATED = {
         PHASES + "Away:\n  pre: phase == waiting\n  eff:\n    phase = out\n",
         1,
     ),
+    "what leads to the goal is left for ever": (
+        PHASES.replace("waiting, inside", "waiting, inside, gone")
+        + "Away:\n  pre: phase == waiting\n  eff:\n    phase = gone\n",
+        1,
+    ),
+    "who helps is interrupted": (
+        """
+allwrite:
+  bool turn = false
+local:
+  bool done = false
+Toggle:
+  pre: 0 < pid and pid < numAgents - 1
+  eff:
+    atomic:
+      turn = not turn
+First:
+  pre: pid == 0 and turn and not done
+  eff:
+    done = true
+Last:
+  pre: pid == numAgents - 1 and not turn and not done
+  eff:
+    done = true
+eventually Some: exists i: done@i
+""",
+        3,
+    ),
+    "who stopped may have found what is so no longer": (
+        """
+allwrite:
+  bool early = true
+local:
+  bool done = false
+Quit:
+  pre: early and not done and pid > 0
+  eff:
+    if early and pid > 0:
+      stop
+Close:
+  pre: early and pid == 0
+  eff:
+    atomic:
+      early = false
+Do:
+  pre: not early and not done
+  eff:
+    done = true
+eventually Done: done
+""",
+        2,
+    ),
     "robots take from each other what one needs": (
         """
 allwrite:
@@ -207,13 +263,6 @@ eventually Through: through or pid == 0
 }
 
 
-@pytest.fixture(autouse=True)
-def asking_for_progress(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let the engine be asked, which no choice does by itself yet."""
-    rows = {**LIVENESS, Engine.EVERY_N: PROGRESS}
-    monkeypatch.setattr(verification, "LIVENESS", rows)
-
-
 def asked(text: str, robots: int, engine: Engine) -> Verdict:
     """The verdict on the claim about whole runs of a program."""
     report = verification.verify(of(text, robots), Bounds(6), engine)
@@ -252,3 +301,53 @@ def test_a_number_without_an_end_settles_nothing() -> None:
     """[T-PROGRESS] A measure that falls for ever is no natural number."""
     text = COUNTED.replace("pre: left > 0", "pre: left != 9").replace("left <= 0", "left == 9")
     assert asked(text, 2, Engine.EVERY_N).outcome is Outcome.UNKNOWN
+
+
+def test_what_holds_of_this_number_of_robots_is_no_reason() -> None:
+    text = ONCE.replace("pre: not done", "pre: not done and numAgents <= 2")
+    report = verification.verify(of(text + "invariant Few: numAgents <= 2\n", 2), Bounds(6))
+    few, done = (v for v in report.verdicts if v.claim.name in ("Few", "Done"))
+    assert few.outcome is done.outcome is Outcome.HOLDS
+    assert done.engine is not Engine.EVERY_N
+
+
+# --- ways to help that nobody would guess ---------------------------------------------------------
+
+
+STATE = "eventually State: not done\n"
+
+
+def refused(text: str, kind: HelpKind, expectation: int | None = None) -> bool:
+    """Whether help of a robot in the state that the second claim is about can be refused."""
+    system = of(text, 2)
+    claim, state = system.program.properties
+    assert state.each is not None
+    phrase = Phrase(state.condition, state.bound, state.each.variable.slot, None)
+    help_ = Help(kind, phrase, core.RobotRange(None), expectation)
+    means = Means(Deadline(), Effort.of_seconds(GENEROUS.seconds), GENEROUS, 0)
+    questions = RoundQuestions(system, claim, [], means)
+    questions.pend(waits=False)
+    for measure in measures_of(system.program, claim):
+        questions.keep(measure)
+    return not questions.helping([help_])
+
+
+def test_who_is_ready_is_not_refused_for_ever() -> None:
+    assert not refused(ONCE + STATE, HelpKind.ROBOT)
+
+
+def test_who_is_not_ready_is() -> None:
+    text = ONCE.replace("pre: not done", "pre: not done and pid > 0") + STATE
+    assert refused(text, HelpKind.ROBOT)
+
+
+def test_who_stopped_is() -> None:
+    text = ONCE + "Quit:\n  pre: not done\n  eff:\n    stop\n" + STATE
+    assert refused(text, HelpKind.ROBOT)
+
+
+def test_what_is_expected_has_a_reason() -> None:
+    assert refused(EXPECTED + STATE, HelpKind.EXPECTED, 0)
+    # What it is expected of is where it is asked, too.
+    reason = EXPECTED.replace("assume Does: asked leadsto", "assume Does: not done leadsto")
+    assert not refused(reason + STATE, HelpKind.EXPECTED, 0)

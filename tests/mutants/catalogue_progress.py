@@ -1,0 +1,157 @@
+"""Mistakes in proofs of progress for every number of robots: premises forgotten. [T-PROGRESS]"""
+
+from __future__ import annotations
+
+from tests.mutants.mutant import Mutant
+
+PREMISES = "tests/verify/engines/every_n/test_progress.py"
+
+_QUESTIONS = "verify.engines.every_n.progress_questions"
+
+PROGRESS = (
+    # (settles)
+    Mutant(
+        "a measure may grow",
+        f"{_QUESTIONS}.RoundQuestions._grows",
+        "[larger, negative, faulty, fails]",
+        "[negative, faulty, fails]",
+        (PREMISES,),
+    ),
+    Mutant(
+        "a statement may become true again",
+        f"{_QUESTIONS}.RoundQuestions._grows",
+        "[here, new, self.said.negated(old)]",
+        "[here, new, old, self.said.negated(old)]",
+        (PREMISES,),
+    ),
+    Mutant(
+        "a measure falls for ever",
+        f"{_QUESTIONS}.RoundQuestions._grows",
+        "[larger, negative, faulty, fails]",
+        "[larger, faulty, fails]",
+        (PREMISES,),
+    ),
+    Mutant(
+        "measures settle in any order",
+        "verify.engines.every_n.progress._Search._settled",
+        "questions.changing(questions.settling(left))",
+        "questions.changing(left)",
+        (PREMISES,),
+    ),
+    # (helps)
+    Mutant(
+        "who helps stops to help",
+        f"{_QUESTIONS}.RoundQuestions._refuses",
+        "[self.said.negated(self.said.helps(help_, robot, self.after))]",
+        "[self.said.negated(self.said.helps(help_, robot, self.before))]",
+        (PREMISES,),
+    ),
+    Mutant(
+        "who helps runs something that changes nothing",
+        f"{_QUESTIONS}.RoundQuestions._refuses",
+        "[runs, self.said.negated(self.said.ready(robot, self.step.start.robot))]",
+        "[self.said.negated(self.said.ready(robot, self.step.start.robot))]",
+        (PREMISES,),
+    ),
+    Mutant(
+        "who helps is not ready",
+        f"{_QUESTIONS}.RoundQuestions._refuses",
+        "[runs, self.said.negated(self.said.ready(robot, self.step.start.robot))]",
+        "[runs]",
+        (PREMISES,),
+    ),
+    Mutant(
+        "a robot that stopped is ready to help",
+        f"{_QUESTIONS}.Statements.ready",
+        "[here, self._awake(state(kind, robot)), holds, sound]",
+        "[here, holds, sound]",
+        (PREMISES,),
+    ),
+    Mutant(
+        "what is expected is expected without a reason",
+        f"{_QUESTIONS}.RoundQuestions._refuses",
+        "ways.append(self.said.negated(self._promises(help_, robot, self.before)))",
+        "pass",
+        (PREMISES,),
+    ),
+    Mutant(
+        "what is expected is so already",
+        f"{_QUESTIONS}.RoundQuestions._refuses",
+        "ways.append(self._kept(help_, robot, self.after))",
+        "pass",
+        (PREMISES,),
+    ),
+    Mutant(
+        "a run lets nothing be expected",
+        f"{_QUESTIONS}.RoundQuestions._refuses",
+        "d.binary(BinaryOp.AND, runs, self.said.negated(promised))",
+        "d.binary(BinaryOp.AND, runs, promised)",
+        (PREMISES,),
+    ),
+    # (somebody)
+    Mutant(
+        "nobody needs to help",
+        f"{_QUESTIONS}.StateQuestion.somebody",
+        "not self.asking.failing(asked) and not self.asking.limits",
+        "not self.asking.limits",
+        (PREMISES,),
+    ),
+    # (granted)
+    Mutant(
+        "who is granted a lock may wait for ever",
+        f"{_QUESTIONS}.RoundQuestions.runs_in_vain",
+        "bool(self.step.asking.sift(asked, self._given))",
+        "False",
+        (PREMISES,),
+    ),
+    Mutant(
+        "who can run another event asks for a lock",
+        f"{_QUESTIONS}.Statements._asks",
+        "ways.append(d.binary(BinaryOp.IMPLIES, here, off))",
+        "pass",
+        (PREMISES,),
+    ),
+    # what stands around
+    Mutant(
+        "what leads to a goal lasts",
+        f"{_QUESTIONS}.RoundQuestions.waits",
+        "not self.step.asking.sift(asked, self._pending(waits=False))",
+        "True",
+        (PREMISES,),
+    ),
+    Mutant(
+        "robots that enter lock classes are forgotten",
+        f"{_QUESTIONS}.RoundQuestions._of_some",
+        "[conjunction(d, [*others, says(self.robot)]), *(says(w) for w in self._winners)]",
+        "[conjunction(d, [*others, says(self.robot)])]",
+        (PREMISES,),
+    ),
+    Mutant(
+        "likely lemmas need no proof",
+        "verify.engines.every_n.liveness_engine._lemmas",
+        "[claim for claim in likely if claim in shown.proved]",
+        "likely",
+        (PREMISES,),
+    ),
+    Mutant(
+        "proofs of progress do not say that they rest on fairness about locks",
+        "verify.engines.every_n.liveness_engine.fairness_of",
+        '("locks", bool(proof.locks))',
+        '("locks", False)',
+        (PREMISES,),
+    ),
+    Mutant(
+        "proofs of progress do not say what is expected",
+        "verify.engines.every_n.liveness_engine.fairness_of",
+        "each.expectation is not None",
+        "each.expectation is not None and each.expectation < 0",
+        (PREMISES,),
+    ),
+    Mutant(
+        "progress of every number rests on what holds of this number",
+        "verify.strategy.liveness._Asking._on_opaque",
+        "self.everyone if of_everyone else self.proved",
+        "self.proved",
+        (PREMISES,),
+    ),
+)
