@@ -72,9 +72,13 @@ class Measured:
 
 
 def measure(
-    command: Sequence[str], *, timeout_s: float = 120.0, stdin: bytes | None = None
+    command: Sequence[str],
+    *,
+    timeout_s: float = 120.0,
+    stdin: bytes | None = None,
+    folder: Path = ROOT,
 ) -> Measured:
-    """Run a command to its end, or for so long, and measure it.
+    """Run a command in a folder to its end, or for so long, and measure it.
 
     The kernel counts the memory of the process that forks as the child's until it has become
     another program, so nothing below the size of this process can be seen: it must stay small.
@@ -92,7 +96,7 @@ def measure(
             stdin=given,
             stdout=output,
             stderr=errors,
-            cwd=ROOT,
+            cwd=folder,
             env=_environment(),
             start_new_session=True,
         )

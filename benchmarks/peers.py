@@ -1,10 +1,12 @@
-"""SPIN and abc beside koord, where they are installed: the same programs, the same machine.
+"""SPIN, abc, rumur, TLC and mypyvy beside koord, where they are installed, paired in one run.
 
-SPIN gets `programs/clear_tasks.krd`, Task with a sensor for whether a path is clear, through the
-translation of `tests/peers` (Promela for what is left open, C for what the rules fix), for a number
-of rounds; its time is that of translating, compiling and searching. abc's PDR gets the circuits of
-`koord verify --export aiger`, beside koord's own IC3 on them; its time leaves out the making of the
-circuit. A ratio is the peer's wall time by koord's: above 1, koord is quicker.
+The claiming model is that of `claiming.py`, and invariants for every number of robots are those of
+`every_number.py`; both run by themselves, too. In the first two tables SPIN gets
+`programs/clear_tasks.krd`, Task with a sensor for whether a path is clear, through the translation
+of `tests/peers` (Promela for what is left open, C for what the rules fix), for a number of rounds;
+its time is that of translating, compiling and searching. abc's PDR gets the circuits of `koord
+verify --export aiger`, beside koord's own IC3 on them; its time leaves out the making of the
+circuit. There a ratio is the peer's wall time by koord's: above 1, koord is quicker.
 """
 
 from __future__ import annotations
@@ -15,6 +17,8 @@ import tempfile
 from pathlib import Path
 
 from bits import asked
+from claiming import claiming
+from every_number import every_number
 from harness import (
     BENCHMARKS,
     EXAMPLES,
@@ -167,6 +171,8 @@ def peers(report: Report) -> None:
         report.expect(answer == "proved" and right, f"{file}: {answer} {own.errors[-300:]}, {told}")
         size = {"program": file, "robots": robots, "tasks": tasks or NOTHING, "rounds": "all"}
         proved.rows.append({**size, **beside(own, answer, peer, told)})
+    claiming(report)
+    every_number(report)
 
 
 def circuit(
