@@ -128,6 +128,7 @@ _ANSWERS = tuple(
         "effort",
         "engine_names",
         "failures",
+        "forked",
         "ledger",
         "obstacles",
         "processes",

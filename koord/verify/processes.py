@@ -8,6 +8,7 @@ processes there are, nor on which of them is done first. Z3 stops its timers bef
 
 from __future__ import annotations
 
+import gc
 import os
 import pickle
 import signal
@@ -15,6 +16,7 @@ import sys
 import time
 import traceback
 from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from select import select
 from types import FrameType
 from typing import TYPE_CHECKING, Generic, Protocol, TypeAlias, TypeVar
@@ -23,11 +25,10 @@ from msgspec import Struct, field
 
 from koord.syntax.diagnostics import KoordError
 from koord.syntax.forking import FORKING
+from koord.verify.forked import ForkedProcess, Receiver, Sender, fork, ready
 
 if TYPE_CHECKING:
     from ctypes import CDLL
-    from multiprocessing.connection import Connection
-    from multiprocessing.process import BaseProcess
 
 T = TypeVar("T")
 K = TypeVar("K")
@@ -85,8 +86,8 @@ _PR_SET_PDEATHSIG = 1
 _LARGEST = 32 * 2**20
 _KEPT = {-1: 256 * 2**20, -3: _LARGEST}
 
-#: How much memory is to come in huge pages, in bytes: that of as many contexts as are seldom more at
-#: once. What is not used of it takes no memory.
+#: How much memory is to come in huge pages, in bytes: that of as many contexts as there are at once
+#: in most questions. What is not used of it takes no memory.
 _IN_HUGE_PAGES = 4 * _LARGEST
 
 #: `madvise` of Linux, and the size of a huge page there, in bytes.
@@ -124,8 +125,8 @@ class Job(Struct, Generic[T], eq=False):
     work: Callable[[JobChannel], T]
     lasts_s: float | None = None
     until: float | None = None
-    process: BaseProcess | None = None
-    line: Connection | None = None
+    process: ForkedProcess | None = None
+    line: Receiver | None = None
     is_done: bool = False
     is_late: bool = False
     share_until: float | None = None
@@ -244,16 +245,10 @@ class Pool(Struct):
     # --- processes ------------------------------------------------------------------------------
 
     def _fill(self, most: int) -> None:
-        from multiprocessing import get_context  # seldom needed, and takes a while to load
-
         while self._waiting and len(self._running) < most and self._stopped_at is None:
             job = self._waiting.pop(0)
-            context = get_context("fork")
             with FORKING:
-                receives, sends = context.Pipe(duplex=False)
-                process = context.Process(target=_worked, args=(job.work, sends, os.getpid()))
-                process.start()
-                sends.close()
+                process, receives = fork(partial(_worked, job.work, os.getpid()))
             job.started = time.monotonic()
             if job.lasts_s is not None:
                 ends = time.monotonic() + job.lasts_s
@@ -262,13 +257,11 @@ class Pool(Struct):
             self._running.append(job)
 
     def _listen(self, wait_s: float) -> None:
-        from multiprocessing.connection import wait
-
         lines = {job.line: job for job in self._running if job.line is not None}
-        ready = wait(list(lines), wait_s)
-        for line, job in [(line, job) for line, job in lines.items() if line in ready]:
+        for line in ready(list(lines), wait_s):
+            job = lines[line]
             try:
-                said = line.recv()
+                said = line.receive()
             except (EOFError, OSError):
                 said = _Found(None)  # it died: nothing comes
             match said:
@@ -296,7 +289,7 @@ class Pool(Struct):
             self._listen(0)  # it may have been done just now, or be at something else
             if not job.is_done and _is_over(job):
                 assert job.process is not None
-                job.process.kill()
+                job.process.send_signal(signal.SIGKILL)
                 job.is_late = _is_past(job.until)
                 job.is_overdue = not job.is_late
                 self._put_away(job)
@@ -340,14 +333,13 @@ def _is_past(moment: float | None) -> bool:
 
 
 def _interrupt(job: Job[object]) -> None:
-    process = job.process
-    if process is not None and process.pid is not None and process.is_alive():
-        os.kill(process.pid, signal.SIGINT)
+    if job.process is not None:
+        job.process.send_signal(signal.SIGINT)
 
 
 def _end(job: Job[T]) -> None:
     if job.process is not None:
-        job.process.kill()
+        job.process.send_signal(signal.SIGKILL)
     _join(job)
 
 
@@ -355,8 +347,7 @@ def _join(job: Job[T]) -> None:
     if job.process is not None:
         with FORKING:
             job.process.join()
-            job.exit_code = job.process.exitcode
-            job.process.close()
+            job.exit_code = job.process.exit_code
         job.process = None
     if job.line is not None:
         job.line.close()
@@ -373,12 +364,13 @@ class _Found(Struct, frozen=True):
     failure: Exception | None = None
 
 
-def _worked(work: Callable[[JobChannel], T], sends: Connection, parent: int) -> None:
+def _worked(work: Callable[[JobChannel], T], parent: int, sends: Sender) -> None:
     """Do the work, send the result, and exit without flushing."""
     global _depth
     _depth += 1
     try:
         _die_with(parent)
+        gc.freeze()  # what was made before lasts as long as this process
         keep_freed_memory()
         signal.signal(signal.SIGINT, _heard)
         try:
@@ -391,7 +383,7 @@ def _worked(work: Callable[[JobChannel], T], sends: Connection, parent: int) -> 
             if _was_interrupted:
                 return
             found = _raised(error)
-        sends.send_bytes(found)
+        sends.send_pickled(found)
         sends.close()
     finally:
         _leave()
@@ -432,7 +424,7 @@ class _Lasting(Struct, frozen=True):
 class _Line(Struct):
     """The channel of a forked process, which limits the rate of progress reports."""
 
-    sends: Connection
+    sends: Sender
     last: float = 0.0
 
     def note(self, value: object) -> None:

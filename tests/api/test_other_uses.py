@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import multiprocessing
 import os
 import threading
 import time
@@ -16,6 +15,7 @@ from jsonschema import Draft202012Validator
 import koord
 from koord.recheck import solving
 from koord.recheck.checking import RecheckOutcome
+from tests.children import forked_children
 
 COUNTER = koord.Source(
     "counter.krd",
@@ -89,7 +89,7 @@ def test_a_solver_at_work_is_ended_with_the_call(
         koord.recheck(certificate, cancellation=stop)
     assert time.monotonic() - began < 30.0
     timer.join()
-    assert multiprocessing.active_children() == []
+    assert forked_children() == set()
 
 
 def test_a_program_is_compiled(tmp_path: Path) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import multiprocessing
 import os
 import signal
 import subprocess
@@ -15,6 +14,7 @@ import pytest
 
 from koord.syntax.diagnostics import KoordError, refusal
 from koord.verify.processes import Pool, Progress, can_fork
+from tests.children import forked_children
 
 pytestmark = pytest.mark.skipif(not can_fork(), reason="one process only")
 
@@ -22,7 +22,7 @@ pytestmark = pytest.mark.skipif(not can_fork(), reason="one process only")
 @pytest.fixture(autouse=True)
 def nobody_is_left() -> Iterator[None]:
     yield
-    assert multiprocessing.active_children() == []
+    assert forked_children() == set()
 
 
 def squared(number: int) -> Callable[[Progress], int]:
@@ -69,7 +69,7 @@ def test_no_more_processes_than_jobs(tmp_path: Path) -> None:
 
     with Pool(1) as pool:
         work = {name: pool.submit("", logged(name)) for name in "ab"}
-        assert multiprocessing.active_children() == []
+        assert forked_children() == set()
         assert all(found for _, found in pool.answers(work))
     assert log.read_text().splitlines() == ["a begins", "a ends", "b begins", "b ends"]
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import multiprocessing
 import signal
 import time
 from collections.abc import Callable
@@ -21,6 +20,7 @@ from koord.verify.strategy.resumption import StrategyStep
 from koord.verify.strategy.time_limits import verify_apart
 from koord.verify.strategy.verification import verify
 from koord.verify.verdicts import Bounds, Outcome, Report, Verdict
+from tests.children import forked_children
 from tests.loading import program_of
 
 #: More than anything here takes, on any machine.
@@ -120,7 +120,7 @@ def test_on_ctrl_c_no_process_stays(system: System, monkeypatch: pytest.MonkeyPa
     report = verify_apart(system, AMPLE, jobs=2, interrupted=counting(1))
     assert report.interrupted
     assert Outcome.UNKNOWN in outcomes(report).values()
-    assert multiprocessing.active_children() == []
+    assert forked_children() == set()
 
 
 def test_what_takes_longer_is_unknown(system: System) -> None:
@@ -178,7 +178,7 @@ def test_who_does_not_end_in_time_is_ended(system: System, monkeypatch: pytest.M
     assert shown["Done"] == (Outcome.UNKNOWN, None, "timeout")
     assert all(v.seconds > 0 for v in report.verdicts)
     assert not report.interrupted
-    assert multiprocessing.active_children() == []
+    assert forked_children() == set()
 
 
 def test_who_does_not_hear_ctrl_c_is_ended(system: System, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -188,7 +188,7 @@ def test_who_does_not_hear_ctrl_c_is_ended(system: System, monkeypatch: pytest.M
     report = verify_apart(system, replace(AMPLE, claim_s=None), interrupted=counting(2))
     assert report.interrupted
     assert {v.claim.name: v.outcome for v in report.verdicts}["Idle"] is Outcome.HOLDS
-    assert multiprocessing.active_children() == []
+    assert forked_children() == set()
 
 
 def test_all_that_is_done_for_a_claim_counts(
