@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Callable, Iterator, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from msgspec import Struct
@@ -178,6 +177,8 @@ def _written(wanted: Wanted) -> Exported:
 
 
 def _module(wanted: Wanted, system: System) -> bytes:
+    from pathlib import Path
+
     from koord.verify.export.tla.module import module
 
     name = wanted.module

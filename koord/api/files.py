@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import os
-import shutil
 import stat
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from os import PathLike
-from pathlib import Path
-from typing import BinaryIO
+from typing import TYPE_CHECKING, BinaryIO
 
 from msgspec import Struct
 
 from koord.syntax.diagnostics import KoordError, refusal
 from koord.syntax.source import Source, Span, normalise, visible
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 #: A program of this size is none; what is longer (``/dev/zero``) is not read to its end.
 LARGEST_FILE = 64 * 1024 * 1024
@@ -94,6 +95,8 @@ def write_atomically(path: str, data: bytes) -> None:
     An existing file keeps its mode, and a symbolic link goes on pointing to it. What is no
     regular file (``/dev/stdout``, a pipe) is simply written. Raises KoordError.
     """
+    from pathlib import Path  # seldom needed, as all that writes here
+
     try:
         target = Path(os.path.realpath(path))
         if target.exists() and not target.is_file():
@@ -140,6 +143,8 @@ def no_folder(folder: Path, error: OSError) -> KoordError:
 
 def check_folder(path: str) -> None:
     """Raise KoordError if ``path`` is evidently no place for a folder of files of ours."""
+    from pathlib import Path
+
     target = Path(os.path.realpath(path))
     reason = None
     if target.exists() and not (target / _OURS).is_file():
@@ -157,6 +162,9 @@ def write_folder(path: str, files: Mapping[str, bytes]) -> None:
 
     One that was written like this before is replaced. Raises KoordError.
     """
+    import shutil
+    from pathlib import Path
+
     check_folder(path)
     target = Path(os.path.realpath(path))
     try:

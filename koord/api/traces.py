@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import json
 import os
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from msgspec.structs import replace
 
 from koord.api.files import write_atomically
-from koord.api.growing import part_of
 from koord.api.programs import Program, no_program
 from koord.api.results import Result, html_table
 from koord.syntax import core
@@ -123,6 +121,10 @@ def write_trace(path: str, trace: Recorded) -> None:
 
 def complete_trace(path: str, trace: Recorded) -> None:
     """As :func:`write_trace`, for a run whose trace has grown beside it. Raises KoordError."""
+    from pathlib import Path
+
+    from koord.api.growing import part_of
+
     part = Path(part_of(path))
     if path.endswith(ITF_SUFFIX) or not part.is_file():
         write_trace(path, trace)

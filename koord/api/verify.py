@@ -36,6 +36,7 @@ T = TypeVar("T")
 #: What asks a solver, with all that it is made of.
 _NEEDED = (
     "koord.verify.strategy.time_limits",
+    "koord.verify.strategy.verification",
     "koord.verify.strategy.liveness",
     "koord.verify.engines.bits.engine",
     "koord.verify.engines.bits.liveness_engine",
@@ -203,13 +204,13 @@ def verify_each(
     """
     check_loadable()
     load_for_threads()
-    # Loaded once, before there are several processes.
-    import koord.verify.strategy.time_limits  # noqa: F401
-    from koord.verify.processes import Pool
-
     if len(questions) == 1:
         yield _answer(questions[0], options, tell, interrupted)
         return
+    from koord.verify.processes import Pool
+    from koord.verify.strategy.time_limits import load
+
+    load()
 
     def answer(question: Question, jobs: int, tell: JobChannel) -> VerifyReport:
         return _answer(question, replace(options, jobs=jobs), tell, interrupted)
@@ -240,7 +241,7 @@ def check_loadable() -> None:
         return
     if (
         getrlimit(RLIMIT_AS)[0] == RLIM_INFINITY
-        or "koord.verify.strategy.time_limits" in sys.modules
+        or "koord.verify.strategy.verification" in sys.modules
     ):
         return
 

@@ -147,6 +147,16 @@ _NEGATIVE = re.compile(r"-([0-9.].*|inf(inity)?|nan)", re.ASCII | re.IGNORECASE)
 _FLAG = re.compile(r"--[a-z][a-z-]*")
 
 
+class _Layout(argparse.RawDescriptionHelpFormatter):
+    """The layout of help: as wide as the terminal.
+
+    argparse asks shutil for the width wherever an argument is added: that loads what unpacks files.
+    """
+
+    def __init__(self, prog: str) -> None:
+        super().__init__(prog, width=_width() - 2)
+
+
 class Parser(argparse.ArgumentParser):
     """argparse with the project's layout: no abbreviated flags, line ends kept as written."""
 
@@ -155,7 +165,7 @@ class Parser(argparse.ArgumentParser):
             prog=prog,
             usage=usage,
             description=description,
-            formatter_class=argparse.RawDescriptionHelpFormatter,
+            formatter_class=_Layout,
             allow_abbrev=False,
         )
 
@@ -184,6 +194,17 @@ class Parser(argparse.ArgumentParser):
         )
 
 
+def _width() -> int:
+    """The columns of the terminal, as shutil has them: COLUMNS, or the terminal's, or 80."""
+    said = os.environ.get("COLUMNS", "")
+    if said.isdecimal() and int(said) > 0:
+        return int(said)
+    try:
+        return os.get_terminal_size(sys.__stdout__.fileno()).columns or 80
+    except (AttributeError, ValueError, OSError):
+        return 80
+
+
 #: How many more objects there are to be, before Python's garbage collector looks for cycles: most
 #: are of modules and programs, which last, and looking at them takes a tenth of a short command.
 _COLLECTED_EACH = 50_000
@@ -191,8 +212,37 @@ _COLLECTED_EACH = 50_000
 
 def entry() -> NoReturn:
     """The console script, in a process of its own."""
-    gc.set_threshold(_COLLECTED_EACH, *gc.get_threshold()[1:])
+    global _is_own
+    _is_own = True
+    gc.disable()
     sys.exit(main())
+
+
+#: Whether this process runs one command and no more: who calls :func:`main` in a process of theirs
+#: has it as they want it.
+_is_own = False
+
+
+def _load(command: CommandEntry) -> Command:
+    """Load a command; in a process of its own, without what takes long and is not needed.
+
+    For msgspec ``typing_extensions`` is another name of ``typing``, which loads the readers of
+    Python's own text. The garbage collector begins to work when all is loaded that lasts.
+    """
+    if not _is_own:
+        return command.load()
+    if sys.modules.setdefault(_EXTENSIONS, cast(Any, None)) is None:
+        import msgspec  # noqa: F401
+
+        del sys.modules[_EXTENSIONS]
+    loaded = command.load()
+    gc.freeze()
+    gc.set_threshold(_COLLECTED_EACH, *gc.get_threshold()[1:])
+    gc.enable()
+    return loaded
+
+
+_EXTENSIONS = "typing_extensions"
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -246,7 +296,7 @@ def _run_command(argv: Sequence[str]) -> int:
     command = next((c for c in COMMANDS if c.name == argv[at]), None)
     if command is None:
         parser.error(_unknown_command(argv[at]))
-    module = command.load()
+    module = _load(command)
     own = Parser(f"koord {command.name}", _sentence(command.summary))
     module.configure(own)
     arguments = own.parse_args(argv[at + 1 :])

@@ -9,7 +9,6 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from itertools import islice
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from koord.api.export import FORMATS, NAME, Wanted, exported
@@ -104,6 +103,8 @@ def _module(output: str) -> str | None:
     """The name of a TLA+ module in a file; None without a file."""
     if output == DASH:
         return None
+    from pathlib import Path
+
     path = Path(output)
     if not NAME.fullmatch(path.stem) or path.suffix != ".tla":
         raise argparse.ArgumentTypeError(

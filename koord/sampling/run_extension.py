@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
 from fractions import Fraction
 
+from msgspec import field
 from msgspec.structs import replace
 
 from koord.sampling.running import ProgramTurn, Run
@@ -122,7 +122,6 @@ class _Given(SampledInputs):
         return super().sensor(robot, port)
 
 
-@dataclass
 class Plain(Sampler):
     """A sampler of each type's plainest value: 0, false, empty."""
 

@@ -8,7 +8,6 @@ speak of such values.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
 from fractions import Fraction
 from random import Random
 from typing import ClassVar, TypeGuard, assert_never
@@ -48,20 +47,17 @@ _STEPS = 64
 _LONGEST_LIST = 4
 
 
-@dataclass
 class Sampler:
     """A sampler of values of a system's types."""
 
     #: How many starts are drawn at most, where one has to meet assumptions; None: the usual number.
     start_tries: ClassVar[int | None] = None
 
-    system: System
-    numbers: Numbers
-    rng: Random
-    _pools: dict[Type, tuple[Constant, ...]] = field(init=False)
-
-    def __post_init__(self) -> None:
-        self._pools = _pools(self.system)
+    def __init__(self, system: System, numbers: Numbers, rng: Random) -> None:
+        self.system = system
+        self.numbers = numbers
+        self.rng = rng
+        self._pools = _pools(system)
 
     def chance(self, percent: int) -> bool:
         return self.rng.randrange(100) < percent

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
 from functools import cached_property
 
 from msgspec import Struct
@@ -33,21 +32,15 @@ class KindNames(Struct, frozen=True):
     events: tuple[str, ...]
 
 
-@dataclass(frozen=True)
 class Names:
     """The names of all variables, choices and outputs of a system."""
 
-    system: System
-    kinds: tuple[KindNames, ...] = field(init=False)
-    allread: tuple[Named, ...] = field(init=False)  #: typed as the whole array
-    allwrite: tuple[Named, ...] = field(init=False)
-
-    def __post_init__(self) -> None:
-        program = self.system.program
-        put = object.__setattr__
-        put(self, "kinds", tuple(map(_kind, program.agents)))
-        put(self, "allread", _named(program.allread))
-        put(self, "allwrite", _named(program.allwrite))
+    def __init__(self, system: System) -> None:
+        program = system.program
+        self.system = system
+        self.kinds = tuple(map(_kind, program.agents))
+        self.allread = _named(program.allread)  #: typed as the whole array
+        self.allwrite = _named(program.allwrite)
 
     def of(self, robot: int) -> KindNames:
         return self.kinds[self.system.kinds[robot]]

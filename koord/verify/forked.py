@@ -113,7 +113,9 @@ class ForkedProcess:
 def fork(work: Callable[[Sender], object]) -> tuple[ForkedProcess, Receiver]:
     """Fork a process that works, and ends with its work; nothing that it raises leaves it.
 
-    It ends at once, so that what this process had yet to write is not written twice. Raises OSError if there can be no more processes.
+    It ends at once, so that what this process had yet to write is not written twice.
+
+    Raises OSError if there can be no more processes.
     """
     receives, sends = os.pipe()
     try:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Container, Iterable, Iterator, Mapping
 from enum import Enum
 from fractions import Fraction
 from functools import lru_cache
-from pathlib import Path
 
 from msgspec import Struct
 
@@ -22,7 +22,7 @@ from koord.syntax.source import Source, Span, normalise
 #: The file of the library; places in it are of no program.
 LIBRARY = "prelude.krd"
 
-_FILE = Path(__file__).parents[1] / LIBRARY
+_FILE = os.path.join(os.path.dirname(__file__), os.pardir, LIBRARY)
 
 #: Ports of library modules that go by two names; the second is the one that is kept.
 PORT_ALIASES: Mapping[str, Mapping[str, str]] = {
@@ -45,7 +45,8 @@ class Library(Struct, frozen=True):
 @lru_cache(maxsize=1)
 def library() -> Library:
     """The prelude, read once."""
-    text = normalise(_FILE.read_text(encoding="utf-8"))
+    with open(_FILE, encoding="utf-8") as file:
+        text = normalise(file.read())
     parsed = parse(Source(LIBRARY, text))
     assert not parsed.diagnostics, parsed.diagnostics
     functions: dict[str, tuple[ast.FunDef, ...]] = {}

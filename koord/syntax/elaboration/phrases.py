@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from difflib import get_close_matches
 from functools import lru_cache
 from itertools import islice
 
@@ -88,6 +87,8 @@ _SHORTEST_CUT = 3
 
 def closest(name: str, known: Iterable[str]) -> str | None:
     """The known name most like ``name``, or None if none is much like it."""
+    from difflib import get_close_matches  # seldom needed
+
     index = _indexed(tuple(known))
     wanted = name.lower()
     if wanted in index.folded:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Iterator
-from pathlib import PurePath
 
 from msgspec import Struct
 from msgspec.structs import replace
@@ -284,7 +284,7 @@ def _define(
     classes, agents = classified(session.atomic_blocks.values(), agents)
     known = assumed(assumptions, len(agents))
     made = core.Program(
-        PurePath(program.span.file).stem,
+        _stem(program.span.file),
         tuple(starts.agent(each, number, known) for number, each in enumerate(agents)),
         starts.settle(allread, None, known, session.settings),
         starts.settle(allwrite, None, known, session.settings),
@@ -387,3 +387,10 @@ def _properties(session: Elaboration, sections: Sections) -> tuple[core.Property
         for (kind, section), name in zip(stated, named, strict=True)
     ]
     return tuple(property_ for property_ in made if property_ is not None)
+
+
+def _stem(path: str) -> str:
+    """The name of a file without its suffix, as pathlib has it, which takes a while to load."""
+    name = os.path.basename(path)
+    at = name.rfind(".")
+    return name[:at] if 0 < at < len(name) - 1 else name

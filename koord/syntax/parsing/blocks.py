@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from difflib import get_close_matches
 from typing import cast
 
 from msgspec.structs import replace
@@ -166,6 +165,8 @@ def _misplaced(reader: LineReader, part: LinePart) -> ast.Block:
         reader.lose(part, body=True)
         return ()
     elif part.colon:
+        from difflib import get_close_matches  # seldom needed
+
         message, near = "no block can begin here", get_close_matches(word, _BLOCKS, 1, _ALIKE)
         hint = f"did you mean `{near[0]}`?" if near else "leave `:` out, or indent less"
         reader.complain(part, "K115", part.colon.span, message, hint)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
@@ -20,12 +19,13 @@ from koord.syntax.source import Placed
 MAX_DEPTH = 200
 
 
-@dataclass(frozen=True, slots=True)
 class UnexpectedError(Exception):
     """Raised for a token that no form of line allows where it stands."""
 
-    position: int  #: of the token in the line; the length of the line if it is too short
-    expected: frozenset[str]  #: names of terminals; ``$END`` for the end of the line
+    def __init__(self, position: int, expected: frozenset[str]) -> None:
+        super().__init__(position, expected)
+        self.position = position  #: of the token in the line; the line's length if it is too short
+        self.expected = expected  #: names of terminals; ``$END`` for the end of the line
 
 
 @cache

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from msgspec import Struct
 
 from koord.syntax import ast
@@ -12,14 +10,15 @@ from koord.syntax.parsing.tokens import Token
 from koord.syntax.source import Span
 
 
-@dataclass(frozen=True, slots=True)
 class MisplacedError(Exception):
     """Raised for a construct that the grammar allows and the language does not."""
 
-    code: str
-    span: Span
-    message: str
-    hint: str | None = None
+    def __init__(self, code: str, span: Span, message: str, hint: str | None = None) -> None:
+        super().__init__(code, span, message, hint)
+        self.code = code
+        self.span = span
+        self.message = message
+        self.hint = hint
 
 
 class BinderPiece(Struct, frozen=True):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from difflib import get_close_matches
 
 from koord.syntax.parsing.line_forms import type_end
 from koord.syntax.parsing.lines import LinePart
@@ -41,6 +40,8 @@ _OTHER_SECTIONS = {
 
 def _closest(word: str, known: Iterable[str]) -> str | None:
     """The word that was probably meant by one that differs in a letter or two."""
+    from difflib import get_close_matches  # seldom needed
+
     found = get_close_matches(word.lower()[:30], known, n=1, cutoff=0.8)
     return found[0] if found else None
 

@@ -6,9 +6,9 @@ reading most programs.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Mapping
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 from msgspec import Struct
@@ -18,7 +18,7 @@ from msgspec.json import decode
 END = "$END"
 
 #: Where the table is kept.
-FILE = Path(__file__).with_name("table.json")
+FILE = os.path.join(os.path.dirname(__file__), "table.json")
 
 
 class Form(Struct, frozen=True):
@@ -51,7 +51,8 @@ class Table(Struct, frozen=True):
 @cache
 def table() -> Table:
     """The table of the line grammar."""
-    return decode(FILE.read_bytes(), type=Table)
+    with open(FILE, "rb") as file:
+        return decode(file.read(), type=Table)
 
 
 class RefusedError(Exception):

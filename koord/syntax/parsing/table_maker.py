@@ -69,7 +69,7 @@ def made() -> Table:
 
 
 def main() -> None:
-    FILE.write_bytes(format(encode(made()), indent=0) + b"\n")
+    Path(FILE).write_bytes(format(encode(made()), indent=0) + b"\n")
 
 
 if __name__ == "__main__":

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
 from typing import TypeAlias
 
-from msgspec import Struct
+from msgspec import Struct, field
 
 from koord.semantics.domain import conjunction
 from koord.semantics.expressions import statement
@@ -46,8 +45,7 @@ LIST_CAPACITY = 3
 KEYS = 6
 
 
-@dataclass(slots=True)
-class Unknowns:
+class Unknowns(Struct):
     """The fresh terms of one solver run, with the constraints that come with them.
 
     ``constraints`` must hold whatever the program does (ranges of enumerations, functionality of
@@ -61,8 +59,8 @@ class Unknowns:
     limits: list[str] = field(default_factory=list)
     _functions: dict[str, list[tuple[tuple[Symbolic, ...], Symbolic]]] = field(default_factory=dict)
     _summarised: set[str] = field(default_factory=set)
-    _asked_of_all: frozenset[str] = field(init=False)
-    _vouched: frozenset[str] = field(init=False)
+    _asked_of_all: frozenset[str] = frozenset()
+    _vouched: frozenset[str] = frozenset()
 
     def __post_init__(self) -> None:
         self._asked_of_all = asked_of_all(self.program)

@@ -26,8 +26,16 @@ from koord.verify.engine_names import Engine
 from koord.verify.obstacles import Interrupted, Obstacle, TimeUp, failed_at
 from koord.verify.processes import JobChannel, Pool
 from koord.verify.strategy.resumption import PastVerification
-from koord.verify.strategy.verification import verify
 from koord.verify.verdicts import Bounds, Outcome, Report, Verdict
+
+#: Whether this process has verified before. Many verify once: then the process that works loads
+#: what engines are made of, as to load it here and to copy it costs more.
+_has_verified = False
+
+
+def load() -> None:
+    """Load what all engines are made of, for all processes that are forked from now on."""
+    import koord.verify.strategy.verification  # noqa: F401
 
 
 def verify_apart(
@@ -42,8 +50,12 @@ def verify_apart(
     interrupted: Callable[[], bool] = lambda: False,
 ) -> Report:
     """Verify as :func:`verify` of ``verification.py``, with a limit of ``bounds.claim_s`` each."""
-    asking = _Asking(system, bounds, choice, seed, jobs, progress, interrupted)
     claim_s = bounds.claim_s
+    global _has_verified
+    if claim_s is not None or _has_verified:
+        load()
+    _has_verified = True
+    asking = _Asking(system, bounds, choice, seed, jobs, progress, interrupted)
     if claim_s is None:
         return asking.together(bounds.timeout_s, jobs, names)
     started = time.monotonic()
@@ -173,6 +185,8 @@ class _Asking(Struct, frozen=True):
         known: Sequence[Verdict] = (),
         jobs: int = 1,
     ) -> Report:
+        from koord.verify.strategy.verification import verify  # loads all engines are made of
+
         return verify(
             self.system,
             bounds,

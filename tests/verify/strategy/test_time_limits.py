@@ -15,7 +15,7 @@ from koord.verify import processes
 from koord.verify.claims import claims_of, liveness_of
 from koord.verify.effort import Deadline
 from koord.verify.engine_names import Engine
-from koord.verify.strategy import time_limits
+from koord.verify.strategy import time_limits, verification
 from koord.verify.strategy.resumption import StrategyStep
 from koord.verify.strategy.time_limits import verify_apart
 from koord.verify.strategy.verification import verify
@@ -68,7 +68,7 @@ def without_the_first(monkeypatch: pytest.MonkeyPatch) -> None:
             return nothing(system)
         return verify(system, bounds, choice, **more)
 
-    monkeypatch.setattr(time_limits, "verify", asked)
+    monkeypatch.setattr(verification, "verify", asked)
 
 
 def timeless(report: Report) -> list[Verdict]:
@@ -149,7 +149,7 @@ def test_what_is_proved_by_then_stays_and_helps(
         assert (more["names"], len(more["known"])) == (["Few"], len(plain.verdicts))
         return verify(system, bounds, choice, **more)
 
-    monkeypatch.setattr(time_limits, "verify", asked)
+    monkeypatch.setattr(verification, "verify", asked)
     report = verify_apart(system, AMPLE)
     assert outcomes(report) == outcomes(plain)
 
@@ -170,7 +170,7 @@ def deaf(system: System, bounds: Bounds, choice: Engine | None, **more: Any) -> 
 
 def test_who_does_not_end_in_time_is_ended(system: System, monkeypatch: pytest.MonkeyPatch) -> None:
     """What it had told of by then counts."""
-    monkeypatch.setattr(time_limits, "verify", deaf)
+    monkeypatch.setattr(verification, "verify", deaf)
     report = verify_apart(system, replace(AMPLE, claim_s=None, timeout_s=0.01))
     shown = {v.claim.name: (v.outcome, v.rounds, v.reason) for v in report.verdicts}
     assert shown["Within"] == (Outcome.UNKNOWN, 4, "timeout")
@@ -182,7 +182,7 @@ def test_who_does_not_end_in_time_is_ended(system: System, monkeypatch: pytest.M
 
 
 def test_who_does_not_hear_ctrl_c_is_ended(system: System, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(time_limits, "verify", deaf)
+    monkeypatch.setattr(verification, "verify", deaf)
     monkeypatch.setattr(processes, "_ENDED_S", 0.3)
     monkeypatch.setattr(processes, "_TOLD_S", 0.1)
     report = verify_apart(system, replace(AMPLE, claim_s=None), interrupted=counting(2))

@@ -8,7 +8,6 @@ at.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from fractions import Fraction
 from itertools import zip_longest
 from math import lcm
@@ -268,7 +267,6 @@ def as_constant(value: int, scale: int) -> Constant:
     return Fraction(value, scale) if scale else value
 
 
-@dataclass(slots=True)
 class BitUnknowns(Unknowns):
     """The fresh bits of one formula."""
 

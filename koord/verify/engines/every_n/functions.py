@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
-from dataclasses import dataclass
 
 from msgspec import Struct
 
@@ -70,7 +69,6 @@ class FunctionTerms(Terms):
             self.arguments = outer
 
 
-@dataclass(slots=True)
 class Functions(Unknowns):
     """Unknown values of a crowd's robots, by name and robot."""
 

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from pathlib import Path
 
 from msgspec import Struct
 
-_STATM = Path("/proc/self/statm")
+_STATM = "/proc/self/statm"
 _PAGE_BYTES = 4096
 
 #: So many looks at a meter are cheap before one that is not.
@@ -86,7 +85,8 @@ class Meter:
 def resident_mb() -> float:
     """The memory that this process holds, in MB; 0 where the system does not say."""
     try:
-        pages = int(_STATM.read_text(encoding="ascii").split()[1])
+        with open(_STATM, encoding="ascii") as file:
+            pages = int(file.read().split()[1])
     except (OSError, ValueError, IndexError):
         return 0.0
     return pages * _PAGE_BYTES / 1e6

@@ -6,7 +6,6 @@ A recipe is kept with the outcome of a turn and followed wherever the turn would
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 from msgspec import Struct
@@ -51,8 +50,7 @@ def recipe(cells: Cells, scalars: Scalars, storage: Storage[Any]) -> Recipe:
 # --- writes to allwrite variables -----------------------------------------------------------------
 
 
-@dataclass(frozen=True, slots=True)
-class VariableEffect:
+class VariableEffect(Struct, frozen=True):
     """The write of a turn to one allwrite variable.
 
     ``codes`` are those of the written ``positions``, or of the writer's whole view of the variable
@@ -65,7 +63,17 @@ class VariableEffect:
     positions: tuple[int, ...] | None
     codes: Codes
     told: Mask[Constant] | None
-    mask: Mask[Constant] = field(compare=False)
+    mask: Mask[Constant]  #: it does not count where effects are compared
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, VariableEffect):
+            return NotImplemented
+        if self.slot != other.slot or self.form != other.form or self.codes != other.codes:
+            return False
+        return self.positions == other.positions and self.told == other.told
+
+    def __hash__(self) -> int:
+        return hash((self.slot, self.form, self.positions, self.codes, self.told))
 
     def put(self, cells: Cells, target: int) -> int:
         """The content of the variable after the write. [SHARED-ASSIGN]"""
