@@ -46,7 +46,7 @@ COMMAND = (
 
 
 def modules_after(statement: str) -> set[str]:
-    """The modules that a fresh interpreter has loaded after a statement, in any of its processes."""
+    """The modules that a fresh interpreter and its processes have loaded after a statement."""
     program = (
         "import os, sys\n"
         "def tell():\n"
