@@ -199,10 +199,15 @@ def _width() -> int:
     said = os.environ.get("COLUMNS", "")
     if said.isdecimal() and int(said) > 0:
         return int(said)
+    if sys.__stdout__ is None:
+        return _USUAL_WIDTH
     try:
-        return os.get_terminal_size(sys.__stdout__.fileno()).columns or 80
-    except (AttributeError, ValueError, OSError):
-        return 80
+        return os.get_terminal_size(sys.__stdout__.fileno()).columns or _USUAL_WIDTH
+    except (ValueError, OSError):  # no terminal
+        return _USUAL_WIDTH
+
+
+_USUAL_WIDTH = 80
 
 
 #: How many more objects there are to be, before Python's garbage collector looks for cycles: most
