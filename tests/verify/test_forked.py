@@ -112,7 +112,7 @@ def test_nothing_else_leaves_a_process() -> None:
         process, receives = fork(work)
         assert receives.receive() == ""
         process.join()
-        assert process.exit_code == 1
+        assert process.exit_code == -9
         assert sys.stdin.read() == "for the first"
     """
     done = subprocess.run(
