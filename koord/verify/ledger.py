@@ -172,6 +172,28 @@ class Ledger(Struct):
                 raise KeyboardInterrupt from error
             self.fail(failure_of(who, error))
 
+    @contextmanager
+    def rationing(self, steps: int | None) -> Iterator[None]:
+        """Within the context, an engine has so many steps of evaluation; then it ends (None: all).
+
+        They are counted alike on every machine. What it found out by then counts.
+        """
+        given = self.problem
+        if steps is None:
+            yield
+            return
+        budget = given.system.budget.rationed(steps)
+        system, original = (replace(s, budget=budget) for s in (given.system, given.original))
+        original = original if given.is_abstract else system
+        self.problem = replace(given, system=system, original=original)
+        try:
+            yield
+        except OutOfBudgetError:
+            if given.system.budget.is_over():
+                raise
+        finally:
+            self.problem = given
+
     def fail(self, failure: Failure) -> None:
         """Record that an engine gives no answer to the open claims."""
         before = self.failures.get(failure, frozenset())

@@ -118,7 +118,8 @@ class Job(Struct, Generic[T], eq=False):
     done (as :func:`time.monotonic` counts): then it ``is_late``. ``noted`` is what it told of
     before it was done, which stays known however it ends; ``told`` is what it was at last.
     ``share_until`` is when it is ended if it says nothing else by then: then it ``is_overdue``.
-    ``lasted_s`` is for how long its process went on.
+    ``lasted_s`` is for how long its process went on. Where it does not ``count``, progress reports
+    say nothing of how many jobs there are.
     """
 
     name: str
@@ -138,6 +139,7 @@ class Job(Struct, Generic[T], eq=False):
     started: float | None = None
     lasted_s: float = 0.0
     exit_code: int | None = None
+    counts: bool = True
 
     @property
     def end(self) -> str:
@@ -182,12 +184,17 @@ class Pool(Struct):
         *,
         lasts_s: float | None = None,
         until: float | None = None,
+        counts: bool = True,
+        first: bool = False,
     ) -> Job[T]:
-        """Submit work. The caller must not change what the work reads before it is done."""
+        """Submit work. The caller must not change what the work reads before it is done.
+
+        What is to be done ``first`` goes before all that waits.
+        """
         if not self._running and not self._waiting:
             self._done = 0
-        job: Job[T] = Job(name, work, lasts_s, until)
-        self._waiting.append(job)  # type: ignore[arg-type]
+        job: Job[T] = Job(name, work, lasts_s, until, counts=counts)
+        self._waiting.insert(0 if first else len(self._waiting), job)  # type: ignore[arg-type]
         if can_fork():
             self._listen(0)
             self._fill(self.jobs - 1)
@@ -280,7 +287,7 @@ class Pool(Struct):
         if job.started is not None:
             job.lasted_s = time.monotonic() - job.started
         self._running.remove(job)
-        self._done += 1
+        self._done += job.counts
         _join(job)
 
     def _end_late(self) -> None:
@@ -297,8 +304,8 @@ class Pool(Struct):
     def _tell(self, job: Job[object], text: str) -> None:
         job.told = text
         told = text if job.name in text else f"{job.name}: {text}"
-        of = len(self._running) + len(self._waiting) + self._done
-        if of > 1:
+        of = sum(other.counts for other in (*self._running, *self._waiting)) + self._done
+        if job.counts and of > 1:
             told = f"{self._done} of {of} done; {told}"
         self.progress(told)
 
@@ -369,7 +376,7 @@ def _worked(work: Callable[[JobChannel], T], parent: int, sends: Sender) -> None
     global _depth
     _depth += 1
     try:
-        _die_with(parent)
+        die_with(parent)
         gc.freeze()  # what was made before lasts as long as this process
         keep_freed_memory()
         signal.signal(signal.SIGINT, _heard)
@@ -451,7 +458,7 @@ class _Line(Struct):
             self._send(text)
 
 
-def _die_with(parent: int) -> None:
+def die_with(parent: int) -> None:
     """Make this process end when the process that forked it ends."""
     if sys.platform == "linux":
         import ctypes

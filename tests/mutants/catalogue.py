@@ -40,6 +40,7 @@ BMC = "tests/verify/engines/bmc/test_engine.py"
 INDUCTION = "tests/verify/engines/induction/test_engine.py"
 PORTFOLIO = "tests/verify/strategy/test_verification.py"
 SINGLY = "tests/verify/strategy/test_each_claim_turn.py"
+RACES = "tests/verify/strategy/test_race.py"
 WITNESS = "tests/verify/test_witness.py"
 FOOTPRINT = "tests/syntax/test_footprint.py"
 ABSTRACTION = "tests/verify/reduction/test_abstraction.py"
@@ -493,6 +494,34 @@ VERIFY = (
         "[*SLICES, AT_LAST] if wanting > 1 else [AT_LAST]",
         "[SLICES[0]]",
         (SINGLY,),
+    ),
+    Mutant(
+        "who counts first in a race is not waited for",
+        "verify.strategy.race.RaceTurn.work",
+        "(*self.first, *self.beside)",
+        "(*self.beside, *self.first)",
+        (RACES,),
+    ),
+    Mutant(
+        "losers of a race go on",
+        "verify.strategy.race.RaceTurn.work",
+        "self.pool.drop(job)",
+        "pass",
+        (RACES,),
+    ),
+    Mutant(
+        "who dies in a race takes what it told with it",
+        "verify.strategy.race.RaceTurn._take",
+        "            _take_notes(ledger, job)\n",
+        "",
+        (RACES,),
+    ),
+    Mutant(
+        "abc outlives whoever asks",
+        "verify.engines.bits.abc._begin",
+        "die_with(parent)",
+        "pass",
+        (RACES,),
     ),
     Mutant(
         "a process that asks is asked as well",

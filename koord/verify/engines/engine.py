@@ -38,13 +38,14 @@ class Task(Struct, frozen=True):
     """
 
     purpose: Purpose = Purpose.SETTLE
-    seconds: float | None = None  #: about so many of a solver's work: every_n, induction, horn, bmc
+    #: about so many of a solver's work: every_n, induction, horn, bmc, abc
+    seconds: float | None = None
     rounds: int | None = (
         None  #: of an inductive step, unrolled, or of a lasso: induction, bmc, bits
     )
     states: int | None = None  #: explicit
     edges: int | None = None  #: from one state to another: explicit, of whole runs
-    evaluations: int | None = None  #: in the units of a program's budget: explicit
+    evaluations: int | None = None  #: in the units of a program's budget: all
     questions: int | None = None  #: to a SAT solver; only what promises to be quick: bits
     candidates: int | None = None  #: likely invariants; nothing is done if there are more: every_n
     named: frozenset[str] = frozenset()  #: only these claims; none: all that are open

@@ -319,6 +319,7 @@ class SlicesTurn(Struct, frozen=True):
     steps: Steps
     names: Collection[str] = ()
     alone: bool = False  #: these are all one engine, which has all the time
+    ends: bool = True  #: what is open in the end stays so where a slice is all that counts
 
     @property
     def name(self) -> str:
@@ -330,7 +331,7 @@ class SlicesTurn(Struct, frozen=True):
         while waiting:
             going = [(asking, asking.goes_on(ledger)) for asking in waiting]
             for asking, goes_on in going:
-                if not goes_on:
+                if not goes_on and self.ends:
                     asking.close(ledger)
             waiting = [asking for asking, goes_on in going if goes_on]
 

@@ -80,12 +80,15 @@ class Steps(Struct):
     noted: Callable[[object], None] = lambda value: None
     lasting: Callable[[float | None], None] = lambda until: None
 
+    def is_open(self, stage: str, turn: int, who: str) -> bool:
+        """Return whether a step is still to be taken."""
+        return StrategyStep(stage, turn, who) not in self.past.begun
+
     def begin(self, stage: str, turn: int, who: str) -> bool:
         """Return whether a step is to be taken; if so, announce it."""
-        step = StrategyStep(stage, turn, who)
-        if step in self.past.begun:
+        if not self.is_open(stage, turn, who):
             return False
-        self.noted(step)
+        self.noted(StrategyStep(stage, turn, who))
         return True
 
     def take(

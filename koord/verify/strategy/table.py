@@ -7,6 +7,7 @@ here.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from enum import Enum
 from typing import Protocol, TypeAlias
 
 from msgspec import Struct
@@ -17,6 +18,27 @@ from koord.verify.engines.every_n.candidates import FEW
 from koord.verify.engines.explicit.limits import FEW_EDGES, FEW_STATES, HANDFUL
 from koord.verify.ledger import Ledger
 
+#: How many questions IC3 may ask where other engines wait for their turn.
+FEW_QUESTIONS = 30_000
+
+#: The same for about a second.
+QUESTIONS_OF_A_SECOND = 3_000
+
+#: With more robots engines that look at each of them have no answer in some tenths of a second.
+FEW_ROBOTS = 8
+
+
+class Fleet(Enum):
+    """The fleets that a row is for."""
+
+    ANY = "any"
+    FEW = "few"  #: up to ``FEW_ROBOTS``
+    MANY = "many"  #: more
+
+    def has(self, robots: int) -> bool:
+        """Return whether so many robots are such a fleet."""
+        return self is Fleet.ANY or (self is Fleet.FEW) == (robots <= FEW_ROBOTS)
+
 
 class AskEngine(Struct, frozen=True):
     """A row: run an engine on all open claims together."""
@@ -24,6 +46,7 @@ class AskEngine(Struct, frozen=True):
     engine: Engine
     task: Task = Task()
     quick: bool = False  #: it seldom takes longer than a process takes to start
+    fleet: Fleet = Fleet.ANY  #: of what the system has to be for it
     named: bool = False  #: only where claims are named, and about those alone
     #: values that merely flow are left out for it, and lemmas are given (of whole runs)
     opaque: bool = False
@@ -34,11 +57,13 @@ class AskOnSlices(Struct, frozen=True):
 
     ``rows`` are for claims that no invariant about more than their slice can help to prove, and
     ``shared`` for the others. ``alone``: these are all one engine, which has all the time.
+    ``ends``: what ``rows`` leave open stays so.
     """
 
     rows: Rows
     shared: Rows = ()
     alone: bool = False
+    ends: bool = True
 
 
 class AskEachClaim(Struct, frozen=True):
@@ -50,14 +75,35 @@ class AskEachClaim(Struct, frozen=True):
     beside: Rows = ()
 
 
-Row: TypeAlias = "AskEngine | AskOnSlices | AskEachClaim"
-Rows: TypeAlias = "tuple[Row, ...]"
+class AskAtOnce(Struct, frozen=True):
+    """A row: engines at the same time, each on what was known when they were started.
 
-#: How many questions IC3 may ask where other engines wait for their turn.
-FEW_QUESTIONS = 30_000
+    The answers of ``first`` count first, then those of ``beside``. What is asked ``first`` says
+    more, and is waited for: for so long others may have been done already.
+    """
+
+    first: Rows
+    beside: Rows
+    quick: bool = False  #: it seldom takes longer than a second
+
+
+Row: TypeAlias = "AskEngine | AskOnSlices | AskEachClaim | AskAtOnce"
+Rows: TypeAlias = "tuple[Row, ...]"
 
 #: What proofs for every number of robots may cost where others are asked afterwards.
 SPARING_S = 3.0
+
+#: What is settled in less is told before anybody else is asked: proofs for every number of robots
+#: in steps of evaluation, and what costs a solver more is left to the race.
+_AT_A_GLANCE = Task(seconds=0.02, evaluations=3_000)
+
+#: What proofs and lemmas for every number of robots may cost where others have an answer already:
+#: some tenths of a second, as they say more. With many robots they are the only ones.
+_A_LITTLE = Task(seconds=0.08, evaluations=15_000)
+_LEMMAS_SOON = Task(Purpose.INFER, seconds=0.05, evaluations=10_000, candidates=FEW)
+
+#: A search that ends soon, be it with all configurations or not.
+_SHORT_SEARCH = Task(states=HANDFUL, evaluations=30_000)
 
 #: Bounded model checking, as far as it gets in so many seconds.
 _FIRST_ROUNDS = AskEngine(Engine.BMC, Task(seconds=3.0))
@@ -69,18 +115,18 @@ _SOME_SECONDS: Rows = (
     AskEngine(Engine.INDUCTION),
     AskEngine(Engine.SEARCH, Task(states=FEW_STATES)),
     AskEngine(Engine.BITS, Task(questions=FEW_QUESTIONS)),
-    _FIRST_ROUNDS,
 )
 
-#: All that is asked about them. Of what holds, invariants for every number of robots say more than
-#: Spacer's, which wait for them.
-_THOROUGH: Rows = (
-    *_SOME_SECONDS,
+#: All that is asked about what is open then. Of what holds, invariants for every number of robots
+#: say more than Spacer's, which wait for them.
+_TO_THE_END: Rows = (
+    _FIRST_ROUNDS,
     AskEachClaim(
         beside=(
             AskEngine(Engine.SPACER, Task(Purpose.HOLD_BACK, seconds=3.0)),
             AskEngine(Engine.EVERY_N, Task(Purpose.INFER, seconds=SPARING_S)),
             AskEngine(Engine.SPACER, Task(Purpose.RELEASE)),
+            AskEngine(Engine.ABC, Task(questions=FEW_QUESTIONS, seconds=20.0)),
             AskEngine(Engine.SPACER, Task(Purpose.HOLD_BACK, seconds=7.0)),
             AskEngine(Engine.SPACER, Task(Purpose.RELEASE)),
         )
@@ -88,16 +134,51 @@ _THOROUGH: Rows = (
 )
 
 #: Most violations are in the first configurations, and a proof for every number of robots is one
-#: for this number. What is violated is told before invariants are looked for that cannot be found.
+#: for this number. What neither shows in no time is raced for: first by what is done in some tenths
+#: of a second, then by what takes a second, and then some.
 _ALL_ENGINES: Rows = (
     AskEngine(Engine.SEARCH, Task(Purpose.REFUTE, states=HANDFUL, evaluations=3_000), quick=True),
-    AskEngine(Engine.EVERY_N, Task(seconds=SPARING_S), quick=True),
-    AskEngine(Engine.INDUCTION, Task(rounds=1), quick=True),
-    AskEngine(Engine.SEARCH, Task(Purpose.REFUTE, states=HANDFUL, evaluations=30_000), quick=True),
-    AskEngine(Engine.BMC, Task(seconds=0.5, rounds=1)),
-    AskEngine(Engine.EVERY_N, Task(Purpose.INFER, seconds=1.0, candidates=FEW)),
-    AskOnSlices(_THOROUGH, _SOME_SECONDS),
-    *_THOROUGH,
+    AskEngine(Engine.EVERY_N, _AT_A_GLANCE, quick=True),
+    AskAtOnce(
+        first=(
+            AskEngine(Engine.EVERY_N, _A_LITTLE, fleet=Fleet.FEW),
+            AskEngine(Engine.EVERY_N, Task(seconds=SPARING_S), fleet=Fleet.MANY),
+            AskEngine(Engine.EVERY_N, _LEMMAS_SOON),
+        ),
+        beside=(
+            AskEngine(Engine.SEARCH, _SHORT_SEARCH, fleet=Fleet.FEW),
+            AskEngine(Engine.INDUCTION, Task(seconds=0.5, rounds=1), fleet=Fleet.FEW),
+            AskEngine(Engine.BITS, Task(questions=QUESTIONS_OF_A_SECOND), fleet=Fleet.FEW),
+        ),
+        quick=True,
+    ),
+    AskAtOnce(
+        first=(
+            AskEngine(Engine.EVERY_N, Task(seconds=SPARING_S)),
+            AskEngine(Engine.EVERY_N, Task(Purpose.INFER, seconds=1.0, candidates=FEW)),
+        ),
+        beside=(
+            AskEngine(Engine.BMC, Task(seconds=0.5, rounds=1)),
+            AskOnSlices(
+                (AskEngine(Engine.SEARCH, _SHORT_SEARCH), AskEngine(Engine.INDUCTION)),
+                (AskEngine(Engine.SEARCH, _SHORT_SEARCH), AskEngine(Engine.INDUCTION)),
+                ends=False,
+            ),
+            AskEngine(Engine.SEARCH, Task(states=HANDFUL)),
+        ),
+    ),
+    AskAtOnce(
+        first=(),
+        beside=(
+            AskOnSlices(_SOME_SECONDS, _SOME_SECONDS, ends=False),
+            AskEngine(Engine.INDUCTION),
+            AskEngine(Engine.ABC, Task(questions=FEW_QUESTIONS, seconds=3.0)),
+            AskEngine(Engine.SEARCH, Task(states=FEW_STATES)),
+            AskEngine(Engine.BITS, Task(questions=FEW_QUESTIONS)),
+        ),
+    ),
+    AskOnSlices(_TO_THE_END),
+    *_TO_THE_END,
 )
 
 
@@ -193,4 +274,5 @@ class EngineTurn(Struct, frozen=True):
     def work(self, ledger: Ledger) -> None:
         worker = self.workers.of(self.engine)
         if worker.suits(ledger, self.task):
-            worker.work(ledger, self.task)
+            with ledger.rationing(self.task.evaluations):
+                worker.work(ledger, self.task)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Collection, Iterator, Sequence
 from functools import partial
+from itertools import count
 from typing import assert_never
 
 from msgspec import Struct, field
@@ -30,15 +31,18 @@ from koord.verify.strategy.each_claim_turn import (
     on_slice,
 )
 from koord.verify.strategy.liveness import LivenessVerdicts, settled
+from koord.verify.strategy.race import RaceTurn, Runner
 from koord.verify.strategy.resumption import PastVerification, Steps
 from koord.verify.strategy.table import (
     LIVENESS,
     SAFETY,
     AnyTurn,
+    AskAtOnce,
     AskEachClaim,
     AskEngine,
     AskOnSlices,
     EngineTurn,
+    Row,
     Rows,
 )
 from koord.verify.vacuity.analysis import (
@@ -132,10 +136,11 @@ class _Verification(Struct, frozen=True):
         proved = [v for v in verdicts if v.outcome is Outcome.HOLDS and v.rounds is None]
         rows = () if cut else LIVENESS.get(self.choice, ())
         # What is looked at for vacuity hangs on whether verdicts are for every number of robots.
-        soon = tuple(row for row in rows if row.engine is Engine.EVERY_N)
+        # Where others are for these robots alone, so may these be, which are found sooner.
+        soon, rows = _soon(rows, everyone=_are_for_every_n(verdicts) or every_n)
         first = LivenessVerdicts(())
         if soon:
-            first = self._of_runs(slices, proved, known, soon, is_last=soon == rows)
+            first = self._of_runs(slices, proved, known, soon, is_last=not rows)
         search.runs = first.verdicts
         cut |= first.interrupted
         settled_soon = {v.claim.name for v in first.verdicts if v.outcome is not Outcome.UNKNOWN}
@@ -147,8 +152,8 @@ class _Verification(Struct, frozen=True):
             unreachable = search.end(ledger, self.names)
         cut |= unreachable.interrupted
         runs = first
-        if not soon or soon != rows:
-            later = () if cut else rows[len(soon) :]
+        if not soon or rows:
+            later = () if cut else rows
             runs = self._of_runs(slices, proved, known, later, first.verdicts)
         if search.job is not None and not (cut or runs.interrupted):
             unreachable = search.end(ledger, self.names)
@@ -244,9 +249,11 @@ class _Verification(Struct, frozen=True):
         self.steps.follow(ledger, lambda v: replace(v, claim=stated[identity(v.claim)]))
         asked = ledger.open()
         names = self._names_of_states()
-        asking = _Asking(self.pool, names, self.steps, Workers(self.pool), slices)
-        unroller = asking.workers.tools.unroller
         stage = "plain" if slices is None else "slice"
+        robots = self.system.robots
+        workers = Workers(self.pool)
+        asking = _Asking(self.pool, names, self.steps, workers, slices, stage, robots)
+        unroller = asking.workers.tools.unroller
         with ledger.stopping():
             suspected = known.suspected if known is not None else None
             if suspected is not None and self.steps.begin(stage, -1, Engine.BMC.value):
@@ -271,9 +278,9 @@ class _Verification(Struct, frozen=True):
         turns = enumerate(asking.turns(SAFETY[self.choice]))
         while _wanted(ledger, asking.names) and (following := next(turns, None)) is not None:
             number, turn = following
-            if not (isinstance(turn, EngineTurn) and turn.quick):
+            if not (isinstance(turn, EngineTurn | RaceTurn) and turn.quick):
                 search.begin(ledger, self.names)
-            if isinstance(turn, SlicesTurn):  # it asks others
+            if isinstance(turn, SlicesTurn | RaceTurn):  # it asks others
                 with ledger.enduring(turn.name):
                     turn.work(ledger)
             else:
@@ -396,6 +403,24 @@ class _ReachabilitySearch(Struct):
         return own
 
 
+def _are_for_every_n(verdicts: Sequence[Verdict]) -> bool:
+    return all(
+        verdict.engine is Engine.EVERY_N for verdict in verdicts if verdict.outcome is Outcome.HOLDS
+    )
+
+
+def _soon(
+    rows: Sequence[AskEngine], *, everyone: bool
+) -> tuple[tuple[AskEngine, ...], tuple[AskEngine, ...]]:
+    """Divide rows about whole runs: proofs for every number of robots, and all behind them.
+
+    These come first where other verdicts are for ``everyone``, and otherwise behind a search.
+    """
+    of_all = tuple(row for row in rows if row.engine is Engine.EVERY_N)
+    others = tuple(row for row in rows if row.engine is not Engine.EVERY_N)
+    return (of_all, others) if everyone else ((), (*others[:1], *of_all, *others[1:]))
+
+
 def _before(system: System, known: Sequence[Verdict], names: Sequence[str]) -> _Known:
     """The known verdicts, where claims that are not named are left alone."""
     verdicts = {verdict.claim: verdict for verdict in known}
@@ -411,6 +436,10 @@ def _put_down(ledger: Ledger, known: _Known) -> None:
             ledger.settle({claim: replace(verdict, claim=claim)})
         else:
             ledger.leave([claim], reach_of(verdict))
+
+
+#: The steps of races have higher numbers than turns, each race a hundred.
+_RACES = 100
 
 
 def _wanted(ledger: Ledger, names: Collection[str]) -> bool:
@@ -463,16 +492,19 @@ class _Asking(Struct, frozen=True):
     steps: Steps
     workers: Workers
     slices: Slices | None
+    stage: str
+    robots: int
 
     def turns(self, rows: Rows) -> Iterator[AnyTurn]:
         """Make the turns for rows of the strategy."""
-        for row in rows:
+        for position, row in enumerate(rows):
             match row:
                 case AskEngine():
                     task = row.task
                     if row.named:
                         task = replace(task, named=self.names)
-                    if self.names or not row.named:
+                    suits = row.fleet.has(self.robots)
+                    if suits and (self.names or not row.named):
                         yield EngineTurn(row.engine, task, self.workers, row.quick)
                 case AskOnSlices():
                     if self.slices is not None:
@@ -483,13 +515,38 @@ class _Asking(Struct, frozen=True):
                             self.steps,
                             self.names,
                             row.alone,
+                            row.ends,
                         )
                 case AskEachClaim():
                     beside = tuple(self.turns(row.beside))
                     yield EachClaimTurn(self.workers.tools.unroller, self.pool, beside)
+                case AskAtOnce():
+                    numbers = count(_RACES * (1 + position))
+                    yield RaceTurn(
+                        tuple(self._runners(row.first, numbers)),
+                        tuple(self._runners(row.beside, numbers)),
+                        self.pool,
+                        self.steps,
+                        self.stage,
+                        partial(_wanted, names=self.names),
+                        row.quick,
+                    )
                 case _:
                     assert_never(row)
 
     def _anew(self, rows: Rows) -> Iterator[AnyTurn]:
         """Make the turns on a slice, with new engines."""
         return replace(self, workers=Workers(self.pool), slices=None).turns(rows)
+
+    def _runners(self, rows: Rows, numbers: Iterator[int]) -> Iterator[Runner]:
+        """Make what takes part in a race; rows that do not apply have no turn."""
+        for row in rows:
+            for turn in self.turns((row,)):
+                yield Runner(next(numbers), turn.name, partial(self._apart, row))
+
+    def _apart(self, row: Row, steps: Steps) -> AnyTurn:
+        """Make the turn of a row for a process of its own, which starts no others."""
+        pool = Pool(1)
+        alone = replace(self, pool=pool, steps=steps, workers=Workers(pool))
+        (turn,) = alone.turns((row,))
+        return turn

@@ -39,12 +39,12 @@ from koord.verify.verdicts import Emptiness, Outcome, UnsearchedGoal, Vacuity, V
 
 #: For how long it is looked at all whether verdicts say something: so many seconds of work, or so
 #: many times as long as the verdicts took.
-WORTH_S, WORTH = 8.0, 2.0
+WORTH_S, WORTH = 8.0, 0.5
 
 #: The same where all verdicts are proofs for every number of robots: no more than so many times as
 #: long as these took, so that the search costs less than what it is about; but so many seconds of
 #: work, in which small programs are looked at to the end.
-SHARE, SHARE_S = 0.5, 4.0
+SHARE, SHARE_S = 0.5, 2.0
 
 #: What the search for what can happen may cost.
 WISHES_S = 10.0

@@ -51,7 +51,7 @@ eventually Done: forall i: done@i
 ENGINES = {
     "search, to refute": "search",
     "every N, quickly": "every N",
-    "induction, quickly": "induction",
+    "every N": "every N",
     "every N, to infer": "every N",
     "search": "search",
     "induction": "induction",
@@ -67,7 +67,7 @@ ENGINES = {
 #: Those that settle what the others are to leave alone.
 DECIDING = {
     "every N, quickly",
-    "induction, quickly",
+    "induction",
     "bmc",
     "bmc, each claim",
     "search, of runs",
@@ -137,7 +137,7 @@ ENDING = {"is killed", "crashes"}
 SAMPLE = {
     *((engine, "is killed") for engine in ("every N, quickly", "search, of runs")),
     *((engine, "raises") for engine in ("search, to refute", "bmc, each claim", "bits, of runs")),
-    *((engine, "raises") for engine in ("induction, quickly", "spacer, to hold back")),
+    *((engine, "raises") for engine in ("induction", "spacer, to hold back")),
 }
 
 CASES = [
@@ -252,7 +252,8 @@ def test_ctrl_c_is_no_failure_whatever_it_is_raised_as(monkeypatch: pytest.Monke
     assert report.interrupted
     assert report.failures == ()
     assert outcomes(report)["Easy"] == (Outcome.HOLDS, None)
-    assert outcomes(report)["Open"][0] is Outcome.UNKNOWN
+    # Who was asked at the same time may have found out more.
+    assert outcomes(report)["Open"][0] is not Outcome.VIOLATED
 
 
 def test_unrolling_that_failed_begins_anew(monkeypatch: pytest.MonkeyPatch) -> None:

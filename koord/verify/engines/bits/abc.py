@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import os
 import re
 import shutil
 import subprocess
 from collections.abc import Iterator
+from functools import partial
+from math import ceil
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -13,6 +16,7 @@ from koord.verify.effort import Deadline
 from koord.verify.engines.bits.circuit_files import aiger_of, machine_asking
 from koord.verify.engines.bits.graph import Graph
 from koord.verify.engines.bits.ic3 import ClauseInvariant, Cube, Reached, SafetyQuery, Unfinished
+from koord.verify.processes import die_with
 
 #: What Debian calls it, and what it calls itself.
 NAMES = ("berkeley-abc", "abc")
@@ -26,9 +30,13 @@ def installed() -> str | None:
 
 
 def searched(
-    g: Graph, question: SafetyQuery, deadline: Deadline
+    g: Graph, question: SafetyQuery, deadline: Deadline, seconds: float | None = None
 ) -> ClauseInvariant | Reached | Unfinished:
-    """Run abc on a safety query: an invariant, or the round that violates it."""
+    """Run abc on a safety query: an invariant, or the round that violates it.
+
+    It may work for so many ``seconds`` of its own CPU time (None: unlimited), and ends with this
+    process, however that ends.
+    """
     program = installed()
     assert program is not None, "whoever asks has looked"
     if deadline.passed():
@@ -45,6 +53,7 @@ def searched(
                 timeout=deadline.left_s(),
                 check=False,
                 cwd=folder,
+                preexec_fn=partial(_begin, os.getpid(), seconds),
             )
         except subprocess.TimeoutExpired:
             return Unfinished(0)
@@ -56,6 +65,15 @@ def searched(
             return Unfinished(0)
         text = invariant.read_text(encoding="utf-8") if invariant.exists() else ""
     return ClauseInvariant(tuple(sorted(_cubes(text, len(question.latches)))), 0)
+
+
+def _begin(parent: int, seconds: float | None) -> None:
+    """Limit this process, before it becomes abc."""
+    die_with(parent)
+    if seconds is not None:
+        from resource import RLIMIT_CPU, getrlimit, setrlimit
+
+        setrlimit(RLIMIT_CPU, (ceil(seconds), getrlimit(RLIMIT_CPU)[1]))
 
 
 def _cubes(text: str, latches: int) -> Iterator[Cube]:

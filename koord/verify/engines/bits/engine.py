@@ -51,6 +51,8 @@ class BitsEngine(Struct, frozen=True):
         return self.engine.value
 
     def suits(self, ledger: Ledger, task: Task) -> bool:
+        if self.engine is Engine.ABC and abc.installed() is None:
+            return False
         return task.questions is None or not _has_floats(ledger)
 
     def work(self, ledger: Ledger, task: Task) -> None:
@@ -62,7 +64,7 @@ class BitsEngine(Struct, frozen=True):
             except NotFiniteError as error:
                 leave(ledger, claims, None, f"bits: {error}", started)
                 return
-            run = _Run(ledger, circuit, started, self.engine, task.questions)
+            run = _Run(ledger, circuit, started, self.engine, task)
             run.work()
             again = [claim for claim in run.astray if claim not in ledger.verdicts]
             if not again or not run.strays or ledger.deadline.passed():
@@ -106,13 +108,14 @@ class _Run:
         circuit: Circuit,
         started: float,
         engine: Engine,
-        questions: int | None,
+        task: Task,
     ) -> None:
         self.ledger = ledger
         self.circuit = circuit
         self.started = started
         self.engine = engine
-        self.questions = questions  #: how many IC3 may ask; then only what promises to be quick
+        self.questions = task.questions  #: so many IC3 may ask; then only what may be quick
+        self.seconds = task.seconds  #: of abc
         self.completed: int | None = None
         self.astray: dict[Claim, str] = {}  #: with a violation that is no run
         self.proved: dict[Claim, None] = {}
@@ -317,7 +320,7 @@ class _Run:
         g, ledger = self.circuit.d.graph, self.ledger
         if self.engine is Engine.ABC:
             ledger.progress("abc, PDR")
-            return abc.searched(g, question, ledger.deadline)
+            return abc.searched(g, question, ledger.deadline, self.seconds)
         properties = tuple(c.stated for c in claims if c.stated is not None)
         clauses = self._clauses()
         search = ic3.Ic3Run(

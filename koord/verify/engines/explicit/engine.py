@@ -8,7 +8,6 @@ from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from msgspec import Struct
-from msgspec.structs import replace
 
 from koord.syntax import core
 from koord.syntax.budget import OutOfBudgetError
@@ -72,8 +71,6 @@ class ExplicitEngine(Struct, frozen=True):
         from koord.verify.engines.explicit.exhaustive import SearchResults, exhaust
 
         system, judge, found = ledger.system, ledger.problem.judge, SearchResults()
-        if task.evaluations is not None:
-            system = replace(system, budget=system.budget.rationed(task.evaluations))
         with suppress(OutOfBudgetError):  # others find out whether their budget is used up
             exhaust(system, claims, limits_of(task), ledger.deadline, judge, ledger.progress, found)
         ledger.settle({c: v for c, v in found.verdicts.items() if v.outcome is Outcome.VIOLATED})

@@ -1,0 +1,282 @@
+"""Races: what is said hangs neither on who is first, nor on how many processes there are."""
+
+from __future__ import annotations
+
+import os
+import signal
+from collections.abc import Callable, Sequence
+from multiprocessing import active_children
+from pathlib import Path
+
+import pytest
+from msgspec.structs import replace
+
+from koord.syntax.system import System, dealt
+from koord.verify.claims import claims_of
+from koord.verify.effort import Deadline
+from koord.verify.engine_names import Engine
+from koord.verify.engines.bits import abc
+from koord.verify.engines.bits.graph import FALSE, TRUE, Graph
+from koord.verify.engines.bits.ic3 import SafetyQuery
+from koord.verify.ledger import Ledger, Reach, VerificationProblem
+from koord.verify.obstacles import Failure
+from koord.verify.processes import JobChannel, Pool, can_fork
+from koord.verify.strategy import table
+from koord.verify.strategy.race import RaceTurn, Runner
+from koord.verify.strategy.resumption import PastVerification, Steps, StrategyStep
+from koord.verify.strategy.table import SAFETY, AskAtOnce, AskEngine, EngineTurn, Fleet
+from koord.verify.strategy.verification import verify
+from koord.verify.verdicts import Bounds, Outcome, Report, Verdict
+from tests.loading import program_of
+
+pytestmark = pytest.mark.skipif(not can_fork(), reason="one process only")
+
+#: With whom the lock is holds of every number of robots with a lemma, and of these without.
+LOCK = """
+allwrite:
+    int owner = -1
+local:
+    bool inside = false
+    int steps = 0
+Enter:
+    pre: owner == -1
+    eff:
+        atomic:
+            owner = pid
+            inside = true
+Leave:
+    pre: inside
+    eff:
+        owner = -1
+        inside = false
+        steps = (steps + 1) % 3
+invariant Alone: forall i, j: i != j implies not (inside@i and inside@j)
+invariant Few: forall i: 0 <= steps@i and steps@i < 3
+invariant Never: forall i: steps@i < 2
+"""
+
+
+@pytest.fixture
+def system() -> System:
+    return dealt(program_of(LOCK), 2)
+
+
+def timeless(report: Report) -> Report:
+    verdicts = tuple(replace(verdict, seconds=0.0) for verdict in report.verdicts)
+    return replace(report, verdicts=verdicts, seconds=0.0)
+
+
+class Turn:
+    """A turn whose work is given."""
+
+    def __init__(self, name: str, work: Callable[[Ledger], None]) -> None:
+        self.name = name
+        self.work = work
+
+
+def proving(names: Sequence[str], engine: Engine) -> Callable[[Ledger], None]:
+    def work(ledger: Ledger) -> None:
+        for claim in ledger.open():
+            if claim.name in names:
+                ledger.settle({claim: Verdict(claim, Outcome.HOLDS, engine, 0.0)})
+
+    return work
+
+
+def raced(
+    system: System,
+    first: Sequence[Callable[[Ledger], None]],
+    beside: Sequence[Callable[[Ledger], None]],
+    jobs: int = 2,
+    steps: Steps | None = None,
+) -> Ledger:
+    subject = VerificationProblem(system, lambda *given: pytest.fail("nothing to replay"), system)
+    ledger = Ledger(subject, Bounds(8), Deadline.after(None), claims_of(system))
+    runners = [
+        Runner(n, f"runner {n}", lambda steps, n=n, w=work: Turn(f"runner {n}", w))  # type: ignore[misc]
+        for n, work in enumerate([*first, *beside])
+    ]
+    left = len(first)
+    with Pool(jobs) as pool:
+        turn = RaceTurn(
+            runners[:left],
+            runners[left:],
+            pool,
+            steps or Steps(),
+            "stage",
+            lambda ledger: bool(ledger.open()),
+        )
+        with ledger.stopping():
+            turn.work(ledger)
+    assert not active_children()
+    return ledger
+
+
+def engines(ledger: Ledger) -> dict[str, Engine]:
+    return {claim.name: ledger.verdict(claim).engine for claim in ledger.claims}
+
+
+EVERYTHING = ("Alone", "Few", "Never", "no fault")
+
+
+@pytest.mark.parametrize("jobs", [2, 3])
+def test_reports_are_equal_whatever_the_number_of_processes(
+    system: System, jobs: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nothing is settled at a glance, so that there is a race for all that is asked."""
+    work = EngineTurn.work
+
+    def late(self: EngineTurn, ledger: Ledger) -> None:
+        if not self.quick:
+            work(self, ledger)
+
+    monkeypatch.setattr(EngineTurn, "work", late)
+    one = timeless(verify(system, Bounds(5), jobs=1))
+    assert one == timeless(verify(system, Bounds(5), jobs=jobs))
+    outcomes = {verdict.claim.name: verdict.outcome for verdict in one.verdicts}
+    assert outcomes["Alone"] is outcomes["Few"] is Outcome.HOLDS
+    assert outcomes["Never"] is Outcome.VIOLATED
+
+
+def test_who_counts_first_is_waited_for(system: System, tmp_path: Path) -> None:
+    """The first one ends behind the other, which is done."""
+    gate = tmp_path / "gate"
+    os.mkfifo(gate)
+
+    def slow(ledger: Ledger) -> None:
+        gate.read_bytes()
+        proving(EVERYTHING, Engine.EVERY_N)(ledger)
+
+    def quick(ledger: Ledger) -> None:
+        proving(EVERYTHING, Engine.SEARCH)(ledger)
+        gate.write_bytes(b"")
+
+    found = engines(raced(system, [slow], [quick]))
+    assert set(found.values()) == {Engine.EVERY_N}
+
+
+@pytest.mark.parametrize("jobs", [1, 2, 4])
+def test_what_one_leaves_open_is_for_the_next(system: System, jobs: int) -> None:
+    found = engines(
+        raced(
+            system,
+            [proving(["Alone"], Engine.EVERY_N)],
+            [proving(["Alone", "Few"], Engine.SEARCH), proving(EVERYTHING, Engine.BITS)],
+            jobs,
+        )
+    )
+    assert found == {
+        "Alone": Engine.EVERY_N,
+        "Few": Engine.SEARCH,
+        "Never": Engine.BITS,
+        "no fault": Engine.BITS,
+    }
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_nobody_knows_what_the_others_found(system: System, jobs: int) -> None:
+    """Or it would matter who was first."""
+
+    def telling(ledger: Ledger) -> None:
+        count = len(ledger.proved())
+        ledger.leave(ledger.open(), Reach(Engine.BMC, count, f"{count} are known", 0.0))
+
+    ledger = raced(system, [proving(["Alone"], Engine.EVERY_N)], [telling], jobs)
+    few = next(claim for claim in ledger.claims if claim.name == "Few")
+    assert ledger.verdict(few).reason == "0 are known"
+
+
+def test_losers_are_ended_at_once(system: System) -> None:
+    """It would hang if it waited for them: `raced` sees to it that no process is left."""
+
+    def hanging(ledger: Ledger) -> None:
+        signal.pause()
+
+    for jobs in (1, 2, 3):
+        found = engines(raced(system, [proving(EVERYTHING, Engine.EVERY_N)], [hanging], jobs))
+        assert set(found.values()) == {Engine.EVERY_N}
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_who_dies_costs_its_own_answer(system: System, jobs: int) -> None:
+    def dying(ledger: Ledger) -> None:
+        proving(["Alone"], Engine.EVERY_N)(ledger)
+        os.kill(os.getpid(), signal.SIGKILL)
+
+    ledger = raced(system, [dying], [proving(EVERYTHING, Engine.SEARCH)], jobs)
+    # What it told of before counts.
+    assert engines(ledger)["Alone"] is Engine.EVERY_N
+    assert engines(ledger)["Few"] is Engine.SEARCH
+    why = "its process was ended by SIGKILL, as for want of memory"
+    assert list(ledger.failures) == [Failure("runner 0", why)]
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_on_ctrl_c_what_is_known_counts(system: System, jobs: int) -> None:
+    def interrupted(ledger: Ledger) -> None:
+        proving(["Alone"], Engine.EVERY_N)(ledger)
+        raise KeyboardInterrupt
+
+    def hanging(ledger: Ledger) -> None:
+        signal.pause()
+
+    ledger = raced(system, [interrupted], [hanging], jobs)
+    assert ledger.interrupted
+    assert engines(ledger)["Alone"] is Engine.EVERY_N
+    assert not ledger.failures
+
+
+def test_what_was_asked_in_a_process_that_died_is_not_asked_again(system: System) -> None:
+    past = PastVerification(begun=(StrategyStep("stage", 0, "runner 0"),))
+    begun: list[object] = []
+    steps = Steps(past, begun.append)
+    all_ = proving(EVERYTHING, Engine.EVERY_N), proving(EVERYTHING, Engine.SEARCH)
+    found = engines(raced(system, all_[:1], all_[1:], steps=steps))
+    assert set(found.values()) == {Engine.SEARCH}
+    assert begun == [StrategyStep("stage", 1, "runner 1")]
+
+
+# --- the table ------------------------------------------------------------------------------------
+
+
+def test_races_have_an_end() -> None:
+    """Who is asked while others wait has a budget: that of induction is its own."""
+    races = [row for row in SAFETY[None] if isinstance(row, AskAtOnce)]
+    assert len(races) > 1
+    for race in races:
+        for row in (*race.first, *race.beside):
+            if isinstance(row, AskEngine) and row.engine is not Engine.INDUCTION:
+                task = row.task
+                assert {task.seconds, task.states, task.evaluations, task.questions} != {None}
+
+
+def test_rows_are_for_fleets() -> None:
+    few, many = table.FEW_ROBOTS, table.FEW_ROBOTS + 1
+    assert (Fleet.FEW.has(few), Fleet.FEW.has(many)) == (True, False)
+    assert (Fleet.MANY.has(few), Fleet.MANY.has(many)) == (False, True)
+    assert Fleet.ANY.has(few)
+    assert Fleet.ANY.has(many)
+
+
+# --- programs of others ---------------------------------------------------------------------------
+
+
+def test_abc_ends_with_whoever_asks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """In place of abc, something that never ends: it holds a pipe, whose end is read here."""
+    alive = tmp_path / "alive"
+    os.mkfifo(alive)
+    program = tmp_path / "abc"
+    program.write_text(f"#!/bin/sh\nexec 3> {alive}\necho begun >&3\nexec sleep 100000\n")
+    program.chmod(0o755)
+    monkeypatch.setattr(abc, "installed", lambda: str(program))
+    question = SafetyQuery((), TRUE, TRUE, FALSE)
+
+    def work(tell: JobChannel) -> None:
+        abc.searched(Graph(), question, Deadline())
+
+    with Pool(2) as pool:
+        job = pool.submit("", work)
+        with alive.open() as pipe:
+            assert pipe.readline() == "begun\n"
+            pool.drop(job)
+            assert pipe.read() == ""  # it is gone, or this would never end
