@@ -510,13 +510,6 @@ VERIFY = (
         (RACES,),
     ),
     Mutant(
-        "who dies in a race takes what it told with it",
-        "verify.strategy.race.RaceTurn._take",
-        "            _take_notes(ledger, job)\n",
-        "",
-        (RACES,),
-    ),
-    Mutant(
         "abc outlives whoever asks",
         "verify.engines.bits.abc._begin",
         "die_with(parent)",
