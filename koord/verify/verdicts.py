@@ -105,6 +105,7 @@ class Verdict(Struct, frozen=True):
     unsaid: str = ""  #: why the invariant of a proof is not among the lemmas
     fairness: tuple[str, ...] = ()  #: kinds of it, and expectations, that a proof needs
     obstacles: tuple[Obstacle, ...] = ()  #: what stands in the way, if it is *unknown*
+    kept: bool = False  #: whether it was known before, of a program that differs in nothing of it
 
 
 def has_fewest(found: Counterexample, through: int | None) -> bool:
@@ -146,7 +147,11 @@ class UnsearchedGoal(Struct, frozen=True):
 
 
 class Report(Struct, frozen=True):
-    """A report: all verdicts on one system; on systems of every size if ``every_n``."""
+    """A report: all verdicts on one system; on systems of every size if ``every_n``.
+
+    ``of_slice``: for those on states no engine was asked about more than the slice that all claims
+    about states depend on.
+    """
 
     verdicts: tuple[Verdict, ...]
     vacuities: tuple[Vacuity, ...]
@@ -155,6 +160,7 @@ class Report(Struct, frozen=True):
     failures: tuple[Failure, ...] = ()
     every_n: bool = False
     unlooked: tuple[UnsearchedGoal, ...] = ()
+    of_slice: bool = False
 
     @property
     def lemmas(self) -> tuple[core.Property, ...]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from tests.mutants.bridged import BRIDGED
+from tests.mutants.cached import CACHED
 from tests.mutants.catalogue_bits import BITS
 from tests.mutants.catalogue_certified import CERTIFIED
 from tests.mutants.catalogue_compiled import COMPILED
@@ -822,6 +823,7 @@ VERIFY = (
 MUTANTS = (
     *SEMANTICS,
     *VERIFY,
+    *CACHED,
     *CONE,
     *EVERY_N,
     *FAILING,

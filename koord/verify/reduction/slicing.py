@@ -291,8 +291,7 @@ class Slices(Struct, frozen=True, dict=True):
         Nothing is left out that could keep a run from starting or from going on: what happens in
         the slice happens in the system.
         """
-        events = (part for part in self.everything if isinstance(part, Happens))
-        cone = self.influence.closed({*self.cone(self.claims.values()), *events})
+        cone = self.of_events()
         if not self._goes_on_without(cone):
             return self.system
         part = self.slice_of(cone)
@@ -300,6 +299,11 @@ class Slices(Struct, frozen=True, dict=True):
             return part
         same = _aims(part) == _aims(self.system) and set(Slices(part).claims) == set(self.claims)
         return part if same else self.system
+
+    def of_events(self) -> Cone:
+        """The parts that any claim depends on, or whether any event happens."""
+        events = (part for part in self.everything if isinstance(part, Happens))
+        return self.influence.closed({*self.cone(self.claims.values()), *events})
 
     def _goes_on_without(self, cone: Cone) -> bool:
         """Return whether each run of a slice extends to a run of the system. [T-CONE]"""

@@ -48,6 +48,7 @@ def verify_apart(
     jobs: int = 1,
     progress: Callable[[str], None] = lambda text: None,
     interrupted: Callable[[], bool] = lambda: False,
+    past: PastVerification | None = None,
 ) -> Report:
     """Verify as :func:`verify` of ``verification.py``, with a limit of ``bounds.claim_s`` each."""
     claim_s = bounds.claim_s
@@ -55,7 +56,8 @@ def verify_apart(
     if claim_s is not None or _has_verified:
         load()
     _has_verified = True
-    asking = _Asking(system, bounds, choice, seed, jobs, progress, interrupted)
+    known = past or PastVerification()
+    asking = _Asking(system, bounds, choice, seed, jobs, progress, interrupted, known)
     if claim_s is None:
         return asking.together(bounds.timeout_s, jobs, names)
     started = time.monotonic()
@@ -84,6 +86,7 @@ class _Asking(Struct, frozen=True):
     jobs: int
     progress: Callable[[str], None]
     interrupted: Callable[[], bool]
+    past: PastVerification = PastVerification()  #: what is known from the start
 
     def together(self, seconds: float | None, jobs: int, names: Sequence[str] = ()) -> Report:
         """Verify all claims, or the named ones, together."""
@@ -94,7 +97,7 @@ class _Asking(Struct, frozen=True):
             bounds = replace(self.bounds, timeout_s=deadline.left_s())
             return self._asked(tell, bounds, names=names, jobs=jobs, past=past)
 
-        report, cut, past = None, False, PastVerification()
+        report, cut, past = None, False, self.past
         with Pool(1, self.progress, self.interrupted) as pool:
             while report is None:
                 lasts_s = _with_grace(deadline.left_s())

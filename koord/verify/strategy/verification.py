@@ -167,6 +167,7 @@ class _Verification(Struct, frozen=True):
             tuple(dict.fromkeys(failures)),
             every_n,
             unreachable.unlooked,
+            of_slice=last is ledger and not known,
         )
 
     def _is_asked(self, claim: Claim) -> bool:
