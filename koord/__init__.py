@@ -18,6 +18,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from koord.api.cache import Cache as Cache
     from koord.api.campaign import Campaign as Campaign
     from koord.api.campaign import campaign as campaign
     from koord.api.certify import Certificate as Certificate
@@ -76,6 +77,7 @@ if TYPE_CHECKING:
     from koord.api.run import Policy as Policy
     from koord.api.run import RunReport as RunReport
     from koord.api.run import run as run
+    from koord.api.session import Session as Session
     from koord.api.sim_report import Simulated as Simulated
     from koord.api.simulation import simulate as simulate
     from koord.api.stepping import Stepper as Stepper
@@ -93,6 +95,7 @@ if TYPE_CHECKING:
 
 #: Where each public name stands.
 _HOMES = {
+    "koord.api.cache": ("Cache",),
     "koord.api.campaign": ("Campaign", "campaign"),
     "koord.api.certify": ("Certificate", "certify"),
     "koord.api.compile": ("CompiledProgram", "compile"),
@@ -127,6 +130,7 @@ _HOMES = {
     "koord.api.replay": ("ReplayReport", "load_trace", "replay"),
     "koord.api.results": ("ArgumentError",),
     "koord.api.run": ("Policy", "RunReport", "run"),
+    "koord.api.session": ("Session",),
     "koord.api.sim_report": ("Simulated",),
     "koord.api.simulation": ("simulate",),
     "koord.api.stepping": ("Stepper", "step"),

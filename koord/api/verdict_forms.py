@@ -191,6 +191,10 @@ class Claim(Form):
             "asked for none."
         ),
     ]
+    kept: Annotated[
+        bool | UnsetType,
+        Meta(description="True where a cache knew the answer, and `seconds` are those of then."),
+    ] = UNSET
 
 
 class Vacuity(Form):

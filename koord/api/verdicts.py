@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from fractions import Fraction
 from typing import TYPE_CHECKING
 
-from msgspec import Struct, field, to_builtins
+from msgspec import UNSET, Struct, field, to_builtins
 
 from koord.api import verdict_forms as forms
 from koord.api.programs import Program
@@ -112,6 +112,11 @@ class Verdict(Result, frozen=True):
     def seconds(self) -> float:
         """The time spent on the answer, in seconds of wall time."""
         return self.found.seconds
+
+    @property
+    def kept(self) -> bool:
+        """True if a cache knew the answer, so that no engine was asked."""
+        return self.found.kept
 
     @property
     def counterexample(self) -> Trace | None:
@@ -228,6 +233,7 @@ class Verdict(Result, frozen=True):
             ways=None
             if ways is None
             else forms.Ways(1 + len(others), ways.complete, ways.reason or None),
+            kept=found.kept or UNSET,
         )
 
     def _violation(self, run: Counterexample, parts: Parts) -> forms.Violation:

@@ -26,7 +26,9 @@ from koord.syntax.system import System
 from koord.verify import engine_names
 
 if TYPE_CHECKING:
+    from koord.api.cache import Cache
     from koord.api.verify_report import VerifyReport
+    from koord.verify.cache.verifying import CachedVerification
     from koord.verify.processes import JobChannel
     from koord.verify.proof_core import ProofCore
     from koord.verify.verdicts import Bounds, Report
@@ -96,6 +98,7 @@ class Options(Struct, frozen=True, kw_only=True):
     seed: int = 0
     instants: bool = False
     rests_on: bool = False
+    cache: Cache | None = None
 
     @property
     def left_s(self) -> float | None:
@@ -125,6 +128,7 @@ def verify(
     instants: bool = False,
     rests_on: bool = False,
     seed: int = 0,
+    cache: Cache | None = None,
     progress: Listener | None = None,
     cancellation: Cancellation | None = None,
 ) -> VerifyReport:
@@ -139,6 +143,9 @@ def verify(
     seconds of the wall; ``jobs`` the number of processes (as many as there are cores).
     ``max_violations`` asks for several ways to break a property, ``instants`` for verdicts between
     the ends of rounds, ``rests_on`` for what the proofs need. ``seed`` is of all that is random.
+
+    What a ``cache`` knows is not asked again, and what is found is kept there. It is left alone
+    with ``instants``, with ``rests_on`` and where several violations are asked for.
 
     ``progress`` hears what is being done; after ``cancellation`` the report has what is known.
 
@@ -165,6 +172,7 @@ def verify(
         seed=seed,
         instants=instants,
         rests_on=rests_on,
+        cache=cache,
     )
     (report,) = verify_each([question], options, teller(progress), asker(cancellation))
     return report
@@ -202,32 +210,64 @@ def verify_each(
     Several are asked about in processes of their own, ``options.jobs`` at a time. Once it is
     ``interrupted`` the answers are what is known by then, and there may be fewer of them.
     """
-    check_loadable()
-    load_for_threads()
+    looked_up = [_looked_up(question, options) for question in questions]
+    if not all(cached is not None and cached.answer is not None for cached in looked_up):
+        check_loadable()
+        load_for_threads()
     if len(questions) == 1:
-        yield _answer(questions[0], options, tell, interrupted)
+        answered = _answer(questions[0], options, tell, interrupted, looked_up[0])
+        yield _kept(looked_up[0], answered)
         return
     from koord.verify.processes import Pool
     from koord.verify.strategy.time_limits import load
 
     load()
 
-    def answer(question: Question, jobs: int, tell: JobChannel) -> VerifyReport:
-        return _answer(question, replace(options, jobs=jobs), tell, interrupted)
+    def answer(
+        question: Question, jobs: int, cached: CachedVerification | None, tell: JobChannel
+    ) -> VerifyReport:
+        return _answer(question, replace(options, jobs=jobs), tell, interrupted, cached)
 
     with Pool(options.jobs, tell, interrupted) as pool:
         work = []
-        for question in questions:
+        for question, cached in zip(questions, looked_up, strict=True):
             # Beside the last one nobody else has anything to do in the end.
             jobs = options.jobs if question is questions[-1] else 1
-            job = pool.submit(_named(question, questions), partial(answer, question, jobs))
-            work.append((question, job))
-        for question, job in work:
+            work_on = partial(answer, question, jobs, cached)
+            work.append((question, cached, pool.submit(_named(question, questions), work_on)))
+        for question, cached, job in work:
             try:
                 found = pool.answer(job)
             except KeyboardInterrupt:
                 return
-            yield found or _unanswered(question, options, job.end)
+            if found is None:
+                yield _unanswered(question, options, job.end)
+            else:
+                yield _kept(cached, found)
+
+
+def _looked_up(question: Question, options: Options) -> CachedVerification | None:
+    """What the cache knows about a system; None where it is not asked."""
+    more = options.max_violations > 1 or options.instants or options.rests_on
+    if options.cache is None or more:
+        return None
+    return options.cache.looked_up(
+        question.system,
+        options.bounds,
+        _engine(question, options),
+        names=frozenset(options.properties),
+        seed=options.seed,
+    )
+
+
+def _kept(cached: CachedVerification | None, report: VerifyReport) -> VerifyReport:
+    """A report, of which a cache keeps what is new."""
+    return report if cached is None else replace(report, at_ends=cached.ended(report.at_ends))
+
+
+def _engine(question: Question, options: Options) -> engine_names.Engine | None:
+    """Who is asked; None: whoever the strategy says."""
+    return engine_names.Engine.EVERY_N if question.every_n else _ENGINES[options.engine]
 
 
 def check_loadable() -> None:
@@ -320,13 +360,13 @@ def _answer(
     options: Options,
     tell: Callable[[str], None],
     interrupted: Callable[[], bool],
+    cached: CachedVerification | None,
 ) -> VerifyReport:
     """The report on one system: if any number of robots is asked for, on an example."""
     from koord.api.verdicts import Parts
     from koord.api.verify_report import VerifyReport
     from koord.verify.claims import claims_of, liveness_of
     from koord.verify.effort import Deadline
-    from koord.verify.strategy.time_limits import verify_apart
     from koord.verify.verdicts import Report
 
     system = question.system
@@ -342,12 +382,16 @@ def _answer(
         )
         between = [*shadows.names, *(claim.name for claim, _ in shadows.unsaid)]
     check_names(options.properties, [*known, *between])
-    every_n = engine_names.Engine.EVERY_N if question.every_n else None
-    choice = every_n or _ENGINES[options.engine]
+    choice = _engine(question, options)
     bounds = options.bounds
     own = [name for name in options.properties if name in known]
     report = Report((), (), 0.0)
-    if own or not options.properties:
+    if cached is not None and cached.answer is not None:
+        report = cached.answer
+    elif own or not options.properties:
+        # The engines are not loaded where nobody is asked.
+        from koord.verify.strategy.time_limits import verify_apart
+
         report = verify_apart(
             system,
             bounds,
@@ -357,6 +401,7 @@ def _answer(
             jobs=options.jobs,
             progress=tell,
             interrupted=interrupted,
+            past=None if cached is None else cached.past,
         )
     found = None
     if shadows is None or report.interrupted:

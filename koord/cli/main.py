@@ -121,6 +121,7 @@ COMMANDS = (
     CommandEntry("fmt", "lay programs out"),
     CommandEntry("explain", "tell the long story of a diagnostic's code"),
     CommandEntry("verify", "verify the properties of programs, or find a violation"),
+    CommandEntry("cache", "show or clear the verdicts that `koord verify --cache` keeps"),
     CommandEntry("run", "run a program by the rules and show each round"),
     CommandEntry("recheck", "settle the obligations of a proof with another solver"),
     CommandEntry("replay", "check a trace rule by rule against its program"),

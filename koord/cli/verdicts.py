@@ -96,7 +96,7 @@ def lines(found: VerifyReport, style: Style) -> Iterator[str]:
     report = found.report
     yield style.paint(visible(str(found.problem)), Paint.BOLD)
     yield ""
-    rows = [(v.claim.name, said(v), _by(v), f"{v.seconds:.2f} s") for v in report.verdicts]
+    rows = [(v.claim.name, said(v), _by(v), _time(v)) for v in report.verdicts]
     widths = [max((len(row[k]) for row in rows), default=0) for k in range(4)]
     for verdict, row in zip(report.verdicts, rows, strict=True):
         shown = style.paint(row[1].ljust(widths[1]), PAINT[verdict.outcome])
@@ -269,6 +269,11 @@ def _by(verdict: Verdict) -> str:
     if verdict.engine is Engine.INDUCTION and verdict.depth > 1:
         return f"induction over {verdict.depth} rounds"
     return str(verdict.engine.value)
+
+
+def _time(verdict: Verdict) -> str:
+    """How long it took to find out; nothing was asked where it was known before."""
+    return "kept" if verdict.kept else f"{verdict.seconds:.2f} s"
 
 
 def _robots(problem: Problem, report: Report) -> str:

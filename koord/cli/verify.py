@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from itertools import islice
 from typing import TYPE_CHECKING
 
@@ -33,9 +32,11 @@ from koord.cli.exits import Exit, gravest
 from koord.cli.files import DASH, check_writable
 from koord.cli.inputs import ReadOptions, load_programs
 from koord.cli.progress import Interruption, LiveLine, TimeUpError, time_limit
+from koord.cli.watching import watched
 from koord.syntax.diagnostics import KoordError
 
 if TYPE_CHECKING:
+    from koord.api.cache import Cache
     from koord.api.verdict_forms import Report
     from koord.api.verify_report import VerifyReport
 
@@ -114,48 +115,6 @@ def _module(output: str) -> str | None:
     return path.stem
 
 
-#: Often enough to answer at once, seldom enough to cost nothing.
-POLL_S = 0.25
-
-#: A file's time of change and size; None while it is not there, as between the steps of a save.
-Stamp = tuple[int, int] | None
-
-
-def watched(
-    paths: Sequence[str],
-    work: Callable[[], int],
-    *,
-    pause: Callable[[float], None] = time.sleep,
-) -> int:
-    """Repeat the work after each change of the files, until Ctrl-C; return the last exit code."""
-    code = 0
-    try:
-        while True:
-            # Before the work: a change that comes during it counts.
-            before = _stamps(paths)
-            code = work()
-            print("\nwatching; Ctrl-C ends it", file=sys.stderr, flush=True)
-            while _stamps(paths) in (before, None):
-                pause(POLL_S)
-            print(file=sys.stderr)
-    except KeyboardInterrupt:
-        return code
-
-
-def _stamps(paths: Sequence[str]) -> list[Stamp] | None:
-    """The stamps of all files; None while one is not there."""
-    found = [_stamp(path) for path in paths]
-    return None if None in found else found
-
-
-def _stamp(path: str) -> Stamp:
-    try:
-        status = os.stat(path)
-    except OSError:
-        return None
-    return status.st_mtime_ns, status.st_size
-
-
 def configure(parser: argparse.ArgumentParser) -> None:
     add_files(parser)
     add_bounds(parser, several=True)
@@ -229,7 +188,14 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--plot", metavar="FILE", help="draw time against robots, for --robots 2..10 (.svg, .png)"
     )
     parser.add_argument(
-        "--watch", action="store_true", help="verify again each time a file is saved"
+        "--watch",
+        action="store_true",
+        help="verify again each time a file is saved, what the change touches",
+    )
+    parser.add_argument(
+        "--cache",
+        action="store_true",
+        help="show verdicts again of which nothing has changed, and keep new ones (`koord cache`)",
     )
     parser.add_argument(
         "--save-invariants",
@@ -249,12 +215,28 @@ def main(arguments: argparse.Namespace) -> int:
     if arguments.export is not None:
         return export(arguments)
     _check_flags(arguments)
+    cache = _cache(arguments)
     if not arguments.watch:
-        return _once(arguments)
+        return _once(arguments, cache)
     paths = [*arguments.files, *arguments.properties]
     if DASH in paths:
         raise argparse.ArgumentTypeError("--watch needs files; standard input cannot change")
-    return watched(paths, lambda: _once(arguments))
+    return watched(paths, lambda: _once(arguments, cache))
+
+
+def _cache(arguments: argparse.Namespace) -> Cache | None:
+    """Where verdicts are kept: in memory while files are watched, in a folder if that is wanted.
+
+    A certificate is about all claims together, and what is known of some is no part of it.
+    """
+    if arguments.certificate is not None or not (arguments.cache or arguments.watch):
+        return None
+    from koord.api.cache import Cache, usual_folder
+
+    def note(text: str) -> None:
+        print(f"koord verify: {text}", file=sys.stderr)
+
+    return Cache(usual_folder() if arguments.cache else None, note=note)
 
 
 def _check_flags(arguments: argparse.Namespace) -> None:
@@ -302,7 +284,7 @@ def _in_flags(error: ArgumentError) -> str:
     return f"--{error.argument} {cure}"
 
 
-def _options(arguments: argparse.Namespace) -> Options:
+def _options(arguments: argparse.Namespace, cache: Cache | None) -> Options:
     """How verdicts are looked for from now on."""
     limit_s = arguments.timeout
     return Options(
@@ -316,12 +298,13 @@ def _options(arguments: argparse.Namespace) -> Options:
         seed=arguments.seed,
         instants=arguments.instants,
         rests_on=arguments.rests_on,
+        cache=cache,
     )
 
 
-def _once(arguments: argparse.Namespace) -> int:
+def _once(arguments: argparse.Namespace, cache: Cache | None) -> int:
     """Read the programs and verify them."""
-    report, options = DiagnosticReport(), _options(arguments)
+    report, options = DiagnosticReport(), _options(arguments, cache)
     try:
         with time_limit(options.left_s):
             programs = load_programs(arguments.files, ReadOptions.of(arguments), report)

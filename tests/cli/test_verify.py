@@ -23,7 +23,7 @@ from koord.api.robots import AS_STATED, FleetSize
 from koord.api.run import Policy
 from koord.api.verify import Engine, Options
 from koord.cli import main as frame
-from koord.cli import run, verified, verify
+from koord.cli import run, verified, verify, watching
 from koord.cli.exits import Exit
 from tests.sampling import first
 
@@ -379,7 +379,7 @@ def test_a_program_is_verified_again_when_it_is_saved(
         else:
             path.write_text(text, encoding="utf-8")
 
-    monkeypatch.setattr(verify, "watched", partial(verify.watched, pause=edit))
+    monkeypatch.setattr(verify, "watched", partial(watching.watched, pause=edit))
     assert frame.main(["verify", race, "--rounds", "3", "--watch"]) == Exit.VACUOUS
     streams = capsys.readouterr()
     outcomes = [line.split(":")[0] for line in streams.out.splitlines() if " claims, " in line]
@@ -588,3 +588,53 @@ def test_an_engine_that_fails_is_told(
         assert failure["who"] == "bits"
         assert failure["what"] == "AssertionError: made to fail"
         assert failure["place"].startswith("koord/verify/")
+
+
+# --- kept verdicts --------------------------------------------------------------------------------
+
+
+def test_what_is_kept_is_told_as_such(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, race: str, tmp_path: Path
+) -> None:
+    """Only with --cache, or while files are watched: otherwise verdicts are found anew."""
+    monkeypatch.setenv("KOORD_CACHE", str(tmp_path / "kept"))
+    asked = ["verify", race, "--rounds", "3"]
+    codes = [frame.main([*asked, *more]) for more in ([], ["--cache"], ["--cache"], [])]
+    assert len(set(codes)) == 1
+    told = capsys.readouterr().out.split("\n\n")
+    marked = [" kept\n" in f"{table}\n" for table in told if "no fault" in table]
+    assert marked == [False, False, True, False]
+    assert frame.main([*asked, "--cache", "--json"]) == codes[0]
+    (report,) = json.loads(capsys.readouterr().out)["reports"]
+    assert all(claim["kept"] for claim in report["claims"])
+
+
+def test_the_cache_is_shown_and_cleared(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, race: str, tmp_path: Path
+) -> None:
+    folder = tmp_path / "kept"
+    monkeypatch.setenv("KOORD_CACHE", str(folder))
+    assert frame.main(["cache"]) == Exit.OK
+    assert capsys.readouterr().out == f"{folder}: 0 entries, 0.0 MiB\n"
+    frame.main(["verify", race, "--rounds", "3", "--cache"])
+    capsys.readouterr()
+    assert frame.main(["cache", "--json"]) == Exit.OK
+    use = json.loads(capsys.readouterr().out)
+    assert use["entries"] > 0
+    assert frame.main(["cache", "--clear"]) == Exit.OK
+    assert f"removed {use['entries']} entries" in capsys.readouterr().out
+    assert not folder.exists()
+
+
+def test_a_damaged_entry_is_told_of_and_found_out_anew(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, race: str, tmp_path: Path
+) -> None:
+    monkeypatch.setenv("KOORD_CACHE", str(tmp_path / "kept"))
+    code = frame.main(["verify", race, "--rounds", "3", "--cache"])
+    for path in (tmp_path / "kept").rglob("*.json"):
+        path.write_text("nothing")
+    capsys.readouterr()
+    assert frame.main(["verify", race, "--rounds", "3", "--cache"]) == code
+    streams = capsys.readouterr()
+    assert "a kept verdict is damaged, and was removed" in streams.err
+    assert " kept\n" not in streams.out

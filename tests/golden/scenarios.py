@@ -87,6 +87,7 @@ def scenarios() -> Iterator[Scenario]:
     yield Scenario("diagnostics", tuple(_diagnostics()), slow=False)
     yield Scenario("layout", tuple(_layout()), slow=False)
     yield Scenario("configurations", tuple(_configurations()), slow=False)
+    yield Scenario("kept", tuple(_kept()), slow=False)
     yield Scenario("refinement", tuple(_refinement()), slow=True)
     yield Scenario("deploy", tuple(_deploy()), slow=True)
     expected = yaml.safe_load((ROOT / EXAMPLES / "expected.yaml").read_text(encoding="utf-8"))
@@ -122,6 +123,15 @@ def _help() -> Iterator[Command]:
 def _schemas() -> Iterator[Command]:
     for document in DOCUMENTS:
         yield Command(("schema", document))
+
+
+def _kept() -> Iterator[Command]:
+    """Verdicts that are found, and then known: of a proof, and of a violation."""
+    for example in ("leader_elect", "broken/sum_of_ids_no_lock"):
+        verify = ("verify", program_of(example), *JOBS, "--rounds", "5", "--cache")
+        yield Command(verify)
+        yield Command(verify)
+        yield Command((*verify, "--json"))
 
 
 def _explain() -> Iterator[Command]:

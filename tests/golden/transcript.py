@@ -19,8 +19,8 @@ from tests.golden.described import described, mistakes
 from tests.golden.plain import plain_file, plain_output
 from tests.golden.scenarios import EXAMPLES, ROOT, Command, Scenario
 
-#: The width that helps and tables are laid out for, and no colours.
-SURROUNDINGS = {"COLUMNS": "100", "NO_COLOR": "1"}
+#: The width that helps and tables are laid out for, no colours, and where verdicts are kept.
+SURROUNDINGS = {"COLUMNS": "100", "NO_COLOR": "1", "KOORD_CACHE": "kept-verdicts"}
 
 
 def plain_surroundings() -> None:

@@ -1,0 +1,45 @@
+"""``koord cache``: where kept verdicts are, how much room they take, and how to be rid of them."""
+
+from __future__ import annotations
+
+import argparse
+import json
+
+from koord.api.cache import VARIABLE, Cache, usual_folder
+from koord.cli.arguments import add_json
+from koord.cli.exits import Exit
+from koord.cli.terminal import visible
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--clear", action="store_true", help="remove all kept verdicts; other files stay"
+    )
+    add_json(parser, "place, number and size")
+    parser.epilog = (
+        "`koord verify --cache` keeps verdicts there, and shows those again of which nothing has\n"
+        f"changed. {VARIABLE} names another folder.\n\nexit code: 0"
+    )
+
+
+def main(arguments: argparse.Namespace) -> int:
+    folder = usual_folder()
+    cache = Cache(folder)
+    use = cache.clear() if arguments.clear else cache.use()
+    if arguments.json:
+        print(
+            json.dumps(
+                {
+                    "folder": folder,
+                    "entries": use.entries,
+                    "bytes": use.size,
+                    "cleared": arguments.clear,
+                },
+                indent=2,
+            )
+        )
+        return Exit.OK
+    entries = "entry" if use.entries == 1 else "entries"
+    removed = "removed " if arguments.clear else ""
+    print(f"{visible(folder)}: {removed}{use.entries:,} {entries}, {use.size / 2**20:.1f} MiB")
+    return Exit.OK
