@@ -58,7 +58,8 @@ EDITS = (
         (
             (
                 "invariant Route:",
-                "invariant More: forall i: length(route[i]) >= 0\ninvariant Route:",
+                "invariant More: forall i, j: i != j implies pathsClear(route[j], route[i])\n"
+                "invariant Route:",
             ),
         ),
     ),
@@ -103,17 +104,6 @@ EDITS = (
         ),
     ),
     ("effect", "of INIT", (("init:\n", "init:\n    isOnTask = false\n"),)),
-    (
-        "event",
-        "of a variable of its own",
-        (
-            ("    int mine", "    int spare = 0\n    int mine"),
-            (
-                "assume: forall k",
-                "Count:\n    pre: spare < 3\n    eff: spare = spare + 1\n\nassume: forall k",
-            ),
-        ),
-    ),
     (
         "event",
         "one that does nothing",
