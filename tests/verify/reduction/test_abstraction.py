@@ -232,7 +232,8 @@ def test_only_what_is_open_is_asked_again_of_real_values() -> None:
     outcomes = {verdict.claim.name: verdict.outcome for verdict in report.verdicts}
     assert (outcomes["Low"], outcomes["Never"]) == (Outcome.VIOLATED, Outcome.HOLDS)
     last = max(i for i, text in enumerate(told) if "Spacer" in text)
-    assert told[last + 1] == "Never: bmc, round 0 of 2; violated: Low"
+    of_rounds = [text for text in told[last + 1 :] if "Never: bmc" in text]
+    assert of_rounds[0].endswith("Never: bmc, round 0 of 2; violated: Low"), told[last:]
     assert all(text.endswith("; violated: Low") for text in told[last:])
 
 
