@@ -301,6 +301,8 @@ def load_for_threads() -> None:
 
     A module that another thread is loading at that moment would never be there in the process.
     """
+    from koord.verify.cache import codec, dependence, folder, forms, kept, storage, verifying  # noqa: F401
+
     others = [t for t in threading.enumerate() if t is not threading.main_thread() and not t.daemon]
     if not others and threading.current_thread() is threading.main_thread():
         return
