@@ -49,6 +49,8 @@ _NEEDED = (
     "koord.verify.engines.explicit.exhaustive",
     "koord.verify.engines.explicit.liveness_engine",
     "koord.verify.engines.horn.engine",
+    "koord.verify.cache.folder",
+    "koord.verify.cache.verifying",
     "koord.verify.lasso_witness",
     "koord.verify.certificates",
     "koord.verify.export.smtlib",
@@ -301,8 +303,6 @@ def load_for_threads() -> None:
 
     A module that another thread is loading at that moment would never be there in the process.
     """
-    from koord.verify.cache import codec, dependence, folder, forms, kept, storage, verifying  # noqa: F401
-
     others = [t for t in threading.enumerate() if t is not threading.main_thread() and not t.daemon]
     if not others and threading.current_thread() is threading.main_thread():
         return
