@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from threading import Lock
 
 from koord.api.cache import Cache
@@ -39,10 +40,18 @@ class Session:
         seed: int = 0,
         cache: Cache | None = None,
     ) -> None:
-        self._robots, self._rounds, self._delta_s = robots, rounds, delta_s
-        self._engine, self._timeout_s = engine, timeout_s
-        self._property_timeout_s, self._jobs, self._seed = property_timeout_s, jobs, seed
-        self._cache = Cache() if cache is None else cache
+        self._verify = partial(
+            verify,
+            robots=robots,
+            rounds=rounds,
+            delta_s=delta_s,
+            engine=engine,
+            timeout_s=timeout_s,
+            property_timeout_s=property_timeout_s,
+            jobs=jobs,
+            seed=seed,
+            cache=Cache() if cache is None else cache,
+        )
         self._lock = Lock()
         self._going: Cancellation | None = None
 
@@ -59,20 +68,8 @@ class Session:
         being done. Raises what :func:`koord.verify` does.
         """
         with self._alone() as cancellation:
-            return verify(
-                program,
-                robots=self._robots,
-                rounds=self._rounds,
-                delta_s=self._delta_s,
-                properties=properties,
-                engine=self._engine,
-                timeout_s=self._timeout_s,
-                property_timeout_s=self._property_timeout_s,
-                jobs=self._jobs,
-                seed=self._seed,
-                cache=self._cache,
-                progress=progress,
-                cancellation=cancellation,
+            return self._verify(
+                program, properties=properties, progress=progress, cancellation=cancellation
             )
 
     def cancel(self) -> None:
