@@ -80,10 +80,10 @@ _was_interrupted = False
 #: `prctl` of Linux: which signal comes when the process that forked this one is gone.
 _PR_SET_PDEATHSIG = 1
 
-
-#: `mallopt` of glibc: how much freed memory stays with a process, and from which size on memory is
-#: asked for by itself, in bytes.
+#: From this size on memory is asked for by itself, in bytes.
 _LARGEST = 32 * 2**20
+
+#: `mallopt` of glibc: how much freed memory stays with a process, in bytes, and ``_LARGEST``.
 _KEPT = {-1: 256 * 2**20, -3: _LARGEST}
 
 #: How much memory is to come in huge pages, in bytes: that of as many contexts as there are at once
