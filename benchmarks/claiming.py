@@ -197,7 +197,7 @@ def tlc(robots: int, tasks: int, folder: Path, patience_s: float) -> Answer:
 
 def abc(robots: int, tasks: int, folder: Path, patience_s: float) -> Answer:
     """PDR of abc on the circuit that koord exports, of both claims; making it is not counted."""
-    program = shutil.which("berkeley-abc") or shutil.which("abc")
+    program = abc_program()
     if program is None:
         return Answer("no abc")
     path = folder / "claiming.aig"
@@ -212,6 +212,11 @@ def abc(robots: int, tasks: int, folder: Path, patience_s: float) -> Answer:
         good=r"Property proved()",
         bad=r"was asserted",
     )
+
+
+def abc_program() -> str | None:
+    """Where abc is; None if it is not installed."""
+    return shutil.which("berkeley-abc") or shutil.which("abc")
 
 
 def _missing(*programs: str) -> str:

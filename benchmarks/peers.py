@@ -11,13 +11,12 @@ circuit. There a ratio is the peer's wall time by koord's: above 1, koord is qui
 
 from __future__ import annotations
 
-import shutil
 import sys
 import tempfile
 from pathlib import Path
 
 from bits import asked
-from claiming import claiming
+from claiming import abc_program, claiming
 from every_number import every_number
 from harness import (
     BENCHMARKS,
@@ -130,7 +129,7 @@ def work(robots: int, tasks: int, rounds: int, patience_s: float) -> int:
 
 def abc(path: Path, patience_s: float) -> tuple[Measured | None, str]:
     """Abc's PDR on a circuit in binary AIGER, the only form that it reads."""
-    program = shutil.which("berkeley-abc") or shutil.which("abc")
+    program = abc_program()
     if program is None:
         return None, "no abc"
     done = measure([program, "-c", f"read_aiger {path}; pdr"], timeout_s=patience_s)
