@@ -143,6 +143,7 @@ _ALL_ENGINES: Rows = (
         first=(
             AskEngine(Engine.EVERY_N, _A_LITTLE, fleet=Fleet.FEW),
             AskEngine(Engine.EVERY_N, Task(seconds=SPARING_S), fleet=Fleet.MANY),
+            AskEngine(Engine.BMC, Task(seconds=0.5, rounds=1)),
             AskEngine(Engine.EVERY_N, _LEMMAS_SOON),
         ),
         beside=(
@@ -158,7 +159,6 @@ _ALL_ENGINES: Rows = (
             AskEngine(Engine.EVERY_N, Task(Purpose.INFER, seconds=1.0, candidates=FEW)),
         ),
         beside=(
-            AskEngine(Engine.BMC, Task(seconds=0.5, rounds=1)),
             AskOnSlices(
                 (AskEngine(Engine.SEARCH, _SHORT_SEARCH), AskEngine(Engine.INDUCTION)),
                 (AskEngine(Engine.SEARCH, _SHORT_SEARCH), AskEngine(Engine.INDUCTION)),

@@ -12,14 +12,16 @@ from koord.syntax.system import System
 from koord.verify.claims import claims_of
 from koord.verify.effort import Deadline, Effort
 from koord.verify.engine_names import Engine
-from koord.verify.engines.engine import Purpose, Task
+from koord.verify.engines.engine import Purpose, Task, Workers
 from koord.verify.engines.every_n.candidates import candidates
 from koord.verify.engines.every_n.proving import infer
 from koord.verify.engines.every_n.questions import SPARING
 from koord.verify.engines.explicit.engine import ExplicitEngine
 from koord.verify.engines.explicit.limits import HANDFUL
 from koord.verify.ledger import Ledger
+from koord.verify.processes import Pool
 from koord.verify.reduction.problems import plain_problem
+from koord.verify.strategy.table import EngineTurn
 from koord.verify.strategy.verification import verify
 from koord.verify.verdicts import Bounds, Outcome, Report
 from tests.verify.asking import of_text
@@ -72,7 +74,10 @@ def test_what_no_search_finds_is_told_before_invariants_are_looked_for() -> None
     (small, _) = report.verdicts
     assert (small.outcome, small.engine) == (Outcome.VIOLATED, Engine.BMC)
     assert small.fewest
-    assert any("bmc, round 1" in text for text in seen)
+    assert small.counterexample is not None
+    assert small.counterexample.round == 1
+    assert any("bmc, round" in text for text in seen)
+    assert not any("looking for invariants" in text for text in seen)
 
 
 def shallow(evaluations: int) -> Task:
@@ -108,7 +113,7 @@ def counting(system: System) -> tuple[System, list[int]]:
 def test_a_shallow_search_keeps_to_its_steps(steps: int) -> None:
     system, asked = counting(of_text((EXAMPLES / "fischer.krd").read_text("utf-8"), robots=3))
     ledger = Ledger(plain_problem(system), Bounds(20), Deadline(), claims_of(system))
-    ExplicitEngine().work(ledger, shallow(steps))
+    EngineTurn(Engine.SEARCH, shallow(steps), Workers(Pool(1))).work(ledger)
     assert 0 < asked[0] <= steps // 100 + 1
 
 
