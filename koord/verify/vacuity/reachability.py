@@ -39,6 +39,10 @@ SKIPS_PERCENT = (15, 15, 95)
 #: So many states are all looked at sooner than runs are made by chance.
 SMALL = 300
 
+#: For how long a few runs are made before anything is asked, in seconds: where turns take long, a
+#: solver is quicker.
+_AT_FIRST_S = 0.1
+
 
 class _Onlooker(Monitor):
     """A monitor that ignores violations, so that runs go on."""
@@ -120,10 +124,16 @@ def unbroken(
     the solver takes long.
     """
     hasty = effort if runs == 0 else Effort(effort.left // 8)
-    few = _of_few(system, nevers, rounds, deadline, hasty, seed)
+    pending = list(nevers)
+    if runs > 0 and pending:
+        met = seen(system, pending, min(rounds, runs), deadline.sooner(_AT_FIRST_S), seed)
+        pending = [claim for claim in pending if claim not in met]
+        if not pending and any(round_ > 0 for round_ in met.values()):
+            return Unbroken(frozenset())
+    few = _of_few(system, pending, rounds, deadline, hasty, seed)
     if few.known and not few.claims and few.stuck is None:
         return few
-    pending = [claim for claim in nevers if claim in few.claims]
+    pending = [claim for claim in pending if claim in few.claims]
     if runs == 0:
         return _unbroken(system, seed, pending, rounds, deadline, effort)
     met = seen(system, pending, min(rounds, runs), deadline.sooner(runs_s), seed)
