@@ -171,9 +171,13 @@ class _Alarm:
 
 
 def _environment() -> dict[str, str]:
-    """The one of this process, with koord and the benchmarks to be found, and no colours."""
+    """The one of this process, with koord and the benchmarks to be found, and no colours.
+
+    Modules are compiled once, as they are where koord is installed.
+    """
     places = [str(ROOT), str(BENCHMARKS), *filter(None, [os.environ.get("PYTHONPATH")])]
-    return {**os.environ, "PYTHONPATH": os.pathsep.join(places), "NO_COLOR": "1"}
+    kept = {k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTECODE"}
+    return {**kept, "PYTHONPATH": os.pathsep.join(places), "NO_COLOR": "1"}
 
 
 def _mib(usage: resource.struct_rusage) -> float:

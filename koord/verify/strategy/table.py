@@ -143,7 +143,7 @@ _ALL_ENGINES: Rows = (
         first=(
             AskEngine(Engine.EVERY_N, _A_LITTLE, fleet=Fleet.FEW),
             AskEngine(Engine.EVERY_N, Task(seconds=SPARING_S), fleet=Fleet.MANY),
-            AskEngine(Engine.BMC, Task(seconds=0.5, rounds=1)),
+            AskEngine(Engine.BMC, Task(seconds=0.5, rounds=8)),
             AskEngine(Engine.EVERY_N, _LEMMAS_SOON),
         ),
         beside=(
