@@ -146,11 +146,22 @@ class UnsearchedGoal(Struct, frozen=True):
     subject: str
 
 
+class ReachingRun(Struct, frozen=True):
+    """A run that reached what should be possible (:mod:`koord.verify.vacuity.reaching_runs`).
+
+    ``layout`` is a digest of the systems of which its values may be.
+    """
+
+    layout: str
+    recording: Recording
+
+
 class Report(Struct, frozen=True):
     """A report: all verdicts on one system; on systems of every size if ``every_n``.
 
     ``of_slice``: for those on states no engine was asked about more than the slice that all claims
-    about states depend on.
+    about states depend on. ``reaching`` are runs that reach what should be possible, as far as
+    somebody looked for them.
     """
 
     verdicts: tuple[Verdict, ...]
@@ -161,6 +172,7 @@ class Report(Struct, frozen=True):
     every_n: bool = False
     unlooked: tuple[UnsearchedGoal, ...] = ()
     of_slice: bool = False
+    reaching: tuple[ReachingRun, ...] = ()
 
     @property
     def lemmas(self) -> tuple[core.Property, ...]:

@@ -7,6 +7,7 @@ from tests.mutants.mutant import Mutant
 FORMS = "tests/verify/cache/test_forms.py"
 KEPT = "tests/verify/cache/test_kept.py"
 FOLDER = "tests/verify/cache/test_folder.py"
+REACHING = "tests/verify/vacuity/test_reaching_runs.py"
 
 CACHED = (
     Mutant(
@@ -148,5 +149,47 @@ CACHED = (
         'os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)',
         "os.O_RDONLY",
         (FOLDER,),
+    ),
+    Mutant(
+        "cache: a run that reached a goal of another program reaches it",
+        "verify.vacuity.reaching_runs._broken_by",
+        "violated is True and all(needed.condition is True for needed in legality)",
+        "True",
+        (REACHING,),
+    ),
+    Mutant(
+        "cache: runs of other types are replayed",
+        "verify.vacuity.reaching_runs.ReachingRuns.replayed",
+        "run.layout != layout or not (pending or not goes_on)",
+        "not (pending or not goes_on)",
+        (REACHING,),
+    ),
+    Mutant(
+        "cache: answers of kept runs may be those of no function",
+        "verify.vacuity.reaching_runs._shown",
+        "unkept(system, heard) is not None",
+        "False",
+        (REACHING,),
+    ),
+    Mutant(
+        "cache: what is reached later than anybody looks counts",
+        "verify.vacuity.reaching_runs._shown",
+        "step.configuration.fault is not None or step.configuration.round > rounds",
+        "step.configuration.fault is not None",
+        (REACHING,),
+    ),
+    Mutant(
+        "cache: a kept run starts whatever is assumed",
+        "verify.vacuity.analysis._look",
+        "shown.starts",
+        "reaching.before",
+        (REACHING,),
+    ),
+    Mutant(
+        "cache: what one kept run reaches stands for all goals",
+        "verify.vacuity.analysis._look",
+        "nevers or not shown.goes_on",
+        "not shown.goes_on",
+        (REACHING,),
     ),
 )

@@ -69,6 +69,16 @@ class Dependences(Struct, frozen=True, dict=True):
         fleet = f"{[system.program.agents[k].name for k in system.kinds]} {system.delta_s}"
         return digest("verdict", self.question.text, fleet, named(system.program, claim))
 
+    @property
+    def lineage(self) -> str:
+        """The digest of what stays the same while somebody changes a program.
+
+        What is found by it is of some program of that name, and has to be checked.
+        """
+        system = self.system
+        agents = [system.program.agents[k].name for k in system.kinds]
+        return digest("lineage", system.program.name, repr(agents), self.question.version)
+
     def key(self, claim: Claim, names: Names) -> str | None:
         """The key of a verdict that is a fact about the slice with parts of these names.
 

@@ -20,11 +20,22 @@ from koord.verify.cache.dependence import Dependences, Names
 from koord.verify.cache.forms import digest
 from koord.verify.cache.storage import Storage
 from koord.verify.claims import NO_FAULT, Claim, ClaimKind
-from koord.verify.verdicts import Bounds, Counterexample, Outcome, Report, Vacuity, Verdict
+from koord.verify.verdicts import (
+    Bounds,
+    Counterexample,
+    Outcome,
+    ReachingRun,
+    Report,
+    Vacuity,
+    Verdict,
+)
 
 #: So many verdicts are kept on claims that are written alike, of different programs: who goes back
 #: to what the text was before finds what was known of it.
 MOST_ALIKE = 8
+
+#: So many runs are kept of programs of one name that reach what should be possible.
+MOST_RUNS = 8
 
 
 class KeptVacuities(Struct, frozen=True):
@@ -102,6 +113,27 @@ class VerdictCache(Struct, frozen=True):
             place = None if vacuity.span is None else places.index(vacuity.span)
             data.append([plain(vacuity), place])
         self._write(key, {"vacuities": data})
+
+    def reaching(self, dependences: Dependences) -> tuple[ReachingRun, ...]:
+        """The kept runs that reached what should be possible; a replay has to show it again."""
+        key = dependences.lineage
+        try:
+            found = [revived(each) for each in (self._read(key) or {}).get("runs", ())]
+        except (CodecError, TypeError):
+            self._damaged(key)
+            return ()
+        return tuple(each for each in found if isinstance(each, ReachingRun))
+
+    def keep_reaching(self, dependences: Dependences, report: Report) -> None:
+        """Keep the runs of a report that reach what should be possible, before older ones."""
+        if not report.reaching:
+            return
+        runs = dict.fromkeys((*report.reaching, *self.reaching(dependences)))
+        try:
+            data = [plain(each) for each in list(runs)[:MOST_RUNS]]
+        except CodecError:
+            return
+        self._write(dependences.lineage, {"runs": data})
 
     # --- one claim ------------------------------------------------------------------------------
 

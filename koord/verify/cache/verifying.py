@@ -53,7 +53,8 @@ class CachedVerification(Struct, frozen=True, dict=True):
     @property
     def past(self) -> PastVerification:
         """All that is known, also of claims that are not asked about: they serve as lemmas."""
-        return PastVerification(tuple(each.verdict for each in self.known.values()))
+        verdicts = tuple(each.verdict for each in self.known.values())
+        return PastVerification(verdicts, reaching=self.cache.reaching(self.dependences))
 
     @cached_property
     def answer(self) -> Report | None:
@@ -74,4 +75,5 @@ class CachedVerification(Struct, frozen=True, dict=True):
         if self.answer is None:
             self.cache.keep(self.dependences, report, self.bounds, self.known.values())
             self.cache.keep_vacuities(self.dependences, report, self.names)
+            self.cache.keep_reaching(self.dependences, report)
         return replace(report, seconds=time.monotonic() - self.started)

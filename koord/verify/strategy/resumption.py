@@ -11,7 +11,7 @@ from koord.syntax.budget import OutOfBudgetError
 from koord.verify.engine_names import engine_named
 from koord.verify.ledger import Ledger, Reach, reach_of
 from koord.verify.obstacles import Failure, TimeUp
-from koord.verify.verdicts import Outcome, Verdict
+from koord.verify.verdicts import Outcome, ReachingRun, Verdict
 
 
 class StrategyStep(Struct, frozen=True):
@@ -25,12 +25,14 @@ class StrategyStep(Struct, frozen=True):
 class PastVerification(Struct, frozen=True):
     """The state of a verification whose process died, from which the next one continues.
 
-    ``begun`` are the steps that are not taken again, be they done or not.
+    ``begun`` are the steps that are not taken again, be they done or not. ``reaching`` are runs
+    that once reached what should be possible, perhaps of another program.
     """
 
     verdicts: tuple[Verdict, ...] = ()
     begun: tuple[StrategyStep, ...] = ()
     failures: tuple[Failure, ...] = ()
+    reaching: tuple[ReachingRun, ...] = ()
 
     def told(self, noted: Iterable[object]) -> PastVerification:
         """The state with the messages of a further process added."""
@@ -48,8 +50,11 @@ class PastVerification(Struct, frozen=True):
                     failures.append(value)
                 case _:
                     raise AssertionError(value)
-        return PastVerification(
-            tuple(verdicts.values()), tuple(begun), tuple(dict.fromkeys(failures))
+        return replace(
+            self,
+            verdicts=tuple(verdicts.values()),
+            begun=tuple(begun),
+            failures=tuple(dict.fromkeys(failures)),
         )
 
     def ended(self, what: str) -> PastVerification:

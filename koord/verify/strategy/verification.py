@@ -59,6 +59,7 @@ from koord.verify.verdicts import (
     Counterexample,
     EnumerationResult,
     Outcome,
+    ReachingRun,
     Report,
     UnsearchedGoal,
     Vacuity,
@@ -168,6 +169,7 @@ class _Verification(Struct, frozen=True):
             every_n,
             unreachable.unlooked,
             of_slice=last is ledger and not known,
+            reaching=search.reaching,
         )
 
     def _is_asked(self, claim: Claim) -> bool:
@@ -343,6 +345,7 @@ class _ReachabilitySearch(Struct):
     of_any_number: bool = False
     failures: list[Failure] = field(default_factory=list)
     runs: Sequence[Verdict] = ()  #: what is known of whole runs
+    reaching: tuple[ReachingRun, ...] = ()  #: runs that reach goals
     job: Job[tuple[GoalSearch | str, tuple[Failure, ...]]] | None = None
 
     def begin(self, ledger: Ledger, names: Collection[str]) -> None:
@@ -355,7 +358,7 @@ class _ReachabilitySearch(Struct):
             def looked(tell: Progress) -> tuple[GoalSearch | str, tuple[Failure, ...]]:
                 found: GoalSearch | str = ""
                 with own.stopping(), own.enduring(VACUITY):
-                    found = look(own, every_n=every_n)
+                    found = look(own, every_n=every_n, before=self.steps.past.reaching)
                 return found, tuple(own.failures)
 
             self.job = self.pool.submit("", looked)
@@ -374,6 +377,7 @@ class _ReachabilitySearch(Struct):
                 else:
                     looked = self._looked(own, every_n=every_n)
                     if isinstance(looked, GoalSearch):
+                        self.reaching = looked.runs
                         found = vacuities(own, looked, of_all_rounds=everywhere)
         self.failures += own.failures
         if found is None:
@@ -384,7 +388,7 @@ class _ReachabilitySearch(Struct):
     def _looked(self, own: Ledger, *, every_n: bool) -> GoalSearch | str:
         """The result of the parallel search, or of one made now."""
         if self.job is None:
-            return look(own, every_n=every_n)
+            return look(own, every_n=every_n, before=self.steps.past.reaching)
         answer = self.pool.answer(self.job)
         if answer is None:
             own.fail(Failure(VACUITY, self.job.end))

@@ -34,8 +34,16 @@ from koord.verify.reachability_goals import (
 from koord.verify.vacuity import unreachable
 from koord.verify.vacuity.contradictions import dead_end, unanswerable
 from koord.verify.vacuity.reachability import Unbroken, unbroken
+from koord.verify.vacuity.reaching_runs import ReachingRuns
 from koord.verify.vacuity.unreachable import unmet
-from koord.verify.verdicts import Emptiness, Outcome, UnsearchedGoal, Vacuity, Verdict
+from koord.verify.verdicts import (
+    Emptiness,
+    Outcome,
+    ReachingRun,
+    UnsearchedGoal,
+    Vacuity,
+    Verdict,
+)
 
 #: For how long it is looked at all whether verdicts say something: so many seconds of work, or so
 #: many times as long as the verdicts took.
@@ -65,7 +73,7 @@ class GoalSearch(Struct, frozen=True):
     ``never`` are the goals that no run reaches; None if no run can start, as ``empty`` says.
     ``effort`` is what is left of it, and ``spent_s`` the work that was done. ``sure`` are goals
     that are proved unreachable for every number of robots. ``of_few``: few of them
-    were looked at, as verdicts are for every number of them.
+    were looked at, as verdicts are for every number of them. ``runs`` are some that reach goals.
     """
 
     empty: tuple[Vacuity, ...]
@@ -74,6 +82,7 @@ class GoalSearch(Struct, frozen=True):
     spent_s: float = 0.0
     sure: frozenset[Claim] = frozenset()
     of_few: bool = False
+    runs: tuple[ReachingRun, ...] = ()
 
 
 class FoundVacuities(Struct, frozen=True):
@@ -83,12 +92,15 @@ class FoundVacuities(Struct, frozen=True):
     unlooked: tuple[UnsearchedGoal, ...] = ()
 
 
-def look(ledger: Ledger, *, every_n: bool = False) -> GoalSearch:
+def look(
+    ledger: Ledger, *, every_n: bool = False, before: Sequence[ReachingRun] = ()
+) -> GoalSearch:
     """Search for vacuities that depend on no verdict, so that it can run in parallel.
 
     ``every_n``: all verdicts are proofs for every number of robots, so that it is looked at few of
-    them first. [PROP-VACUOUS]
+    them first. ``before`` are runs that reached goals once, which are replayed. [PROP-VACUOUS]
     """
+    runs = ReachingRuns(before)
     started = time.process_time()
     effort = Effort.of_seconds(WISHES_S)
     wished = reachability_goals_of(ledger.system)
@@ -97,13 +109,15 @@ def look(ledger: Ledger, *, every_n: bool = False) -> GoalSearch:
     few = unreachable.few_of(ledger.system) if every_n else None
     try:
         if few is None:
-            looked = _look(own, reachability_goals_of(own.system), effort)
+            looked = _look(own, reachability_goals_of(own.system), effort, runs)
         else:
-            looked = _look_at_few(own, few, reachability_goals_of(own.system), effort)
+            wished = reachability_goals_of(own.system)
+            looked = _look_at_few(own, few, wished, effort, runs)
     except OutOfBudgetError:
         nevers = frozenset(goal.never for goal in wished.all)
         looked = GoalSearch((), Unbroken(nevers, known=False), effort)
-    return replace(looked, spent_s=time.process_time() - started)
+    spent_s = time.process_time() - started
+    return replace(looked, spent_s=spent_s, runs=tuple(runs.useful))
 
 
 def is_every_n(
@@ -122,14 +136,14 @@ def is_every_n(
 
 
 def _look_at_few(
-    ledger: Ledger, few: System, wished: ReachabilityGoals, effort: Effort
+    ledger: Ledger, few: System, wished: ReachabilityGoals, effort: Effort, runs: ReachingRuns
 ) -> GoalSearch:
     """Search with few robots; what these do not reach is proved, or looked for with all of them."""
     some = unreachable.with_robots_of(few, ledger)
-    looked = _look(some, reachability_goals_of(some.system), effort)
+    looked = _look(some, reachability_goals_of(some.system), effort, runs)
     if looked.never is None or looked.never.stuck is not None:
         # More robots may start, or go on, where few do not.
-        return _look(ledger, wished, effort)
+        return _look(ledger, wished, effort, runs)
     with suppress(OutOfBudgetError):  # where few start, many most often do
         start = _start(ledger.system, ledger.seed, ledger.deadline, effort)
         if start is not None:
@@ -143,7 +157,7 @@ def _look_at_few(
     found = Unbroken(frozenset(), limits=looked.never.limits)
     if left:
         try:
-            searched = _look(ledger, replace(wished, all=left), effort)
+            searched = _look(ledger, replace(wished, all=left), effort, runs)
         except OutOfBudgetError:
             found = Unbroken(frozenset(goal.never for goal in left), known=False)
         else:
@@ -197,19 +211,32 @@ def unlooked(system: System, nevers: Collection[Claim] | None = None) -> tuple[U
     return tuple(dict.fromkeys(UnsearchedGoal(_aim(goal), goal.subject) for goal in goals))
 
 
-def _look(ledger: Ledger, wished: ReachabilityGoals, effort: Effort) -> GoalSearch:
+def _look(
+    ledger: Ledger, wished: ReachabilityGoals, effort: Effort, reaching: ReachingRuns
+) -> GoalSearch:
     system, deadline, seed = ledger.system, ledger.deadline, ledger.seed
-    start = _start(system, seed, deadline, effort)
+    nevers, rounds = [goal.never for goal in wished.all], ledger.bounds.rounds
+    shown = reaching.replayed(wished.system, nevers, rounds)
+    start = None if shown.starts else _start(system, seed, deadline, effort)
     if start is not None:
         return GoalSearch((start,), None, effort)
     silent = tuple(_silent(ledger, deadline, effort))
-    nevers = [goal.never for goal in wished.all]
-    rounds = ledger.bounds.rounds
+    nevers = [never for never in nevers if never not in shown.claims]
     # Making up positions and paths that meet assumptions can cost more than it spares.
     runs = 0 if ledger.problem.is_abstract else max(rounds, TURNS // system.robots)
-    never = unbroken(
-        wished.system, nevers, rounds, deadline, effort, seed=seed, runs=runs, runs_s=RUNS_S
-    )
+    never = Unbroken(frozenset())
+    if nevers or not shown.goes_on:
+        never = unbroken(
+            wished.system,
+            nevers,
+            rounds,
+            deadline,
+            effort,
+            seed=seed,
+            runs=runs,
+            runs_s=RUNS_S,
+            reaching=reaching,
+        )
     ended = None if never.stuck is not None else dead_end(ledger.problem.original, deadline, seed)
     return GoalSearch(silent if ended is None else (*silent, ended), never, effort)
 

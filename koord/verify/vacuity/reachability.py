@@ -29,6 +29,7 @@ from koord.verify.encoding.unrolling import Unrolling, violations
 from koord.verify.engines.explicit.limits import FEW_STATES, Limits
 from koord.verify.engines.induction.proving import prove
 from koord.verify.ledger import Ledger
+from koord.verify.vacuity.reaching_runs import ReachingRuns
 from koord.verify.verdicts import Counterexample, Outcome
 from koord.verify.witness import NotReplayedError
 
@@ -62,16 +63,22 @@ def runs_of(system: System, rounds: int, seed: int) -> Iterator[tuple[Run, Play]
 
 
 def seen(
-    system: System, nevers: Iterable[Claim], rounds: int, deadline: Deadline, seed: int
+    system: System,
+    nevers: Iterable[Claim],
+    rounds: int,
+    deadline: Deadline,
+    seed: int,
+    reaching: ReachingRuns | None = None,
 ) -> dict[Claim, int]:
     """The claims that a few runs of so many rounds break, each with the round.
 
     No solver need be asked about them. Where the inputs of a run cannot be made up, or a run
-    faults, it ends there.
+    faults, it ends there. Each run that breaks some is kept, up to where it has, as ``reaching``.
     """
     pending = set(nevers)
     broken: dict[Claim, int] = {}
     for _, play in runs_of(system, rounds, seed):
+        reached: Recording | None = None
         try:
             for taken in play.steps():
                 configuration = taken.step.configuration
@@ -84,10 +91,15 @@ def seen(
                 }
                 broken |= dict.fromkeys(hit, configuration.round)
                 pending -= hit
+                if hit and reaching is not None:
+                    reached = play.run.recording(checks=True)
                 if not pending or deadline.passed():
                     return broken
         except KoordError:
             continue
+        finally:
+            if reached is not None and reaching is not None:
+                reaching.add(system, reached)
     return broken
 
 
@@ -115,32 +127,34 @@ def unbroken(
     seed: int = 0,
     runs: int = 0,
     runs_s: float = 0,
+    reaching: ReachingRuns | None = None,
 ) -> Unbroken:
     """The claims that hold in all runs of so many rounds, asked round by round.
 
     One round is looked at even if there is nothing to ask, to see whether it can end. With ``runs``
     a few runs at random are made first, for at most ``runs_s`` seconds: they break most claims.
     Longer ones, of so many rounds, show which of the others are broken later; and break some where
-    the solver takes long.
+    the solver takes long. Runs that break some are kept as ``reaching``.
     """
     hasty = effort if runs == 0 else Effort(effort.left // 8)
     pending = list(nevers)
     if runs > 0 and pending:
-        met = seen(system, pending, min(rounds, runs), deadline.sooner(_AT_FIRST_S), seed)
+        soon = deadline.sooner(_AT_FIRST_S)
+        met = seen(system, pending, min(rounds, runs), soon, seed, reaching)
         pending = [claim for claim in pending if claim not in met]
         if not pending and any(round_ > 0 for round_ in met.values()):
             return Unbroken(frozenset())
-    few = _of_few(system, pending, rounds, deadline, hasty, seed)
+    few = _of_few(system, pending, rounds, deadline, hasty, seed, reaching)
     if few.known and not few.claims and few.stuck is None:
         return few
     pending = [claim for claim in pending if claim in few.claims]
     if runs == 0:
-        return _unbroken(system, seed, pending, rounds, deadline, effort)
-    met = seen(system, pending, min(rounds, runs), deadline.sooner(runs_s), seed)
+        return _unbroken(system, seed, pending, rounds, deadline, effort, reaching=reaching)
+    met = seen(system, pending, min(rounds, runs), deadline.sooner(runs_s), seed, reaching)
     pending = [claim for claim in pending if claim not in met]
     if not pending and any(round_ > 0 for round_ in met.values()):
         return Unbroken(frozenset())
-    left = _unbroken(system, seed, pending, rounds, deadline, hasty)
+    left = _unbroken(system, seed, pending, rounds, deadline, hasty, reaching=reaching)
     if deadline.passed() or not left.claims:
         return left
     lasting = set[Claim]()
@@ -150,12 +164,12 @@ def unbroken(
     met = seen(system, left.claims - lasting, runs, deadline.sooner(runs_s), seed)
     if not left.known:
         pending = [claim for claim in pending if claim in left.claims and claim not in met]
-        few = _of_few(system, pending, rounds, deadline, effort, seed)
+        few = _of_few(system, pending, rounds, deadline, effort, seed, reaching)
         pending = [claim for claim in pending if claim in few.claims]
         if few.known and few.claims:
             # What two of a kind cannot do all together seldom can, and that takes long to tell.
             effort = Effort(effort.left // 4)
-        left = _unbroken(system, seed, pending, rounds, deadline, effort)
+        left = _unbroken(system, seed, pending, rounds, deadline, effort, reaching=reaching)
     return replace(left, later=left.claims & met.keys())
 
 
@@ -166,6 +180,7 @@ def _of_few(
     deadline: Deadline,
     effort: Effort,
     seed: int,
+    reaching: ReachingRuns | None,
 ) -> Unbroken:
     """Check runs in which most robots only skip, with half the effort.
 
@@ -176,7 +191,8 @@ def _of_few(
         return Unbroken(frozenset(nevers), known=False)
     half = Effort(effort.left // 2)
     effort.left -= half.left
-    left = _unbroken(system, seed, list(nevers), rounds, deadline, half, movers=movers)
+    asked = list(nevers)
+    left = _unbroken(system, seed, asked, rounds, deadline, half, movers=movers, reaching=reaching)
     effort.left += half.left
     return left
 
@@ -199,12 +215,15 @@ def _unbroken(
     *,
     movers: frozenset[int] | None = None,
     ending: bool = False,
+    reaching: ReachingRuns | None = None,
 ) -> Unbroken:
     """Check rounds; with ``ending`` a violation counts only if its round can end."""
     pending = list(claims)
     with suppress(OutOfBudgetError):
         unrolling = Unrolling(system, seed, movers)
-        return _round_by_round(unrolling, pending, rounds, deadline, effort, ending=ending)
+        return _round_by_round(
+            unrolling, pending, rounds, deadline, effort, ending=ending, reaching=reaching
+        )
     return Unbroken(frozenset(pending), known=False)
 
 
@@ -216,13 +235,14 @@ def _round_by_round(
     effort: Effort,
     *,
     ending: bool,
+    reaching: ReachingRuns | None,
 ) -> Unbroken:
     """Check round by round; broken claims are removed as they are found."""
     for moment in unrolling.moments():
         after = []
         if ending and moment.phase is ClaimPhase.MIDDLE:
             after = unrolling.rounds[-1].end.constraints
-        answer = _strike(unrolling, moment, pending, deadline, effort, after)
+        answer = _strike(unrolling, moment, pending, deadline, effort, after, reaching)
         if (
             answer is not SolverAnswer.UNKNOWN
             and moment.phase is ClaimPhase.END
@@ -251,6 +271,7 @@ def _strike(
     deadline: Deadline,
     effort: Effort,
     after: Sequence[Term] = (),
+    reaching: ReachingRuns | None = None,
 ) -> SolverAnswer:
     """Remove the claims that a configuration can break. SAT: all claims are removed.
 
@@ -266,6 +287,8 @@ def _strike(
         if answer is not SolverAnswer.SAT:
             return answer
         model = solver.model()
+        if reaching is not None:
+            reaching.note(unrolling, model, moment.phase)
         for claim in [c for c, (violated, _) in asked.items() if model.truth(violated)]:
             del asked[claim]
             pending.remove(claim)

@@ -13,6 +13,7 @@ from koord.syntax.system import System, dealt
 from koord.verify.cache.dependence import Dependences, Question
 from koord.verify.cache.kept import VerdictCache
 from koord.verify.cache.storage import Memory
+from koord.verify.cache.verifying import CachedVerification
 from koord.verify.claims import ClaimKind
 from koord.verify.engine_names import Engine
 from koord.verify.strategy.verification import verify
@@ -367,6 +368,30 @@ def test_going_back_and_forth_between_texts_says_the_same_of_each(seed: int) -> 
 
 def outcomes(report: Report) -> dict[str, Outcome]:
     return {v.claim.name: v.outcome for v in report.verdicts}
+
+
+# --- runs that reach what should be possible ------------------------------------------------------
+
+
+def test_runs_that_reach_goals_are_known_of_whatever_becomes_of_a_program() -> None:
+    cache = new_cache()
+    found = verified(cache, of(TEXT))
+    assert found.reaching
+    changed = CachedVerification.begun(cache, of(TEXT.replace("steps < 3", "steps < 4")), SHORT)
+    assert set(changed.past.reaching) == set(found.reaching)
+
+
+def test_runs_that_are_damaged_are_forgotten() -> None:
+    notes: list[str] = []
+    cache = VerdictCache(Memory(), notes.append)
+    verified(cache, of(TEXT))
+    found = dependences(of(TEXT))
+    cache.storage.put(found.lineage, b'{"runs": [{"struct": "os.system"}]}')
+    assert not cache.reaching(found)
+    assert cache.storage.get(found.lineage) is None
+    assert notes
+    cache.storage.put(found.lineage, b'{"runs": [7]}')
+    assert not cache.reaching(found)
 
 
 # --- what is not kept -----------------------------------------------------------------------------
