@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from hypothesis import is_hypothesis_test, settings
 
-from koord.verify.processes import keep_freed_memory
+from koord.verify.job_process import keep_freed_memory
 from tests.sampling import PEERS, one_of_each, waits, waits_for_robots
 
 COMMON = settings(derandomize=True, deadline=None, print_blob=False)

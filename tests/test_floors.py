@@ -129,6 +129,8 @@ _ANSWERS = tuple(
         "engine_names",
         "failures",
         "forked",
+        "helpers",
+        "job_process",
         "ledger",
         "obstacles",
         "processes",
@@ -220,11 +222,13 @@ JUDGING = ("koord/semantics/", "koord/traces/")
 TALKING = (
     *("koord/cli/", "koord/__main__.py"),
     # Processes of their own, which tell others by their standard output.
+    "koord/api/courier.py",
     "koord/runtime/drivers/localisers/motioncapture_reader.py",
     "koord/testing/conformance/killed.py",
     "koord/testing/conformance/lane.py",
     "koord/testing/cars.py",
     "koord/testing/truth.py",
+    "koord/verify/answering.py",
 )
 
 TALKING_NAMES = frozenset({"print", "input", "exit", "quit", "SystemExit", "breakpoint"})

@@ -17,12 +17,13 @@ from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
 from contextlib import closing
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
-from typing import Any, BinaryIO, TypeAlias, get_type_hints
+from typing import BinaryIO, TypeAlias, get_type_hints
 
 import msgspec
 from msgspec import Struct
 from msgspec.structs import astuple
 
+from koord.api.dask_cluster import connected, engine, unwanted
 from koord.api.files import read_written, write_atomically
 from koord.api.fitting import FitRequest, fit
 from koord.api.sim_setup import check_begun, limit_s, simulation
@@ -174,9 +175,6 @@ def _row(cells: dict[str, str]) -> Row:
 #: What is wrong with an order.
 Refusal: TypeAlias = tuple[Diagnostic, ...]
 
-#: A scheduler that does not answer for so long is not there.
-_CONNECT_S = 10
-
 
 class Order(Struct, frozen=True):
     """A run to make. ``swept`` is the value of the swept parameter."""
@@ -256,17 +254,9 @@ def _on_cluster(
     orders: Sequence[Order], address: str, is_enough: Callable[[], bool]
 ) -> Generator[Row | Refusal | None, None, None]:
     """Make runs on the workers of a Dask cluster. Raises KoordError."""
-    import distributed
-
-    engine: Any = distributed  # it says nothing of its types
-    try:
-        client = engine.Client(address, timeout=_CONNECT_S)
-    except (OSError, ValueError) as error:
-        story = f"there is no Dask scheduler at {address}: {error}"
-        raise refusal("K935", "<cluster>", story, "start one with: dask scheduler") from None
-    with client:
+    with connected(address) as client:
         futures = client.map(_on_worker, orders, pure=False, retries=0)
-        for future in engine.as_completed(futures):
+        for future in engine().as_completed(futures):
             yield future.result()
             if is_enough():
                 client.cancel(futures)
@@ -274,21 +264,8 @@ def _on_cluster(
 
 
 def _on_worker(order: Order) -> Row | Refusal | None:
-    """As :func:`_tried`, on a Dask worker.
-
-    When who asks has ended, however that was, the scheduler takes the run from the worker; but the
-    worker does not end what goes on in its thread. So the run looks itself.
-    """
-    from distributed import worker
-
-    engine: Any = worker  # it says nothing of its types
-    tasks, key = engine.get_worker().state.tasks, engine.thread_state.key
-
-    def is_unwanted() -> bool:
-        task = tasks.get(key)
-        return task is None or task.state != "executing"
-
-    return _tried(order, is_unwanted)
+    """As :func:`_tried`, on a Dask worker, until nobody waits for the run any more."""
+    return _tried(order, unwanted())
 
 
 def _tried(order: Order, is_enough: Callable[[], bool] = lambda: False) -> Row | Refusal | None:

@@ -23,7 +23,7 @@ from koord.syntax.system import System
 from koord.version import __version__
 
 if TYPE_CHECKING:
-    from koord.verify.processes import JobChannel
+    from koord.verify.job_process import JobChannel
 
 #: What a program can be written as: circuits, transition systems, one question about some rounds, a
 #: module of TLA+.

@@ -10,10 +10,11 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from enum import Enum
 from functools import partial
 from importlib import import_module
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, TypeAlias, TypeVar
 
 from msgspec import Struct
 from msgspec.structs import replace
@@ -24,13 +25,17 @@ from koord.api.results import ArgumentError
 from koord.api.robots import Robots, Seconds, delta_of, fleet_of, system_of
 from koord.syntax.system import System
 from koord.verify import engine_names
+from koord.verify.effort import Deadline
+from koord.verify.helpers import Helpers, PortableWork
 
 if TYPE_CHECKING:
     from koord.api.cache import Cache
+    from koord.api.courier import Cluster
     from koord.api.verify_report import VerifyReport
     from koord.verify.cache.verifying import CachedVerification
-    from koord.verify.processes import JobChannel
+    from koord.verify.job_process import JobChannel
     from koord.verify.proof_core import ProofCore
+    from koord.verify.strategy.resumption import PastVerification
     from koord.verify.verdicts import Bounds, Report
 
 T = TypeVar("T")
@@ -79,6 +84,10 @@ _ENGINES = {
 }
 
 
+#: What a cache knows of a system: its report, or some of it.
+Known: TypeAlias = "Report | PastVerification"
+
+
 class Question(Struct, frozen=True):
     """A verification query: a program with robots; ``every_n``: any number of them."""
 
@@ -101,6 +110,7 @@ class Options(Struct, frozen=True, kw_only=True):
     instants: bool = False
     rests_on: bool = False
     cache: Cache | None = None
+    helpers: Helpers | None = None  #: who does what can be done on other machines
 
     @property
     def left_s(self) -> float | None:
@@ -126,6 +136,7 @@ def verify(
     timeout_s: float | None = None,
     property_timeout_s: float | None = None,
     jobs: int | None = None,
+    cluster: str | None = None,
     max_violations: int = 1,
     instants: bool = False,
     rests_on: bool = False,
@@ -142,7 +153,8 @@ def verify(
     the names of those that are verified (all).
 
     ``timeout_s`` is the time for everything, ``property_timeout_s`` that for each property, in
-    seconds of the wall; ``jobs`` the number of processes (as many as there are cores).
+    seconds of the wall; ``jobs`` the number of processes (as many as there are cores), and
+    ``cluster`` the address of a Dask scheduler whose workers do what can be done elsewhere.
     ``max_violations`` asks for several ways to break a property, ``instants`` for verdicts between
     the ends of rounds, ``rests_on`` for what the proofs need. ``seed`` is of all that is random.
 
@@ -176,8 +188,30 @@ def verify(
         rests_on=rests_on,
         cache=cache,
     )
-    (report,) = verify_each([question], options, teller(progress), asker(cancellation))
+    tell, interrupted = teller(progress), asker(cancellation)
+    with helped(options, cluster, tell, interrupted) as (options, _):
+        (report,) = verify_each([question], options, tell, interrupted)
     return report
+
+
+@contextmanager
+def helped(
+    options: Options,
+    address: str | None,
+    tell: Callable[[str], None],
+    interrupted: Callable[[], bool],
+) -> Iterator[tuple[Options, Cluster | None]]:
+    """Within the context, options by which the cluster at an address helps, and that cluster.
+
+    None of them does without an address. Raises KoordError if there is no cluster.
+    """
+    if address is None:
+        yield options, None
+        return
+    from koord.api.courier import cluster_at
+
+    with cluster_at(address, tell, interrupted) as cluster:
+        yield replace(options, helpers=cluster.helpers), cluster
 
 
 def engine_of(engine: Engine | str, *, every_n: bool) -> Engine:
@@ -217,8 +251,8 @@ def verify_each(
         check_loadable()
         load_for_threads()
     if len(questions) == 1:
-        answered = _answer(questions[0], options, tell, interrupted, looked_up[0])
-        yield _kept(looked_up[0], answered)
+        answered = _answer(questions[0], options, tell, interrupted, _known(looked_up[0]))
+        yield _kept(looked_up[0], _confirmed(answered, questions[0], options))
         return
     from koord.verify.processes import Pool
     from koord.verify.strategy.time_limits import load
@@ -226,17 +260,21 @@ def verify_each(
     load()
 
     def answer(
-        question: Question, jobs: int, cached: CachedVerification | None, tell: JobChannel
+        question: Question, jobs: int, known: Known | None, tell: JobChannel
     ) -> VerifyReport:
-        return _answer(question, replace(options, jobs=jobs), tell, interrupted, cached)
+        return _answer(question, replace(options, jobs=jobs), tell, interrupted, known)
 
-    with Pool(options.jobs, tell, interrupted) as pool:
+    with Pool(options.jobs, tell, interrupted, options.helpers) as pool:
         work = []
         for question, cached in zip(questions, looked_up, strict=True):
             # Beside the last one nobody else has anything to do in the end.
             jobs = options.jobs if question is questions[-1] else 1
-            work_on = partial(answer, question, jobs, cached)
-            work.append((question, cached, pool.submit(_named(question, questions), work_on)))
+            known = _known(cached)
+            work_on = partial(answer, question, jobs, known)
+            is_known = cached is not None and cached.answer is not None
+            portable = None if is_known else _portable(question, options, known)
+            job = pool.submit(_named(question, questions), work_on, portable=portable)
+            work.append((question, cached, job))
         for question, cached, job in work:
             try:
                 found = pool.answer(job)
@@ -245,7 +283,9 @@ def verify_each(
             if found is None:
                 yield _unanswered(question, options, job.end)
             else:
-                yield _kept(cached, found)
+                # Another machine has other clocks.
+                found = replace(found, ends_at=options.ends_at)
+                yield _kept(cached, _confirmed(found, question, options))
 
 
 def _looked_up(question: Question, options: Options) -> CachedVerification | None:
@@ -262,6 +302,10 @@ def _looked_up(question: Question, options: Options) -> CachedVerification | Non
     )
 
 
+def _known(cached: CachedVerification | None) -> Known | None:
+    return None if cached is None else cached.answer or cached.past
+
+
 def _kept(cached: CachedVerification | None, report: VerifyReport) -> VerifyReport:
     """A report, of which a cache keeps what is new."""
     return report if cached is None else replace(report, at_ends=cached.ended(report.at_ends))
@@ -270,6 +314,38 @@ def _kept(cached: CachedVerification | None, report: VerifyReport) -> VerifyRepo
 def _engine(question: Question, options: Options) -> engine_names.Engine | None:
     """Who is asked; None: whoever the strategy says."""
     return engine_names.Engine.EVERY_N if question.every_n else _ENGINES[options.engine]
+
+
+def _confirmed(report: VerifyReport, question: Question, options: Options) -> VerifyReport:
+    """The report; where other machines helped, what breaks claims is replayed on this one."""
+    if options.helpers is None:
+        return report
+    from koord.verify.strategy.confirmation import confirmed
+
+    assert report.system == question.system, "it is an answer to another question"
+    between = report.between
+    if between is not None and report.shadows is not None:
+        between = confirmed(report.shadows.system, between)
+    return replace(report, at_ends=confirmed(report.system, report.at_ends), between=between)
+
+
+class _SystemQuestion(PortableWork, frozen=True):
+    """A system to verify on another machine."""
+
+    question: Question
+    options: Options  #: with neither a deadline, a cache nor helpers
+    deadline: Deadline
+    known: Known | None
+
+    def __call__(self, tell: JobChannel) -> VerifyReport:
+        options = replace(self.options, ends_at=self.deadline.at)
+        return _answer(self.question, options, tell, lambda: False, self.known)
+
+
+def _portable(question: Question, options: Options, known: Known | None) -> PortableWork:
+    """The question of a system for another machine, which has a process for each."""
+    own = replace(options, jobs=1, ends_at=None, helpers=None, cache=None)
+    return _SystemQuestion(question, own, Deadline(options.ends_at), known)
 
 
 def check_loadable() -> None:
@@ -362,7 +438,7 @@ def _answer(
     options: Options,
     tell: Callable[[str], None],
     interrupted: Callable[[], bool],
-    cached: CachedVerification | None,
+    known: Known | None,
 ) -> VerifyReport:
     """The report on one system: if any number of robots is asked for, on an example."""
     from koord.api.verdicts import Parts
@@ -372,7 +448,7 @@ def _answer(
     from koord.verify.verdicts import Report
 
     system = question.system
-    known = [claim.name for claim in (*claims_of(system), *liveness_of(system))]
+    names = [claim.name for claim in (*claims_of(system), *liveness_of(system))]
     shadows = None
     between: list[str] = []
     if options.instants:
@@ -383,13 +459,13 @@ def _answer(
             lambda tell: instants.shadowed(system, left, options.seed), tell, interrupted
         )
         between = [*shadows.names, *(claim.name for claim, _ in shadows.unsaid)]
-    check_names(options.properties, [*known, *between])
+    check_names(options.properties, [*names, *between])
     choice = _engine(question, options)
     bounds = options.bounds
-    own = [name for name in options.properties if name in known]
+    own = [name for name in options.properties if name in names]
     report = Report((), (), 0.0)
-    if cached is not None and cached.answer is not None:
-        report = cached.answer
+    if isinstance(known, Report):
+        report = known
     elif own or not options.properties:
         # The engines are not loaded where nobody is asked.
         from koord.verify.strategy.time_limits import verify_apart
@@ -401,9 +477,10 @@ def _answer(
             names=own,
             seed=options.seed,
             jobs=options.jobs,
+            helpers=options.helpers,
             progress=tell,
             interrupted=interrupted,
-            past=None if cached is None else cached.past,
+            past=known,
         )
     found = None
     if shadows is None or report.interrupted:
@@ -416,6 +493,7 @@ def _answer(
             wanted=lambda name: not options.properties or name in options.properties,
             seed=options.seed,
             jobs=options.jobs,
+            helpers=options.helpers,
             progress=tell,
             interrupted=interrupted,
         )

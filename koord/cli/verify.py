@@ -7,6 +7,7 @@ import json
 import sys
 import time
 from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from itertools import islice
 from typing import TYPE_CHECKING
 
@@ -15,7 +16,7 @@ from koord.api.programs import Program
 from koord.api.progress import cores
 from koord.api.results import ArgumentError
 from koord.api.robots import system_of
-from koord.api.verify import Engine, Options, Question, engine_of, verify_each
+from koord.api.verify import Engine, Options, Question, engine_of, helped, verify_each
 from koord.cli.arguments import (
     add_bounds,
     add_files,
@@ -155,6 +156,12 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "of robots, programs (as many as there are cores)",
     )
     parser.add_argument(
+        "--cluster",
+        metavar="ADDRESS",
+        help="let workers of a Dask cluster, as tcp://host:8786, look at what can be sent to them; "
+        "verdicts are the same (koord[cluster])",
+    )
+    parser.add_argument(
         "--instants",
         action="store_true",
         help="verify invariants at every instant between the ends of rounds too",
@@ -233,10 +240,7 @@ def _cache(arguments: argparse.Namespace) -> Cache | None:
         return None
     from koord.api.cache import Cache, usual_folder
 
-    def note(text: str) -> None:
-        print(f"koord verify: {text}", file=sys.stderr)
-
-    return Cache(usual_folder() if arguments.cache else None, note=note)
+    return Cache(usual_folder() if arguments.cache else None, note=_note)
 
 
 def _check_flags(arguments: argparse.Namespace) -> None:
@@ -319,7 +323,8 @@ def _once(arguments: argparse.Namespace, cache: Cache | None) -> int:
         return Exit.BAD_INPUT
     try:
         told: list[Report] = []
-        code = _verified(programs, arguments, options, told)
+        with _helped(options, arguments.cluster) as options:
+            code = _verified(programs, arguments, options, told)
         if arguments.json:
             from koord.api.verify_report import reports_dict
 
@@ -382,3 +387,22 @@ def _answers(questions: Sequence[Question], options: Options) -> Iterator[Verify
             if report is None:
                 return
             yield report
+
+
+@contextmanager
+def _helped(options: Options, address: str | None) -> Iterator[Options]:
+    """Within the context, options by which the cluster at an address helps, if there is one."""
+    with ExitStack() as stack:
+        with LiveLine(sys.stderr) as line, Interruption() as interruption:
+            helping = helped(options, address, line.show, lambda: interruption.requested)
+            options, cluster = stack.enter_context(helping)
+        if cluster is not None and not cluster.workers:
+            _note("the cluster has no workers yet; questions wait for one (`dask worker`)")
+        yield options
+    if cluster is not None and cluster.died:
+        workers = "a worker" if cluster.died == 1 else f"{cluster.died} workers"
+        _note(f"{workers} of the cluster ended at a question, which was asked again")
+
+
+def _note(text: str) -> None:
+    print(f"koord verify: {text}", file=sys.stderr)

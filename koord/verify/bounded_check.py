@@ -18,6 +18,7 @@ from koord.syntax.diagnostics import KoordError
 from koord.syntax.system import System
 from koord.verify.claims import Claim, ClaimPhase
 from koord.verify.effort import Deadline, Effort
+from koord.verify.encoding.cubes import Cube
 from koord.verify.encoding.moments import SymbolicConfiguration
 from koord.verify.encoding.solver import SolverAnswer
 from koord.verify.encoding.unrolling import Unrolling, violations
@@ -40,10 +41,21 @@ class BoundedCheck:
     run, each with the reason and with what was completed before it. ``tired``: the last check
     ended because its effort was used up, and can be gone on with. ``beyond`` is what formulas
     cannot say of the next round, if there is something: then that is the end.
+
+    With a ``cube`` all this is of its runs alone. Through ``known`` rounds the claims hold, which
+    is not asked again.
     """
 
-    def __init__(self, system: System, judge: Judge, seed: int = 0) -> None:
-        self._unrolling = Unrolling(system, seed)
+    def __init__(
+        self,
+        system: System,
+        judge: Judge,
+        seed: int = 0,
+        cube: Cube | None = None,
+        known: int | None = None,
+    ) -> None:
+        self._unrolling = Unrolling(system, seed, cube=cube)
+        self._known = -1 if known is None else known
         self._judge = judge
         self._started = time.monotonic()
         self._moments = self._unrolling.moments()
@@ -77,10 +89,21 @@ class BoundedCheck:
                 break
             try:
                 moment = self._moment = self._moment or next(self._moments)
-                self._take_for_granted(moment, proved)
-                found, unreplayed, self.reason = _look(
-                    self._unrolling, moment, pending, deadline, effort, self._started, self._judge
-                )
+                self._take_for_granted(moment, [c for c in proved if c.is_state_property])
+                if len(self._unrolling.rounds) <= self._known:
+                    self._take_for_granted(moment, pending)
+                    found = dict[Claim, tuple[Counterexample, float]]()
+                    unreplayed = dict[Claim, str]()
+                else:
+                    found, unreplayed, self.reason = _look(
+                        self._unrolling,
+                        moment,
+                        pending,
+                        deadline,
+                        effort,
+                        self._started,
+                        self._judge,
+                    )
             except OutOfBudgetError:
                 self.reason = "timeout"
                 break
@@ -116,10 +139,9 @@ class BoundedCheck:
         """Descriptions of the values that the unrolling does not cover."""
         return self._unrolling.unknowns.uncovered
 
-    def _take_for_granted(self, moment: SymbolicConfiguration, proved: Sequence[Claim]) -> None:
+    def _take_for_granted(self, moment: SymbolicConfiguration, claims: Sequence[Claim]) -> None:
         d, solver = self._unrolling.encoder.d, self._unrolling.solver
-        state = [claim for claim in proved if claim.is_state_property]
-        for violated, needed in violations(self._unrolling.system, d, moment, state).values():
+        for violated, needed in violations(self._unrolling.system, d, moment, claims).values():
             solver.add([*needed, d.unary(UnaryOp.NOT, violated)])
 
 
@@ -175,6 +197,8 @@ class Unroller(Struct):
     """The bounded model checking engine, resumable from where it stopped."""
 
     bounded: BoundedCheck | None = None
+    cube: Cube | None = None  #: only its runs are looked at
+    known: int | None = None  #: the rounds through which all claims hold
     relying: bool = True  #: takes for granted what is proved
     late: bool = False  #: it was stopped by the clock, and not by what there is to be done
     afterwards: Effort = field(default_factory=lambda: Effort.of_seconds(AFTERWARDS_S))
@@ -191,7 +215,9 @@ class Unroller(Struct):
         if self.late and not ledger.deadline.is_near():  # there is time again
             self.bounded, self.late = None, False
         if self.bounded is None:
-            self.bounded = BoundedCheck(ledger.system, ledger.problem.judge, ledger.seed)
+            self.bounded = BoundedCheck(
+                ledger.system, ledger.problem.judge, ledger.seed, self.cube, self.known
+            )
         return self.bounded
 
     @property

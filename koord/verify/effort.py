@@ -26,6 +26,12 @@ class Deadline(Struct):
     at: float | None = None
     cpu_at: float | None = None
 
+    def __reduce__(self) -> tuple[object, ...]:
+        # Clocks of other machines are others: it is sent as what is left of it.
+        left_s = None if self.at is None else self.at - time.monotonic()
+        cpu_left_s = None if self.cpu_at is None else self.cpu_at - time.process_time()
+        return _deadline, (left_s, cpu_left_s)
+
     @staticmethod
     def after(seconds: float | None) -> Deadline:
         return Deadline(None if seconds is None else time.monotonic() + seconds)
@@ -82,6 +88,11 @@ class Deadline(Struct):
         """The same deadline, or a number of seconds of this process' own CPU time."""
         soon = time.process_time() + seconds
         return Deadline(self.at, soon if self.cpu_at is None else min(self.cpu_at, soon))
+
+
+def _deadline(left_s: float | None, cpu_left_s: float | None) -> Deadline:
+    cpu_at = None if cpu_left_s is None else time.process_time() + cpu_left_s
+    return Deadline(Deadline.after(left_s).at, cpu_at)
 
 
 #: Roughly what a solver does in a second, in its own units.

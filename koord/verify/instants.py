@@ -34,8 +34,9 @@ from koord.verify.encoding.terms import Term
 from koord.verify.encoding.unknowns import Symbolic
 from koord.verify.encoding.unrolling import Unrolling
 from koord.verify.engine_names import Engine
+from koord.verify.helpers import Helpers
+from koord.verify.job_process import was_interrupted
 from koord.verify.obstacles import SHADOWS, Failure, Unshown, failure_of
-from koord.verify.processes import was_interrupted
 from koord.verify.reduction.shadows import (
     BETWEEN,
     INSTANT,
@@ -117,6 +118,7 @@ def verified(
     wanted: Callable[[str], bool] = lambda name: True,
     seed: int = 0,
     jobs: int = 1,
+    helpers: Helpers | None = None,
     progress: Callable[[str], None] = lambda text: None,
     interrupted: Callable[[], bool] = lambda: False,
 ) -> Report:
@@ -134,6 +136,7 @@ def verified(
             names=names,
             seed=seed,
             jobs=jobs,
+            helpers=helpers,
             progress=lambda text: progress(f"{BETWEEN}: {text}"),
             interrupted=interrupted,
         )

@@ -22,6 +22,7 @@ from koord.syntax.system import System
 from koord.verify.claims import Claim, ClaimPhase
 from koord.verify.effort import Deadline
 from koord.verify.engine_names import Engine
+from koord.verify.job_process import was_interrupted
 from koord.verify.obstacles import (
     Beyond,
     Failure,
@@ -33,7 +34,6 @@ from koord.verify.obstacles import (
     failure_of,
     gave_up,
 )
-from koord.verify.processes import was_interrupted
 from koord.verify.verdicts import Bounds, BrokenStep, Counterexample, Outcome, Verdict
 
 #: How much work goes into proofs for all rounds where every round that was asked about is known.
@@ -86,6 +86,14 @@ class Extract(Struct, frozen=True):
     interrupted: bool
     failures: Mapping[Failure, frozenset[Claim]] = field(default_factory=dict)
     spans: Mapping[Claim, Sequence[Interval]] = field(default_factory=dict)
+
+    def moved(self, seconds: float) -> Extract:
+        """The same with moments that are so much later: those of another machine's clock."""
+        spans = {
+            claim: [(first + seconds, last + seconds) for first, last in its]
+            for claim, its in self.spans.items()
+        }
+        return replace(self, spans=spans)
 
 
 class Ledger(Struct):
@@ -300,6 +308,12 @@ class Ledger(Struct):
             _spans=spans,
         )
 
+    def detached(self, claims: Collection[Claim]) -> Ledger:
+        """As :meth:`of`, to be sent to another machine: it has neither listeners nor moments."""
+        spent = {claim: self.spent(claim) for claim in claims}
+        own = self.of(claims, _unheard)
+        return replace(own, noted=_unheard, failed=_unheard, before=spent, _spans={})
+
     def about(self, problem: VerificationProblem, claims: tuple[Claim, ...]) -> Ledger:
         """An empty ledger of another problem, whose results are not recorded here."""
         return Ledger(
@@ -392,6 +406,10 @@ class Ledger(Struct):
         if self.interrupted:
             found.append(Interrupted())
         return tuple(dict.fromkeys(found)) or (gave_up(Engine.NONE, self.deadline),)
+
+
+def _unheard(what: object) -> None:
+    """Hear of something, and ignore it."""
 
 
 def _found(reaches: Iterable[Reach]) -> tuple[Obstacle, ...]:

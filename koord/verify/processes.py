@@ -8,44 +8,33 @@ processes there are, nor on which of them is done first. Z3 stops its timers bef
 
 from __future__ import annotations
 
-import gc
 import os
-import pickle
 import signal
-import sys
 import time
-import traceback
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
-from select import select
-from types import FrameType
-from typing import TYPE_CHECKING, Generic, Protocol, TypeAlias, TypeVar
+from typing import Generic, TypeVar
 
 from msgspec import Struct, field
 
-from koord.syntax.diagnostics import KoordError
 from koord.syntax.forking import FORKING
-from koord.verify.forked import ForkedProcess, Receiver, Sender, fork, ready
-
-if TYPE_CHECKING:
-    from ctypes import CDLL
+from koord.verify.forked import ForkedProcess, Receiver, fork, ready
+from koord.verify.helpers import Helpers, PortableWork, lost
+from koord.verify.job_process import (
+    Begun,
+    Found,
+    JobChannel,
+    Lasting,
+    Noted,
+    Progress,
+    Unanswered,
+    depth,
+    do_work,
+    end_of,
+)
 
 T = TypeVar("T")
 K = TypeVar("K")
-
-#: Says what is being done.
-Progress: TypeAlias = Callable[[str], None]
-
-
-class JobChannel(Protocol):
-    """The channel by which work reports progress and results before it is done."""
-
-    def __call__(self, text: str) -> None: ...
-
-    def note(self, value: object) -> None: ...
-
-    def lasting(self, until: float | None) -> None:
-        """Set the moment at which the work is ended, unless it sets another one by then."""
 
 
 class _Here(Struct, frozen=True):
@@ -64,46 +53,9 @@ class _Here(Struct, frozen=True):
 #: How long answers are waited for at a time.
 _WAIT_S = 0.05
 
-#: How often a process says what it is doing.
-_TELL_S = 0.2
-
 #: After Ctrl-C: when processes that did not hear it are told, and when they are ended: those that
 #: a process has forked sooner than itself, so that it can still say what it heard of them.
 _TOLD_S, _ENDED_S, _SOONER_S = 0.2, 1.0, 0.2
-
-#: How many processes stand between this one and the one that was started first.
-_depth = 0
-
-#: Whether Ctrl-C was heard by this process, which does a pool's work.
-_was_interrupted = False
-
-#: `prctl` of Linux: which signal comes when the process that forked this one is gone.
-_PR_SET_PDEATHSIG = 1
-
-#: From this size on memory is asked for by itself, in bytes.
-_LARGEST = 32 * 2**20
-
-#: `mallopt` of glibc: how much freed memory stays with a process, in bytes, and ``_LARGEST``.
-_KEPT = {-1: 256 * 2**20, -3: _LARGEST}
-
-#: How much memory is to come in huge pages, in bytes: that of as many contexts as there are at once
-#: in most questions. What is not used of it takes no memory.
-_IN_HUGE_PAGES = 4 * _LARGEST
-
-#: `madvise` of Linux, and the size of a huge page there, in bytes.
-_MADV_HUGEPAGE, _HUGE_PAGE = 14, 2 * 2**20
-
-
-#: What ends processes that ask for more memory than there is.
-_FOR_WANT = frozenset({"SIGKILL", "SIGSEGV", "SIGABRT", "SIGBUS"})
-
-
-def was_interrupted() -> bool:
-    """Return whether Ctrl-C reached this process: any later exception may be due to it.
-
-    Inside a call of Z3 the KeyboardInterrupt becomes an ArgumentError of ctypes, for one.
-    """
-    return _was_interrupted
 
 
 def can_fork() -> bool:
@@ -114,16 +66,20 @@ def can_fork() -> bool:
 class Job(Struct, Generic[T], eq=False):
     """A submitted job. ``name`` is shown in progress reports.
 
+    ``portable`` is work with the same answer that can be done elsewhere, if there is some.
+
     ``lasts_s`` is for how long its process may go on, and ``until`` when it is ended if it is not
     done (as :func:`time.monotonic` counts): then it ``is_late``. ``noted`` is what it told of
     before it was done, which stays known however it ends; ``told`` is what it was at last.
     ``share_until`` is when it is ended if it says nothing else by then: then it ``is_overdue``.
     ``lasted_s`` is for how long its process went on. Where it does not ``count``, progress reports
-    say nothing of how many jobs there are.
+    say nothing of how many jobs there are. ``why`` it has no answer is known of what was asked
+    elsewhere.
     """
 
     name: str
     work: Callable[[JobChannel], T]
+    portable: PortableWork | None = None
     lasts_s: float | None = None
     until: float | None = None
     process: ForkedProcess | None = None
@@ -137,31 +93,31 @@ class Job(Struct, Generic[T], eq=False):
     noted: list[object] = field(default_factory=list)
     told: str = ""
     started: float | None = None
+    ends_at: float | None = None
     lasted_s: float = 0.0
     exit_code: int | None = None
     counts: bool = True
+    why: str = ""
 
     @property
     def end(self) -> str:
         """The reason why the job's process ended without doing its work, in words."""
         if self.is_late or self.is_overdue:
             return "it did not end when its share of the time was over"
-        if self.exit_code is None or self.exit_code >= 0:
-            return "its process ended before it was done"
-        ended_by = signal.Signals(-self.exit_code).name
-        wanting = ", as for want of memory" if ended_by in _FOR_WANT else ""
-        return f"its process was ended by {ended_by}{wanting}"
+        return self.why or end_of(self.exit_code)
 
 
 class Pool(Struct):
     """A pool of up to ``jobs`` processes; the caller counts as one unless it waits.
 
     Inside a ``with``, at whose end no process is left. ``interrupted`` is asked while it waits.
+    With ``helpers`` they do what is portable, all at a time, and other work is done here.
     """
 
     jobs: int = 1
     progress: Progress = lambda text: None
     interrupted: Callable[[], bool] = lambda: False
+    helpers: Helpers | None = None
     _waiting: list[Job[object]] = field(default_factory=list)
     _running: list[Job[object]] = field(default_factory=list)
     _done: int = 0
@@ -182,6 +138,7 @@ class Pool(Struct):
         name: str,
         work: Callable[[JobChannel], T],
         *,
+        portable: PortableWork | None = None,
         lasts_s: float | None = None,
         until: float | None = None,
         counts: bool = True,
@@ -189,11 +146,12 @@ class Pool(Struct):
     ) -> Job[T]:
         """Submit work. The caller must not change what the work reads before it is done.
 
+        With ``portable`` helpers, if there are any, do that instead. The answer must be the same.
         What is to be done ``first`` goes before all that waits.
         """
         if not self._running and not self._waiting:
             self._done = 0
-        job: Job[T] = Job(name, work, lasts_s, until, counts=counts)
+        job: Job[T] = Job(name, work, portable, lasts_s, until, counts=counts)
         self._waiting.insert(0 if first else len(self._waiting), job)  # type: ignore[arg-type]
         if can_fork():
             self._listen(0)
@@ -206,6 +164,7 @@ class Pool(Struct):
         if any(other is job for other in self._running):
             self._running = [other for other in self._running if other is not job]
             _end(job)
+        job.is_done = True
 
     def answer(self, job: Job[T]) -> T | None:
         """Wait for a job's result; None if its process died, as for want of memory, or was ended.
@@ -252,14 +211,22 @@ class Pool(Struct):
     # --- processes ------------------------------------------------------------------------------
 
     def _fill(self, most: int) -> None:
-        while self._waiting and len(self._running) < most and self._stopped_at is None:
-            job = self._waiting.pop(0)
+        if self._stopped_at is not None:
+            return
+        here = list(self._waiting)
+        if self.helpers is not None:
+            for job in [job for job in here if job.portable is not None]:
+                assert job.portable is not None
+                here.remove(job)
+                self._waiting.remove(job)
+                job.line = self.helpers.ask(job.portable)
+                self._running.append(job)
+        working = sum(job.process is not None for job in self._running)
+        for job in here[: max(0, most - working)]:
+            self._waiting.remove(job)
             with FORKING:
-                process, receives = fork(partial(_worked, job.work, os.getpid()))
-            job.started = time.monotonic()
-            if job.lasts_s is not None:
-                ends = time.monotonic() + job.lasts_s
-                job.until = ends if job.until is None else min(ends, job.until)
+                process, receives = fork(partial(do_work, job.work, os.getpid()))
+            _begin(job)
             job.process, job.line = process, receives
             self._running.append(job)
 
@@ -270,15 +237,23 @@ class Pool(Struct):
             try:
                 said = line.receive()
             except (EOFError, OSError):
-                said = _Found(None)  # it died: nothing comes
+                # It died: nothing comes.
+                said = Found(None, lost() if job.process is None else None)
             match said:
                 case str():
                     self._tell(job, said)
-                case _Noted(value=value):
+                case Noted(value=value):
                     job.noted.append(value)
-                case _Lasting(until=until):
+                case Lasting(until=until):
                     job.share_until = until
-                case _Found():
+                case Begun(where=where):
+                    job.noted.clear()  # whoever was at it before has died
+                    _begin(job)
+                    self._tell(job, f"on {where}")
+                case Unanswered():
+                    job.why, job.is_overdue = said.why, said.is_overdue
+                    self._put_away(job)
+                case Found():
                     job.found, job.failure = said.answer, said.failure
                     self._put_away(job)
 
@@ -295,9 +270,9 @@ class Pool(Struct):
         for job in [job for job in self._running if _is_over(job)]:
             self._listen(0)  # it may have been done just now, or be at something else
             if not job.is_done and _is_over(job):
-                assert job.process is not None
-                job.process.send_signal(signal.SIGKILL)
-                job.is_late = _is_past(job.until)
+                if job.process is not None:
+                    job.process.send_signal(signal.SIGKILL)
+                job.is_late = _is_past(job.ends_at) or _is_past(job.until)
                 job.is_overdue = not job.is_late
                 self._put_away(job)
 
@@ -318,7 +293,7 @@ class Pool(Struct):
         assert self._stopped_at is not None
         since = time.monotonic() - self._stopped_at
         is_running = any(other is job for other in self._running)
-        if not is_running or since > _ENDED_S - _depth * _SOONER_S:
+        if not is_running or since > _ENDED_S - depth() * _SOONER_S:
             raise KeyboardInterrupt
         if since > _TOLD_S and not self._told:
             self._told = True
@@ -331,8 +306,15 @@ class Pool(Struct):
             self._waiting.clear()
 
 
+def _begin(job: Job[object]) -> None:
+    """Note that a job is being done from now on."""
+    job.started = time.monotonic()
+    if job.lasts_s is not None:
+        job.ends_at = job.started + job.lasts_s
+
+
 def _is_over(job: Job[object]) -> bool:
-    return _is_past(job.until) or _is_past(job.share_until)
+    return _is_past(job.ends_at) or _is_past(job.until) or _is_past(job.share_until)
 
 
 def _is_past(moment: float | None) -> bool:
@@ -359,152 +341,3 @@ def _join(job: Job[T]) -> None:
     if job.line is not None:
         job.line.close()
         job.line = None
-
-
-# --- inside a process -----------------------------------------------------------------------------
-
-
-class _Found(Struct, frozen=True):
-    """The result of a process, or its exception."""
-
-    answer: object
-    failure: Exception | None = None
-
-
-def _worked(work: Callable[[JobChannel], T], parent: int, sends: Sender) -> None:
-    """Do the work, send the result, and exit without flushing."""
-    global _depth
-    _depth += 1
-    try:
-        die_with(parent)
-        gc.freeze()  # what was made before lasts as long as this process
-        keep_freed_memory()
-        signal.signal(signal.SIGINT, _heard)
-        try:
-            found = pickle.dumps(_Found(work(_Line(sends))))
-        except KoordError as error:
-            found = pickle.dumps(_Found(None, error))
-        except KeyboardInterrupt:
-            return
-        except Exception as error:
-            if _was_interrupted:
-                return
-            found = _raised(error)
-        sends.send_pickled(found)
-        sends.close()
-    finally:
-        _leave()
-
-
-def _heard(number: int, frame: FrameType | None) -> None:
-    """Handle Ctrl-C, which may come twice (from the terminal): end the work, not the sending."""
-    global _was_interrupted
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    _was_interrupted = True
-    raise KeyboardInterrupt
-
-
-def _raised(error: Exception) -> bytes:
-    """Serialise an exception with its traceback."""
-    where = traceback.format_exc()
-    error.add_note(where)
-    try:
-        found = pickle.dumps(_Found(None, error))
-        pickle.loads(found)
-    except Exception:
-        found = pickle.dumps(_Found(None, RuntimeError(where)))
-    return found
-
-
-class _Noted(Struct, frozen=True):
-    """A result that a process sends before it is done."""
-
-    value: object
-
-
-class _Lasting(Struct, frozen=True):
-    """The moment at which a process is to be ended, unless it sends another."""
-
-    until: float | None
-
-
-class _Line(Struct):
-    """The channel of a forked process, which limits the rate of progress reports."""
-
-    sends: Sender
-    last: float = 0.0
-
-    def note(self, value: object) -> None:
-        self._send(_Noted(value))
-
-    def lasting(self, until: float | None) -> None:
-        self._send(_Lasting(until))
-
-    def _send(self, message: object) -> None:
-        """Send a message; Ctrl-C waits until all of it is sent."""
-        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-        try:
-            self.sends.send(message)
-        finally:
-            signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-    def __call__(self, text: str) -> None:
-        now = time.monotonic()
-        if now - self.last < _TELL_S:
-            return
-        self.last = now
-        _, there_is_room, _ = select([], [self.sends], [], 0)
-        if there_is_room:
-            self._send(text)
-
-
-def die_with(parent: int) -> None:
-    """Make this process end when the process that forked it ends."""
-    if sys.platform == "linux":
-        import ctypes
-
-        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
-        if os.getppid() != parent:
-            _leave()
-
-
-def keep_freed_memory() -> None:
-    """Let the next context of Z3 have the memory of the last one, in all of this process.
-
-    A context takes 17 MB: to give them back and ask for them anew takes five times as long as
-    all else that makes one.
-    """
-    if sys.platform == "linux":
-        import ctypes
-
-        c_library = ctypes.CDLL(None)
-        if hasattr(c_library, "mallopt"):  # others than glibc may have none
-            for parameter, value in _KEPT.items():
-                c_library.mallopt(parameter, value)
-            _take_huge_pages(c_library)
-
-
-def _take_huge_pages(c_library: CDLL) -> None:
-    """Let memory of this process come in huge pages: a context takes 4,000 of the small ones.
-
-    To be given these one by one takes three times as long as all else that makes a context. The
-    memory is not used here, only named: where there are no huge pages nothing changes.
-    """
-    import ctypes
-
-    c_library.malloc.restype, c_library.malloc.argtypes = ctypes.c_void_p, [ctypes.c_size_t]
-    c_library.free.restype, c_library.free.argtypes = None, [ctypes.c_void_p]
-    c_library.madvise.argtypes = [ctypes.c_void_p, ctypes.c_size_t, ctypes.c_int]
-    size = _LARGEST - 2**20  # below the size that would be memory by itself
-    blocks = [c_library.malloc(size) for _ in range(_IN_HUGE_PAGES // _LARGEST)]
-    for block in filter(None, blocks):
-        first = -(-block // _HUGE_PAGE) * _HUGE_PAGE
-        length = (block + size) // _HUGE_PAGE * _HUGE_PAGE - first
-        c_library.madvise(first, length, _MADV_HUGEPAGE)
-    for block in filter(None, blocks):
-        c_library.free(block)
-
-
-def _leave() -> None:
-    """Exit at once: unflushed data belong to the process that forked this one."""
-    os.kill(os.getpid(), signal.SIGKILL)

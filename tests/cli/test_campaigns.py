@@ -116,7 +116,7 @@ def test_a_cluster_does_what_one_process_does(capsys: pytest.CaptureFixture[str]
     distributed = pytest.importorskip("distributed")
     found = []
     with distributed.LocalCluster(
-        n_workers=1, threads_per_worker=1, dashboard_address=None, silence_logs=50
+        n_workers=1, threads_per_worker=1, dashboard_address=":0", silence_logs=50
     ) as cluster:
         for flags in ([], ["--cluster", cluster.scheduler_address]):
             assert main(["sim", *TASK, "--runs", "2", "--json", *flags]) == Exit.OK
@@ -249,7 +249,7 @@ def test_no_run_on_a_cluster_outlives_who_asked_for_it(
         threads_per_worker=1,
         processes=False,
         protocol="tcp",
-        dashboard_address=None,
+        dashboard_address=":0",
         silence_logs=50,
     ) as cluster:
         command = [sys.executable, "-m", "koord", "sim", *PATH, "--runs", "2"]

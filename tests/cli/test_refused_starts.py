@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from koord.api import campaign_runs, deploy_run
+from koord.api import dask_cluster, deploy_run
 from koord.cli.exits import Exit
 from koord.cli.main import main
 from koord.runtime.configuration.model import RunConfiguration
@@ -99,7 +99,7 @@ def test_a_refused_start_leaves_everything_as_it_was(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    monkeypatch.setattr(campaign_runs, "_CONNECT_S", 0.05)
+    monkeypatch.setattr(dask_cluster, "CONNECT_S", 0.05)
     before = tree(folder)
     assert main([command, *words.split()]) == Exit.BAD_INPUT
     assert reason in capsys.readouterr().err

@@ -42,6 +42,7 @@ INDUCTION = "tests/verify/engines/induction/test_engine.py"
 PORTFOLIO = "tests/verify/strategy/test_verification.py"
 SINGLY = "tests/verify/strategy/test_each_claim_turn.py"
 RACES = "tests/verify/strategy/test_race.py"
+CUBES = "tests/verify/strategy/test_rounds_question.py"
 WITNESS = "tests/verify/test_witness.py"
 FOOTPRINT = "tests/syntax/test_footprint.py"
 ABSTRACTION = "tests/verify/reduction/test_abstraction.py"
@@ -516,6 +517,41 @@ VERIFY = (
         "die_with(parent)",
         "pass",
         (RACES,),
+    ),
+    Mutant(
+        "runs in which a robot rests are in no cube",
+        "verify.encoding.cubes.cubes",
+        "[*range(len(system.agent(robot).events)), NO_EVENT]",
+        "[*range(len(system.agent(robot).events))]",
+        (CUBES,),
+    ),
+    Mutant(
+        "a claim holds as far as in the best of its cubes",
+        "verify.strategy.rounds_question._least",
+        "min(found, key=lambda r: (-1 if r.rounds is None else r.rounds, not r.reason))",
+        "max(found, key=lambda r: (-1 if r.rounds is None else r.rounds, not r.reason))",
+        (CUBES,),
+    ),
+    Mutant(
+        "a cube's shortest run is thought to be the shortest of all",
+        "verify.strategy.rounds_question.joined",
+        "verdict.fewest and has_fewest(verdict.counterexample, known)",
+        "verdict.fewest",
+        (CUBES,),
+    ),
+    Mutant(
+        "one round more than is known is not asked about",
+        "verify.bounded_check.BoundedCheck.check",
+        "len(self._unrolling.rounds) <= self._known",
+        "len(self._unrolling.rounds) <= self._known + 1",
+        (CUBES,),
+    ),
+    Mutant(
+        "a run from another machine counts unseen",
+        "verify.strategy.confirmation.confirmed",
+        "judge(run.recording, verdict.claim, run.phase)",
+        "run.recording",
+        (CUBES,),
     ),
     Mutant(
         "a process that asks is asked as well",

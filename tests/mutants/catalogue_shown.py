@@ -185,7 +185,7 @@ SHOWN = (
     Mutant(
         "a run on a cluster outlives who asked for it",
         "api.campaign_runs._on_worker",
-        "_tried(order, is_unwanted)",
+        "_tried(order, unwanted())",
         "_tried(order)",
         ("tests/cli/test_campaigns.py",),
     ),

@@ -23,7 +23,7 @@ FAILING = (
     ),
     Mutant(
         "Ctrl-C inside a call of Z3 is a failure",
-        "verify.processes.was_interrupted",
+        "verify.job_process.was_interrupted",
         "return _was_interrupted",
         "return False",
         (ENGINES,),

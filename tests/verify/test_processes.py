@@ -13,7 +13,8 @@ from textwrap import dedent
 import pytest
 
 from koord.syntax.diagnostics import KoordError, refusal
-from koord.verify.processes import Pool, Progress, can_fork
+from koord.verify.job_process import Progress
+from koord.verify.processes import Pool, can_fork
 from tests.children import forked_children
 
 pytestmark = pytest.mark.skipif(not can_fork(), reason="one process only")

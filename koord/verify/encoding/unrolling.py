@@ -9,6 +9,7 @@ from koord.semantics.properties import holds_in
 from koord.syntax.core import BinaryOp, UnaryOp
 from koord.syntax.system import System
 from koord.verify.claims import Claim, ClaimKind, broken
+from koord.verify.encoding.cubes import Cube
 from koord.verify.encoding.moments import SymbolicConfiguration, SymbolicInit, SymbolicRound
 from koord.verify.encoding.rounds import Encoder
 from koord.verify.encoding.solver import Solver
@@ -19,11 +20,19 @@ from koord.verify.encoding.unknowns import Unknowns
 class Unrolling:
     """An unrolled system: INIT and some rounds, as constraints of a solver.
 
-    With ``movers`` it is only the runs in which the other robots skip.
+    With ``movers`` it is only the runs in which the other robots skip, and with a ``cube`` only
+    those of it.
     """
 
-    def __init__(self, system: System, seed: int = 0, movers: frozenset[int] | None = None) -> None:
+    def __init__(
+        self,
+        system: System,
+        seed: int = 0,
+        movers: frozenset[int] | None = None,
+        cube: Cube | None = None,
+    ) -> None:
         self.system = system
+        self.cube = cube or Cube()
         self.seed = seed
         self.movers = movers
         self.rounds: list[SymbolicRound] = []
@@ -44,6 +53,7 @@ class Unrolling:
             taken = self.encoder.round(start, str(number))
             self.rounds.append(taken)
             self.solver.add(taken.middle.constraints)
+            self.solver.add(self.cube.met(self.encoder.d, number, taken.options))
             if taken.inside is not None:
                 yield taken.inside
                 self._sound(taken.inside)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from fractions import Fraction
 from random import Random
 
@@ -270,7 +270,7 @@ def identity(claim: Claim) -> Identity:
 
 def plain_problem(system: System, part: System | None = None) -> VerificationProblem:
     """The problem of a system or slice; counterexamples are judged on the whole system."""
-    return _problem(system, part or system, lambda recording: recording)
+    return _problem(system, part or system, None)
 
 
 def abstract_problem(system: System, part: System | None = None) -> VerificationProblem | None:
@@ -279,7 +279,7 @@ def abstract_problem(system: System, part: System | None = None) -> Verification
     abstraction = abstracted(part.program)
     if abstraction is None:
         return None
-    problem = _problem(system, part, lambda found: Concretion(abstraction, part).recording(found))
+    problem = _problem(system, part, abstraction)
     return replace(problem, system=replace(part, program=abstraction.program))
 
 
@@ -288,25 +288,38 @@ def problem_of(system: System, part: System | None = None) -> VerificationProble
     return abstract_problem(system, part) or plain_problem(system, part)
 
 
-def _problem(
-    system: System, part: System, concrete: Callable[[Recording], Recording]
-) -> VerificationProblem:
+def _problem(system: System, part: System, abstraction: Abstraction | None) -> VerificationProblem:
     claims = {identity(c): c for c in (*claims_of(system), *liveness_of(system))}
-    completing = _Completing(system)
+    return VerificationProblem(
+        part, _Judge(system, part, abstraction, claims, _Completing(system)), part
+    )
 
-    def judge(recording: Recording, claim: Claim, phase: ClaimPhase) -> Counterexample:
-        real, meant = concrete(recording), claims[identity(claim)]
-        if part is system:
-            return _judged(system, real, meant, phase)
+
+class _Judge(Struct):
+    """The judge of recordings of a system's slice, with opaque values if it has an abstraction.
+
+    Data alone, so that it can be sent with questions.
+    """
+
+    system: System
+    part: System
+    abstraction: Abstraction | None
+    claims: dict[Identity, Claim]  #: of the system
+    completing: _Completing
+
+    def __call__(self, recording: Recording, claim: Claim, phase: ClaimPhase) -> Counterexample:
+        real, meant = recording, self.claims[identity(claim)]
+        if self.abstraction is not None:
+            real = Concretion(self.abstraction, self.part).recording(recording)
+        if self.part is self.system:
+            return _judged(self.system, real, meant, phase)
         try:
-            return completing.judged(real, meant, phase)
+            return self.completing.judged(real, meant, phase)
         except NotReplayedError as error:
             if meant.kind is not ClaimKind.LIVENESS:
                 raise
-            _lasso(part, real, meant)
+            _lasso(self.part, real, meant)
             raise OnlyOfSliceError(str(error)) from error
-
-    return VerificationProblem(part, judge, part)
 
 
 def _judged(

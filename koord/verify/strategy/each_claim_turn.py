@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from functools import partial
+from itertools import chain
 from typing import TypeVar
 
 from msgspec import Struct, field
@@ -19,15 +20,16 @@ from koord.syntax.analysis.auxiliary import Var
 from koord.verify.bounded_check import AFTERWARDS_S, Unroller
 from koord.verify.claims import Claim, ClaimPhase, claims_of, liveness_of
 from koord.verify.each_claim import note_end
-from koord.verify.effort import Effort
 from koord.verify.engine_names import Engine
-from koord.verify.ledger import Extract, Ledger, VerificationProblem, reach_of
+from koord.verify.job_process import JobChannel, Progress
+from koord.verify.ledger import Extract, Judge, Ledger, VerificationProblem, reach_of
 from koord.verify.obstacles import Failure
-from koord.verify.processes import Job, JobChannel, Pool, Progress, can_fork
+from koord.verify.processes import Job, Pool, can_fork
 from koord.verify.reduction.influence import Cone, Part
 from koord.verify.reduction.problems import Identity, identity, problem_of
 from koord.verify.reduction.slicing import Slices
 from koord.verify.strategy.resumption import Steps
+from koord.verify.strategy.rounds_question import Looked, RoundsQuestion, by_cubes, joined, look
 from koord.verify.strategy.table import AnyTurn
 from koord.verify.verdicts import Counterexample, Outcome, Verdict
 from koord.verify.witness import NotReplayedError
@@ -48,14 +50,6 @@ class _Slice(Struct, frozen=True):
 #: What is spent on each claim in turn, until it is known whether another one is violated.
 SLICES = (_Slice(5, False), _Slice(2, True), _Slice(50, False), _Slice(20, True))
 AT_LAST = _Slice(None, False)
-
-
-class _Looked(Struct, frozen=True):
-    """The result of bounded checks of one claim, round by round. ``tired``: they can go on."""
-
-    said: Extract
-    unreplayed: tuple[str, int | None] | None
-    tired: bool
 
 
 class EachClaimTurn(Struct, frozen=True):
@@ -85,7 +79,8 @@ class EachClaimTurn(Struct, frozen=True):
             return
         proving = self._proving(ledger, open_, 0) if self.proofs else None
         slices = _slices(ledger)
-        alone = not wanting or (not self.proofs and len(wanting) < 2)
+        is_here = self.pool.helpers is None
+        alone = not wanting or (not self.proofs and len(wanting) < 2 and is_here)
         jobs = {} if alone else self._submitted(ledger, wanting, slices[0])
         while proving is not None:
             for _, said in self.pool.answers({None: proving}):
@@ -97,7 +92,7 @@ class EachClaimTurn(Struct, frozen=True):
             return
         if ledger.open() != open_:
             # What is settled helps with the rest.
-            for job in jobs.values():
+            for job in chain.from_iterable(jobs.values()):
                 self.pool.drop(job)
             slices = _slices(ledger)
             jobs = self._submitted(ledger, ledger.wanting(), slices[0])
@@ -136,35 +131,62 @@ class EachClaimTurn(Struct, frozen=True):
 
     def _submitted(
         self, ledger: Ledger, claims: Sequence[Claim], slice_: _Slice
-    ) -> dict[Claim, Job[_Looked]]:
-        def look(claim: Claim, tell: Progress) -> _Looked:
-            own = ledger.of([claim], tell)
-            effort = None if slice_.seconds is None else Effort.of_seconds(slice_.seconds)
-            unrolling = Unroller() if slice_.afresh else self.unrolling
-            with own.stopping(), own.enduring(self.name):
-                unrolling.through(own, own.bounds.rounds, effort)
-            bounded = unrolling.of(own)
-            return _Looked(own.extract([claim]), bounded.unreplayed.get(claim), bounded.tired)
-
+    ) -> dict[Claim, list[Job[Looked]]]:
+        """Start the checks of some claims: of each one, or what others do of it together."""
         until = ledger.deadline.at_last()
-        return {c: self.pool.submit(c.name, partial(look, c), until=until) for c in claims}
 
-    def _taken(self, ledger: Ledger, jobs: Mapping[Claim, Job[_Looked]]) -> list[Claim]:
+        def go_on(claim: Claim, tell: Progress) -> Looked:
+            return look(ledger.of([claim], tell), claim, slice_.seconds, self.unrolling)
+
+        def submitted(claim: Claim) -> list[Job[Looked]]:
+            questions = []
+            if slice_.afresh:
+                questions = [RoundsQuestion(ledger.detached([claim]), claim, slice_.seconds)]
+            elif slice_.seconds is None and self.pool.helpers is not None:
+                questions = by_cubes(ledger, claim)
+            if not questions:
+                return [self.pool.submit(claim.name, partial(go_on, claim), until=until)]
+            return [
+                self.pool.submit(claim.name, each, portable=each, until=until) for each in questions
+            ]
+
+        return {claim: submitted(claim) for claim in claims}
+
+    def _taken(self, ledger: Ledger, jobs: Mapping[Claim, Sequence[Job[Looked]]]) -> list[Claim]:
         """Merge results; return the claims whose checks can go on."""
         tired: list[Claim] = []
+        looks: dict[Claim, list[Looked]] = {claim: [] for claim in jobs}
+        over: set[Claim] = set()
+        parts = {(claim, n): job for claim, its in jobs.items() for n, job in enumerate(its)}
         with ledger.waiting():
-            for claim, looked in self.pool.answers(jobs):
-                if looked is None:
-                    note_end(ledger, claim, self.name, jobs[claim].end)
+            for (claim, n), looked in self.pool.answers(parts):
+                if claim in over:
                     continue
-                ledger.take(looked.said)
-                if looked.unreplayed is not None:
-                    self.unrolling.of(ledger).unreplayed[claim] = looked.unreplayed
-                if looked.tired and claim not in ledger.verdicts:
-                    tired.append(claim)
+                job, rest = jobs[claim][n], jobs[claim][n + 1 :]
+                if looked is None:
+                    note_end(ledger, claim, self.name, job.end)
+                else:
+                    looks[claim].append(looked.as_of(job.started))
+                    if rest and not looked.violates(claim):
+                        continue
+                    (whole, *more), known = looks[claim], ledger.verdict(claim).rounds
+                    if more or rest:
+                        whole = joined(claim, looks[claim], known)
+                    self._take(ledger, claim, whole, tired)
+                over.add(claim)
+                for other in rest:
+                    self.pool.drop(other)
         if ledger.interrupted:
             raise KeyboardInterrupt
         return tired
+
+    def _take(self, ledger: Ledger, claim: Claim, looked: Looked, tired: list[Claim]) -> None:
+        """Merge the results of a claim's check; it is ``tired`` if it can go on."""
+        ledger.take(looked.found.said)
+        if looked.unreplayed is not None:
+            self.unrolling.of(ledger).unreplayed[claim] = looked.unreplayed
+        if looked.tired and claim not in ledger.verdicts:
+            tired.append(claim)
 
 
 def _slices(ledger: Ledger) -> Sequence[_Slice]:
@@ -210,15 +232,21 @@ class SpuriousViolations(Struct):
 
     def watching(self, problem: VerificationProblem) -> VerificationProblem:
         """The problem with a judge that records failed replays."""
+        return replace(problem, judge=_WatchedJudge(problem.judge, self.rounds))
 
-        def judge(recording: Recording, claim: Claim, phase: ClaimPhase) -> Counterexample:
-            try:
-                return problem.judge(recording, claim, phase)
-            except NotReplayedError:
-                self.rounds[identity(claim)] = len(recording.rounds)
-                raise
 
-        return replace(problem, judge=judge)
+class _WatchedJudge(Struct):
+    """A judge that records failed replays, with their numbers of rounds."""
+
+    judge: Judge
+    rounds: dict[Identity, int]
+
+    def __call__(self, recording: Recording, claim: Claim, phase: ClaimPhase) -> Counterexample:
+        try:
+            return self.judge(recording, claim, phase)
+        except NotReplayedError:
+            self.rounds[identity(claim)] = len(recording.rounds)
+            raise
 
 
 class _Part(Struct):

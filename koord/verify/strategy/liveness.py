@@ -13,9 +13,10 @@ from koord.verify.claims import Claim, claims_of, liveness_of
 from koord.verify.effort import Deadline
 from koord.verify.engine_names import Engine
 from koord.verify.engines.engine import Workers
+from koord.verify.job_process import Progress
 from koord.verify.ledger import Extract, Ledger, Reach, reach_of
 from koord.verify.obstacles import VACUITY, Failure, Unreplayed, WholeRuns
-from koord.verify.processes import Pool, Progress
+from koord.verify.processes import Pool
 from koord.verify.reduction.influence import Cone, Part
 from koord.verify.reduction.problems import abstract_problem, identity, plain_problem
 from koord.verify.reduction.slicing import Slices

@@ -16,9 +16,10 @@ from msgspec import Struct
 
 from koord.syntax.budget import OutOfBudgetError
 from koord.verify.claims import Claim
+from koord.verify.job_process import JobChannel
 from koord.verify.ledger import Extract, Ledger, reach_of
 from koord.verify.obstacles import Failure
-from koord.verify.processes import Job, JobChannel, Pool
+from koord.verify.processes import Job, Pool
 from koord.verify.strategy.each_claim_turn import SlicesTurn
 from koord.verify.strategy.resumption import PastVerification, Steps, StrategyStep
 from koord.verify.strategy.table import AnyTurn

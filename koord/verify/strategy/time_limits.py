@@ -23,8 +23,10 @@ from koord.syntax.system import System
 from koord.verify.claims import claims_of, liveness_of
 from koord.verify.effort import GRACE, GRACE_S, Deadline
 from koord.verify.engine_names import Engine
+from koord.verify.helpers import Helpers, PortableWork
+from koord.verify.job_process import JobChannel
 from koord.verify.obstacles import Interrupted, Obstacle, TimeUp, failed_at
-from koord.verify.processes import JobChannel, Pool
+from koord.verify.processes import Pool
 from koord.verify.strategy.resumption import PastVerification
 from koord.verify.verdicts import Bounds, Outcome, Report, Verdict
 
@@ -46,6 +48,7 @@ def verify_apart(
     names: Sequence[str] = (),
     seed: int = 0,
     jobs: int = 1,
+    helpers: Helpers | None = None,
     progress: Callable[[str], None] = lambda text: None,
     interrupted: Callable[[], bool] = lambda: False,
     past: PastVerification | None = None,
@@ -57,7 +60,7 @@ def verify_apart(
         load()
     _has_verified = True
     known = past or PastVerification()
-    asking = _Asking(system, bounds, choice, seed, jobs, progress, interrupted, known)
+    asking = _Asking(system, bounds, choice, seed, jobs, progress, interrupted, known, helpers)
     if claim_s is None:
         return asking.together(bounds.timeout_s, jobs, names)
     started = time.monotonic()
@@ -87,6 +90,7 @@ class _Asking(Struct, frozen=True):
     progress: Callable[[str], None]
     interrupted: Callable[[], bool]
     past: PastVerification = PastVerification()  #: what is known from the start
+    helpers: Helpers | None = None
 
     def together(self, seconds: float | None, jobs: int, names: Sequence[str] = ()) -> Report:
         """Verify all claims, or the named ones, together."""
@@ -95,7 +99,9 @@ class _Asking(Struct, frozen=True):
 
         def work(past: PastVerification, tell: JobChannel) -> Report:
             bounds = replace(self.bounds, timeout_s=deadline.left_s())
-            return self._asked(tell, bounds, names=names, jobs=jobs, past=past)
+            return self._asked(
+                tell, bounds, names=names, jobs=jobs, past=past, helpers=self.helpers
+            )
 
         report, cut, past = None, False, self.past
         with Pool(1, self.progress, self.interrupted) as pool:
@@ -134,25 +140,36 @@ class _Asking(Struct, frozen=True):
         Whether Ctrl-C ended it. A claim whose process died goes on for what is left of its time.
         """
 
-        def alone(name: str, past: PastVerification, own_s: float, tell: JobChannel) -> Report:
-            limited = replace(self.bounds, timeout_s=_least(own_s, deadline.left_s()))
-            return self._asked(tell, limited, names=[name], known=known, past=past)
+        def alone(name: str, past: PastVerification, own_s: float) -> ClaimQuestion:
+            return ClaimQuestion(
+                self.system,
+                self.bounds,
+                self.choice,
+                name,
+                tuple(known),
+                self.seed,
+                past,
+                own_s,
+                deadline,
+            )
 
         cut = False
         until = None if deadline.at is None else deadline.at + GRACE_S
         shared_s = {name: found[name].seconds for name in names}
         pasts, left_s = dict.fromkeys(names, PastVerification()), dict.fromkeys(names, seconds)
-        with Pool(self.jobs, self.progress, self.interrupted) as pool:
+        with Pool(self.jobs, self.progress, self.interrupted, self.helpers) as pool:
             try:
                 while pasts:
+                    questions = {n: alone(n, past, left_s[n]) for n, past in pasts.items()}
                     work = {
                         name: pool.submit(
                             name,
-                            partial(alone, name, past, left_s[name]),
+                            question,
+                            portable=question,
                             lasts_s=_with_grace(left_s[name]),
                             until=until,
                         )
-                        for name, past in pasts.items()
+                        for name, question in questions.items()
                     }
                     again = {}
                     for name, answer in pool.answers(work):
@@ -185,8 +202,8 @@ class _Asking(Struct, frozen=True):
         *,
         names: Sequence[str],
         past: PastVerification,
-        known: Sequence[Verdict] = (),
-        jobs: int = 1,
+        jobs: int,
+        helpers: Helpers | None,
     ) -> Report:
         from koord.verify.strategy.verification import verify  # loads all engines are made of
 
@@ -195,9 +212,9 @@ class _Asking(Struct, frozen=True):
             bounds,
             self.choice,
             names=names,
-            known=known,
             seed=self.seed,
             jobs=jobs,
+            helpers=helpers,
             progress=tell,
             interrupted=self.interrupted,
             noted=tell.note,
@@ -227,6 +244,37 @@ class _Asking(Struct, frozen=True):
                 verdict = replace(verdict, seconds=spent, reason=reason, obstacles=obstacles)
             found.append(verdict)
         return tuple(found)
+
+
+class ClaimQuestion(PortableWork, frozen=True):
+    """One claim to verify for so many seconds, where verdicts on all claims are known."""
+
+    system: System
+    bounds: Bounds
+    choice: Engine | None
+    name: str
+    known: tuple[Verdict, ...]
+    seed: int
+    past: PastVerification
+    seconds: float
+    deadline: Deadline
+
+    def __call__(self, tell: JobChannel) -> Report:
+        from koord.verify.strategy.verification import verify  # loads all engines are made of
+
+        seconds = _least(self.seconds, self.deadline.left_s())
+        return verify(
+            self.system,
+            replace(self.bounds, timeout_s=seconds),
+            self.choice,
+            names=[self.name],
+            known=self.known,
+            seed=self.seed,
+            progress=tell,
+            noted=tell.note,
+            lasting=tell.lasting,
+            past=self.past,
+        )
 
 
 def _late(past: PastVerification) -> str:

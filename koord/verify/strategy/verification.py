@@ -19,9 +19,11 @@ from koord.verify.effort import Deadline
 from koord.verify.engine_names import Engine
 from koord.verify.engines.bmc.engine import others
 from koord.verify.engines.engine import Workers
+from koord.verify.helpers import Helpers
+from koord.verify.job_process import Progress, was_interrupted
 from koord.verify.ledger import Ledger, VerificationProblem, reach_of
 from koord.verify.obstacles import VACUITY, Failure, failure_of
-from koord.verify.processes import Job, Pool, Progress, was_interrupted
+from koord.verify.processes import Job, Pool
 from koord.verify.reduction.problems import identity, plain_problem, problem_of
 from koord.verify.reduction.slicing import Slices
 from koord.verify.strategy.each_claim_turn import (
@@ -76,6 +78,7 @@ def verify(
     known: Sequence[Verdict] = (),
     seed: int = 0,
     jobs: int = 1,
+    helpers: Helpers | None = None,
     progress: Callable[[str], None] = lambda text: None,
     interrupted: Callable[[], bool] = lambda: False,
     noted: Callable[[object], None] = lambda value: None,
@@ -87,7 +90,8 @@ def verify(
     Claims that are not named still serve as lemmas. If verdicts on all claims are ``known``, of
     what they leave open the named ones alone are asked. KeyboardInterrupt ends it with what is
     known so far, and so does ``interrupted``, which is asked now and then. Of what takes long so
-    many ``jobs`` are done at a time, which has no influence on the verdicts. ``noted`` is told of
+    many ``jobs`` are done at a time, or done by ``helpers``, which has no influence on the
+    verdicts. ``noted`` is told of
     verdicts, steps and failures as they come, and ``lasting`` of when each step is to be
     over. With those of a process that died as its ``past``,
     another one goes on behind it.
@@ -102,7 +106,7 @@ def verify(
     deadline = Deadline.after(bounds.timeout_s)
     steps = Steps(past or PastVerification(), noted, lasting)
     watched = replace(system, budget=Budget(is_over))
-    with Pool(jobs, progress, interrupted) as pool:
+    with Pool(jobs, progress, interrupted, helpers) as pool:
         work = _Verification(watched, bounds, choice, tuple(names), seed, deadline, pool, steps)
         report = work.report(known)
     return replace(report, seconds=time.monotonic() - started)

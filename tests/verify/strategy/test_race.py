@@ -18,9 +18,10 @@ from koord.verify.engine_names import Engine
 from koord.verify.engines.bits import abc
 from koord.verify.engines.bits.graph import FALSE, TRUE, Graph
 from koord.verify.engines.bits.ic3 import SafetyQuery
+from koord.verify.job_process import JobChannel
 from koord.verify.ledger import Ledger, Reach, VerificationProblem
 from koord.verify.obstacles import Failure
-from koord.verify.processes import JobChannel, Pool, can_fork
+from koord.verify.processes import Pool, can_fork
 from koord.verify.strategy import table
 from koord.verify.strategy.race import RaceTurn, Runner
 from koord.verify.strategy.resumption import PastVerification, Steps, StrategyStep

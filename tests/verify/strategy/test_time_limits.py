@@ -238,7 +238,9 @@ def test_who_goes_on_after_a_crash_has_what_is_left(
 
         def __exit__(self, *more: Any) -> None: ...
 
-        def submit(self, name: str, work: Any, *, lasts_s: float, until: Any) -> processes.Job[Any]:
+        def submit(
+            self, name: str, work: Any, *, portable: Any, lasts_s: float, until: Any
+        ) -> processes.Job[Any]:
             given.append(lasts_s)
             assert len(given) < 9, "there is no end to it"
             job: processes.Job[Any] = processes.Job(name, work)

@@ -16,7 +16,7 @@ from koord.verify.effort import Deadline
 from koord.verify.engines.bits.circuit_files import aiger_of, machine_asking
 from koord.verify.engines.bits.graph import Graph
 from koord.verify.engines.bits.ic3 import ClauseInvariant, Cube, Reached, SafetyQuery, Unfinished
-from koord.verify.processes import die_with
+from koord.verify.job_process import die_with
 
 #: What Debian calls it, and what it calls itself.
 NAMES = ("berkeley-abc", "abc")

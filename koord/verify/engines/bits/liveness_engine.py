@@ -19,7 +19,7 @@ from koord.syntax.core import QuantifierKind
 from koord.syntax.system import System
 from koord.syntax.walk import asks
 from koord.verify.claims import Claim, ClaimPhase
-from koord.verify.each_claim import each_alone
+from koord.verify.each_claim import Alone, alone, each_alone
 from koord.verify.engine_names import Engine
 from koord.verify.engines.bits import ic3
 from koord.verify.engines.bits.circuit import LEVELS
@@ -38,6 +38,8 @@ from koord.verify.engines.bits.liveness_to_safety import (
 from koord.verify.engines.bits.robot_permutations import images, speaking_last
 from koord.verify.engines.bits.unrolling import holds_always
 from koord.verify.engines.engine import Task, Tools, Worker
+from koord.verify.helpers import PortableWork
+from koord.verify.job_process import JobChannel
 from koord.verify.ledger import Ledger
 from koord.verify.obstacles import Beyond, Lengths, Obstacle, Unreplayed, Values, gave_up
 from koord.verify.processes import Pool
@@ -105,7 +107,8 @@ class BitsLivenessEngine(Struct, frozen=True):
                 return
             work = partial(_work, task, watching, started)
             left = [claim for claim in claims if claim not in ledger.verdicts]
-            each_alone(ledger, left, self.pool, work, self.name)
+            question = partial(LassoQuestion, task, level, tuple(stated))
+            each_alone(ledger, left, self.pool, work, self.name, question)
             circuit = watching.circuit
             held = [c for c in claims if c in ledger.verdicts]
             if held and expected(ledger.system) and not self.vacuities:
@@ -121,6 +124,22 @@ class BitsLivenessEngine(Struct, frozen=True):
                 or ledger.deadline.passed()
             ):
                 return
+
+
+class LassoQuestion(PortableWork, frozen=True):
+    """A claim about whole runs to decide on another machine, with a circuit of its own."""
+
+    task: Task
+    level: int
+    stated: tuple[core.Property, ...]  #: all that the circuit is made for
+    ledger: Ledger  #: of the claim, detached
+    claim: Claim
+
+    def __call__(self, tell: JobChannel) -> Alone:
+        own = replace(self.ledger, report=tell)
+        watching = Watching.of(own.system, self.stated, self.task.lemmas, self.level)
+        work = partial(_work, self.task, watching, time.monotonic())
+        return alone(own, self.claim, work, Engine.BITS.value)
 
 
 def make(engine: Engine, tools: Tools) -> Worker:
