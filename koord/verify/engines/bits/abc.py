@@ -44,7 +44,8 @@ def searched(
     with TemporaryDirectory() as folder:
         problem, invariant = Path(folder) / "problem.aig", Path(folder) / "invariant.pla"
         problem.write_bytes(aiger_of(machine_asking(g, question)))
-        command = f"read {problem}; pdr -d -I {invariant}"
+        # Rewriting leaves the latches as they are, so the invariant is one of what was written.
+        command = f"read {problem}; dc2; pdr -d -I {invariant}"
         try:
             done = subprocess.run(
                 [program, "-q", command],

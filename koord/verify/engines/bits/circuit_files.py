@@ -17,6 +17,7 @@ from koord.verify.engines.bits.circuit import Circuit, Latch
 from koord.verify.engines.bits.constraint_selection import with_all
 from koord.verify.engines.bits.graph import FALSE, Graph
 from koord.verify.engines.bits.ic3 import SafetyQuery
+from koord.verify.engines.bits.legal_choices import choices_of, legal_mistakes, legal_rounds
 from koord.verify.engines.bits.unrolling import Copy
 
 
@@ -40,16 +41,17 @@ class TransitionSystem(Struct, frozen=True):
 
 def machine_of(circuit: Circuit) -> TransitionSystem:
     """The circuit's transition system with INIT as its first step."""
-    g = circuit.d.graph
+    g, choices = circuit.d.graph, choices_of(circuit)
     begun, valid = g.input("begun"), g.input("valid")
-    lost = g.both(valid, circuit.lost)
-    steps, broken = with_all(circuit, circuit.bad)
+    steps, broken = with_all(circuit, circuit.bad, in_range=False)
+    lost = legal_mistakes(g, g.both(circuit.lost, steps), choices)
     bad = []
     for claim, breaks in broken.items():
-        when = g.both(valid, breaks)
+        when = g.both(valid, g.either(legal_mistakes(g, breaks, choices), lost))
         first = g.both(begun ^ 1, circuit.bad_start.get(claim, FALSE))
-        bad.append((claim.name, g.any_of((when, first, g.both(lost, steps)))))
-    return _begun(g, (begun, valid), circuit.latches, circuit.opens, steps, bad)
+        bad.append((claim.name, g.either(when, first)))
+    steps, latches = legal_rounds(g, steps, circuit.latches, choices)
+    return _begun(g, (begun, valid), latches, circuit.opens, steps, bad)
 
 
 def machine_asking(g: Graph, question: SafetyQuery) -> TransitionSystem:

@@ -80,7 +80,11 @@ def projected(g: Graph, number: Number, inputs: set[int]) -> int:
 
 
 def narrowed(circuit: Circuit, claims: Iterable[Claim], given: Iterable[int]) -> SafetyQuery:
-    """The query whether one of the claims can break, with the related constraints only."""
+    """The query whether one of the claims can break, with the related constraints only.
+
+    That numbers are in their ranges is none of them: whoever goes back from a bad state would have
+    to show it of all, and it holds of all that is reached.
+    """
     g, ranges = circuit.d.graph, _Ranges(circuit)
     relations = {x >> 1 for atoms in circuit.d.opaques.atoms.values() for x in atoms.values()}
     broken = [each for claim in claims for each in circuit.broken[claim]]
@@ -97,12 +101,13 @@ def narrowed(circuit: Circuit, claims: Iterable[Claim], given: Iterable[int]) ->
         roots = [x for x in pending if about[x] & inputs and about[x] & relations <= inputs]
         kept.update(roots)
         pending = [x for x in pending if x not in kept]
-    bounds = ranges.about(inputs)
-    steps = g.all_of([*kept, *bounds])
+    steps = g.all_of(kept)
     latches = tuple(latch for latch in circuit.latches if latch.literal >> 1 in inputs)
-    violated = [g.all_of([when, *(kept & needed[phase]), *bounds]) for phase, when in broken]
+    violated = [g.all_of([when, *(kept & needed[phase])]) for phase, when in broken]
     lost = g.both(circuit.lost, steps)
-    return SafetyQuery(latches, circuit.opens, steps, g.any_of([*violated, lost]), tuple(given))
+    bad = g.any_of([*violated, lost])
+    bounds = tuple(ranges.about(inputs))
+    return SafetyQuery(latches, circuit.opens, steps, bad, tuple(given), bounds)
 
 
 def related(
@@ -155,11 +160,12 @@ def everything(circuit: Circuit, claims: Iterable[Claim], given: Iterable[int]) 
 
 
 def with_all(
-    circuit: Circuit, claims: Iterable[Claim], more: Iterable[int] = ()
+    circuit: Circuit, claims: Iterable[Claim], more: Iterable[int] = (), *, in_range: bool = True
 ) -> tuple[int, dict[Claim, int]]:
     """Whole rounds, and when claims break, with all constraints: of ranges, what matters.
 
-    What the literals of ``more`` depend on matters as well.
+    What the literals of ``more`` depend on matters as well. Without ``in_range`` nothing is said of
+    ranges, in which all is that is reached.
     """
     g, ranges = circuit.d.graph, _Ranges(circuit)
     needed = {
@@ -170,7 +176,7 @@ def with_all(
     broken = {claim: circuit.broken[claim] for claim in claims}
     roots = [circuit.lost, *whole, *more, *(x for each in broken.values() for _, x in each)]
     roots += [x for parts in needed.values() for x in parts]
-    bounds = ranges.about(ranges.closed(roots, set()))
+    bounds = ranges.about(ranges.closed(roots, set())) if in_range else []
     bad = {
         claim: g.any_of(g.all_of([when, *needed[phase], *bounds]) for phase, when in phases)
         for claim, phases in broken.items()

@@ -23,6 +23,7 @@ from koord.verify.engines.bits.constraint_selection import everything, narrowed
 from koord.verify.engines.bits.found_runs import recording
 from koord.verify.engines.bits.graph import FALSE
 from koord.verify.engines.bits.invariants import lemmas
+from koord.verify.engines.bits.legal_choices import choices_of, with_legal_choices
 from koord.verify.engines.bits.robot_permutations import images
 from koord.verify.engines.bits.unrolling import Copy, UnrolledCircuit, holds_always
 from koord.verify.engines.engine import Task, Tools, Worker
@@ -318,6 +319,7 @@ class _Run:
         self, question: ic3.SafetyQuery, claims: Sequence[Claim], *, exchange: bool
     ) -> ic3.ClauseInvariant | ic3.Reached | ic3.Unfinished:
         g, ledger = self.circuit.d.graph, self.ledger
+        question = with_legal_choices(g, question, choices_of(self.circuit))
         if self.engine is Engine.ABC:
             ledger.progress("abc, PDR")
             return abc.searched(g, question, ledger.deadline, self.seconds)

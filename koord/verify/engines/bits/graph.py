@@ -177,11 +177,18 @@ class Graph(Struct):
 
     def substituted(self, literal: int, meaning: Mapping[int, int]) -> int:
         """Substitute literals for inputs (by node)."""
+        (found,) = self.all_substituted([literal], meaning)
+        return found
+
+    def all_substituted(self, literals: Sequence[int], meaning: Mapping[int, int]) -> list[int]:
+        """Substitute literals for nodes, inputs or not, in several literals at once."""
         new: dict[int, int] = {0: 0}
-        for node in self.cone([literal]):
+        for node in self.cone(literals):
             a, b = self.left[node], self.right[node]
-            if a == _LEAF:
-                new[node] = meaning.get(node, 2 * node)
+            if node in meaning:
+                new[node] = meaning[node]
+            elif a == _LEAF:
+                new[node] = 2 * node
             else:
                 new[node] = self.both(new[a >> 1] ^ (a & 1), new[b >> 1] ^ (b & 1))
-        return new[literal >> 1] ^ (literal & 1)
+        return [new[x >> 1] ^ (x & 1) for x in literals]

@@ -25,7 +25,8 @@ Cube = tuple[int, ...]
 class SafetyQuery(Struct, frozen=True):
     """A safety query: whether ``bad`` can ever hold. All fields are literals of the graph.
 
-    ``given`` holds of every state that can be reached, as was shown before.
+    ``given`` holds of every state that can be reached, as was shown before, and so does
+    ``in_range`` by the making of the circuit: it need not be shown of what leads to a bad state.
     """
 
     latches: tuple[Latch, ...]
@@ -33,6 +34,7 @@ class SafetyQuery(Struct, frozen=True):
     steps: int
     bad: int
     given: tuple[int, ...] = ()
+    in_range: tuple[int, ...] = ()
 
 
 class ClauseInvariant(Struct, frozen=True):
@@ -129,7 +131,7 @@ class Ic3Run(Struct):
             self._next.append(clauses.of(latch.next))
         self._step = clauses.of(question.steps, TRUE_SIDE)
         self._bad = clauses.of(question.bad, TRUE_SIDE)
-        for literal in question.given:
+        for literal in (*question.given, *question.in_range):
             clauses.require(literal)
         self._first = {
             k + 1: bool(latch.init) for k, latch in enumerate(question.latches) if latch.init < 2

@@ -143,16 +143,17 @@ def keeps(g: Graph, question: SafetyQuery, statements: Sequence[int], deadline: 
     next_ = {latch.literal >> 1: latch.next for latch in question.latches}
     start = Clauses(g, OTHER, deadline)
     start.require(question.opens)
-    first = g.all_of(g.substituted(x, init) for x in statements)
+    first = g.all_of(g.all_substituted(statements, init))
     initiated = not start.solve([start.of(first ^ 1)])
     start.close()
     step = Clauses(g, OTHER, deadline)
-    for literal in (*question.given, *statements):
+    for literal in (*question.given, *question.in_range, *statements):
         step.require(literal)
     safe = not step.solve([step.of(question.bad)])
     step.require(question.steps)
-    then = g.all_of(g.substituted(x, next_) for x in statements)
-    kept = not step.solve([step.of(then ^ 1)])
+    # One by one: many easy questions are quicker than a hard one.
+    then = g.all_substituted(statements, next_)
+    kept = not any(step.solve([step.of(x ^ 1)]) for x in then)
     step.close()
     return initiated and safe and kept
 
