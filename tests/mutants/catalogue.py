@@ -710,8 +710,8 @@ VERIFY = (
     Mutant(
         "what some robots cannot do nobody can",
         "verify.vacuity.reachability.unbroken",
-        "pending = [claim for claim in nevers if claim in few.claims]",
-        "return few",
+        "few.known and not few.claims and few.stuck is None",
+        "few.known",
         (PORTFOLIO,),
     ),
     Mutant(
@@ -804,6 +804,13 @@ VERIFY = (
         "regardless = unreachable.true_of_anything(ledger, regardless)",
         "pass",
         (VACUITY,),
+    ),
+    Mutant(
+        "where some of many robots cannot start the others can",
+        "verify.vacuity.starts.many_never_start",
+        "return never_starts(system, seed, deadline, effort)",
+        "return None",
+        ("tests/verify/vacuity/test_few_robots.py",),
     ),
     Mutant(
         "what no robots could do is true of anything they did in INIT",

@@ -35,6 +35,7 @@ from koord.verify.vacuity import unreachable
 from koord.verify.vacuity.contradictions import dead_end, unanswerable
 from koord.verify.vacuity.reachability import Unbroken, unbroken
 from koord.verify.vacuity.reaching_runs import ReachingRuns
+from koord.verify.vacuity.starts import many_never_start, never_starts
 from koord.verify.vacuity.unreachable import unmet
 from koord.verify.verdicts import (
     Emptiness,
@@ -145,7 +146,7 @@ def _look_at_few(
         # More robots may start, or go on, where few do not.
         return _look(ledger, wished, effort, runs)
     with suppress(OutOfBudgetError):  # where few start, many most often do
-        start = _start(ledger.system, ledger.seed, ledger.deadline, effort)
+        start = many_never_start(ledger.system, ledger.seed, ledger.deadline, effort)
         if start is not None:
             return GoalSearch((start,), None, effort)
     unmet_by_few = looked.never.claims
@@ -217,7 +218,7 @@ def _look(
     system, deadline, seed = ledger.system, ledger.deadline, ledger.seed
     nevers, rounds = [goal.never for goal in wished.all], ledger.bounds.rounds
     shown = reaching.replayed(wished.system, nevers, rounds)
-    start = None if shown.starts else _start(system, seed, deadline, effort)
+    start = None if shown.starts else never_starts(system, seed, deadline, effort)
     if start is not None:
         return GoalSearch((start,), None, effort)
     silent = tuple(_silent(ledger, deadline, effort))
@@ -318,20 +319,6 @@ def _silent(ledger: Ledger, deadline: Deadline, effort: Effort) -> Iterator[Vacu
     original = ledger.problem.original
     for external, detail in unanswerable(original, ledger.seed, deadline, effort):
         yield Vacuity(Emptiness.SUMMARIES, "", detail, certain=True, span=external.span)
-
-
-def _start(system: System, seed: int, deadline: Deadline, effort: Effort) -> Vacuity | None:
-    """The vacuity that no run can start, with the reason; None if one can."""
-    whole = Unrolling(system, seed)
-    if whole.solver.check([], deadline, effort) is not SolverAnswer.UNSAT or whole.unknowns.limits:
-        # Where lists may be longer than is looked at, a longer one may do.
-        return None
-    free = replace(system, program=replace(system.program, assumptions=()))
-    if Unrolling(free, seed).solver.check([], deadline, effort) is not SolverAnswer.UNSAT:
-        detail = "no initial configuration satisfies them all"
-        return Vacuity(Emptiness.ASSUMPTIONS, "", detail, certain=True)
-    detail = "no external functions satisfy them all"
-    return Vacuity(Emptiness.SUMMARIES, "", detail, certain=True)
 
 
 def _missing(

@@ -8,10 +8,11 @@ from __future__ import annotations
 import pytest
 
 from koord.syntax.budget import OutOfBudgetError
-from koord.syntax.system import dealt
+from koord.syntax.system import System, dealt
+from koord.verify.effort import Deadline, Effort
 from koord.verify.engine_names import Engine
 from koord.verify.strategy.verification import verify
-from koord.verify.vacuity import analysis, reachability, unreachable
+from koord.verify.vacuity import analysis, reachability, starts, unreachable
 from koord.verify.verdicts import Bounds, Emptiness, Outcome, Report
 from tests.loading import program_of
 
@@ -142,3 +143,57 @@ def test_the_search_has_a_share_of_the_time_of_the_proofs() -> None:
 
     assert worth(0.1) == analysis.SHARE_S
     assert worth(100.0) == 100.0 * analysis.SHARE
+
+
+APART = """
+local:
+    int seat
+    int n = 0
+assume: forall i, j: i != j implies seat@i != seat@j
+assume: numAgents < {most}
+Up:
+    pre: n < 3
+    eff: n = n + 1
+invariant Small: forall i: n@i <= 3
+"""
+
+TWO_KINDS = """
+agent Car:
+    local:
+        int n = 0
+    Up:
+        pre: n < 3
+        eff: n = n + 1
+agent Drone:
+    local:
+        int m = 0
+    Fly:
+        pre: m < 3
+        eff: m = m + 1
+"""
+
+
+@pytest.mark.parametrize(("most", "asked"), [(100, [40, 12]), (10, [40, 12, 40])])
+def test_some_robots_are_asked_about_where_all_take_long_to_write(
+    most: int, asked: list[int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    numbers: list[int] = []
+    never_starts = starts.never_starts
+
+    def counted(system, *others):  # type: ignore[no-untyped-def]
+        numbers.append(system.robots)
+        return never_starts(system, *others)
+
+    monkeypatch.setattr(starts, "never_starts", counted)
+    system = dealt(program_of(APART.format(most=most)), 40)
+    found = starts.many_never_start(system, 0, Deadline(), Effort.of_seconds(5))
+    assert numbers == asked
+    assert (found is not None) == (most < 40)
+
+
+def test_some_robots_are_of_each_kind() -> None:
+    system = System(program_of(TWO_KINDS), (0,) * 30 + (1, 1))
+    some = starts.some_of(system)
+    assert some is not None
+    assert some.kinds == (0,) * 10 + (1, 1)
+    assert starts.some_of(some) is None
