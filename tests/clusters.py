@@ -81,6 +81,7 @@ class Held(PortableWork, frozen=True):
     number: int
 
     def __call__(self, tell: JobChannel) -> int:
+        tell.note("begun")
         with open(self.begins, "w") as begins:
             begins.write(f"{os.getppid()} {os.getpid()}\n")
             begins.flush()

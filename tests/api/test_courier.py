@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from koord.api import courier
 from koord.api.courier import Cluster, cluster_at
 from koord.syntax.diagnostics import KoordError
 from koord.verify.helpers import Helpers, Parcel, PortableWork
@@ -18,10 +19,7 @@ from koord.verify.processes import Pool, can_fork
 from tests.clusters import Dying, Pipes, Refused, Squared, local_cluster
 
 pytest.importorskip("distributed")
-pytestmark = [
-    pytest.mark.skipif(not can_fork(), reason="one process only"),
-    pytest.mark.xdist_group("cluster"),
-]
+pytestmark = pytest.mark.skipif(not can_fork(), reason="one process only")
 
 
 @pytest.fixture(scope="module")
@@ -60,6 +58,7 @@ def test_what_goes_wrong_there_goes_wrong_here(cluster: Cluster) -> None:
         assert "clusters.py" in dividing.value.__notes__[0]
 
 
+@pytest.mark.slow
 def test_a_process_that_dies_there_dies_as_one_here(cluster: Cluster) -> None:
     ends, notes = [], []
     for helpers in (None, cluster.helpers):
@@ -88,10 +87,12 @@ def test_a_question_of_a_worker_that_dies_is_asked_again(address: str, tmp_path:
             assert int(begins.readline().split()[0]) != worker
         pipes.go_on()
         assert pool.answer(job) == 7
+        assert job.noted == ["begun"], "what the first one told of is as good as untold"
     assert cluster.died == 1
     assert sum(text.startswith("held: on tcp://") for text in told) == 2
 
 
+@pytest.mark.slow
 def test_what_is_dropped_ends_there(cluster: Cluster, tmp_path: Path) -> None:
     pipes = Pipes.at(tmp_path)
     question = pipes.held(7)
@@ -157,11 +158,32 @@ def test_other_code_gives_no_answers(cluster: Cluster) -> None:
     assert [d.code for d in no.value.diagnostics] == ["K947"]
 
 
-def test_a_parcel_that_came_damaged_is_not_opened() -> None:
+def test_a_parcel_that_came_damaged_or_to_others_is_not_opened() -> None:
     parcel = Parcel.of(Squared(2), "code")
     assert parcel.checked("code") == parcel.content
+    with pytest.raises(KoordError, match="has other, and this is code"):
+        parcel.checked("other")
     with pytest.raises(KoordError, match="damaged"):
         Parcel(parcel.code, parcel.digest, parcel.content + b" ").checked("code")
+
+
+def test_each_worker_has_to_have_koord() -> None:
+    class Client:
+        def __init__(self, *found: object) -> None:
+            self.found = found
+
+        def get_versions(self, packages: list[str]) -> object:
+            assert packages == ["koord"]
+            return {"workers": {f"tcp://{n}:1": each for n, each in enumerate(self.found)}}
+
+    there: object = {"packages": {"koord": "0.1.0"}}
+    missing: object = {"packages": {"koord": None}}
+    assert courier._checked(Client(there, there)) == 2
+    assert courier._checked(Client()) == 0
+    for other in (missing, {"packages": {}}, "it does not answer"):
+        with pytest.raises(KoordError, match="tcp://1:1 of the cluster cannot answer") as no:
+            courier._checked(Client(there, other))
+        assert [d.code for d in no.value.diagnostics] == ["K947"]
 
 
 def test_where_nobody_is_is_told() -> None:

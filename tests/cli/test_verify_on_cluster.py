@@ -24,10 +24,7 @@ from koord.verify.processes import can_fork
 from tests.clusters import ROOT, WITHOUT_KOORD, local_cluster
 
 distributed = pytest.importorskip("distributed")
-pytestmark = [
-    pytest.mark.skipif(not can_fork(), reason="one process only"),
-    pytest.mark.xdist_group("cluster"),
-]
+pytestmark = pytest.mark.skipif(not can_fork(), reason="one process only")
 
 EXAMPLES = ROOT / "specs" / "examples"
 
@@ -130,6 +127,7 @@ def test_somebody_who_is_no_scheduler_is_told(
     assert "dask scheduler" in err
 
 
+@pytest.mark.slow
 def test_a_worker_without_koord_is_told(program: str, capsys: pytest.CaptureFixture[str]) -> None:
     with local_cluster(first=WITHOUT_KOORD) as (address, _):
         assert main(["verify", program, "--cluster", address]) == Exit.BAD_INPUT

@@ -42,7 +42,9 @@ INDUCTION = "tests/verify/engines/induction/test_engine.py"
 PORTFOLIO = "tests/verify/strategy/test_verification.py"
 SINGLY = "tests/verify/strategy/test_each_claim_turn.py"
 RACES = "tests/verify/strategy/test_race.py"
+COURIER = "tests/api/test_courier.py"
 CUBES = "tests/verify/strategy/test_rounds_question.py"
+ON_CLUSTER = "tests/cli/test_verify_on_cluster.py"
 WITNESS = "tests/verify/test_witness.py"
 FOOTPRINT = "tests/syntax/test_footprint.py"
 ABSTRACTION = "tests/verify/reduction/test_abstraction.py"
@@ -545,6 +547,55 @@ VERIFY = (
         "len(self._unrolling.rounds) <= self._known",
         "len(self._unrolling.rounds) <= self._known + 1",
         (CUBES,),
+    ),
+    Mutant(
+        "a deadline is sent as a moment of this machine's clock",
+        "verify.effort._deadline",
+        "Deadline.after(left_s).at",
+        "left_s",
+        (CUBES,),
+    ),
+    Mutant(
+        "moments of another machine's clock are taken for those of this one",
+        "verify.each_claim.Alone.as_of",
+        "self.said.moved(began - self.began)",
+        "self.said",
+        (CUBES,),
+    ),
+    Mutant(
+        "what a worker told of before it died stands twice",
+        "verify.processes.Pool._listen",
+        "job.noted.clear()",
+        "pass",
+        (COURIER,),
+    ),
+    Mutant(
+        "a worker with other code answers",
+        "verify.helpers.Parcel.checked",
+        "code != self.code",
+        "False",
+        (COURIER,),
+    ),
+    Mutant(
+        "a damaged question is opened",
+        "verify.helpers.Parcel.checked",
+        "_digest(self.content) != self.digest",
+        "False",
+        (COURIER,),
+    ),
+    Mutant(
+        "a worker without koord is not noticed",
+        "api.courier._checked",
+        'versions["packages"].get("koord") is None',
+        "False",
+        (COURIER,),
+    ),
+    Mutant(
+        "a question goes on when nobody waits for it",
+        "api.dask_cluster.unwanted",
+        'task is None or task.state != "executing"',
+        "False",
+        (ON_CLUSTER,),
     ),
     Mutant(
         "a run from another machine counts unseen",

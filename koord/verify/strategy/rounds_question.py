@@ -58,7 +58,7 @@ class RoundsQuestion(PortableWork, frozen=True):
     known: int | None = None
 
     def __call__(self, tell: JobChannel) -> Looked:
-        own = replace(self.ledger, report=tell)
+        own = self.ledger.of([self.claim], tell)
         unroller = Unroller(cube=self.cube, known=self.known)
         return look(own, self.claim, self.seconds, unroller)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+import time
 from collections.abc import Iterator, Sequence
 from functools import partial
 from os import getpid
@@ -17,6 +18,7 @@ from koord.semantics.domain import conjunction
 from koord.syntax.core import UnaryOp
 from koord.syntax.system import System, dealt
 from koord.verify.claims import Claim, claims_of
+from koord.verify.each_claim import Alone
 from koord.verify.effort import Deadline
 from koord.verify.encoding.cubes import Choice, Cube, cubes
 from koord.verify.encoding.solver import SolverAnswer
@@ -174,7 +176,7 @@ def test_cubes_are_the_same_however_many_are_wanted_of_few_events() -> None:
 
 
 @pytest.mark.parametrize("name", ["Late", "Never", "no fault"])
-@pytest.mark.parametrize("known", [None, 0, 1, 2])
+@pytest.mark.parametrize("known", [None, 1, pytest.param(0, marks=pytest.mark.slow), 2])
 def test_all_cubes_together_say_what_one_check_says(name: str, known: int | None) -> None:
     system, rounds = system_of(LATE), 4
     ledger = ledger_of(system, rounds)
@@ -200,6 +202,9 @@ def test_all_cubes_together_say_what_one_check_says(name: str, known: int | None
     assert together.counterexample is not None
     assert alone.counterexample is not None
     assert together.counterexample.round >= alone.counterexample.round
+    broken = [question(Silent()).found.said.verdicts.get(claim) for question in questions]
+    shown = [v.counterexample for v in broken if v is not None]
+    assert min(run.round for run in shown if run is not None) == alone.counterexample.round
     assert not together.fewest or together.counterexample.round == alone.counterexample.round
 
 
@@ -228,10 +233,25 @@ def test_a_claim_holds_no_further_than_in_the_least_of_its_cubes() -> None:
     assert verdict(system, 5, "Never", found).outcome is Outcome.UNKNOWN
 
 
+def test_moments_are_those_of_whoever_looks_at_them(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Clocks of machines differ: what is left of the time is sent, and comes back as a distance."""
+    clock = [90.0, 5.0]
+    monkeypatch.setattr(time, "monotonic", lambda: clock[0])
+    monkeypatch.setattr(time, "process_time", lambda: clock[1])
+    sent = pickle.dumps([Deadline(100.0, 7.0), Deadline()])
+    clock[:] = [1000.0, 0.5]
+    assert pickle.loads(sent) == [Deadline(1010.0, 2.5), Deadline()]
+    system = system_of(LATE)
+    ledger = ledger_of(system, 1)
+    claim = ledger.claims[0]
+    there = Alone(replace(ledger.extract([claim]), spans={claim: [(1001.0, 1003.0)]}), 1000.0)
+    assert there.as_of(20.0).spans == {claim: [(21.0, 23.0)]}
+
+
 # --- helpers --------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("choice", [Engine.BMC, None])
+@pytest.mark.parametrize("choice", [Engine.BMC, pytest.param(None, marks=pytest.mark.slow)])
 def test_verdicts_are_the_same_with_helpers(
     choice: Engine | None, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -136,7 +136,7 @@ class LassoQuestion(PortableWork, frozen=True):
     claim: Claim
 
     def __call__(self, tell: JobChannel) -> Alone:
-        own = replace(self.ledger, report=tell)
+        own = self.ledger.of([self.claim], tell)
         watching = Watching.of(own.system, self.stated, self.task.lemmas, self.level)
         work = partial(_work, self.task, watching, time.monotonic())
         return alone(own, self.claim, work, Engine.BITS.value)
