@@ -156,6 +156,29 @@ class ReachingRun(Struct, frozen=True):
     recording: Recording
 
 
+class Substance(Struct, frozen=True):
+    """What verdicts are known to be about: nobody need look for vacuities there.
+
+    ``happens``: runs start and go on, and whatever does not belong to a claim happens. ``claims``
+    are the names of those whose verdicts say something. That is so where ``every_n`` says rightly
+    whether all verdicts are for every number of robots, and ``all_rounds`` for all rounds.
+    """
+
+    happens: bool = False
+    claims: frozenset[str] = frozenset()
+    every_n: bool = False
+    all_rounds: bool = False
+
+    def where(self, *, every_n: bool, all_rounds: bool | None = None) -> Substance:
+        """The same if verdicts are as they were thought to be; else nothing."""
+        fits = self.every_n is every_n and all_rounds in (None, self.all_rounds)
+        return self if fits else Substance()
+
+
+#: Of nothing it is known that it says something.
+NOTHING_KNOWN = Substance()
+
+
 class Report(Struct, frozen=True):
     """A report: all verdicts on one system; on systems of every size if ``every_n``.
 
@@ -173,6 +196,7 @@ class Report(Struct, frozen=True):
     unlooked: tuple[UnsearchedGoal, ...] = ()
     of_slice: bool = False
     reaching: tuple[ReachingRun, ...] = ()
+    substance: Substance | None = None  #: as far as it was looked for vacuities to the end
 
     @property
     def lemmas(self) -> tuple[core.Property, ...]:

@@ -7,6 +7,7 @@ from tests.mutants.mutant import Mutant
 FORMS = "tests/verify/cache/test_forms.py"
 KEPT = "tests/verify/cache/test_kept.py"
 FOLDER = "tests/verify/cache/test_folder.py"
+SUBSTANCE = "tests/verify/cache/test_substance.py"
 REACHING = "tests/verify/vacuity/test_reaching_runs.py"
 
 CACHED = (
@@ -191,5 +192,40 @@ CACHED = (
         "nevers or not shown.goes_on",
         "not shown.goes_on",
         (REACHING,),
+    ),
+    Mutant(
+        "cache: what verdicts of another kind are about counts",
+        "verify.verdicts.Substance.where",
+        "self if fits else Substance()",
+        "self",
+        (SUBSTANCE,),
+    ),
+    Mutant(
+        "cache: a verdict says something whatever events do",
+        "verify.cache.kept._of_verdict",
+        'digest("says", dependences.question.text, form.text, kind, claim, said)',
+        'digest("says", dependences.question.text, kind, claim, said)',
+        (SUBSTANCE,),
+    ),
+    Mutant(
+        "cache: events happen whatever guards say",
+        "verify.cache.kept._of_happening",
+        'digest("happens", dependences.question.text, form.text, kind)',
+        'digest("happens", dependences.question.text, kind)',
+        (SUBSTANCE,),
+    ),
+    Mutant(
+        "cache: where events happen all is reached that claims suppose",
+        "verify.vacuity.analysis._asked",
+        "goal.subject in known.claims if goal.aim is Aim.SUPPOSITION else known.happens",
+        "known.happens",
+        (SUBSTANCE,),
+    ),
+    Mutant(
+        "cache: claims that are told to be vacuous say something",
+        "verify.strategy.verification._substance",
+        "held - told",
+        "held",
+        (SUBSTANCE,),
     ),
 )

@@ -112,7 +112,7 @@ class Form(Struct, frozen=True, dict=True):
     def claim(self, claim: Claim) -> str:
         """A claim about the slice."""
         writer = _Writer(self.system.program, self.numbering, self.places)
-        writer.write((claim.kind, claim.name, claim.subject, claim.stated), None)
+        writer.claim(claim)
         return writer.text
 
 
@@ -125,7 +125,7 @@ def named(program: core.Program, claim: Claim) -> str:
         for position, event in enumerate(agent.events)
     }
     writer = _Writer(program, Numbering(variables_, {}, {}), [])
-    writer.write((claim.kind, claim.name, claim.subject, claim.stated), None)
+    writer.claim(claim)
     ran = [node.events for node in nodes(claim.stated) if isinstance(node, core.Ran)]
     return writer.text + repr([[events[each] for each in found] for found in ran])
 
@@ -180,6 +180,13 @@ class _Writer:
                 self.word(f"event {event.name!r} {event.urgent} {event.bound} {classes}")
                 self._places.append(event.span)
                 self.write((event.guard, event.effect), kind)
+
+    def claim(self, claim: Claim) -> None:
+        """Write a claim; what somebody calls a statement is nothing that it states."""
+        stated = claim.stated
+        name = claim.name if stated is None else ""
+        unnamed = None if stated is None else replace(stated, name="")
+        self.write((claim.kind, name, claim.subject, unnamed), None)
 
     def declarations(
         self, declared: tuple[core.Declaration, ...], home: Home, kind: int | None

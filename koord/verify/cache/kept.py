@@ -17,15 +17,17 @@ from koord.semantics.rounds import IllegalStepError
 from koord.syntax.diagnostics import KoordError
 from koord.verify.cache.codec import CodecError, plain, revived
 from koord.verify.cache.dependence import Dependences, Names
-from koord.verify.cache.forms import digest
+from koord.verify.cache.forms import Form, digest
 from koord.verify.cache.storage import Storage
 from koord.verify.claims import NO_FAULT, Claim, ClaimKind
+from koord.verify.engine_names import Engine
 from koord.verify.verdicts import (
     Bounds,
     Counterexample,
     Outcome,
     ReachingRun,
     Report,
+    Substance,
     Vacuity,
     Verdict,
 )
@@ -113,6 +115,33 @@ class VerdictCache(Struct, frozen=True):
             place = None if vacuity.span is None else places.index(vacuity.span)
             data.append([plain(vacuity), place])
         self._write(key, {"vacuities": data})
+
+    def substance(self, dependences: Dependences, verdicts: Sequence[Verdict]) -> Substance:
+        """What some verdicts on all claims are known to be about, if the others are like them."""
+        kinds = _kinds_of(verdicts)
+        form = dependences.happening()
+        said = [_of_verdict(dependences, form, verdict, kinds) for verdict in verdicts]
+        return replace(
+            kinds,
+            happens=self._read(_of_happening(dependences, form, kinds)) is not None,
+            claims=frozenset(
+                verdict.claim.name
+                for verdict, key in zip(verdicts, said, strict=True)
+                if verdict.outcome is Outcome.HOLDS and self._read(key) is not None
+            ),
+        )
+
+    def keep_substance(self, dependences: Dependences, report: Report) -> None:
+        """Keep what a report on all claims is seen to be about."""
+        found = report.substance
+        if found is None:
+            return
+        form, kinds = dependences.happening(), replace(found, happens=False, claims=frozenset())
+        if found.happens:
+            self._write(_of_happening(dependences, form, kinds), {})
+        for verdict in report.verdicts:
+            if verdict.claim.name in found.claims:
+                self._write(_of_verdict(dependences, form, verdict, kinds), {})
 
     def reaching(self, dependences: Dependences) -> tuple[ReachingRun, ...]:
         """The kept runs that reached what should be possible; a replay has to show it again."""
@@ -256,6 +285,32 @@ def _of_vacuities(
     said = [f"{v.claim.name} {v.outcome.value} {v.rounds} {v.engine.value}" for v in verdicts]
     key = digest("vacuities", dependences.question.text, *stated, *said, *sorted(names))
     return key, form.places
+
+
+def _kinds_of(verdicts: Collection[Verdict]) -> Substance:
+    """Whether verdicts are for every number of robots, and for all rounds."""
+    return Substance(
+        every_n=all(v.outcome is Outcome.HOLDS and v.engine is Engine.EVERY_N for v in verdicts),
+        all_rounds=all(
+            v.outcome is Outcome.VIOLATED or v.rounds is None
+            for v in verdicts
+            if v.claim.kind is not ClaimKind.LIVENESS
+        ),
+    )
+
+
+def _of_happening(dependences: Dependences, form: Form, kinds: Substance) -> str:
+    """The key of whether runs start and go on, and all happens that belongs to no claim."""
+    kind = f"{kinds.every_n} {kinds.all_rounds}"
+    return digest("happens", dependences.question.text, form.text, kind)
+
+
+def _of_verdict(dependences: Dependences, form: Form, verdict: Verdict, kinds: Substance) -> str:
+    """The key of whether a verdict says something."""
+    kind = f"{kinds.every_n} {kinds.all_rounds}"
+    said = f"{verdict.outcome.value} {verdict.rounds} {verdict.engine.value}"
+    claim = form.claim(verdict.claim)
+    return digest("says", dependences.question.text, form.text, kind, claim, said)
 
 
 def _entries(data: Mapping[str, Any]) -> list[dict[str, Any]]:

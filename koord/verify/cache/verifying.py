@@ -15,7 +15,7 @@ from koord.verify.cache.kept import Known, VerdictCache
 from koord.verify.claims import Claim
 from koord.verify.engine_names import Engine
 from koord.verify.strategy.resumption import PastVerification
-from koord.verify.verdicts import Bounds, Report
+from koord.verify.verdicts import Bounds, Report, Substance
 
 
 class CachedVerification(Struct, frozen=True, dict=True):
@@ -54,7 +54,19 @@ class CachedVerification(Struct, frozen=True, dict=True):
     def past(self) -> PastVerification:
         """All that is known, also of claims that are not asked about: they serve as lemmas."""
         verdicts = tuple(each.verdict for each in self.known.values())
-        return PastVerification(verdicts, reaching=self.cache.reaching(self.dependences))
+        return PastVerification(
+            verdicts,
+            reaching=self.cache.reaching(self.dependences),
+            substance=self.substance,
+        )
+
+    @cached_property
+    def substance(self) -> Substance:
+        """What is known to say something; nothing where only some claims are asked about."""
+        if self.names:
+            return Substance()
+        verdicts = [each.verdict for each in self.known.values()]
+        return self.cache.substance(self.dependences, verdicts)
 
     @cached_property
     def answer(self) -> Report | None:
@@ -64,10 +76,12 @@ class CachedVerification(Struct, frozen=True, dict=True):
         if not all(claim in self.known for claim in asked):
             return None
         verdicts = tuple(self.known[claim].verdict for claim in asked)
+        every_n = self.dependences.question.engine is Engine.EVERY_N
+        if self.substance.happens and self.substance.claims >= {each.name for each in asked}:
+            return Report(verdicts, (), 0.0, every_n=every_n)
         kept = self.cache.vacuities(self.dependences, verdicts, self.names)
         if kept is None:
             return None
-        every_n = self.dependences.question.engine is Engine.EVERY_N
         return Report(verdicts, kept.vacuities, 0.0, every_n=every_n)
 
     def ended(self, report: Report) -> Report:
@@ -76,4 +90,6 @@ class CachedVerification(Struct, frozen=True, dict=True):
             self.cache.keep(self.dependences, report, self.bounds, self.known.values())
             self.cache.keep_vacuities(self.dependences, report, self.names)
             self.cache.keep_reaching(self.dependences, report)
+            if not self.names:
+                self.cache.keep_substance(self.dependences, report)
         return replace(report, seconds=time.monotonic() - self.started)

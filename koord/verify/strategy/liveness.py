@@ -93,7 +93,12 @@ def settled(
     if is_last and not empty and steps.begin("whole runs", _LATER - 1, VACUITY):
         with ledger.stopping(), ledger.enduring(VACUITY):
             for part in parts:
-                of = [verdict for verdict in verdicts if verdict.claim in part.claims]
+                of = [
+                    verdict
+                    for verdict in verdicts
+                    if verdict.claim in part.claims
+                    and verdict.claim.name not in steps.past.substance.claims
+                ]
                 empty += vacuous_goals(part.system, of, deadline, seed)
     unique = tuple(dict.fromkeys(empty))
     return LivenessVerdicts(verdicts, unique, ledger.interrupted, tuple(ledger.failures))

@@ -11,7 +11,7 @@ from koord.syntax.budget import OutOfBudgetError
 from koord.verify.engine_names import engine_named
 from koord.verify.ledger import Ledger, Reach, reach_of
 from koord.verify.obstacles import Failure, TimeUp
-from koord.verify.verdicts import Outcome, ReachingRun, Verdict
+from koord.verify.verdicts import NOTHING_KNOWN, Outcome, ReachingRun, Substance, Verdict
 
 
 class StrategyStep(Struct, frozen=True):
@@ -33,6 +33,7 @@ class PastVerification(Struct, frozen=True):
     begun: tuple[StrategyStep, ...] = ()
     failures: tuple[Failure, ...] = ()
     reaching: tuple[ReachingRun, ...] = ()
+    substance: Substance = NOTHING_KNOWN
 
     def told(self, noted: Iterable[object]) -> PastVerification:
         """The state with the messages of a further process added."""

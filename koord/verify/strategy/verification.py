@@ -59,10 +59,12 @@ from koord.verify.vacuity.analysis import (
 from koord.verify.verdicts import (
     Bounds,
     Counterexample,
+    Emptiness,
     EnumerationResult,
     Outcome,
     ReachingRun,
     Report,
+    Substance,
     UnsearchedGoal,
     Vacuity,
     Verdict,
@@ -164,7 +166,7 @@ class _Verification(Struct, frozen=True):
             unreachable = search.end(ledger, self.names)
         failures = [*ledger.failures, *last.failures, *search.failures]
         failures += [*first.failures, *runs.failures]
-        return Report(
+        report = Report(
             (*(v for v in verdicts if self._is_asked(v.claim)), *runs.verdicts),
             unreachable.vacuities + runs.vacuities,
             0.0,
@@ -175,6 +177,7 @@ class _Verification(Struct, frozen=True):
             of_slice=last is ledger and not known,
             reaching=search.reaching,
         )
+        return replace(report, substance=_substance(report, search.substance))
 
     def _is_asked(self, claim: Claim) -> bool:
         return not self.names or claim.name in self.names
@@ -350,6 +353,8 @@ class _ReachabilitySearch(Struct):
     failures: list[Failure] = field(default_factory=list)
     runs: Sequence[Verdict] = ()  #: what is known of whole runs
     reaching: tuple[ReachingRun, ...] = ()  #: runs that reach goals
+    relied: Substance = Substance()  #: what the job does not look at
+    substance: Substance | None = None  #: what was found, but for what vacuities say
     job: Job[tuple[GoalSearch | str, tuple[Failure, ...]]] | None = None
 
     def begin(self, ledger: Ledger, names: Collection[str]) -> None:
@@ -358,11 +363,12 @@ class _ReachabilitySearch(Struct):
         if self.wanted and self.job is None and apart:
             every_n = is_every_n(self.system, ledger, names, self.runs)
             own = self._of_what_happens(ledger).of((), lambda text: None)
+            self.relied = known = self.steps.past.substance.where(every_n=every_n)
 
             def looked(tell: Progress) -> tuple[GoalSearch | str, tuple[Failure, ...]]:
                 found: GoalSearch | str = ""
                 with own.stopping(), own.enduring(VACUITY):
-                    found = look(own, every_n=every_n, before=self.steps.past.reaching)
+                    found = self._search(own, every_n=every_n, known=known)
                 return found, tuple(own.failures)
 
             self.job = self.pool.submit("", looked)
@@ -372,6 +378,7 @@ class _ReachabilitySearch(Struct):
         found: FoundVacuities | None = None
         everywhere = ledger.is_of_all_rounds(names)
         every_n = is_every_n(self.system, ledger, names, self.runs)
+        known = self.steps.past.substance.where(every_n=every_n, all_rounds=everywhere)
         ledger = self._of_what_happens(ledger)
         own = ledger.of(ledger.open(), ledger.report)
         if self.wanted and self.steps.begin("vacuity", 0, VACUITY):
@@ -379,20 +386,28 @@ class _ReachabilitySearch(Struct):
                 if self.of_any_number:
                     found = of_any_number(own, of_all_rounds=everywhere)
                 else:
-                    looked = self._looked(own, every_n=every_n)
+                    looked = self._looked(own, every_n=every_n, known=known)
                     if isinstance(looked, GoalSearch):
                         self.reaching = looked.runs
-                        found = vacuities(own, looked, of_all_rounds=everywhere)
+                        found = vacuities(own, looked, of_all_rounds=everywhere, known=known)
+                        self.substance = Substance(True, frozenset(), every_n, everywhere)
         self.failures += own.failures
         if found is None:
             missing = unlooked(ledger.system) if self.wanted else ()
             return _Vacuities((), own.interrupted, missing)
         return _Vacuities(found.vacuities, own.interrupted, found.unlooked)
 
-    def _looked(self, own: Ledger, *, every_n: bool) -> GoalSearch | str:
+    def _search(self, own: Ledger, *, every_n: bool, known: Substance) -> GoalSearch:
+        return look(own, every_n=every_n, before=self.steps.past.reaching, known=known)
+
+    def _looked(self, own: Ledger, *, every_n: bool, known: Substance) -> GoalSearch | str:
         """The result of the parallel search, or of one made now."""
+        if self.job is not None and self.relied != known:
+            # It left out what is not known after all.
+            self.pool.drop(self.job)
+            self.job = None
         if self.job is None:
-            return look(own, every_n=every_n, before=self.steps.past.reaching)
+            return self._search(own, every_n=every_n, known=known)
         answer = self.pool.answer(self.job)
         if answer is None:
             own.fail(Failure(VACUITY, self.job.end))
@@ -410,6 +425,16 @@ class _ReachabilitySearch(Struct):
         own = ledger.about(self.happens, claims_of(self.happens.system))
         _put_down(own, _Known(verdicts, None, frozenset()))
         return own
+
+
+def _substance(report: Report, looked: Substance | None) -> Substance | None:
+    """What is seen to have no vacuities, if it was looked for all of them to the end."""
+    if looked is None or report.interrupted or report.failures or report.unlooked:
+        return None
+    held = {v.claim.name for v in report.verdicts if v.outcome is Outcome.HOLDS}
+    told = {vacuity.subject for vacuity in report.vacuities}
+    of_events = any(vacuity.what is Emptiness.EVENT for vacuity in report.vacuities)
+    return replace(looked, happens=told <= held and not of_events, claims=frozenset(held - told))
 
 
 def _are_for_every_n(verdicts: Sequence[Verdict]) -> bool:

@@ -38,9 +38,11 @@ from koord.verify.vacuity.reaching_runs import ReachingRuns
 from koord.verify.vacuity.starts import many_never_start, never_starts
 from koord.verify.vacuity.unreachable import unmet
 from koord.verify.verdicts import (
+    NOTHING_KNOWN,
     Emptiness,
     Outcome,
     ReachingRun,
+    Substance,
     UnsearchedGoal,
     Vacuity,
     Verdict,
@@ -94,26 +96,33 @@ class FoundVacuities(Struct, frozen=True):
 
 
 def look(
-    ledger: Ledger, *, every_n: bool = False, before: Sequence[ReachingRun] = ()
+    ledger: Ledger,
+    *,
+    every_n: bool = False,
+    before: Sequence[ReachingRun] = (),
+    known: Substance = NOTHING_KNOWN,
 ) -> GoalSearch:
     """Search for vacuities that depend on no verdict, so that it can run in parallel.
 
     ``every_n``: all verdicts are proofs for every number of robots, so that it is looked at few of
-    them first. ``before`` are runs that reached goals once, which are replayed. [PROP-VACUOUS]
+    them first. ``before`` are runs that reached goals once, which are replayed, and what is
+    ``known`` is not looked at. [PROP-VACUOUS]
     """
     runs = ReachingRuns(before)
     started = time.process_time()
     effort = Effort.of_seconds(WISHES_S)
-    wished = reachability_goals_of(ledger.system)
+    wished = _asked(reachability_goals_of(ledger.system), known)
+    if known.happens and not wished.all:
+        return GoalSearch((), Unbroken(frozenset()), effort)
     tell(ledger, wished.all)
     own = _limited(ledger, _worth(ledger, every_n=every_n))
     few = unreachable.few_of(ledger.system) if every_n else None
     try:
+        own_goals = _asked(reachability_goals_of(own.system), known)
         if few is None:
-            looked = _look(own, reachability_goals_of(own.system), effort, runs)
+            looked = _look(own, own_goals, effort, runs, known)
         else:
-            wished = reachability_goals_of(own.system)
-            looked = _look_at_few(own, few, wished, effort, runs)
+            looked = _look_at_few(own, few, own_goals, effort, runs, known)
     except OutOfBudgetError:
         nevers = frozenset(goal.never for goal in wished.all)
         looked = GoalSearch((), Unbroken(nevers, known=False), effort)
@@ -137,16 +146,24 @@ def is_every_n(
 
 
 def _look_at_few(
-    ledger: Ledger, few: System, wished: ReachabilityGoals, effort: Effort, runs: ReachingRuns
+    ledger: Ledger,
+    few: System,
+    wished: ReachabilityGoals,
+    effort: Effort,
+    runs: ReachingRuns,
+    known: Substance,
 ) -> GoalSearch:
     """Search with few robots; what these do not reach is proved, or looked for with all of them."""
     some = unreachable.with_robots_of(few, ledger)
-    looked = _look(some, reachability_goals_of(some.system), effort, runs)
+    goals = _asked(reachability_goals_of(some.system), known)
+    looked = _look(some, goals, effort, runs, known)
     if looked.never is None or looked.never.stuck is not None:
         # More robots may start, or go on, where few do not.
-        return _look(ledger, wished, effort, runs)
+        return _look(ledger, wished, effort, runs, known)
     with suppress(OutOfBudgetError):  # where few start, many most often do
-        start = many_never_start(ledger.system, ledger.seed, ledger.deadline, effort)
+        start = None
+        if not known.happens:
+            start = many_never_start(ledger.system, ledger.seed, ledger.deadline, effort)
         if start is not None:
             return GoalSearch((start,), None, effort)
     unmet_by_few = looked.never.claims
@@ -158,7 +175,7 @@ def _look_at_few(
     found = Unbroken(frozenset(), limits=looked.never.limits)
     if left:
         try:
-            searched = _look(ledger, replace(wished, all=left), effort, runs)
+            searched = _look(ledger, replace(wished, all=left), effort, runs, known)
         except OutOfBudgetError:
             found = Unbroken(frozenset(goal.never for goal in left), known=False)
         else:
@@ -167,6 +184,15 @@ def _look_at_few(
             looked, found = searched, searched.never
     never = replace(found, claims=found.claims | sure)
     return replace(looked, never=never, sure=sure, of_few=True)
+
+
+def _asked(wished: ReachabilityGoals, known: Substance) -> ReachabilityGoals:
+    """The goals that are not known to be reached."""
+
+    def is_known(goal: ReachabilityGoal) -> bool:
+        return goal.subject in known.claims if goal.aim is Aim.SUPPOSITION else known.happens
+
+    return replace(wished, all=tuple(goal for goal in wished.all if not is_known(goal)))
 
 
 def _worth(ledger: Ledger, *, every_n: bool = False) -> float:
@@ -213,20 +239,25 @@ def unlooked(system: System, nevers: Collection[Claim] | None = None) -> tuple[U
 
 
 def _look(
-    ledger: Ledger, wished: ReachabilityGoals, effort: Effort, reaching: ReachingRuns
+    ledger: Ledger,
+    wished: ReachabilityGoals,
+    effort: Effort,
+    reaching: ReachingRuns,
+    known: Substance,
 ) -> GoalSearch:
     system, deadline, seed = ledger.system, ledger.deadline, ledger.seed
     nevers, rounds = [goal.never for goal in wished.all], ledger.bounds.rounds
     shown = reaching.replayed(wished.system, nevers, rounds)
-    start = None if shown.starts else never_starts(system, seed, deadline, effort)
+    happens = known.happens
+    start = None if happens or shown.starts else never_starts(system, seed, deadline, effort)
     if start is not None:
         return GoalSearch((start,), None, effort)
-    silent = tuple(_silent(ledger, deadline, effort))
+    silent = () if happens else tuple(_silent(ledger, deadline, effort))
     nevers = [never for never in nevers if never not in shown.claims]
     # Making up positions and paths that meet assumptions can cost more than it spares.
     runs = 0 if ledger.problem.is_abstract else max(rounds, TURNS // system.robots)
     never = Unbroken(frozenset())
-    if nevers or not shown.goes_on:
+    if nevers or not (happens or shown.goes_on):
         never = unbroken(
             wished.system,
             nevers,
@@ -238,7 +269,9 @@ def _look(
             runs_s=RUNS_S,
             reaching=reaching,
         )
-    ended = None if never.stuck is not None else dead_end(ledger.problem.original, deadline, seed)
+    ended = None
+    if never.stuck is None and not happens:
+        ended = dead_end(ledger.problem.original, deadline, seed)
     return GoalSearch(silent if ended is None else (*silent, ended), never, effort)
 
 
@@ -255,9 +288,14 @@ def of_any_number(ledger: Ledger, *, of_all_rounds: bool) -> FoundVacuities:
 
 
 def vacuities(
-    ledger: Ledger, looked: GoalSearch, *, of_all_rounds: bool, of_any_number: bool = False
+    ledger: Ledger,
+    looked: GoalSearch,
+    *,
+    of_all_rounds: bool,
+    of_any_number: bool = False,
+    known: Substance = NOTHING_KNOWN,
 ) -> FoundVacuities:
-    """The vacuities of a ledger's verdicts.
+    """The vacuities of a ledger's verdicts, but for what is ``known`` to have none.
 
     Verdicts ``of_all_rounds`` say something if things happen late, too; those ``of_any_number`` of
     robots if more can do them.
@@ -290,20 +328,21 @@ def vacuities(
     untouched: list[Vacuity] = []
     unbreakable: list[Vacuity] = []
     try:
-        untouched += _untouched(own)
+        untouched += _untouched(own, known)
         every = of_any_number or few is not None
-        unbreakable += _unbreakable(own, [*untouched, *missing], every)
+        unbreakable += _unbreakable(own, [*untouched, *missing], every, known)
     except OutOfBudgetError:
         pass  # it is seldom so, and each verdict says how far it holds in any case
     return FoundVacuities((*looked.empty, *missing, *untouched, *unbreakable), given_up)
 
 
 def _unbreakable(
-    ledger: Ledger, known: Sequence[Vacuity], of_any_number: bool
+    ledger: Ledger, found: Sequence[Vacuity], of_any_number: bool, known: Substance
 ) -> Iterator[Vacuity]:
     """Invariants that hold in any configuration, except those already reported."""
-    sure = [vacuity for vacuity in known if vacuity.certain]
+    sure = [vacuity for vacuity in found if vacuity.certain]
     told = {vacuity.subject for vacuity in sure if vacuity.what is not Emptiness.EVENT}
+    told |= known.claims
     regardless = list(_regardless(ledger, told))
     if of_any_number:
         regardless = unreachable.true_of_anything(ledger, regardless)
@@ -359,9 +398,11 @@ def _held(ledger: Ledger) -> Iterator[tuple[Claim, core.Property]]:
             yield claim, claim.stated
 
 
-def _untouched(ledger: Ledger) -> Iterator[Vacuity]:
+def _untouched(ledger: Ledger, known: Substance) -> Iterator[Vacuity]:
     """Invariants that hold because no event changes what they read."""
     for _, stated in _held(ledger):
+        if stated.name in known.claims:
+            continue
         if never_changes(ledger.system.program, stated.condition):
             detail = "nothing that it reads changes after the start"
             yield Vacuity(Emptiness.UNTOUCHED, stated.name, detail, True, stated.span)

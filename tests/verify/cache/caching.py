@@ -47,4 +47,6 @@ def dependences(system: System, rounds: int = 4) -> Dependences:
 def without_times(report: Report) -> Report:
     """A report but for how long it took and what was kept."""
     verdicts = tuple(replace(v, seconds=0.0, kept=False, step=None) for v in report.verdicts)
-    return replace(report, verdicts=verdicts, seconds=0.0, of_slice=False, reaching=())
+    return replace(
+        report, verdicts=verdicts, seconds=0.0, of_slice=False, reaching=(), substance=None
+    )

@@ -90,6 +90,7 @@ IDLE = {
     "a variable": (("    int mine = -1", "    int spare = 3\n    int mine = -1"),),
     "a param": (("param int tasks = 4", "param int tasks = 4\nparam int spare = 7"),),
     "a claim more": (("invariant Route:", "invariant More: tasks > 0\ninvariant Route:"),),
+    "the name of a claim": (("invariant Route:", "invariant Routes:"),),
     "words of a claim": (("invariant Route: forall i: ", "invariant Route:\n    forall i: "),),
     "a variable that is counted": (
         ("    int mine = -1", "    int spare = 0\n    int mine = -1"),
@@ -111,7 +112,6 @@ OF_CLAIMS = {
         (("mine@i != mine@j\n", "mine@j != mine@i\n"),),
         {"Exclusive"},
     ),
-    "the name of a claim": ((("invariant Route:", "invariant Routes:"),), {"Route"}),
     "what a claim is about": ((("Along at round:", "Along:"),), {"Along"}),
     "what is claimed of whole runs": (
         (("eventually Visited: allAssigned(list) and", "eventually Visited:"),),
