@@ -67,7 +67,7 @@ def test_nobody_is_asked_where_kept_runs_reach_all_goals(
 ) -> None:
     asked: list[str] = []
     monkeypatch.setattr(analysis, "unbroken", lambda *a, **k: asked.append("goals"))
-    monkeypatch.setattr(analysis, "_start", lambda *a, **k: asked.append("start"))
+    monkeypatch.setattr(analysis, "never_starts", lambda *a, **k: asked.append("start"))
     found = looked(of(TEXT.replace("n < 3", "n < 4")), runs)
     assert not asked
     assert not found.vacuities
