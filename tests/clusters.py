@@ -8,6 +8,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 from msgspec import Struct
 
@@ -136,3 +137,20 @@ def local_cluster(
             yield process.stdout.readline().strip(), process
         finally:
             process.communicate()
+
+
+@contextmanager
+def worker_of_this_process() -> Iterator[str]:
+    """A cluster whose only worker is a thread of this process: its address."""
+    import distributed
+
+    local: Any = distributed.LocalCluster  # it says nothing of its types
+    with local(
+        n_workers=1,
+        threads_per_worker=1,
+        processes=False,
+        protocol="tcp",
+        dashboard_address=":0",
+        silence_logs=50,
+    ) as cluster:
+        yield cluster.scheduler_address

@@ -16,6 +16,7 @@ import pytest
 from koord.api.campaign import mean_and_reach
 from koord.cli.exits import Exit
 from koord.cli.main import main
+from tests.clusters import worker_of_this_process
 
 EXAMPLES = Path(__file__).parents[2] / "specs" / "examples"
 TASK = [str(EXAMPLES / "task.krd"), str(EXAMPLES / "task_mixed.yaml"), "--time", "0.5"]
@@ -231,7 +232,7 @@ def test_a_line_that_was_cut_off_is_made_again(
 def test_no_run_on_a_cluster_outlives_who_asked_for_it(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    distributed = pytest.importorskip("distributed")
+    pytest.importorskip("distributed")
     begun, ended_, given_up = threading.Event(), threading.Event(), threading.Event()
 
     def endless(simulation: object, limit_s: float) -> Iterator[None]:
@@ -244,16 +245,9 @@ def test_no_run_on_a_cluster_outlives_who_asked_for_it(
 
     # The worker is a thread of this process.
     monkeypatch.setattr("koord.api.campaign_runs.run", endless)
-    with distributed.LocalCluster(
-        n_workers=1,
-        threads_per_worker=1,
-        processes=False,
-        protocol="tcp",
-        dashboard_address=":0",
-        silence_logs=50,
-    ) as cluster:
+    with worker_of_this_process() as address:
         command = [sys.executable, "-m", "koord", "sim", *PATH, "--runs", "2"]
-        asking = subprocess.Popen([*command, "--cluster", cluster.scheduler_address])
+        asking = subprocess.Popen([*command, "--cluster", address])
         try:
             assert begun.wait(60)
             asking.kill()

@@ -21,9 +21,9 @@ from koord.cli.exits import Exit
 from koord.cli.main import main
 from koord.verify.helpers import Helpers
 from koord.verify.processes import can_fork
-from tests.clusters import ROOT, WITHOUT_KOORD, local_cluster
+from tests.clusters import ROOT, WITHOUT_KOORD, local_cluster, worker_of_this_process
 
-distributed = pytest.importorskip("distributed")
+pytest.importorskip("distributed")
 pytestmark = pytest.mark.skipif(not can_fork(), reason="one process only")
 
 EXAMPLES = ROOT / "specs" / "examples"
@@ -72,20 +72,6 @@ def reports(words: Sequence[str], capsys: pytest.CaptureFixture[str]) -> tuple[i
 
     code = main(["verify", *words, "--json"])
     return code, timeless(json.loads(capsys.readouterr().out))
-
-
-@contextmanager
-def worker_of_this_process() -> Iterator[str]:
-    """A cluster whose only worker is a thread of this process: its address."""
-    with distributed.LocalCluster(
-        n_workers=1,
-        threads_per_worker=1,
-        processes=False,
-        protocol="tcp",
-        dashboard_address=":0",
-        silence_logs=50,
-    ) as cluster:
-        yield cluster.scheduler_address
 
 
 def test_numbers_of_robots_have_the_same_verdicts_there(
