@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterable, Iterator, Sequence
 from enum import Enum
 from fractions import Fraction
@@ -37,6 +38,10 @@ AT_MOST_TIMES = 10
 #: How long a single question may take where there are others to ask, and where nobody said how long
 #: all may take: then nobody would hear of anything else.
 LONGEST_S, LONGEST_UNLIMITED_S = 10.0, 60.0
+
+
+#: How often Z3 is asked again, each time for twice as long, as its clock was faster than its work.
+_LOOKS = 6
 
 
 class Layer(Struct, frozen=True):
@@ -96,10 +101,6 @@ class Solver:
             meant = deadline.sooner(LONGEST_UNLIMITED_S)
         else:
             meant = deadline
-        given = Deadline.after(meant.left_s())  # Z3 has a clock of its own
-        left = given.left_s()
-        self._solver.set("timeout", _FOR_EVER if left is None else max(1, int(left * 1000)))
-        self._solver.set("rlimit", limit)
         literals, once = [], []
         for term in terms:
             literal = term
@@ -109,7 +110,7 @@ class Solver:
                 once.append(literal)
             literals.append(literal)
         spent = spent_by(self._solver)
-        result = self._solver.check(*literals)
+        result, given = self._checked(literals, limit, meant, deadline)
         spent = spent_by(self._solver) - spent
         if result == z3.unsat:
             core = {literal.get_id() for literal in self._solver.unsat_core()}
@@ -132,6 +133,35 @@ class Solver:
         if reason in _INTERRUPTED and not exhausted and not given.is_near():
             raise KeyboardInterrupt
         return SolverAnswer.UNKNOWN
+
+    def _checked(
+        self, literals: Sequence[z3.BoolRef], limit: int, meant: Deadline, deadline: Deadline
+    ) -> tuple[z3.CheckSatResult, Deadline]:
+        """Check under literals; the answer, and when it was to come.
+
+        What is meant is time of this process. Z3 looks at the clock, which is faster where others
+        work as well: then it is asked again, for longer, so that answers do not hang on them.
+        """
+        meant_s, begun, spent = meant.left_s(), time.process_time(), spent_by(self._solver)
+        lasts_s, left = meant_s, limit
+        for _ in range(_LOOKS):
+            given = Deadline.after(lasts_s)  # Z3 has a clock of its own
+            self._solver.set(
+                "timeout", _FOR_EVER if lasts_s is None else max(1, int(lasts_s * 1000))
+            )
+            self._solver.set("rlimit", left)
+            result = self._solver.check(*literals)
+            if result != z3.unknown or meant_s is None or lasts_s is None:
+                return result, given
+            if not given.is_near() or deadline.is_near():
+                return result, given
+            left = limit and limit - (spent_by(self._solver) - spent)
+            if time.process_time() - begun > meant_s / 2 or left < 0 or (limit and not left):
+                return result, given
+            lasts_s *= 2
+            if (ends_s := deadline.left_s()) is not None:
+                lasts_s = min(lasts_s, ends_s)
+        return result, given
 
     def script(self, question: Iterable[Term]) -> str:
         """The query with the constraints, as a script of SMT-LIB 2."""
@@ -186,9 +216,10 @@ def _longest_s(limit: int) -> float:
 
 def spent_by(solver: z3.Solver | z3.Fixedpoint) -> int:
     """The effort that a solver has spent so far, in its own units."""
-    statistics = solver.statistics()
-    known = "rlimit count" in statistics.keys()  # noqa: SIM118 - no mapping, though it looks like one
-    return int(statistics.get_key_value("rlimit count")) if known else 0
+    try:
+        return int(solver.statistics().get_key_value("rlimit count"))
+    except z3.Z3Exception:  # it has done nothing yet
+        return 0
 
 
 def cases(d: Terms, term: Term) -> list[Term]:

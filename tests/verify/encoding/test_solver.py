@@ -103,10 +103,49 @@ def test_work_that_is_not_counted_ends_in_proportion_to_the_effort() -> None:
     effort = Effort.of_seconds(3)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(time, "monotonic", lambda: clock[0])
+        patch.setattr(time, "process_time", lambda: clock[0])
         s._solver = Idle("canceled", work=40)
         assert s.check([d.fresh("x", BOOL)], NEVER, effort) is SolverAnswer.UNKNOWN
     assert told["timeout"] == 1_000 * LONGEST_S
     assert effort.left <= 0
+
+
+def test_what_is_cut_short_by_the_work_of_others_is_asked_again_for_longer() -> None:
+    """Z3 looks at the clock, and a process that shares its core has less time than that says."""
+    d, _, s = solver()
+    times: list[int] = []
+
+    class Slow(Stopped):
+        def set(self, *settings: object) -> None:
+            if settings[0] == "timeout":
+                times.append(int(str(settings[1])))
+
+        def check(self, *literals: object) -> z3.CheckSatResult:
+            clock[0] += times[-1] / 1000
+            super().check(*literals)
+            return z3.unknown if times[-1] < needed else z3.sat
+
+        def model(self) -> None: ...
+
+    clock = [100.0]
+    needed = 7_000
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(time, "monotonic", lambda: clock[0])
+        patch.setattr(time, "process_time", lambda: clock[0] / 20)
+        s._solver = Slow("timeout", work=40)
+        asked = [d.fresh("x", BOOL)]
+        assert s.check(asked, NEVER, Effort.of_seconds(0.1)) is SolverAnswer.SAT
+        assert times == [1_000, 2_000, 4_000, 8_000]
+        # What all may take ends it, whoever works.
+        times.clear()
+        late = Deadline(clock[0] + 1.5)
+        assert s.check(asked, late, Effort.of_seconds(0.1)) is SolverAnswer.UNKNOWN
+        assert times == [1_000, pytest.approx(500, abs=1)]
+        # And a process that works all the time is not asked again.
+        times.clear()
+        patch.setattr(time, "process_time", lambda: clock[0])
+        assert s.check(asked, NEVER, Effort.of_seconds(0.1)) is SolverAnswer.UNKNOWN
+        assert times == [1_000]
 
 
 def test_without_a_deadline_none_is_left_from_before() -> None:
