@@ -130,13 +130,20 @@ class Terms:
         if isinstance(value, z3.ExprRef):
             return value
         if isinstance(value, bool):
-            return z3.BoolVal(value, self.context)
+            return self._make.truth(value=value)
         if isinstance(value, str):
-            number = self._strings.setdefault(value, len(self._strings))
-            return z3.IntVal(number, self.context)
-        if sort == self._real:
-            return z3.RealVal(Fraction(value), self.context)
-        return z3.IntVal(int(value), self.context)
+            value = self._strings.setdefault(value, len(self._strings))
+            return self._make.numeral(value, real=False)
+        return self._number(value, real=sort.kind() == z3.Z3_REAL_SORT)
+
+    def _number(self, value: int | float | Fraction, *, real: bool) -> z3.ExprRef:
+        return self._make.numeral(Fraction(value) if real else int(value), real=real)
+
+    def _like(self, value: Term, term: z3.ExprRef) -> z3.ExprRef:
+        """Convert a constant to a term of the sort of another; terms stay as they are."""
+        if isinstance(value, int | float | Fraction) and not isinstance(value, bool):
+            return self._number(value, real=self._make.sort_kind(term) == z3.Z3_REAL_SORT)
+        return self.lifted(value, self._int)  # no number: its sort is known
 
     def boolean(self, value: Term) -> z3.BoolRef:
         """Convert a Boolean scalar to a formula."""
@@ -205,7 +212,9 @@ class Terms:
 
         It is valid as long as the term is kept.
         """
-        return term.get_id() if isinstance(term, z3.ExprRef) else (type(term), term)
+        if isinstance(term, z3.ExprRef):
+            return self._make.number_of(term)
+        return type(term), term
 
     def with_values(self, term: Term, values: Sequence[tuple[Term, Term]]) -> Term:
         """Substitute terms for constants, and simplify."""
@@ -224,10 +233,7 @@ class Terms:
             return term
         old = [term for term, _ in values if isinstance(term, z3.ExprRef)]
         assert len(old) == len(values)
-        found = _substituted(term, old, [self.lifted(new, self._int) for _, new in values])
-        put = z3.z3._to_expr_ref(found, self.context)
-        assert isinstance(put, z3.ExprRef)
-        return put
+        return self._make.put(term, old, [self.lifted(new, self._int) for _, new in values])
 
     def symbol(self, term: Term) -> str:
         """The name of the function symbol that a term applies."""
@@ -275,7 +281,7 @@ class Terms:
             return False
         # Putting others in their place changes a term that has them, and is quicker than looking.
         others = [self._elsewhere(c.sort()) for c in wanted]
-        return bool(_substituted(term, wanted, others).value != term.as_ast().value)
+        return bool(self._make.substituted(term, wanted, others).value != term.ast.value)
 
     def _elsewhere(self, sort: z3.SortRef) -> z3.ExprRef:
         """A constant of a sort that occurs in no term."""
@@ -420,9 +426,9 @@ class Terms:
 
     def _alike(self, then: Term, other: Term) -> tuple[z3.ExprRef, z3.ExprRef]:
         if isinstance(then, z3.ExprRef):
-            return then, other if isinstance(other, z3.ExprRef) else self.lifted(other, then.sort())
+            return then, other if isinstance(other, z3.ExprRef) else self._like(other, then)
         if isinstance(other, z3.ExprRef):
-            return self.lifted(then, other.sort()), other
+            return self._like(then, other), other
         sort = self._real if isinstance(then, Fraction) else self._int
         return self.lifted(then, sort), self.lifted(other, sort)
 
@@ -438,14 +444,6 @@ def _is_value(term: z3.ExprRef) -> bool:
 
 def _is_zero(value: z3.ExprRef) -> bool:
     return bool(z3.is_rational_value(value) and value.numerator_as_long() == 0)
-
-
-def _substituted(term: z3.ExprRef, old: Sequence[z3.ExprRef], new: Sequence[z3.ExprRef]) -> z3.Ast:
-    """Substitute terms in a term (not by z3.substitute, which checks each sort)."""
-    before, after = (z3.Ast * len(old))(), (z3.Ast * len(new))()
-    for k, (one, other) in enumerate(zip(old, new, strict=True)):
-        before[k], after[k] = one.as_ast(), other.as_ast()
-    return z3.Z3_substitute(term.ctx.ref(), term.as_ast(), len(old), before, after)
 
 
 def parts_of(terms: Iterable[z3.ExprRef]) -> Iterator[z3.ExprRef]:

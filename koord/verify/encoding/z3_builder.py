@@ -2,17 +2,73 @@
 
 Z3's Python operators look for the context, the common sort and the kind of their arguments first,
 which takes several times longer than to make the term. Here all arguments are terms of one context
-and of the sorts that are needed: who calls has seen to it.
+and of the sorts that are needed: who calls has seen to it. That interface also asks after each call
+whether it failed, and takes every argument through a function of Python, which takes several times
+as long as most calls do. What makes a term returns nothing where it fails, which the builder looks
+at; what asks about a term does not fail for terms that there are.
 """
 
 from __future__ import annotations
 
+import ctypes
 from collections.abc import Iterator, Sequence
-from typing import Final
+from fractions import Fraction
+from typing import Any, Final, NoReturn, TypeVar, cast
 
 import z3
 
 _Two: Final = z3.Ast * 2
+
+T = TypeVar("T")
+
+
+def _function(name: str, result: Any) -> Any:
+    """A C function of Z3, called without what its Python interface does around each call.
+
+    Arguments are what that interface has for them, or numbers.
+    """
+    (theirs,) = getattr(z3, name).__defaults__
+    address = ctypes.cast(theirs.f, ctypes.c_void_p).value
+    assert address is not None
+    return ctypes.CFUNCTYPE(result)(address)
+
+
+# --- making terms ---------------------------------------------------------------------------------
+
+_mk_add = _function("Z3_mk_add", z3.Ast)
+_mk_and = _function("Z3_mk_and", z3.Ast)
+_mk_app = _function("Z3_mk_app", z3.Ast)
+_mk_eq = _function("Z3_mk_eq", z3.Ast)
+_mk_false = _function("Z3_mk_false", z3.Ast)
+_mk_int2real = _function("Z3_mk_int2real", z3.Ast)
+_mk_ite = _function("Z3_mk_ite", z3.Ast)
+_mk_le = _function("Z3_mk_le", z3.Ast)
+_mk_lt = _function("Z3_mk_lt", z3.Ast)
+_mk_mul = _function("Z3_mk_mul", z3.Ast)
+_mk_not = _function("Z3_mk_not", z3.Ast)
+_mk_numeral = _function("Z3_mk_numeral", z3.Ast)
+_mk_or = _function("Z3_mk_or", z3.Ast)
+_mk_sub = _function("Z3_mk_sub", z3.Ast)
+_mk_true = _function("Z3_mk_true", z3.Ast)
+_mk_unary_minus = _function("Z3_mk_unary_minus", z3.Ast)
+_substitute = _function("Z3_substitute", z3.Ast)
+
+#: Which a term is counted with as long as Python has it.
+_inc_ref = _function("Z3_inc_ref", None)
+
+# --- asking about terms ---------------------------------------------------------------------------
+
+_get_app_arg = _function("Z3_get_app_arg", z3.Ast)
+_get_app_decl = _function("Z3_get_app_decl", z3.FuncDecl)
+_get_app_num_args = _function("Z3_get_app_num_args", ctypes.c_uint)
+_get_ast_id = _function("Z3_get_ast_id", ctypes.c_uint)
+_get_ast_kind = _function("Z3_get_ast_kind", ctypes.c_uint)
+_get_decl_kind = _function("Z3_get_decl_kind", ctypes.c_uint)
+_get_func_decl_id = _function("Z3_get_func_decl_id", ctypes.c_uint)
+_get_quantifier_body = _function("Z3_get_quantifier_body", z3.Ast)
+_get_sort = _function("Z3_get_sort", z3.Sort)
+_get_sort_id = _function("Z3_get_sort_id", ctypes.c_uint)
+_get_sort_kind = _function("Z3_get_sort_kind", ctypes.c_uint)
 
 
 class TermBuilder:
@@ -21,97 +77,128 @@ class TermBuilder:
     def __init__(self, context: z3.Context) -> None:
         self._context = context
         self._ref = context.ref()
+        self._int, self._real = z3.IntSort(context), z3.RealSort(context)
         self._symbols: dict[tuple[str, tuple[int, ...], int], z3.FuncDeclRef] = {}
         self._names: dict[int, tuple[z3.FuncDeclRef, str]] = {}
 
     # --- Booleans -------------------------------------------------------------------------------
 
     def conjunction(self, left: z3.ExprRef, right: z3.ExprRef) -> z3.BoolRef:
-        return self._boolean(z3.Z3_mk_and(self._ref, 2, _Two(left.ast, right.ast)))
+        return self._boolean(_mk_and(self._ref, 2, _Two(left.ast, right.ast)))
 
     def disjunction(self, left: z3.ExprRef, right: z3.ExprRef) -> z3.BoolRef:
-        return self._boolean(z3.Z3_mk_or(self._ref, 2, _Two(left.ast, right.ast)))
+        return self._boolean(_mk_or(self._ref, 2, _Two(left.ast, right.ast)))
 
     def negation(self, operand: z3.ExprRef) -> z3.BoolRef:
         """Negate a Boolean; a double negation is removed."""
         if self.kind(operand) == z3.Z3_OP_NOT:
-            return self._boolean(z3.Z3_get_app_arg(self._ref, operand.ast, 0))
-        return self._boolean(z3.Z3_mk_not(self._ref, operand.ast))
+            return self._boolean(_get_app_arg(self._ref, operand.ast, 0))
+        return self._boolean(_mk_not(self._ref, operand.ast))
 
     def equation(self, left: z3.ExprRef, right: z3.ExprRef) -> z3.BoolRef:
-        return self._boolean(z3.Z3_mk_eq(self._ref, left.ast, right.ast))
+        return self._boolean(_mk_eq(self._ref, left.ast, right.ast))
 
     def less(self, left: z3.ExprRef, right: z3.ExprRef) -> z3.BoolRef:
-        return self._boolean(z3.Z3_mk_lt(self._ref, left.ast, right.ast))
+        return self._boolean(_mk_lt(self._ref, left.ast, right.ast))
 
     def at_most(self, left: z3.ExprRef, right: z3.ExprRef) -> z3.BoolRef:
-        return self._boolean(z3.Z3_mk_le(self._ref, left.ast, right.ast))
+        return self._boolean(_mk_le(self._ref, left.ast, right.ast))
 
     # --- numbers --------------------------------------------------------------------------------
 
     def total(self, left: z3.ExprRef, right: z3.ExprRef) -> z3.ArithRef:
-        return self._number(z3.Z3_mk_add(self._ref, 2, _Two(left.ast, right.ast)))
+        return self._number(_mk_add(self._ref, 2, _Two(left.ast, right.ast)))
 
     def difference(self, left: z3.ExprRef, right: z3.ExprRef) -> z3.ArithRef:
-        return self._number(z3.Z3_mk_sub(self._ref, 2, _Two(left.ast, right.ast)))
+        return self._number(_mk_sub(self._ref, 2, _Two(left.ast, right.ast)))
 
     def product(self, left: z3.ExprRef, right: z3.ExprRef) -> z3.ArithRef:
-        return self._number(z3.Z3_mk_mul(self._ref, 2, _Two(left.ast, right.ast)))
+        return self._number(_mk_mul(self._ref, 2, _Two(left.ast, right.ast)))
 
     def opposite(self, operand: z3.ExprRef) -> z3.ArithRef:
-        return self._number(z3.Z3_mk_unary_minus(self._ref, operand.ast))
+        return self._number(_mk_unary_minus(self._ref, operand.ast))
 
     def widened(self, operand: z3.ExprRef) -> z3.ArithRef:
-        return self._number(z3.Z3_mk_int2real(self._ref, operand.ast))
+        return self._number(_mk_int2real(self._ref, operand.ast))
+
+    def numeral(self, value: int | Fraction, *, real: bool) -> z3.ExprRef:
+        """A number, of reals or of integers."""
+        text, sort = str(value).encode(), self._real if real else self._int
+        made = _mk_numeral(self._ref, text, sort.ast)
+        return self._kept(z3.RatNumRef if real else z3.IntNumRef, made)
+
+    def truth(self, *, value: bool) -> z3.BoolRef:
+        """A constant truth."""
+        return self._boolean((_mk_true if value else _mk_false)(self._ref))
 
     # --- terms of any sort ----------------------------------------------------------------------
 
     def choice(self, condition: z3.ExprRef, then: z3.ExprRef, other: z3.ExprRef) -> z3.ExprRef:
         """If-then-else of two terms of the same sort."""
-        made = z3.Z3_mk_ite(self._ref, condition.ast, then.ast, other.ast)
+        made = _mk_ite(self._ref, condition.ast, then.ast, other.ast)
         if isinstance(then, z3.ArithRef):
             return self._number(made)
         if isinstance(then, z3.BoolRef):
             return self._boolean(made)
-        return self._any(made)
+        return self.any(made)
 
     def applied(self, name: str, arguments: Sequence[z3.ExprRef], result: z3.SortRef) -> z3.ExprRef:
         """Apply a function symbol to arguments; one name and sorts have one symbol."""
-        ids = [z3.Z3_get_sort_id(self._ref, z3.Z3_get_sort(self._ref, a.ast)) for a in arguments]
+        ids = [_get_sort_id(self._ref, _get_sort(self._ref, a.ast)) for a in arguments]
         key = (name, tuple(ids), result.get_id())
         symbol = self._symbols.get(key)
         if symbol is None:
             symbol = z3.Function(name, *(a.sort() for a in arguments), result)
             self._symbols[key] = symbol
         many = (z3.Ast * len(arguments))(*(a.ast for a in arguments))
-        return self._any(z3.Z3_mk_app(self._ref, symbol.ast, len(arguments), many))
+        return self.any(_mk_app(self._ref, symbol.ast, len(arguments), many))
+
+    def put(
+        self, term: z3.ExprRef, old: Sequence[z3.ExprRef], new: Sequence[z3.ExprRef]
+    ) -> z3.ExprRef:
+        """Substitute terms, each for one of its sort (which z3.substitute makes sure of)."""
+        return self.any(self.substituted(term, old, new))
+
+    def substituted(
+        self, term: z3.ExprRef, old: Sequence[z3.ExprRef], new: Sequence[z3.ExprRef]
+    ) -> z3.Ast:
+        """The same, where nobody keeps what comes of it."""
+        many = z3.Ast * len(old)
+        before, after = many(*(one.ast for one in old)), many(*(one.ast for one in new))
+        return _substitute(self._ref, term.ast, len(old), before, after)
+
+    def number_of(self, term: z3.ExprRef) -> int:
+        """The number that a term has as long as it is kept, and no other."""
+        return int(_get_ast_id(self._ref, term.ast))
+
+    def sort_kind(self, term: z3.ExprRef) -> int:
+        """The kind of sort that a term has: a ``Z3_SORT`` number."""
+        return int(_get_sort_kind(self._ref, _get_sort(self._ref, term.ast)))
 
     def kind(self, term: z3.ExprRef) -> int:
         """The kind of symbol that a term applies: a ``Z3_OP`` number; -1 for quantifiers."""
-        if z3.Z3_get_ast_kind(self._ref, term.ast) not in (z3.Z3_APP_AST, z3.Z3_NUMERAL_AST):
+        if _get_ast_kind(self._ref, term.ast) not in (z3.Z3_APP_AST, z3.Z3_NUMERAL_AST):
             return -1
-        return int(z3.Z3_get_decl_kind(self._ref, z3.Z3_get_app_decl(self._ref, term.ast)))
+        return int(_get_decl_kind(self._ref, _get_app_decl(self._ref, term.ast)))
 
     def leanings(self, term: z3.ExprRef, seen: set[tuple[int, int]]) -> Iterator[tuple[str, bool]]:
         """As :meth:`koord.verify.encoding.terms.Terms.leanings`."""
         ref, waiting = self._ref, [(term.ast, 1)]
         while waiting:
             part, sign = waiting.pop()
-            key = z3.Z3_get_ast_id(ref, part), sign
+            key = _get_ast_id(ref, part), sign
             if key in seen:
                 continue
             seen.add(key)
-            written = z3.Z3_get_ast_kind(ref, part)
+            written = _get_ast_kind(ref, part)
             if written == z3.Z3_QUANTIFIER_AST:
-                waiting.append((z3.Z3_get_quantifier_body(ref, part), 0))
+                waiting.append((_get_quantifier_body(ref, part), 0))
             if written != z3.Z3_APP_AST:
                 continue  # it has no parts
-            symbol = z3.Z3_get_app_decl(ref, part)
-            below = [
-                z3.Z3_get_app_arg(ref, part, k) for k in range(z3.Z3_get_app_num_args(ref, part))
-            ]
+            symbol = _get_app_decl(ref, part)
+            below = [_get_app_arg(ref, part, k) for k in range(_get_app_num_args(ref, part))]
             signs = [0] * len(below)
-            match z3.Z3_get_decl_kind(ref, symbol):
+            match _get_decl_kind(ref, symbol):
                 case z3.Z3_OP_NOT:
                     signs = [-sign]
                 case z3.Z3_OP_AND | z3.Z3_OP_OR:
@@ -129,27 +216,50 @@ class TermBuilder:
             waiting += zip(below, signs, strict=True)
 
     def _is_boolean(self, part: z3.Ast) -> bool:
-        sort = z3.Z3_get_sort(self._ref, part)
-        return bool(z3.Z3_get_sort_kind(self._ref, sort) == z3.Z3_BOOL_SORT)
+        sort = _get_sort(self._ref, part)
+        return bool(_get_sort_kind(self._ref, sort) == z3.Z3_BOOL_SORT)
 
     def _name(self, symbol: z3.FuncDecl) -> str:
         """The name of a symbol, as text."""
-        number = z3.Z3_get_func_decl_id(self._ref, symbol)
+        number = _get_func_decl_id(self._ref, symbol)
         if number not in self._names:
             kept = z3.FuncDeclRef(symbol, self._context)  # or its number may be another's one day
             self._names[number] = kept, str(kept.name())
         return self._names[number][1]
 
-    def _boolean(self, made: z3.Ast) -> z3.BoolRef:
-        return z3.BoolRef(made, self._context)
-
-    def _number(self, made: z3.Ast) -> z3.ArithRef:
-        return z3.ArithRef(made, self._context)
-
-    def _any(self, made: z3.Ast) -> z3.ExprRef:
+    def any(self, made: z3.Ast) -> z3.ExprRef:
+        """A term of whatever sort, as Z3's Python interface has it."""
+        if not made:
+            self._fail()
+        if _get_ast_kind(self._ref, made) == z3.Z3_APP_AST:
+            match _get_sort_kind(self._ref, _get_sort(self._ref, made)):
+                case z3.Z3_BOOL_SORT:
+                    return self._boolean(made)
+                case z3.Z3_INT_SORT:
+                    return self._number(made)
         found = z3.z3._to_expr_ref(made, self._context)
         assert isinstance(found, z3.ExprRef)
         return found
+
+    def _boolean(self, made: z3.Ast) -> z3.BoolRef:
+        return self._kept(z3.BoolRef, made)
+
+    def _number(self, made: z3.Ast) -> z3.ArithRef:
+        return self._kept(z3.ArithRef, made)
+
+    def _kept(self, form: type[T], made: z3.Ast) -> T:
+        """A term as an object of Python, which counts as a user of it until it is gone."""
+        if not made:
+            self._fail()
+        found: Any = object.__new__(form)
+        found.ast, found.ctx = made, self._context
+        _inc_ref(self._ref, made)
+        return cast(T, found)
+
+    def _fail(self) -> NoReturn:
+        """Say why no term was made."""
+        code = z3.Z3_get_error_code(self._ref)
+        raise z3.Z3Exception(z3.Z3_get_error_msg(self._ref, code))
 
 
 def same(left: z3.ExprRef, right: z3.ExprRef) -> bool:
