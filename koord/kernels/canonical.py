@@ -10,9 +10,7 @@ from __future__ import annotations
 from random import Random
 from typing import Any
 
-from llvmlite import ir
-
-from koord.kernels.assembling import BYTES, I64, Cells, Code, Ir, word
+from koord.kernels.assembling import BYTES, I64, Cells, Code, Ir, word, words_of
 from koord.kernels.layout import PackedCell
 
 #: So many times looks are told apart by the looks of robots that they name.
@@ -208,12 +206,7 @@ class _Renaming:
                 code.put(self.out, number * cells.size, held)
 
     def _table(self, name: str, numbers: list[int]) -> Ir:
-        type_ = ir.ArrayType(I64, len(numbers))
-        table = ir.GlobalVariable(self.module, type_, f"canonical.{name}")
-        table.initializer = ir.Constant(type_, numbers)
-        table.global_constant = True
-        table.linkage = "internal"
-        return self.b.bitcast(table, BYTES)
+        return words_of(self.module, f"canonical.{name}", numbers)
 
     def _rename(self) -> None:
         """Give robots in values their new numbers."""

@@ -2,45 +2,75 @@
 
 from __future__ import annotations
 
+import ctypes
+import sys
+from array import array
 from collections.abc import Sequence
+from mmap import MAP_ANONYMOUS, MAP_PRIVATE, mmap
 
-import numpy as np
-
-from koord.kernels import rounds as fields
-from koord.kernels.rounds import CONTEXT_WORDS, LEFT_TOO_LARGE, Rounds
+from koord.kernels import context as fields
+from koord.kernels.context import CONTEXT_WORDS
+from koord.kernels.rounds import Rounds
 from koord.kernels.terms import NoKernelError
 
 #: The first size of the tables. Twice as many states fit in as are looked at before they grow.
-_FIRST_ENTRIES = 1 << 20
+_FIRST_ENTRIES = 1 << 16
 
 #: Numbers of states are 32 bits wide.
 _MOST_ENTRIES = 1 << 31
 
-Array = np.ndarray[tuple[int], np.dtype[np.int64]]
+#: So many middles of rounds are remembered. Those that are forgotten are worked out once more.
+_MOST_MIDDLES = 1 << 24
 
-_TYPES = {8: np.int8, 16: np.int16, 32: np.int32}
+#: So much is done before machine code comes back: states entered, and ends of program turns. It is
+#: some tenths of a second's work at most.
+_WORK = 1 << 17
+
+#: Signed integers of so many bits, as arrays call them.
+_TYPES = {8: "b", 16: "h", 32: "i"}
+
+_BYTES_PER_ENTRY = 4
+
+
+class OutOfRoomError(Exception):
+    """Raised where tables would take more memory than they may."""
+
+
+class _Block:
+    """Zeroed memory, which the system gives when it is touched."""
+
+    def __init__(self, size: int) -> None:
+        self.size = size
+        self.memory = mmap(-1, max(size, 1), MAP_PRIVATE | MAP_ANONYMOUS)
+        self.address = ctypes.addressof(ctypes.c_char.from_buffer(self.memory))
+
+    def grown(self, size: int) -> _Block:
+        """A block with the same beginning and room for more."""
+        made = _Block(size)
+        ctypes.memmove(made.address, self.address, min(size, self.size))
+        return made
 
 
 class Exploration:
-    """The states that a search has seen. ``found`` says of each goal where it was met first.
+    """The states that a search has seen, in tables of at most ``most_bytes``.
 
-    It is -1 where it was not; else twice the number of a state that shows it, or, if it is in the
-    round behind a state, one more than that.
+    ``found`` says of each goal where it was met first. It is -1 where it was not; else twice the
+    number of a state that shows it, or, if it is in the round behind a state, one more than that.
     """
 
-    def __init__(self, rounds: Rounds) -> None:
+    def __init__(self, rounds: Rounds, most_bytes: int | None = None) -> None:
         self._rounds = rounds
         self._bytes = rounds.cells.state_bytes
-        self._context = np.zeros(CONTEXT_WORDS, dtype=np.int64)
-        self.found = np.full(rounds.goals.count, -1, dtype=np.int64)
-        self._states = np.zeros(0, dtype=np.uint8)
-        self._middles = np.zeros(0, dtype=np.uint8)
-        self._before = np.zeros(0, dtype=np.uint32)
-        self._table = np.zeros(0, dtype=np.uint32)
-        self._middle_table = np.zeros(0, dtype=np.uint32)
-        self._put(fields.FOUND, self.found.ctypes.data)
+        self._most_bytes = most_bytes
+        self._context = (ctypes.c_int64 * CONTEXT_WORDS)()
+        self._address = ctypes.addressof(self._context)
+        count = rounds.goals.count
+        self.found = (ctypes.c_int64 * count)(*[-1] * count)
+        self._states = self._middles = self._before = _Block(0)
+        self._table = self._middle_table = _Block(0)
+        self._put(fields.FOUND, ctypes.addressof(self.found))
         self._grow_states(_FIRST_ENTRIES)
-        self._grow_middles(_FIRST_ENTRIES)
+        self._forget_middles(_FIRST_ENTRIES)
 
     def _put(self, field: int, value: int) -> None:
         self._context[field] = value
@@ -49,36 +79,48 @@ class Exploration:
 
     def _grow_states(self, entries: int) -> None:
         room = entries // 4 * 3
-        self._states = _grown(self._states, room * self._bytes)
-        self._before = _grown(self._before, room)
-        self._table = self._filled(self._states, self.states, entries)
-        self._put(fields.STATES, self._states.ctypes.data)
-        self._put(fields.BEFORE, self._before.ctypes.data)
-        self._put(fields.TABLE, self._table.ctypes.data)
+        self._make_room(entries, room * (self._bytes + _BYTES_PER_ENTRY))
+        self._states = self._states.grown(room * self._bytes)
+        self._before = self._before.grown(room * _BYTES_PER_ENTRY)
+        self._table = _Block(entries * _BYTES_PER_ENTRY)
+        self._rounds.rehash(self._states.address, self.states, self._table.address, entries - 1)
+        self._put(fields.STATES, self._states.address)
+        self._put(fields.BEFORE, self._before.address)
+        self._put(fields.TABLE, self._table.address)
         self._put(fields.TABLE_MASK, entries - 1)
         self._put(fields.STATE_MOST, entries // 2)
         self._put(fields.STATE_ROOM, room)
 
-    def _grow_middles(self, entries: int) -> None:
+    def _forget_middles(self, entries: int) -> None:
+        """Begin anew with middles: who forgets one works it out again."""
         room = entries // 4 * 3
-        count = int(self._context[fields.MIDDLE_COUNT])
-        self._middles = _grown(self._middles, room * self._bytes)
-        self._middle_table = self._filled(self._middles, count, entries)
-        self._put(fields.MIDDLES, self._middles.ctypes.data)
-        self._put(fields.MIDDLE_TABLE, self._middle_table.ctypes.data)
+        self._make_room(entries, room * self._bytes)
+        self._middles = _Block(room * self._bytes)
+        self._middle_table = _Block(entries * _BYTES_PER_ENTRY)
+        self._put(fields.MIDDLES, self._middles.address)
+        self._put(fields.MIDDLE_TABLE, self._middle_table.address)
         self._put(fields.MIDDLE_MASK, entries - 1)
+        self._put(fields.MIDDLE_COUNT, 0)
         self._put(fields.MIDDLE_MOST, entries // 2)
         self._put(fields.MIDDLE_ROOM, room)
 
-    def _filled(
-        self, states: np.ndarray[tuple[int], np.dtype[np.uint8]], count: int, entries: int
-    ) -> np.ndarray[tuple[int], np.dtype[np.uint32]]:
+    def _make_room(self, entries: int, size: int) -> None:
+        """Raise OutOfRoomError if a table may not grow to some entries and bytes of contents."""
+        new = size + entries * _BYTES_PER_ENTRY
+        if self._most_bytes is not None and self.table_bytes + new > self._most_bytes:
+            raise OutOfRoomError
         if entries > _MOST_ENTRIES:
             raise NoKernelError("there are too many states to number")
-        table = np.zeros(entries, dtype=np.uint32)
-        if count:
-            self._rounds.rehash(states.ctypes.data, count, table.ctypes.data, entries - 1)
-        return table
+
+    @property
+    def table_bytes(self) -> int:
+        """The bytes of all tables."""
+        tables = (self._states, self._before, self._table, self._middles, self._middle_table)
+        return sum(table.size for table in tables)
+
+    @property
+    def _middle_entries(self) -> int:
+        return self._middle_table.size // _BYTES_PER_ENTRY
 
     # --- searching ------------------------------------------------------------------------------
 
@@ -88,70 +130,100 @@ class Exploration:
         return int(self._context[fields.STATE_COUNT])
 
     @property
-    def middles(self) -> int:
-        """So many ends of program turns were worked out, equal ones each time."""
-        return int(self._context[fields.ROUNDS])
+    def work(self) -> int:
+        """So many states were entered and ends of program turns looked at, equal ones each time."""
+        return int(self._context[fields.WORK])
 
     def enter(self, numbers: Sequence[int]) -> int:
         """Put a start into the table: its number, or -1 if it is there already."""
-        packed = self.packed(numbers)
-        return self._rounds.enter(self._context.ctypes.data, packed.ctypes.data)
+        if self.states >= self._context[fields.STATE_MOST]:
+            self._grow_states(2 * self._table.size // _BYTES_PER_ENTRY)
+        packed = self._packed(numbers)
+        return self._rounds.enter(self._address, packed.address)
+
+    def lookup(self, numbers: Sequence[int]) -> int:
+        """The number of a state that stands for itself, or -1."""
+        packed = self._packed(numbers)
+        return self._rounds.lookup(self._address, packed.address)
 
     def expand(self, first: int, end: int) -> int:
         """Look at all rounds from some states, and grow; return which state is next.
 
-        Raises NoKernelError where machine code cannot go on.
+        It comes back after some work, with a few states looked at. Raises NoKernelError where
+        machine code cannot go on, and OutOfRoomError where there is no more memory.
         """
-        following = self._rounds.expand(self._context.ctypes.data, first, end)
-        left = int(self._context[fields.LEFT])
-        if left:
-            too_large = left == LEFT_TOO_LARGE
-            raise NoKernelError("an integer is too large" if too_large else "a table is full")
-        if self._context[fields.STATE_COUNT] >= self._context[fields.STATE_MOST]:
-            self._grow_states(2 * len(self._table))
+        self._put(fields.WORK_MOST, self.work + _WORK)
+        following = self._rounds.expand(self._address, first, end)
+        match int(self._context[fields.LEFT]):
+            case 0:
+                pass
+            case fields.LEFT_TOO_LARGE:
+                raise NoKernelError("an integer is too large")
+            case fields.LEFT_TOO_MANY:
+                raise NoKernelError("a state has too many successors")
+            case _:
+                return self._once_more()
+        if self.states >= self._context[fields.STATE_MOST]:
+            self._grow_states(2 * self._table.size // _BYTES_PER_ENTRY)
         if self._context[fields.MIDDLE_COUNT] >= self._context[fields.MIDDLE_MOST]:
-            self._grow_middles(2 * len(self._middle_table))
+            self._forget_middles(min(2 * self._middle_entries, _MOST_MIDDLES))
         return following
+
+    def _once_more(self) -> int:
+        """Grow, and look at the state again whose successors had no room.
+
+        Middles whose environments have not had all their turns are forgotten with the others.
+        """
+        self._put(fields.LEFT, 0)
+        if self.states >= self._context[fields.STATE_ROOM]:
+            self._grow_states(2 * self._table.size // _BYTES_PER_ENTRY)
+        full = self._context[fields.MIDDLE_COUNT] >= self._context[fields.MIDDLE_ROOM]
+        entries = self._middle_entries
+        if full and entries >= _MOST_MIDDLES:
+            raise NoKernelError("a state has too many successors")
+        self._forget_middles(2 * entries if full else entries)
+        return int(self._context[fields.CURRENT])
 
     # --- states ---------------------------------------------------------------------------------
 
-    def packed(self, numbers: Sequence[int]) -> np.ndarray[tuple[int], np.dtype[np.uint8]]:
+    def _packed(self, numbers: Sequence[int]) -> _Packed:
         """A state of the numbers in its cells. Raises NoKernelError if one does not fit."""
-        type_ = _TYPES[self._rounds.cells.bits]
-        most = 1 << (self._rounds.cells.bits - 1)
-        if any(not -most <= number < most for number in numbers):
-            raise NoKernelError("an integer is too large")
-        state = np.zeros(self._bytes, dtype=np.uint8)
-        cells = np.array(numbers, dtype=type_).view(np.uint8)
-        state[: len(cells)] = cells
-        return state
+        cells = self._rounds.cells
+        try:
+            held = array(_TYPES[cells.bits], numbers)
+        except OverflowError:
+            raise NoKernelError("an integer is too large") from None
+        return _Packed(held.tobytes().ljust(self._bytes, b"\0"))
+
+    def _unpacked(self, state: bytes) -> list[int]:
+        cells = self._rounds.cells
+        return array(_TYPES[cells.bits], state[: len(cells.layout.cells) * cells.size]).tolist()
 
     def numbers(self, state: int) -> list[int]:
         """The numbers in the cells of a state that was seen."""
-        return self._unpacked(self._states[state * self._bytes : (state + 1) * self._bytes])
-
-    def _unpacked(self, state: np.ndarray[tuple[int], np.dtype[np.uint8]]) -> list[int]:
-        cells = self._rounds.cells
-        used = state[: len(cells.layout.cells) * cells.size].copy()
-        return [int(number) for number in used.view(_TYPES[cells.bits])]
+        first = state * self._bytes
+        return self._unpacked(self._states.memory[first : first + self._bytes])
 
     def canonical(self, numbers: Sequence[int]) -> tuple[list[int], tuple[int, ...]]:
         """The state that stands for one, and the numbers that robots have in it."""
-        state, out = self.packed(numbers), np.zeros(self._bytes, dtype=np.uint8)
-        names = np.zeros(len(self._rounds.layout.robots), dtype=np.int64)
-        self._rounds.canonical(state.ctypes.data, out.ctypes.data, names.ctypes.data)
-        return self._unpacked(out), tuple(int(name) for name in names)
+        state, out = self._packed(numbers), _Packed(bytes(self._bytes))
+        names = (ctypes.c_int64 * len(self._rounds.layout.robots))()
+        self._rounds.canonical(state.address, out.address, ctypes.addressof(names))
+        return self._unpacked(out.held.raw), tuple(names)
 
     def path(self, state: int, starts: int) -> list[int]:
         """The states on the way from a start to one; the first ``starts`` states are starts."""
         path = [state]
         while path[-1] >= starts:
-            path.append(int(self._before[path[-1]]))
+            first = path[-1] * _BYTES_PER_ENTRY
+            entry = self._before.memory[first : first + _BYTES_PER_ENTRY]
+            path.append(int.from_bytes(entry, sys.byteorder))
         return path[::-1]
 
 
-def _grown(array: np.ndarray, size: int) -> np.ndarray:
-    """An array with room for more; what is behind the old part is left untouched."""
-    grown = np.empty(size, dtype=array.dtype)
-    grown[: len(array)] = array
-    return grown
+class _Packed:
+    """A packed state outside of the tables."""
+
+    def __init__(self, state: bytes) -> None:
+        self.held = ctypes.create_string_buffer(state, len(state))
+        self.address = ctypes.addressof(self.held)

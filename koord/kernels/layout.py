@@ -99,6 +99,7 @@ class Layout:
         self.cells: list[PackedCell] = []
         self._unset = may_be_unset
         self._bases: dict[object, int] = {}
+        self._stands: dict[tuple[int, tuple[int, ...]], int] = {}
         self._statuses = statuses(system.program)
         self._tracks_ran = tracks_ran
         self.robots = [self._robot(i, kind) for i, kind in enumerate(system.kinds)]
@@ -194,6 +195,7 @@ class Layout:
     def _cell(self, cell: PackedCell) -> int:
         if len(self.cells) >= _MOST_CELLS:
             raise NoKernelError(f"a state has more than {_MOST_CELLS} cells")
+        self._stands[cell.base, cell.index] = len(self.cells)
         self.cells.append(cell)
         return len(self.cells) - 1
 
@@ -279,6 +281,16 @@ class Layout:
             return bool(numbers[cell]) if self.cells[cell].is_bool else numbers[cell]
 
         return self.configuration(read, True, int)
+
+    def renamed(self, numbers: Sequence[int], names: Sequence[int]) -> list[int]:
+        """The numbers of a state whose robots have new numbers, ``names``. [SYMMETRY]"""
+        made = list(numbers)
+        for number, cell in enumerate(self.cells):
+            held = numbers[number]
+            if cell.names and 0 <= held < len(names):
+                held = names[held]
+            made[self._stands[cell.base, tuple(names[i] for i in cell.index)]] = held
+        return made
 
 
 def _number(value: Constant) -> int:

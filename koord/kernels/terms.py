@@ -17,6 +17,9 @@ from koord.syntax.types import Type
 #: Integers beyond this are left to Python.
 _GREATEST = 2**62
 
+#: So many terms are made at most: loops in loops are written out, and more take seconds to compile.
+_MOST_TERMS = 60_000
+
 
 class NoKernelError(Exception):
     """Raised where something has no machine code; the message says what."""
@@ -81,6 +84,8 @@ class TermDomain:
         key = (op, *[id(a) if isinstance(a, Term) else (type(a), a) for a in args], bounds, number)
         made = self._made.get(key)
         if made is None:
+            if len(self._made) >= _MOST_TERMS:
+                raise NoKernelError(f"there are more than {_MOST_TERMS} terms to compile")
             made = self._made[key] = Term(op, args, bounds, number)
         return made
 

@@ -10,33 +10,33 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from importlib.util import find_spec
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 from msgspec import Struct
 
 from koord.semantics.configurations import Configuration
 from koord.semantics.domain import Constant
-from koord.semantics.recordings import Round
 from koord.syntax import core
 from koord.syntax.analysis.footprint import rewritten
 from koord.syntax.analysis.symmetry import Symmetry
 from koord.syntax.system import System
+from koord.verify.engines.explicit.joint_transitions import JointTransition
 from koord.verify.engines.explicit.limits import LimitReachedError, Meter
 from koord.verify.engines.explicit.orbits import Orbits
 from koord.verify.engines.explicit.property_checks import GoalKind, SearchGoal
 from koord.verify.engines.explicit.states import State, StateStore
 
 if TYPE_CHECKING:
+    from koord.kernels.context import Goals
     from koord.kernels.exploration import Exploration
     from koord.kernels.layout import Layout
-    from koord.kernels.rounds import Goals
 
 #: The widths of cells that are tried, in bits.
 _WIDTHS = (8, 16, 32)
 
-#: So many states are looked at in one go at first, and at most: some hundredths of a second. How
-#: many they are hangs on no clock, so that a ration of work goes as far on every machine.
-_FIRST_BATCH, _MOST_BATCH = 16, 1_024
+#: So many states are looked at in one go at first, and at most. How many they are hangs on no
+#: clock, so that a ration of work goes as far on every machine.
+_FIRST_BATCH, _MOST_BATCH = 16, 4_096
 
 
 class CompiledGoal(Struct, frozen=True):
@@ -46,6 +46,16 @@ class CompiledGoal(Struct, frozen=True):
     statement: core.Property | None = None
     inside: bool = False
     on_ports: bool = False
+
+
+class PythonRoad(Protocol):
+    """What the road of Python says of a state, with which machine code is compared."""
+
+    def joints(self, state: State) -> Iterator[JointTransition]: ...
+
+    def successors(self, state: State) -> Iterator[State]: ...
+
+    def shown(self, state: State) -> Iterator[SearchGoal]: ...
 
 
 class Met(Struct, frozen=True):
@@ -66,19 +76,35 @@ class CompiledSearch:
         goals: Sequence[CompiledGoal],
         orbits: tuple[Symmetry, Orbits] | None,
         starts: Sequence[State],
+        road: PythonRoad,
+        most_mb: int,
     ) -> None:
         """Raises NoKernelError, or ImportError where there is nothing to make machine code with."""
+        from koord.kernels.exploration import Exploration
         from koord.kernels.layout import Layout, unset_somewhere
+        from koord.kernels.rounds import Rounds
+        from koord.kernels.terms import NoKernelError
+        from koord.verify.engines.explicit.second_look import SecondLook
 
-        self._system, self._vault = system, vault
+        self._system, self._vault, self._road = system, vault, road
         self._orbits = orbits[1] if orbits is not None else None
         found = [vault.configuration(state) for state in starts]
         unset = unset_somewhere(system, found)
         symmetry = orbits[0] if orbits is not None else None
         self._layout: Layout = Layout(system, symmetry, unset, tracks_ran=vault.tracks_ran)
         self._goals = _by_kind(system, goals)
-        self._starts = found
-        self._exploration, self._count = self._begun()
+        numbers = [self._layout.numbers(start) for start in found]
+        bits = next((b for b in _WIDTHS if all(_fit(n, b) for n in numbers)), None)
+        if bits is None:
+            raise NoKernelError("an integer is too large")
+        rounds = Rounds(self._layout, self._stated(), bits)
+        self._exploration: Exploration = Exploration(rounds, most_mb * 1_000_000)
+        self._look: SecondLook = SecondLook(
+            self._exploration, self._layout, rounds.of.idle, self._numbers, road.joints
+        )
+        for start in numbers:
+            self._exploration.enter(start)
+        self._count = self._exploration.states
         self.depth = 0
 
     @property
@@ -86,22 +112,8 @@ class CompiledSearch:
         """So many states were seen."""
         return self._exploration.states
 
-    def _begun(self) -> tuple[Exploration, int]:
-        from koord.kernels.exploration import Exploration
-        from koord.kernels.rounds import Rounds
-        from koord.kernels.terms import NoKernelError
-
-        numbers = [self._layout.numbers(start) for start in self._starts]
-        bits = next((b for b in _WIDTHS if all(_fit(n, b) for n in numbers)), None)
-        if bits is None:
-            raise NoKernelError("an integer is too large")
-        exploration = Exploration(Rounds(self._layout, self._stated(), bits))
-        for start in numbers:
-            exploration.enter(start)
-        return exploration, exploration.states
-
     def _stated(self) -> Goals:
-        from koord.kernels.rounds import Goals
+        from koord.kernels.context import Goals
 
         statements = [g for g in self._goals if g is not None and g.statement is not None]
         program = self._system.program
@@ -117,35 +129,38 @@ class CompiledSearch:
 
     # --- searching ------------------------------------------------------------------------------
 
-    def met(
-        self,
-        meter: Meter,
-        tell: Callable[[int, int, int], None],
-        rounds: Callable[[State], Iterator[tuple[Round, State]]],
-    ) -> Iterator[Met]:
+    def met(self, meter: Meter, tell: Callable[[int, int, int], None]) -> Iterator[Met]:
         """Yield each goal that is met, once, by rounds. Raises LimitReachedError or NoKernelError.
 
-        ``rounds`` are those from a state, as the road of Python knows them.
+        What machine code says is not believed where a second look says otherwise.
         """
+        from koord.kernels.exploration import OutOfRoomError
+
         exploration, first, batch = self._exploration, 0, _FIRST_BATCH
-        yield from self._new(rounds)
+        yield from self._new()
         while first < exploration.states:
             if self.depth == meter.limits.rounds:
                 raise LimitReachedError(f"more than {self.depth} rounds")
             end = exploration.states
             while first < end:
-                reached = meter.reached_now(exploration.states)
+                reached = meter.reached_now(exploration.states, meter.limits.compiled_states)
                 if reached:
                     raise LimitReachedError(reached)
                 self._system.budget.spend(batch)
-                first = exploration.expand(first, min(end, first + batch))
+                before = first
+                try:
+                    first = exploration.expand(first, min(end, first + batch))
+                except OutOfRoomError:
+                    most = meter.limits.memory_mb
+                    raise LimitReachedError(f"more than {most} MB of memory") from None
                 batch = min(2 * batch, _MOST_BATCH)
                 tell(exploration.states, self.depth, end - first)
-                yield from self._new(rounds)
+                yield from self._new()
+                self._look_again(before, first)
             if first < exploration.states:
                 self.depth += 1
 
-    def _new(self, rounds: Callable[[State], Iterator[tuple[Round, State]]]) -> Iterator[Met]:
+    def _new(self) -> Iterator[Met]:
         found = self._exploration.found
         for number, goal in enumerate(self._goals):
             where = int(found[number])
@@ -153,30 +168,41 @@ class CompiledSearch:
                 continue
             self._goals[number] = None
             path = self._exploration.path(where >> 1, self._count)
-            yield Met(goal.goal, tuple(self._run(path, rounds)), bool(where & 1))
+            yield Met(goal.goal, tuple(self._run(path)), bool(where & 1))
+
+    def _look_again(self, first: int, end: int) -> None:
+        """Look at some states once more. Raises DisagreementError."""
+        from koord.verify.engines.explicit.second_look import DisagreementError
+
+        for number in self._look.due(first, end):
+            state = self._state(self._exploration.numbers(number))
+            self._look.look(state)
+            # Goals that were met are no longer among these.
+            open_ = {goal.goal for goal in self._goals if goal is not None}
+            missed = next((goal for goal in self._road.shown(state) if goal in open_), None)
+            if missed is not None:
+                raise DisagreementError(f"machine code misses {missed.subject.value}")
 
     # --- runs -----------------------------------------------------------------------------------
 
-    def _run(
-        self, path: list[int], rounds: Callable[[State], Iterator[tuple[Round, State]]]
-    ) -> Iterator[State]:
+    def _run(self, path: list[int]) -> Iterator[State]:
         """States of a run whose representatives are those of a path.
 
         ``names`` are the numbers that the robots of a representative have in the run.
         """
-        from koord.kernels.terms import NoKernelError
+        from koord.verify.engines.explicit.second_look import DisagreementError
 
         now = self._exploration.numbers(path[0])
         names = tuple(range(self._system.robots))
         yield self._state(now)
         for number in path[1:]:
             target = self._exploration.numbers(number)
-            for _, after in rounds(self._state(now)):
-                kept, renaming = self._exploration.canonical(self._numbers(after))
+            for after in self._road.successors(self._state(now)):
+                kept, renaming = self._look.standing_for(self._numbers(after))
                 if kept == target:
                     break
             else:
-                raise NoKernelError("a run is not one of the reference")
+                raise DisagreementError("a run is not one of the reference")
             yield self._orbits.renamed(after, names) if self._orbits is not None else after
             inverse = {new: old for old, new in enumerate(renaming)}
             names = tuple(names[inverse[i]] for i in range(len(names)))
@@ -193,7 +219,7 @@ class CompiledSearch:
 
 def is_installed() -> bool:
     """Return whether there is anything to make machine code with."""
-    return find_spec("llvmlite") is not None and find_spec("numpy") is not None
+    return find_spec("llvmlite") is not None
 
 
 def _is_lost(goal: SearchGoal) -> bool:

@@ -72,7 +72,17 @@ class ExplicitEngine(Struct, frozen=True):
 
         system, judge, found = ledger.system, ledger.problem.judge, SearchResults()
         with suppress(OutOfBudgetError):  # others find out whether their budget is used up
-            exhaust(system, claims, limits_of(task), ledger.deadline, judge, ledger.progress, found)
+            limits = limits_of(task)
+            exhaust(
+                system,
+                claims,
+                limits,
+                ledger.deadline,
+                judge,
+                ledger.progress,
+                found,
+                compiled_from=None,  # what is looked for soon is found before any could be made
+            )
         ledger.settle({c: v for c, v in found.verdicts.items() if v.outcome is Outcome.VIOLATED})
 
 

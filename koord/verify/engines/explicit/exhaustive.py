@@ -14,7 +14,7 @@ from koord.verify.claims import Claim, ClaimKind, ClaimPhase
 from koord.verify.effort import Deadline
 from koord.verify.engine_names import Engine
 from koord.verify.engines.explicit.finiteness import NotFinite
-from koord.verify.engines.explicit.limits import Limits
+from koord.verify.engines.explicit.limits import COMPILED_FROM, Limits
 from koord.verify.engines.explicit.property_checks import Exhausted, GoalKind, OutOfBounds, Violated
 from koord.verify.engines.explicit.property_checks import SearchGoal as Searched
 from koord.verify.engines.explicit.search import begun
@@ -53,10 +53,13 @@ def exhaust(
     judge: Judge,
     progress: Callable[[str], None],
     said: SearchResults | None = None,
+    *,
+    compiled_from: int | None = COMPILED_FROM,
 ) -> SearchResults:
     """Decide the claims on all reachable configurations, if they are few enough.
 
     They are written into ``said`` as they come: what was found counts, however the search ends.
+    Behind ``compiled_from`` states machine code is used where there is any; None: it is not.
     """
     said = said if said is not None else SearchResults()
     started = time.monotonic()
@@ -67,6 +70,7 @@ def exhaust(
         properties,
         Limits(limits.states, limits.memory_mb, limits.rounds, deadline.at),
         subjects=subjects,
+        compiled_from=compiled_from,
         progress=lambda states, rounds, _: progress(f"search, round {rounds}, {states} states"),
     )
     if isinstance(search, NotFinite):

@@ -60,9 +60,7 @@ class Tracer:
         opened = self._opened(first, is_faulted=False)
         recording, state = Recording(opened.opening()), opened.state
         for target in others:
-            round_, state = next(
-                (round_, after) for round_, after in self.rounds(state) if self._is(after, target)
-            )
+            round_, state = next(self._rounds_to(state, target))
             recording = replace(recording, rounds=(*recording.rounds, round_))
         if last is not None:
             recording = replace(recording, rounds=(*recording.rounds, next(last(state))))
@@ -82,14 +80,20 @@ class Tracer:
 
     def rounds(self, state: State) -> Iterator[tuple[Round, State]]:
         """Yield every round from a state, with the state after it."""
+        return self._rounds_to(state, None)
+
+    def _rounds_to(self, state: State, target: State | None) -> Iterator[tuple[Round, State]]:
+        """Yield the rounds from a state to those that a representative stands for; None: to all."""
         for joint in self._joints.joints(state, self._joints.menus(state)):
             if not joint.is_whole:
                 continue
             choices = [list(_doings(joint, i)) for i in range(self._system.robots)]
             for doings in product(*choices):
-                after = tuple(o.robot for _, o in doings if o is not None)
+                robots = tuple(o.robot for _, o in doings if o is not None)
                 for end in joint.ends:
-                    yield self._whole(joint, end, doings), (*after, *end.shared)
+                    after = (*robots, *end.shared)
+                    if target is None or self._is(after, target):
+                        yield self._whole(joint, end, doings), after
 
     def _whole(self, joint: JointTransition, end: StoreOutcome, doings: tuple[Doing, ...]) -> Round:
         """A whole round: robots that run first, then the environment."""

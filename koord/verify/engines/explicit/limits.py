@@ -29,13 +29,29 @@ FEW_STATES = 20_000
 FEW_EDGES = 100_000
 
 
+#: Behind so many states a search goes over to machine code, where there is any: what takes less is
+#: done before any is made.
+COMPILED_FROM = 500
+
+#: As long as Python takes for a state, machine code takes for so many, or more.
+_COMPILED_STATES = 32
+
+
 class Limits(Struct, frozen=True):
-    """Bounds of a search. ``deadline_s`` is a time on the search's clock; None means no bound."""
+    """Bounds of a search. ``deadline_s`` is a time on the search's clock; None means no bound.
+
+    ``states`` are those of a search by Python.
+    """
 
     states: int = 2_000_000
     memory_mb: int = 4_000
     rounds: int | None = None
     deadline_s: float | None = None
+
+    @property
+    def compiled_states(self) -> int:
+        """So many states a search on machine code may see."""
+        return self.states * _COMPILED_STATES
 
 
 class LimitReachedError(Exception):
@@ -59,10 +75,14 @@ class Meter:
                 return ""
         return self.reached_now(states)
 
-    def reached_now(self, states: int) -> str:
-        """The limit that is reached, as :meth:`reached` says it, without waiting to look."""
-        if states > self.limits.states:
-            return f"more than {self.limits.states} states"
+    def reached_now(self, states: int, most: int | None = None) -> str:
+        """The limit that is reached, as :meth:`reached` says it, without waiting to look.
+
+        ``most`` states are permitted, if that is not what the limits say.
+        """
+        most = self.limits.states if most is None else most
+        if states > most:
+            return f"more than {most} states"
         self._countdown = _EVERY
         deadline = self.limits.deadline_s
         if deadline is not None and self._clock() >= deadline:

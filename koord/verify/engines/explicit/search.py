@@ -11,7 +11,8 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from itertools import chain, product
+from itertools import chain, islice, product
+from typing import TYPE_CHECKING
 
 from msgspec import Struct
 
@@ -56,8 +57,14 @@ from koord.verify.engines.explicit.states import State, StateStore
 #: So many ways to start, most of them assumed away, are tried for each state that is allowed.
 _STARTS_PER_STATE = 20
 
+#: Where machine code is held against Python, so many ways to go on are.
+_MOST_SHOWN = 400
+
 #: Told now and then: states seen, rounds finished, states waiting in this round.
 Progress = Callable[[int, int, int], None]
+
+if TYPE_CHECKING:
+    from koord.kernels.terms import NoKernelError
 
 #: What is looked for without being asked.
 ALWAYS = frozenset({GoalKind.FAULT, GoalKind.CONTRACT})
@@ -174,6 +181,7 @@ class Search:
         # Configurations inside of rounds that no round ends in are left to Python.
         self._compiled_from = None if relaxed else compiled_from
         self._compiled: CompiledSearch | None = None
+        self._left: NoKernelError | None = None
         self._checks = {
             SearchGoal(GoalKind.PROPERTY, p.name): check(system, vault, p) for p in properties
         }
@@ -211,6 +219,11 @@ class Search:
     def is_compiled(self) -> bool:
         """Return whether the result is that of machine code."""
         return self._compiled is not None
+
+    @property
+    def left(self) -> NoKernelError | None:
+        """Why machine code was not used to the end; None if it was, or nobody asked for it."""
+        return self._left
 
     @property
     def _states(self) -> int:
@@ -270,9 +283,12 @@ class Search:
         try:
             starts = [state for state, before in self._seen.items() if before is None]
             goals = self._compiled_goals()
-            made = CompiledSearch(self._system, self._vault, goals, self._orbits, starts)
+            most_mb = self._meter.limits.memory_mb
+            made = CompiledSearch(
+                self._system, self._vault, goals, self._orbits, starts, self, most_mb
+            )
             self._compiled = made
-            for met in made.met(self._meter, self._tell_of, self.rounds):
+            for met in made.met(self._meter, self._tell_of):
                 self._depth = self._through = max(depth, made.depth)
                 yield _Found(
                     met.goal,
@@ -282,8 +298,9 @@ class Search:
                     met.path,
                 )
             self._depth = self._through = made.depth
-        except NoKernelError:
+        except NoKernelError as error:
             self._compiled, self._depth, self._through = None, depth, through
+            self._left = error
         except LimitReachedError:
             assert self._compiled is not None
             self._depth = self._through = max(depth, self._compiled.depth)
@@ -309,9 +326,26 @@ class Search:
         ]
         return goals + others
 
-    def rounds(self, state: State) -> Iterator[tuple[Round, State]]:
-        """Yield every round from a configuration as it is, with the one after it."""
-        return self._tracer(as_it_is).rounds(state)
+    # --- what machine code is held against ------------------------------------------------------
+
+    def joints(self, state: State) -> Iterator[JointTransition]:
+        """Yield every joint course in a configuration as it is."""
+        return self._joints.joints(state, self._joints.menus(state))
+
+    def successors(self, state: State) -> Iterator[State]:
+        """Yield the configurations after rounds from one, as they are."""
+        for joint in self.joints(state):
+            if joint.is_whole:
+                yield from ((*robots, *shared) for robots, shared in joint.successors())
+
+    def shown(self, state: State) -> Iterator[SearchGoal]:
+        """Yield what a configuration shows to be violated, or some rounds behind it."""
+        yield from (goal for goal, each in self._checks.items() if not each.holds(state))
+        yield from (found.claim for found in self._failures(state, self._joints.menus(state)))
+        for joint in islice(self.joints(state), _MOST_SHOWN):
+            yield from (found.claim for found in self._looked_inside(state, joint))
+            if joint.is_whole:
+                yield from (found.claim for found in self._evolved(state, joint))
 
     def _begin(self, frontier: list[State]) -> Iterator[_Found]:
         count = self._system.robots
