@@ -258,7 +258,7 @@ class Loaded:
     """Machine code in this process. It lives as long as this object.
 
     Raises NoKernelError if there is too much of it. None of LLVM's passes over its intermediate
-    form is made: they took two thirds of the time and made searches no quicker (record 0078).
+    form is made: they took two thirds of the time and made searches no quicker (record 0082).
     """
 
     def __init__(self, module: Ir) -> None:

@@ -22,8 +22,7 @@ _MOST_ENTRIES = 1 << 31
 #: So many middles of rounds are remembered. Those that are forgotten are worked out once more.
 _MOST_MIDDLES = 1 << 24
 
-#: So much is done before machine code comes back: states entered, and ends of program turns. It is
-#: some tenths of a second's work at most.
+#: So much is done before machine code comes back: states entered, and ends of program turns.
 _WORK = 1 << 17
 
 #: Signed integers of so many bits, as arrays call them.

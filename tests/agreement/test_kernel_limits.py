@@ -10,7 +10,9 @@ from typing import Any
 
 import pytest
 
+from koord.syntax.analysis.symmetry import Symmetry, symmetry_of
 from koord.syntax.system import System
+from koord.verify.engines.explicit import limits
 from koord.verify.engines.explicit import search as searching
 from koord.verify.engines.explicit.finiteness import NotFinite
 from koord.verify.engines.explicit.limits import Limits
@@ -21,8 +23,9 @@ from tests.agreement.test_search import EVERYTHING
 
 pytest.importorskip("llvmlite")
 
-from koord.kernels import assembling, combinations, exploration, rounds, terms
+from koord.kernels import assembling, combinations, exploration, rounds, terms, turn_code
 from koord.kernels.exploration import Exploration
+from koord.kernels.layout import Layout
 from koord.verify.engines.explicit.second_look import DisagreementError, SecondLook
 
 COUNTING = (
@@ -30,11 +33,11 @@ COUNTING = (
 )
 
 
-def searched(of: System, compiled_from: int | None = 0, **limits: Any) -> tuple[Search, set[Any]]:
+def searched(of: System, compiled_from: int | None = 0, **bounds: Any) -> tuple[Search, set[Any]]:
     search = begun(
         of,
         properties_of(of),
-        Limits(**limits),
+        Limits(**bounds),
         subjects=EVERYTHING - {GoalKind.CONTRACT},
         compiled_from=compiled_from,
     )
@@ -65,6 +68,13 @@ def test_what_does_not_fit_is_left_to_python() -> None:
     assert not found
     assert not search.is_compiled
     assert search.end == Exhausted(4, 3)
+
+
+def test_what_does_not_fit_is_no_result_though_nobody_looks_again(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(SecondLook, "due", lambda self, first, end: iter(()))
+    test_what_does_not_fit_is_left_to_python()
 
 
 @pytest.mark.parametrize(
@@ -102,10 +112,20 @@ def test_machine_code_comes_back_after_some_work(monkeypatch: pytest.MonkeyPatch
     assert agrees(read(CLAIMING, 2)).is_compiled
 
 
-def test_more_memory_than_permitted_ends_the_search() -> None:
-    search, _ = searched(read(CLAIMING, 3), memory_mb=3)
+def test_more_memory_than_permitted_ends_the_search(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is told of tables before they have it."""
+    monkeypatch.setattr(limits, "resident_mb", lambda: 0.0)
+    monkeypatch.setattr(exploration, "_FIRST_ENTRIES", 64)
+    search = begun(read(CLAIMING, 3), (), Limits(memory_mb=1), symmetry=False, compiled_from=0)
+    assert not isinstance(search, NotFinite)
+    assert not list(search.violations())
     assert isinstance(search.end, OutOfBounds)
-    assert search.end.reason == "more than 3 MB of memory"
+    assert search.end.reason == "more than 1 MB of memory"
+
+
+def test_without_memory_for_any_table_there_is_the_road_of_python() -> None:
+    search, _ = searched(read(CLAIMING, 2), memory_mb=1)
+    assert not search.is_compiled
 
 
 def test_machine_code_may_see_more_states() -> None:
@@ -150,6 +170,25 @@ def test_a_state_taken_for_another_is_noticed(
     assert isinstance(search.left, DisagreementError)
 
 
+def test_two_robots_with_one_new_number_are_noticed() -> None:
+    of = read(COUNTING, 2)
+    symmetry = symmetry_of(of, properties_of(of))
+    assert isinstance(symmetry, Symmetry)
+    layout = Layout(of, symmetry, frozenset(), tracks_ran=False)
+    search, _ = searched(of, None)
+
+    class Told:
+        work = 0
+
+        def canonical(self, numbers: list[int]) -> tuple[list[int], tuple[int, ...]]:
+            return list(numbers), (0, 0)
+
+    told: Any = Told()
+    look = SecondLook(told, layout, frozenset(), lambda state: state, search.joints)
+    with pytest.raises(DisagreementError):
+        look.standing_for([0, 0])
+
+
 def test_a_violation_that_machine_code_misses_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
     """Here it takes every statement to hold."""
     monkeypatch.setattr(
@@ -159,4 +198,4 @@ def test_a_violation_that_machine_code_misses_is_noticed(monkeypatch: pytest.Mon
     assert isinstance(search.left, DisagreementError)
 
 
-STATEMENT = rounds.statement_code
+STATEMENT = turn_code.statement_code

@@ -232,6 +232,47 @@ invariant Small: x < 3
 """
 
 
+#: An update that nobody overwrites, beside a race for another variable.
+UPDATED = """\
+allwrite:
+    int x = 0
+    int y = 0
+
+Add:
+    pre: pid == 0 and x < 3
+    eff: x = x + 1
+
+Set:
+    pre: pid > 0
+    eff: y = pid
+
+invariant Few: x < 3
+"""
+
+#: A model that follows an actuator: the claim is broken only before its turn.
+FOLLOWED = """\
+using Wheel:
+    sensors:
+        int speed = 0
+    actuators:
+        int wanted
+    environment:
+        speed = wanted
+
+init:
+    Wheel.wanted = 0
+
+Faster:
+    pre: Wheel.wanted < 3
+    eff: Wheel.wanted = Wheel.wanted + 1
+
+invariant Same: Wheel.speed == Wheel.wanted
+"""
+
+#: The same with a turn of the model that may fault.
+FAULTING = FOLLOWED.replace("speed = wanted\n\n", "speed = 6 / (3 - wanted)\n\n")
+
+
 def read(text: str, robots: int) -> System:
     program = load(Source("model.krd", text)).program
     assert program is not None
@@ -248,6 +289,9 @@ def read(text: str, robots: int) -> System:
         (STOPPED, 3),
         (NAMED, 3),
         (DIVIDED, 1),
+        (UPDATED, 3),
+        (FOLLOWED, 2),
+        (FAULTING, 2),
         ((ROOT / "specs" / "examples" / "sum_of_ids.krd").read_text("utf-8"), 4),
         ((ROOT / "specs" / "examples" / "leader_elect.krd").read_text("utf-8"), 3),
     ],
@@ -259,6 +303,9 @@ def read(text: str, robots: int) -> System:
         "stopped",
         "named",
         "divided",
+        "updated",
+        "followed",
+        "faulting",
         "sum_of_ids",
         "leader_elect",
     ],

@@ -42,7 +42,7 @@ KERNELS = (
         "kernels.turn_code._noted",
         "b.and_(terms.value(condition), b.not_(fits))",
         "b.and_(terms.value(False), b.not_(fits))",
-        (AGREEMENT,),
+        (LIMITS,),
     ),
     Mutant(
         "machine code renames robots and not their names",
@@ -119,13 +119,6 @@ KERNELS = (
         "kernels.moves.MoveWriter.moves",
         "word(int(Status.STOPPED))",
         "word(-1)",
-        (AGREEMENT,),
-    ),
-    Mutant(
-        "the last writer of a race is one that others hide",
-        "kernels.races.races_code",
-        "b.and_(m, b.not_(c))",
-        "m",
         (AGREEMENT,),
     ),
     Mutant(

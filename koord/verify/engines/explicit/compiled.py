@@ -80,7 +80,7 @@ class CompiledSearch:
         most_mb: int,
     ) -> None:
         """Raises NoKernelError, or ImportError where there is nothing to make machine code with."""
-        from koord.kernels.exploration import Exploration
+        from koord.kernels.exploration import Exploration, OutOfRoomError
         from koord.kernels.layout import Layout, unset_somewhere
         from koord.kernels.rounds import Rounds
         from koord.kernels.terms import NoKernelError
@@ -98,12 +98,15 @@ class CompiledSearch:
         if bits is None:
             raise NoKernelError("an integer is too large")
         rounds = Rounds(self._layout, self._stated(), bits)
-        self._exploration: Exploration = Exploration(rounds, most_mb * 1_000_000)
+        try:
+            self._exploration: Exploration = Exploration(rounds, most_mb * 1_000_000)
+            for start in numbers:
+                self._exploration.enter(start)
+        except OutOfRoomError:
+            raise NoKernelError("there is no memory for tables") from None
         self._look: SecondLook = SecondLook(
             self._exploration, self._layout, rounds.of.idle, self._numbers, road.joints
         )
-        for start in numbers:
-            self._exploration.enter(start)
         self._count = self._exploration.states
         self.depth = 0
 

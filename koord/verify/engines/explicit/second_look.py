@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from koord.kernels.layout import Layout
 
 #: So many states after others are worked out at first, and one more for so much of the machine
-#: code's work: about a tenth of the time that it takes.
+#: code's work.
 _AT_FIRST = 500
 _WORK_PER_LOOK = 4_096
 
