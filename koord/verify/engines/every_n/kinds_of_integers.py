@@ -19,7 +19,8 @@ from koord.syntax.walk import children
 ROBOT = "robot"
 
 _ORDERS = frozenset({BinaryOp.LT, BinaryOp.LE})
-_SUMS = frozenset({BinaryOp.ADD, BinaryOp.SUB, BinaryOp.MIN, BinaryOp.MAX})
+_BOUNDS = frozenset({BinaryOp.MIN, BinaryOp.MAX})
+_SUMS = frozenset({BinaryOp.ADD, BinaryOp.SUB}) | _BOUNDS
 
 
 class KindsOfIntegers(Struct):
@@ -43,6 +44,8 @@ class KindsOfIntegers(Struct):
             for position, event in enumerate(agent.events):
                 scope = ("event", number, position)
                 found._look((event.guard, event.effect), scope, number)
+            for position, module in enumerate(agent.modules):
+                found._look(module.environment, ("environment", number, position), number)
             for declaration in (*agent.locals, *(port.declaration for port in agent.ports)):
                 found._start(declaration, number)
         for declaration in (*program.allread, *program.allwrite):
@@ -93,10 +96,15 @@ class KindsOfIntegers(Struct):
 
     def _look(self, node: object, scope: Hashable, agent: int) -> None:
         match node:
+            case core.Choose():
+                # The bounds of a choice are no order of what is chosen.
+                return
             case core.Binary(op=op, left=left, right=right):
                 sides = [self._integers(side, scope, agent) for side in (left, right)]
                 if op in _ORDERS | _SUMS | {BinaryOp.EQ, BinaryOp.NE}:
-                    self._meet(*(sides if op not in _SUMS else [_named(s) for s in sides]))
+                    # What an integer is bounded by is one that it meets; what is added is not.
+                    adds = op in _SUMS - _BOUNDS
+                    self._meet(*([_named(s) for s in sides] if adds else sides))
                 if op in _ORDERS | _SUMS:
                     self._ordered.update(key for side in sides for key in _named(side))
             case core.Assign(place=place, value=value):
