@@ -123,13 +123,17 @@ class Book(Struct):
         frame.facts.append(fact)
         self._keep(frame)
 
-    def every(self, low: Term, high: Term, body: Callable[[Term], Term]) -> Term:
+    def every(
+        self, low: Term, high: Term, body: Callable[[Term], Term], latest: int | None = None
+    ) -> Term:
         """A Boolean equivalent to ``body`` for all integers of a range. [T-EVERY-N]
 
-        There is one for all robots if what it says is the same for each of them.
+        There is one for all robots if what it says is the same for each of them. That ``body``
+        holds is said of names up to the ``latest`` generation.
         """
         d = self.unknowns.terms
         frame, holds_of = self.worked_out(1, lambda names: body(names[0]))
+        frame.latest = latest
         known = d.known(holds_of)
         if known is not None:
             return True if known else d.unary(UnaryOp.NOT, d.binary(BinaryOp.LT, low, high))
@@ -155,7 +159,7 @@ class Book(Struct):
         key = len(used), d.key(low), d.key(high), d.key(holds_of)
         if key not in self._everywhere:
             facts = [d.put(fact, pairs) for fact in frame.facts]
-            shared = Scheme(blanks[1:], blanks[:1], facts)
+            shared = Scheme(blanks[1:], blanks[:1], facts, latest=frame.latest)
             with d.opened(shared.outer):
                 holds = self._equivalent(shared, self.between(low, blanks[0], high), holds_of)
             self._everywhere[key] = shared, holds
@@ -164,6 +168,8 @@ class Book(Struct):
             if not used:
                 self._know_of(shared, (), self._now)
         shared, holds = self._everywhere[key]
+        if frame.latest is None:
+            shared.latest = None
         if used:
             self._use(shared, used)
         return d.put(holds, list(zip(blanks[1:], used, strict=True)))

@@ -169,7 +169,7 @@ class MachineLoop:
                 raise NotFiniteError(self.span, "a loop over all robots may fault by and by")
             return m.negated(m.both(faults, self._stays(exits, number)))
 
-        safe = self.facts.book.every(self.low, self.high, sound)
+        safe = self.facts.book.every(self.low, self.high, sound, latest=_ASKED)
         m.fault_unless(safe, FaultKind.UNSET, self.span, "in a loop over all robots")
 
     def _stays(self, exits: Term, number: Term) -> Term:
@@ -444,6 +444,10 @@ class LoopEffect(Struct):
     def _is(self, term: Term, value: bool) -> bool:
         return bool(self._d.known(term) is value)
 
+
+#: That trips do not fault is said of the robots that a question names first. Each may be a trip
+#: after one that leaves the loop, and of that one it would be said, too: ever more names.
+_ASKED = 0
 
 Found: TypeAlias = "Callable[[Term], tuple[Term, Term]]"
 
