@@ -310,4 +310,32 @@ EVERY_N = (
         "(*known, *candidates)",
         (CONSEQUENCES,),
     ),
+    Mutant(
+        "every N: between two robots of a ring are those that are not",
+        "verify.engines.every_n.literals.Between.look",
+        "((i < h < j) or (h < j < i) or (j < i < h)) is self.positive",
+        "((i < h < j) or (h < j < i) or (j < i < h)) is not self.positive",
+        (SEARCH,),
+    ),
+    Mutant(
+        "every N: what a robot has of another is what the other has of it",
+        "verify.engines.every_n.literals.Quantity.look",
+        "self.owner == OF_I",
+        "self.owner != OF_I",
+        (SEARCH,),
+    ),
+    Mutant(
+        "every N: literals of nobody in particular are kept for whoever comes first",
+        "verify.engines.every_n.looking._Looked.simple",
+        "of, self._view(None, k), *views, *mutual",
+        "of, *views, *mutual",
+        (SEARCH,),
+    ),
+    Mutant(
+        "every N: trips that others have gone before never fault",
+        "verify.engines.every_n.loops.MachineLoop._log_faults",
+        "m.negated(m.both(faults, self._stays(exits, number)))",
+        "m.either(m.negated(faults), self._stays(exits, number))",
+        (LOOPS,),
+    ),
 )

@@ -6,7 +6,9 @@ the union of its literals' bits is full.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from itertools import combinations
+from typing import TypeAlias
 
 from msgspec import Struct
 
@@ -17,23 +19,38 @@ from koord.syntax.printing.quoting import Quoting
 from koord.syntax.types import BOOL, INT
 from koord.syntax.walk import renamed
 from koord.verify.claims import Claim, ClaimKind, reads_ports
-from koord.verify.engines.every_n.bound import FREE_SLOT, READ_I, READ_J, I, J, K, M
+from koord.verify.engines.every_n.bound import (
+    FREE_SLOT,
+    READ_H,
+    READ_I,
+    READ_J,
+    H,
+    I,
+    J,
+    K,
+    M,
+)
 from koord.verify.engines.every_n.language import Language
 from koord.verify.engines.every_n.literals import (
+    OF_H,
+    OF_I,
+    OF_J,
     AnyLiteral,
+    Between,
     ConditionLiteral,
     Existence,
     Literal,
-    Quantity,
     Row,
     Snapshot,
-    compared,
     follows,
-    twin_of,
 )
+from koord.verify.engines.every_n.looking import Looking
 
 #: Positions of literals in their language, ascending.
 Disjunction = tuple[int, ...]
+
+#: What is said of the robots of a row, and not that there is one.
+Said: TypeAlias = Literal | ConditionLiteral | Between
 
 #: So many disjunctions, with each order of their literals, are looked at in a step of work.
 _PER_STEP = 6_000
@@ -45,35 +62,6 @@ USUAL = 3
 _MOST_ROWS = 6_000
 
 
-class Looking:
-    """Looking at all literals of a language at once, where each quantity is looked at once."""
-
-    def __init__(self, language: Language) -> None:
-        self._quantities: dict[tuple[object, ...], tuple[int, Quantity]] = {}
-        self._others = [x for x in language.literals if not isinstance(x, Literal)]
-        self._literals = [
-            (self._place(x.left), x.op, self._place(x.right), x.positive)
-            for x in language.literals
-            if isinstance(x, Literal)
-        ]
-
-    def _place(self, q: Quantity) -> int:
-        return self._quantities.setdefault(twin_of(q), (len(self._quantities), q))[0]
-
-    def values(self, here: Snapshot, row: Row) -> tuple[object, ...]:
-        """The values of quantities, and whether the literals hold that have none."""
-        found = [q.look(here, row) for _, q in self._quantities.values()]
-        return *found, *(x.look(here, row) for x in self._others)
-
-    def truths(self, values: Sequence[object]) -> tuple[bool, ...]:
-        """Of each literal whether it holds, in the order of the language."""
-        found = [
-            compared(values[a], op, values[b], positive=positive) is True
-            for a, op, b, positive in self._literals
-        ]
-        return *found, *(holds is True for holds in values[len(self._quantities) :])
-
-
 class Samples(Struct):
     """The truth of literals in sampled rows, as bits."""
 
@@ -82,19 +70,21 @@ class Samples(Struct):
     full: int
 
     @staticmethod
-    def of(language: Language, snapshots: Iterable[Snapshot]) -> Samples:
+    def of(
+        language: Language,
+        snapshots: Iterable[Snapshot],
+        rows_of: Callable[[Snapshot], Iterable[Row]],
+    ) -> Samples:
         looking = Looking(language)
-        rows: set[tuple[bool, ...]] = set()
-        met: set[tuple[object, ...]] = set()
+        rows: dict[int, None] = {}
         for here in snapshots:
-            for row in language.rows(here):
-                values = looking.values(here, row)
-                if values not in met:
-                    met.add(values)
-                    rows.add(looking.truths(values))
+            rows.update(dict.fromkeys(looking.truths(here, rows_of(here))))
             if len(rows) >= _MOST_ROWS:
                 break
-        bits = [_packed(column) for column in zip(*rows, strict=True)]
+        # Columns of rows, by way of their digits.
+        width = len(language.literals)
+        columns = list(zip(*(f"{row:0{width}b}" for row in rows), strict=True))[::-1]
+        bits = [int("".join(column), 2) for column in columns]
         return Samples(language, bits, (1 << len(rows)) - 1)
 
     def against(
@@ -109,6 +99,23 @@ class Samples(Struct):
         budget.spend(1 + len(open_) ** most // _PER_STEP)
         found = set(self._grown((), self.full, open_, most))
         return [x for x in found if not any(x[:k] + x[k + 1 :] in found for k in range(len(x)))]
+
+    def on_the_ring(self, here: Snapshot, row: Row, budget: Budget = ENDLESS) -> list[Disjunction]:
+        """The same of three robots on a ring, one of which is between the others."""
+        false = [n for n, x in enumerate(self.language.literals) if x.look(here, row) is False]
+        between = next(n for n in false if isinstance(self.language.literals[n], Between))
+        open_ = [n for n in false if self.bits[n] and n != between]
+        budget.spend(1 + len(open_) ** (USUAL - 1) // _PER_STEP)
+        found = set(self._grown((), self.full & ~self.bits[between], open_, USUAL - 1))
+        fewest = (x for x in found if not any(x[:k] + x[k + 1 :] in found for k in range(len(x))))
+        return [tuple(sorted((between, *x))) for x in fewest if not self._holds(x)]
+
+    def _holds(self, x: Disjunction) -> bool:
+        """Return whether a disjunction held in all samples."""
+        held = 0
+        for n in x:
+            held |= self.bits[n]
+        return held == self.full
 
     def _grown(
         self, begun: Disjunction, without: int, rest: Sequence[int], most: int
@@ -126,26 +133,28 @@ class Samples(Struct):
                 yield from self._grown((*begun, n), left, rest[place:], most - 1)
 
 
-def _packed(truths: Iterable[bool]) -> int:
-    return int("".join("1" if truth else "0" for truth in truths) or "0", 2)
-
-
 def is_false(language: Language, x: Disjunction, here: Snapshot) -> bool:
     """Return whether a disjunction is known to be false of some robots."""
     literals = [language.literals[n] for n in x]
-    return any(
-        all(literal.look(here, row) is False for literal in literals) for row in language.rows(here)
-    )
+    rows = language.triples(here) if _about(literals) & OF_H else language.rows(here)
+    return any(all(literal.look(here, row) is False for literal in literals) for row in rows)
 
 
 def canonical(language: Language, x: Disjunction) -> Disjunction:
-    """One of the two ways to name the robots."""
-    literals = language.literals
-    swapped = tuple(sorted(language.swapped[n] for n in x))
-    if any(literals[n].of and language.swapped[n] == n for n in x):
-        return x
-    about = [_about(literals[n] for n in one) for one in (x, swapped)]
-    return min((about[0] == 2, x), (about[1] == 2, swapped))[1]
+    """One of the ways to name the robots."""
+    literals, ways = language.literals, [x]
+    of_three = bool(_about(literals[n] for n in x) & OF_H)
+    for renaming in language.renamed if of_three else language.renamed[:1]:
+        named = [renaming[n] for n in x]
+        if None not in named:
+            ways.append(tuple(sorted(n for n in named if n is not None)))
+
+    def worth(way: Disjunction) -> tuple[bool, int, Disjunction]:
+        said = [literals[n] for n in way]
+        between = sum(isinstance(x, Between) and x.positive for x in said)
+        return _about(said) == OF_J, between, way
+
+    return min(ways, key=worth)
 
 
 def cost(language: Language, x: Disjunction) -> tuple[int, ...]:
@@ -155,7 +164,8 @@ def cost(language: Language, x: Disjunction) -> tuple[int, ...]:
     """
     literals = [language.literals[n] for n in x]
     there = sum(isinstance(literal, Existence) for literal in literals)
-    return len(x) + there, _about(literals) == 3, sum(literal.cost for literal in literals), *x
+    robots = max(1, _about(literals).bit_count())
+    return len(x) + there, robots, sum(literal.cost for literal in literals), *x
 
 
 def implied(language: Language, weaker: Disjunction, stronger: Disjunction) -> bool:
@@ -175,13 +185,13 @@ def _about(literals: Iterable[AnyLiteral]) -> int:
 
 
 def lemma(program: core.Program, language: Language, x: Disjunction) -> Claim:
-    """The claim that a disjunction holds of any two robots, and any index."""
+    """The claim that a disjunction holds of any two or three robots, and any index."""
     literals = [language.literals[n] for n in x]
-    condition = _implication(literals, apart=_about(literals) == 3)
+    condition = _implication(literals)
     if any(literal.indexed for literal in literals):
         domain = core.IntRange(core.Const(0, INT), core.Const(language.size, INT))
         condition = core.Quantified(QuantifierKind.FORALL, K, domain, condition)
-    for robot, variable in ((2, J), (1, I)):
+    for robot, variable in ((OF_H, H), (OF_J, J), (OF_I, I)):
         if _about(literals) & robot:
             condition = core.Quantified(
                 QuantifierKind.FORALL, variable, core.RobotRange(), condition
@@ -193,25 +203,38 @@ def lemma(program: core.Program, language: Language, x: Disjunction) -> Claim:
     return Claim(text, ClaimKind.PROPERTY, stated, reads_ports=ports)
 
 
-def _implication(literals: Sequence[AnyLiteral], *, apart: bool) -> core.Expr:
+def _implication(literals: Sequence[AnyLiteral]) -> core.Expr:
     """A disjunction as what follows from what."""
     rest = [x for x in literals if not isinstance(x, Existence)]
     there = [x for x in literals if isinstance(x, Existence)]
     if there:
-        conclusion = _somebody(there, M if any(x.of & 2 for x in rest) else J)
+        conclusion = _somebody(there, M if any(x.of & OF_J for x in rest) else J)
     else:
-        last = max(rest, key=lambda x: (x.positive, x.cost, x.of))
+        last = _conclusion(rest)
         rest = [x for x in rest if x is not last]
         conclusion = last.said()
     parts = [x.said(denied=True) for x in rest]
-    if apart:
-        parts.insert(0, core.Binary(BinaryOp.NE, READ_I, READ_J, BOOL))
+    parts = [*_apart(literals), *parts]
     if not parts:
         return conclusion
     premise = parts[0]
     for part in parts[1:]:
         premise = core.Binary(BinaryOp.AND, premise, part, BOOL)
     return core.Binary(BinaryOp.IMPLIES, premise, conclusion, BOOL)
+
+
+def _apart(literals: Sequence[AnyLiteral]) -> list[core.Expr]:
+    """That robots are different ones, where nothing else says so."""
+    about = _about(literals)
+    if len(literals) > 1 and any(isinstance(x, Between) for x in literals):
+        return []
+    robots = [read for of, read in ((OF_I, READ_I), (OF_J, READ_J), (OF_H, READ_H)) if about & of]
+    return [core.Binary(BinaryOp.NE, *pair, BOOL) for pair in combinations(robots, 2)]
+
+
+def _conclusion(rest: Sequence[Said]) -> Said:
+    """The literal that the others imply."""
+    return max(rest, key=lambda x: (not isinstance(x, Between), x.positive, x.cost, x.of))
 
 
 def _somebody(cases: Sequence[Existence], somebody: core.Variable) -> core.Expr:

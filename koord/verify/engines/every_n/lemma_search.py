@@ -73,6 +73,9 @@ _AT_ONCE = 3
 #: often that is tried, if there is nobody else to ask.
 _MOST_LITERALS, _FEW_ROWS, _MOST_LONGER = 4, 12, 6
 
+#: So many choices of three robots are looked at.
+_MANY_ROWS = 200
+
 #: Where names were too many for the solver so often, there are fewer from then on.
 _MOST_TOO_MUCH = 3
 
@@ -91,8 +94,10 @@ class Search(Struct):
 
     program: core.Program
     language: Language
+    snapshots: list[Snapshot]
     samples: Samples
     budget: Budget
+    ring: Samples | None = None  #: of three robots, where they were looked at
     active: dict[Disjunction, Claim] = field(default_factory=dict)
     dead: set[Disjunction] = field(default_factory=set)
 
@@ -105,6 +110,23 @@ class Search(Struct):
                 canonical(self.language, x)
                 for x in self.samples.against(here, row, self.budget, most)
             )
+        return self._sorted(found)
+
+    def on_the_ring(self, here: Snapshot) -> list[Disjunction]:
+        """The same about three robots of a ring, one of which stands between the others."""
+        language = self.language
+        if not language.ring:
+            return []
+        if self.ring is None:
+            self.ring = Samples.of(language, self.snapshots, language.triples)
+        found: set[Disjunction] = set()
+        for row in islice(language.triples(here), _MANY_ROWS):
+            found.update(
+                canonical(language, x) for x in self.ring.on_the_ring(here, row, self.budget)
+            )
+        return self._sorted(found)
+
+    def _sorted(self, found: set[Disjunction]) -> list[Disjunction]:
         return sorted(found - self.dead, key=lambda x: cost(self.language, x))
 
     def lemma(self, x: Disjunction) -> Claim:
@@ -127,7 +149,7 @@ def searched(system: System, budget: Budget, seed: int) -> Search | None:
     language = Language.of_program(program)
     asked = asked_of(language.conditions, language.size)
     snapshots = list[Snapshot]()
-    for count, turns in _COUNTED if language.conditions else _SAMPLED:
+    for count, turns in _COUNTED if language.conditions or language.ring else _SAMPLED:
         few = dealt(program, count, system.delta_s)
         few = replace(few, budget=system.budget.rationed(_SAMPLING))
         try:
@@ -138,7 +160,8 @@ def searched(system: System, budget: Budget, seed: int) -> Search | None:
             continue  # What was looked at by then is a sample too.
     if not language.literals or not snapshots:
         return None
-    return Search(program, language, Samples.of(language, snapshots), budget)
+    samples = Samples.of(language, snapshots, language.rows)
+    return Search(program, language, snapshots, samples, budget)
 
 
 def _reached(few: System, budget: Budget, turns: int, seed: int) -> list[Configuration[Constant]]:
@@ -167,20 +190,29 @@ def configuration_of(language: Language, step: Step, model: Model, limit: int) -
         return model.scalar(cell.value, type_) if model.truth(cell.is_set) else UNSET
 
     robots: dict[int, Held[Term]] = {}
+    named: dict[int, Term] = {}
     asked: dict[tuple[int, int | None, int], object] = {}
     watched = world.book.names(WATCHED)
     with world.book.reading():
         for name in world.book.names(limit):
             number = model.scalar(name, INT)
             if isinstance(number, int) and 0 <= number < count and number not in robots:
-                element = partial(_element, name)
+                element, named[number] = partial(_element, name), name
                 robots[number] = language.held(start.robot(0, name), store, element)
     for name in watched:
         number = model.scalar(name, INT)
         if isinstance(number, int) and number in robots:
             asked |= step.watching.truths(model, name, number)
     asked |= step.watching.truths(model, None, None)
-    return language.snapshot(robots, store.allwrite, read, count, asked)
+    with world.book.reading():
+        return language.snapshot(
+            robots,
+            store.allwrite,
+            lambda kept, other: _element(named[other], kept),
+            read,
+            count,
+            asked,
+        )
 
 
 def _element(robot: Term, storage: Storage[Term]) -> Storage[Term]:
@@ -339,8 +371,13 @@ class _Loop(Struct):
 
     def _add(self, here: Snapshot, most: int = USUAL) -> bool:
         """Add lemmas that do not hold in a configuration; return whether there are any."""
+        found = self._tried(self.search.against(here, most))
+        return found or (most == USUAL and self._tried(self.search.on_the_ring(here)))
+
+    def _tried(self, found: Sequence[Disjunction]) -> bool:
+        """Make lemmas of the first that hold after INIT; return whether there are any."""
         search, added = self.search, list[Disjunction]()
-        for x in search.against(here, most):
+        for x in found:
             if any(implied(search.language, x, other) for other in added):
                 continue
             claim = search.lemma(x)

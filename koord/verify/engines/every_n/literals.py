@@ -2,14 +2,16 @@
 
 A literal is a truth value, a member of an enumeration, or a comparison of two integers of one
 kind, of robots i and j, shared variables, and elements of fixed arrays at an index k (elements of
-arrays over robots are the robots' own); or, where
-a program asks such things of all robots at once, that *there is* a robot of which one of them
-holds. Each can be said in Koord, and worked out in a *snapshot*: the values that a sample or a
-solver's model gives.
+arrays over robots are the robots' own, and of what each robot has of each other those of the two);
+or, where a program asks such things of all robots at once, that *there is* a robot of which one of
+them holds; or, where robots stand in a ring, that a third robot h stands between i and j. Each can
+be said in Koord, and worked out in a *snapshot*: the values that a sample or a solver's model
+gives.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TypeAlias
 
 from msgspec import Struct
@@ -18,7 +20,7 @@ from koord.semantics.domain import Constant
 from koord.syntax import core
 from koord.syntax.core import BinaryOp, UnaryOp
 from koord.syntax.types import BOOL
-from koord.verify.engines.every_n.bound import READ_J
+from koord.verify.engines.every_n.bound import READ_H, READ_I, READ_J
 from koord.verify.engines.every_n.conditions import UNSET, Asked, Condition
 
 #: The position of the number of robots, which is no part.
@@ -28,24 +30,32 @@ COUNT = -2
 class Snapshot(Struct):
     """The values of a configuration's parts, as far as they are known, and of conditions.
 
-    Of a part with an index it is a tuple. ``robots`` are those known, by number; ``count`` is how
-    many there are.
+    Of a part with an index it is a tuple. ``robots`` are those known, by number; ``pairs`` is what
+    each has of each; ``count`` is how many there are.
     """
 
     count: int
     robots: dict[int, tuple[object, ...]]
+    pairs: Mapping[tuple[int, int], tuple[object, ...]]
     shared: tuple[object, ...]
     asked: Asked
 
 
-#: Robots i and j (None: there is no other), and the index k.
-Row: TypeAlias = "tuple[int, int | None, int]"
+#: Robots i, j and h (None: there is no other, or it is not spoken of), and the index k.
+Row: TypeAlias = "tuple[int, int | None, int | None, int]"
+
+#: The bits of robots i, j and h in what a literal is about.
+OF_I, OF_J, OF_H = 1, 2, 4
+
+#: Where they stand in a row.
+PLACES = {OF_I: 0, OF_J: 1, OF_H: 2}
 
 
 class Quantity(Struct, frozen=True):
-    """A term: a part of robot i (1) or j (2), a shared part (0), a robot, k, a constant, N.
+    """A term: a part of robot i (1), j (2) or h (4), a shared part (0), a robot, k, a constant, N.
 
-    ``look`` gives its value; None where it is unknown.
+    Of two robots (3) it is what the ``owner`` (1 or 2) has of the other. ``look`` gives its value;
+    None where it is unknown.
     """
 
     said: core.Expr
@@ -53,22 +63,28 @@ class Quantity(Struct, frozen=True):
     indexed: bool
     position: int = -1  #: among the parts
     value: Constant | None = None
+    owner: int = 0
 
     def look(self, here: Snapshot, row: Row) -> object:
         if self.value is not None:
             return self.value
         if self.position == COUNT:
             return here.count
-        robot = row[0] if self.of == 1 else row[1]
+        if self.owner:
+            owner, other = row[:2] if self.owner == OF_I else row[1::-1]
+            if owner is None or other is None:
+                return None
+            return here.pairs[owner, other][self.position]
+        robot = row[PLACES[self.of]] if self.of else None
         if self.of and robot is None:
             return None
         if self.position < 0:
-            return robot if self.of else row[2]
-        held = here.robots[robot] if robot is not None and self.of else here.shared
+            return robot if self.of else row[-1]
+        held = here.shared if robot is None else here.robots[robot]
         found = held[self.position]
         if self.indexed:
             assert isinstance(found, tuple)
-            return found[row[2]]
+            return found[row[-1]]
         return found
 
 
@@ -83,7 +99,7 @@ class Literal(Struct, frozen=True):
 
     @property
     def of(self) -> int:
-        """The robots that it is about: 1 of i, 2 of j, 3 of both."""
+        """The robots that it is about: the bits of i, j and h."""
         return self.left.of | self.right.of
 
     @property
@@ -143,7 +159,8 @@ class Existence(Struct, frozen=True):
         return self.witness.cost + 2
 
     def look(self, here: Snapshot, row: Row) -> bool:
-        return any(self.witness.look(here, (robot, None, row[2])) is True for robot in here.robots)
+        rows = ((robot, None, None, row[-1]) for robot in here.robots)
+        return any(self.witness.look(here, each) is True for each in rows)
 
 
 class ConditionLiteral(Struct, frozen=True):
@@ -162,10 +179,10 @@ class ConditionLiteral(Struct, frozen=True):
         return self.condition.indexed
 
     def look(self, here: Snapshot, row: Row) -> bool | None:
-        robot = row[self.of - 1] if self.of else None
+        robot = row[PLACES[self.of]] if self.of else None
         if self.of and robot is None:
             return None
-        value = here.asked.get((self.position, robot, row[2] if self.indexed else 0))
+        value = here.asked.get((self.position, robot, row[-1] if self.indexed else 0))
         return None if value is None else value is self.positive
 
     def said(self, *, denied: bool = False) -> core.Expr:
@@ -174,13 +191,45 @@ class ConditionLiteral(Struct, frozen=True):
         return e if self.positive is not denied else core.Unary(UnaryOp.NOT, e, BOOL)
 
 
+class Between(Struct, frozen=True):
+    """That on the way round the ring from robot i to j there is h, or on that from j to i."""
+
+    positive: bool
+
+    cost: int = 1
+    of: int = OF_I | OF_J | OF_H
+    indexed: bool = False
+
+    def look(self, here: Snapshot, row: Row) -> bool | None:
+        i, j, h, _ = row
+        if j is None or h is None:
+            return None
+        return ((i < h < j) or (h < j < i) or (j < i < h)) is self.positive
+
+    def said(self, *, denied: bool = False) -> core.Expr:
+        """The literal, or its negation, in Koord: of three different robots."""
+        forth = self.positive is not denied
+        i, j = (READ_I, READ_J) if forth else (READ_J, READ_I)
+        ways = [_ascending(*three) for three in ((i, READ_H, j), (READ_H, j, i), (j, i, READ_H))]
+        one, *others = ways
+        for other in others:
+            one = core.Binary(BinaryOp.OR, one, other, BOOL)
+        return one
+
+
+def _ascending(a: core.Expr, b: core.Expr, c: core.Expr) -> core.Expr:
+    low, high = (core.Binary(BinaryOp.LT, *pair, BOOL) for pair in ((a, b), (b, c)))
+    return core.Binary(BinaryOp.AND, low, high, BOOL)
+
+
 #: What a disjunction consists of.
-AnyLiteral: TypeAlias = "Literal | ConditionLiteral | Existence"
+AnyLiteral: TypeAlias = "Literal | ConditionLiteral | Existence | Between"
 
 
 def follows(weaker: AnyLiteral, stronger: AnyLiteral) -> bool:
     """Return whether it can be seen at once that a literal follows from another."""
-    if isinstance(weaker, ConditionLiteral) or isinstance(stronger, ConditionLiteral):
+    opaque = ConditionLiteral | Between
+    if isinstance(weaker, opaque) or isinstance(stronger, opaque):
         return weaker == stronger
     if isinstance(weaker, Literal) and isinstance(stronger, Existence):
         return False
@@ -197,4 +246,4 @@ def follows(weaker: AnyLiteral, stronger: AnyLiteral) -> bool:
 
 def twin_of(q: Quantity, *, whose: bool = True) -> tuple[object, ...]:
     """What tells one quantity from another; ``whose``: also those of i from those of j."""
-    return q.of if whose else q.of > 0, q.position, q.indexed, q.value, q.said.type
+    return q.of if whose else q.of > 0, q.owner, q.position, q.indexed, q.value, q.said.type

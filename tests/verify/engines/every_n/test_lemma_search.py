@@ -14,7 +14,6 @@ from koord.verify.claims import claims_of
 from koord.verify.effort import Deadline, Effort
 from koord.verify.engines.every_n.conditions import asked_of
 from koord.verify.engines.every_n.disjunctions import (
-    Looking,
     Samples,
     canonical,
     implied,
@@ -24,7 +23,8 @@ from koord.verify.engines.every_n.disjunctions import (
 from koord.verify.engines.every_n.kinds_of_integers import ROBOT, KindsOfIntegers
 from koord.verify.engines.every_n.language import Language
 from koord.verify.engines.every_n.lemma_search import infer_from_counterexamples
-from koord.verify.engines.every_n.literals import Existence, Snapshot
+from koord.verify.engines.every_n.literals import Between, Existence, Literal, Snapshot
+from koord.verify.engines.every_n.looking import Looking
 from koord.verify.engines.every_n.proving import Inferred
 from koord.verify.engines.every_n.questions import GENEROUS, SPARING
 from tests.loading import program_of
@@ -149,6 +149,12 @@ def text_of(name: str) -> str:
         ("claim", {"Exclusive", "no fault"}),
         ("lock_server", {"Exclusive", "no fault"}),
         ("lockserv", {"Exclusive", "no fault"}),
+        # What a sensor is bounded by, and that all robots have read the same.
+        ("leader_lease", {"OneLeader", "no fault"}),
+        # Numbers pass those that are smaller: a third robot stands between.
+        ("ring_election", {"OneLeader", "Highest", "no fault"}),
+        # What each robot has told each other.
+        pytest.param("ricart_agrawala", {"Exclusive", "no fault"}, marks=pytest.mark.slow),
         ("semaphore", {"Room", "Few", "no fault"}),
         ("sharded_store", {"OneOwner", "Current", "no fault"}),
         ("ticket", {"Exclusive", "Waits", "no fault"}),
@@ -175,7 +181,7 @@ def test_protocols_are_shown_for_every_number_of_robots(name: str, claims: set[s
 def test_the_greatest_number_on_a_ring_is_the_only_one_that_comes_back() -> None:
     given = found(RING)
     assert {claim.name for claim in given.proved} == {"One", "no fault"}
-    assert 1 <= len(given.invariants) <= 6
+    assert 1 <= len(given.invariants) <= 8
 
 
 def test_elements_of_arrays_are_spoken_of_at_any_index() -> None:
@@ -214,9 +220,11 @@ def test_nothing_is_proved_where_solvers_are_not_asked() -> None:
     assert not nothing.proved
 
 
-def snapshots(program: core.Program, language: Language, turns: int) -> list[Snapshot]:
-    """What is looked at of the configurations that two robots reach."""
-    few = dealt(program, 2)
+def snapshots(
+    program: core.Program, language: Language, turns: int, robots: int = 2
+) -> list[Snapshot]:
+    """What is looked at of the configurations that a few robots reach."""
+    few = dealt(program, robots)
     asked = asked_of(language.conditions, language.size)
     return [language.sampled(c, asked(few, c)) for c in reached(few, turns)]
 
@@ -236,7 +244,7 @@ def test_disjunctions_hold_in_all_samples_and_not_where_they_are_wanted() -> Non
     program = program_of(text_of("lock_server.krd"))
     language = Language.of_program(program)
     seen = snapshots(program, language, 400)
-    samples = Samples.of(language, seen)
+    samples = Samples.of(language, seen, language.rows)
     # Both have the lock.
     wrong = snapshots(program, language, 400)[0]
     wrong.robots = {robot: (True,) for robot in wrong.robots}
@@ -261,8 +269,9 @@ def test_that_there_is_a_robot_is_said_where_somebody_asks() -> None:
         for n in there:
             x = language.literals[n]
             assert isinstance(x, Existence)
-            truth = any(x.witness.look(here, (robot, None, 0)) is True for robot in here.robots)
-            assert x.look(here, (0, 1, 0)) is truth
+            rows = ((robot, None, None, 0) for robot in here.robots)
+            truth = any(x.witness.look(here, row) is True for row in rows)
+            assert x.look(here, (0, 1, None, 0)) is truth
     said = {lemma(program, language, (n,)).name for n in there}
     assert "exists j: vote[j] == no" in said
     # Beside two robots that are spoken of there is a third.
@@ -288,15 +297,77 @@ def test_what_follows_at_once_is_not_tried_as_well() -> None:
     assert not implied(language, (open_,), (yes, some))
 
 
-def test_truths_are_looked_at_together_as_one_by_one() -> None:
-    for name in ("two_phase_commit", "sharded_store", "ticket", "toy_consensus"):
-        program = program_of(text_of(f"{name}.krd"))
-        language = Language.of_program(program)
-        looking = Looking(language)
-        for here in snapshots(program, language, 60):
-            for row in language.rows(here):
-                truths = looking.truths(looking.values(here, row))
-                assert truths == tuple(x.look(here, row) is True for x in language.literals)
+@pytest.mark.parametrize(
+    "name",
+    [
+        "two_phase_commit",
+        "sharded_store",
+        "ticket",
+        "toy_consensus",
+        "ricart_agrawala",
+        "ring_election",
+        "token_ring",
+    ],
+)
+def test_truths_are_looked_at_together_as_one_by_one(name: str) -> None:
+    program = program_of(text_of(f"{name}.krd"))
+    language = Language.of_program(program)
+    looking = Looking(language)
+    for robots in (2, 3):
+        for here in snapshots(program, language, 60, robots):
+            for rows in (language.rows, language.triples):
+                for row, truths in zip(rows(here), looking.truths(here, rows(here)), strict=True):
+                    for n, x in enumerate(language.literals):
+                        assert bool(truths >> n & 1) is (x.look(here, row) is True)
+
+
+def test_what_robots_have_of_each_other_is_told_apart() -> None:
+    program = program_of(text_of("ricart_agrawala.krd"))
+    language = Language.of_program(program)
+    here = snapshots(program, language, 60)[0]
+    here.pairs = {(0, 0): (False,), (0, 1): (True,), (1, 0): (False,), (1, 1): (False,)}
+    said = {
+        lemma(program, language, (n,)).name: x.look(here, (0, 1, None, 0))
+        for n, x in enumerate(language.literals)
+        if isinstance(x, Literal) and x.left.owner
+    }
+    assert said == {
+        "forall i, j: i != j implies lets[i][j]": True,
+        "forall i, j: i != j implies not lets[i][j]": False,
+        "forall i, j: i != j implies lets[j][i]": False,
+        "forall i, j: i != j implies not lets[j][i]": True,
+    }
+
+
+def test_who_stands_between_two_on_a_ring_is_said_in_koord() -> None:
+    program = program_of(text_of("ring_election.krd"))
+    language = Language.of_program(program)
+    assert language.ring
+    here = snapshots(program, language, 60, 3)[0]
+    for row in language.triples(here):
+        i, j, h, _ = row
+        assert j is not None
+        assert h is not None
+        forth = Between(True).look(here, row)
+        # One goes round from i, step by step, until j.
+        way = [(i + step) % 3 for step in range(1, 3)]
+        assert forth is (h in way[: way.index(j)])
+        assert Between(False).look(here, row) is not forth
+    between = next(n for n, x in enumerate(language.literals) if x == Between(False))
+    third = next(n for n, x in enumerate(language.literals) if x.of == 4)
+    said = lemma(program, language, canonical(language, (between, third))).name
+    assert said.startswith("forall i, j, h: ")
+    # Whoever is called i, j or h: it is one lemma.
+    same = {
+        canonical(
+            language, tuple(sorted(n for n in (renamed[between], renamed[third]) if n is not None))
+        )
+        for renamed in language.renamed
+    }
+    assert same == {canonical(language, (between, third))}
+    other = Language.of_program(program_of(text_of("ticket.krd")))
+    assert not other.ring
+    assert not any(isinstance(x, Between) for x in other.literals)
 
 
 def test_integers_that_meet_are_of_one_kind() -> None:
