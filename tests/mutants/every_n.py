@@ -235,7 +235,7 @@ EVERY_N = (
     ),
     Mutant(
         "every N: lemmas found need not hold after INIT",
-        "verify.engines.every_n.lemma_search._Loop._add",
+        "verify.engines.every_n.lemma_search._Loop._tried",
         "self.start.sifted([claim])",
         "claim",
         (SEARCH,),
@@ -337,5 +337,12 @@ EVERY_N = (
         "m.negated(m.both(faults, self._stays(exits, number)))",
         "m.either(m.negated(faults), self._stays(exits, number))",
         (LOOPS,),
+    ),
+    Mutant(
+        "every N: what pairs have is spoken of where nobody wants it",
+        "verify.engines.every_n.disjunctions.Samples.against",
+        "not pairs",
+        "pairs is None",
+        (SEARCH,),
     ),
 )

@@ -88,14 +88,22 @@ class Samples(Struct):
         return Samples(language, bits, (1 << len(rows)) - 1)
 
     def against(
-        self, here: Snapshot, row: Row, budget: Budget = ENDLESS, most: int = USUAL
+        self,
+        here: Snapshot,
+        row: Row,
+        budget: Budget = ENDLESS,
+        most: int = USUAL,
+        *,
+        pairs: bool = True,
     ) -> list[Disjunction]:
         """The smallest disjunctions that held in all samples and are false in a row.
 
-        They have at most so many literals.
+        They have at most so many literals; ``pairs``: of what robots have of each other, too.
         """
         false = [n for n, x in enumerate(self.language.literals) if x.look(here, row) is False]
         open_ = [n for n in false if self.bits[n]]
+        if not pairs:
+            open_ = [n for n in open_ if not self.language.is_of_pair(n)]
         budget.spend(1 + len(open_) ** most // _PER_STEP)
         found = set(self._grown((), self.full, open_, most))
         return [x for x in found if not any(x[:k] + x[k + 1 :] in found for k in range(len(x)))]

@@ -339,6 +339,19 @@ def test_what_robots_have_of_each_other_is_told_apart() -> None:
     }
 
 
+def test_pairs_are_spoken_of_where_that_is_wanted() -> None:
+    program = program_of(text_of("ricart_agrawala.krd"))
+    language = Language.of_program(program)
+    seen = snapshots(program, language, 200)
+    samples = Samples.of(language, seen, language.rows)
+    wrong = seen[0]
+    wrong.pairs = dict.fromkeys(wrong.pairs, (True,))
+    row = next(language.rows(wrong))
+    found, others = (samples.against(wrong, row, pairs=pairs) for pairs in (True, False))
+    assert any(language.is_of_pair(n) for x in found for n in x)
+    assert not any(language.is_of_pair(n) for x in others for n in x)
+
+
 def test_who_stands_between_two_on_a_ring_is_said_in_koord() -> None:
     program = program_of(text_of("ring_election.krd"))
     language = Language.of_program(program)
