@@ -823,8 +823,8 @@ VERIFY = (
     ),
     Mutant(
         "a solver does not hear of the deadline",
-        "verify.encoding.solver.Solver.check",
-        "_FOR_EVER if left is None else max(1, int(left * 1000))",
+        "verify.encoding.solver.Solver._checked",
+        "_FOR_EVER if lasts_s is None else max(1, int(lasts_s * 1000))",
         "_FOR_EVER",
         ("tests/verify/test_limits_are_given.py",),
     ),
