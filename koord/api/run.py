@@ -15,11 +15,9 @@ from koord.api.progress import Cancellation, CancelledError, Listener, Progress,
 from koord.api.results import ArgumentError, Result
 from koord.api.robots import Robots, Seconds, delta_of, fleet_of, system_of
 from koord.api.traces import Trace, sources_of
-from koord.sampling.coded_rounds import MadeRound as MadeRound
-from koord.sampling.coded_rounds import TakenStep as TakenStep
 from koord.sampling.monitors import Monitor
-from koord.sampling.policies import AtRandom, First, Play
-from koord.sampling.running import Run, new_run
+from koord.sampling.policies import AtRandom, First, Play, TakenStep
+from koord.sampling.running import Run, RunState, new_run
 from koord.semantics.configurations import Configuration, Fault
 from koord.semantics.domain import Constant
 from koord.syntax.budget import Budget, OutOfBudgetError
@@ -139,30 +137,29 @@ class RunSession(Struct):
     tracer: Tracer | None
     cancelled: Callable[[], bool]
     interrupted: bool = False
+    _kept: RunState | None = None
 
-    def parts(self) -> Iterator[TakenStep | MadeRound]:
-        """Yield the steps of the run, or whole rounds. What is cancelled halfway does not count.
+    def steps(self) -> Iterator[TakenStep]:
+        """Yield the steps of the run. A step that is cancelled halfway does not count.
 
         Raises KoordError where an assumption, a contract or a summary cannot be met, and
         CancelledError where it is ended before there is a start.
         """
-        begun = False
+        run = self.play.run
         try:
-            for part in self.play.parts():
-                begun = True
+            for taken in self.play.steps():
+                self._kept = run.moment
                 if self.tracer is not None:
-                    if isinstance(part, MadeRound):
-                        self.tracer.add_round(part.number, part.configuration, part.written)
-                    else:
-                        self.tracer.add(part.step)
-                yield part
+                    self.tracer.add(taken.step)
+                yield taken
                 if self.cancelled():
                     self.interrupted = True
                     return
         except OutOfBudgetError:
-            if not begun:
+            if self._kept is None:
                 raise CancelledError("while looking for a start") from None
             self.interrupted = True
+            run.go_back(self._kept)
 
     @property
     def ending(self) -> Ending:
@@ -234,8 +231,8 @@ def run(
         None if cancellation is None and timeout_s is None else asker(cancellation, timeout_s),
     )
     try:
-        for part in session.parts():
-            if progress is not None and (isinstance(part, MadeRound) or part.step.robot is None):
+        for taken in session.steps():
+            if progress is not None and taken.step.robot is None:
                 made = session.play.run.round
                 progress(Progress(f"round {made} of {rounds}", round=made))
     except CancelledError as error:
@@ -244,13 +241,12 @@ def run(
 
 
 class HowToRun(Struct, frozen=True):
-    """The options of a run: rounds, policy, numbers, trace, and whether there is a recording."""
+    """The options of a run: rounds, policy, numbers and trace."""
 
     rounds: int
     policy: Policy = Policy.FIRST
     numbers: Numbers = Numbers.EXACT
     traced: bool = True
-    recorded: bool = True
 
 
 def session_of(
@@ -260,7 +256,7 @@ def session_of(
     rng = Random(seed)
     # A trace outlives whoever is asked whether to go on.
     heard = system if cancelled is None else replace(system, budget=Budget(cancelled))
-    run = new_run(heard, how.numbers, rng, kept=how.traced or how.recorded)
+    run = new_run(heard, how.numbers, rng)
     policy = First() if how.policy is Policy.FIRST else AtRandom(rng)
     play = Play(run, policy, how.rounds, Monitor(run.d, heard, run.inputs))
     tracer = Tracer() if how.traced else None

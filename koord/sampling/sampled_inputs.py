@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import TypeAlias
 
 from msgspec import Struct, field
@@ -51,32 +51,17 @@ class SampledInputs(Struct):
     types: dict[tuple[Home, int, int | None], Type] = field(default_factory=dict)
     samples: int = _SAMPLES  #: of all values of a type, for summaries; 0: these are taken on trust
     _seen: Configuration[Constant] | None = None
-    _later: Callable[[], Configuration[Constant]] | None = None
     _around: dict[int | None, dict[Type, list[Concrete]]] = field(default_factory=dict)
 
     def look_at(self, configuration: Configuration[Constant]) -> None:
         """Use the values of a configuration as good guesses from now on."""
-        self._seen, self._later = configuration, None
-        self._around = {}
-
-    def look_later(self, at: Callable[[], Configuration[Constant]]) -> None:
-        """As :meth:`look_at`, once values are asked for."""
-        self._later = at
+        self._seen = configuration
         self._around = {}
 
     def forget_round(self) -> None:
         """Begin a new round: forget readings and answers."""
         self.readings = {}
         self.forget_answers()
-
-    def keep_turns(self, robots: Collection[int]) -> None:
-        """Keep what was answered in program turns of these robots, and to properties, alone."""
-        self.answers = {
-            place: answer
-            for place, answer in self.answers.items()
-            if answer.phase is Phase.CHECK
-            or (answer.phase is Phase.PROG and answer.robot in robots)
-        }
 
     def forget_answers(self) -> None:
         """Forget the answers given since the round began."""
@@ -133,8 +118,6 @@ class SampledInputs(Struct):
 
     def around(self, robot: int | None, type_: Type) -> list[Concrete]:
         """Values of a type that the robot (or any robot) holds at present."""
-        if self._later is not None:
-            self.look_at(self._later())
         if self._seen is None:
             return []
         found = self._around.get(robot)

@@ -6,17 +6,16 @@ What a robot holds in atoms the code has as values; records and arrays stay stor
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from typing import TYPE_CHECKING, Any, TypeVar
-from weakref import ReferenceType
+from typing import Any, TypeVar
 
 from msgspec import Struct, field
 
 from koord.sampling.compiled.asking import Asking
 from koord.sampling.compiled.expressions import Names, NoCodeError
 from koord.sampling.compiled.operations import InDoubt
-from koord.sampling.compiled.round_ends import ended, opened
 from koord.sampling.compiled.statements import INDENT, BodyWriter, is_tree
 from koord.semantics.configurations import (
+    NO_EVENT,
     Configuration,
     Robot,
     Store,
@@ -32,9 +31,6 @@ from koord.syntax import core
 from koord.syntax.core import Home
 from koord.syntax.system import Status, System
 from koord.syntax.types import ArrayType, Type
-
-if TYPE_CHECKING:
-    from koord.sampling.compiled.rounds import RoundCode
 
 Made = Callable[..., Any]
 T = TypeVar("T")
@@ -72,8 +68,6 @@ class Turns(Struct, eq=False):
 
     d: Domain[Constant]
     system: System
-    #: Code of whole rounds, each with a reference to the run that uses it.
-    rounds: list[tuple[ReferenceType[Any], RoundCode]] = field(default_factory=list)
     _guards: dict[int, Code] = field(default_factory=dict)
     _events: dict[tuple[int, int], Code] = field(default_factory=dict)
     _environments: dict[int, Code] = field(default_factory=dict)
@@ -136,9 +130,9 @@ class Turns(Struct, eq=False):
                 _joined(self.d, store.allwrite, copy.allwrite, allwrite),
             )
         taken = configuration.taken | entered if entered else configuration.taken
-        robots = opened(configuration.robots)
+        robots = _opened(configuration.robots)
         robots = (*robots[:robot], after, *robots[robot + 1 :])
-        return Stepped(ended(configuration, robots, store, taken), written)
+        return Stepped(_ended(configuration, robots, store, taken), written)
 
     def evolved(
         self, configuration: Configuration[Constant], inputs: Inputs[Constant]
@@ -193,6 +187,48 @@ def _made(
         return names.made(name)
     except NoCodeError:
         return None
+
+
+def _opened(robots: tuple[Robot[Constant], ...]) -> tuple[Robot[Constant], ...]:
+    """The robots at the start of a turn: a round's first turn clears ``ran``. [EVENT-TRANS]"""
+    for state in robots:
+        if state.turn is Turn.ENV:
+            return robots
+    return tuple(
+        state
+        if state.ran == NO_EVENT
+        else Robot(
+            state.kind,
+            state.locals,
+            state.ports,
+            state.copy,
+            state.status,
+            NO_EVENT,
+            state.turn,
+        )
+        for state in robots
+    )
+
+
+def _ended(
+    before: Configuration[Constant],
+    robots: tuple[Robot[Constant], ...],
+    store: Store[Constant],
+    taken: frozenset[int],
+) -> Configuration[Constant]:
+    """Begin the environment's turn once every robot has had its own. [END-PROG] [STOP]"""
+    turn = Turn.ENV
+    for state in robots:
+        if state.turn is Turn.PROG:
+            turn = before.turn
+            break
+    else:
+        if all(state.status != Status.RUNNING for state in robots):
+            stopped = int(Status.STOPPED)
+            robots = tuple(
+                Robot(s.kind, s.locals, s.ports, s.copy, stopped, s.ran, s.turn) for s in robots
+            )
+    return Configuration(robots, store, before.round, turn, taken, before.fault)
 
 
 def _joined(
