@@ -289,6 +289,13 @@ EVERY_N = (
         (ARRAYS,),
     ),
     Mutant(
+        "every N: ports that are called alike are one",
+        "verify.engines.every_n.initial_states.ArbitraryState._whose",
+        'f"{kind}.{variable.slot}"',
+        'f"{kind}"',
+        ("tests/verify/engines/every_n/test_proving.py",),
+    ),
+    Mutant(
         "every N: between two robots of a ring are those that are not",
         "verify.engines.every_n.literals.Between.look",
         "((i < h < j) or (h < j < i) or (j < i < h)) is self.positive",

@@ -140,7 +140,16 @@ class ArbitraryState:
         if written is WriteExtent.NEVER:
             return self._initial(home, kind, slot, robot)
         shape = self._shape((home, kind, slot), lambda any_: self._initial(home, kind, slot, any_))
-        return self._some(f"{kind}", entry, entry.variable.type, shape, written, (robot,))
+        where = self._whose(home, kind, entry)
+        return self._some(where, entry, entry.variable.type, shape, written, (robot,))
+
+    def _whose(self, home: Home, kind: int, entry: core.Declaration) -> str:
+        """What tells a local or port from others that are called alike: of two modules, say."""
+        ports = [port.declaration.variable for port in self.world.program.agents[kind].ports]
+        variable = entry.variable
+        alike = [other.slot for other in ports if other.name == variable.name]
+        is_first = home is not Home.PORT or variable.slot == min(alike)
+        return f"{kind}" if is_first else f"{kind}.{variable.slot}"
 
     def _initial(self, home: Home, kind: int, slot: int, robot: Term) -> Storage[Term]:
         move = next(move for move in self.opening.moves(robot) if move.kind == kind)

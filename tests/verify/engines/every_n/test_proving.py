@@ -564,3 +564,32 @@ def test_who_writes_in_a_block_may_be_overwritten_by_who_does_not(write: str) ->
     text = FLAGS.replace("pairs[0].other = 1", write)
     assert proved(text) == {"no fault"}
     assert broken(text, 2) == {"Up"}
+
+
+ALIKE = """
+using A:
+  sensors:
+    int x
+  environment:
+    if x == 0:
+      x = 1
+    else:
+      x = 0
+using B:
+  sensors:
+    int x
+  environment:
+    x = 0
+local:
+  bool bad = false
+Go:
+  pre: not bad and A.x != B.x
+  eff: bad = true
+assume: forall i: A.x@i == 0 and B.x@i == 0
+invariant Never: forall i: not bad@i
+"""
+
+
+def test_sensors_of_two_modules_may_be_called_alike() -> None:
+    assert proved(ALIKE) == {"no fault"}
+    assert broken(ALIKE, 1) == {"Never"}
