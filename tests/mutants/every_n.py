@@ -290,9 +290,9 @@ EVERY_N = (
     ),
     Mutant(
         "every N: ports that are called alike are one",
-        "verify.engines.every_n.initial_states.ArbitraryState._whose",
-        'f"{kind}.{variable.slot}"',
-        'f"{kind}"',
+        "verify.engines.every_n.initial_states.ArbitraryState._any",
+        "p.label",
+        "p.declaration.variable.name",
         ("tests/verify/engines/every_n/test_proving.py",),
     ),
     Mutant(

@@ -124,8 +124,8 @@ class ArbitraryState:
         self.world.book.note(self.world.book.implied(here, fact))
         return Robot(
             kind,
-            tuple(self._own(Home.LOCAL, kind, entry, robot) for entry in agent.locals),
-            tuple(self._own(Home.PORT, kind, port.declaration, robot) for port in agent.ports),
+            tuple(self._own(kind, x, x.variable.name, robot) for x in agent.locals),
+            tuple(self._own(kind, p.declaration, p.label, robot) for p in agent.ports),
             self.configuration.store,
             status,
             ran,
@@ -133,23 +133,15 @@ class ArbitraryState:
 
     # --- variables ------------------------------------------------------------------------------
 
-    def _own(self, home: Home, kind: int, entry: core.Declaration, robot: Term) -> Storage[Term]:
-        """Storage of a local or port of one robot."""
-        slot = entry.variable.slot
+    def _own(self, kind: int, entry: core.Declaration, name: str, robot: Term) -> Storage[Term]:
+        """Storage of a local or port of one robot, by a name that its kind has once."""
+        home, slot = entry.variable.home, entry.variable.slot
         written = self._footprint.get((home, kind, slot), WriteExtent.NEVER)
         if written is WriteExtent.NEVER:
             return self._initial(home, kind, slot, robot)
         shape = self._shape((home, kind, slot), lambda any_: self._initial(home, kind, slot, any_))
-        where = self._whose(home, kind, entry)
-        return self._some(where, entry, entry.variable.type, shape, written, (robot,))
-
-    def _whose(self, home: Home, kind: int, entry: core.Declaration) -> str:
-        """What tells a local or port from others that are called alike: of two modules, say."""
-        ports = [port.declaration.variable for port in self.world.program.agents[kind].ports]
-        variable = entry.variable
-        alike = [other.slot for other in ports if other.name == variable.name]
-        is_first = home is not Home.PORT or variable.slot == min(alike)
-        return f"{kind}" if is_first else f"{kind}.{variable.slot}"
+        name = f"{home.value} {kind} {name}"
+        return self._some(name, entry.variable.type, shape, written, (robot,))
 
     def _initial(self, home: Home, kind: int, slot: int, robot: Term) -> Storage[Term]:
         move = next(move for move in self.opening.moves(robot) if move.kind == kind)
@@ -158,10 +150,10 @@ class ArbitraryState:
 
     def _shared(self, entry: core.Declaration, before: Store[Term]) -> Storage[Term]:
         """Storage of an allwrite variable."""
-        slot = entry.variable.slot
-        written = self._footprint.get((Home.ALLWRITE, 0, slot), WriteExtent.NEVER)
-        like = before.allwrite[slot]
-        some = self._some("", entry, entry.variable.type, like, written, ())
+        variable = entry.variable
+        written = self._footprint.get((Home.ALLWRITE, 0, variable.slot), WriteExtent.NEVER)
+        like = before.allwrite[variable.slot]
+        some = self._some(f"allwrite  {variable.name}", variable.type, like, written, ())
         return self.world.naming(some)
 
     def _entries(self, entry: core.Declaration, before: Store[Term]) -> Storage[Term]:
@@ -178,7 +170,7 @@ class ArbitraryState:
             if written is WriteExtent.NEVER:
                 return initial.at(robot)
             shape = self._shape((Home.ALLREAD, 0, slot), initial.at)
-            return self._some("", entry, element, shape, written, (robot,))
+            return self._some(f"allread  {variable.name}", element, shape, written, (robot,))
 
         return many_of(initial.crowd, at)
 
@@ -199,13 +191,11 @@ class ArbitraryState:
 
     def _some(
         self,
-        where: str,
-        entry: core.Declaration,
+        name: str,
         type_: Type,
         like: Storage[Term],
         written: WriteExtent,
         arguments: tuple[Term, ...],
     ) -> Storage[Term]:
         """Any storage of a variable. Where only elements of a list change, its length stays."""
-        name = f"{entry.variable.home.value} {where} {entry.variable.name}"
         return self.world.unknowns.storage_of(name, type_, like, written, arguments)
