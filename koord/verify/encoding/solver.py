@@ -110,7 +110,7 @@ class Solver:
                 once.append(literal)
             literals.append(literal)
         spent = spent_by(self._solver)
-        result, given = self._checked(literals, limit, meant, deadline)
+        result, given = self._checked(literals, limit, meant, deadline, spent)
         spent = spent_by(self._solver) - spent
         if result == z3.unsat:
             core = {literal.get_id() for literal in self._solver.unsat_core()}
@@ -135,14 +135,19 @@ class Solver:
         return SolverAnswer.UNKNOWN
 
     def _checked(
-        self, literals: Sequence[z3.BoolRef], limit: int, meant: Deadline, deadline: Deadline
+        self,
+        literals: Sequence[z3.BoolRef],
+        limit: int,
+        meant: Deadline,
+        deadline: Deadline,
+        spent: int,
     ) -> tuple[z3.CheckSatResult, Deadline]:
-        """Check under literals; the answer, and when it was to come.
+        """Check under literals; the answer, and when it was to come. So much is ``spent`` before.
 
         What is meant is time of this process. Z3 looks at the clock, which is faster where others
         work as well: then it is asked again, for longer, so that answers do not hang on them.
         """
-        meant_s, begun, spent = meant.left_s(), time.process_time(), spent_by(self._solver)
+        meant_s, begun = meant.left_s(), time.process_time()
         lasts_s, left = meant_s, limit
         for _ in range(_LOOKS):
             given = Deadline.after(lasts_s)  # Z3 has a clock of its own
