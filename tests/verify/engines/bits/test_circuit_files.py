@@ -14,9 +14,7 @@ import z3
 from koord.cli import main as frame
 from koord.cli.exits import Exit
 from koord.refinement.generating.programs import system
-from koord.semantics.every_number import NotFiniteError
-from koord.verify.claims import claims_of
-from koord.verify.engines.bits.circuit import Circuit, circuit_of
+from koord.verify.engines.bits.circuit import Circuit
 from koord.verify.engines.bits.circuit_files import Format, exported, machine_of
 from koord.verify.engines.bits.clauses import QUICK, Clauses
 from koord.verify.engines.bits.graph import FALSE
@@ -24,6 +22,7 @@ from tests.generators.profiles import FINITE
 from tests.sampling import first
 from tests.verify.asking import bounded
 from tests.verify.engines.bits.aiger import read, read_binary
+from tests.verify.engines.bits.asking import finite_circuit
 
 
 def abc_of() -> str | None:
@@ -31,14 +30,6 @@ def abc_of() -> str | None:
 
 
 SEEDS = range(9_000, 9_040)
-
-
-def circuit(seed: int) -> Circuit | None:
-    made = system(Random(seed), FINITE)
-    try:
-        return circuit_of(made, claims_of(made))
-    except NotFiniteError:
-        return None
 
 
 def in_range(of: Circuit, random: Random) -> dict[int, bool]:
@@ -53,7 +44,7 @@ def in_range(of: Circuit, random: Random) -> dict[int, bool]:
 def test_aiger_steps_as_the_circuit_does() -> None:
     count = 0
     for seed in SEEDS:
-        of = circuit(seed)
+        of = finite_circuit(seed)
         if of is None:
             continue
         text = exported(of, Format.AIGER, 0, "of a test").decode()
@@ -79,7 +70,7 @@ def test_what_init_breaks_is_bad_before_it_is_over_and_never_again() -> None:
     """Whatever the inputs of INIT are later on."""
     early = late = 0
     for seed in SEEDS:
-        of = circuit(seed)
+        of = finite_circuit(seed)
         if of is None:
             continue
         g, machine, random = of.d.graph, machine_of(of), Random(seed)
@@ -111,7 +102,7 @@ def test_a_run_is_one_of_the_rules_no_more_after_an_illegal_step() -> None:
     """What is asked goes on, so that latches have values, but nothing there breaks a claim."""
     legal = illegal = 0
     for seed in SEEDS[:10]:
-        of = circuit(seed)
+        of = finite_circuit(seed)
         if of is None:
             continue
         g, machine, random = of.d.graph, machine_of(of), Random(seed)
@@ -145,7 +136,7 @@ def can(of: Circuit, given: dict[int, bool], goal: int) -> bool:
 def test_smt_lib_asks_whether_a_claim_breaks(rounds: int) -> None:
     count: Counter[str] = Counter()
     for seed in range(9_000, 9_025):
-        of = circuit(seed)
+        of = finite_circuit(seed)
         if of is None:
             continue
         solver = z3.Solver()
@@ -159,7 +150,7 @@ def test_smt_lib_asks_whether_a_claim_breaks(rounds: int) -> None:
 
 def test_vmt_is_well_formed_and_says_the_same() -> None:
     for seed in SEEDS[:10]:
-        of = circuit(seed)
+        of = finite_circuit(seed)
         if of is None:
             continue
         text = exported(of, Format.VMT, 0, "of a test").decode()
@@ -184,7 +175,7 @@ def test_the_command_writes_a_file(tmp_path: Path, capsys: pytest.CaptureFixture
 def test_binary_aiger_says_the_same() -> None:
     for seed in SEEDS[:20]:
         # A graph grows with each question, so each form has a circuit of its own.
-        one, two = circuit(seed), circuit(seed)
+        one, two = finite_circuit(seed), finite_circuit(seed)
         if one is None or two is None:
             continue
         text = exported(one, Format.AIGER, 0, "of a test").decode()

@@ -3,13 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import suppress
-from random import Random
 
-from koord.refinement.generating.programs import system
-from koord.semantics.every_number import NotFiniteError
-from koord.verify.claims import claims_of
-from koord.verify.engines.bits.circuit import Circuit, circuit_of
+from koord.verify.engines.bits.circuit import Circuit
 from koord.verify.engines.bits.clauses import QUICK, Clauses
 from koord.verify.engines.bits.constraint_selection import (
     everything,
@@ -19,15 +14,15 @@ from koord.verify.engines.bits.constraint_selection import (
 )
 from koord.verify.engines.bits.domain import BitDomain
 from koord.verify.engines.bits.graph import TRUE
-from tests.generators.profiles import FINITE
+from tests.verify.engines.bits.asking import finite_circuit
 
 
 def circuits() -> Iterator[tuple[int, Circuit]]:
     """Circuits of generated programs, by their seeds, as far as these are finite."""
     for seed in range(9_000, 9_030):
-        made = system(Random(seed), FINITE)
-        with suppress(NotFiniteError):
-            yield seed, circuit_of(made, claims_of(made))
+        made = finite_circuit(seed)
+        if made is not None:
+            yield seed, made
 
 
 def test_every_step_and_every_mistake_is_one_of_the_narrow_question() -> None:
