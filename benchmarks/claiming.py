@@ -207,13 +207,7 @@ def abc(robots: int, tasks: int, folder: Path, patience_s: float) -> Answer:
     made = koord("verify", str(PROGRAM), *words, "--export", "aiger", "-o", str(path))
     if made.code != 0:
         return Answer(f"no circuit: {made.errors.strip()[-120:]}")
-    return _in_turn(
-        folder,
-        patience_s,
-        (program, "-c", f"read_aiger {path.name}; orpos; dc2; pdr"),
-        good=r"Property proved()",
-        bad=r"was asserted",
-    )
+    return _pdr(program, folder, patience_s)
 
 
 def verilog(robots: int, tasks: int) -> str:
@@ -253,10 +247,15 @@ def abc_by_hand(robots: int, tasks: int, folder: Path, patience_s: float) -> Ans
     made = measure(("yosys", "-q", "-p", script), timeout_s=patience_s, folder=folder)
     if made.code != 0:
         return Answer(f"no circuit: {made.errors.strip()[-120:]}")
+    return _pdr(program, folder, patience_s)
+
+
+def _pdr(program: str, folder: Path, patience_s: float) -> Answer:
+    """PDR of abc on claiming.aig, of all its outputs together."""
     return _in_turn(
         folder,
         patience_s,
-        (program, "-c", "read_aiger claiming.aig; dc2; pdr"),
+        (program, "-c", "read_aiger claiming.aig; orpos; dc2; pdr"),
         good=r"Property proved()",
         bad=r"was asserted",
     )
