@@ -324,7 +324,7 @@ def test_the_whole_program_counts_where_more_than_a_slice_was_asked() -> None:
 # --- programs with mistakes -----------------------------------------------------------------------
 
 #: Examples of which a round is looked at soon, with robots, and each so many-th mutant.
-SMALL = [("allstop", 3, 40), ("leader_elect", 3, 20), ("sum_of_ids", 2, 90)]
+SMALL = [("allstop", 3, 120), ("leader_elect", 3, 20), ("sum_of_ids", 2, 240)]
 
 
 @pytest.mark.parametrize(("name", "robots", "step"), SMALL, ids=[name for name, _, _ in SMALL])

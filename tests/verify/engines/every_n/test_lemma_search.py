@@ -28,7 +28,7 @@ from koord.verify.engines.every_n.looking import Looking
 from koord.verify.engines.every_n.proving import Inferred
 from koord.verify.engines.every_n.questions import GENEROUS, SPARING
 from tests.loading import program_of
-from tests.sampling import first
+from tests.sampling import but_slow
 from tests.verify.engines.every_n.asking import broken, proved, system_of
 
 PROTOCOLS = Path(__file__).parents[4] / "specs" / "examples" / "protocols"
@@ -153,14 +153,14 @@ def text_of(name: str) -> str:
         # What a sensor is bounded by, and that all robots have read the same.
         ("leader_lease", {"OneLeader", "no fault"}),
         # Numbers pass those that are smaller: a third robot stands between.
-        ("ring_election", {"OneLeader", "Highest", "no fault"}),
+        pytest.param("ring_election", {"OneLeader", "Highest", "no fault"}, marks=pytest.mark.slow),
         # What each robot has told each other.
         pytest.param("ricart_agrawala", {"Exclusive", "no fault"}, marks=pytest.mark.slow),
         ("semaphore", {"Room", "Few", "no fault"}),
         ("sharded_store", {"OneOwner", "Current", "no fault"}),
         ("ticket", {"Exclusive", "Waits", "no fault"}),
         # What a guard has seen: all of a quorum have voted for a value, or more than half for one.
-        ("consensus_epr", {"Agree", "no fault"}),
+        pytest.param("consensus_epr", {"Agree", "no fault"}, marks=pytest.mark.slow),
         ("majority_election", {"OneLeader", "no fault"}),
         ("quorum_leader_election", {"OneLeader", "no fault"}),
         ("toy_consensus", {"Agree", "no fault"}),
@@ -191,8 +191,24 @@ def test_elements_of_arrays_are_spoken_of_at_any_index() -> None:
     assert any("forall k in 0, 3" in claim.name for claim in given.invariants)
 
 
+#: Protocols with mistakes, and those of them in which all that can be looked for is soon looked for.
+BROKEN = sorted(PROTOCOLS.glob("broken/*.krd"))
+SOON = {
+    "barrier_any",
+    "charging_queue_lets_go",
+    "claim_marks_late",
+    "client_server_ae_answers_any",
+    "coherence_msi_no_invalidation",
+    "decentralized_lock_keeps",
+    "dekker_turn_alone",
+    "dock_allocation_frees_on_arrival",
+}
+
+
 @pytest.mark.parametrize(
-    "path", first(12, sorted(PROTOCOLS.glob("broken/*.krd"))), ids=lambda p: p.stem
+    "path",
+    but_slow([path for path in BROKEN if path.stem not in SOON], BROKEN),
+    ids=lambda p: p.stem,
 )
 def test_what_some_run_breaks_is_never_proved(path: Path) -> None:
     text = path.read_text(encoding="utf-8")

@@ -236,15 +236,23 @@ def test_sums_are_compared_part_by_part() -> None:
 
 @pytest.mark.parametrize(
     ("whole", "old", "new", "wrong"),
-    [
-        (ROOM, "pre: near[pid] and not inside[pid]", "pre: not inside[pid]", {"Within", "Fewer"}),
-        (ROOM, "many(inside) <= many(near)", "many(near) <= many(inside)", {"Fewer"}),
-        (ROOM, "many(near) >= 1", "many(near) >= 2", {"Mine"}),
-        (ROOM, "      n = n + 1", "      n = n + 1\n    else:\n      n = n - 1", {"Mine"}),
-        (APART, "pre: not outside[pid]", "pre: numAgents > 0", {"Not", "Both"}),
-        (APART, "<= numAgents", "< numAgents", {"Both"}),
-        (APART, "      n = n + 1", "      n = n + 2", {"Both"}),
-    ],
+    but_slow(
+        [ROOM],
+        [
+            (
+                ROOM,
+                "pre: near[pid] and not inside[pid]",
+                "pre: not inside[pid]",
+                {"Within", "Fewer"},
+            ),
+            (ROOM, "many(inside) <= many(near)", "many(near) <= many(inside)", {"Fewer"}),
+            (ROOM, "many(near) >= 1", "many(near) >= 2", {"Mine"}),
+            (ROOM, "      n = n + 1", "      n = n + 1\n    else:\n      n = n - 1", {"Mine"}),
+            (APART, "pre: not outside[pid]", "pre: numAgents > 0", {"Not", "Both"}),
+            (APART, "<= numAgents", "< numAgents", {"Both"}),
+            (APART, "      n = n + 1", "      n = n + 2", {"Both"}),
+        ],
+    ),
 )
 def test_sums_whose_parts_are_not_so(whole: str, old: str, new: str, wrong: set[str]) -> None:
     text = whole.replace(old, new)
