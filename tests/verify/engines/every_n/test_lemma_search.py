@@ -191,7 +191,7 @@ def test_elements_of_arrays_are_spoken_of_at_any_index() -> None:
     assert any("forall k in 0, 3" in claim.name for claim in given.invariants)
 
 
-#: Protocols with mistakes, and those of them in which all that can be looked for is soon looked for.
+#: Protocols with mistakes, and those of them that are soon looked through.
 BROKEN = sorted(PROTOCOLS.glob("broken/*.krd"))
 SOON = {
     "barrier_any",
