@@ -7,6 +7,7 @@ from tests.mutants.mutant import Mutant
 PROVING = "tests/verify/engines/every_n/test_proving.py"
 LOOPS = "tests/verify/engines/every_n/test_loops.py"
 SEARCH = "tests/verify/engines/every_n/test_lemma_search.py"
+CONSEQUENCES = "tests/verify/engines/every_n/test_consequences.py"
 SUMS = "tests/verify/engines/every_n/test_sums.py"
 ARRAYS = "tests/verify/engines/every_n/test_shared_arrays.py"
 
@@ -293,7 +294,28 @@ EVERY_N = (
         "verify.engines.every_n.initial_states.ArbitraryState._any",
         "p.label",
         "p.declaration.variable.name",
-        ("tests/verify/engines/every_n/test_proving.py",),
+        ("tests/verify/engines/every_n/test_proving.py", CONSEQUENCES),
+    ),
+    Mutant(
+        "every N: what holds at the ends of rounds is known inside them",
+        "verify.engines.every_n.consequences.consequences",
+        "kind is PropertyKind.AT_ROUND or claim.stated.kind is PropertyKind.INVARIANT",
+        "True",
+        (CONSEQUENCES,),
+    ),
+    Mutant(
+        "every N: all follows from what is known",
+        "verify.engines.every_n.consequences._following",
+        "claim not in failed",
+        "True",
+        (CONSEQUENCES,),
+    ),
+    Mutant(
+        "every N: what is known is proved with what is new",
+        "verify.engines.every_n.proving.prove",
+        "(*follows, *candidates)",
+        "(*known, *candidates)",
+        (CONSEQUENCES,),
     ),
     Mutant(
         "every N: between two robots of a ring are those that are not",

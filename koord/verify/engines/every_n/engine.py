@@ -54,7 +54,8 @@ def _prove(ledger: Ledger, thrift: ProofBudget) -> None:
     started = time.monotonic()
     ledger.progress("every N, a proof for every number of robots")
     effort = Effort.of_seconds(thrift.seconds)
-    found = prove(ledger.system, ledger.open(), ledger.deadline, effort, thrift, ledger.seed)
+    means = ledger.deadline, effort, thrift, ledger.seed
+    found = prove(ledger.system, ledger.open(), *means, known=_known(ledger))
     seconds = time.monotonic() - started
     ledger.settle(
         {claim: Verdict(claim, Outcome.HOLDS, Engine.EVERY_N, seconds) for claim in found.proved}
@@ -69,11 +70,7 @@ def _infer(ledger: Ledger, thrift: ProofBudget, most: int | None) -> None:
     ledger.progress("every N, looking for invariants")
     # Invariants help from one round to the next, and not with what may fail to begin with.
     claims = [c for c in ledger.open() if not ledger.verdict(c).reason.startswith(AFTER_INIT)]
-    known = [
-        claim
-        for claim, verdict in ledger.verdicts.items()
-        if verdict.engine is Engine.EVERY_N and claim.is_state_property
-    ]
+    known = _known(ledger)
     if not claims:
         return
     effort = Effort.of_seconds(thrift.seconds)
@@ -88,6 +85,17 @@ def _infer(ledger: Ledger, thrift: ProofBudget, most: int | None) -> None:
     effort, pool = Effort.of_seconds(thrift.seconds), [*known, *likely]
     found = infer(ledger.system, claims, pool, ledger.deadline, effort, thrift, ledger.seed)
     _note(ledger, found, known, started)
+
+
+def _known(ledger: Ledger) -> list[Claim]:
+    """The claims that are known to hold for every number of robots, and may be assumed."""
+    return [
+        claim
+        for claim, verdict in ledger.verdicts.items()
+        if verdict.engine is Engine.EVERY_N
+        and verdict.outcome is Outcome.HOLDS
+        and claim.is_state_property
+    ]
 
 
 def _note(ledger: Ledger, found: Inferred, known: Sequence[Claim], started: float) -> None:

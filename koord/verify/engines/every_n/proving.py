@@ -18,6 +18,7 @@ from koord.syntax.budget import OutOfBudgetError
 from koord.syntax.system import System
 from koord.verify.claims import Claim
 from koord.verify.effort import Deadline, Effort
+from koord.verify.engines.every_n.consequences import consequences
 from koord.verify.engines.every_n.questions import GENEROUS, Means, ProofBudget, Start, Step
 
 #: Of what is worked out, so many steps are counted as a second of a solver.
@@ -38,31 +39,41 @@ def prove(
     effort: Effort,
     thrift: ProofBudget = GENEROUS,
     seed: int = 0,
+    *,
+    known: Sequence[Claim] = (),
 ) -> Proof:
     """Prove the largest inductive subset of the claims, for every number of robots (Houdini).
 
-    How many robots the system has plays no part.
+    How many robots the system has plays no part. What is ``known`` to hold in every round, for
+    every number of robots, is assumed; what follows from it alone is not asked of any round.
     """
     means = Means(deadline, effort, thrift, seed)
     reasons: dict[Claim, str] = {}
+    follows: set[Claim] = set()
     try:
+        if known:
+            follows = consequences(system, claims, known, means)
+            claims = [claim for claim in claims if claim not in follows]
+            known = [*known, *follows]
+        if not claims:
+            return Proof(tuple(follows), {})
         start = Start(system, means)
         reasons |= start.failing(claims)
         step = Step(system, means)
         candidates = [claim for claim in claims if claim not in reasons]
         while candidates:
-            failed = step.failing(candidates)
+            failed = step.failing(candidates, known)
             if not failed:
                 break
             reasons |= failed
             candidates = [claim for claim in candidates if claim not in failed]
     except NotFiniteError as error:
-        return Proof((), dict.fromkeys(claims, str(error)) | reasons)
+        return Proof(tuple(follows), dict.fromkeys(claims, str(error)) | reasons)
     limits = sorted({*start.limits, *step.limits})
     if limits:
         reasons |= dict.fromkeys(candidates, f"not covered: {'; '.join(limits)}")
         candidates = []
-    return Proof(tuple(candidates), reasons)
+    return Proof((*follows, *candidates), reasons)
 
 
 class Inferred(Struct, frozen=True):

@@ -194,7 +194,8 @@ AFTER_INIT = "after INIT"
 _NOT_INDUCTIVE = "not inductive for every number of robots"
 
 
-def _universal(claim: Claim) -> Universal:
+def universal(claim: Claim) -> Universal:
+    """The statement of a claim about configurations."""
     assert claim.stated is not None
     return Universal.of(claim.stated.condition, claim.stated.bound)
 
@@ -236,7 +237,7 @@ class Start:
             moves = self._opening.moves(robot)
             faults = faults_of(self._world, moves)
             return [d.binary(core.BinaryOp.OR, self._opening.fault, faults)]
-        asked = _universal(claim)
+        asked = universal(claim)
         names = self._asking.robots[: asked.arity]
         return [self._opening.calm, asked.broken(world, self._opening.configuration, names)]
 
@@ -271,9 +272,10 @@ class Step:
     def limits(self) -> list[str]:
         return self.asking.limits
 
-    def failing(self, candidates: Sequence[Claim]) -> dict[Claim, str]:
-        """The claims that are not proved to be preserved by a round."""
-        given = [self.suppose(claim) for claim in candidates if claim.is_state_property]
+    def failing(self, candidates: Sequence[Claim], known: Sequence[Claim] = ()) -> dict[Claim, str]:
+        """The claims that are not proved to be preserved by a round, if others are ``known``."""
+        supposed = (*known, *candidates)
+        given = [self.suppose(claim) for claim in supposed if claim.is_state_property]
         failed: dict[Claim, str] = {}
         for moment in self.moments():
             goals = [
@@ -367,7 +369,7 @@ class Step:
         if claim not in self._supposed:
             when = self.world.d.fresh(f"suppose {claim.name}", BOOL)
             self._supposed[claim] = when
-            _universal(claim).suppose(self.world, self.start.configuration, when)
+            universal(claim).suppose(self.world, self.start.configuration, when)
         return self._supposed[claim]
 
     def _goal(self, claim: Claim, moment: ClaimPhase) -> list[Term]:
@@ -383,7 +385,7 @@ class Step:
         before: list[Term] = [] if moment is ClaimPhase.INSIDE else [round_.calm, round_.legal]
         match claim.kind:
             case ClaimKind.PROPERTY:
-                asked = _universal(claim)
+                asked = universal(claim)
                 names = self.asking.robots[: asked.arity]
                 broken = asked.broken(self.world, self._configuration(moment), names)
                 gentle = [round_.gentle] if moment is ClaimPhase.END else []
