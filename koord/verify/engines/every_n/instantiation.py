@@ -328,7 +328,9 @@ class Book(Struct):
         nothing needs it to fail, there need not be anything that it fails of.
         """
         self._kept.append(term)
-        for name, leaning in self.unknowns.terms.leanings(term, self._seen):
+        # What is passed over here may be met again where it matters: it is not noted as seen.
+        seen = set(self._seen) if without else self._seen
+        for name, leaning in self.unknowns.terms.leanings(term, seen):
             if name != without:
                 self._wanted.add((name, leaning))
 

@@ -593,3 +593,32 @@ invariant Never: forall i: not bad@i
 def test_sensors_of_two_modules_may_be_called_alike() -> None:
     assert proved(ALIKE) == {"no fault"}
     assert broken(ALIKE, 1) == {"Never"}
+
+
+# --- what one place needs to hold, and another not to ---------------------------------------------
+
+GATE = """
+allwrite:
+  bool gate = true
+allread:
+  bool[] inside = false
+Enter:
+  pre: gate and not any(inside)
+  eff:
+    atomic:
+      gate = false
+      inside[pid] = true
+Leave:
+  pre: inside[pid]
+  eff:
+    atomic:
+      gate = true
+      inside[pid] = false
+invariant Shut: gate or exists i: inside[i]
+"""
+
+
+def test_what_a_guard_needs_to_fail_a_claim_may_need_to_hold() -> None:
+    """Somebody is inside before the round: by the claim, and nobody by the guard."""
+    assert proved(GATE) == {"Shut", "no fault"}
+    assert "Shut" not in proved(GATE.replace("inside[pid] = true", "inside[pid] = false"))
