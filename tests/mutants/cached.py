@@ -6,6 +6,7 @@ from tests.mutants.mutant import Mutant
 
 FORMS = "tests/verify/cache/test_forms.py"
 KEPT = "tests/verify/cache/test_kept.py"
+ORDERS = "tests/verify/cache/test_orders.py"
 FOLDER = "tests/verify/cache/test_folder.py"
 SUBSTANCE = "tests/verify/cache/test_substance.py"
 REACHING = "tests/verify/vacuity/test_reaching_runs.py"
@@ -227,5 +228,54 @@ CACHED = (
         "held - told",
         "held",
         (SUBSTANCE,),
+    ),
+    Mutant(
+        "cache: operands change places although one of them may fault",
+        "verify.cache.orders._Order.expression",
+        "lambda part: self._is_calm(part, robots)",
+        "lambda part: not _calls(part)",
+        (ORDERS,),
+    ),
+    Mutant(
+        "cache: what starts without a value has one",
+        "verify.cache.orders._Order._starts",
+        "entry.initial is not Start.UNSET",
+        "True",
+        (ORDERS,),
+    ),
+    Mutant(
+        "cache: assignments change places although one reads what the other writes",
+        "verify.cache.orders._apart",
+        "a.place.variable in nodes(b.value)",
+        "False",
+        (ORDERS,),
+    ),
+    Mutant(
+        "cache: assignments to one variable change places",
+        "verify.cache.orders._apart",
+        "one.place.variable == other.place.variable",
+        "False",
+        (ORDERS,),
+    ),
+    Mutant(
+        "cache: assignments to parts of variables change places",
+        "verify.cache.orders._Order._is_own",
+        "s.place.variable.home is Home.LOCAL and not s.place.steps",
+        "s.place.variable.home is Home.LOCAL",
+        (ORDERS,),
+    ),
+    Mutant(
+        "cache: what asks changes places in statements",
+        "verify.cache.orders._Order.statement",
+        "not asks(self.program, part)",
+        "True",
+        (ORDERS,),
+    ),
+    Mutant(
+        "cache: a disjunction that faults is false, as a conjunction",
+        "verify.cache.orders._Order.statement",
+        "case core.Binary(op=BinaryOp.AND):",
+        "case core.Binary(op=BinaryOp.AND | BinaryOp.OR):",
+        (ORDERS,),
     ),
 )

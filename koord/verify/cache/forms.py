@@ -3,7 +3,7 @@
 Two slices with equal forms are the same but for numbers that mean nothing by themselves: places in
 the text, slots of variables, positions of events, numbers of calls and of lock classes. What a
 slice leaves out [T-CONE] has no part in its form. So a variable or an event that is added beside it
-changes nothing, wherever it stands.
+changes nothing, wherever it stands. Nor does what may change places (``orders.py``).
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ from koord.syntax.source import Span
 from koord.syntax.system import System
 from koord.syntax.types import BaseType
 from koord.syntax.walk import nodes
+from koord.verify.cache.orders import in_order, statement_in_order
 from koord.verify.claims import Claim
 from koord.verify.reduction.influence import Happens, Matter, Part
 
@@ -69,9 +70,10 @@ class Form(Struct, frozen=True, dict=True):
     @classmethod
     def of(cls, system: System, inside: frozenset[Part]) -> Form:
         """The form of a sliced system. Without whole runs in it nothing is expected of these."""
+        program = in_order(system.program)
         if Matter.WHOLE_RUNS not in inside:
-            system = replace(system, program=replace(system.program, expectations=()))
-        return cls(system, inside)
+            program = replace(program, expectations=())
+        return cls(replace(system, program=program), inside)
 
     @cached_property
     def numbering(self) -> Numbering:
@@ -185,7 +187,10 @@ class _Writer:
         """Write a claim; what somebody calls a statement is nothing that it states."""
         stated = claim.stated
         name = claim.name if stated is None else ""
-        unnamed = None if stated is None else replace(stated, name="")
+        unnamed = None
+        if stated is not None:
+            said = statement_in_order(self._program, stated.condition)
+            unnamed = replace(stated, name="", condition=said)
         self.write((claim.kind, name, claim.subject, unnamed), None)
 
     def declarations(

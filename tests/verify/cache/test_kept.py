@@ -91,6 +91,8 @@ IDLE = {
     "a param": (("param int tasks = 4", "param int tasks = 4\nparam int spare = 7"),),
     "a claim more": (("invariant Route:", "invariant More: tasks > 0\ninvariant Route:"),),
     "the name of a claim": (("invariant Route:", "invariant Routes:"),),
+    "the sides of a claim": (("mine@i != mine@j\n", "mine@j != mine@i\n"),),
+    "the sides of a guard": (("isOnTask and Motion.reached", "Motion.reached and isOnTask"),),
     "words of a claim": (("invariant Route: forall i: ", "invariant Route:\n    forall i: "),),
     "a variable that is counted": (
         ("    int mine = -1", "    int spare = 0\n    int mine = -1"),
@@ -109,7 +111,7 @@ def test_verdicts_are_kept_where_nothing_that_matters_has_changed(
 #: What leaves the others as they are, and not these.
 OF_CLAIMS = {
     "a claim": (
-        (("mine@i != mine@j\n", "mine@j != mine@i\n"),),
+        (("mine@i != mine@j\n", "mine@i != mine@j or tasks < 0\n"),),
         {"Exclusive"},
     ),
     "what a claim is about": ((("Along at round:", "Along:"),), {"Along"}),
