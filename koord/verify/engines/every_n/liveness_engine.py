@@ -71,8 +71,8 @@ def _lemmas(ledger: Ledger, known: Sequence[Claim], means: Means) -> list[Claim]
     ]
     if not likely:
         return []
-    claims = [*known, *likely]
-    shown = prove(ledger.system, claims, means.deadline, means.effort, means.thrift, means.seed)
+    budget = means.deadline, means.effort, means.thrift, means.seed
+    shown = prove(ledger.system, likely, *budget, known=known)
     return [claim for claim in likely if claim in shown.proved]
 
 
