@@ -15,6 +15,7 @@ _FAMILIES = re.compile(r"_many(_|$)|_at_length$|_further_on$")
 #: Tests whose shortest case takes more than 15 seconds of CPU, and why.
 TOO_LONG = {
     "test_a_dry_run_does_with_the_lab_what_a_simulation_does": "two minutes of real time",
+    "test_a_token_in_a_ring_is_shown_again": "each of many questions, by two solvers",
     "test_all_places_are_visited_and_the_trace_is_legal": "a minute and a half of real time",
     "test_all_three_refuse_all_mutants_alike": "three readers of some hundred configurations",
     "test_cars_and_drones_visit_all_places": "two minutes of real time",

@@ -325,6 +325,7 @@ def test_an_element_that_robots_race_for_is_as_one_of_them_left_it() -> None:
     assert found == {"Somebody", "Own", "no fault"}
 
 
+@pytest.mark.slow
 def test_a_token_in_a_ring_is_shown_again() -> None:
     token = shared_arrays.TOKEN
     names = {"Exclusive", "Alone", "OnlyOne", "Mine", "no fault"}
