@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import signal
 from collections.abc import Callable, Sequence
-from multiprocessing import active_children
 from pathlib import Path
 
 import pytest
@@ -28,6 +27,7 @@ from koord.verify.strategy.resumption import PastVerification, Steps, StrategySt
 from koord.verify.strategy.table import SAFETY, AskAtOnce, AskEngine, EngineTurn, Fleet
 from koord.verify.strategy.verification import verify
 from koord.verify.verdicts import Bounds, Outcome, Report, Verdict
+from tests.children import forked_children
 from tests.loading import program_of
 
 pytestmark = pytest.mark.skipif(not can_fork(), reason="one process only")
@@ -109,7 +109,7 @@ def raced(
         )
         with ledger.stopping():
             turn.work(ledger)
-        assert not active_children()  # of the race, before the pool ends what is left
+        assert forked_children() == set()  # of the race, before the pool ends what is left
     return ledger
 
 
