@@ -50,6 +50,7 @@ WAITING = (
     "cli/test_remote.py",
     "cli/test_safe_stop.py",
     "cli/test_small_robots.py",
+    "deployed/test_floods.py",
     "deployed/test_rehearsal.py",
     "runtime/platform/ros/test_published.py",
     "runtime/platform/ros1/test_rospy.py",
