@@ -15,9 +15,11 @@ from koord.api.progress import Cancellation, CancelledError, Listener, Progress,
 from koord.api.results import ArgumentError, Result
 from koord.api.robots import Robots, Seconds, delta_of, fleet_of, system_of
 from koord.api.traces import Trace, sources_of
+from koord.sampling.coded_rounds import MadeRound as MadeRound
+from koord.sampling.coded_rounds import TakenStep as TakenStep
 from koord.sampling.monitors import Monitor
-from koord.sampling.policies import AtRandom, First, Play, TakenStep
-from koord.sampling.running import Run, RunState, new_run
+from koord.sampling.policies import AtRandom, First, Play
+from koord.sampling.running import Run, new_run
 from koord.semantics.configurations import Configuration, Fault
 from koord.semantics.domain import Constant
 from koord.syntax.budget import Budget, OutOfBudgetError
@@ -137,29 +139,30 @@ class RunSession(Struct):
     tracer: Tracer | None
     cancelled: Callable[[], bool]
     interrupted: bool = False
-    _kept: RunState | None = None
 
-    def steps(self) -> Iterator[TakenStep]:
-        """Yield the steps of the run. A step that is cancelled halfway does not count.
+    def parts(self) -> Iterator[TakenStep | MadeRound]:
+        """Yield the steps of the run, or whole rounds. What is cancelled halfway does not count.
 
         Raises KoordError where an assumption, a contract or a summary cannot be met, and
         CancelledError where it is ended before there is a start.
         """
-        run = self.play.run
+        begun = False
         try:
-            for taken in self.play.steps():
-                self._kept = run.moment
+            for part in self.play.parts():
+                begun = True
                 if self.tracer is not None:
-                    self.tracer.add(taken.step)
-                yield taken
-                if self.cancelled():
+                    if isinstance(part, MadeRound):
+                        self.tracer.add_round(part.number, part.configuration, part.written)
+                    else:
+                        self.tracer.add(part.step)
+                yield part
+                if self.play.is_told and self.cancelled():
                     self.interrupted = True
                     return
         except OutOfBudgetError:
-            if self._kept is None:
+            if not begun:
                 raise CancelledError("while looking for a start") from None
             self.interrupted = True
-            run.go_back(self._kept)
 
     @property
     def ending(self) -> Ending:
@@ -231,8 +234,8 @@ def run(
         None if cancellation is None and timeout_s is None else asker(cancellation, timeout_s),
     )
     try:
-        for taken in session.steps():
-            if progress is not None and taken.step.robot is None:
+        for part in session.parts():
+            if progress is not None and (isinstance(part, MadeRound) or part.step.robot is None):
                 made = session.play.run.round
                 progress(Progress(f"round {made} of {rounds}", round=made))
     except CancelledError as error:
@@ -241,12 +244,13 @@ def run(
 
 
 class HowToRun(Struct, frozen=True):
-    """The options of a run: rounds, policy, numbers and trace."""
+    """The options of a run: rounds, policy, numbers, trace, and whether there is a recording."""
 
     rounds: int
     policy: Policy = Policy.FIRST
     numbers: Numbers = Numbers.EXACT
     traced: bool = True
+    recorded: bool = True
 
 
 def session_of(
@@ -256,7 +260,7 @@ def session_of(
     rng = Random(seed)
     # A trace outlives whoever is asked whether to go on.
     heard = system if cancelled is None else replace(system, budget=Budget(cancelled))
-    run = new_run(heard, how.numbers, rng)
+    run = new_run(heard, how.numbers, rng, kept=how.traced or how.recorded)
     policy = First() if how.policy is Policy.FIRST else AtRandom(rng)
     play = Play(run, policy, how.rounds, Monitor(run.d, heard, run.inputs))
     tracer = Tracer() if how.traced else None

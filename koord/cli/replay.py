@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from fractions import Fraction
 
 from koord.api.replay import ReplayReport, replayed
+from koord.api.run import TakenStep
 from koord.api.traces import read_trace
 from koord.cli.arguments import add_json, check_files, number
 from koord.cli.counterexamples import rerun_lines, told_apart
@@ -17,7 +18,6 @@ from koord.cli.files import name_of, read_program, read_written
 from koord.cli.tables import Rounds, RunTable, repeats
 from koord.cli.terminal import Paint, Style, style_of, visible
 from koord.cli.violations import claim_lines, does
-from koord.sampling.policies import TakenStep
 from koord.semantics.recordings import Step
 from koord.syntax.diagnostics import KoordError
 from koord.syntax.source import counted

@@ -14,7 +14,7 @@ from koord.api.programs import Program
 from koord.api.progress import CancelledError
 from koord.api.results import ArgumentError
 from koord.api.robots import system_of
-from koord.api.run import Ending, HowToRun, Policy, RunSession, session_of
+from koord.api.run import Ending, HowToRun, MadeRound, Policy, RunSession, session_of
 from koord.api.stepping import Option, Shift, Stepper
 from koord.api.traces import Trace, complete_trace
 from koord.cli.arguments import (
@@ -194,6 +194,7 @@ def _run(loaded: Program, arguments: argparse.Namespace) -> Exit:
             Policy(arguments.policy),
             Numbers(arguments.numbers),
             traced=arguments.trace is not None or arguments.json,
+            recorded=arguments.interactive,
         ),
         arguments.seed,
         None if interruption is None else lambda: interruption.requested,
@@ -213,11 +214,16 @@ def _by_policy(session: RunSession, arguments: argparse.Namespace, table: RunTab
         if arguments.trace is not None:
             growing.add(arguments.trace, session.part)
         try:
-            for taken in session.steps():
-                if taken.step.robot is None:  # between two rounds
+            for part in session.parts():
+                if isinstance(part, MadeRound):
+                    growing.grow()
+                    if rounds is not None:
+                        rounds.show_round(part)
+                    continue
+                if part.step.robot is None:  # between two rounds
                     growing.grow()
                 if rounds is not None:
-                    rounds.show(taken)
+                    rounds.show(part)
         except CancelledError as cancelled:
             print(f"interrupted {cancelled}", file=sys.stderr)
             return Exit.INTERRUPTED

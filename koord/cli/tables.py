@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 from msgspec import Struct, field
 
+from koord.api.column_texts import ColumnTexts, NotPlainError
 from koord.cli.terminal import Paint, Style, visible
 from koord.semantics.configurations import Configuration, Written
 from koord.semantics.domain import Constant
@@ -26,7 +27,7 @@ from koord.traces.names import Named, Names
 from koord.traces.rendering import UNSET, show_fraction, show_output, show_storage
 
 if TYPE_CHECKING:
-    from koord.sampling.policies import TakenStep
+    from koord.api.run import MadeRound, TakenStep
 
 #: Of what one step changed, so many lines are shown.
 _MOST_LINES = 12
@@ -61,6 +62,7 @@ class RunTable(Struct):
     names: Names
     style: Style
     _idle: list[int] = field(default_factory=list)
+    _texts: ColumnTexts | None = None
 
     @property
     def system(self) -> System:
@@ -126,11 +128,51 @@ class RunTable(Struct):
         if not rows and steps[-1].step.configuration.fault is None:
             self._idle.append(number + 1)
             return
+        yield from self._round(number, rows)
+        for shown in steps:
+            yield from self._fault(shown.step)
+
+    def _round(self, number: int, rows: list[_Row]) -> Iterator[str]:
         yield from self.idle()
         yield self.heading(number)
         yield from self._laid_out(rows)
-        for shown in steps:
-            yield from self._fault(shown.step)
+
+    def made_round(self, made: MadeRound) -> Iterator[str]:
+        """A round that code made, as :meth:`round` lays it out. Raises NotPlainError."""
+        rows = self._rows_of(made)
+        if rows:
+            yield from self._round(made.number, rows)
+        else:
+            self._idle.append(made.number + 1)
+
+    def _rows_of(self, made: MadeRound) -> list[_Row]:
+        if self._texts is None:
+            self._texts = ColumnTexts(self.names)
+        if made.evolved is not None:
+            raise NotPlainError
+        texts, logged = self._texts, made.code.logged
+        rows: list[_Row] = []
+        skipped: list[str] = []
+        for turn in made.log.turns:
+            robot, event, lost, _, _, written, _ = turn
+            if event is None:
+                if lost is None:
+                    skipped.append(str(robot))
+                else:
+                    name = self.system.agent(robot).events[lost].name
+                    rows.append(_Row(self._robot(robot), "skip", (f"{name} lost its lock",)))
+                continue
+            pieces = texts.told(logged.of_turn(turn), robot)
+            if not pieces and not written:
+                pieces = ("nothing changes",)
+            name = self.system.agent(robot).events[event].name
+            output = tuple(_written(written)) if written else ()
+            rows.append(_Row(self._robot(robot), name, pieces, output))
+        pieces = texts.told(logged.of_environment(made.log), None)
+        if pieces:
+            rows.append(_Row(ENVIRONMENT, "", pieces))
+        _insert_skips(rows, skipped)
+        return rows
 
     def heading(self, number: int) -> str:
         """The line above a round."""
@@ -179,11 +221,7 @@ class RunTable(Struct):
                 rows.append(self._of_robot(shown, found))
             elif found or step.stepped.promises:
                 rows.append(self._of_environment(step, found))
-        if skipped and rows:
-            at = len(rows) - (rows[-1].who == ENVIRONMENT)
-            who = ", ".join(skipped)
-            who = who if len(who) <= _WIDEST_WHO else f"{len(skipped)} robots"
-            rows.insert(at, _Row(who, "skip", (), paint=Paint.GUTTER))
+        _insert_skips(rows, skipped)
         yield from rows
 
     def _of_robot(self, shown: ShownStep, found: list[Change]) -> _Row:
@@ -242,12 +280,24 @@ class Rounds:
         self._steps: list[ShownStep] = []
         self._last: Configuration[Constant] | None = None
 
+    def show_round(self, made: MadeRound) -> None:
+        """Show a whole round, which code made."""
+        try:
+            lines = list(self._table.made_round(made))
+        except NotPlainError:
+            for taken in made.steps():
+                self.show(taken)
+        else:
+            self._print(lines)
+
     def show(self, taken: TakenStep) -> None:
+        """Show the next step of the run."""
         step = taken.step
-        if self._last is None:
+        before = taken.before if taken.before is not None else self._last
+        if before is None:
             self._print(self._table.start(step))
         else:
-            self._steps.append(ShownStep(step, self._last, taken.lost))
+            self._steps.append(ShownStep(step, before, taken.lost))
             if step.rule == "ENV-TRANS":
                 self._end_round()
         self._last = step.configuration
@@ -264,8 +314,18 @@ class Rounds:
 
     @staticmethod
     def _print(lines: Iterable[str]) -> None:
-        for line in lines:
-            print(line)
+        whole = list(lines)
+        if whole:
+            print("\n".join(whole))
+
+
+def _insert_skips(rows: list[_Row], skipped: list[str]) -> None:
+    """Add a row for those who skip, in front of the environment's, if anybody did anything."""
+    if skipped and rows:
+        at = len(rows) - (rows[-1].who == ENVIRONMENT)
+        who = ", ".join(skipped)
+        who = who if len(who) <= _WIDEST_WHO else f"{len(skipped)} robots"
+        rows.insert(at, _Row(who, "skip", (), paint=Paint.GUTTER))
 
 
 def repeats(recording: Recording) -> str:
@@ -301,8 +361,13 @@ def _written(output: Iterable[Written[Constant]]) -> Iterator[str]:
         yield f"{written.stream} << {show_output(written.values, written.types)}"
 
 
-def _filled(pieces: Iterable[str], width: int) -> Iterator[str]:
+def _filled(pieces: Sequence[str], width: int) -> Iterator[str]:
     """Join pieces with commas, as many to a line as fit; long ones take several lines."""
+    line = ", ".join(pieces)
+    if len(line) <= width and line.isprintable():
+        if line:
+            yield line
+        return
     line = ""
     shown = [visible(piece) for piece in pieces]
     for position, piece in enumerate(shown):

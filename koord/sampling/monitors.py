@@ -14,6 +14,7 @@ from msgspec import Struct, field
 
 from koord.sampling.compiled.claims import Claim
 from koord.sampling.compiled.columns import Columns
+from koord.sampling.compiled.round_claims import Claims
 from koord.sampling.conjuncts import Conjunct, Place, changed, conjuncts_of
 from koord.semantics.configurations import Configuration
 from koord.semantics.domain import Constant, Domain
@@ -63,6 +64,17 @@ class Monitor(Struct):
     _claims: dict[str, Claim] = field(default_factory=dict)
     _columns: Columns | None = None
     _seen: Configuration[Constant] | None = None
+
+    @property
+    def claims(self) -> Claims | None:
+        """What it looks at, where code may do so instead as long as all of it holds."""
+        if type(self) is not Monitor or self.unjudged is not None:
+            return None
+        stated = self.system.program.properties
+        return Claims(
+            tuple(p.condition for p in stated if p.kind is PropertyKind.INVARIANT),
+            tuple(p.condition for p in stated if p.kind is PropertyKind.AT_ROUND),
+        )
 
     def after(self, step: Step) -> Violation | None:
         """The first contract or property that does not hold after the step, or None.
@@ -142,6 +154,19 @@ class Monitor(Struct):
         for slot, robot in part.robots.items():
             m.memory.bound[slot] = held(self.d, robot)
         return statement(m, part.condition) is True
+
+
+class Search(Monitor):
+    """A monitor that breaks off no run: it looks between rounds whether ``sought`` all hold."""
+
+    sought: tuple[core.Property, ...] = ()
+
+    @property
+    def claims(self) -> Claims:
+        return Claims(sought=tuple(stated.condition for stated in self.sought))
+
+    def after(self, step: Step) -> None:
+        return None
 
 
 class Watch(Struct):

@@ -6,8 +6,9 @@ and :func:`koord.semantics.recordings.execute` makes the same run of it again.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from random import Random
+from typing import Protocol
 
 from msgspec import Struct, field
 from msgspec.structs import replace
@@ -54,8 +55,22 @@ class RunState(Struct, frozen=True):
     answers: tuple[Answer, ...] = ()
 
 
+class Ahead(Protocol):
+    """A state between two rounds that a run has come to without its steps."""
+
+    @property
+    def round(self) -> int:
+        """How many rounds are over."""
+
+    def configuration(self) -> Configuration[Constant]:
+        """The configuration there."""
+
+
 class Run:
-    """A run in progress. ``begin`` comes first; a ``moment`` can be saved and restored."""
+    """A run in progress. ``begin`` comes first; a ``moment`` can be saved and restored.
+
+    A run that is not ``kept`` has no recording, and takes no more memory the longer it is.
+    """
 
     def __init__(
         self,
@@ -63,15 +78,19 @@ class Run:
         numbers: Numbers,
         inputs: SampledInputs,
         turns: Turns | None = None,
+        *,
+        kept: bool = True,
     ) -> None:
         self.system = system
         self.numbers = numbers
         self.inputs = inputs
-        self._turns = Turns(numbers.domain, system) if turns is None else turns
+        self.turns = Turns(numbers.domain, system) if turns is None else turns
+        self._kept = kept
         self._grows = any(map(_grows, _types(system)))
         self._opening = Opening(())
         self._rounds: list[Round] = []
         self._moment: RunState | None = None
+        self._ahead: Ahead | None = None
 
     @property
     def d(self) -> Domain[Constant]:
@@ -83,7 +102,9 @@ class Run:
 
     @property
     def _now(self) -> RunState:
-        assert self._moment is not None, "begin comes first"
+        if self._moment is None:
+            assert self._ahead is not None, "begin comes first"
+            self._moment = RunState(self._ahead.configuration(), self._ahead.round)
         return self._moment
 
     def go_back(self, moment: RunState) -> None:
@@ -101,6 +122,8 @@ class Run:
     @property
     def round(self) -> int:
         """The number of the open or next round."""
+        if self._moment is None and self._ahead is not None:
+            return self._ahead.round
         return self._now.rounds
 
     @property
@@ -114,7 +137,7 @@ class Run:
     @property
     def begun(self) -> bool:
         """True if any robot has had a turn since INIT."""
-        return bool(self._rounds or self._now.moves)
+        return self.round > 0 or bool(self._now.moves)
 
     @property
     def all_stopped(self) -> bool:
@@ -136,7 +159,7 @@ class Run:
 
     def enabled(self, robot: int) -> list[int]:
         """The events that a robot may select; a lock may still be taken."""
-        found = self._turns.enabled(self.configuration, robot, self.inputs)
+        found = self.turns.enabled(self.configuration, robot, self.inputs)
         if found is not None:
             return found
         return enabled(self.d, self.system, self.configuration, robot, self.inputs)
@@ -171,7 +194,7 @@ class Run:
     def _ran(self, robot: int, event: int) -> Stepped[Constant]:
         """Run an event, by code where that is certain. [EVENT-TRANS]"""
         configuration = self.configuration
-        stepped = self._turns.run_event(configuration, robot, event, self.inputs)
+        stepped = self.turns.run_event(configuration, robot, event, self.inputs)
         if stepped is not None:
             return stepped
         return run_event(self.d, self.system, configuration, robot, event, self.inputs)
@@ -184,15 +207,35 @@ class Run:
             self.system,
             before,
             inputs,
-            lambda robot: self._turns.keeps_contracts(before.robots[robot], robot, inputs),
+            lambda robot: self.turns.keeps_contracts(before.robots[robot], robot, inputs),
         )
-        stepped = self._turns.evolved(before, inputs)
+        stepped = self.turns.evolved(before, inputs)
         if stepped is None:
             stepped = evolved(self.d, self.system, before, self.inputs)
         self._check_lengths(stepped.configuration)
-        self._rounds.append(self._open_round(cut=False))
+        if self._kept:
+            self._rounds.append(self._open_round(cut=False))
         self._arrive(stepped.configuration, number + 1)
         return Step("ENV-TRANS", number, None, None, stepped)
+
+    # --- steps made elsewhere, by code ----------------------------------------------------------
+
+    def go_ahead(self, ahead: Ahead, moves: Sequence[tuple[int, int | None]]) -> None:
+        """Note a whole round, by its robots and events; the state is asked for if it is wanted."""
+        if self._kept:
+            events: list[int | None] = [None] * self.system.robots
+            for robot, event in moves:
+                events[robot] = event
+            order = tuple(robot for robot, _ in moves)
+            answers = self.inputs.recorded_answers()
+            self._rounds.append(Round(order, tuple(events), (), answers))
+        self._ahead, self._moment = ahead, None
+        self.inputs.forget_round()
+        self.inputs.look_later(ahead.configuration)
+
+    def go_on(self, moment: RunState) -> None:
+        """Go on from a moment later in the open round."""
+        self._moment = moment
 
     def _check_lengths(self, after: Configuration[Constant]) -> None:
         if self._grows:
@@ -210,6 +253,7 @@ class Run:
 
         With ``checks`` the answers to the properties that were last looked at belong to it.
         """
+        assert self._kept, "a run that is not kept has no recording"
         opening, rounds = self._opening, list(self._rounds)
         asked = tuple(a for a in self.inputs.answers.values() if a.phase is Phase.CHECK)
         if self._now.moves:
@@ -224,21 +268,28 @@ class Run:
         events: list[int | None] = [None] * self.system.robots
         for move in self._now.moves:
             events[move.robot] = move.event
-        return Round(
-            tuple(move.robot for move in self._now.moves),
-            tuple(events),
-            () if cut else self.inputs.recorded_readings(),
-            self.inputs.recorded_answers(),
-            cut,
-        )
+        order = tuple(move.robot for move in self._now.moves)
+        readings, answers = self.inputs.recorded_readings(), self.inputs.recorded_answers()
+        if cut:
+            # What was asked in turns that nobody took is no part of the run.
+            readings = ()
+            answers = tuple(a for a in answers if a.phase is Phase.PROG and a.robot in order)
+        return Round(order, tuple(events), readings, answers, cut)
 
 
-def new_run(system: System, numbers: Numbers, rng: Random, turns: Turns | None = None) -> Run:
+def new_run(
+    system: System,
+    numbers: Numbers,
+    rng: Random,
+    turns: Turns | None = None,
+    *,
+    kept: bool = True,
+) -> Run:
     """Start a run whose every input depends on the generator only.
 
     With ``turns`` those of another run of the system are used again.
     """
-    return Run(system, numbers, SampledInputs(Sampler(system, numbers, rng)), turns)
+    return Run(system, numbers, SampledInputs(Sampler(system, numbers, rng)), turns, kept=kept)
 
 
 # --- values that grow without end: a run stops before the machine does ----------------------------

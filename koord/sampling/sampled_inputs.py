@@ -51,11 +51,17 @@ class SampledInputs(Struct):
     types: dict[tuple[Home, int, int | None], Type] = field(default_factory=dict)
     samples: int = _SAMPLES  #: of all values of a type, for summaries; 0: these are taken on trust
     _seen: Configuration[Constant] | None = None
+    _later: Callable[[], Configuration[Constant]] | None = None
     _around: dict[int | None, dict[Type, list[Concrete]]] = field(default_factory=dict)
 
     def look_at(self, configuration: Configuration[Constant]) -> None:
         """Use the values of a configuration as good guesses from now on."""
-        self._seen = configuration
+        self._seen, self._later = configuration, None
+        self._around = {}
+
+    def look_later(self, at: Callable[[], Configuration[Constant]]) -> None:
+        """As :meth:`look_at`, once values are asked for."""
+        self._later = at
         self._around = {}
 
     def forget_round(self) -> None:
@@ -118,6 +124,8 @@ class SampledInputs(Struct):
 
     def around(self, robot: int | None, type_: Type) -> list[Concrete]:
         """Values of a type that the robot (or any robot) holds at present."""
+        if self._later is not None:
+            self.look_at(self._later())
         if self._seen is None:
             return []
         found = self._around.get(robot)

@@ -120,7 +120,7 @@ def visible(text: str) -> str:
 
     Escapes, direction marks and line ends become one visible character each, a tab four blanks.
     """
-    if text.isascii() and text.isprintable():
+    if text.isprintable():  # so no character acts
         return text
     return "".join(map(visible_character, text))
 

@@ -174,10 +174,10 @@ def _of_value(
                 yield from _of_value(f"{name}[{shown}]", type_.value, a, b)
         case _:
             if not identical(old, new):
-                yield name, *_told_apart(old, new, type_)
+                yield name, *told_apart(old, new, type_)
 
 
-def _told_apart(old: Value[Constant], new: Value[Constant], type_: Type) -> tuple[str, str]:
+def told_apart(old: Value[Constant], new: Value[Constant], type_: Type) -> tuple[str, str]:
     """Show two values that differ so that the difference is visible: exactly, if need be."""
     shown = show_value(old, type_), show_value(new, type_)
     if shown[0].replace(ROUNDED, "") != shown[1].replace(ROUNDED, ""):

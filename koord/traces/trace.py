@@ -132,6 +132,17 @@ class Tracer(Struct):
         self._open = step.rule not in ("INIT", "ENV-TRANS")
         self.outputs += emitted(step)
 
+    def add_round(
+        self,
+        number: int,
+        after: Configuration[Constant],
+        written: Iterable[tuple[int, Written[Constant]]],
+    ) -> None:
+        """Add a whole round: the configuration after it, and what its robots wrote."""
+        assert not self._open
+        self.configurations.append(after)
+        self.outputs += [Emitted(number, robot, one) for robot, one in written]
+
     def trace(
         self,
         sources: Sources,

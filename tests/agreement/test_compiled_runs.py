@@ -16,8 +16,9 @@ from msgspec import field
 
 from koord.refinement.generating.palette import GENERAL, Profile
 from koord.refinement.generating.programs import system as generated
+from koord.sampling.coded_rounds import MadeRound
 from koord.sampling.compiled.turns import Turns
-from koord.sampling.monitors import Monitor
+from koord.sampling.monitors import Monitor, Search
 from koord.sampling.policies import AtRandom, First, Play, Policy
 from koord.sampling.running import new_run
 from koord.semantics.configurations import Configuration
@@ -91,16 +92,26 @@ def story(
     numbers: Numbers = Numbers.EXACT,
     rounds: int = 4,
     seed: int = 0,
+    said: Counter[str] | None = None,
 ) -> list[str]:
     """All that can be told of a run: steps, what was recorded, the violation, how it ended."""
     rng = Random(seed)
     run = new_run(system, numbers, rng, turns)
     play = Play(run, policy(rng), rounds, monitor(run.d, system, run.inputs))
     told: list[str] = []
+    before: Configuration[Constant] | None = None
     try:
-        for taken in play.steps():
-            # What they look like tells 1, True and Fraction(1) apart, which are equal.
-            told.append(repr(taken))
+        for part in play.parts():
+            made = isinstance(part, MadeRound)
+            for taken in part.steps() if isinstance(part, MadeRound) else (part,):
+                # What they look like tells 1, True and Fraction(1) apart, which are equal.
+                told.append(repr((taken.step, taken.lost)))
+                assert before is None or taken.before is None or taken.before == before
+                before = taken.step.configuration
+            if isinstance(part, MadeRound):
+                assert repr(part.configuration) == repr(before) == repr(run.configuration)
+            if said is not None:
+                said["round" if made else "step"] += 1
         told.append(repr((play.recording(), play.violation)))
         told += getattr(play.watch, "seen", ())
     except (KoordError, IllegalStepError) as error:
@@ -110,15 +121,21 @@ def story(
 
 def compare(system: System, *, rounds: int, seed: int, numbers: Numbers) -> Counter[str]:
     """Compare runs by code and by the rules; how often code said something."""
-    d = numbers.domain
-    code = Counting(d, system)
+    d, said = numbers.domain, Counter[str]()
+    code = Counting(d, system, said=said)
+
+    def told(turns: Turns, monitor: Callable[..., Monitor], policy: Any) -> list[str]:
+        how = (system, turns, monitor, policy)
+        return story(*how, numbers=numbers, rounds=rounds, seed=seed, said=said)
+
     for policy in (lambda _: First(), AtRandom):
-        for quick, plain in ((Monitor, Judge), (Onlooker, OnlookingJudge)):
-            how = {"numbers": numbers, "rounds": rounds, "seed": seed}
-            by_code = story(system, code, quick, policy, **how)  # type: ignore[arg-type]
-            by_rules = story(system, ByTheRules(d, system), plain, policy, **how)  # type: ignore[arg-type]
-            assert by_code == by_rules
-    return code.said
+        by_rules = told(ByTheRules(d, system), Judge, policy)
+        assert told(code, Monitor, policy) == by_rules
+        assert told(Turns(d, system), Monitor, policy) == by_rules
+        assert told(Turns(d, system), Search, policy) == told(ByTheRules(d, system), Search, policy)
+        looked_on = told(ByTheRules(d, system), OnlookingJudge, policy)
+        assert told(code, Onlooker, policy) == looked_on
+    return said
 
 
 NUMBERS = pytest.mark.parametrize("numbers", Numbers)
@@ -144,7 +161,7 @@ def test_many_generated_programs(seeds: range, profile: Profile) -> None:
         made = generated(Random(seed), profile)
         said += compare(made, rounds=3, seed=seed, numbers=list(Numbers)[seed % 2])
     assert said["enabled"] > said["in doubt"]
-    assert min(said["event"], said["environment"]) > len(seeds), said
+    assert min(said["event"], said["environment"], said["round"]) > len(seeds), said
 
 
 @NUMBERS

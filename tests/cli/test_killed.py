@@ -54,7 +54,7 @@ if __name__ == "__main__":
         from koord.sim.files.rerun import PartRrd
         from koord.sim.files.rosbag import PartBag
         holders |= {"bag": (PartBag, "grow"), "rrd": (PartRrd, "grow")}
-    holders |= {"line": (LiveLine, "show"), "table": (Rounds, "show")}
+    holders |= {"line": (LiveLine, "show"), "table": (Rounds, "show_round")}
     holders["trace"] = (GrowingTrace, "grow")
     holder, name = holders[what]
     counted(holder, name, most, number)
@@ -145,7 +145,7 @@ ASKED = (
     ),
     Asked(
         "table",
-        30,
+        9,
         signal.SIGHUP,
         ("run", LEADER, "--policy", "random", "--rounds", "90", "--trace", "t.json"),
         ("t.json",),

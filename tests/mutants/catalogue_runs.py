@@ -5,6 +5,7 @@ from __future__ import annotations
 from tests.mutants.mutant import Mutant
 
 AGREEMENT = "tests/agreement/test_compiled_runs.py"
+ROUNDS = "tests/agreement/test_rounds_by_code.py"
 
 RUNS = (
     Mutant(
@@ -16,7 +17,7 @@ RUNS = (
     ),
     Mutant(
         "the code of claims forgets one of two readers",
-        "sampling.compiled.claims._Splitting._part",
+        "sampling.compiled.claims.Splitting._written",
         "known | {position[name]}",
         "frozenset({position[name]})",
         (AGREEMENT,),
@@ -100,37 +101,128 @@ RUNS = (
     ),
     Mutant(
         "code keeps what a robot ran in the last round",
-        "sampling.compiled.turns._opened",
+        "sampling.compiled.round_ends.opened",
         "if state.turn is Turn.ENV: return robots",
         "return robots",
         (AGREEMENT,),
     ),
     Mutant(
         "code stops nobody when all asked to stop",
-        "sampling.compiled.turns._ended",
+        "sampling.compiled.round_ends.ended",
         "state.status != Status.RUNNING",
         "state.status == Status.STOPPED",
         (AGREEMENT,),
     ),
     Mutant(
         "code commits no write of a whole variable",
-        "sampling.compiled.turns.TurnWriter.write",
+        "sampling.compiled.turn_text.TurnWriter.write",
         "self.line(f'{masks}[{variable.slot}] = WHOLE')",
         "self.line('pass')",
         (AGREEMENT,),
     ),
     Mutant(
         "models of code read what they wrote",
-        "sampling.compiled.turns.TurnWriter.read",
+        "sampling.compiled.turn_text.TurnWriter.read",
         "self._name(variable, after=place.primed)",
         "self._name(variable, after=place.primed or self.in_environment)",
         (AGREEMENT,),
     ),
     Mutant(
         "code hears of no broken contract of a model",
-        "sampling.compiled.turns._look_at",
+        "sampling.compiled.turn_text._look_at",
         "' and '.join(writer.expression(e) for e in contract.ensures) or 'True'",
         "'True'",
         (AGREEMENT,),
+    ),
+    Mutant(
+        "rounds by code draw as if all counts were powers of two",
+        "sampling.compiled.round_text._drawn",
+        "f'{indent}while {name} >= {count}:'",
+        "f'{indent}while {name} > {count}:'",
+        (AGREEMENT,),
+    ),
+    Mutant(
+        "rounds by code skip though an event is urgent",
+        "sampling.compiled.round_text.RoundText._urgent",
+        "f'{INDENT * 3}return False'",
+        "f'{INDENT * 3}return True'",
+        (AGREEMENT,),
+    ),
+    Mutant(
+        "rounds by code show all what was just written",
+        "sampling.compiled.column_writer.ColumnWriter.load",
+        "lines.append(f'{INDENT}{name} = s_{column.name}[0]')",
+        "lines.append(f'{INDENT}{name} = {column.name}[0]')",
+        (AGREEMENT,),
+    ),
+    Mutant(
+        "rounds by code enter a lock class twice",
+        "sampling.compiled.round_turns.EventText._end",
+        "writer.line('if entered & taken:')",
+        "writer.line('if entered - entered:')",
+        (AGREEMENT,),
+    ),
+    Mutant(
+        "rounds by code look at no claim after a turn",
+        "sampling.compiled.round_text.RoundText._calls",
+        "changed.keys() & part.axes.keys()",
+        "set[str]()",
+        (AGREEMENT,),
+    ),
+    Mutant(
+        "rounds by code look at a claim for the first of its robots alone",
+        "sampling.compiled.round_text.RoundText._calls",
+        "sorted({axis for name in read for axis in part.axes[name] or ()})",
+        "sorted({axis for name in read for axis in part.axes[name] or ()})[:1]",
+        (ROUNDS,),
+    ),
+    Mutant(
+        "rounds by code look at no claim after the environment",
+        "sampling.compiled.round_text.RoundText._checks",
+        "[part for part in self._always if ports & part.axes.keys()]",
+        "self._at_end",
+        (ROUNDS,),
+    ),
+    Mutant(
+        "rounds by code undo no models that are in doubt",
+        "sampling.coded_rounds.CodedRounds._come_to",
+        "code.undo_environment()",
+        "code.close()",
+        (ROUNDS,),
+    ),
+    Mutant(
+        "rounds by code take arrays of any length",
+        "sampling.compiled.operations.fitted",
+        "len(value.items) != (robots if size is Robots.ALL else size)",
+        "not size",
+        (ROUNDS,),
+    ),
+    Mutant(
+        "rounds by code keep the copies of those who wrote",
+        "sampling.compiled.round_log.LoggedState._ran",
+        "mine is not UNWRITTEN",
+        "mine is UNWRITTEN",
+        (AGREEMENT,),
+    ),
+    Mutant(
+        "rounds by code leave turns that no claim was asked about",
+        "sampling.coded_rounds.CodedRounds._come_to",
+        "code.undo_turn()",
+        "code.close()",
+        (AGREEMENT,),
+    ),
+    Mutant(
+        "rounds by code are over before they are told",
+        "sampling.policies.Play._opened",
+        "number == len(coded.opened) and coded.sensed is None",
+        "number > 0",
+        (ROUNDS,),
+    ),
+    Mutant(
+        "rounds that are cut keep what was asked in turns that nobody took",
+        "sampling.running.Run._open_round",
+        "a.phase is Phase.PROG and a.robot in order",
+        "a.phase is Phase.PROG",
+        (ROUNDS,),
     ),
 )

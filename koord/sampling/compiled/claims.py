@@ -11,18 +11,19 @@ import re
 from collections.abc import Callable, Iterator
 from fractions import Fraction
 from math import lcm
+from typing import Protocol
 
 from msgspec import Struct
 
-from koord.sampling.compiled.columns import Columns, Watcher
+from koord.sampling.compiled.columns import Column, Columns, Watcher
 from koord.sampling.compiled.expressions import Names, NoCodeError, Writer
 from koord.sampling.compiled.operations import InDoubt
 from koord.sampling.compiled.statements import INDENT, call_text
-from koord.semantics.domain import EXACT
+from koord.semantics.domain import EXACT, Constant, Domain
 from koord.syntax import core
 from koord.syntax.core import BinaryOp, Home, QuantifierKind
-from koord.syntax.system import Status
-from koord.syntax.types import INT, FloatType
+from koord.syntax.system import Status, System
+from koord.syntax.types import INT, FloatType, Type
 from koord.syntax.walk import nodes
 
 #: A larger unit saves nothing: numbers counted in it are longer than machine words.
@@ -72,15 +73,17 @@ class Claim:
     def __init__(self, columns: Columns, condition: core.Expr) -> None:
         self._condition = condition
         self._columns = columns
-        self._unit = _unit_of(columns, condition)
+        self._unit = unit_of(columns.d, columns.system, condition)
         self._doubts = 0
         self._parts = self._made()
 
     def _made(self) -> list[Part] | None:
+        columns = self._columns
         for unit in (self._unit, None) if self._unit is not None else (None,):
             self._unit = unit
             try:
-                return _Splitting(self._columns, unit).parts(self._condition)
+                splitting = Splitting(columns, Names(columns.d, columns.system), unit=unit)
+                return splitting.parts(self._condition)
             except NoCodeError:
                 continue
         return None
@@ -104,16 +107,16 @@ class Claim:
             return None
 
 
-def _unit_of(columns: Columns, condition: core.Expr) -> int | None:
-    """A unit of which all constant floats are whole numbers, where floats are exact."""
-    if columns.d is not EXACT:
+def unit_of(d: Domain[Constant], system: System, part: object) -> int | None:
+    """A unit of which all constant floats of a part are whole numbers, where floats are exact."""
+    if d is not EXACT:
         return None
     found = [
-        Fraction(node.value) if isinstance(node, core.Const) else columns.system.delta_s
-        for node in nodes(condition)
+        Fraction(node.value) if isinstance(node, core.Const) else system.delta_s
+        for node in nodes(part)
         if isinstance(node, core.Const | core.Delta) and isinstance(node.type, FloatType)
     ]
-    unit = lcm(columns.system.delta_s.denominator, *(number.denominator for number in found))
+    unit = lcm(system.delta_s.denominator, *(number.denominator for number in found))
     return unit if unit <= _LARGEST_UNIT else None
 
 
@@ -126,19 +129,62 @@ class _Shape(Struct, frozen=True):
     reads: frozenset[tuple[str, str | None]]
 
 
-class _Splitting(Writer):
-    """A writer of a claim."""
+class WrittenPart(Struct, frozen=True):
+    """A part whose functions are known by their names.
 
-    def __init__(self, columns: Columns, unit: int | None) -> None:
-        super().__init__(Names(columns.d, columns.system), unit=unit)
+    ``axes`` are as in :class:`Watcher`, ``kinds`` as in :class:`Part`.
+    """
+
+    axes: dict[str, frozenset[int] | None]
+    kinds: tuple[frozenset[int], ...]
+    of_all: str
+    of_one: tuple[str, ...]
+
+
+class Holding(Protocol):
+    """Columns of variables."""
+
+    @property
+    def d(self) -> Domain[Constant]:
+        """The numbers that they hold."""
+
+    @property
+    def system(self) -> System:
+        """The system whose variables they are."""
+
+    def of(self, variable: core.Variable, unit: int | None) -> Column:
+        """The column of a variable. Raises NoCodeError."""
+
+    def of_turns(self, what: str, type_: Type) -> Column:
+        """The column of the robots' ``ran`` or ``status``."""
+
+
+class Splitting(Writer):
+    """A writer of claims. Where it does not spend, whoever calls the code does."""
+
+    def __init__(
+        self,
+        columns: Holding,
+        names: Names,
+        *,
+        unit: int | None,
+        short: bool = False,
+        spends: bool = True,
+    ) -> None:
+        super().__init__(names, unit=unit, short=short)
         self.columns = columns
         self.reads: set[tuple[str, str | None]] = set()
         self.watched: dict[str, list[Watcher]] = {}
-        self.names.values["spend"] = columns.system.budget.spend
+        self.spends = spends
+        names.values["spend"] = columns.system.budget.spend
 
     def parts(self, condition: core.Expr) -> list[Part]:
         """The parts of a claim. Raises NoCodeError."""
-        return [self._part(shape) for shape in list(self._split(condition, (), ()))]
+        return [self._part(written) for written in self.written(condition)]
+
+    def written(self, condition: core.Expr) -> list[WrittenPart]:
+        """The parts of a claim, whose texts are among those of the names. Raises NoCodeError."""
+        return [self._written(shape) for shape in list(self._split(condition, (), ()))]
 
     # --- places ----------------------------------------------------------------------------------
 
@@ -154,7 +200,7 @@ class _Splitting(Writer):
                 self.reads.add((column, None))
                 text = f"{column}[0]"
             case Home.ALLREAD if not steps:
-                self._no_unit()
+                self.uncounted(variable.type)
                 self.reads.add((column, None))
                 return f"gathered({column})"
             case Home.ALLREAD:
@@ -237,9 +283,14 @@ class _Splitting(Writer):
                 body = self.expression(e)
                 yield _Shape(variables, conditions, body, frozenset(self.reads))
 
-    def _part(self, shape: _Shape) -> Part:
-        of_all = self._function(shape, None)
-        of_one = tuple(self._function(shape, name) for name, _ in shape.variables)
+    def _part(self, written: WrittenPart) -> Part:
+        watcher = Watcher(written.axes, [set() for _ in written.kinds])
+        for column in written.axes:
+            self.watched[column].append(watcher)
+        of_one = tuple(map(self.names.made, written.of_one))
+        return Part(watcher, written.kinds, self.names.made(written.of_all), of_one)
+
+    def _written(self, shape: _Shape) -> WrittenPart:
         position = {name: at for at, (name, _) in enumerate(shape.variables)}
         axes: dict[str, frozenset[int] | None] = {}
         for column, name in shape.reads:
@@ -248,20 +299,20 @@ class _Splitting(Writer):
                 axes[column] = None
             else:
                 axes[column] = known | {position[name]}
-        watcher = Watcher(axes, [set() for _ in shape.variables])
-        for column in axes:
-            self.watched[column].append(watcher)
         kinds = self.names.system.kinds
         members = tuple(
             frozenset(i for i, kind in enumerate(kinds) if agent is None or agent == kind)
             for _, agent in shape.variables
         )
-        return Part(watcher, members, of_all, of_one)
+        of_one = tuple(self._function(shape, name) for name, _ in shape.variables)
+        return WrittenPart(axes, members, self._function(shape, None), of_one)
 
-    def _function(self, shape: _Shape, given: str | None) -> Callable[..., bool]:
+    def _function(self, shape: _Shape, given: str | None) -> str:
         """A function of no robot, or of the one given, that says whether the part holds."""
         name = self.names.new("part")
-        lines = [f"def {name}({given or ''}):", f"{INDENT}spend()"]
+        lines = [f"def {name}({given or ''}):"]
+        if self.spends:
+            lines.append(f"{INDENT}spend()")
         indent = INDENT
         free = [(one, agent) for one, agent in shape.variables if one != given]
         unknown = {one for one, _ in free}
@@ -279,7 +330,7 @@ class _Splitting(Writer):
                 indent += INDENT
         lines += [f"{indent}if not {shape.body}:", f"{indent}{INDENT}return False"]
         self.names.texts += [*lines, f"{INDENT}return True"]
-        return self.names.made(name)
+        return name
 
 
 def _words(text: str) -> list[str]:

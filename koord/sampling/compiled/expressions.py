@@ -12,7 +12,7 @@ from fractions import Fraction
 from typing import Any, assert_never
 
 from koord.sampling.compiled.operations import NAMES
-from koord.semantics.domain import Constant, Domain
+from koord.semantics.domain import EXACT, Constant, Domain
 from koord.syntax import core
 from koord.syntax.core import BinaryOp, Home, ListOp, QuantifierKind, UnaryOp
 from koord.syntax.system import System
@@ -22,7 +22,16 @@ from koord.syntax.types import (
     Robots,
     ScalarType,
     Type,
+    contains,
 )
+
+#: Short numbers are less than this, and more than its negative.
+LARGEST = 2**60
+
+#: What is made of so few short numbers is never too long.
+_MOST_PARTS = 500
+
+_QUOTIENTS = (BinaryOp.DIV, BinaryOp.MOD)
 
 
 class NoCodeError(Exception):
@@ -47,12 +56,13 @@ class Names:
 
     def made(self, name: str) -> Callable[..., Any]:
         """The function of a name, from the texts written so far. Raises NoCodeError."""
-        source = "\n".join(self.texts)
-        self.texts.clear()
-        try:
-            exec(compile(source, f"<{name}>", "exec"), self.values)
-        except (SyntaxError, RecursionError, MemoryError):
-            raise NoCodeError("the text is too deep for Python") from None
+        if self.texts:
+            source = "\n".join(self.texts)
+            self.texts.clear()
+            try:
+                exec(compile(source, f"<{name}>", "exec"), self.values)
+            except (SyntaxError, RecursionError, MemoryError):
+                raise NoCodeError("the text is too deep for Python") from None
         function: Callable[..., Any] = self.values[name]
         return function
 
@@ -65,11 +75,13 @@ class Writer:
     """A writer of the expressions of one body. ``bound`` has the names of its bound variables.
 
     With a ``unit``, exact floats are counted in units, as ints: ``Fraction(1, unit)`` is one.
+    Where variables are ``short``, so is what is made of a few of them.
     """
 
-    def __init__(self, names: Names, *, unit: int | None = None) -> None:
+    def __init__(self, names: Names, *, unit: int | None = None, short: bool = False) -> None:
         self.names = names
         self.unit = unit
+        self.short = short
         self.bound: dict[int, str] = {}
         #: Bound variables that hold the number of a robot.
         self.robots: set[str] = set()
@@ -132,13 +144,13 @@ class Writer:
             case core.Builtin():
                 return self._builtin(e)
             case core.MakeList():
-                self._no_unit()
+                self.uncounted(e.type)
                 return f"Seq({len(e.items)}, {self._tuple(e.items)})"
             case core.MakeRecord():
-                self._no_unit()
+                self.uncounted(e.type)
                 return f"Rec({self._tuple(e.fields)})"
             case core.Call():
-                self._no_unit()
+                self.uncounted(e.type, *(argument.type for argument in e.arguments))
                 return self.call(e)
             case core.Quantified():
                 return self._quantified(e)
@@ -151,11 +163,14 @@ class Writer:
             case core.ExternalCall():
                 return self.external(e)
             case core.MakeMap():
-                raise NoCodeError("a map is made of entries")
+                self.uncounted(e.type)
+                pairs = "".join(f"({self.sure(k)}, {self.sure(v)}), " for k, v in e.entries)
+                return f"mapped(D, ({pairs}))"
         assert_never(e)
 
-    def _no_unit(self) -> None:
-        if self.unit is not None:
+    def uncounted(self, *types: Type) -> None:
+        """Refuse floats inside of values, and of functions, which are not counted in units."""
+        if self.unit is not None and any(contains(type_, FloatType) for type_ in types):
             raise NoCodeError("parts of values are not counted in units")
 
     def _tuple(self, parts: tuple[core.Expr, ...]) -> str:
@@ -204,7 +219,7 @@ class Writer:
             case BinaryOp.MIN | BinaryOp.MAX:
                 return f"{e.op.value}({left}, {right})"
             case BinaryOp.ADD | BinaryOp.SUB:
-                return f"handy({left} {e.op.value} {right})"
+                return self._handy(e, f"{left} {e.op.value} {right}")
             case BinaryOp.MUL:
                 return self._product(e, left, right)
             case BinaryOp.DIV | BinaryOp.MOD:
@@ -218,7 +233,7 @@ class Writer:
         word = "" if e.op is BinaryOp.EQ else "not "
         if isinstance(e.left.type, ScalarType):
             return f"({left} {e.op.value} {right})"
-        self._no_unit()
+        self.uncounted(e.left.type, e.right.type)
         return f"({word}equal(D, sure({left}), sure({right})))"
 
     def _product(self, e: core.Binary, left: str, right: str) -> str:
@@ -234,7 +249,37 @@ class Writer:
                 right = self.expression(e.right.operand)
             else:
                 raise NoCodeError("a product is no number of units")
-        return f"handy({left} * {right})"
+        return self._handy(e, f"{left} * {right}")
+
+    def _handy(self, e: core.Binary, text: str) -> str:
+        """A number that is no longer than numbers may be. [E-ARITH]"""
+        exact = self.unit is None and self.names.d is EXACT
+        if self.short and not (exact and isinstance(e.type, FloatType)):
+            parts = self._short_parts(e)
+            if parts is not None and parts <= _MOST_PARTS:
+                return f"({text})"
+        return f"handy({text})"
+
+    def _short_parts(self, e: core.Expr) -> int | None:
+        """Of how many short numbers an expression is made; None if of others as well."""
+        match e:
+            case core.Pid() | core.NumAgents() | core.Delta():
+                return 1
+            case core.Const(value=value):
+                is_short = isinstance(value, int | Fraction) and -LARGEST < value < LARGEST
+                return 1 if is_short else None
+            case core.Read(place=core.Place(variable=variable, steps=steps)):
+                if variable.home is Home.BOUND:
+                    return 1 if self.bound.get(variable.slot) in self.robots else None
+                own_steps = 1 if variable.home is Home.ALLREAD else 0
+                return 1 if len(steps) == own_steps else None
+            case core.Unary(operand=operand):
+                return self._short_parts(operand)
+            case core.Binary(op=op, left=left, right=right) if op not in _QUOTIENTS:
+                one, other = self._short_parts(left), self._short_parts(right)
+                return None if one is None or other is None else one + other
+            case _:
+                return None
 
     # --- places ----------------------------------------------------------------------------------
 
@@ -246,8 +291,7 @@ class Writer:
             raise NoCodeError("a bound variable is not known")
         if place.steps:
             return self.below(f"sure({name})", place.steps)
-        if isinstance(place.variable.type, FloatType):
-            self._no_unit()
+        self.uncounted(place.variable.type)
         return name
 
     def below(self, text: str, steps: tuple[core.Step, ...]) -> str:
@@ -257,13 +301,14 @@ class Writer:
         return text
 
     def _below(self, text: str, step: core.Step) -> str:
-        self._no_unit()
+        self.uncounted(step.type)
         match step:
             case core.FieldStep():
                 return f"{text}.fields[{step.position}]"
             case core.IndexStep():
                 return f"pick({text}.items, {self.expression(step.index)})"
             case core.KeyStep():
+                self.uncounted(step.key.type)
                 return f"entry(D, {text}, {self.sure(step.key)})"
         assert_never(step)
 
@@ -275,7 +320,7 @@ class Writer:
         if e.op is ListOp.LENGTH and isinstance(first.type, ArrayType):
             size = first.type.size
             return str(self.names.system.robots if size is Robots.ALL else size)
-        self._no_unit()
+        self.uncounted(first.type)
         value = self.sure(first)
         match e.op:
             case ListOp.LENGTH:
@@ -301,7 +346,7 @@ class Writer:
             case core.IntRange(low=low, high=high):
                 over = f"range({self.expression(low)}, {self.expression(high)})"
             case core.Elements(sequence=elements):
-                self._no_unit()
+                self.uncounted(elements.type)
                 over = f"{self.sure(elements)}.items"
             case core.AllValues():
                 raise NoCodeError("all values of a type cannot be tried")

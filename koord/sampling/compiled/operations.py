@@ -14,8 +14,8 @@ from koord.semantics import domain
 from koord.semantics.domain import Constant, Domain
 from koord.semantics.locations import AtField, AtIndex, AtKey, Location, Mask, marked, write
 from koord.semantics.storage import Cell, Storage, Tree, contents, stored
-from koord.semantics.values import Rec, Seq, Table, equal, lookup
-from koord.syntax.types import Type
+from koord.semantics.values import Rec, Seq, Table, equal, insert, lookup
+from koord.syntax.types import ArrayType, RecordType, Robots, Type
 
 
 class InDoubt(Exception):  # noqa: N818 - no error, but what the quick way cannot tell
@@ -131,6 +131,16 @@ def gathered(values: list[Any]) -> Seq[Constant]:
     return Seq(len(values), tuple(values))
 
 
+def pick_with(items: Sequence[Any], index: Any, own: int, value: Any) -> Any:
+    """The item at an index, where one's own is by now another value. [LOOKUP]"""
+    return value if index == own else pick(items, index)
+
+
+def gathered_with(values: list[Any], own: int, value: Any) -> Seq[Constant]:
+    """An array over robots, where one's own entry is by now another value. [LOOKUP]"""
+    return gathered([*values[:own], value, *values[own + 1 :]])
+
+
 def pairs(value: Seq[Constant] | Table[Constant]) -> Iterator[tuple[Any, Any]]:
     """The indices and items of a list, or the entries of a map. [S-FOREACH]"""
     return iter(value.entries) if isinstance(value, Table) else enumerate(value.items)
@@ -157,6 +167,14 @@ def keys(table: Table[Constant]) -> Seq[Constant]:
     return Seq(table.length, tuple(key for key, _ in table.entries))
 
 
+def mapped(d: Domain[Constant], pairs: Sequence[tuple[Any, Any]]) -> Table[Constant]:
+    """A map of entries: of two with one key the later counts. [E-MAP]"""
+    made: Table[Constant] = Table(0, ())
+    for key, value in pairs:
+        made = insert(d, made, key, value)
+    return made
+
+
 # --- writing -------------------------------------------------------------------------------------
 
 
@@ -170,6 +188,49 @@ def at_key(key: Any) -> AtKey[Constant]:
 
 def at_field(position: int) -> AtField:
     return AtField(position)
+
+
+def fitted(value: Any, type_: Type, robots: int) -> Any:
+    """The value of a record or an array whose arrays have as many items as they have room for.
+    [ATOM]
+    """
+    match type_:
+        case RecordType(fields=fields):
+            for part, (_, its) in zip(value.fields, fields, strict=True):
+                fitted(part, its, robots)
+        case ArrayType(element=element, size=size):
+            if len(value.items) != (robots if size is Robots.ALL else size):
+                raise InDoubt
+            for item in value.items:
+                fitted(item, element, robots)
+        case _:
+            pass
+    return value
+
+
+#: More parts of lists are left to the rules, which know how many there may be.
+_MOST_LISTED = 1_000
+
+
+def check_length(value: Any) -> None:
+    """Leave lists with many parts to the rules; lists in them count as well."""
+    waiting, count = [value], 0
+    while waiting:
+        match waiting.pop():
+            case Rec(fields=fields):
+                waiting += fields
+            case Seq(items=items):
+                count += len(items)
+                waiting += items if count <= _MOST_LISTED else ()
+            case Table(entries=entries):
+                count += 2 * len(entries)
+                waiting += (
+                    (part for pair in entries for part in pair) if count <= _MOST_LISTED else ()
+                )
+            case _:
+                continue
+        if count > _MOST_LISTED:
+            raise InDoubt
 
 
 def put(
@@ -244,8 +305,9 @@ NAMES = {
     one.__name__: one
     for one in (
         *(InDoubt, sure, handy, quotient, remainder, absolute, scaled, held, whole, pick, entry),
-        *(gathered, pairs, has, extreme, keys, at_index, at_key, at_field, put, put_in_array),
-        *(put_inside, mark, appended, removed, popped),
+        *(pick_with, gathered, gathered_with, pairs, has, extreme, keys, mapped),
+        *(at_index, at_key, at_field, put, put_in_array, put_inside, mark),
+        *(fitted, check_length, appended, removed, popped),
         *(equal, stored, Rec, Seq, Cell, Tree, Fraction),
     )
 } | {"UNSET": UNSET, "WHOLE": WHOLE}

@@ -5,7 +5,7 @@ What may fault is in doubt, so the text only says what happens where nothing doe
 
 from __future__ import annotations
 
-from typing import assert_never
+from typing import ClassVar, assert_never
 
 from koord.sampling.compiled.expressions import Names, NoCodeError, Writer
 from koord.syntax import core
@@ -180,6 +180,36 @@ class BodyWriter(Writer):
         call = self.names.new("k", e)
         arguments = tuple_text([self.sure(argument) for argument in e.arguments])
         return f"ask.external({call}, {tuple_text(self.trail)}, {arguments})"
+
+
+class EventWriter(BodyWriter):
+    """A writer of the bodies of events, and of what environments do, which is less.
+
+    ``stops`` and ``asks`` are the lines for a robot that stops, and for one that would.
+    """
+
+    stops: ClassVar[str]
+    asks: ClassVar[str]
+    in_environment = False
+
+    def simple(self, s: core.Atomic | core.Stop | core.TryStop | core.Output) -> None:
+        if self.in_environment:
+            raise NoCodeError("a statement of events")
+        match s:
+            case core.Atomic():
+                # [ATOMIC]
+                self.line(f"entered |= {self.names.new('k', frozenset((s.lock_class,)))}")
+                for inner in s.body:
+                    self.statement(inner)
+            case core.Stop():
+                self.line(self.stops)
+            case core.TryStop():
+                self.line(self.asks)
+            case core.Output():
+                # [OUTPUT]
+                values = "".join(f"{self.sure(value)}, " for value in s.values)
+                types = self.names.new("k", tuple(value.type for value in s.values))
+                self.line(f"written += (Written({s.stream!r}, ({values}), {types}),)")
 
 
 class _FunctionWriter(BodyWriter):

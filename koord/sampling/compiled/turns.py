@@ -5,17 +5,23 @@ What a robot holds in atoms the code has as values; records and arrays stay stor
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from typing import Any, TypeVar
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, TypeVar
+from weakref import ReferenceType
 
 from msgspec import Struct, field
 
 from koord.sampling.compiled.asking import Asking
 from koord.sampling.compiled.expressions import Names, NoCodeError
 from koord.sampling.compiled.operations import InDoubt
-from koord.sampling.compiled.statements import INDENT, BodyWriter, is_tree
+from koord.sampling.compiled.round_ends import ended, opened
+from koord.sampling.compiled.turn_text import (
+    TurnWriter,
+    environment_text,
+    event_text,
+    guards_text,
+)
 from koord.semantics.configurations import (
-    NO_EVENT,
     Configuration,
     Robot,
     Store,
@@ -28,17 +34,16 @@ from koord.semantics.oracle import Inputs, Phase
 from koord.semantics.rounds import Stepped
 from koord.semantics.storage import Storage
 from koord.syntax import core
-from koord.syntax.core import Home
 from koord.syntax.system import Status, System
-from koord.syntax.types import ArrayType, Type
+
+if TYPE_CHECKING:
+    from koord.sampling.compiled.rounds import RoundCode
 
 Made = Callable[..., Any]
 T = TypeVar("T")
 
 #: So often a turn is asked of the reference after doubts, before it is asked at once.
 _MOST_DOUBTS = 50
-
-_LISTS = {Home.LOCAL: "L", Home.PORT: "P", Home.ALLREAD: "R", Home.ALLWRITE: "W"}
 
 
 class Code(Struct, eq=False):
@@ -68,6 +73,8 @@ class Turns(Struct, eq=False):
 
     d: Domain[Constant]
     system: System
+    #: Code of whole rounds, each with a reference to the run that uses it.
+    rounds: list[tuple[ReferenceType[Any], RoundCode]] = field(default_factory=list)
     _guards: dict[int, Code] = field(default_factory=dict)
     _events: dict[tuple[int, int], Code] = field(default_factory=dict)
     _environments: dict[int, Code] = field(default_factory=dict)
@@ -130,9 +137,9 @@ class Turns(Struct, eq=False):
                 _joined(self.d, store.allwrite, copy.allwrite, allwrite),
             )
         taken = configuration.taken | entered if entered else configuration.taken
-        robots = _opened(configuration.robots)
+        robots = opened(configuration.robots)
         robots = (*robots[:robot], after, *robots[robot + 1 :])
-        return Stepped(_ended(configuration, robots, store, taken), written)
+        return Stepped(ended(configuration, robots, store, taken), written)
 
     def evolved(
         self, configuration: Configuration[Constant], inputs: Inputs[Constant]
@@ -189,48 +196,6 @@ def _made(
         return None
 
 
-def _opened(robots: tuple[Robot[Constant], ...]) -> tuple[Robot[Constant], ...]:
-    """The robots at the start of a turn: a round's first turn clears ``ran``. [EVENT-TRANS]"""
-    for state in robots:
-        if state.turn is Turn.ENV:
-            return robots
-    return tuple(
-        state
-        if state.ran == NO_EVENT
-        else Robot(
-            state.kind,
-            state.locals,
-            state.ports,
-            state.copy,
-            state.status,
-            NO_EVENT,
-            state.turn,
-        )
-        for state in robots
-    )
-
-
-def _ended(
-    before: Configuration[Constant],
-    robots: tuple[Robot[Constant], ...],
-    store: Store[Constant],
-    taken: frozenset[int],
-) -> Configuration[Constant]:
-    """Begin the environment's turn once every robot has had its own. [END-PROG] [STOP]"""
-    turn = Turn.ENV
-    for state in robots:
-        if state.turn is Turn.PROG:
-            turn = before.turn
-            break
-    else:
-        if all(state.status != Status.RUNNING for state in robots):
-            stopped = int(Status.STOPPED)
-            robots = tuple(
-                Robot(s.kind, s.locals, s.ports, s.copy, stopped, s.ran, s.turn) for s in robots
-            )
-    return Configuration(robots, store, before.round, turn, taken, before.fault)
-
-
 def _joined(
     d: Domain[Constant],
     target: tuple[Storage[Constant], ...],
@@ -243,264 +208,3 @@ def _joined(
     for slot, mask in masks.items():
         changed[slot] = joined(d, target[slot], source[slot], mask)
     return tuple(changed)
-
-
-# --- text ----------------------------------------------------------------------------------------
-
-
-class TurnWriter(BodyWriter):
-    """A writer of a robot's turn. ``loaded`` are the variables that the text has by name."""
-
-    def __init__(self, names: Names) -> None:
-        super().__init__(names)
-        self.loaded: dict[tuple[Home, int], core.Variable] = {}
-        self.written: dict[tuple[Home, int], core.Variable] = {}
-        self.in_environment = False
-
-    def pid(self) -> str:
-        return "pid"
-
-    # --- places ----------------------------------------------------------------------------------
-
-    def read(self, place: core.Place) -> str:
-        """A variable of the robot, or its copy of a shared one. [LOOKUP]"""
-        variable = place.variable
-        name = self._name(variable, after=place.primed)
-        if not is_tree(variable.type):
-            return self.below(f"sure({name})", place.steps) if place.steps else name
-        return self._in_tree(name, variable.type, place.steps)
-
-    def _in_tree(self, text: str, type_: Type, steps: tuple[core.Step, ...]) -> str:
-        """What a place below a tree holds. [LOOKUP]"""
-        for at, step in enumerate(steps):
-            if not is_tree(type_):
-                return self.below(f"sure(held({text}))", steps[at:])
-            if isinstance(step, core.FieldStep):
-                text = f"{text}.parts[{step.position}]"
-            else:
-                assert isinstance(step, core.IndexStep)
-                text = f"pick({text}.parts, {self.expression(step.index)})"
-            type_ = step.type
-        if is_tree(type_):
-            return f"whole(D, {text}, {self.names.new('k', type_)})"
-        return f"held({text})"
-
-    def _name(self, variable: core.Variable, *, after: bool = False) -> str:
-        """The name of a variable, or of the port as it is after the environment's turn."""
-        key = variable.home, variable.slot
-        if after:
-            self.written[key] = variable
-        self.loaded[key] = variable
-        return f"{_LISTS[variable.home].lower()}{'n' if after else ''}{variable.slot}"
-
-    def write(self, place: core.Place, value: str) -> None:
-        """Write a place. [LOCAL-ASSIGN] [SHARED-ASSIGN] [ALLREAD] [ACTUATE]"""
-        variable, steps = place.variable, place.steps
-        if self.in_environment and variable.home is not Home.PORT:
-            raise NoCodeError("an environment writes ports")
-        name = self._name(variable, after=self.in_environment)
-        self.written[variable.home, variable.slot] = variable
-        shared = variable.home in (Home.ALLREAD, Home.ALLWRITE)
-        masks = f"{_LISTS[variable.home]}M"
-        tree = is_tree(variable.type)
-        if not steps:
-            self.line(f"{name} = {self._stored(variable.type, value) if tree else value}")
-            if shared:
-                self.line(f"{masks}[{variable.slot}] = WHOLE")
-            return
-        fresh, locations = self.names.new("t"), self.names.new("t")
-        self.line(f"{fresh} = {value}")
-        self.line(f"{locations} = {self.locations(steps)}")
-        if not tree:
-            before = f"Cell(True, {name})"
-            changed = f"put_inside(D, {name}, {locations}, {fresh})"
-        elif len(steps) == 1 and isinstance(variable.type, ArrayType) and not is_tree(place.type):
-            before = name
-            changed = f"put_in_array({name}, {locations}[0].index, {fresh})"
-        else:
-            before = name
-            storage = self._fresh(variable.type, steps, place.type, fresh)
-            changed = f"put(D, {name}, {locations}, {storage})"
-        if shared:
-            self.line(f"mark(D, {masks}, {variable.slot}, {before}, {locations})")
-        self.line(f"{name} = {changed}")
-
-    def _stored(self, type_: Type, value: str) -> str:
-        return f"stored(D, {self.names.new('k', type_)}, {value}, {self.names.system.robots})"
-
-    def _fresh(self, root: Type, steps: tuple[core.Step, ...], type_: Type, value: str) -> str:
-        """The value as storage of the written part: a cell where that part lies in an atom."""
-        for step in steps:
-            if not is_tree(root):
-                return f"Cell(True, {value})"
-            root = step.type
-        return self._stored(type_, value)
-
-    # --- statements ------------------------------------------------------------------------------
-
-    def simple(self, s: core.Atomic | core.Stop | core.TryStop | core.Output) -> None:
-        if self.in_environment:
-            raise NoCodeError("a statement of events")
-        match s:
-            case core.Atomic():
-                # [ATOMIC]
-                self.line(f"entered |= {self.names.new('k', frozenset((s.lock_class,)))}")
-                for inner in s.body:
-                    self.statement(inner)
-            case core.Stop():
-                self.line("stop = True")
-            case core.TryStop():
-                self.line("asked = True")
-            case core.Output():
-                # [OUTPUT]
-                values = "".join(f"{self.sure(value)}, " for value in s.values)
-                types = self.names.new("k", tuple(value.type for value in s.values))
-                self.line(f"written += (Written({s.stream!r}, ({values}), {types}),)")
-
-    # --- what stands around ----------------------------------------------------------------------
-
-    def load(self) -> list[str]:
-        """The lines that name the variables that are used. A cell's is what it holds."""
-        lines = []
-        for (home, slot), variable in sorted(self.loaded.items(), key=_by_name):
-            storage, name = f"{_LISTS[home]}[{slot}]", f"{_LISTS[home].lower()}{slot}"
-            if is_tree(variable.type):
-                lines.append(f"{INDENT}{name} = {storage}")
-            else:
-                lines.append(f"{INDENT}{name} = held({storage})")
-        return lines
-
-    def stores(self, home: Home, suffix: str = "") -> str:
-        """The storage of a home's variables after the turn."""
-        source = _LISTS[home]
-        slots = sorted(slot for its_home, slot in self.written if its_home is home)
-        if not slots:
-            return source
-        parts, last = [], 0
-        for slot in slots:
-            if slot > last:
-                parts.append(f"*{source}[{last}:{slot}]")
-            name, old = f"{source.lower()}{suffix}{slot}", f"{source.lower()}{slot}"
-            if is_tree(self.written[home, slot].type):
-                parts.append(name)
-            else:
-                kept = f"{source}[{slot}] if {name} is {old}_ else Cell(True, {name})"
-                parts.append(f"({kept})")
-            last = slot + 1
-        return f"({', '.join([*parts, f'*{source}[{last}:]'])})"
-
-
-def _by_name(item: tuple[tuple[Home, int], core.Variable]) -> tuple[str, int]:
-    (home, slot), _ = item
-    return _LISTS[home], slot
-
-
-_HEAD = (
-    f"{INDENT}L, P, copy = state.locals, state.ports, state.copy",
-    f"{INDENT}R, W = copy.allread, copy.allwrite",
-)
-
-
-def guards_text(writer: TurnWriter, agent: core.Agent) -> str:
-    """A function of a robot's state: the positions of the events that it may select. [SELECT]"""
-    name = writer.names.new("guards")
-    writer.line("found = []")
-    for position, event in enumerate(agent.events):
-        writer.bound.clear()
-        writer.line(f"if {writer.expression(event.guard)}:")
-        writer.line(f"{INDENT}found.append({position})")
-    writer.line("return found")
-    head = [f"def {name}(state, pid, ask):", *_HEAD]
-    writer.names.texts += [*head, *writer.load(), *writer.lines]
-    return name
-
-
-def event_text(writer: TurnWriter, agent: core.Agent, event: core.Event) -> str:
-    """A function of a robot's state: what it holds after an event, and what else came of it."""
-    name = writer.names.new("event")
-    writer.begin(event.bound)
-    writer.line(f"if not {writer.expression(event.guard)}:")
-    writer.line(f"{INDENT}raise InDoubt")
-    for s in event.effect:
-        writer.statement(s)
-    copy = "copy"
-    homes = {home for home, _ in writer.written}
-    if homes & {Home.ALLREAD, Home.ALLWRITE}:
-        copy = f"Store({writer.stores(Home.ALLREAD)}, {writer.stores(Home.ALLWRITE)})"
-    ends = (writer.stores(Home.LOCAL), writer.stores(Home.PORT), copy)
-    result = f"return ({', '.join(ends)}, RM, WM, stop, asked, entered, written)"
-    start = [
-        f"{INDENT}RM, WM, stop, asked = {{}}, {{}}, False, False",
-        f"{INDENT}entered, written = {writer.names.new('k', frozenset())}, ()",
-    ]
-    head = [f"def {name}(state, pid, ask):", *_HEAD]
-    writer.names.texts += [
-        *head,
-        *writer.load(),
-        *_kept(writer.written),
-        *start,
-        *writer.lines,
-        INDENT + result,
-    ]
-    return name
-
-
-def _kept(written: Iterable[tuple[Home, int]]) -> list[str]:
-    """Lines that keep what written variables hold at first."""
-    names = sorted(f"{_LISTS[home].lower()}{slot}" for home, slot in written)
-    return [f"{INDENT}{name}_ = {name}" for name in names]
-
-
-def environment_text(writer: TurnWriter, agent: core.Agent) -> str:
-    """A function of a robot's ports: those after the environment's turn, and broken contracts.
-    [ENV-MODEL] [ENV-FREE] [ENV-CONTRACT]
-    """
-    name = writer.names.new("environment")
-    writer.in_environment = True
-    for module in agent.modules:
-        if module.environment is not None:
-            writer.begin(module.environment_bound)
-            for s in module.environment:
-                writer.statement(s)
-        else:
-            _sense(writer, agent, module)
-    writer.line("broken = []")
-    for module in agent.modules:
-        for contract in module.contracts:
-            _look_at(writer, contract, promised=module.environment is not None)
-    result = f"return {writer.stores(Home.PORT, 'n')}, broken"
-    after = [
-        f"{INDENT}pn{slot} = p{slot}" for home, slot in sorted(writer.written, key=lambda k: k[1])
-    ]
-    head = [f"def {name}(P, pid, ask):"]
-    writer.names.texts += [
-        *head,
-        *writer.load(),
-        *_kept(writer.written),
-        *after,
-        *writer.lines,
-        INDENT + result,
-    ]
-    return name
-
-
-def _sense(writer: TurnWriter, agent: core.Agent, module: core.Module) -> None:
-    """A sensor without a model reads what it is given. [ENV-FREE]"""
-    for position in module.ports:
-        port = agent.ports[position]
-        if port.direction is core.Direction.SENSOR:
-            value = f"ask.sensor({writer.names.new('k', port)})"
-            writer.write(core.Place(port.declaration.variable, span=port.span), value)
-
-
-def _look_at(writer: TurnWriter, contract: core.Contract, *, promised: bool) -> None:
-    """A contract: if what it requires held before, what it ensures holds now. [ENV-CONTRACT]"""
-    writer.bound.clear()
-    required = " and ".join(writer.expression(e) for e in contract.requires) or "True"
-    ensured = " and ".join(writer.expression(e) for e in contract.ensures) or "True"
-    writer.line(f"if ({required}) and not ({ensured}):")
-    if promised:
-        writer.line(f"{INDENT}broken.append({writer.names.new('k', contract)})")
-    else:
-        # Who finds readings looks for others.
-        writer.line(f"{INDENT}raise InDoubt")
