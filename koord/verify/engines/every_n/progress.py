@@ -16,7 +16,7 @@ from msgspec.structs import replace
 from koord.semantics.every_number import NotFiniteError
 from koord.syntax import core
 from koord.syntax.system import System
-from koord.syntax.walk import nodes
+from koord.syntax.walk import nodes, reached
 from koord.verify.claims import Claim
 from koord.verify.engines.every_n.progress_parts import Help, Measure, help_of, measures_of
 from koord.verify.engines.every_n.progress_questions import RoundQuestions, StateQuestion
@@ -47,9 +47,10 @@ def progress(
 
 
 class _Search:
-    """A search for measures and help: first where nothing is known, which makes questions small.
+    """A search for measures and help, where more and more is known.
 
-    Whatever is shown without the invariants is so with them.
+    Where that makes questions large, it is first made where nothing is: whatever is shown without
+    the invariants is so with them.
     """
 
     def __init__(
@@ -68,8 +69,12 @@ class _Search:
     def proof(self) -> ProgressProof | str:
         """Find measures and help that prove the claim."""
         plain = [claim for claim in self.known if not _asks(claim)]
-        attempts = [((), _FIRST), (plain, _GENERATIONS), (self.known, _GENERATIONS)]
-        for known, all_generations in attempts if len(plain) < len(self.known) else attempts[:2]:
+        attempts: list[tuple[Sequence[Claim], Sequence[int]]] = [(plain, _GENERATIONS)]
+        if any(_adds_up(self.system.program, claim) for claim in plain):
+            attempts.insert(0, ((), _FIRST))
+        if len(plain) < len(self.known):
+            attempts.append((self.known, _GENERATIONS))
+        for known, all_generations in attempts:
             questions = RoundQuestions(self.system, self.stated, known, self.means)
             found = self._is_proof(questions, all_generations)
             if limits := questions.step.limits:
@@ -148,6 +153,12 @@ def _without_promises(program: core.Program) -> core.Program:
         for e in program.externals
     )
     return replace(program, externals=free)
+
+
+def _adds_up(program: core.Program, claim: Claim) -> bool:
+    """Return whether a claim counts or adds up something, in a loop."""
+    below = reached(program, claim.stated)
+    return any(isinstance(node, core.ForRange | core.ForEach) for node in below)
 
 
 def _asks(claim: Claim) -> bool:
