@@ -6,7 +6,10 @@ from tests.mutants.mutant import Mutant
 
 PREMISES = "tests/verify/engines/every_n/test_progress.py"
 
+LEMMAS = "tests/verify/engines/every_n/test_progress_lemmas.py"
+
 _QUESTIONS = "verify.engines.every_n.progress_questions"
+_STATEMENTS = "verify.engines.every_n.progress_statements"
 
 PROGRESS = (
     # (settles)
@@ -62,7 +65,7 @@ PROGRESS = (
     ),
     Mutant(
         "a robot that stopped is ready to help",
-        f"{_QUESTIONS}.Statements.ready",
+        f"{_STATEMENTS}.Statements.ready",
         "[here, self._awake(state(kind, robot)), holds, sound]",
         "[here, holds, sound]",
         (PREMISES,),
@@ -106,17 +109,31 @@ PROGRESS = (
     ),
     Mutant(
         "who can run another event asks for a lock",
-        f"{_QUESTIONS}.Statements._asks",
+        f"{_STATEMENTS}.Statements._asks",
         "ways.append(d.binary(BinaryOp.IMPLIES, here, off))",
         "pass",
         (PREMISES,),
     ),
+    Mutant(
+        "what is not granted for the sake of the goal is not asked for",
+        "verify.engines.every_n.progress._Search._is_proof",
+        "self._somebody_helps(self.help, self.locks)",
+        "self._somebody_helps(self.help, self._classes())",
+        (PREMISES,),
+    ),
     # what stands around
     Mutant(
+        "lemmas of progress need no proof",
+        "verify.engines.every_n.progress_lemmas.Lemmas.proved",
+        "[claim for claim in claims if claim in shown.proved]",
+        "list(claims)",
+        (LEMMAS,),
+    ),
+    Mutant(
         "what leads to a goal lasts",
-        f"{_QUESTIONS}.RoundQuestions.waits",
-        "not self.step.asking.sift(asked, self._pending(waits=False))",
-        "True",
+        f"{_QUESTIONS}.RoundQuestions.lasting",
+        "[said for said in phrases if said not in lost]",
+        "list(phrases)",
         (PREMISES,),
     ),
     Mutant(

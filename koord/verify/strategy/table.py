@@ -230,8 +230,12 @@ LIVENESS: Mapping[Engine | None, tuple[AskEngine, ...]] = {
         AskEngine(Engine.EVERY_N, Task(seconds=0.2), opaque=True),
         AskEngine(Engine.SEARCH, Task(states=FEW_STATES, edges=FEW_EDGES)),
         AskEngine(Engine.BITS, Task(questions=FEW_QUESTIONS), opaque=True),
+        AskEngine(Engine.EVERY_N, Task(Purpose.INFER, seconds=SPARING_S), opaque=True),
     ),
-    Engine.EVERY_N: (AskEngine(Engine.EVERY_N, opaque=True),),
+    Engine.EVERY_N: (
+        AskEngine(Engine.EVERY_N, Task(seconds=SPARING_S), opaque=True),
+        AskEngine(Engine.EVERY_N, Task(Purpose.INFER), opaque=True),
+    ),
     Engine.SEARCH: (AskEngine(Engine.SEARCH),),
     Engine.BITS: (_BITS_OF_RUNS,),
     Engine.ABC: (_BITS_OF_RUNS,),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Collection, Iterator, Sequence
 from functools import partial
-from itertools import count
+from itertools import count, takewhile
 from typing import assert_never
 
 from msgspec import Struct, field
@@ -448,10 +448,11 @@ def _soon(
 ) -> tuple[tuple[AskEngine, ...], tuple[AskEngine, ...]]:
     """Divide rows about whole runs: proofs for every number of robots, and all behind them.
 
-    These come first where other verdicts are for ``everyone``, and otherwise behind a search.
+    Those that stand first do so where other verdicts are for ``everyone``, and otherwise behind a
+    search.
     """
-    of_all = tuple(row for row in rows if row.engine is Engine.EVERY_N)
-    others = tuple(row for row in rows if row.engine is not Engine.EVERY_N)
+    of_all = tuple(takewhile(lambda row: row.engine is Engine.EVERY_N, rows))
+    others = tuple(rows[len(of_all) :])
     return (of_all, others) if everyone else ((), (*others[:1], *of_all, *others[1:]))
 
 

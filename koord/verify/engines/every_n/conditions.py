@@ -213,13 +213,14 @@ def asked_of(
             for robot in range(len(here.robots)) if x.of else (None,):
                 for k in range(size if x.indexed else 1):
                     e, bound = expression(position, robot, k)
-                    found[position, robot, k] = _value(system, here, e, bound)
+                    found[position, robot, k] = value_in(system, here, e, bound)
         return found
 
     return look
 
 
-def _value(system: System, here: Configuration[Constant], e: core.Expr, bound: int) -> object:
+def value_in(system: System, here: Configuration[Constant], e: core.Expr, bound: int) -> object:
+    """The value of a condition in a configuration; ``UNSET`` if it faults. [PROP-FAULT]"""
     m = machine(EXACT, system, NoInputs().oracle(Phase.CHECK, 0), bound=bound, view=here)
     value = condition(m, e)
     return UNSET if any(fault is True for fault, _ in m.faults) else value

@@ -58,6 +58,9 @@ _PER_STEP = 6_000
 #: So many literals a disjunction has at most, where nothing longer is asked for.
 USUAL = 3
 
+#: And of what is shared, and of somebody, where there are so few literals that are false.
+_LONGER, _MOST_OF_NOBODY = 5, 24
+
 #: More rows of samples are not looked at: their bits would be slow.
 _MOST_ROWS = 6_000
 
@@ -108,6 +111,19 @@ class Samples(Struct):
         found = set(self._grown((), self.full, open_, most))
         return [x for x in found if not any(x[:k] + x[k + 1 :] in found for k in range(len(x)))]
 
+    def of_nobody(self, here: Snapshot, budget: Budget = ENDLESS) -> list[Disjunction]:
+        """The same of no robot by name, with more literals: of what is shared, and who there is."""
+        row: Row = (next(iter(here.robots), 0), None, None, 0)
+        literals = self.language.literals
+        open_ = [
+            n
+            for n, x in enumerate(literals)
+            if not x.of and self.bits[n] and _says_there_is(x) and x.look(here, row) is False
+        ][:_MOST_OF_NOBODY]
+        budget.spend(1 + len(open_) ** _LONGER // _PER_STEP)
+        found = set(self._grown((), self.full, open_, _LONGER))
+        return [x for x in found if not any(x[:k] + x[k + 1 :] in found for k in range(len(x)))]
+
     def on_the_ring(self, here: Snapshot, row: Row, budget: Budget = ENDLESS) -> list[Disjunction]:
         """The same of three robots on a ring, one of which is between the others."""
         false = [n for n, x in enumerate(self.language.literals) if x.look(here, row) is False]
@@ -139,6 +155,11 @@ class Samples(Struct):
                 yield (*begun, n)
             elif left != without:
                 yield from self._grown((*begun, n), left, rest[place:], most - 1)
+
+
+def _says_there_is(x: AnyLiteral) -> bool:
+    """Return whether a literal of no robot is about values, or that somebody is in a state."""
+    return not isinstance(x, Existence) or x.witness.positive
 
 
 def is_false(language: Language, x: Disjunction, here: Snapshot) -> bool:

@@ -87,7 +87,8 @@ class Language(Struct, frozen=True):
     ring: bool
 
     @staticmethod
-    def of_program(program: core.Program) -> Language:
+    def of_program(program: core.Program, *, somebody: bool = False) -> Language:
+        """Make the language; ``somebody``: it has that there is a robot in a state in any case."""
         agent = program.agents[0]
         declared = (*agent.locals, *(port.declaration for port in agent.ports))
         own = [p for d in declared for p in parts_of(d.variable, (), d.variable.type)]
@@ -116,8 +117,9 @@ class Language(Struct, frozen=True):
                 literals += [
                     ConditionLiteral(each, position, of, positive) for positive in (True, False)
                 ]
-        if asks_everybody(program):
-            literals += existences(simple)[: max(0, _MOST_LITERALS - len(literals))]
+        if somebody or asks_everybody(program):
+            asked = simple if asks_everybody(program) else [x for x in simple if x.cost == 1]
+            literals += existences(asked)[: max(0, _MOST_LITERALS - len(literals))]
         if ring:
             third = [*quantities_of(OF_H, own), *quantities_of_two(own, (), shared)]
             found = [x for x in literals_of(program, third, k) if x.of & OF_H]

@@ -10,7 +10,7 @@ use. What cannot be kept is given up; what nobody needs is left out in the end.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from functools import partial
 from itertools import islice
 
@@ -31,6 +31,7 @@ from koord.verify.claims import Claim, ClaimPhase
 from koord.verify.effort import Deadline, Effort
 from koord.verify.encoding.solver import Model, SolverAnswer
 from koord.verify.encoding.terms import Term
+from koord.verify.engines.every_n.all_robots import ParameterisedSystem
 from koord.verify.engines.every_n.conditions import UNSET, asked_of
 from koord.verify.engines.every_n.disjunctions import (
     USUAL,
@@ -42,11 +43,12 @@ from koord.verify.engines.every_n.disjunctions import (
     is_false,
     lemma,
 )
+from koord.verify.engines.every_n.initial_states import ArbitraryState
 from koord.verify.engines.every_n.language import Held, Language
 from koord.verify.engines.every_n.literals import Snapshot
 from koord.verify.engines.every_n.proving import STEPS_PER_SECOND, Inferred
 from koord.verify.engines.every_n.questions import GENEROUS, Means, ProofBudget, Start, Step
-from koord.verify.engines.every_n.watching import WATCHED
+from koord.verify.engines.every_n.watching import WATCHED, Watching
 
 #: Sampled systems: how many robots, and how many turns are spent on them.
 _SAMPLED = ((2, 800), (3, 2_400))
@@ -97,6 +99,7 @@ class Search(Struct):
     snapshots: list[Snapshot]
     samples: Samples
     budget: Budget
+    reached: Sequence[tuple[System, Configuration[Constant]]] = ()  #: what was sampled
     ring: Samples | None = None  #: of three robots, where they were looked at
     active: dict[Disjunction, Claim] = field(default_factory=dict)
     dead: set[Disjunction] = field(default_factory=set)
@@ -113,7 +116,7 @@ class Search(Struct):
                 canonical(self.language, x)
                 for x in self.samples.against(here, row, self.budget, most, pairs=pairs)
             )
-        return self._sorted(found)
+        return self.sorted_(found)
 
     def on_the_ring(self, here: Snapshot) -> list[Disjunction]:
         """The same about three robots of a ring, one of which stands between the others."""
@@ -127,10 +130,10 @@ class Search(Struct):
             found.update(
                 canonical(language, x) for x in self.ring.on_the_ring(here, row, self.budget)
             )
-        return self._sorted(found)
+        return self.sorted_(found)
 
-    def _sorted(self, found: set[Disjunction]) -> list[Disjunction]:
-        return sorted(found - self.dead, key=lambda x: cost(self.language, x))
+    def sorted_(self, found: Collection[Disjunction]) -> list[Disjunction]:
+        return sorted(set(found) - self.dead, key=lambda x: cost(self.language, x))
 
     def lemma(self, x: Disjunction) -> Claim:
         return lemma(self.program, self.language, x)
@@ -144,14 +147,17 @@ class Search(Struct):
         return not any(is_false(self.language, x, here) for x in self.active)
 
 
-def searched(system: System, budget: Budget, seed: int) -> Search | None:
-    """Prepare the search; None where there is nothing to say about a program."""
+def searched(system: System, budget: Budget, seed: int, *, somebody: bool = False) -> Search | None:
+    """Prepare the search; None where there is nothing to say about a program.
+
+    ``somebody``: it says that there is a robot in some state, also where no event asks that.
+    """
     program = system.program
     if len(program.agents) != 1:
         return None
-    language = Language.of_program(program)
+    language = Language.of_program(program, somebody=somebody)
     asked = asked_of(language.conditions, language.size)
-    snapshots = list[Snapshot]()
+    snapshots, kept = list[Snapshot](), list[tuple[System, Configuration[Constant]]]()
     for count, turns in _COUNTED if language.conditions or language.ring else _SAMPLED:
         few = dealt(program, count, system.delta_s)
         few = replace(few, budget=system.budget.rationed(_SAMPLING))
@@ -159,12 +165,13 @@ def searched(system: System, budget: Budget, seed: int) -> Search | None:
             for configuration in _reached(few, system.budget, turns, seed):
                 if configuration.fault is None:
                     snapshots.append(language.sampled(configuration, asked(few, configuration)))
+                    kept.append((few, configuration))
         except (KoordError, OutOfBudgetError):
             continue  # What was looked at by then is a sample too.
     if not language.literals or not snapshots:
         return None
     samples = Samples.of(language, snapshots, language.rows)
-    return Search(program, language, snapshots, samples, budget)
+    return Search(program, language, snapshots, samples, budget, kept)
 
 
 def _reached(few: System, budget: Budget, turns: int, seed: int) -> list[Configuration[Constant]]:
@@ -182,7 +189,15 @@ def _is_open(program: core.Program) -> bool:
     return any(d.initial is core.Start.ARBITRARY for d in (*program.allread, *program.allwrite))
 
 
-def configuration_of(language: Language, step: Step, model: Model, limit: int) -> Snapshot:
+class Place(Struct, frozen=True):
+    """A configuration of a system of any number of robots, and what is watched of it."""
+
+    world: ParameterisedSystem
+    start: ArbitraryState
+    watching: Watching
+
+
+def configuration_of(language: Language, step: Step | Place, model: Model, limit: int) -> Snapshot:
     """The robots of a model that names were given to, in the configuration before the round."""
     world, start = step.world, step.start
     store = start.configuration.store

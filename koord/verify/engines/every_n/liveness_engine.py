@@ -12,7 +12,7 @@ from koord.syntax import core
 from koord.verify.claims import Claim, ClaimKind
 from koord.verify.effort import Effort
 from koord.verify.engine_names import Engine
-from koord.verify.engines.engine import Task, Tools, Worker
+from koord.verify.engines.engine import Purpose, Task, Tools, Worker
 from koord.verify.engines.every_n.progress import ProgressProof, progress
 from koord.verify.engines.every_n.progress_parts import HelpKind, lemmas_of
 from koord.verify.engines.every_n.proving import prove
@@ -46,11 +46,19 @@ class ProgressEngine(Struct, frozen=True):
             if known is None:
                 known = [*task.lemmas, *_lemmas(ledger, task.lemmas, means)]
             assert claim.stated is not None
-            found = progress(system, claim.stated, known, means)
+            infer = task.purpose is Purpose.INFER
+            found = progress(system, claim.stated, known, means, infer=infer)
             seconds = time.monotonic() - started
             if isinstance(found, ProgressProof):
                 under = fairness_of(system.program, found)
-                verdict = Verdict(claim, Outcome.HOLDS, Engine.EVERY_N, seconds, fairness=under)
+                verdict = Verdict(
+                    claim,
+                    Outcome.HOLDS,
+                    Engine.EVERY_N,
+                    seconds,
+                    fairness=under,
+                    lemmas=tuple(replace(x, name="") for x in found.lemmas),
+                )
                 ledger.settle({claim: verdict})
             else:
                 obstacle = gave_up(Engine.EVERY_N, ledger.deadline)

@@ -15,10 +15,22 @@ from msgspec.structs import replace
 
 from koord.semantics.every_number import NotFiniteError
 from koord.syntax import core
+from koord.syntax.core import BinaryOp, UnaryOp
 from koord.syntax.system import System
-from koord.syntax.walk import nodes, reached
+from koord.syntax.types import BOOL, INT
+from koord.syntax.walk import nodes, reached, renamed
 from koord.verify.claims import Claim
-from koord.verify.engines.every_n.progress_parts import Help, Measure, help_of, measures_of
+from koord.verify.engines.every_n.progress_lemmas import Lemmas
+from koord.verify.engines.every_n.progress_parts import (
+    MEANT,
+    ROBOT,
+    Help,
+    Measure,
+    help_of,
+    lasting_of,
+    measures_of,
+    own_help,
+)
 from koord.verify.engines.every_n.progress_questions import RoundQuestions, StateQuestion
 from koord.verify.engines.every_n.questions import Means
 
@@ -26,45 +38,68 @@ from koord.verify.engines.every_n.questions import Means
 class ProgressProof(Struct, frozen=True):
     """A proof of progress: the measures in order, and the help.
 
-    ``waits``: what leads to the goal lasts until that is reached. ``locks`` are lock classes that
-    the robot that is meant does not enter before, and so does not ask for again and again.
+    ``lasting`` follows from what leads to the goal, and lasts until that is reached. ``locks`` are
+    lock classes that the robot that is meant does not enter once measures settled, and so does not
+    ask for again and again. It rests on ``lemmas`` that were found for it, besides what was known.
     """
 
     measures: tuple[Measure, ...]
     help: tuple[Help, ...]
-    waits: bool
+    lasting: tuple[core.Expr, ...]
     locks: tuple[int, ...]
+    lemmas: tuple[core.Property, ...] = ()
 
 
 def progress(
-    system: System, stated: core.Property, known: Sequence[Claim], means: Means
+    system: System,
+    stated: core.Property,
+    known: Sequence[Claim],
+    means: Means,
+    *,
+    infer: bool = False,
 ) -> ProgressProof | str:
-    """Prove a claim about whole runs, or say why not. ``known`` holds in every round."""
+    """Prove a claim about whole runs, or say why not. ``known`` holds in every round.
+
+    Asked to ``infer``, it looks for more that does.
+    """
     try:
-        return _Search(system, stated, known, means).proof()
+        search = _Search(system, stated, known, means)
+        found = search.proof()
+        if infer and found == _NO_HELP:
+            found = search.with_lemmas()
     except NotFiniteError as error:
         return str(error)
+    return found
+
+
+#: Why a claim is open of which lemmas may help.
+_NO_HELP = "nobody is known to help for every number of robots"
+
+#: So often lemmas are looked for.
+_MOST_LEMMAS = 12
 
 
 class _Search:
     """A search for measures and help, where more and more is known.
 
     Where that makes questions large, it is first made where nothing is: whatever is shown without
-    the invariants is so with them.
+    the invariants is so with them. The order in which measures and lock classes are found is that
+    of [T-PROGRESS].
     """
 
     def __init__(
         self, system: System, stated: core.Property, known: Sequence[Claim], means: Means
     ) -> None:
         # What functions promise of all values is seldom of use here, and makes questions hard.
+        self.whole = system
         self.system = replace(system, program=_without_promises(system.program))
-        self.stated, self.known, self.means = stated, known, means
+        self.stated, self.known, self.means = stated, list(known), means
         self.measures: list[Measure] = []
         self.help: list[Help] = []
-        self.waits = False
+        self.lasting: tuple[core.Expr, ...] = ()
         self.locks: list[int] = []
         self.likely = help_of(self.system.program)
-        self._may_help: dict[tuple[bool, tuple[int, ...]], bool] = {}
+        self._may_help: dict[tuple[core.Expr, ...], bool] = {}
 
     def proof(self) -> ProgressProof | str:
         """Find measures and help that prove the claim."""
@@ -75,57 +110,151 @@ class _Search:
         if len(plain) < len(self.known):
             attempts.append((self.known, _GENERATIONS))
         for known, all_generations in attempts:
-            questions = RoundQuestions(self.system, self.stated, known, self.means)
-            found = self._is_proof(questions, all_generations)
-            if limits := questions.step.limits:
-                return f"not covered: {'; '.join(sorted(set(limits)))}"
-            if found:
-                return ProgressProof(
-                    tuple(self.measures), tuple(self.help), self.waits, tuple(self.locks)
-                )
-        if not self.measures and all(self._may_help.values()):
-            return "no measure settles for every number of robots"
-        return "nobody is known to help for every number of robots"
+            found = self._found(known, all_generations)
+            if found is not None:
+                return found
+        return _NO_HELP
+
+    def with_lemmas(self) -> ProgressProof | str:
+        """Find lemmas against what is in the way, one after the other, and a proof with them."""
+        search = Lemmas.of(self.whole, self.known, self.means)
+        if search is None:
+            return _NO_HELP
+        for _ in range(_MOST_LEMMAS):
+            if not self._more(search):
+                break
+            self.known = search.given
+            self._may_help.clear()
+            found = self._found(self.known, _GENERATIONS)
+            if isinstance(found, ProgressProof):
+                stated = (claim.stated for claim in search.found)
+                return replace(found, lemmas=tuple(x for x in stated if x is not None))
+            if found is not None:
+                return found
+        return _NO_HELP
+
+    def _more(self, search: Lemmas) -> bool:
+        """Find more lemmas: against a configuration in which nobody may help, or for what fails."""
+        if search.naturals(self._differences()):
+            return True
+        assert search.search is not None
+        language = search.search.language
+        question = StateQuestion(self.system, self.stated, self.known, self.means)
+        here = question.where_nobody(language, self.likely, self.lasting, self._classes())
+        if here is not None:
+            return search.against(here)
+        questions = RoundQuestions(self.system, self.stated, self.known, self.means)
+        self._suppose(questions)
+        questions.step.asking.look_ahead(2)
+        waiting = [each for each in self.likely if each not in self.help]
+        here = questions.against(language, waiting)
+        return here is not None and search.against(here)
+
+    def _differences(self) -> list[tuple[core.Each, core.Expr, core.Binary]]:
+        """The differences of the robot that is meant, and what holds while the claim is pending."""
+        each = self.stated.each
+        if each is None:
+            return []
+        pending: core.Expr = core.Unary(UnaryOp.NOT, self.stated.condition, BOOL)
+        for said in self.lasting:
+            # What lasts says more, and most often that the goal is not reached.
+            pending = said
+        me = replace(each.variable, name=ROBOT.name)
+        pending, who = renamed(pending, each.variable, me), replace(each, variable=me)
+        return [
+            (who, pending, renamed(measure.term.said, MEANT, me))
+            for measure in self._measures()
+            if isinstance(measure.term.said, core.Binary)
+            and measure.term.said.op is BinaryOp.SUB
+            and measure.each is None
+            and measure.term.said.type == INT
+        ]
+
+    def _found(
+        self, known: Sequence[Claim], all_generations: Sequence[int]
+    ) -> ProgressProof | str | None:
+        """A proof with some invariants, or why there is none with any; None if they are too few."""
+        questions = RoundQuestions(self.system, self.stated, known, self.means)
+        is_proof = self._is_proof(questions, all_generations)
+        if limits := questions.step.limits:
+            return f"not covered: {'; '.join(sorted(set(limits)))}"
+        if not is_proof:
+            return None
+        return ProgressProof(
+            tuple(self.measures), tuple(self.help), self.lasting, tuple(self.locks)
+        )
 
     def _is_proof(self, questions: RoundQuestions, all_generations: Sequence[int]) -> bool:
-        """Add measures and help that questions show; whether that is a proof."""
-        program = self.system.program
-        self.waits = self.waits or questions.waits()
-        questions.pend(waits=self.waits)
-        if self.stated.each is not None:
-            classes = [each.index for each in program.lock_classes if each.index not in self.locks]
-            self.locks += [lock for lock in classes if not questions.runs_in_vain(lock)]
-            questions.pend(waits=self.waits, locks=self.locks)
-        for measure in self.measures:
-            questions.keep(measure)
+        """Add measures, locks and help that questions show; whether that is a proof."""
+        self.lasting = self.lasting or self._lasting(questions)
         if not self._somebody_may_help():
             return False
+        self._suppose(questions)
+        self._grant(questions)
         waiting = [each for each in self.likely if each not in self.help]
-        left = [m for m in measures_of(program, self.stated) if m not in self.measures]
+        left = self._measures()
         for generations in all_generations:
             questions.step.asking.look_ahead(generations)
             left = self._settled(questions, left)
+            while self._grant(questions):
+                left = self._settled(questions, left)
             found = questions.helping(waiting)
-            self.help += found
             waiting = [each for each in waiting if each not in found]
-            if found and self._somebody_helps(self.help):
+            mine = [x for x in own_help(self.stated, waiting) if x not in self.help]
+            found += questions.helping(mine)
+            self.help += found
+            if found and self._somebody_helps(self.help, self.locks):
                 return True
         return False
+
+    def _suppose(self, questions: RoundQuestions) -> None:
+        """Suppose what is known of late rounds."""
+        questions.pend(self.lasting)
+        for measure in self.measures:
+            questions.keep(measure)
+        for lock in self.locks:
+            questions.ask_no_more(lock)
+
+    def _measures(self) -> list[Measure]:
+        """The measures that are not known to settle."""
+        likely = measures_of(self.system.program, self.stated)
+        return [measure for measure in likely if measure not in self.measures]
+
+    def _lasting(self, questions: RoundQuestions) -> tuple[core.Expr, ...]:
+        """What follows from the trigger and holds until the goal does, the simplest there is."""
+        for likely in lasting_of(self.system.program, self.stated):
+            if found := questions.lasting(likely):
+                return tuple(found)
+        return ()
+
+    def _classes(self) -> list[int]:
+        """The lock classes that the robot that is meant may ask for."""
+        if self.stated.each is None:
+            return []
+        return [each.index for each in self.system.program.lock_classes]
+
+    def _grant(self, questions: RoundQuestions) -> bool:
+        """Add lock classes that are granted for the sake of the goal; whether there are any."""
+        before = len(self.locks)
+        for lock in self._classes():
+            if lock not in self.locks and not questions.runs_in_vain(lock):
+                self.locks.append(lock)
+                questions.ask_no_more(lock)
+        return len(self.locks) > before
 
     def _somebody_may_help(self) -> bool:
         """Return whether somebody helps in one of the ways that are likely, were none refused.
 
         That is asked once, as it takes less than to ask which of them are.
         """
-        under = self.waits, tuple(self.locks)
-        if under not in self._may_help:
-            self._may_help[under] = self._somebody_helps(self.likely)
-        return self._may_help[under]
+        if self.lasting not in self._may_help:
+            self._may_help[self.lasting] = self._somebody_helps(self.likely, self._classes())
+        return self._may_help[self.lasting]
 
-    def _somebody_helps(self, ways: Sequence[Help]) -> bool:
+    def _somebody_helps(self, ways: Sequence[Help], locks: Sequence[int]) -> bool:
         """Return whether somebody helps in one of some ways as long as the claim is pending."""
         question = StateQuestion(self.system, self.stated, self.known, self.means)
-        return question.somebody(ways, waits=self.waits, locks=self.locks)
+        return question.somebody(ways, self.lasting, locks)
 
     def _settled(self, questions: RoundQuestions, candidates: Sequence[Measure]) -> list[Measure]:
         """Add measures that settle, one layer after the other; those that may still change."""

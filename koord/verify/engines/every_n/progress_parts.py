@@ -7,8 +7,9 @@ a proof may rest on is shown; nothing here is trusted. [T-PROGRESS]
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from enum import Enum
+from itertools import combinations
 from typing import Any
 
 from msgspec import Struct
@@ -29,6 +30,9 @@ READ_ROBOT, READ_MEANT = (core.Read(core.Place(v)) for v in (ROBOT, MEANT))
 
 #: Elements of longer arrays are no measures.
 _MOST_ELEMENTS = 32
+
+#: More states of a robot are not looked at where pairs of them are.
+_MOST_STATES = 10
 
 #: More measures are not tried.
 _MOST_MEASURES = 400
@@ -73,6 +77,54 @@ class Help(Struct, frozen=True):
     expectation: int | None = None
 
 
+# --- what lasts -----------------------------------------------------------------------------------
+
+
+def lasting_of(program: core.Program, stated: core.Property) -> Iterator[list[core.Expr]]:
+    """Yield what may last from the trigger until the goal, the simplest first.
+
+    It is the trigger, or one of it and one or two states: of the robot that is meant, or of some.
+    """
+    trigger, each = stated.trigger, stated.each
+    if trigger is None:
+        return
+    yield [trigger]
+    states = _somebodys_states(program) if each is None else _own_states(program, each)
+    states = states[:_MOST_STATES]
+    yield [_binary(BinaryOp.OR, trigger, state) for state in states]
+    yield [
+        _binary(BinaryOp.OR, _binary(BinaryOp.OR, trigger, one), other)
+        for one, other in combinations(states, 2)
+    ]
+
+
+def _own_states(program: core.Program, each: core.Each) -> list[core.Expr]:
+    """The states of the robot that a claim means."""
+    me = core.Read(core.Place(each.variable))
+    return [
+        state
+        for kind in range(len(program.agents))
+        if each.agent in (None, kind)
+        for state in _Words(program, kind).states(me)
+        if not _is_negation(state) and not _names_a_robot(state, me)
+    ]
+
+
+def _somebodys_states(program: core.Program) -> list[core.Expr]:
+    """That a robot is in a state."""
+    return [
+        core.Quantified(core.QuantifierKind.EXISTS, ROBOT, range_of(program, kind), state)
+        for kind in range(len(program.agents))
+        for state in _Words(program, kind).states(READ_ROBOT)
+        if not _is_negation(state) and not _names_a_robot(state, READ_ROBOT)
+    ]
+
+
+def _names_a_robot(state: core.Expr, robot: core.Expr) -> bool:
+    """Return whether a state is that a shared variable is the number of a robot."""
+    return isinstance(state, core.Binary) and state.right == robot
+
+
 # --- measures -------------------------------------------------------------------------------------
 
 
@@ -91,9 +143,17 @@ def _measures(program: core.Program, stated: core.Property) -> Iterator[Measure]
             if not _is_negation(state):
                 yield Measure(Phrase(state), each)
                 yield Measure(Phrase(_negated(state)), each)
+    if stated.each is not None:
+        for kind in range(len(program.agents)):
+            if stated.each.agent in (None, kind):
+                for state in _Words(program, kind).states(READ_MEANT):
+                    if not _is_negation(state):
+                        yield Measure(Phrase(state))
+                        yield Measure(Phrase(_negated(state)))
     for state in _shared_states(program):
         yield Measure(Phrase(state))
         yield Measure(Phrase(_negated(state)))
+    yield from _turns(program, stated)
     for left, right in _compared(program, stated):
         for one, other in ((left, right), (right, left)):
             difference = core.Binary(BinaryOp.SUB, one, other, INT)
@@ -104,6 +164,30 @@ def _measures(program: core.Program, stated: core.Property) -> Iterator[Measure]
                 yield Measure(Phrase(said_of(difference, ROBOT)), range_of(program, kind))
             if stated.each is not None:
                 yield Measure(Phrase(said_of(difference, MEANT)))
+
+
+def _turns(program: core.Program, stated: core.Property) -> Iterator[Measure]:
+    """Yield how far a turn that goes round by the numbers of robots is from who waits for it."""
+    for entry in program.allwrite:
+        read = core.Read(core.Place(entry.variable))
+        if entry.variable.type != INT or not _is_a_turn(program, read):
+            continue
+        if stated.each is not None:
+            yield Measure(Phrase(_binary(BinaryOp.LT, READ_MEANT, read)))
+            yield Measure(Phrase(_binary(BinaryOp.LT, read, READ_MEANT)))
+        yield Measure(Phrase(core.Binary(BinaryOp.SUB, core.NumAgents(INT), read, INT)))
+        yield Measure(Phrase(read))
+
+
+def _is_a_turn(program: core.Program, read: core.Expr) -> bool:
+    """Return whether a guard asks whether a shared variable is the robot's own number."""
+    return any(
+        isinstance(node, core.Binary)
+        and node.op is BinaryOp.EQ
+        and read in (node.left, node.right)
+        and any(isinstance(side, core.Pid) for side in (node.left, node.right))
+        for node in nodes(_guards(program))
+    )
 
 
 def _is_negation(state: core.Expr) -> bool:
@@ -228,6 +312,18 @@ def said_of(node: Any, robot: core.Variable) -> Any:
 def help_of(program: core.Program) -> tuple[Help, ...]:
     """The candidates for help: what assumptions start from, and guards of events."""
     return tuple(_help(program))
+
+
+def own_help(stated: core.Property, others: Sequence[Help]) -> tuple[Help, ...]:
+    """The same help of the robot that a claim means, if it means one, and of no other."""
+    if stated.each is None:
+        return ()
+    is_meant = _binary(BinaryOp.EQ, READ_ROBOT, READ_MEANT)
+    return tuple(
+        replace(each, state=Phrase(_binary(BinaryOp.AND, is_meant, each.state.said)))
+        for each in others
+        if each.kind is HelpKind.ROBOT and stated.each.agent in (None, each.each.agent)
+    )
 
 
 def _help(program: core.Program) -> Iterator[Help]:

@@ -4,41 +4,36 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
-from typing import TypeAlias
 
 from msgspec import Struct
-from msgspec.structs import replace
 
-from koord.semantics.configurations import NO_EVENT, Configuration, Robot
+from koord.semantics.configurations import NO_EVENT, Configuration
 from koord.semantics.domain import conjunction, disjunction
-from koord.semantics.expressions import evaluate, statement
-from koord.semantics.machine import Machine
-from koord.semantics.oracle import Phase
-from koord.semantics.statements import machine
-from koord.semantics.storage import held
-from koord.semantics.turns import guard_of
+from koord.semantics.storage import Cell
 from koord.semantics.values import scalar
 from koord.syntax import core
-from koord.syntax.core import BinaryOp, Home, UnaryOp
-from koord.syntax.system import Status, System
+from koord.syntax.core import BinaryOp
+from koord.syntax.system import System
 from koord.syntax.types import BOOL, INT
-from koord.syntax.walk import nodes
 from koord.verify.claims import Claim
+from koord.verify.encoding.solver import SolverAnswer
 from koord.verify.encoding.terms import Term
 from koord.verify.engines.every_n.all_robots import ParameterisedSystem, Universal
-from koord.verify.engines.every_n.functions import FunctionTerms, RobotInputs
 from koord.verify.engines.every_n.initial_states import ArbitraryState, ParameterisedInit
+from koord.verify.engines.every_n.language import Language
+from koord.verify.engines.every_n.lemma_search import Place, configuration_of
+from koord.verify.engines.every_n.literals import Snapshot
 from koord.verify.engines.every_n.progress_parts import (
     Help,
     HelpKind,
     Measure,
-    Phrase,
-    is_certain,
 )
+from koord.verify.engines.every_n.progress_statements import Statements
 from koord.verify.engines.every_n.questions import Asking, Means, Step
+from koord.verify.engines.every_n.watching import Watching
 
-#: A robot of a kind, with a number, in some configuration.
-RobotState: TypeAlias = "Callable[[int, Term], Robot[Term]]"
+#: Models that lemmas are looked for against know names of so many generations.
+_LOOKED_AHEAD = 2
 
 
 class Premise(Struct, frozen=True):
@@ -46,154 +41,6 @@ class Premise(Struct, frozen=True):
 
     name: str
     part: Measure | Help | None = None
-
-
-class Statements(Struct):
-    """The statements of a claim, of measures and of help, as terms of configurations."""
-
-    world: ParameterisedSystem
-    stated: core.Property
-    meant: Term  #: the robot that the claim means
-    robot: Term  #: any robot
-
-    @property
-    def d(self) -> FunctionTerms:
-        return self.world.d
-
-    def of_claim(self, said: core.Expr) -> Phrase:
-        """A statement of the claim, of the robot that it means."""
-        each = self.stated.each
-        return Phrase(said, self.stated.bound, None, None if each is None else each.variable.slot)
-
-    @staticmethod
-    def of_each(stated: core.Property, said: core.Expr) -> Phrase:
-        """A statement of an assumption, of a robot."""
-        each = stated.each
-        return Phrase(said, stated.bound, None if each is None else each.variable.slot, None)
-
-    def truth(
-        self, phrase: Phrase, configuration: Configuration[Term], robot: Term | None = None
-    ) -> Term:
-        """The condition that a statement holds. [PROP-FAULT]"""
-        m = self._machine(phrase, configuration, robot)
-        truth = statement(m, phrase.said)
-        for needed in m.legality:
-            self.world.book.note(needed.condition)
-        return truth
-
-    def number(
-        self, phrase: Phrase, configuration: Configuration[Term], robot: Term | None = None
-    ) -> tuple[Term, Term]:
-        """A number, and the condition that it cannot be worked out."""
-        m = self._machine(phrase, configuration, robot)
-        value = scalar(evaluate(m, phrase.said))
-        return value, disjunction(self.d, [fault for fault, _ in m.faults])
-
-    def _machine(
-        self, phrase: Phrase, configuration: Configuration[Term], robot: Term | None
-    ) -> Machine[Term]:
-        world = self.world
-        oracle = RobotInputs(world.unknowns, "check", None).oracle(Phase.CHECK, 0)
-        m = machine(world.d, world.system, oracle, bound=phrase.bound, view=configuration)
-        if phrase.robot is not None:
-            m.memory.bound[phrase.robot] = held(world.d, self.robot if robot is None else robot)
-        if phrase.meant is not None:
-            m.memory.bound[phrase.meant] = held(world.d, self.meant)
-        return m
-
-    def is_one(self, robot: Term, each: core.RobotRange) -> Term:
-        """The condition that a number is that of a robot of a kind."""
-        parts = [self.world.book.between(0, robot, self.world.crowd.count)]
-        if each.agent is not None:
-            parts.append(self.world.crowd.is_of(robot, each.agent))
-        return conjunction(self.d, parts)
-
-    def negated(self, term: Term) -> Term:
-        return self.d.unary(UnaryOp.NOT, term)
-
-    def value(
-        self, phrase: Phrase, configuration: Configuration[Term], robot: Term | None = None
-    ) -> Term:
-        if phrase.said.type == BOOL:
-            return self.truth(phrase, configuration, robot)
-        return self.number(phrase, configuration, robot)[0]
-
-    def pending(self, configuration: Configuration[Term], *, waits: bool) -> list[Term]:
-        """The facts of a configuration in which the claim is pending."""
-        facts = []
-        if self.stated.each is not None:
-            facts.append(self.is_one(self.meant, core.RobotRange(self.stated.each.agent)))
-        facts.append(self.negated(self.truth(self.of_claim(self.stated.condition), configuration)))
-        if waits:
-            assert self.stated.trigger is not None
-            facts.append(self.truth(self.of_claim(self.stated.trigger), configuration))
-        return facts
-
-    def helps(self, help_: Help, robot: Term, configuration: Configuration[Term]) -> Term:
-        state = self.truth(help_.state, configuration, robot)
-        return self.d.binary(BinaryOp.AND, self.is_one(robot, help_.each), state)
-
-    def ready(self, robot: Term, state: RobotState) -> Term:
-        """The condition that a robot can run an event, whatever the answers. [FAIR-ROBOT]"""
-        d = self.d
-        ways = []
-        for kind, here in self.world.cases(robot):
-            for event in self.world.program.agents[kind].events:
-                if is_certain(self.world.program, event.guard):
-                    holds, sound = self._guard(robot, state(kind, robot), event)
-                    ways.append(
-                        conjunction(d, [here, self._awake(state(kind, robot)), holds, sound])
-                    )
-        return disjunction(d, ways)
-
-    def unasked(self, robot: Term, state: RobotState, locks: Sequence[int]) -> list[Term]:
-        """The facts that a robot does not ask for lock classes. [FAIR-LOCK]
-
-        One asks if it is ready, and no event without the class may be enabled.
-        """
-        return [self.negated(self._asks(robot, state, lock)) for lock in locks]
-
-    def _asks(self, robot: Term, state: RobotState, lock: int) -> Term:
-        d = self.d
-        ways = [self.ready(robot, state)]
-        for kind, here in self.world.cases(robot):
-            for event in self.world.program.agents[kind].events:
-                if lock in event.lock_classes:
-                    continue
-                off: Term = False
-                if is_certain(self.world.program, event.guard):
-                    holds, sound = self._guard(robot, state(kind, robot), event)
-                    off = conjunction(d, [self.negated(holds), sound])
-                ways.append(d.binary(BinaryOp.IMPLIES, here, off))
-        return conjunction(d, ways)
-
-    def _guard(self, robot: Term, state: Robot[Term], event: core.Event) -> tuple[Term, Term]:
-        """The conditions that a guard holds without a fault, and that it has none."""
-        inputs = RobotInputs(self.world.unknowns, "round", robot)
-        seat = self.world.seat(state.kind, robot)
-        holds, sound = guard_of(self.d, seat, 0, state, event, inputs)
-        return holds, sound
-
-    def _awake(self, state: Robot[Term]) -> Term:
-        stopped = self.d.const(int(Status.STOPPED), INT)
-        return self.d.binary(BinaryOp.NE, state.status, stopped)
-
-    def denied(self, help_: Help, configuration: Configuration[Term]) -> Term:
-        """A literal under which nobody helps in this way in a configuration."""
-        d, book = self.d, self.world.book
-        denied = d.fresh("nobody", BOOL)
-        parts = [replace(help_.state, said=part) for part in _conjuncts(help_.state.said)]
-        # What is not of the robot is worked out once, and not of each.
-        common = [part for part in parts if not _mentions(part)]
-        always = conjunction(d, [self.truth(part, configuration) for part in common])
-
-        def says(names: tuple[Term, ...]) -> Term:
-            own = [self.truth(p, configuration, names[0]) for p in parts if p not in common]
-            helps = conjunction(d, [self.is_one(names[0], help_.each), always, *own])
-            return book.implied(denied, self.negated(helps))
-
-        book.state(1, says)
-        return denied
 
 
 class StateQuestion:
@@ -211,19 +58,52 @@ class StateQuestion:
         world.book.expect(*self.asking.robots[:2])
         world.book.expect(0, world.last, generation=1)
         world.book.note(opening.calm)
+        for number in self._shared_numbers():
+            world.book.name(number)
         for claim in known:
             assert claim.stated is not None
             universal = Universal.of(claim.stated.condition, claim.stated.bound)
             universal.suppose(world, self.configuration, True)
 
-    def somebody(self, ways: Sequence[Help], *, waits: bool, locks: Sequence[int]) -> bool:
+    def _shared_numbers(self) -> Iterator[Term]:
+        """Yield the shared integers: of the robots one may have each number."""
+        for entry in self.world.program.allwrite:
+            if entry.variable.type == INT:
+                cell = self.configuration.store.allwrite[entry.variable.slot]
+                assert isinstance(cell, Cell)
+                yield scalar(cell.value)
+
+    def somebody(
+        self, ways: Sequence[Help], lasting: Sequence[core.Expr], locks: Sequence[int]
+    ) -> bool:
         """Return whether somebody helps in one of some ways."""
-        said = self.statements
-        pending = said.pending(self.configuration, waits=waits)
-        pending += said.unasked(said.meant, self._state.robot, locks)
-        nobody = [said.denied(each, self.configuration) for each in ways]
-        asked = [(Premise("somebody helps"), [*pending, *nobody])]
+        asked = [(Premise("somebody helps"), self._nobody(ways, lasting, locks))]
         return not self.asking.failing(asked) and not self.asking.limits
+
+    def where_nobody(
+        self,
+        language: Language,
+        ways: Sequence[Help],
+        lasting: Sequence[core.Expr],
+        locks: Sequence[int],
+    ) -> Snapshot | None:
+        """The values of a configuration in which nobody does, as far as a model tells them."""
+        asked = [(Premise("somebody helps"), self._nobody(ways, lasting, locks))]
+        self.asking.look_ahead(_LOOKED_AHEAD)
+        if self.asking.counterexample(asked, [])[0] is not SolverAnswer.SAT:
+            return None
+        watching = Watching(self.world, (), 1)
+        where = Place(self.world, self._state, watching)
+        return configuration_of(language, where, self.asking.solver.model(), _LOOKED_AHEAD - 1)
+
+    def _nobody(
+        self, ways: Sequence[Help], lasting: Sequence[core.Expr], locks: Sequence[int]
+    ) -> list[Term]:
+        """The facts of a pending configuration in which nobody helps."""
+        said = self.statements
+        pending = said.pending(self.configuration, lasting)
+        pending += said.unasked(said.meant, self._state.robot, locks)
+        return [*pending, *(said.denied(each, self.configuration) for each in ways)]
 
 
 class RoundQuestions:
@@ -245,27 +125,30 @@ class RoundQuestions:
         self._expected = self.program.expectations
         self._given: list[Term] = []
 
-    def waits(self) -> bool:
-        """Return whether the trigger holds until the goal does."""
-        if self.stated.trigger is None:
-            return False
-        trigger = self.said.of_claim(self.stated.trigger)
-        lost = [
-            self.said.truth(trigger, self.before),
-            self.said.negated(self.said.truth(trigger, self.after)),
+    def lasting(self, likely: Sequence[core.Expr]) -> list[core.Expr]:
+        """The statements that hold until the goal does, once they hold."""
+        phrases = {said: self.said.of_claim(said) for said in likely}
+        asked = [
+            (
+                said,
+                [
+                    self.said.truth(phrase, self.before),
+                    self.said.negated(self.said.truth(phrase, self.after)),
+                ],
+            )
+            for said, phrase in phrases.items()
         ]
-        asked = [(Premise("the trigger persists"), lost)]
-        return not self.step.asking.sift(asked, self._pending(waits=False))
+        lost = self.step.asking.sift(asked, self._pending(()))
+        return [said for said in phrases if said not in lost]
 
-    def pend(self, *, waits: bool, locks: Sequence[int] = ()) -> None:
-        """Suppose from now on that the claim is pending before and after the round.
+    def pend(self, lasting: Sequence[core.Expr]) -> None:
+        """Suppose from now on that the claim is pending before and after the round."""
+        self._given = self._pending(lasting)
 
-        The robot that is meant asks for none of some lock classes, before and after it.
-        """
-        self._given = self._pending(waits=waits)
-        if locks:
-            for state in (self.step.start.robot, self.step.round.robot):
-                self._given += self.said.unasked(self.said.meant, state, locks)
+    def ask_no_more(self, lock: int) -> None:
+        """Suppose from now on that the robot that is meant asks for a class at neither end."""
+        for state in (self.step.start.robot, self.step.round.robot):
+            self._given += self.said.unasked(self.said.meant, state, [lock])
 
     def runs_in_vain(self, lock: int) -> bool:
         """Return whether the robot that is meant may enter a lock class, and stay pending."""
@@ -306,7 +189,15 @@ class RoundQuestions:
         met = {premise.part for premise in self.step.asking.sift(asked, self._given)}
         return [each for each in ways if each not in met]
 
-    def _pending(self, *, waits: bool) -> list[Term]:
+    def against(self, language: Language, ways: Sequence[Help]) -> Snapshot | None:
+        """The values before a round in which help is refused, in a model."""
+        asked = [(Premise("helps", each), [self._refused(each)]) for each in ways]
+        asking = self.step.asking
+        if not asked or asking.counterexample(asked, self._given)[0] is not SolverAnswer.SAT:
+            return None
+        return configuration_of(language, self.step, asking.solver.model(), _LOOKED_AHEAD - 1)
+
+    def _pending(self, lasting: Sequence[core.Expr]) -> list[Term]:
         """The facts of a round before and after which the claim is pending."""
         round_ = self.step.round
         return [
@@ -314,8 +205,8 @@ class RoundQuestions:
             round_.calm,
             round_.legal,
             round_.gentle,
-            *self.said.pending(self.before, waits=waits),
-            *self.said.pending(self.after, waits=waits),
+            *self.said.pending(self.before, lasting),
+            *self.said.pending(self.after, lasting),
         ]
 
     # --- measures -------------------------------------------------------------------------------
@@ -423,20 +314,3 @@ class RoundQuestions:
     def _expectation(self, help_: Help) -> core.Property:
         assert help_.expectation is not None
         return self._expected[help_.expectation]
-
-
-def _conjuncts(said: core.Expr) -> Iterator[core.Expr]:
-    """The parts of a conjunction: it holds where each of them does. [PROP-FAULT]"""
-    if isinstance(said, core.Binary) and said.op is BinaryOp.AND:
-        yield from _conjuncts(said.left)
-        yield from _conjuncts(said.right)
-    else:
-        yield said
-
-
-def _mentions(phrase: Phrase) -> bool:
-    """Return whether a phrase is about a robot."""
-    return any(
-        isinstance(node, core.Variable) and node.home is Home.BOUND and node.slot == phrase.robot
-        for node in nodes(phrase.said)
-    )

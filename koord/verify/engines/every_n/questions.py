@@ -132,8 +132,8 @@ class Asking:
         return met
 
     def counterexample(
-        self, goals: Sequence[tuple[Claim, list[Term]]], given: Sequence[Term]
-    ) -> tuple[SolverAnswer, set[Claim]]:
+        self, goals: Sequence[tuple[G, list[Term]]], given: Sequence[Term]
+    ) -> tuple[SolverAnswer, set[G]]:
         """Ask whether one of some goals can be met, and which of them are in the model.
 
         If none can be, the solver's core has positions of what of the given it takes.

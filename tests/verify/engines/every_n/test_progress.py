@@ -118,6 +118,25 @@ VIOLATED = {
         LOCK + "Peek:\n  pre: free and not holds\n  eff:\n    atomic:\n      free = free\n",
         1,
     ),
+    "who asks for a lock is granted it, in vain": (
+        """
+allwrite:
+  bool open = true
+local:
+  bool done = false
+Peek:
+  pre: open
+  eff:
+    atomic:
+      open = open
+Do:
+  pre: not open and not done
+  eff:
+    done = true
+eventually Done: done
+""",
+        1,
+    ),
     "one robot is not there": (ONCE.replace("pre: not done", "pre: not done and numAgents > 1"), 1),
     "robots stop before": (ONCE + "Quit:\n  pre: not done\n  eff:\n    stop\n", 1),
     "the environment need not say so": (
@@ -326,7 +345,7 @@ def refused(text: str, kind: HelpKind, expectation: int | None = None) -> bool:
     help_ = Help(kind, phrase, core.RobotRange(None), expectation)
     means = Means(Deadline(), Effort.of_seconds(GENEROUS.seconds), GENEROUS, 0)
     questions = RoundQuestions(system, claim, [], means)
-    questions.pend(waits=False)
+    questions.pend(())
     for measure in measures_of(system.program, claim):
         questions.keep(measure)
     return not questions.helping([help_])
