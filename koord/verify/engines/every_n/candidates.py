@@ -2,7 +2,8 @@
 
 They are made of what the program itself speaks of: states that its variables can be in (truth
 values, members of enumerations, constants that they are compared with), the comparisons in its
-guards, who holds an allwrite variable, and how the numbers of two robots compare.
+guards, which numbers are remainders, who holds an allwrite variable, and how the numbers of two
+robots compare.
 """
 
 from __future__ import annotations
@@ -182,6 +183,7 @@ class Vocabulary(Struct, frozen=True):
 
     def facts(self, robot: core.Expr) -> Iterator[core.Expr]:
         """Yield facts that may hold of a robot: comparisons of guards, of numbers, of elements."""
+        yield from self._remainders(robot)
         numbers = [t for t in self.own(robot) if isinstance(t.type, IntType | FloatType)]
         for comparison in self._guards(robot):
             yield from _variants(comparison)
@@ -199,6 +201,16 @@ class Vocabulary(Struct, frozen=True):
             if isinstance(term.type, BoolType):
                 yield term
                 yield _negated(term)
+
+    def _remainders(self, robot: core.Expr) -> Iterator[core.Expr]:
+        """Yield what is so of remainders: they are from 0 up to what something is divided by."""
+        for node in nodes(self.agent.events):
+            match node:
+                case core.Assign(value=core.Binary(op=BinaryOp.MOD, right=right)):
+                    number, most = core.Read(for_robot(node.place, robot)), _size(right)
+                    if most is not None and _names_itself(node.place):
+                        low = _binary(BinaryOp.LE, core.Const(0, INT), number)
+                        yield _binary(BinaryOp.AND, low, _binary(BinaryOp.LT, number, most))
 
     def _pointed(self, index: core.Expr, robot: core.Expr) -> Iterator[core.Expr]:
         """Yield facts of elements of allwrite arrays that an integer of a robot points at."""
@@ -254,6 +266,25 @@ def _scalars(place: core.Place) -> Iterator[core.Expr]:
             yield core.Read(place)
         case _:
             return
+
+
+def _size(e: core.Expr) -> core.Expr | None:
+    """A number that is the same in all configurations, in few words; None if none is seen."""
+    match e:
+        case core.Const() | core.NumAgents():
+            return e
+        case core.Builtin(op=core.ListOp.LENGTH, arguments=(core.MakeList(items=items),)):
+            return core.Const(len(items), INT)
+        case _:
+            return None
+
+
+def _names_itself(place: core.Place) -> bool:
+    """Return whether a robot's number is all that says which element of a variable it is."""
+    return all(
+        isinstance(step, core.IndexStep) and isinstance(step.index, core.Pid)
+        for step in place.steps
+    )
 
 
 def _variants(comparison: core.Binary) -> Iterator[core.Expr]:

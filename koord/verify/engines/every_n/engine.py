@@ -25,7 +25,7 @@ class EveryNEngine(Struct, frozen=True):
     """The engine of proofs for every number of robots, which include the given number.
 
     Asked to infer, it looks for invariants that help: first against counterexamples, then among
-    likely ones, of which none is tried where there are more than a task allows: each of them costs.
+    likely ones, the simplest of them where a task allows only a few: each of them costs.
     Where something is violated, rounds that were looked at are enough of the rest.
     """
 
@@ -78,9 +78,9 @@ def _infer(ledger: Ledger, thrift: ProofBudget, most: int | None) -> None:
         ledger.system, claims, known, ledger.deadline, effort, thrift, ledger.seed
     )
     _note(ledger, found, known, started)
-    likely = candidates(ledger.system.program)
+    likely = candidates(ledger.system.program)[:most]
     claims = [claim for claim in claims if claim not in found.proved]
-    if not likely or not claims or (most is not None and len(likely) > most):
+    if not likely or not claims:
         return
     effort, pool = Effort.of_seconds(thrift.seconds), [*known, *likely]
     found = infer(ledger.system, claims, pool, ledger.deadline, effort, thrift, ledger.seed)

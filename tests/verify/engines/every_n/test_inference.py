@@ -67,3 +67,51 @@ def test_candidates_are_koord() -> None:
     for stated, claim in zip(again, likely, strict=True):
         assert claim.stated is not None
         assert stated.condition == claim.stated.condition, claim.name
+
+
+#: Robots go round a list, one place after the other, from their own places or from a common one.
+ROUND = """
+param int[] places = [4, 7, 9]
+allread:
+    int[] at = 0
+allwrite:
+    int common = 0
+local:
+    int next = 0
+    int seen = 0
+Own:
+    eff:
+        seen = places[next] + places[at[pid]]
+        next = (next + 1) % length(places)
+        at[pid] = (at[pid] + 2) % 3
+Common:
+    eff:
+        atomic:
+            seen = places[common]
+            common = (common + 1) % length(places)
+"""
+
+
+def test_remainders_are_smaller_than_what_is_divided_by() -> None:
+    assert not proved(ROUND)
+    found = inferred(ROUND)
+    assert {claim.name for claim in found.proved} == {"no fault"}
+    assert {claim.name for claim in found.invariants} == {
+        "forall i: 0 <= next@i and next@i < 3",
+        "forall i: 0 <= at[i] and at[i] < 3",
+        "forall i: 0 <= common and common < 3",
+    }
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("(next + 1) % length(places)", "(next + 1) % 4"),
+        ("next = (next + 1)", "next = 3 + (next + 1)"),
+        ("int next = 0", "int next = 3"),
+        ("(at[pid] + 2) % 3", "(at[pid] + 2) % 4"),
+    ],
+)
+def test_others_are_not(old: str, new: str) -> None:
+    assert old in ROUND
+    assert not names(ROUND.replace(old, new))
