@@ -6,6 +6,7 @@ from tests.mutants.mutant import Mutant
 
 FORMS = "tests/verify/cache/test_forms.py"
 KEPT = "tests/verify/cache/test_kept.py"
+LIKELY = "tests/verify/cache/test_likely.py"
 ORDERS = "tests/verify/cache/test_orders.py"
 FOLDER = "tests/verify/cache/test_folder.py"
 SUBSTANCE = "tests/verify/cache/test_substance.py"
@@ -277,5 +278,33 @@ CACHED = (
         "case core.Binary(op=BinaryOp.AND):",
         "case core.Binary(op=BinaryOp.AND | BinaryOp.OR):",
         (ORDERS,),
+    ),
+    Mutant(
+        "cache: what was likely is taken to be so",
+        "verify.strategy.verification._Verification.report",
+        "not cut and len(proved) == len(verdicts) and _are_for_every_n(verdicts)",
+        "not cut",
+        (LIKELY,),
+    ),
+    Mutant(
+        "cache: few robots were enough, whatever verdicts turn out to be",
+        "verify.strategy.verification._ReachabilitySearch._drop_if",
+        "vain and self.job is not None",
+        "False",
+        (LIKELY,),
+    ),
+    Mutant(
+        "cache: who proved all is asked as all others are",
+        "verify.strategy.verification._Asking.turns",
+        "self.again and row.again is not None",
+        "False",
+        (LIKELY,),
+    ),
+    Mutant(
+        "cache: proofs with lemmas were made by themselves",
+        "verify.strategy.resumption._is_of_all",
+        "verdict.engine is Engine.EVERY_N and not verdict.lemmas",
+        "verdict.engine is Engine.EVERY_N",
+        (LIKELY,),
     ),
 )

@@ -67,6 +67,22 @@ class VerdictCache(Struct, frozen=True):
         found = {claim: self._known(dependences, claim) for claim in dependences.claims}
         return {claim: known for claim, known in found.items() if known is not None}
 
+    def likely(self, dependences: Dependences, known: Collection[Claim]) -> tuple[Verdict, ...]:
+        """What was found last of other programs, and held, on claims that are not ``known`` here.
+
+        It says nothing of this program but who may be asked first.
+        """
+        found = []
+        for claim in dependences.claims:
+            entries = [] if claim in known else _entries(self._read(dependences.asked(claim)) or {})
+            try:
+                verdict = revived(entries[0]["verdict"]) if entries else None
+            except (CodecError, KeyError):
+                continue
+            if isinstance(verdict, Verdict) and verdict.outcome is Outcome.HOLDS:
+                found.append(replace(verdict, claim=claim))
+        return tuple(found)
+
     def keep(
         self,
         dependences: Dependences,

@@ -58,6 +58,7 @@ class CachedVerification(Struct, frozen=True, dict=True):
             verdicts,
             reaching=self.cache.reaching(self.dependences),
             substance=self.substance,
+            likely=self.cache.likely(self.dependences, self.known),
         )
 
     @cached_property

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable
 
 from msgspec import Struct, field
 from msgspec.structs import replace
 
 from koord.syntax.budget import OutOfBudgetError
-from koord.verify.engine_names import engine_named
+from koord.verify.engine_names import Engine, engine_named
 from koord.verify.ledger import Ledger, Reach, reach_of
 from koord.verify.obstacles import Failure, TimeUp
 from koord.verify.verdicts import NOTHING_KNOWN, Outcome, ReachingRun, Substance, Verdict
@@ -26,7 +26,9 @@ class PastVerification(Struct, frozen=True):
     """The state of a verification whose process died, from which the next one continues.
 
     ``begun`` are the steps that are not taken again, be they done or not. ``reaching`` are runs
-    that once reached what should be possible, perhaps of another program.
+    that once reached what should be possible, perhaps of another program. ``likely`` are verdicts
+    on the same claims about another one, by which engines are asked in another order: nothing of
+    them is taken to be true.
     """
 
     verdicts: tuple[Verdict, ...] = ()
@@ -34,6 +36,13 @@ class PastVerification(Struct, frozen=True):
     failures: tuple[Failure, ...] = ()
     reaching: tuple[ReachingRun, ...] = ()
     substance: Substance = NOTHING_KNOWN
+    likely: tuple[Verdict, ...] = ()
+
+    def was_for_every_n(self, names: Collection[str]) -> bool:
+        """Return whether claims hold for every number of robots, here or where they are likely."""
+        found = {v.claim.name: v for v in (*self.likely, *self.verdicts)}
+        of_all = {n for n, v in found.items() if v.outcome is Outcome.HOLDS and _is_of_all(v)}
+        return of_all.issuperset(names)
 
     def told(self, noted: Iterable[object]) -> PastVerification:
         """The state with the messages of a further process added."""
@@ -70,6 +79,11 @@ class PastVerification(Struct, frozen=True):
     def verdict(self, name: str) -> Verdict | None:
         """The last known verdict on a claim, or None."""
         return next((v for v in self.verdicts if v.claim.name == name), None)
+
+
+def _is_of_all(verdict: Verdict) -> bool:
+    """Return whether a proof is for every number of robots, and none but claims helped it."""
+    return verdict.engine is Engine.EVERY_N and not verdict.lemmas
 
 
 #: Who is asked while others wait behind it has this part of the time that is left.

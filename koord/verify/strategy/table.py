@@ -48,6 +48,7 @@ class AskEngine(Struct, frozen=True):
     quick: bool = False  #: it seldom takes longer than a process takes to start
     fleet: Fleet = Fleet.ANY  #: of what the system has to be for it
     named: bool = False  #: only where claims are named, and about those alone
+    again: Task | None = None  #: instead, where it proved the same of a program like this one
     #: values that merely flow are left out for it, and lemmas are given (of whole runs)
     opaque: bool = False
 
@@ -97,6 +98,10 @@ SPARING_S = 3.0
 #: in steps of evaluation, and what costs a solver more is left to the race.
 _AT_A_GLANCE = Task(seconds=0.02, evaluations=3_000)
 
+#: What has proved all claims about a program like this one needs some tenths of a second again, and
+#: has them before others are asked.
+_ONCE_MORE = Task(seconds=0.3, evaluations=40_000)
+
 #: What proofs and lemmas for every number of robots may cost where others have an answer already:
 #: some tenths of a second, as they say more. With many robots they are the only ones.
 _A_LITTLE = Task(seconds=0.08, evaluations=15_000)
@@ -138,7 +143,7 @@ _TO_THE_END: Rows = (
 #: of a second, then by what takes a second, and then some.
 _ALL_ENGINES: Rows = (
     AskEngine(Engine.SEARCH, Task(Purpose.REFUTE, states=HANDFUL, evaluations=3_000), quick=True),
-    AskEngine(Engine.EVERY_N, _AT_A_GLANCE, quick=True),
+    AskEngine(Engine.EVERY_N, _AT_A_GLANCE, quick=True, again=_ONCE_MORE),
     AskAtOnce(
         first=(
             AskEngine(Engine.EVERY_N, _A_LITTLE, fleet=Fleet.FEW),

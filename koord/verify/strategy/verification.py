@@ -137,6 +137,7 @@ class _Verification(Struct, frozen=True):
         search = _ReachabilitySearch(
             self.pool, self.steps, self.system, happens, wanted=not known, of_any_number=every_n
         )
+        ahead = None if known else self._ahead(slices)
         verdicts, ledger, last = self._of_states(problem, slices, known, search)
         cut = last.interrupted
         search.wanted &= not cut and not ledger.stopped
@@ -145,8 +146,18 @@ class _Verification(Struct, frozen=True):
         # What is looked at for vacuity hangs on whether verdicts are for every number of robots.
         # Where others are for these robots alone, so may these be, which are found sooner.
         soon, rows = _soon(rows, everyone=_are_for_every_n(verdicts) or every_n)
-        first = LivenessVerdicts(())
-        if soon:
+        first, told = LivenessVerdicts(()), None
+        if ahead is not None:
+            if not cut and len(proved) == len(verdicts) and _are_for_every_n(verdicts):
+                search.begin(ledger, self.names, every_n=True)
+                told = self.pool.answer(ahead)
+            else:
+                self.pool.drop(ahead)
+        if told is not None:
+            first = told
+            for verdict in first.verdicts:
+                self.steps.noted(verdict)
+        elif soon:
             first = self._of_runs(slices, proved, known, soon, is_last=not rows)
         search.runs = first.verdicts
         cut |= first.interrupted
@@ -178,6 +189,27 @@ class _Verification(Struct, frozen=True):
             reaching=search.reaching,
         )
         return replace(report, substance=_substance(report, search.substance))
+
+    def _ahead(self, slices: Slices) -> Job[LivenessVerdicts] | None:
+        """Ask about whole runs beside claims about states, in a process of its own.
+
+        That rests on these claims, as if they were proved for every number of robots. So it counts
+        only if they are; and it is done only where they were, of a program like this one.
+        """
+        past, asked = self.steps.past, claims_of(self.system)
+        soon, rows = _soon(LIVENESS.get(self.choice, ()), everyone=True)
+        live = [claim for claim in liveness_of(self.system) if self._is_asked(claim)]
+        names = [claim.name for claim in (*asked, *live)]
+        is_open = not all(past.verdict(claim.name) for claim in live)
+        if self.pool.jobs == 1 or not (soon and is_open and past.was_for_every_n(names)):
+            return None
+        given = [Verdict(claim, Outcome.HOLDS, Engine.EVERY_N, 0.0) for claim in asked]
+
+        def looked(tell: Progress) -> LivenessVerdicts:
+            own = replace(self, pool=Pool(1, tell), steps=Steps(past))
+            return own._of_runs(slices, given, (), soon, is_last=not rows)
+
+        return self.pool.submit("", looked)
 
     def _is_asked(self, claim: Claim) -> bool:
         return not self.names or claim.name in self.names
@@ -262,7 +294,8 @@ class _Verification(Struct, frozen=True):
         stage = "plain" if slices is None else "slice"
         robots = self.system.robots
         workers = Workers(self.pool)
-        asking = _Asking(self.pool, names, self.steps, workers, slices, stage, robots)
+        again = self.steps.past.was_for_every_n([claim.name for claim in asked])
+        asking = _Asking(self.pool, names, self.steps, workers, slices, stage, robots, again)
         unroller = asking.workers.tools.unroller
         with ledger.stopping():
             suspected = known.suspected if known is not None else None
@@ -354,14 +387,21 @@ class _ReachabilitySearch(Struct):
     runs: Sequence[Verdict] = ()  #: what is known of whole runs
     reaching: tuple[ReachingRun, ...] = ()  #: runs that reach goals
     relied: Substance = Substance()  #: what the job does not look at
+    every_n: bool = False  #: whether the job takes verdicts to be for every number of robots
     substance: Substance | None = None  #: what was found, but for what vacuities say
     job: Job[tuple[GoalSearch | str, tuple[Failure, ...]]] | None = None
 
-    def begin(self, ledger: Ledger, names: Collection[str]) -> None:
-        """Start the search in a process: the work that follows takes long."""
+    def begin(self, ledger: Ledger, names: Collection[str], *, every_n: bool | None = None) -> None:
+        """Start the search in a process: the work that follows takes long.
+
+        ``every_n`` says whether verdicts will be for every number of robots, if somebody knows.
+        """
         apart = self.pool.jobs > 1 and not self.of_any_number
-        if self.wanted and self.job is None and apart:
+        if every_n is None:
             every_n = is_every_n(self.system, ledger, names, self.runs)
+        self._drop_if(self.every_n and not every_n)
+        if self.wanted and self.job is None and apart:
+            self.every_n = every_n
             own = self._of_what_happens(ledger).of((), lambda text: None)
             self.relied = known = self.steps.past.substance.where(every_n=every_n)
 
@@ -402,10 +442,8 @@ class _ReachabilitySearch(Struct):
 
     def _looked(self, own: Ledger, *, every_n: bool, known: Substance) -> GoalSearch | str:
         """The result of the parallel search, or of one made now."""
-        if self.job is not None and self.relied != known:
-            # It left out what is not known after all.
-            self.pool.drop(self.job)
-            self.job = None
+        # It left out what is not known after all, or looked at few robots where it is about these.
+        self._drop_if(self.relied != known or (self.every_n and not every_n))
         if self.job is None:
             return self._search(own, every_n=every_n, known=known)
         answer = self.pool.answer(self.job)
@@ -416,6 +454,12 @@ class _ReachabilitySearch(Struct):
         for failure in failures:
             own.fail(failure)
         return looked
+
+    def _drop_if(self, vain: bool) -> None:
+        """Drop the search that was begun if it is of no use."""
+        if vain and self.job is not None:
+            self.pool.drop(self.job)
+            self.job, self.every_n = None, False
 
     def _of_what_happens(self, ledger: Ledger) -> Ledger:
         """A ledger of the slice that influences what happens, with the known results."""
@@ -529,13 +573,14 @@ class _Asking(Struct, frozen=True):
     slices: Slices | None
     stage: str
     robots: int
+    again: bool  #: whether what is asked was proved for every number of robots, of another program
 
     def turns(self, rows: Rows) -> Iterator[AnyTurn]:
         """Make the turns for rows of the strategy."""
         for position, row in enumerate(rows):
             match row:
                 case AskEngine():
-                    task = row.task
+                    task = row.again if self.again and row.again is not None else row.task
                     if row.named:
                         task = replace(task, named=self.names)
                     suits = row.fleet.has(self.robots)
