@@ -346,6 +346,20 @@ EVERY_N = (
         (LOOPS,),
     ),
     Mutant(
+        "every N: what was too much for little work is never asked again",
+        "verify.engines.every_n.lemma_search._Loop._ask_of",
+        "self.gave_up |= answer is SolverAnswer.UNKNOWN",
+        "self.gave_up |= answer is None",
+        (SEARCH,),
+    ),
+    Mutant(
+        "every N: all lemmas are kept that are no longer needed",
+        "verify.engines.every_n.questions.Step.fewest",
+        "kept = rest",
+        "kept = kept",
+        (SEARCH,),
+    ),
+    Mutant(
         "every N: what pairs have is spoken of where nobody wants it",
         "verify.engines.every_n.disjunctions.Samples.against",
         "not pairs",

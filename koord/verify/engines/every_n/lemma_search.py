@@ -17,22 +17,18 @@ from itertools import islice
 from msgspec import Struct, field
 from msgspec.structs import replace
 
-from koord.sampling.reached import reached
-from koord.semantics.configurations import Configuration
-from koord.semantics.domain import Constant
 from koord.semantics.every_number import NotFiniteError
 from koord.semantics.storage import Cell, Many, Storage
 from koord.syntax import core
 from koord.syntax.budget import Budget, OutOfBudgetError
-from koord.syntax.diagnostics import KoordError
-from koord.syntax.system import System, dealt
+from koord.syntax.system import System
 from koord.syntax.types import INT, Type
 from koord.verify.claims import Claim, ClaimPhase
 from koord.verify.effort import Deadline, Effort
 from koord.verify.encoding.solver import Model, SolverAnswer
 from koord.verify.encoding.terms import Term
 from koord.verify.engines.every_n.all_robots import ParameterisedSystem
-from koord.verify.engines.every_n.conditions import UNSET, asked_of
+from koord.verify.engines.every_n.conditions import UNSET
 from koord.verify.engines.every_n.disjunctions import (
     USUAL,
     Disjunction,
@@ -48,25 +44,21 @@ from koord.verify.engines.every_n.language import Held, Language
 from koord.verify.engines.every_n.literals import Snapshot
 from koord.verify.engines.every_n.proving import STEPS_PER_SECOND, Inferred
 from koord.verify.engines.every_n.questions import GENEROUS, Means, ProofBudget, Start, Step
+from koord.verify.engines.every_n.small_systems import Sample, sampled
 from koord.verify.engines.every_n.watching import WATCHED, Watching
 
-#: Sampled systems: how many robots, and how many turns are spent on them.
-_SAMPLED = ((2, 800), (3, 2_400))
-
-#: And where conditions may ask how many robots there are of a sort: of three it is soon all.
-_COUNTED = (*_SAMPLED, (4, 1_600))
-
-#: So many starts are sampled where a program leaves them open, each with fewer turns.
-_STARTS = 8
-
-#: So many steps of work a sampled system may cost: what is slow is sampled less.
-_SAMPLING = 100_000
-
 #: Where so few are too much for the solver at once, they are asked one by one.
-_ONE_BY_ONE = 8
+_ONE_BY_ONE = 16
 
 #: So many steps of work the search has at least: with fewer nothing that asks of all is found.
 _LEAST_STEPS = 26_000
+
+#: How many units of work a solver does for a question: where that was too little, all begins again.
+#: Questions that are of use take little, most often, and hopeless ones whatever they may.
+_PATIENCE = (400_000, 1_600_000, 6_400_000)
+
+#: For a claim alone it does so many times as much: what is not known of one is the end.
+_OF_CLAIMS = 5
 
 #: So many lemmas are tried against one counterexample at once.
 _AT_ONCE = 3
@@ -96,10 +88,9 @@ class Search(Struct):
 
     program: core.Program
     language: Language
-    snapshots: list[Snapshot]
+    reached: Sequence[Sample]
     samples: Samples
     budget: Budget
-    reached: Sequence[tuple[System, Configuration[Constant]]] = ()  #: what was sampled
     ring: Samples | None = None  #: of three robots, where they were looked at
     active: dict[Disjunction, Claim] = field(default_factory=dict)
     dead: set[Disjunction] = field(default_factory=set)
@@ -135,6 +126,19 @@ class Search(Struct):
     def sorted_(self, found: Collection[Disjunction]) -> list[Disjunction]:
         return sorted(set(found) - self.dead, key=lambda x: cost(self.language, x))
 
+    @property
+    def snapshots(self) -> list[Snapshot]:
+        return [sample.snapshot for sample in self.reached]
+
+    @property
+    def lemmas(self) -> set[Claim]:
+        """The active lemmas as claims."""
+        return set(self.active.values())
+
+    def begin(self) -> None:
+        """Forget all lemmas: those given up may be kept by more work."""
+        self.active, self.dead = {}, set()
+
     def lemma(self, x: Disjunction) -> Claim:
         return lemma(self.program, self.language, x)
 
@@ -156,37 +160,11 @@ def searched(system: System, budget: Budget, seed: int, *, somebody: bool = Fals
     if len(program.agents) != 1:
         return None
     language = Language.of_program(program, somebody=somebody)
-    asked = asked_of(language.conditions, language.size)
-    snapshots, kept = list[Snapshot](), list[tuple[System, Configuration[Constant]]]()
-    for count, turns in _COUNTED if language.conditions or language.ring else _SAMPLED:
-        few = dealt(program, count, system.delta_s)
-        few = replace(few, budget=system.budget.rationed(_SAMPLING))
-        try:
-            for configuration in _reached(few, system.budget, turns, seed):
-                if configuration.fault is None:
-                    snapshots.append(language.sampled(configuration, asked(few, configuration)))
-                    kept.append((few, configuration))
-        except (KoordError, OutOfBudgetError):
-            continue  # What was looked at by then is a sample too.
-    if not language.literals or not snapshots:
+    found = sampled(system, language, seed)
+    if not language.literals or not found:
         return None
-    samples = Samples.of(language, snapshots, language.rows)
-    return Search(program, language, snapshots, samples, budget, kept)
-
-
-def _reached(few: System, budget: Budget, turns: int, seed: int) -> list[Configuration[Constant]]:
-    """Configurations of a small system; from each start it takes a part of the budget's steps."""
-    starts = _STARTS if _is_open(few.program) else 1
-    found = list[Configuration[Constant]]()
-    for k in range(starts):
-        rationed = replace(few, budget=budget.rationed(_SAMPLING // starts))
-        found += reached(rationed, turns // starts, seed + k)
-    return found
-
-
-def _is_open(program: core.Program) -> bool:
-    """Return whether a program says nothing of what some variable begins with."""
-    return any(d.initial is core.Start.ARBITRARY for d in (*program.allread, *program.allwrite))
+    samples = Samples.of(language, (sample.snapshot for sample in found), language.rows)
+    return Search(program, language, found, samples, budget)
 
 
 class Place(Struct, frozen=True):
@@ -256,6 +234,7 @@ def infer_from_counterexamples(
     steps = max(_LEAST_STEPS, int(thrift.seconds * STEPS_PER_SECOND))
     system = replace(system, budget=whole.rationed(steps))
     means = Means(deadline, effort, thrift, seed)
+    best = nothing
     try:
         start = Start(system, means)
         failing = start.failing(claims)
@@ -266,24 +245,30 @@ def infer_from_counterexamples(
         language = search.language
         again = partial(Step, system, means, language.conditions, language.size)
         longer = _MOST_LONGER if thrift.seconds >= GENEROUS.seconds else 0
-        loop = _Loop(start, again(), again, search, tuple(known), longer=longer)
-        proved, step = loop.proved(open_), loop.step
-        if not proved or start.limits or step.limits:
-            return nothing
-        found = step.lemmas(proved, [*known, *search.active.values()])
-        return Inferred(proved, tuple(step.fewest(proved, found)))
+        for patience in _PATIENCE:
+            search.begin()
+            loop = _Loop(start, again(), again, search, tuple(known), patience, longer=longer)
+            proved, step = loop.proved(open_), loop.step
+            if start.limits or step.limits:
+                break
+            if len(proved) > len(best.proved):
+                found = step.lemmas(proved, [*known, *search.active.values()])
+                best = Inferred(proved, tuple(step.fewest(proved, found)))
+            if len(proved) == len(open_) or not loop.gave_up or patience >= thrift.question:
+                break
     except NotFiniteError:
         return nothing
     except OutOfBudgetError:
         if whole.is_over():
             raise
-    return nothing
+    return best
 
 
 class _Loop(Struct):
     """The loop of questions and lemmas.
 
     Names of so many ``generations`` are put into facts, and of ``most`` where that is not enough.
+    A question may take so many units of a solver's work as there is ``patience``.
     """
 
     start: Start
@@ -291,6 +276,8 @@ class _Loop(Struct):
     again: Callable[[], Step]
     search: Search
     known: tuple[Claim, ...]
+    patience: int
+    gave_up: bool = False  #: whether a solver did not answer with so little work
     generations: int = 1
     most: int = 3
     too_much: int = 0  #: how often names were too many
@@ -385,7 +372,12 @@ class _Loop(Struct):
     def _ask_of(
         self, wanted: Sequence[Claim], given: Sequence[Claim], moment: ClaimPhase
     ) -> tuple[SolverAnswer, set[Claim]]:
-        return self.step.counterexample(wanted, [*given, *self.known], moment, self.generations)
+        given, most = [*given, *self.known], self.patience
+        if self.search.lemmas.isdisjoint(wanted):
+            most *= _OF_CLAIMS
+        answer, hit = self.step.counterexample(wanted, given, moment, self.generations, most)
+        self.gave_up |= answer is SolverAnswer.UNKNOWN
+        return answer, hit
 
     def _add(self, here: Snapshot, most: int = USUAL) -> bool:
         """Add lemmas that do not hold in a configuration; return whether there are any.

@@ -98,8 +98,8 @@ class Lemmas(Struct):
         assert claim.stated is not None
         said = claim.stated
         return all(
-            value_in(system, here, said.condition, said.bound) is True
-            for system, here in self.search.reached
+            value_in(each.system, each.configuration, said.condition, said.bound) is True
+            for each in self.search.reached
         )
 
     def _stated(self, said: core.Expr, bound: int) -> Claim | None:

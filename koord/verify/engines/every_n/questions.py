@@ -57,6 +57,10 @@ SPARING = ProofBudget(
 )
 
 
+#: What a question may cost that is to save a lemma: a little, and so many times what the proof did.
+_LITTLE, _TIMES = 100_000, 3
+
+
 class Means(Struct, frozen=True):
     """The budgets and the seed of queries."""
 
@@ -103,10 +107,16 @@ class Asking:
                 break
         return failed
 
-    def sift(self, goals: Sequence[tuple[G, list[Term]]], given: Sequence[Term]) -> set[G]:
+    def sift(
+        self,
+        goals: Sequence[tuple[G, list[Term]]],
+        given: Sequence[Term],
+        at_most: int | None = None,
+    ) -> set[G]:
         """The claims (or premises) with satisfiable goals, as far as the solver tells: one query.
 
-        ``given`` holds besides. Where the solver gives up, all claims that are left are met.
+        ``given`` holds besides. Where the solver gives up, all claims that are left are met; that
+        is when it has done ``at_most`` units of work, or four times the usual.
         """
         d, book, means = self.world.d, self.world.book, self.means
         pending = {claim: conjunction(d, goal) for claim, goal in goals}
@@ -118,7 +128,7 @@ class Asking:
             self._tell()
             question = [*given, disjunction(d, list(pending.values()))]
             answer = self.solver.check(
-                question, means.deadline, means.effort, at_most=4 * self._most
+                question, means.deadline, means.effort, at_most=at_most or 4 * self._most
             )
             if answer is SolverAnswer.UNSAT:
                 return met
@@ -132,11 +142,15 @@ class Asking:
         return met
 
     def counterexample(
-        self, goals: Sequence[tuple[G, list[Term]]], given: Sequence[Term]
+        self,
+        goals: Sequence[tuple[G, list[Term]]],
+        given: Sequence[Term],
+        at_most: int | None = None,
     ) -> tuple[SolverAnswer, set[G]]:
         """Ask whether one of some goals can be met, and which of them are in the model.
 
-        If none can be, the solver's core has positions of what of the given it takes.
+        If none can be, the solver's core has positions of what of the given it takes. It gives up
+        when it has done ``at_most`` units of work, if it would go on for longer.
         """
         d, book, means = self.world.d, self.world.book, self.means
         asked = {claim: conjunction(d, goal) for claim, goal in goals}
@@ -145,7 +159,8 @@ class Asking:
         book.settle(self._limit)
         self._tell()
         question = [*given, disjunction(d, list(asked.values()))]
-        answer = self.solver.check(question, means.deadline, means.effort, at_most=self._most)
+        most = min(self._most, at_most or self._most)
+        answer = self.solver.check(question, means.deadline, means.effort, at_most=most)
         if answer is not SolverAnswer.SAT:
             return answer, set()
         model = self.solver.model()
@@ -306,10 +321,12 @@ class Step:
         given: Sequence[Claim],
         moment: ClaimPhase,
         generations: int,
+        at_most: int,
     ) -> tuple[SolverAnswer, set[Claim]]:
         """Ask for a round that breaks one of the claims, with names of so many generations.
 
         Returned are the claims that it breaks; if there is none, the given ones that it takes.
+        The solver does ``at_most`` units of work.
         """
         self.asking.look_ahead(generations)
         state = [claim for claim in given if claim.is_state_property]
@@ -317,7 +334,7 @@ class Step:
         goals = [(claim, goal) for claim in claims if (goal := self._goal(claim, moment))]
         if not goals:
             return SolverAnswer.UNSAT, set()
-        answer, hit = self.asking.counterexample(goals, supposed)
+        answer, hit = self.asking.counterexample(goals, supposed, at_most)
         if answer is SolverAnswer.UNSAT:
             used = self.asking.solver.core()
             return answer, {claim for k, claim in enumerate(state) if k in used}
@@ -342,20 +359,31 @@ class Step:
         return found
 
     def fewest(self, claims: Sequence[Claim], lemmas: Sequence[Claim]) -> list[Claim]:
-        """A minimal set of lemmas: none can be left out by itself."""
-        kept = list(lemmas)
+        """A minimal set of lemmas: none can be left out by itself.
+
+        As far as is seen without much more work than it is to show them all: that something is
+        missing can take a solver a hundred times as long.
+        """
+        effort, kept = self.asking.means.effort, list(lemmas)
+        before = effort.left
+        if not self.is_closed([*claims, *lemmas]):
+            return kept
+        most = _LITTLE + _TIMES * (before - effort.left)
         for lemma in lemmas[::-1]:
             rest = [claim for claim in kept if claim is not lemma]
-            if self.is_closed([*claims, *rest]):
+            if self.is_closed([*claims, *rest], most):
                 kept = rest
         return kept
 
-    def is_closed(self, claims: Sequence[Claim]) -> bool:
-        """Return whether every round preserves some claims, if all of them hold before it."""
+    def is_closed(self, claims: Sequence[Claim], at_most: int | None = None) -> bool:
+        """Return whether every round preserves some claims, if all of them hold before it.
+
+        A solver does ``at_most`` units of work for each question, or four times the usual.
+        """
         given = [self.suppose(claim) for claim in claims if claim.is_state_property]
         for moment in self.moments():
             goals = [(claim, goal) for claim in claims if (goal := self._goal(claim, moment))]
-            if self.asking.sift(goals, given):
+            if self.asking.sift(goals, given, at_most):
                 return False
         return True
 

@@ -12,6 +12,7 @@ from koord.syntax.core import Const, Home
 from koord.syntax.system import dealt
 from koord.verify.claims import claims_of
 from koord.verify.effort import Deadline, Effort
+from koord.verify.engines.every_n import lemma_search
 from koord.verify.engines.every_n.conditions import asked_of
 from koord.verify.engines.every_n.disjunctions import (
     Samples,
@@ -26,7 +27,7 @@ from koord.verify.engines.every_n.lemma_search import infer_from_counterexamples
 from koord.verify.engines.every_n.literals import Between, Existence, Literal, Snapshot
 from koord.verify.engines.every_n.looking import Looking
 from koord.verify.engines.every_n.proving import Inferred
-from koord.verify.engines.every_n.questions import GENEROUS, SPARING
+from koord.verify.engines.every_n.questions import GENEROUS, SPARING, Means, Step
 from tests.loading import program_of
 from tests.sampling import but_slow
 from tests.verify.engines.every_n.asking import broken, proved, system_of
@@ -237,6 +238,34 @@ def test_nothing_is_proved_where_solvers_are_not_asked() -> None:
         system, claims_of(system), (), Deadline(), Effort.of_seconds(0), SPARING
     )
     assert not nothing.proved
+
+
+def test_what_was_too_much_for_little_work_is_asked_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    text = text_of("lock_server.krd")
+    monkeypatch.setattr(lemma_search, "_PATIENCE", (1,))
+    assert not found(text).proved
+    monkeypatch.setattr(lemma_search, "_PATIENCE", (1, 1_000_000))
+    assert {claim.name for claim in found(text).proved} == {"Exclusive", "no fault"}
+
+
+def test_what_solvers_leave_open_shows_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(lemma_search, "_PATIENCE", (1,))
+    system = system_of(text_of("lock_server.krd"))
+    for claim in claims_of(system):
+        effort = Effort.of_seconds(5)
+        given = infer_from_counterexamples(system, [claim], (), Deadline(), effort, GENEROUS)
+        assert not given.proved
+
+
+def test_lemmas_that_nobody_needs_are_left_out() -> None:
+    text = text_of("lock_server.krd")
+    lemmas = [claim.name for claim in found(text).invariants]
+    system = system_of(text + "".join(f"\ninvariant: {x}" for x in [*lemmas, "forall i: i >= 0"]))
+    *claims, needed, idle, fault = claims_of(system)
+    step = Step(system, Means(Deadline(), Effort.of_seconds(20), GENEROUS, 0))
+    assert step.fewest([*claims, fault], [needed, idle]) == [needed]
+    # Nothing is left out of what does not show itself.
+    assert step.fewest([*claims, fault], [idle]) == [idle]
 
 
 def snapshots(

@@ -1,0 +1,68 @@
+"""Snapshots of what small systems of a program reach: samples for the look for lemmas."""
+
+from __future__ import annotations
+
+from msgspec import Struct
+from msgspec.structs import replace
+
+from koord.sampling.reached import reached
+from koord.semantics.configurations import Configuration
+from koord.semantics.domain import Constant
+from koord.syntax import core
+from koord.syntax.budget import Budget, OutOfBudgetError
+from koord.syntax.diagnostics import KoordError
+from koord.syntax.system import System, dealt
+from koord.verify.engines.every_n.conditions import asked_of
+from koord.verify.engines.every_n.language import Language
+from koord.verify.engines.every_n.literals import Snapshot
+
+#: Sampled systems: how many robots, and how many turns are spent on them.
+_SAMPLED = ((2, 800), (3, 2_400))
+
+#: And where conditions may ask how many robots there are of a sort: of three it is soon all.
+_COUNTED = (*_SAMPLED, (4, 1_600))
+
+#: So many starts are sampled where a program leaves them open, each with fewer turns.
+_STARTS = 8
+
+#: So many steps of work a sampled system may cost: what is slow is sampled less.
+_SAMPLING = 100_000
+
+
+class Sample(Struct, frozen=True):
+    """A configuration that a small system reached, and what lemmas may say of it."""
+
+    system: System
+    configuration: Configuration[Constant]
+    snapshot: Snapshot
+
+
+def sampled(system: System, language: Language, seed: int) -> list[Sample]:
+    """Look at configurations that two robots reach, and three, and four where it matters."""
+    asked = asked_of(language.conditions, language.size)
+    found = list[Sample]()
+    for count, turns in _COUNTED if language.conditions or language.ring else _SAMPLED:
+        few = dealt(system.program, count, system.delta_s)
+        few = replace(few, budget=system.budget.rationed(_SAMPLING))
+        try:
+            for here in _reached(few, system.budget, turns, seed):
+                if here.fault is None:
+                    found.append(Sample(few, here, language.sampled(here, asked(few, here))))
+        except (KoordError, OutOfBudgetError):
+            continue  # What was looked at by then is a sample too.
+    return found
+
+
+def _reached(few: System, budget: Budget, turns: int, seed: int) -> list[Configuration[Constant]]:
+    """Configurations of a small system; from each start it takes a part of the budget's steps."""
+    starts = _STARTS if _is_open(few.program) else 1
+    found = list[Configuration[Constant]]()
+    for k in range(starts):
+        rationed = replace(few, budget=budget.rationed(_SAMPLING // starts))
+        found += reached(rationed, turns // starts, seed + k)
+    return found
+
+
+def _is_open(program: core.Program) -> bool:
+    """Return whether a program says nothing of what some variable begins with."""
+    return any(d.initial is core.Start.ARBITRARY for d in (*program.allread, *program.allwrite))
