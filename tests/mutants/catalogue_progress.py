@@ -91,6 +91,20 @@ PROGRESS = (
         "d.binary(BinaryOp.AND, runs, promised)",
         (PREMISES,),
     ),
+    Mutant(
+        "what falls as time passes may fall by nothing",
+        f"{_QUESTIONS}.RoundQuestions._stays",
+        "d.binary(BinaryOp.LE, new, d.binary(BinaryOp.SUB, old, least))",
+        "d.binary(BinaryOp.LE, new, old)",
+        (PREMISES,),
+    ),
+    Mutant(
+        "what falls as time passes may grow",
+        f"{_QUESTIONS}.RoundQuestions._stays",
+        "[self.said.negated(enough), negative, faulty, fails]",
+        "[negative, faulty, fails]",
+        (PREMISES,),
+    ),
     # (somebody)
     Mutant(
         "nobody needs to help",

@@ -234,8 +234,9 @@ LIVENESS: Mapping[Engine | None, tuple[AskEngine, ...]] = {
     None: (
         AskEngine(Engine.EVERY_N, Task(seconds=0.2), opaque=True),
         AskEngine(Engine.SEARCH, Task(states=FEW_STATES, edges=FEW_EDGES)),
-        AskEngine(Engine.BITS, Task(questions=FEW_QUESTIONS), opaque=True),
+        # What circuits take for what never comes back to itself has no end in sight.
         AskEngine(Engine.EVERY_N, Task(Purpose.INFER, seconds=SPARING_S), opaque=True),
+        AskEngine(Engine.BITS, Task(questions=FEW_QUESTIONS), opaque=True),
     ),
     Engine.EVERY_N: (
         AskEngine(Engine.EVERY_N, Task(seconds=SPARING_S), opaque=True),

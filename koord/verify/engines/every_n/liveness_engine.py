@@ -84,9 +84,13 @@ def _lemmas(ledger: Ledger, known: Sequence[Claim], means: Means) -> list[Claim]
     return [claim for claim in likely if claim in shown.proved]
 
 
+#: Help that does not rest on fairness to robots.
+_NOT_OF_ROBOTS = (HelpKind.EXPECTED, HelpKind.TIME)
+
+
 def fairness_of(program: core.Program, proof: ProgressProof) -> tuple[str, ...]:
     """The kinds of fairness, and expectations, that a proof rests on, by name."""
-    robots = any(each.kind is not HelpKind.EXPECTED for each in proof.help)
+    robots = any(each.kind not in _NOT_OF_ROBOTS for each in proof.help)
     positions = sorted({each.expectation for each in proof.help if each.expectation is not None})
     names = (program.expectations[k].name for k in positions)
     kinds = (("robots", robots), ("locks", bool(proof.locks)))

@@ -32,6 +32,7 @@ from koord.verify.engines.every_n.progress_parts import (
     own_help,
 )
 from koord.verify.engines.every_n.progress_questions import RoundQuestions, StateQuestion
+from koord.verify.engines.every_n.progress_times import conditional, times_of, waits_of
 from koord.verify.engines.every_n.questions import Means
 
 
@@ -98,7 +99,8 @@ class _Search:
         self.help: list[Help] = []
         self.lasting: tuple[core.Expr, ...] = ()
         self.locks: list[int] = []
-        self.likely = help_of(self.system.program)
+        program = self.system.program
+        self.likely = (*help_of(program), *waits_of(program))
         self._may_help: dict[tuple[core.Expr, ...], bool] = {}
 
     def proof(self) -> ProgressProof | str:
@@ -217,7 +219,8 @@ class _Search:
 
     def _measures(self) -> list[Measure]:
         """The measures that are not known to settle."""
-        likely = measures_of(self.system.program, self.stated)
+        program = self.system.program
+        likely = (*measures_of(program, self.stated), *times_of(program), *conditional(program))
         return [measure for measure in likely if measure not in self.measures]
 
     def _lasting(self, questions: RoundQuestions) -> tuple[core.Expr, ...]:

@@ -63,18 +63,21 @@ class HelpKind(Enum):
     ROBOT = "robot"  #: the robot is ready, and what it runs changes a measure [FAIR-ROBOT]
     EXPECTED = "expected"  #: an assumption promises what would change a measure [FAIR-ASSUME]
     AFTER_RUN = "after a run"  #: both: what the robot runs makes an assumption promise
+    TIME = "time"  #: the robot waits for what comes about as rounds pass
 
 
 class Help(Struct, frozen=True):
     """Robots that help where ``state`` holds of them, as long as no measure changes.
 
-    ``expectation`` is the position of the assumption that it rests on.
+    ``expectation`` is the position of the assumption that it rests on; ``falls`` is a real number
+    that gets less as time passes, and is not negative.
     """
 
     kind: HelpKind
     state: Phrase
     each: core.RobotRange
     expectation: int | None = None
+    falls: Phrase | None = None
 
 
 # --- what lasts -----------------------------------------------------------------------------------
@@ -105,8 +108,8 @@ def _own_states(program: core.Program, each: core.Each) -> list[core.Expr]:
         state
         for kind in range(len(program.agents))
         if each.agent in (None, kind)
-        for state in _Words(program, kind).states(me)
-        if not _is_negation(state) and not _names_a_robot(state, me)
+        for state in Words(program, kind).states(me)
+        if not is_negation(state) and not _names_a_robot(state, me)
     ]
 
 
@@ -115,8 +118,8 @@ def _somebodys_states(program: core.Program) -> list[core.Expr]:
     return [
         core.Quantified(core.QuantifierKind.EXISTS, ROBOT, range_of(program, kind), state)
         for kind in range(len(program.agents))
-        for state in _Words(program, kind).states(READ_ROBOT)
-        if not _is_negation(state) and not _names_a_robot(state, READ_ROBOT)
+        for state in Words(program, kind).states(READ_ROBOT)
+        if not is_negation(state) and not _names_a_robot(state, READ_ROBOT)
     ]
 
 
@@ -136,21 +139,21 @@ def measures_of(program: core.Program, stated: core.Property) -> tuple[Measure, 
 
 def _measures(program: core.Program, stated: core.Property) -> Iterator[Measure]:
     for kind in range(len(program.agents)):
-        each, words = range_of(program, kind), _Words(program, kind)
+        each, words = range_of(program, kind), Words(program, kind)
         if _may_stop(program):
             yield Measure(Phrase(_negated(core.Stopped(READ_ROBOT))), each)
         for state in words.states(READ_ROBOT):
-            if not _is_negation(state):
+            if not is_negation(state):
                 yield Measure(Phrase(state), each)
                 yield Measure(Phrase(_negated(state)), each)
     if stated.each is not None:
         for kind in range(len(program.agents)):
             if stated.each.agent in (None, kind):
-                for state in _Words(program, kind).states(READ_MEANT):
-                    if not _is_negation(state):
+                for state in Words(program, kind).states(READ_MEANT):
+                    if not is_negation(state):
                         yield Measure(Phrase(state))
                         yield Measure(Phrase(_negated(state)))
-    for state in _shared_states(program):
+    for state in shared_states(program):
         yield Measure(Phrase(state))
         yield Measure(Phrase(_negated(state)))
     yield from _turns(program, stated)
@@ -190,7 +193,7 @@ def _is_a_turn(program: core.Program, read: core.Expr) -> bool:
     )
 
 
-def _is_negation(state: core.Expr) -> bool:
+def is_negation(state: core.Expr) -> bool:
     """Return whether a state is the negation of another: both are measures."""
     return isinstance(state, core.Unary) or (
         isinstance(state, core.Binary) and state.op is BinaryOp.NE
@@ -202,7 +205,7 @@ def range_of(program: core.Program, kind: int) -> core.RobotRange:
     return core.RobotRange(kind if len(program.agents) > 1 else None)
 
 
-class _Words(Vocabulary, frozen=True):
+class Words(Vocabulary, frozen=True):
     """The atoms of one kind of robots."""
 
     kind: int = 0
@@ -212,7 +215,7 @@ class _Words(Vocabulary, frozen=True):
         return self.program.agents[self.kind]
 
 
-def _shared_states(program: core.Program) -> Iterator[core.Expr]:
+def shared_states(program: core.Program) -> Iterator[core.Expr]:
     """Yield the states of shared variables and of elements of arrays."""
     for entry in program.allwrite:
         for place in _elements(core.Place(entry.variable)):

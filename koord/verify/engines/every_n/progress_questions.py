@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from fractions import Fraction
 from functools import partial
 
 from msgspec import Struct
@@ -14,7 +15,7 @@ from koord.semantics.values import scalar
 from koord.syntax import core
 from koord.syntax.core import BinaryOp
 from koord.syntax.system import System
-from koord.syntax.types import BOOL, INT
+from koord.syntax.types import BOOL, FLOAT, INT
 from koord.verify.claims import Claim
 from koord.verify.encoding.solver import SolverAnswer
 from koord.verify.encoding.terms import Term
@@ -27,10 +28,14 @@ from koord.verify.engines.every_n.progress_parts import (
     Help,
     HelpKind,
     Measure,
+    Phrase,
 )
 from koord.verify.engines.every_n.progress_statements import Statements
 from koord.verify.engines.every_n.questions import Asking, Means, Step
 from koord.verify.engines.every_n.watching import Watching
+
+#: What falls as time passes falls in each round by such a part of its length, at least.
+_PARTS_OF_DELTA = 16
 
 #: Models that lemmas are looked for against know names of so many generations.
 _LOOKED_AHEAD = 2
@@ -284,7 +289,9 @@ class RoundQuestions:
     def _refuses(self, help_: Help, robot: Term) -> Term:
         d = self.d
         ways = [self.said.negated(self.said.helps(help_, robot, self.after))]
-        if help_.kind is HelpKind.EXPECTED:
+        if help_.falls is not None:
+            ways.append(self._stays(help_.falls, robot))
+        elif help_.kind is HelpKind.EXPECTED:
             ways.append(self.said.negated(self._promises(help_, robot, self.before)))
         else:
             runs = d.binary(BinaryOp.NE, self._event(robot), NO_EVENT)
@@ -297,6 +304,16 @@ class RoundQuestions:
         return d.binary(
             BinaryOp.AND, self.said.helps(help_, robot, self.before), disjunction(d, ways)
         )
+
+    def _stays(self, falls: Phrase, robot: Term) -> Term:
+        """The condition that a number is negative, or does not fall by as much as in any round."""
+        d = self.d
+        pair = [self.said.number(falls, c, robot) for c in (self.before, self.after)]
+        (old, faulty), (new, fails) = pair
+        least = d.const(self.world.system.delta_s / _PARTS_OF_DELTA, FLOAT)
+        enough = d.binary(BinaryOp.LE, new, d.binary(BinaryOp.SUB, old, least))
+        negative = d.binary(BinaryOp.LT, old, d.const(Fraction(0), FLOAT))
+        return disjunction(d, [self.said.negated(enough), negative, faulty, fails])
 
     def _promises(self, help_: Help, robot: Term, configuration: Configuration[Term]) -> Term:
         """The condition that an assumption promises something of the robot from now on."""

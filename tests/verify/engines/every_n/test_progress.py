@@ -98,6 +98,21 @@ Go:
 eventually Enters: phase == waiting leadsto phase == inside
 """
 
+TIMED = """
+using S:
+  sensors:
+    float now = 0.0
+  environment:
+    now = min(now + 1.0, 10.0)
+local:
+  bool done = false
+Do:
+  pre: not done and S.now >= 3.0
+  eff:
+    done = true
+eventually Done: done
+"""
+
 #: Programs whose claim holds for every number of robots, with the fairness that proofs rest on.
 HOLDING = {
     "each does it once": (ONCE, ("robots",)),
@@ -105,6 +120,7 @@ HOLDING = {
     "what is expected comes about": (EXPECTED, ("robots", "Does")),
     "a number falls to its end": (COUNTED, ("robots",)),
     "who waits goes on": (PHASES, ("robots",)),
+    "what one waits for comes about": (TIMED, ("robots",)),
 }
 
 #: Programs whose claim is violated with so many robots, by the premise that speaks against it.
@@ -138,6 +154,8 @@ eventually Done: done
         1,
     ),
     "one robot is not there": (ONCE.replace("pre: not done", "pre: not done and numAgents > 1"), 1),
+    "time comes to an end": (TIMED.replace("10.0", "2.0"), 1),
+    "time goes to and fro": (TIMED.replace("min(now + 1.0, 10.0)", "1.0 - now"), 1),
     "robots stop before": (ONCE + "Quit:\n  pre: not done\n  eff:\n    stop\n", 1),
     "the environment need not say so": (
         "def fun coin() -> bool: extern fresh\n" + ONCE.replace("pre: not", "pre: coin() and not"),
@@ -320,6 +338,13 @@ def test_a_number_without_an_end_settles_nothing() -> None:
     """[T-PROGRESS] A measure that falls for ever is no natural number."""
     text = COUNTED.replace("pre: left > 0", "pre: left != 9").replace("left <= 0", "left == 9")
     assert asked(text, 2, Engine.EVERY_N).outcome is Outcome.UNKNOWN
+
+
+def test_time_that_passes_ever_more_slowly_comes_to_no_end() -> None:
+    """[T-PROGRESS] What falls by less and less need not fall below anything."""
+    text = TIMED.replace("now = min(now + 1.0, 10.0)", "now = now + (3.0 - now) / 2.0")
+    assert text != TIMED
+    assert asked(text, 1, Engine.EVERY_N).outcome is Outcome.UNKNOWN
 
 
 def test_what_holds_of_this_number_of_robots_is_no_reason() -> None:
