@@ -353,6 +353,13 @@ EVERY_N = (
         (SEARCH,),
     ),
     Mutant(
+        "every N: conditions are the same whatever they read",
+        "verify.engines.every_n.conditions._held",
+        "here.store.allread[slot]",
+        "slot",
+        (SEARCH,),
+    ),
+    Mutant(
         "every N: all lemmas are kept that are no longer needed",
         "verify.engines.every_n.questions.Step.fewest",
         "kept = rest",

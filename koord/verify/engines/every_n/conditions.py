@@ -8,7 +8,7 @@ say: of robot i or j, or of none, and of an index k.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from typing import Any, TypeAlias
 
 from msgspec import Struct
@@ -196,8 +196,13 @@ def _is_of_one(place: core.Place) -> bool:
 def asked_of(
     conditions: Sequence[Condition], size: int
 ) -> Callable[[System, Configuration[Constant]], Asked]:
-    """A function that says how conditions are in a configuration."""
+    """A function that says how conditions of a program are in configurations of small systems.
+
+    Each is worked out once for what it reads, which is the same in most configurations.
+    """
     made: dict[tuple[int, int | None, int], tuple[core.Expr, int]] = {}
+    reads: dict[int, list[core.Variable]] = {}
+    known: dict[Hashable, Asked] = {}
 
     def expression(position: int, robot: int | None, k: int) -> tuple[core.Expr, int]:
         key = position, robot, k
@@ -207,16 +212,48 @@ def asked_of(
             made[key] = x.at(who, core.Const(k, INT)), x.bound
         return made[key]
 
+    def worked_out(position: int, system: System, here: Configuration[Constant]) -> Asked:
+        x = conditions[position]
+        return {
+            (position, robot, k): value_in(system, here, *expression(position, robot, k))
+            for robot in (range(len(here.robots)) if x.of else (None,))
+            for k in range(size if x.indexed else 1)
+        }
+
     def look(system: System, here: Configuration[Constant]) -> Asked:
         found: dict[tuple[int, int | None, int], object] = {}
         for position, x in enumerate(conditions):
-            for robot in range(len(here.robots)) if x.of else (None,):
-                for k in range(size if x.indexed else 1):
-                    e, bound = expression(position, robot, k)
-                    found[position, robot, k] = value_in(system, here, e, bound)
+            if position not in reads:
+                reads[position] = _variables(system.program, x.said)
+            key = position, len(here.robots), *(_held(v, here) for v in reads[position])
+            if key not in known:
+                known[key] = worked_out(position, system, here)
+            found |= known[key]
         return found
 
     return look
+
+
+def _variables(program: core.Program, e: core.Expr) -> list[core.Variable]:
+    """The variables of a system that a condition reads, itself or in functions."""
+    found = (node for node in reached(program, e) if isinstance(node, core.Variable))
+    return [v for v in dict.fromkeys(found) if v.home is not Home.BOUND]
+
+
+def _held(variable: core.Variable, here: Configuration[Constant]) -> Hashable:
+    """What a variable holds, for all robots."""
+    slot = variable.slot
+    match variable.home:
+        case Home.ALLREAD:
+            return here.store.allread[slot]
+        case Home.ALLWRITE:
+            return here.store.allwrite[slot]
+        case Home.LOCAL:
+            return tuple(robot.locals[slot] for robot in here.robots)
+        case Home.PORT:
+            return tuple(robot.ports[slot] for robot in here.robots)
+        case Home.BOUND:
+            raise AssertionError("it is of an expression, and not of a system")
 
 
 def value_in(system: System, here: Configuration[Constant], e: core.Expr, bound: int) -> object:

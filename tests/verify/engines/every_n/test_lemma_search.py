@@ -369,6 +369,23 @@ def test_truths_are_looked_at_together_as_one_by_one(name: str) -> None:
                         assert bool(truths >> n & 1) is (x.look(here, row) is True)
 
 
+@pytest.mark.parametrize("name", ["client_server_ae", "raft_votes", "mesi"])
+def test_conditions_that_are_known_are_as_if_worked_out_anew(name: str) -> None:
+    program = program_of(text_of(f"{name}.krd"))
+    language = Language.of_program(program)
+    assert language.conditions
+    asked = asked_of(language.conditions, language.size)
+    met = set()
+    for robots in (2, 3):
+        few = dealt(program, robots)
+        for here in reached(few, 100):
+            looked = asked(few, here)
+            assert looked == asked_of(language.conditions, language.size)(few, here)
+            met |= set(looked.items())
+    # Of something it is said that it is so, and that it is not.
+    assert any((at, True) in met and (at, False) in met for at, _ in met)
+
+
 def test_what_robots_have_of_each_other_is_told_apart() -> None:
     program = program_of(text_of("ricart_agrawala.krd"))
     language = Language.of_program(program)
