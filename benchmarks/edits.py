@@ -2,7 +2,7 @@
 
 Each edit leaves the proofs as they are, and is undone before the next one. What is told are CPU
 seconds of this process and of those that it starts, from the text to the verdicts, and seconds of
-the wall.
+the wall. Each text is verified by itself, too, which has to say the same (not with ``--quick``).
 """
 
 from __future__ import annotations
@@ -122,6 +122,21 @@ def _cpu_s() -> float:
     return sum(each.ru_utime + each.ru_stime for each in used)
 
 
+def _alone(report: Report, text: str, found: koord.VerifyReport, what: str) -> float:
+    """The CPU seconds of a verification that knows nothing, which has to say what was found."""
+    cpu_s = _cpu_s()
+    fresh = koord.verify(koord.Source("task.krd", text))
+    said = [_said(each) for each in (found, fresh)]
+    report.expect(said[0] == said[1], f"{what}: {said[0]}, and by itself {said[1]}")
+    return _cpu_s() - cpu_s
+
+
+def _said(found: koord.VerifyReport) -> tuple[dict[str, str], list[str]]:
+    """The outcomes and vacuities of a report."""
+    outcomes = {verdict.name: f"{verdict.outcome} {verdict.rounds}" for verdict in found.verdicts}
+    return outcomes, [repr(vacuity) for vacuity in found.vacuities]
+
+
 def edits(report: Report) -> None:
     """Measure each edit, and the medians of all and of each kind."""
     text = (EXAMPLES / "task.krd").read_text("utf-8")
@@ -133,6 +148,7 @@ def edits(report: Report) -> None:
         Column("asked", "claims asked", 0),
         Column("cpu_s", "CPU s"),
         Column("wall_s", "wall s"),
+        Column("alone_s", "by itself, CPU s"),
     )
     measured: list[tuple[str, float, float]] = []
     for kind, what, changes in (("first", "nothing known", ()), *EDITS):
@@ -144,9 +160,17 @@ def edits(report: Report) -> None:
         found = session.verify(koord.Source("task.krd", now))
         cpu_s, wall_s = _cpu_s() - cpu_s, time.perf_counter() - wall_s
         report.expect(found.holds, f"{kind}, {what}: {found!r}")
+        alone_s = None if report.quick else _alone(report, now, found, f"{kind}, {what}")
         asked = sum(not verdict.kept for verdict in found.verdicts)
         table.rows.append(
-            {"kind": kind, "edit": what, "asked": asked, "cpu_s": cpu_s, "wall_s": wall_s}
+            {
+                "kind": kind,
+                "edit": what,
+                "asked": asked,
+                "cpu_s": cpu_s,
+                "wall_s": wall_s,
+                "alone_s": alone_s,
+            }
         )
         if changes:
             measured.append((kind, cpu_s, wall_s))

@@ -307,4 +307,11 @@ CACHED = (
         "verdict.engine is Engine.EVERY_N",
         (LIKELY,),
     ),
+    Mutant(
+        "cache: where nothing is known all was proved for every number",
+        "verify.strategy.resumption.PastVerification.speaks_for_every_n",
+        "bool(found) and self.was_for_every_n(found)",
+        "self.was_for_every_n(found)",
+        (LIKELY,),
+    ),
 )

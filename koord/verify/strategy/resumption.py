@@ -44,6 +44,11 @@ class PastVerification(Struct, frozen=True):
         of_all = {n for n, v in found.items() if v.outcome is Outcome.HOLDS and _is_of_all(v)}
         return of_all.issuperset(names)
 
+    def speaks_for_every_n(self, names: Collection[str]) -> bool:
+        """Return whether those of some claims that anything was found of do; others are new."""
+        found = {v.claim.name for v in (*self.likely, *self.verdicts)} & set(names)
+        return bool(found) and self.was_for_every_n(found)
+
     def told(self, noted: Iterable[object]) -> PastVerification:
         """The state with the messages of a further process added."""
         verdicts = {v.claim: v for v in self.verdicts}

@@ -294,7 +294,7 @@ class _Verification(Struct, frozen=True):
         stage = "plain" if slices is None else "slice"
         robots = self.system.robots
         workers = Workers(self.pool)
-        again = self.steps.past.was_for_every_n([claim.name for claim in asked])
+        again = self.steps.past.speaks_for_every_n([claim.name for claim in claims])
         asking = _Asking(self.pool, names, self.steps, workers, slices, stage, robots, again)
         unroller = asking.workers.tools.unroller
         with ledger.stopping():
@@ -573,7 +573,7 @@ class _Asking(Struct, frozen=True):
     slices: Slices | None
     stage: str
     robots: int
-    again: bool  #: whether what is asked was proved for every number of robots, of another program
+    again: bool  #: whether such claims were proved for every number of robots before
 
     def turns(self, rows: Rows) -> Iterator[AnyTurn]:
         """Make the turns for rows of the strategy."""

@@ -135,3 +135,11 @@ def test_claims_were_proved_for_every_number_where_each_of_them_was() -> None:
 def test_what_was_not_proved_for_every_number_is_not_asked_so(other: Verdict) -> None:
     assert not PastVerification(likely=(other,)).was_for_every_n(["likely"])
     assert not PastVerification((other,), likely=(verdict("likely"),)).was_for_every_n(["likely"])
+
+
+def test_claims_that_are_new_are_asked_as_those_of_which_something_was_found() -> None:
+    past = PastVerification((verdict("known"),), likely=(verdict("likely"),))
+    assert past.speaks_for_every_n(["known", "likely", "new"])
+    assert not past.speaks_for_every_n(["new"])
+    mixed = replace(past, likely=(verdict("likely", Engine.BITS),))
+    assert not mixed.speaks_for_every_n(["known", "likely", "new"])
