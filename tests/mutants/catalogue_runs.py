@@ -225,4 +225,18 @@ RUNS = (
         "a.phase is Phase.PROG",
         (ROUNDS,),
     ),
+    Mutant(
+        "long walks are not told what is looked for",
+        "verify.vacuity.reachability._seek",
+        "isinstance(play.watch, Search)",
+        "isinstance(play.watch, Search) and not play.watch.sought and not claims",
+        ("tests/verify/vacuity/test_long_walks.py",),
+    ),
+    Mutant(
+        "rounds by code look for nothing that is sought",
+        "sampling.compiled.rounds.RoundCode.seek",
+        "self._values['sought'][:] = [self._values[name] for name in wanted]",
+        "self._values['sought'][:] = [self._values[name] for name in wanted[:0]]",
+        ("tests/verify/vacuity/test_long_walks.py",),
+    ),
 )

@@ -53,7 +53,7 @@ def dead_end(system: System, deadline: Deadline, seed: int) -> Vacuity | None:
     soon = deadline.sooner(_RUNS_S)
     for run, play in runs_of(system, _TURNS // system.robots, seed):
         try:
-            for _ in play.steps():
+            for _ in play.parts():
                 if soon.passed():
                     return None
         except KoordError:

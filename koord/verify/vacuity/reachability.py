@@ -9,8 +9,9 @@ from random import Random
 from msgspec import Struct
 from msgspec.structs import replace
 
+from koord.sampling.coded_rounds import MadeRound
 from koord.sampling.compiled.turns import Turns
-from koord.sampling.monitors import Monitor
+from koord.sampling.monitors import Monitor, Search
 from koord.sampling.policies import AtRandom, First, Play, Policy
 from koord.sampling.running import Run, new_run
 from koord.semantics.domain import disjunction
@@ -45,6 +46,10 @@ SMALL = 300
 _AT_FIRST_S = 0.1
 
 
+#: Runs of so many rounds are worth code for whole rounds, which takes some milliseconds to make.
+_LONG = 60
+
+
 class _Onlooker(Monitor):
     """A monitor that ignores violations, so that runs go on."""
 
@@ -59,7 +64,8 @@ def runs_of(system: System, rounds: int, seed: int) -> Iterator[tuple[Run, Play]
         rng = Random(seed + number)
         policy: Policy = First() if skips is None else AtRandom(rng, skips)
         run = new_run(system, Numbers.EXACT, rng, turns)
-        yield run, Play(run, policy, rounds, _Onlooker(run.d, system, run.inputs))
+        onlooker = _Onlooker if rounds < _LONG else Search
+        yield run, Play(run, policy, rounds, onlooker(run.d, system, run.inputs))
 
 
 def seen(
@@ -80,17 +86,24 @@ def seen(
     for _, play in runs_of(system, rounds, seed):
         reached: Recording | None = None
         try:
-            for taken in play.steps():
-                configuration = taken.step.configuration
-                if taken.step.rule not in ("INIT", "ENV-TRANS") or configuration.fault is not None:
+            _seek(play, pending)
+            for part in play.parts():
+                if isinstance(part, MadeRound):  # nothing that is sought was met in it
+                    if deadline.passed():
+                        return broken
                     continue
-                unkept = {contract.name for _, contract in taken.step.stepped.promises}
+                step, configuration = part.step, part.step.configuration
+                if step.rule not in ("INIT", "ENV-TRANS") or configuration.fault is not None:
+                    continue
+                unkept = {contract.name for _, contract in step.stepped.promises}
                 hit = {c for c in pending if c.subject in unkept}
                 hit |= {
                     c for c in pending if c.stated and not play.watch.holds(c.stated, configuration)
                 }
                 broken |= dict.fromkeys(hit, configuration.round)
                 pending -= hit
+                if hit:
+                    _seek(play, pending)
                 if hit and reaching is not None:
                     reached = play.run.recording(checks=True)
                 if not pending or deadline.passed():
@@ -101,6 +114,13 @@ def seen(
             if reached is not None and reaching is not None:
                 reaching.add(system, reached)
     return broken
+
+
+def _seek(play: Play, claims: Iterable[Claim]) -> None:
+    """Let a run by whole rounds stop where one of these may be broken."""
+    if isinstance(play.watch, Search):
+        stated = {claim.stated.name: claim.stated for claim in claims if claim.stated}
+        play.watch.sought = tuple(stated[name] for name in sorted(stated))
 
 
 class Unbroken(Struct, frozen=True):
