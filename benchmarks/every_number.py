@@ -38,11 +38,11 @@ class Row(Struct, frozen=True):
 
 
 ROWS = (
-    Row("lock_server", "lock_server"),
-    Row("lockserv", "examples/lockserv"),
+    Row("lock_server", "lock_server", ("Exclusive",)),
+    Row("lockserv", "examples/lockserv", ("Exclusive",)),
     Row("claim", "claim"),
     Row("two_phase_commit", "two_phase_commit", ("Agree", "Unanimous")),
-    Row("ticket", "examples/ticket"),
+    Row("ticket", "examples/ticket", ("Exclusive", "Waits")),
     Row("peterson", "examples/peterson", robots="2"),
     Row("sharded_store", "examples/sharded_kv"),
     Row("ring_election", "examples/ring_leader_election"),
