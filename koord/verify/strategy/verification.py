@@ -150,7 +150,12 @@ class _Verification(Struct, frozen=True):
         if ahead is not None:
             if not cut and len(proved) == len(verdicts) and _are_for_every_n(verdicts):
                 search.begin(ledger, self.names, every_n=True)
-                told = self.pool.answer(ahead)
+                try:
+                    told = self.pool.answer(ahead)
+                except KeyboardInterrupt:
+                    none = self._of_runs(slices, proved, known, (), is_last=False)
+                    told = replace(none, interrupted=True)
+                    cut = True
             else:
                 self.pool.drop(ahead)
         if told is not None:

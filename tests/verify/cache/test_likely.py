@@ -15,6 +15,7 @@ from koord.verify.cache.verifying import CachedVerification
 from koord.verify.claims import Claim, ClaimKind
 from koord.verify.engine_names import Engine
 from koord.verify.engines.engine import Task
+from koord.verify.processes import Job, Pool
 from koord.verify.strategy import verification
 from koord.verify.strategy.resumption import PastVerification
 from koord.verify.strategy.table import AskEngine
@@ -105,6 +106,21 @@ def test_who_proved_all_is_asked_first_for_longer(monkeypatch: pytest.MonkeyPatc
     assert outcomes(verify(changed, SHORT))["Small"] == (Outcome.UNKNOWN, Engine.NONE)
     found = outcomes(verify(changed, SHORT, past=begun.past))
     assert found["Small"] == (Outcome.HOLDS, Engine.EVERY_N)
+
+
+def test_whoever_ends_it_while_others_are_waited_for_is_told_what_is_known(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def ended(pool: Pool, job: Job[object]) -> None:
+        raise KeyboardInterrupt
+
+    changed = of(TEXT.replace("m < 1", "m < 2"))
+    begun = changed_after(of(TEXT), changed)
+    monkeypatch.setattr(Pool, "answer", ended)
+    found = verify(changed, SHORT, past=begun.past, jobs=2)
+    assert found.interrupted
+    assert outcomes(found)["Small"] == (Outcome.HOLDS, Engine.EVERY_N)
+    assert outcomes(found)["Done"][0] is Outcome.UNKNOWN
 
 
 # --- who proved all -------------------------------------------------------------------------------
