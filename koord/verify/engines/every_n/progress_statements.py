@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from typing import TypeAlias
 
 from msgspec import Struct
@@ -26,6 +26,7 @@ from koord.verify.encoding.terms import Term
 from koord.verify.engines.every_n.all_robots import ParameterisedSystem
 from koord.verify.engines.every_n.functions import FunctionTerms, RobotInputs
 from koord.verify.engines.every_n.progress_parts import ROBOT, Help, Phrase, is_certain
+from koord.verify.engines.every_n.progress_times import conjuncts
 
 #: A robot of a kind, with a number, in some configuration.
 RobotState: TypeAlias = "Callable[[int, Term], Robot[Term]]"
@@ -166,7 +167,7 @@ class Statements(Struct):
         """A literal under which nobody helps in this way in a configuration."""
         d, book = self.d, self.world.book
         denied = d.fresh("nobody", BOOL)
-        parts = [replace(help_.state, said=part) for part in _conjuncts(help_.state.said)]
+        parts = [replace(help_.state, said=part) for part in conjuncts(help_.state.said)]
         # What is not of the robot is worked out once, and not of each.
         common = [part for part in parts if not _mentions(part)]
         always = conjunction(d, [self.truth(part, configuration) for part in common])
@@ -178,15 +179,6 @@ class Statements(Struct):
 
         book.state(1, says)
         return denied
-
-
-def _conjuncts(said: core.Expr) -> Iterator[core.Expr]:
-    """The parts of a conjunction: it holds where each of them does. [PROP-FAULT]"""
-    if isinstance(said, core.Binary) and said.op is BinaryOp.AND:
-        yield from _conjuncts(said.left)
-        yield from _conjuncts(said.right)
-    else:
-        yield said
 
 
 def _mentions(phrase: Phrase) -> bool:
