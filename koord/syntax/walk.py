@@ -109,6 +109,15 @@ def reached(program: core.Program, part: object, *, duties: bool = False) -> Ite
                 pending.append(bodies.pop(node.function))
 
 
+def chained(e: core.Expr, op: core.BinaryOp) -> Iterator[core.Expr]:
+    """The operands of a chain of one operator, in the order in which they are looked at."""
+    if isinstance(e, core.Binary) and e.op is op:
+        yield from chained(e.left, op)
+        yield from chained(e.right, op)
+    else:
+        yield e
+
+
 def blocks(s: core.Stmt) -> tuple[core.Block, ...]:
     """The blocks directly in a statement; all other parts of it are :func:`operands`."""
     return tuple(getattr(s, name) for name in _BLOCKS[type(s)])

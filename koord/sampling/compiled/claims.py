@@ -24,7 +24,7 @@ from koord.syntax import core
 from koord.syntax.core import BinaryOp, Home, QuantifierKind
 from koord.syntax.system import Status, System
 from koord.syntax.types import INT, FloatType, Type
-from koord.syntax.walk import nodes
+from koord.syntax.walk import chained, nodes
 
 #: A larger unit saves nothing: numbers counted in it are longer than machine words.
 _LARGEST_UNIT = 10**9
@@ -269,7 +269,7 @@ class Splitting(Writer):
                 yield from self._split(right, variables, conditions, reads)
             case core.Binary(op=BinaryOp.IMPLIES, left=left, right=right):
                 self.reads = set(reads)
-                told = tuple(self.expression(one) for one in _conjuncts(left))
+                told = tuple(self.expression(one) for one in chained(left, BinaryOp.AND))
                 known = frozenset(self.reads)
                 yield from self._split(right, variables, (*conditions, *told), known)
             case core.Quantified(
@@ -335,11 +335,3 @@ class Splitting(Writer):
 
 def _words(text: str) -> list[str]:
     return re.findall(r"\w+", text)
-
-
-def _conjuncts(e: core.Expr) -> Iterator[core.Expr]:
-    if isinstance(e, core.Binary) and e.op is BinaryOp.AND:
-        yield from _conjuncts(e.left)
-        yield from _conjuncts(e.right)
-    else:
-        yield e

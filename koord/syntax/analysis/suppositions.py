@@ -19,7 +19,7 @@ from koord.syntax import core
 from koord.syntax.core import BinaryOp, QuantifierKind, UnaryOp
 from koord.syntax.source import Span
 from koord.syntax.types import BOOL
-from koord.syntax.walk import nodes, rebuilt
+from koord.syntax.walk import chained, nodes, rebuilt
 
 #: That something supposed never holds, and the place of what is supposed.
 Denial: TypeAlias = "tuple[core.Expr, Span]"
@@ -106,7 +106,7 @@ def _implication(e: core.Expr) -> tuple[core.Expr, core.Expr] | None:
     With several, as in ``not A or not B``, none of them is the one that is supposed; and in
     ``C or not (A and B)``, A and B may as well exclude each other.
     """
-    parts = list(_disjuncts(e))
+    parts = list(chained(e, BinaryOp.OR))
     negated = [part for part in parts if _is_negation(part)]
     if len(negated) != 1:
         return None
@@ -119,14 +119,6 @@ def _implication(e: core.Expr) -> tuple[core.Expr, core.Expr] | None:
 
 def _is_negation(e: core.Expr) -> bool:
     return isinstance(e, core.Unary) and e.op is UnaryOp.NOT
-
-
-def _disjuncts(e: core.Expr) -> Iterator[core.Expr]:
-    if isinstance(e, core.Binary) and e.op is BinaryOp.OR:
-        yield from _disjuncts(e.left)
-        yield from _disjuncts(e.right)
-    else:
-        yield e
 
 
 def _answering(body: core.Block, position: int, answer: core.Expr) -> core.Block:

@@ -25,7 +25,7 @@ from msgspec.structs import replace
 from koord.syntax import core
 from koord.syntax.core import BinaryOp, Home, Start
 from koord.syntax.types import FLOAT, INT
-from koord.syntax.walk import asks, nodes, with_blocks
+from koord.syntax.walk import asks, chained, nodes, with_blocks
 
 #: These look at both operands, and are the same turned round; of numbers, the latter as well.
 _TURNING = frozenset({BinaryOp.EQ, BinaryOp.NE})
@@ -77,7 +77,7 @@ class _Order(Struct, frozen=True):
         """
         match e:
             case core.Binary(op=BinaryOp.AND):
-                parts = [self.statement(part, robots) for part in _operands(e, e.op)]
+                parts = [self.statement(part, robots) for part in chained(e, e.op)]
                 return _joined(e, _sorted_runs(parts, lambda part: not asks(self.program, part)))
             case core.Binary(op=BinaryOp.IMPLIES):
                 left = self.expression(e.left, robots)
@@ -91,7 +91,7 @@ class _Order(Struct, frozen=True):
         """Order an expression; ``robots`` are slots of variables that have a value here."""
         match e:
             case core.Binary(op=BinaryOp.AND | BinaryOp.OR as op):
-                parts = [self.expression(part, robots) for part in _operands(e, op)]
+                parts = [self.expression(part, robots) for part in chained(e, op)]
                 return _joined(e, _sorted_runs(parts, lambda part: self._is_calm(part, robots)))
             case core.Binary():
                 left, right = self.expression(e.left, robots), self.expression(e.right, robots)
@@ -209,13 +209,6 @@ def _apart(one: core.Assign, other: core.Assign) -> bool:
     if one.place.variable == other.place.variable:
         return False
     return not any(a.place.variable in nodes(b.value) for a, b in pairs)
-
-
-def _operands(e: core.Expr, op: BinaryOp) -> list[core.Expr]:
-    """The operands of a chain of one operator, in the order in which they are looked at."""
-    if isinstance(e, core.Binary) and e.op is op:
-        return [*_operands(e.left, op), *_operands(e.right, op)]
-    return [e]
 
 
 def _joined(e: core.Binary, parts: Sequence[core.Expr]) -> core.Expr:
