@@ -7,7 +7,7 @@ a proof may rest on is shown; nothing here is trusted. [T-PROGRESS]
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from enum import Enum
 from itertools import combinations
 from typing import Any
@@ -108,8 +108,8 @@ def _own_states(program: core.Program, each: core.Each) -> list[core.Expr]:
         state
         for kind in range(len(program.agents))
         if each.agent in (None, kind)
-        for state in Words(program, kind).states(me)
-        if not is_negation(state) and not _names_a_robot(state, me)
+        for state in Words(program, kind).plain_states(me)
+        if not _names_a_robot(state, me)
     ]
 
 
@@ -118,8 +118,8 @@ def _somebodys_states(program: core.Program) -> list[core.Expr]:
     return [
         core.Quantified(core.QuantifierKind.EXISTS, ROBOT, range_of(program, kind), state)
         for kind in range(len(program.agents))
-        for state in Words(program, kind).states(READ_ROBOT)
-        if not is_negation(state) and not _names_a_robot(state, READ_ROBOT)
+        for state in Words(program, kind).plain_states(READ_ROBOT)
+        if not _names_a_robot(state, READ_ROBOT)
     ]
 
 
@@ -139,23 +139,15 @@ def measures_of(program: core.Program, stated: core.Property) -> tuple[Measure, 
 
 def _measures(program: core.Program, stated: core.Property) -> Iterator[Measure]:
     for kind in range(len(program.agents)):
-        each, words = range_of(program, kind), Words(program, kind)
+        each = range_of(program, kind)
         if _may_stop(program):
             yield Measure(Phrase(_negated(core.Stopped(READ_ROBOT))), each)
-        for state in words.states(READ_ROBOT):
-            if not is_negation(state):
-                yield Measure(Phrase(state), each)
-                yield Measure(Phrase(_negated(state)), each)
+        yield from changes(Words(program, kind).plain_states(READ_ROBOT), each)
     if stated.each is not None:
         for kind in range(len(program.agents)):
             if stated.each.agent in (None, kind):
-                for state in Words(program, kind).states(READ_MEANT):
-                    if not is_negation(state):
-                        yield Measure(Phrase(state))
-                        yield Measure(Phrase(_negated(state)))
-    for state in shared_states(program):
-        yield Measure(Phrase(state))
-        yield Measure(Phrase(_negated(state)))
+                yield from changes(Words(program, kind).plain_states(READ_MEANT))
+    yield from changes(shared_states(program))
     yield from _turns(program, stated)
     for left, right in _compared(program, stated):
         for one, other in ((left, right), (right, left)):
@@ -193,8 +185,20 @@ def _is_a_turn(program: core.Program, read: core.Expr) -> bool:
     )
 
 
-def is_negation(state: core.Expr) -> bool:
-    """Return whether a state is the negation of another: both are measures."""
+def changes(states: Iterable[core.Expr], each: core.RobotRange | None = None) -> Iterator[Measure]:
+    """Yield that something is in a state, and that it is not: either may settle."""
+    for state in states:
+        for said in both_ways(state):
+            yield Measure(Phrase(said), each)
+
+
+def both_ways(state: core.Expr) -> tuple[core.Expr, core.Expr]:
+    """A state, and that it does not hold."""
+    return state, _negated(state)
+
+
+def _is_negation(state: core.Expr) -> bool:
+    """Return whether a state is the negation of another."""
     return isinstance(state, core.Unary) or (
         isinstance(state, core.Binary) and state.op is BinaryOp.NE
     )
@@ -213,6 +217,10 @@ class Words(Vocabulary, frozen=True):
     @property
     def agent(self) -> core.Agent:
         return self.program.agents[self.kind]
+
+    def plain_states(self, robot: core.Expr) -> list[core.Expr]:
+        """The atoms on a robot's state that are no negations of others."""
+        return [state for state in self.states(robot) if not _is_negation(state)]
 
 
 def shared_states(program: core.Program) -> Iterator[core.Expr]:

@@ -21,12 +21,11 @@ from koord.syntax import core
 from koord.syntax.core import BinaryOp, Home, UnaryOp
 from koord.syntax.system import Status
 from koord.syntax.types import BOOL, INT
-from koord.syntax.walk import nodes
+from koord.syntax.walk import chained, nodes
 from koord.verify.encoding.terms import Term
 from koord.verify.engines.every_n.all_robots import ParameterisedSystem
 from koord.verify.engines.every_n.functions import FunctionTerms, RobotInputs
 from koord.verify.engines.every_n.progress_parts import ROBOT, Help, Phrase, is_certain
-from koord.verify.engines.every_n.progress_times import conjuncts
 
 #: A robot of a kind, with a number, in some configuration.
 RobotState: TypeAlias = "Callable[[int, Term], Robot[Term]]"
@@ -167,7 +166,9 @@ class Statements(Struct):
         """A literal under which nobody helps in this way in a configuration."""
         d, book = self.d, self.world.book
         denied = d.fresh("nobody", BOOL)
-        parts = [replace(help_.state, said=part) for part in conjuncts(help_.state.said)]
+        # A conjunction holds where each of its parts does. [PROP-FAULT]
+        conjuncts = chained(help_.state.said, BinaryOp.AND)
+        parts = [replace(help_.state, said=part) for part in conjuncts]
         # What is not of the robot is worked out once, and not of each.
         common = [part for part in parts if not _mentions(part)]
         always = conjunction(d, [self.truth(part, configuration) for part in common])
