@@ -107,9 +107,7 @@ class Samples(Struct):
         open_ = [n for n in false if self.bits[n]]
         if not pairs:
             open_ = [n for n in open_ if not self.language.is_of_pair(n)]
-        budget.spend(1 + len(open_) ** most // _PER_STEP)
-        found = set(self._grown((), self.full, open_, most))
-        return [x for x in found if not any(x[:k] + x[k + 1 :] in found for k in range(len(x)))]
+        return self._smallest(self.full, open_, most, budget)
 
     def of_nobody(self, here: Snapshot, budget: Budget = ENDLESS) -> list[Disjunction]:
         """The same of no robot by name, with more literals: of what is shared, and who there is."""
@@ -120,19 +118,23 @@ class Samples(Struct):
             for n, x in enumerate(literals)
             if not x.of and self.bits[n] and _says_there_is(x) and x.look(here, row) is False
         ][:_MOST_OF_NOBODY]
-        budget.spend(1 + len(open_) ** _LONGER // _PER_STEP)
-        found = set(self._grown((), self.full, open_, _LONGER))
-        return [x for x in found if not any(x[:k] + x[k + 1 :] in found for k in range(len(x)))]
+        return self._smallest(self.full, open_, _LONGER, budget)
 
     def on_the_ring(self, here: Snapshot, row: Row, budget: Budget = ENDLESS) -> list[Disjunction]:
         """The same of three robots on a ring, one of which is between the others."""
         false = [n for n, x in enumerate(self.language.literals) if x.look(here, row) is False]
         between = next(n for n in false if isinstance(self.language.literals[n], Between))
         open_ = [n for n in false if self.bits[n] and n != between]
-        budget.spend(1 + len(open_) ** (USUAL - 1) // _PER_STEP)
-        found = set(self._grown((), self.full & ~self.bits[between], open_, USUAL - 1))
-        fewest = (x for x in found if not any(x[:k] + x[k + 1 :] in found for k in range(len(x))))
+        fewest = self._smallest(self.full & ~self.bits[between], open_, USUAL - 1, budget)
         return [tuple(sorted((between, *x))) for x in fewest if not self._holds(x)]
+
+    def _smallest(
+        self, without: int, open_: Sequence[int], most: int, budget: Budget
+    ) -> list[Disjunction]:
+        """The smallest disjunctions of some literals that hold in some samples."""
+        budget.spend(1 + len(open_) ** most // _PER_STEP)
+        found = set(self._grown((), without, open_, most))
+        return [x for x in found if not any(x[:k] + x[k + 1 :] in found for k in range(len(x)))]
 
     def _holds(self, x: Disjunction) -> bool:
         """Return whether a disjunction held in all samples."""
