@@ -139,7 +139,6 @@ class _Search:
         """Find more lemmas: against a configuration in which nobody may help, or for what fails."""
         if search.naturals(self._differences()):
             return True
-        assert search.search is not None
         language = search.search.language
         question = StateQuestion(self.system, self.stated, self.known, self.means)
         here = question.where_nobody(language, self.likely, self.lasting, self._classes())
@@ -157,10 +156,9 @@ class _Search:
         each = self.stated.each
         if each is None:
             return []
-        pending: core.Expr = core.Unary(UnaryOp.NOT, self.stated.condition, BOOL)
-        for said in self.lasting:
-            # What lasts says more, and most often that the goal is not reached.
-            pending = said
+        # What lasts says more, and most often that the goal is not reached.
+        not_reached = core.Unary(UnaryOp.NOT, self.stated.condition, BOOL)
+        pending = self.lasting[-1] if self.lasting else not_reached
         me = replace(each.variable, name=ROBOT.name)
         pending, who = renamed(pending, each.variable, me), replace(each, variable=me)
         return [

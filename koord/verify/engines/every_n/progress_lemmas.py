@@ -48,15 +48,15 @@ class Lemmas(Struct):
     system: System
     known: tuple[Claim, ...]
     means: Means
+    search: Search
     found: list[Claim] = field(default_factory=list)
-    search: Search | None = None
     _tried: set[str] = field(default_factory=set)
 
     @staticmethod
     def of(system: System, known: Sequence[Claim], means: Means) -> Lemmas | None:
         """Prepare the search; None where there is nothing to say about a program."""
         search = searched(system, system.budget, means.seed, somebody=True)
-        return None if search is None else Lemmas(system, tuple(known), means, search=search)
+        return None if search is None else Lemmas(system, tuple(known), means, search)
 
     def against(self, here: Snapshot) -> bool:
         """Find lemmas that a configuration does not meet; return whether there are any."""
@@ -94,7 +94,6 @@ class Lemmas(Struct):
 
     def _is_met(self, claim: Claim) -> bool:
         """Return whether a statement holds in all samples."""
-        assert self.search is not None
         assert claim.stated is not None
         said = claim.stated
         return all(
@@ -119,7 +118,6 @@ class Lemmas(Struct):
     def _likely(self, here: Snapshot) -> Iterator[Claim]:
         """Yield what may be a lemma against a configuration, the simplest first."""
         search = self.search
-        assert search is not None
         # That somebody is there is what is missing most often.
         there = search.sorted_(search.samples.of_nobody(here, search.budget))
         first = [x for x in there if self._asks_for_somebody(x)][: _AT_ONCE // 2]
@@ -130,7 +128,6 @@ class Lemmas(Struct):
                 yield claim
 
     def _asks_for_somebody(self, x: Disjunction) -> bool:
-        assert self.search is not None
         return any(isinstance(self.search.language.literals[n], Existence) for n in x)
 
     def _inductive(self, likely: Sequence[Claim]) -> list[Claim]:
@@ -176,7 +173,6 @@ class Lemmas(Struct):
         says something in some.
         """
         search = self.search
-        assert search is not None
         language = search.language
         states = [x for x in language.literals if isinstance(x, Literal) and x.of == OF_I]
         ends = [n for n, part in enumerate(language.shared) if _is_number(part)]
@@ -190,7 +186,6 @@ class Lemmas(Struct):
                         yield claim
 
     def _has_each(self, low: int, high: int, n: int, state: Literal) -> bool:
-        assert self.search is not None
         said = False
         for here in self.search.snapshots:
             first, last = here.shared[low], here.shared[high]
@@ -207,7 +202,6 @@ class Lemmas(Struct):
         return said
 
     def _each(self, low: int, high: int, n: int, state: Literal) -> core.Expr:
-        assert self.search is not None
         language = self.search.language
         someone = core.Read(core.Place(M))
         has = core.Binary(BinaryOp.EQ, language.own[n].at(someone), core.Read(core.Place(K)), BOOL)

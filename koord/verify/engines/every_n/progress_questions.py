@@ -19,7 +19,7 @@ from koord.syntax.types import BOOL, FLOAT, INT
 from koord.verify.claims import Claim
 from koord.verify.encoding.solver import SolverAnswer
 from koord.verify.encoding.terms import Term
-from koord.verify.engines.every_n.all_robots import ParameterisedSystem, Universal
+from koord.verify.engines.every_n.all_robots import ParameterisedSystem
 from koord.verify.engines.every_n.initial_states import ArbitraryState, ParameterisedInit
 from koord.verify.engines.every_n.language import Language
 from koord.verify.engines.every_n.lemma_search import Place, configuration_of
@@ -31,7 +31,7 @@ from koord.verify.engines.every_n.progress_parts import (
     Phrase,
 )
 from koord.verify.engines.every_n.progress_statements import Statements
-from koord.verify.engines.every_n.questions import Asking, Means, Step
+from koord.verify.engines.every_n.questions import Asking, Means, Step, universal
 from koord.verify.engines.every_n.watching import Watching
 
 #: What falls as time passes falls in each round by such a part of its length, at least.
@@ -66,9 +66,7 @@ class StateQuestion:
         for number in self._shared_numbers():
             world.book.name(number)
         for claim in known:
-            assert claim.stated is not None
-            universal = Universal.of(claim.stated.condition, claim.stated.bound)
-            universal.suppose(world, self.configuration, True)
+            universal(claim).suppose(world, self.configuration, True)
 
     def _shared_numbers(self) -> Iterator[Term]:
         """Yield the shared integers: of the robots one may have each number."""
