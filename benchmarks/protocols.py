@@ -11,12 +11,13 @@ from __future__ import annotations
 import re
 import sys
 from collections import Counter
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import yaml
 
-from harness import EXAMPLES, Column, Report, koord, main, note
+from harness import EXAMPLES, Column, Measured, Report, koord, main, note
 
 PROTOCOLS = EXAMPLES / "protocols"
 PATIENCE_S = 30.0
@@ -122,8 +123,7 @@ def whole_runs(report: Report) -> None:
         if not texts:
             continue
         note(path.stem)
-        words = ["--robots", "any", "--json", "--timeout", str(patience_s)]
-        done = koord("verify", str(path), *words, timeout_s=patience_s + 30)
+        done = verified_for_any(path, patience_s)
         found = done.report()
         if not report.expect(found is not None, f"{path.stem}: {done.errors[-300:]}"):
             continue
@@ -148,10 +148,16 @@ def both(report: Report) -> None:
     whole_runs(report)
 
 
+@cache
+def verified_for_any(path: Path, patience_s: float) -> Measured:
+    """A verification for every number of robots, of which both tables tell."""
+    words = ["--robots", "any", "--json", "--timeout", str(patience_s)]
+    return koord("verify", str(path), *words, timeout_s=patience_s + 30)
+
+
 def for_any(path: Path, patience_s: float) -> tuple[dict[str, str], float]:
     """How far claims hold by proofs for every number of robots, and the seconds of CPU."""
-    words = ["--robots", "any", "--json", "--timeout", str(patience_s)]
-    done = koord("verify", str(path), *words, timeout_s=patience_s + 30)
+    done = verified_for_any(path, patience_s)
     found = done.report()
     claims = [] if found is None else found["claims"]
     return {claim["name"]: reach(claim) for claim in claims}, done.cpu_s
