@@ -22,6 +22,11 @@ def example_files() -> list[Path]:
     return sorted(path for path in EXAMPLES.rglob("*.krd") if PROTOCOLS not in path.parents)
 
 
+def protocol_text(name: str) -> str:
+    """The text of a protocol, by its name without its ending."""
+    return (PROTOCOLS / f"{name}.krd").read_text("utf-8")
+
+
 def program_of(text: str, **params: ParamValue) -> core.Program:
     """The core program of a text without mistakes, which may stand farther to the right."""
     return _loaded(Source("test.krd", dedent(text)), params)

@@ -17,7 +17,7 @@ from koord.verify.effort import Deadline
 from koord.verify.engine_names import Engine
 from koord.verify.strategy.verification import verify
 from koord.verify.verdicts import Bounds
-from tests.loading import PROTOCOLS
+from tests.loading import PROTOCOLS, protocol_text
 from tests.recheck.certificates import Document, rechecked
 from tests.sampling import but_slow
 
@@ -35,7 +35,7 @@ ALL = sorted({path.stem for path in PROTOCOLS.glob("*.krd")} - OPEN)
 
 def found(name: str) -> Document:
     """The certificate of what is proved of a protocol, and of nothing else."""
-    source = Source(f"{name}.krd", (PROTOCOLS / f"{name}.krd").read_text(encoding="utf-8"))
+    source = Source(f"{name}.krd", protocol_text(name))
     settings = Settings({})
     program = load(source, settings).program
     assert program is not None

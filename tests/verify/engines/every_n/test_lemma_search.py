@@ -28,11 +28,9 @@ from koord.verify.engines.every_n.literals import Between, Existence, Literal, S
 from koord.verify.engines.every_n.looking import Looking
 from koord.verify.engines.every_n.proving import Inferred
 from koord.verify.engines.every_n.questions import GENEROUS, SPARING, Means, Step
-from tests.loading import program_of
+from tests.loading import PROTOCOLS, program_of, protocol_text
 from tests.sampling import but_slow
 from tests.verify.engines.every_n.asking import broken, proved, system_of
-
-PROTOCOLS = Path(__file__).parents[4] / "specs" / "examples" / "protocols"
 
 #: Numbers go round a ring, in entries that their robots alone write; the greatest comes back.
 RING = """
@@ -141,10 +139,6 @@ def found(text: str, seconds: float = 20.0) -> Inferred:
     return infer_from_counterexamples(system, claims_of(system), (), Deadline(), effort, GENEROUS)
 
 
-def text_of(name: str) -> str:
-    return (PROTOCOLS / name).read_text(encoding="utf-8")
-
-
 @pytest.mark.parametrize(
     ("name", "claims"),
     [
@@ -172,7 +166,7 @@ def text_of(name: str) -> str:
     ],
 )
 def test_protocols_are_shown_for_every_number_of_robots(name: str, claims: set[str]) -> None:
-    text = text_of(f"{name}.krd")
+    text = protocol_text(name)
     given = found(text)
     assert {claim.name for claim in given.proved} == claims
     # They are Koord, and with them the claims are inductive.
@@ -233,7 +227,7 @@ def test_what_only_many_robots_break_is_not_proved() -> None:
 
 
 def test_nothing_is_proved_where_solvers_are_not_asked() -> None:
-    system = system_of(text_of("lockserv.krd"))
+    system = system_of(protocol_text("lockserv"))
     nothing = infer_from_counterexamples(
         system, claims_of(system), (), Deadline(), Effort.of_seconds(0), SPARING
     )
@@ -241,7 +235,7 @@ def test_nothing_is_proved_where_solvers_are_not_asked() -> None:
 
 
 def test_what_was_too_much_for_little_work_is_asked_again(monkeypatch: pytest.MonkeyPatch) -> None:
-    text = text_of("lock_server.krd")
+    text = protocol_text("lock_server")
     monkeypatch.setattr(lemma_search, "_PATIENCE", (1,))
     assert not found(text).proved
     monkeypatch.setattr(lemma_search, "_PATIENCE", (1, 1_000_000))
@@ -250,7 +244,7 @@ def test_what_was_too_much_for_little_work_is_asked_again(monkeypatch: pytest.Mo
 
 def test_what_solvers_leave_open_shows_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(lemma_search, "_PATIENCE", (1,))
-    system = system_of(text_of("lock_server.krd"))
+    system = system_of(protocol_text("lock_server"))
     for claim in claims_of(system):
         effort = Effort.of_seconds(5)
         given = infer_from_counterexamples(system, [claim], (), Deadline(), effort, GENEROUS)
@@ -258,7 +252,7 @@ def test_what_solvers_leave_open_shows_nothing(monkeypatch: pytest.MonkeyPatch) 
 
 
 def test_lemmas_that_nobody_needs_are_left_out() -> None:
-    text = text_of("lock_server.krd")
+    text = protocol_text("lock_server")
     lemmas = [claim.name for claim in found(text).invariants]
     system = system_of(text + "".join(f"\ninvariant: {x}" for x in [*lemmas, "forall i: i >= 0"]))
     *claims, needed, idle, fault = claims_of(system)
@@ -281,7 +275,7 @@ def snapshots(
 
 
 def test_samples_are_of_all_that_a_small_system_reaches() -> None:
-    program = program_of(text_of("lock_server.krd"))
+    program = program_of(protocol_text("lock_server"))
     seen = reached(dealt(program, 2), 400)
     # Nobody has the lock, one of two has it.
     assert len(seen) == 3
@@ -289,7 +283,7 @@ def test_samples_are_of_all_that_a_small_system_reaches() -> None:
 
 
 def test_disjunctions_hold_in_all_samples_and_not_where_they_are_wanted() -> None:
-    program = program_of(text_of("lock_server.krd"))
+    program = program_of(protocol_text("lock_server"))
     language = Language.of_program(program)
     seen = snapshots(program, language, 400)
     samples = Samples.of(language, seen, language.rows)
@@ -308,7 +302,7 @@ def test_disjunctions_hold_in_all_samples_and_not_where_they_are_wanted() -> Non
 
 
 def test_that_there_is_a_robot_is_said_where_somebody_asks() -> None:
-    program = program_of(text_of("two_phase_commit.krd"))
+    program = program_of(protocol_text("two_phase_commit"))
     language = Language.of_program(program)
     there = [n for n, x in enumerate(language.literals) if isinstance(x, Existence)]
     assert there
@@ -325,14 +319,14 @@ def test_that_there_is_a_robot_is_said_where_somebody_asks() -> None:
     # Beside two robots that are spoken of there is a third.
     apart = next(n for n, x in enumerate(language.literals) if x.of == 2)
     assert "exists m: " in lemma(program, language, (apart, there[0])).name
-    other = Language.of_program(program_of(text_of("lockserv.krd")))
+    other = Language.of_program(program_of(protocol_text("lockserv")))
     assert not any(isinstance(x, Existence) for x in other.literals)
 
 
 def test_what_follows_at_once_is_not_tried_as_well() -> None:
-    language = Language.of_program(program_of(text_of("two_phase_commit.krd")))
+    language = Language.of_program(program_of(protocol_text("two_phase_commit")))
     named = {
-        lemma(program_of(text_of("two_phase_commit.krd")), language, (n,)).name: n
+        lemma(program_of(protocol_text("two_phase_commit")), language, (n,)).name: n
         for n in range(len(language.literals))
     }
     yes, open_ = named["forall i: vote[i] == yes"], named["forall i: vote[i] != open"]
@@ -358,7 +352,7 @@ def test_what_follows_at_once_is_not_tried_as_well() -> None:
     ],
 )
 def test_truths_are_looked_at_together_as_one_by_one(name: str) -> None:
-    program = program_of(text_of(f"{name}.krd"))
+    program = program_of(protocol_text(name))
     language = Language.of_program(program)
     looking = Looking(language)
     for robots in (2, 3):
@@ -371,7 +365,7 @@ def test_truths_are_looked_at_together_as_one_by_one(name: str) -> None:
 
 @pytest.mark.parametrize("name", ["client_server_ae", "raft_votes", "mesi"])
 def test_conditions_that_are_known_are_as_if_worked_out_anew(name: str) -> None:
-    program = program_of(text_of(f"{name}.krd"))
+    program = program_of(protocol_text(name))
     language = Language.of_program(program)
     assert language.conditions
     asked = asked_of(language.conditions, language.size)
@@ -387,7 +381,7 @@ def test_conditions_that_are_known_are_as_if_worked_out_anew(name: str) -> None:
 
 
 def test_what_robots_have_of_each_other_is_told_apart() -> None:
-    program = program_of(text_of("ricart_agrawala.krd"))
+    program = program_of(protocol_text("ricart_agrawala"))
     language = Language.of_program(program)
     here = snapshots(program, language, 60)[0]
     here.pairs = {(0, 0): (False,), (0, 1): (True,), (1, 0): (False,), (1, 1): (False,)}
@@ -405,7 +399,7 @@ def test_what_robots_have_of_each_other_is_told_apart() -> None:
 
 
 def test_pairs_are_spoken_of_where_that_is_wanted() -> None:
-    program = program_of(text_of("ricart_agrawala.krd"))
+    program = program_of(protocol_text("ricart_agrawala"))
     language = Language.of_program(program)
     seen = snapshots(program, language, 200)
     samples = Samples.of(language, seen, language.rows)
@@ -418,7 +412,7 @@ def test_pairs_are_spoken_of_where_that_is_wanted() -> None:
 
 
 def test_who_stands_between_two_on_a_ring_is_said_in_koord() -> None:
-    program = program_of(text_of("ring_election.krd"))
+    program = program_of(protocol_text("ring_election"))
     language = Language.of_program(program)
     assert language.ring
     here = snapshots(program, language, 60, 3)[0]
@@ -443,13 +437,13 @@ def test_who_stands_between_two_on_a_ring_is_said_in_koord() -> None:
         for renamed in language.renamed
     }
     assert same == {canonical(language, (between, third))}
-    other = Language.of_program(program_of(text_of("ticket.krd")))
+    other = Language.of_program(program_of(protocol_text("ticket")))
     assert not other.ring
     assert not any(isinstance(x, Between) for x in other.literals)
 
 
 def test_integers_that_meet_are_of_one_kind() -> None:
-    program = program_of(text_of("ticket.krd"))
+    program = program_of(protocol_text("ticket"))
     kinds = KindsOfIntegers.of(program)
     ticket = kinds.kind((Home.LOCAL, 0, program.agents[0].locals[1].variable.slot, ()))
     assert ticket == kinds.kind((Home.ALLWRITE, 0, 0, ()))

@@ -17,7 +17,7 @@ from koord.verify.engines.every_n.progress_lemmas import Lemmas
 from koord.verify.engines.every_n.questions import GENEROUS, Means
 from koord.verify.strategy import verification
 from koord.verify.verdicts import Bounds, Outcome, Verdict
-from tests.loading import PROTOCOLS, program_of
+from tests.loading import program_of, protocol_text
 from tests.sampling import but_slow
 from tests.verify.asking import system_of
 
@@ -26,12 +26,8 @@ HOLDING = ("lock_server", "gate", "landing_pad", "token_ring")
 LONG = ("lockserv", "readers_writers", "semaphore", "ticket")
 
 
-def text_of(name: str) -> str:
-    return (PROTOCOLS / f"{name}.krd").read_text(encoding="utf-8")
-
-
 def changed(name: str, old: str, new: str) -> str:
-    text = text_of(name)
+    text = protocol_text(name)
     assert old in text
     return text.replace(old, new)
 
@@ -40,7 +36,7 @@ def changed(name: str, old: str, new: str) -> str:
 VIOLATED = {
     "one robot keeps the lock": (changed("lock_server", "pre: holds", "pre: holds and pid > 0"), 2),
     "who holds the lock may do something else": (
-        text_of("lock_server") + "\nIdle:\n    pre: holds\n    eff:\n        holds = holds\n",
+        protocol_text("lock_server") + "\nIdle:\n    pre: holds\n    eff:\n        holds = holds\n",
         2,
     ),
     "who leaves lets the gate shut": (
@@ -59,7 +55,7 @@ VIOLATED = {
         2,
     ),
     "what is granted is dropped": (
-        text_of("lockserv")
+        protocol_text("lockserv")
         + """
 Drop:
     pre: grant_msg[pid]
@@ -102,7 +98,7 @@ def asked(text: str, robots: int, engine: Engine) -> Verdict:
 
 @pytest.mark.parametrize("name", but_slow(LONG, (*HOLDING, *LONG)))
 def test_who_asks_enters_however_many_there_are(name: str) -> None:
-    verdict = asked(text_of(name), 2, Engine.EVERY_N)
+    verdict = asked(protocol_text(name), 2, Engine.EVERY_N)
     assert verdict.outcome is Outcome.HOLDS, verdict.reason
     assert verdict.engine is Engine.EVERY_N
     assert verdict.fairness[0] == "robots"
@@ -117,7 +113,7 @@ def test_nobody_who_may_wait_for_ever_is_said_to_enter(name: str) -> None:
 
 
 def test_a_lemma_is_proved_before_anything_rests_on_it() -> None:
-    system = system_of(program_of(text_of("lock_server")), 2)
+    system = system_of(program_of(protocol_text("lock_server")), 2)
     means = Means(Deadline(), Effort.of_seconds(GENEROUS.seconds), GENEROUS, 0)
     lemmas = Lemmas.of(system, (), means)
     assert lemmas is not None
