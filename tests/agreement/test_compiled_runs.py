@@ -154,7 +154,7 @@ def test_programs_at_hand(program: core.Program, numbers: Numbers) -> None:
 
 
 @given(system=systems(), seed=st.integers(0, 10**6), numbers=st.sampled_from(Numbers))
-@examples(40)
+@examples(20)
 def test_generated_programs(system: System, seed: int, numbers: Numbers) -> None:
     compare(system, rounds=3, seed=seed, numbers=numbers)
 

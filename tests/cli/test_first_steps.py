@@ -12,6 +12,7 @@ import pytest
 import koord
 from koord.cli.exits import Exit
 from koord.cli.main import COMMANDS, main
+from tests.sampling import first
 
 ROOT = Path(__file__).parents[2]
 FIRST = ROOT / "specs" / "examples" / "first"
@@ -54,11 +55,14 @@ def test_links_lead_somewhere(guide: Path) -> None:
 
 @pytest.mark.parametrize(
     ("program", "config", "robots"),
-    [
-        (FIRST / "there_and_back.krd", FIRST / "car.yaml", "1"),
-        (FIRST / "hover.krd", FIRST / "drone.yaml", "1"),
-        (FLEET / "task_fleet.krd", FLEET / "task_fleet.yaml", "Car=2,Drone=1"),
-    ],
+    first(
+        2,
+        [
+            (FIRST / "there_and_back.krd", FIRST / "car.yaml", "1"),
+            (FIRST / "hover.krd", FIRST / "drone.yaml", "1"),
+            (FLEET / "task_fleet.krd", FLEET / "task_fleet.yaml", "Car=2,Drone=1"),
+        ],
+    ),
     ids=lambda value: value.stem if isinstance(value, Path) else value,
 )
 def test_programs_are_proved_and_simulated(

@@ -320,6 +320,7 @@ def test_what_is_not_so_is_not_confirmed(text: str) -> None:
 # --- elements that any robot may write ------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_an_element_that_robots_race_for_is_as_one_of_them_left_it() -> None:
     found = confirmed(system_of(shared_arrays.RACE), settled_for_everyone)
     assert found == {"Somebody", "Own", "no fault"}
@@ -352,6 +353,7 @@ def test_what_is_shown_again_of_shared_arrays_is_refuted_for_none(block: int) ->
 # --- sums that are asked of any robot -------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_votes_for_two_robots_are_no_more_than_robots() -> None:
     found = confirmed(system_of(sums.ELECTION), settled_for_everyone)
     assert found == {"Seen", "One", "no fault"}
