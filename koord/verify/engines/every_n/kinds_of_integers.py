@@ -1,7 +1,8 @@
 """Which integers of a program may be compared: numbers of robots, indices, tickets.
 
-Integers that are assigned to one another or compared are of one *kind*. This is a guess that
-keeps the statements few that are tried; nothing rests on it.
+Integers that are assigned to one another or compared are of one *kind*, and so are counters that
+are compared with the same number. This is a guess that keeps the statements few that are tried;
+nothing rests on it.
 """
 
 from __future__ import annotations
@@ -54,6 +55,7 @@ class KindsOfIntegers(Struct):
             found._look(function.body, ("function", function.name), 0)
         for position, stated in enumerate(program.properties):
             found._look(stated.condition, ("property", position), 0)
+        found._join_bounded_alike()
         return found
 
     def kind(self, key: Hashable) -> Hashable:
@@ -76,6 +78,15 @@ class KindsOfIntegers(Struct):
         for kind in kinds[1:]:
             if self.kind(kind) != self.kind(kinds[0]):
                 self._above[self.kind(kind)] = self.kind(kinds[0])
+
+    def _join_bounded_alike(self) -> None:
+        """Join kinds that are counted with and meet the same number, other than 0, 1 or -1."""
+        by_constant: dict[int, list[Hashable]] = {}
+        for key, value in self._met:
+            if abs(value) > 1 and self.is_ordered(self.kind(key)):
+                by_constant.setdefault(value, []).append(key)
+        for keys in by_constant.values():
+            self._join(*keys)
 
     def _meet(self, *sides: list[Hashable]) -> None:
         """Integers of expressions meet; constants are noted with what they meet."""

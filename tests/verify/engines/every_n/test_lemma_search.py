@@ -453,3 +453,27 @@ def test_integers_that_meet_are_of_one_kind() -> None:
     initial = program.allwrite[0].initial
     assert isinstance(initial, Const)
     assert initial.value in kinds.constants(ticket)
+
+
+def test_what_robots_have_counted_is_compared_with_what_all_have() -> None:
+    """Nothing assigns one counter to the other: both are said to be ten at most."""
+    text = """
+    allwrite:
+        int n = 0
+    local:
+        int k = 0
+    Up:
+        pre: n < 10
+        eff:
+            atomic:
+                n = n + 1
+                k = k + 1
+    invariant Few: n <= 10
+    invariant Own: forall i: k@i <= 10
+    """
+    shown = found(text)
+    assert {claim.name for claim in shown.proved} == {"Few", "Own", "no fault"}
+    assert {claim.name for claim in shown.invariants} == {"forall i: k@i <= n"}
+    faster = text.replace("k = k + 1", "k = k + 2")
+    assert {claim.name for claim in found(faster).proved} == {"Few", "no fault"}
+    assert "Own" in broken(faster, 1, rounds=10)
