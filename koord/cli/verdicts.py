@@ -82,8 +82,8 @@ def cone_lines(cones: Cones) -> Iterator[str]:
         yield f"{what}: where one of the slice does not, engines are asked about more than that."
 
 
-#: So many invariants that were found are shown; files have all of them.
-MOST_SHOWN = 12
+#: So many invariants that were found are shown, of so many characters; files have all of them.
+MOST_SHOWN, LONGEST_SHOWN = 12, 200
 
 #: What is said of a violation where nobody looked at all runs with fewer rounds.
 SOONER = ", perhaps sooner"
@@ -113,10 +113,12 @@ def lines(found: VerifyReport, style: Style) -> Iterator[str]:
     if invariants:
         yield ""
         yield "  invariants that were found for it:"
-    for text in invariants[:MOST_SHOWN]:
+    readable = [text for text in invariants if len(text) <= LONGEST_SHOWN][:MOST_SHOWN]
+    for text in readable:
         yield f"    {text}"
-    if len(invariants) > MOST_SHOWN:
-        yield f"    … {len(invariants) - MOST_SHOWN} more: --save-invariants FILE writes them all"
+    if others := len(invariants) - len(readable):
+        them = "more" if readable else "long ones"
+        yield f"    … {others} {them}: --save-invariants FILE writes them all"
     if report.vacuities:
         yield ""
     for vacuity in report.vacuities:
