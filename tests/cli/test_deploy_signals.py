@@ -18,6 +18,7 @@ import pytest
 from mcap.reader import make_reader
 
 from koord.cli.exits import Exit
+from tests.sampling import first
 
 SUM = str(Path(__file__).parents[2] / "specs" / "examples" / "sum_of_ids.krd")
 
@@ -157,7 +158,7 @@ def test_a_run_that_is_asked_to_end_stops_safely_and_keeps_all(
         assert len(list((tmp_path / "noted").iterdir())) == robots
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGKILL])
+@pytest.mark.parametrize("number", first(1, [signal.SIGKILL, signal.SIGTERM]))
 def test_the_same_command_goes_on(number: signal.Signals, tmp_path: Path) -> None:
     """Nobody acts on a round a second time."""
     words = (*ALL, "--rounds", "25")

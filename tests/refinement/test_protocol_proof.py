@@ -121,6 +121,7 @@ def test_a_mistake_in_an_action_is_found(action: Action, statement: str) -> None
             "decide",
             HEART,
             id="acknowledgements of incarnations count that do not",
+            marks=pytest.mark.slow,
         ),
         pytest.param(
             "none comes back",

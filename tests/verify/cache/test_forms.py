@@ -25,6 +25,9 @@ from tests.generators.junk import with_junk
 from tests.generators.mutating import mutants
 from tests.loading import EXAMPLES, example_files, example_program, program_of
 
+#: Examples with many parts, of each of which many slices are compared.
+LONG = {"cars_and_drones", "delivery", "follow_path", "sats", "shapeform", "task", "task_fleet"}
+
 #: A bit of everything that a slice may be made of.
 EVERYTHING = """
 enum Colour: red, green
@@ -149,7 +152,13 @@ def test_whatever_is_changed_in_a_program_changes_its_form() -> None:
 
 
 @pytest.mark.parametrize(
-    "path", [p for p in example_files() if "broken" not in p.parts], ids=lambda p: p.stem
+    "path",
+    [
+        pytest.param(path, marks=[pytest.mark.slow] if path.stem in LONG else [])
+        for path in example_files()
+        if "broken" not in path.parts
+    ],
+    ids=lambda p: p.stem,
 )
 def test_slices_have_the_same_form_if_their_content_is_the_same(path: Path) -> None:
     """Mistakes change slices, or they do not: the form tells as the programs themselves do."""
