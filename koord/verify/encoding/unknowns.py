@@ -279,8 +279,8 @@ class Unknowns(Struct):
 
 
 def _of_the_text(name: str) -> str:
-    """The program's name of an unknown: without robot, round and element."""
-    return re.split(r"[@#\[]", name, maxsplit=1)[0]
+    """The program's name of an unknown: without what is before it, robot, round and element."""
+    return re.split(r"[@#\[]", name, maxsplit=1)[0].rpartition(" ")[2]
 
 
 class _Axiom(Struct, frozen=True):
