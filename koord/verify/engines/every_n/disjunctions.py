@@ -96,17 +96,10 @@ class Samples(Struct):
         row: Row,
         budget: Budget = ENDLESS,
         most: int = USUAL,
-        *,
-        pairs: bool = True,
     ) -> list[Disjunction]:
-        """The smallest disjunctions that held in all samples and are false in a row.
-
-        They have at most so many literals; ``pairs``: of what robots have of each other, too.
-        """
+        """The smallest disjunctions of ``most`` literals that held in all samples, and not here."""
         false = [n for n, x in enumerate(self.language.literals) if x.look(here, row) is False]
         open_ = [n for n in false if self.bits[n]]
-        if not pairs:
-            open_ = [n for n in open_ if not self.language.is_of_pair(n)]
         return self._smallest(self.full, open_, most, budget)
 
     def of_nobody(self, here: Snapshot, budget: Budget = ENDLESS) -> list[Disjunction]:

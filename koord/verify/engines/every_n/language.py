@@ -136,11 +136,6 @@ class Language(Struct, frozen=True):
             ring,
         )
 
-    def is_of_pair(self, n: int) -> bool:
-        """Return whether a literal says what a robot has of another."""
-        x = self.literals[n]
-        return isinstance(x, Literal) and bool(x.left.owner or x.right.owner)
-
     def snapshot(
         self,
         robots: Mapping[int, Held[V]],

@@ -95,17 +95,14 @@ class Search(Struct):
     active: dict[Disjunction, Claim] = field(default_factory=dict)
     dead: set[Disjunction] = field(default_factory=set)
 
-    def against(self, here: Snapshot, most: int, *, pairs: bool) -> list[Disjunction]:
-        """Disjunctions to try against a configuration, the best first.
-
-        ``pairs``: with what robots have of each other, too.
-        """
+    def against(self, here: Snapshot, most: int) -> list[Disjunction]:
+        """Disjunctions to try against a configuration, the best first."""
         found: set[Disjunction] = set()
         rows = self.language.rows(here)
         for row in rows if most <= USUAL else islice(rows, _FEW_ROWS):
             found.update(
                 canonical(self.language, x)
-                for x in self.samples.against(here, row, self.budget, most, pairs=pairs)
+                for x in self.samples.against(here, row, self.budget, most)
             )
         return self.sorted_(found)
 
@@ -380,16 +377,10 @@ class _Loop(Struct):
         return answer, hit
 
     def _add(self, here: Snapshot, most: int = USUAL) -> bool:
-        """Add lemmas that do not hold in a configuration; return whether there are any.
-
-        What robots have of each other is spoken of once more than a few of them are named: what is
-        said of all others has often more to say, and each lemma costs.
-        """
-        search = self.search
-        found = self._tried(search.against(here, most, pairs=False))
-        if not found and search.language.mutual and self.generations > 1:
-            found = self._tried(search.against(here, most, pairs=True))
-        return found or (most == USUAL and self._tried(search.on_the_ring(here)))
+        """Add lemmas that do not hold in a configuration; return whether there are any."""
+        if self._tried(self.search.against(here, most)):
+            return True
+        return most == USUAL and self._tried(self.search.on_the_ring(here))
 
     def _tried(self, found: Sequence[Disjunction]) -> bool:
         """Make lemmas of the first that hold after INIT; return whether there are any."""

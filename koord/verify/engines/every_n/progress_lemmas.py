@@ -121,7 +121,7 @@ class Lemmas(Struct):
         # That somebody is there is what is missing most often.
         there = search.sorted_(search.samples.of_nobody(here, search.budget))
         first = [x for x in there if self._asks_for_somebody(x)][: _AT_ONCE // 2]
-        for x in dict.fromkeys([*first, *search.against(here, 3, pairs=False)]):
+        for x in dict.fromkeys([*first, *search.against(here, 3)]):
             claim = search.lemma(x)
             if claim.name not in self._tried:
                 self._tried.add(claim.name)
