@@ -27,6 +27,7 @@ from koord.syntax.types import (
     StringType,
     Type,
 )
+from koord.verify.encoding.contexts import new_context
 from koord.verify.encoding.z3_builder import TermBuilder, same
 
 Term: TypeAlias = "Constant | z3.ExprRef"
@@ -48,7 +49,7 @@ class Terms:
     """
 
     def __init__(self, budget: Budget = ENDLESS) -> None:
-        self.context = z3.Context()
+        self.context = new_context(z3.Context)
         self._make = TermBuilder(self.context)
         self._budget = budget
         self._bool = z3.BoolSort(self.context)

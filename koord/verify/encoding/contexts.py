@@ -1,0 +1,39 @@
+"""Contexts of Z3, of which there are few at a time.
+
+A context takes 17 MB, all of which Z3 writes to at once: that takes ten times as long as the rest
+of what makes one, or more where a machine has to find the memory. One that has the memory of
+another takes a millisecond.
+"""
+
+from __future__ import annotations
+
+import gc
+from collections.abc import Callable
+from typing import TypeVar
+from weakref import WeakSet
+
+from koord.verify.job_process import depth
+
+C = TypeVar("C")
+
+#: So many contexts may be there, and so many are made, before it is looked for what nobody needs.
+_FEW = 2
+
+_there: WeakSet[object] = WeakSet()
+_made_since = 0
+
+
+def new_context(make: Callable[[], C]) -> C:
+    """Make a context, in the memory of one that nobody needs any more if there may be such.
+
+    What questions are made of refers to itself, so that Python's garbage collector has to find it.
+    It looks only where work is done for another process, whose own objects are not looked at.
+    """
+    global _made_since
+    if _made_since >= _FEW <= len(_there) and depth() > 0:
+        gc.collect()
+        _made_since = 0
+    _made_since += 1
+    context = make()
+    _there.add(context)
+    return context

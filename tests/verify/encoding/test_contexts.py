@@ -1,0 +1,54 @@
+"""Contexts of Z3 that nobody needs make room for others, where work is done for another process."""
+
+from __future__ import annotations
+
+import gc
+from collections.abc import Iterator
+
+import pytest
+import z3
+
+from koord.verify.encoding import contexts
+
+
+class Knot:
+    """Something that refers to itself, with a context."""
+
+    def __init__(self) -> None:
+        self.itself = self
+        self.context = contexts.new_context(z3.Context)
+
+
+@pytest.fixture(autouse=True)
+def uncollected() -> Iterator[None]:
+    """Let nothing be collected unless somebody asks for it."""
+    gc.collect()
+    gc.disable()
+    yield
+    gc.enable()
+    gc.collect()
+
+
+def made(monkeypatch: pytest.MonkeyPatch, depth: int) -> int:
+    """How many more contexts there are at most, where eight are made and each is left."""
+    monkeypatch.setattr(contexts, "depth", lambda: depth)
+    before, most = len(contexts._there), 0
+    for _ in range(8):
+        Knot()
+        most = max(most, len(contexts._there) - before)
+    return most
+
+
+def test_there_are_few_contexts_at_a_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert made(monkeypatch, 1) <= 3
+
+
+def test_what_belongs_to_others_is_not_looked_at(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert made(monkeypatch, 0) == 8
+
+
+def test_contexts_that_are_needed_stay(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(contexts, "depth", lambda: 1)
+    kept = [Knot() for _ in range(6)]
+    assert len({id(each.context) for each in kept}) == 6
+    assert {each.context for each in kept} <= set(contexts._there)
