@@ -59,6 +59,7 @@ class CachedVerification(Struct, frozen=True, dict=True):
             reaching=self.cache.reaching(self.dependences),
             substance=self.substance,
             likely=self.cache.likely(self.dependences, self.known),
+            keeps_runs=True,
         )
 
     @cached_property

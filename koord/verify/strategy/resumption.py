@@ -28,7 +28,7 @@ class PastVerification(Struct, frozen=True):
     ``begun`` are the steps that are not taken again, be they done or not. ``reaching`` are runs
     that once reached what should be possible, perhaps of another program. ``likely`` are verdicts
     on the same claims about another one, by which engines are asked in another order: nothing of
-    them is taken to be true.
+    them is taken to be true. ``keeps_runs``: somebody keeps further runs that reach it.
     """
 
     verdicts: tuple[Verdict, ...] = ()
@@ -37,6 +37,7 @@ class PastVerification(Struct, frozen=True):
     reaching: tuple[ReachingRun, ...] = ()
     substance: Substance = NOTHING_KNOWN
     likely: tuple[Verdict, ...] = ()
+    keeps_runs: bool = False
 
     def was_for_every_n(self, names: Collection[str]) -> bool:
         """Return whether claims hold for every number of robots, here or where they are likely."""

@@ -34,7 +34,7 @@ from koord.verify.reachability_goals import (
 from koord.verify.vacuity import unreachable
 from koord.verify.vacuity.contradictions import dead_end, unanswerable
 from koord.verify.vacuity.reachability import Unbroken, unbroken
-from koord.verify.vacuity.reaching_runs import ReachingRuns
+from koord.verify.vacuity.reaching_runs import MOST_RUNS, ReachingRuns
 from koord.verify.vacuity.starts import many_never_start, never_starts
 from koord.verify.vacuity.unreachable import unmet
 from koord.verify.verdicts import (
@@ -100,15 +100,16 @@ def look(
     *,
     every_n: bool = False,
     before: Sequence[ReachingRun] = (),
+    keeps_runs: bool = False,
     known: Substance = NOTHING_KNOWN,
 ) -> GoalSearch:
     """Search for vacuities that depend on no verdict, so that it can run in parallel.
 
     ``every_n``: all verdicts are proofs for every number of robots, so that it is looked at few of
     them first. ``before`` are runs that reached goals once, which are replayed, and what is
-    ``known`` is not looked at. [PROP-VACUOUS]
+    ``known`` is not looked at; ``keeps_runs``: further ones are told. [PROP-VACUOUS]
     """
-    runs = ReachingRuns(before)
+    runs = ReachingRuns(before, MOST_RUNS if keeps_runs else 0)
     started = time.process_time()
     effort = Effort.of_seconds(WISHES_S)
     wished = _asked(reachability_goals_of(ledger.system), known)

@@ -42,9 +42,13 @@ class Reached(Struct, frozen=True):
 
 
 class ReachingRuns(Struct):
-    """The runs that reach the goals of one system: those kept from before, and those found."""
+    """The runs that reach the goals of one system: those kept from before, and those found.
+
+    Of these no more than ``most`` are kept: to read one off a model can take as long as to find it.
+    """
 
     before: Sequence[ReachingRun] = ()
+    most: int = MOST_RUNS
     useful: list[ReachingRun] = field(default_factory=list)  #: of both, in order
 
     def replayed(self, system: System, nevers: Collection[Claim], rounds: int) -> Reached:
@@ -65,14 +69,14 @@ class ReachingRuns(Struct):
 
     def note(self, unrolling: Unrolling, model: Model, phase: ClaimPhase) -> None:
         """Keep the run of a model, which breaks claims where it ends, in a phase."""
-        if phase in (ClaimPhase.INIT, ClaimPhase.END) and len(self.useful) < MOST_RUNS:
+        if phase in (ClaimPhase.INIT, ClaimPhase.END) and len(self.useful) < self.most:
             reader = ModelReader(model, unrolling.system)
             recording = recording_of(reader, unrolling.opening, unrolling.rounds, phase)
             self.add(unrolling.system, recording)
 
     def add(self, system: System, recording: Recording) -> None:
         """Keep a run of a system."""
-        if len(self.useful) < MOST_RUNS:
+        if len(self.useful) < self.most:
             self.useful.append(ReachingRun(layout_of(system), recording))
 
 

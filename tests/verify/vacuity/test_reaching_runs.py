@@ -41,7 +41,7 @@ def of(text: str, robots: int = 2) -> System:
 
 
 def looked(system: System, before: tuple[ReachingRun, ...] = (), bounds: Bounds = BOUNDS) -> Report:
-    return verify(system, bounds, past=PastVerification(reaching=before))
+    return verify(system, bounds, past=PastVerification(reaching=before, keeps_runs=True))
 
 
 @pytest.fixture(scope="module")
@@ -171,3 +171,8 @@ def test_mutated_programs_are_told_vacuous_with_kept_runs_as_without(name: str, 
         empty = {(each.subject, each.span) for each in fresh.vacuities if each.certain}
         met = {(goal.subject, goal.span) for goal in wished.all if goal.never in reached}
         assert not empty & met, str(mutant)
+
+
+def test_runs_are_read_off_models_only_if_somebody_keeps_them() -> None:
+    assert verify(of(TEXT), BOUNDS).reaching == ()
+    assert looked(of(TEXT)).reaching != ()
