@@ -5,6 +5,7 @@ from __future__ import annotations
 from tests.mutants.mutant import Mutant
 
 FORMS = "tests/verify/cache/test_forms.py"
+MANY = "tests/verify/strategy/test_many_robots.py"
 KEPT = "tests/verify/cache/test_kept.py"
 LIKELY = "tests/verify/cache/test_likely.py"
 ORDERS = "tests/verify/cache/test_orders.py"
@@ -313,5 +314,19 @@ CACHED = (
         "bool(found) and self.was_for_every_n(found)",
         "self.was_for_every_n(found)",
         (LIKELY,),
+    ),
+    Mutant(
+        "strategy: what is asked ahead stays in the way of a race",
+        "verify.strategy.verification._Verification._take_turns",
+        "ahead is not None",
+        "False",
+        (MANY,),
+    ),
+    Mutant(
+        "strategy: what was asked ahead counts, whatever it rests on",
+        "verify.strategy.verification._Verification.report",
+        "not cut and len(proved) == len(verdicts) and _are_for_every_n(verdicts)",
+        "not cut",
+        (MANY, LIKELY),
     ),
 )

@@ -98,6 +98,9 @@ SPARING_S = 3.0
 #: in steps of evaluation, and what costs a solver more is left to the race.
 _AT_A_GLANCE = Task(seconds=0.02, evaluations=3_000)
 
+#: With many robots whoever proves it has no rival: to fork processes for others would take as long.
+_OF_MANY = Task(seconds=1.0, evaluations=60_000)
+
 #: What has proved all claims about a program like this one needs some tenths of a second again, and
 #: has them before others are asked.
 _ONCE_MORE = Task(seconds=0.3, evaluations=40_000)
@@ -143,7 +146,8 @@ _TO_THE_END: Rows = (
 #: of a second, then by what takes a second, and then some.
 _ALL_ENGINES: Rows = (
     AskEngine(Engine.SEARCH, Task(Purpose.REFUTE, states=HANDFUL, evaluations=3_000), quick=True),
-    AskEngine(Engine.EVERY_N, _AT_A_GLANCE, quick=True, again=_ONCE_MORE),
+    AskEngine(Engine.EVERY_N, _AT_A_GLANCE, quick=True, fleet=Fleet.FEW, again=_ONCE_MORE),
+    AskEngine(Engine.EVERY_N, _OF_MANY, quick=True, fleet=Fleet.MANY),
     AskAtOnce(
         first=(
             AskEngine(Engine.EVERY_N, _A_LITTLE, fleet=Fleet.FEW),

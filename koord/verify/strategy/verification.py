@@ -44,6 +44,7 @@ from koord.verify.strategy.table import (
     AskEngine,
     AskOnSlices,
     EngineTurn,
+    Fleet,
     Row,
     Rows,
 )
@@ -138,7 +139,7 @@ class _Verification(Struct, frozen=True):
             self.pool, self.steps, self.system, happens, wanted=not known, of_any_number=every_n
         )
         ahead = None if known else self._ahead(slices)
-        verdicts, ledger, last = self._of_states(problem, slices, known, search)
+        verdicts, ledger, last = self._of_states(problem, slices, known, search, ahead)
         cut = last.interrupted
         search.wanted &= not cut and not ledger.stopped
         proved = [v for v in verdicts if v.outcome is Outcome.HOLDS and v.rounds is None]
@@ -199,14 +200,18 @@ class _Verification(Struct, frozen=True):
         """Ask about whole runs beside claims about states, in a process of its own.
 
         That rests on these claims, as if they were proved for every number of robots. So it counts
-        only if they are; and it is done only where they were, of a program like this one.
+        only if they are; and it is done only where they were, of a program like this one, or where
+        many robots leave little else to try.
         """
         past, asked = self.steps.past, claims_of(self.system)
         soon, rows = _soon(LIVENESS.get(self.choice, ()), everyone=True)
         live = [claim for claim in liveness_of(self.system) if self._is_asked(claim)]
         names = [claim.name for claim in (*asked, *live)]
         is_open = not all(past.verdict(claim.name) for claim in live)
-        if self.pool.jobs == 1 or not (soon and is_open and past.was_for_every_n(names)):
+        if self.pool.jobs == 1 or not (live and soon and is_open):
+            return None
+        has_many = self.choice is None and Fleet.MANY.has(self.system.robots)
+        if not (has_many or past.was_for_every_n(names)):
             return None
         given = [Verdict(claim, Outcome.HOLDS, Engine.EVERY_N, 0.0) for claim in asked]
 
@@ -225,12 +230,13 @@ class _Verification(Struct, frozen=True):
         slices: Slices,
         known: Sequence[Verdict],
         search: _ReachabilitySearch,
+        ahead: Job[LivenessVerdicts] | None,
     ) -> tuple[list[Verdict], Ledger, Ledger]:
         """Verdicts on all claims about states, and the ledgers of the first and the last asking."""
         doubts, before = SpuriousViolations(), None
         if known:
             before = _before(self.system, known, self.names)
-        found, ledger = self._ask(doubts.watching(problem), before, search, slices)
+        found, ledger = self._ask(doubts.watching(problem), before, search, slices, ahead)
         found, last = found.doubting(doubts), ledger
         is_whole = problem.system is self.system and not problem.is_abstract
         if not is_whole and found.suspected is not None and not ledger.interrupted:
@@ -279,6 +285,7 @@ class _Verification(Struct, frozen=True):
         known: _Known | None,
         search: _ReachabilitySearch,
         slices: Slices | None = None,
+        ahead: Job[LivenessVerdicts] | None = None,
     ) -> tuple[_Known, Ledger]:
         """Verdicts on all claims about a problem; until those that are asked about are settled.
 
@@ -311,7 +318,7 @@ class _Verification(Struct, frozen=True):
                 with ledger.enduring(Engine.BMC.value):
                     Unroller(relying=False).through(ledger, last)
                     unroller.through(ledger, last)
-            self._take_turns(ledger, stage, asking, search)
+            self._take_turns(ledger, stage, asking, search, ahead)
         if ledger.shortened and not ledger.interrupted and not self.deadline.passed():
             ledger.deadline, ledger.stopped = self.deadline, ""
         with ledger.stopping():
@@ -320,15 +327,25 @@ class _Verification(Struct, frozen=True):
         return _Known(verdicts, unroller.suspected, left), ledger
 
     def _take_turns(
-        self, ledger: Ledger, stage: str, asking: _Asking, search: _ReachabilitySearch
+        self,
+        ledger: Ledger,
+        stage: str,
+        asking: _Asking,
+        search: _ReachabilitySearch,
+        ahead: Job[LivenessVerdicts] | None,
     ) -> None:
-        """One engine after the other, as the table has them, while claims are open."""
+        """One engine after the other, as the table has them, while claims are open.
+
+        What is asked ``ahead`` is in the way of others, once these are needed.
+        """
         turns = enumerate(asking.turns(SAFETY[self.choice]))
         while _wanted(ledger, asking.names) and (following := next(turns, None)) is not None:
             number, turn = following
             if not (isinstance(turn, EngineTurn | RaceTurn) and turn.quick):
                 search.begin(ledger, self.names)
             if isinstance(turn, SlicesTurn | RaceTurn):  # it asks others
+                if ahead is not None:
+                    self.pool.drop(ahead)
                 with ledger.enduring(turn.name):
                     turn.work(ledger)
             else:
@@ -443,7 +460,10 @@ class _ReachabilitySearch(Struct):
         return _Vacuities(found.vacuities, own.interrupted, found.unlooked)
 
     def _search(self, own: Ledger, *, every_n: bool, known: Substance) -> GoalSearch:
-        return look(own, every_n=every_n, before=self.steps.past.reaching, known=known)
+        past = self.steps.past
+        return look(
+            own, every_n=every_n, before=past.reaching, keeps_runs=past.keeps_runs, known=known
+        )
 
     def _looked(self, own: Ledger, *, every_n: bool, known: Substance) -> GoalSearch | str:
         """The result of the parallel search, or of one made now."""

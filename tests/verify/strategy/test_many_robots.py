@@ -1,0 +1,107 @@
+"""With many robots claims about whole runs are asked about beside those about states.
+
+What is found counts only if the claims about states are proved for every number of robots.
+"""
+
+from __future__ import annotations
+
+import pytest
+
+from koord.syntax.system import dealt
+from koord.verify.engine_names import Engine
+from koord.verify.processes import Job, Pool
+from koord.verify.strategy import verification
+from koord.verify.strategy.race import RaceTurn
+from koord.verify.strategy.table import FEW_ROBOTS, LIVENESS, SAFETY, Fleet
+from koord.verify.strategy.verification import verify
+from koord.verify.verdicts import Bounds, Outcome, Report
+from tests.loading import program_of
+
+MANY = FEW_ROBOTS + 1
+
+#: That `Done` holds rests on `Small`.
+TEXT = """
+local:
+    int n = 0
+Up:
+    pre: n != 3 and n < 9
+    eff: n = n + 1
+invariant Small: forall i: n@i <= 3
+eventually Done: forall i: n@i == 3
+"""
+
+
+@pytest.fixture
+def dropped(monkeypatch: pytest.MonkeyPatch) -> list[Job[object]]:
+    """The jobs whose results were no longer needed, as they were dropped."""
+    found: list[Job[object]] = []
+    drop = Pool.drop
+
+    def noted(pool: Pool, job: Job[object]) -> None:
+        if job.counts and not job.is_done:  # what takes part in a race does not count
+            found.append(job)
+        drop(pool, job)
+
+    monkeypatch.setattr(Pool, "drop", noted)
+    return found
+
+
+def of(text: str, jobs: int, names: tuple[str, ...] = ()) -> Report:
+    return verify(dealt(program_of(text), MANY), Bounds(4), jobs=jobs, names=names)
+
+
+def said(report: Report) -> list[tuple[str, Outcome, Engine]]:
+    return [(v.claim.name, v.outcome, v.engine) for v in report.verdicts]
+
+
+def test_whatever_is_asked_ahead_is_told_as_if_it_were_asked_in_turn(
+    dropped: list[Job[object]],
+) -> None:
+    assert Fleet.MANY.has(MANY)
+    report = of(TEXT, 2)
+    assert said(report) == said(of(TEXT, 1))
+    assert {v.engine for v in report.verdicts} == {Engine.EVERY_N}
+    assert dropped == []
+
+
+@pytest.fixture
+def proofs_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ask nobody about whole runs but for proofs for every number of robots."""
+    monkeypatch.setattr(verification, "LIVENESS", {None: LIVENESS[None][:1]})
+
+
+@pytest.mark.usefixtures("proofs_alone")
+def test_it_counts_only_if_all_that_it_rests_on_is_proved(dropped: list[Job[object]]) -> None:
+    text = TEXT.replace("int n = 0", "int n = 4")
+    report = of(text, 2)
+    assert said(report) == said(of(text, 1))
+    assert report.verdicts[0].outcome is Outcome.VIOLATED
+    assert report.verdicts[-1].outcome is not Outcome.HOLDS
+    assert len(dropped) == 1
+
+
+@pytest.mark.usefixtures("proofs_alone")
+def test_others_that_are_needed_find_nobody_in_their_way(
+    monkeypatch: pytest.MonkeyPatch, dropped: list[Job[object]]
+) -> None:
+    before: list[int] = []
+    monkeypatch.setattr(RaceTurn, "work", lambda turn, ledger: before.append(len(dropped)))
+    monkeypatch.setattr(verification, "SAFETY", {None: SAFETY[None][:4]})
+    text = TEXT.replace("n@i <= 3", "n@i != 7")
+    of(text, 2, ("Small",))
+    assert before == [0]  # nothing is asked ahead about what nobody asks about
+    of(text, 2)
+    assert before == [0, 1]
+
+
+def test_of_two_robots_nothing_is_asked_ahead(monkeypatch: pytest.MonkeyPatch) -> None:
+    names: list[str] = []
+    submit = Pool.submit
+
+    def noted(pool: Pool, name: str, work: object, **others: object) -> Job[object]:
+        names.append(name)
+        return submit(pool, name, work, **others)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(Pool, "submit", noted)
+    verify(dealt(program_of(TEXT), 2), Bounds(4), jobs=2)
+    assert names == []
