@@ -28,8 +28,10 @@ from koord.syntax import core
     MIDDLE_ROOM,
     WORK,
     WORK_MOST,
-) = range(18)
-CONTEXT_WORDS = 18
+    WAITING,
+    WAITING_COUNT,
+) = range(20)
+CONTEXT_WORDS = 20
 
 #: Why a search leaves machine code before its end (``LEFT``).
 LEFT_TOO_LARGE, LEFT_FULL, LEFT_TOO_MANY = 1, 2, 3

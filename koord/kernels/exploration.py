@@ -10,6 +10,7 @@ from mmap import MAP_ANONYMOUS, MAP_PRIVATE, mmap
 
 from koord.kernels import context as fields
 from koord.kernels.context import CONTEXT_WORDS
+from koord.kernels.entering import MOST_WAITING
 from koord.kernels.rounds import Rounds
 from koord.kernels.terms import NoKernelError
 
@@ -68,6 +69,8 @@ class Exploration:
         self._states = self._middles = self._before = _Block(0)
         self._table = self._middle_table = _Block(0)
         self._put(fields.FOUND, ctypes.addressof(self.found))
+        self._waiting = _Block(MOST_WAITING * self._bytes)
+        self._put(fields.WAITING, self._waiting.address)
         self._grow_states(_FIRST_ENTRIES)
         self._forget_middles(_FIRST_ENTRIES)
 

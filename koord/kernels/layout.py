@@ -257,21 +257,28 @@ class Layout:
 
     def numbers(self, configuration: Configuration[Constant]) -> list[int]:
         """What the cells hold in a configuration; Booleans are 0 and 1."""
-        found = [0] * len(self.cells)
+        found: list[int] = []
         for i, robot in enumerate(configuration.robots):
-            own = Robot(
-                robot.kind,
-                robot.locals,
-                robot.ports,
-                configuration.store,
-                robot.status,
-                robot.ran,
-            )
-            for cell, value in self.of_robot(i, own):
-                found[cell] = _number(value)
-        for slot, storage in enumerate(configuration.store.allwrite):
+            found += self.robot_numbers(i, robot, configuration.store)
+        return found + self.shared_numbers(configuration.store)
+
+    def robot_numbers(
+        self, robot: int, state: Robot[Constant], store: Store[Constant]
+    ) -> list[int]:
+        """What a robot's cells hold, if its entries are those of a store."""
+        own = Robot(state.kind, state.locals, state.ports, store, state.status, state.ran)
+        cells = self.robots[robot]
+        found = [0] * (cells.end - cells.first)
+        for cell, value in self.of_robot(robot, own):
+            found[cell - cells.first] = _number(value)
+        return found
+
+    def shared_numbers(self, store: Store[Constant]) -> list[int]:
+        """What the cells of the allwrite variables hold."""
+        found = [0] * (len(self.cells) - self.shared_first)
+        for slot, storage in enumerate(store.allwrite):
             for cell, value in self.of_shared(slot, storage):
-                found[cell] = _number(value)
+                found[cell - self.shared_first] = _number(value)
         return found
 
     def from_numbers(self, numbers: Sequence[int]) -> Configuration[Constant]:

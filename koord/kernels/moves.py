@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from koord.kernels.assembling import I64, Code, Ir, word
 from koord.kernels.context import LEFT_TOO_LARGE, Context
 from koord.kernels.module import RoundModule, either, is_too_large, outcome
-from koord.kernels.turn_code import FAULTS
+from koord.kernels.turn_code import FAULTS, FLAGS
 from koord.semantics.configurations import NO_EVENT
 from koord.syntax.system import Status
 
@@ -61,15 +61,18 @@ class MoveWriter:
                 self._run(robot, position, block, count)
 
     def _run(self, robot: int, position: int, block: Ir, count: Ir) -> None:
-        """Run one event with all choices, and keep courses that are new."""
+        """Run one event with all choices that matter, and keep courses that are new."""
         code, of, turn = self._code, self._of, self._of.events[robot][position]
-        b, course, size = code.b, of.course, of.course.size
-        with code.loop(word(0), word(turn.combinations)) as chosen:
+        b, course, size, next_ = code.b, of.course, of.course.size, code.slot(I64)
+        b.store(word(0), next_)
+        with code.while_(lambda: b.icmp_signed("<", b.load(next_), word(turn.combinations))):
+            chosen = b.load(next_)
             place = code.at(block, b.mul(b.load(count), word(size)))
             for offset in range(course.own, course.values, 8):
                 # What is left over behind a robot's cells would tell equal moves apart.
                 code.put(place, offset, word(0))
             flags = b.call(self._events[robot][position], [self._state, chosen, place])
+            b.store(b.add(chosen, b.lshr(flags, word(FLAGS))), next_)
             if of.goals.faults and turn.faults is not False:
                 with b.if_then(outcome(code, flags, FAULTS)):
                     self._context.find(of.goals.fault, self._context.behind())

@@ -12,7 +12,6 @@ from __future__ import annotations
 from koord.kernels.assembling import (
     BYTES,
     I1,
-    I32,
     I64,
     Cells,
     Code,
@@ -25,7 +24,6 @@ from koord.kernels.assembling import (
 from koord.kernels.canonical import canonical_code
 from koord.kernels.combinations import expand_one_code
 from koord.kernels.context import (
-    BEFORE,
     CURRENT,
     LEFT,
     MIDDLE_COUNT,
@@ -38,6 +36,7 @@ from koord.kernels.context import (
     Context,
     Goals,
 )
+from koord.kernels.entering import await_code, enter_code, renamed, settle_code
 from koord.kernels.environment_turns import environment_turns_code, idle_cells, ways_of
 from koord.kernels.layout import Layout
 from koord.kernels.module import RoundModule
@@ -130,35 +129,13 @@ class _Writer:
         self.insert_middle = insert_code(module, cells, MIDDLE_TABLE, "insert_middle", hashed)
         lookup_code(module, cells, STATE_TABLE, hashed)
         rehash_code(module, cells, hashed)
-        self.enter = self._enter()
+        enter_code(of, self.canonical, self.insert_state, self.statements)
+        self.settle = settle_code(of, hashed, self.insert_state, self.statements)
+        self.enter = await_code(of, self.canonical, self.settle)
         environment = environment_turns_code(of, turns, self.enter)
         middle = self._middle(environment)
         races = races_code(of, middle)
         self._expand(expand_one_code(of, events, middle, races, ways_of(of.environments)))
-
-    def _renamed(self, code: Code, state: Ir) -> Ir:
-        if self.of.layout.symmetry is None:
-            return state
-        out, names = code.block(self.of.cells.state_bytes), code.block(8 * len(self.of.robots))
-        code.b.call(self.canonical, [state, out, names])
-        return out
-
-    def _enter(self) -> Ir:
-        """``enter(context, state)``: put a state into the table, and look at it if it is new."""
-        code = Code(self.of.module, "enter", (BYTES, BYTES), I64)
-        context, state = Context(code, code.arguments[0]), code.arguments[1]
-        b = code.b
-        context.add(WORK, word(1))
-        kept = self._renamed(code, state)
-        number = b.call(self.insert_state, [context.address, kept])
-        with b.if_then(b.icmp_signed(">=", number, word(0))):
-            current = b.trunc(context.get(CURRENT), I32)
-            code.put(context.block(BEFORE), b.shl(number, word(2)), current)
-            for goal, holds in enumerate(self.statements):
-                with b.if_then(b.not_(b.call(holds, [kept]))):
-                    context.find(goal, b.shl(number, word(1)))
-        b.ret(number)
-        return code.function
 
     def _middle(self, environment: Ir) -> Ir:
         """``middle(context, state)``: what becomes of the end of the program turns. [END-PROG]
@@ -178,7 +155,7 @@ class _Writer:
         else:
             for cell in sorted(of.idle):
                 code.put(state, cell * cells.size, constant(cells.type, 0))
-            kept = self._renamed(code, state)
+            kept = renamed(code, of, self.canonical, state)
             number = b.call(self.insert_middle, [context.address, kept])
             with b.if_then(b.icmp_signed(">=", number, word(0))):
                 b.call(environment, [context.address, kept])
@@ -239,5 +216,6 @@ class _Writer:
             size = word(self.of.cells.state_bytes)
             state = code.at(context.block(STATES), b.mul(b.load(number), size))
             b.call(expand_one, [address, state])
+            b.call(self.settle, [address])
             b.store(b.add(b.load(number), word(1)), number)
         b.ret(b.load(number))

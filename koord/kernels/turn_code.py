@@ -13,6 +13,7 @@ from typing import Any
 from msgspec import Struct
 
 from koord.kernels.assembling import BYTES, I1, I64, Cells, Code, Evaluation, Ir, word
+from koord.kernels.dependence import Dependence
 from koord.kernels.terms import Scalar
 from koord.kernels.turns import TurnTerms
 
@@ -21,6 +22,9 @@ POSSIBLE = 1
 FAULTS = 2
 #: An integer does not fit into its cell: there is no machine code for this program.
 TOO_LARGE = 4
+
+#: Behind so many flags stands how far it is to the next combination.
+FLAGS = 3
 
 
 class Course(Struct, frozen=True):
@@ -44,13 +48,37 @@ def course(cells: Cells, own_cells: int) -> Course:
     return Course(8, 8 + own, 8 + own + shared, 8 + own + 2 * shared, 8 + own + 3 * shared)
 
 
-def _choices(code: Code, counts: Sequence[int], chosen: Ir) -> list[Ir]:
+def _weights(counts: Sequence[int]) -> list[int]:
+    """What one more of each choice adds to the number of a combination."""
+    weights, weight = [], 1
+    for count in reversed(counts):
+        weights.append(weight)
+        weight *= count
+    return weights[::-1]
+
+
+def choices_of(code: Code, counts: Sequence[int], chosen: Ir) -> list[Ir]:
     """The number of the option of each choice, from that of the combination."""
-    found = []
-    for count in counts:
-        found.append(code.b.urem(chosen, word(count)))
-        chosen = code.b.udiv(chosen, word(count))
-    return found
+    b = code.b
+    return [
+        b.urem(b.udiv(chosen, word(weight)), word(count))
+        for weight, count in zip(_weights(counts), counts, strict=True)
+    ]
+
+
+def to_next(code: Code, turn: TurnTerms, hangs: Ir | None) -> Ir:
+    """How far it is to the next combination in which a choice that matters is another one.
+
+    Behind the last choice that matters all choices are the first: those with others come to the
+    same. So one more of that choice is next, which may change those before it. ``hangs`` has the
+    choices that matter, by :class:`~koord.kernels.dependence.Dependence`; None: there is none.
+    """
+    b, far = code.b, word(turn.combinations)
+    if hangs is not None:
+        for number, weight in enumerate(_weights(turn.counts)):
+            bit = b.and_(hangs, word(1 << number))
+            far = b.select(b.icmp_signed("!=", bit, word(0)), word(weight), far)
+    return b.shl(far, word(FLAGS))
 
 
 def event_code(module: Any, name: str, turn: TurnTerms, robot: int, cells: Cells, of: Course) -> Ir:
@@ -58,7 +86,11 @@ def event_code(module: Any, name: str, turn: TurnTerms, robot: int, cells: Cells
     code = Code(module, name, (BYTES, I64, BYTES), I64)
     state, chosen, out = code.arguments
     b, layout = code.b, cells.layout
-    terms = Evaluation(code, cells, state, _choices(code, turn.counts, chosen))
+    terms = Evaluation(code, cells, state, choices_of(code, turn.counts, chosen))
+    dependence = Dependence(terms)
+    possible = dependence.of(turn.possible)
+    with b.if_then(b.not_(terms.value(turn.possible))):
+        b.ret(to_next(code, turn, possible))
     too_large = terms.value(False)
     entered = word(0)
     for lock, condition in turn.entered:
@@ -86,7 +118,11 @@ def event_code(module: Any, name: str, turn: TurnTerms, robot: int, cells: Cells
         code.put(out, of.mask + offset, mask)
         if write.cell in turn.updates:
             code.put(out, of.updates + offset, mask)
-    _flags(code, terms, turn, too_large)
+    comes_to = [dependence.of(condition) for _, condition in turn.entered]
+    comes_to += [dependence.of(scalar) for _, scalar in turn.after]
+    comes_to += [dependence.where(write.condition, write.value) for write in turn.writes]
+    hangs = dependence.either(possible, dependence.of(turn.faults), *comes_to)
+    b.ret(b.or_(_flags(code, terms, turn, too_large), to_next(code, turn, hangs)))
     return code.function
 
 
@@ -94,12 +130,12 @@ def environment_code(module: Any, name: str, turn: TurnTerms, cells: Cells) -> I
     """The function of the environment's turn of one robot; ``out`` has the state before it."""
     code = Code(module, name, (BYTES, I64, BYTES), I64)
     state, chosen, out = code.arguments
-    terms = Evaluation(code, cells, state, _choices(code, turn.counts, chosen))
+    terms = Evaluation(code, cells, state, choices_of(code, turn.counts, chosen))
     too_large = terms.value(False)
     for cell, scalar in turn.after:
         too_large = _noted(terms, scalar, True, too_large)
         code.put(out, cell * cells.size, cells.narrow(code, terms.value(scalar)))
-    _flags(code, terms, turn, too_large)
+    code.b.ret(_flags(code, terms, turn, too_large))
     return code.function
 
 
@@ -119,9 +155,9 @@ def _noted(terms: Evaluation, scalar: Scalar, condition: Scalar, before: Ir) -> 
     return b.or_(before, b.and_(terms.value(condition), b.not_(fits)))
 
 
-def _flags(code: Code, terms: Evaluation, turn: TurnTerms, too_large: Ir) -> None:
+def _flags(code: Code, terms: Evaluation, turn: TurnTerms, too_large: Ir) -> Ir:
     b = code.b
     possible = b.zext(terms.value(turn.possible), I64)
     faults = b.select(terms.value(turn.faults), word(FAULTS), word(0))
     large = b.select(too_large, word(TOO_LARGE), word(0))
-    b.ret(b.or_(b.or_(possible, faults), large))
+    return b.or_(b.or_(possible, faults), large)

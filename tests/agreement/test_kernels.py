@@ -231,6 +231,26 @@ Add:
 invariant Small: x < 3
 """
 
+#: A choice that only the store hears of.
+PICKED = """\
+def fun answer(int now) -> int: extern fresh
+    ensures:
+        0 <= result and result <= 3
+
+local:
+    bool said = false
+
+allwrite:
+    int x = 0
+
+Say:
+    pre: not said
+    eff:
+        said = true
+        x = answer(0)
+
+invariant Few: x < 3
+"""
 
 #: An update that nobody overwrites, beside a race for another variable.
 UPDATED = """\
@@ -289,6 +309,7 @@ def read(text: str, robots: int) -> System:
         (STOPPED, 3),
         (NAMED, 3),
         (DIVIDED, 1),
+        (PICKED, 2),
         (UPDATED, 3),
         (FOLLOWED, 2),
         (FAULTING, 2),
@@ -303,6 +324,7 @@ def read(text: str, robots: int) -> System:
         "stopped",
         "named",
         "divided",
+        "picked",
         "updated",
         "followed",
         "faulting",

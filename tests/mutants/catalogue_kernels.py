@@ -5,6 +5,7 @@ from __future__ import annotations
 from tests.mutants.mutant import Mutant
 
 AGREEMENT = "tests/agreement/test_kernels.py"
+DEPENDENCE = "tests/agreement/test_dependence.py"
 TERMS = "tests/agreement/test_terms.py"
 LIMITS = "tests/agreement/test_kernel_limits.py"
 
@@ -175,6 +176,62 @@ KERNELS = (
         "kernels.tables._sought",
         "b.or_(differs, b.xor(one, other))",
         "differs",
+        (AGREEMENT,),
+    ),
+    Mutant(
+        "what is chosen where a condition hangs on it does not matter",
+        "kernels.dependence.Dependence._made",
+        "self._b.or_(condition, held)",
+        "held",
+        (DEPENDENCE,),
+    ),
+    Mutant(
+        "what decides leaves open what it hangs on",
+        "kernels.dependence.Dependence._connected",
+        "part if part is not None else word(0)",
+        "word(0)",
+        (DEPENDENCE,),
+    ),
+    Mutant(
+        "what is true decides of two",
+        "kernels.dependence.Dependence._connected",
+        "its if decides else b.not_(its)",
+        "its",
+        (DEPENDENCE,),
+    ),
+    Mutant(
+        "the first choice that matters is next",
+        "kernels.turn_code.to_next",
+        "enumerate(_weights(turn.counts))",
+        "reversed(list(enumerate(_weights(turn.counts))))",
+        (DEPENDENCE,),
+    ),
+    Mutant(
+        "whoever may not run is not asked again",
+        "kernels.turn_code.event_code",
+        "to_next(code, turn, possible)",
+        "to_next(code, turn, None)",
+        (AGREEMENT,),
+    ),
+    Mutant(
+        "what is written does not hang on what is chosen",
+        "kernels.turn_code.event_code",
+        "dependence.where(write.condition, write.value)",
+        "None",
+        (AGREEMENT,),
+    ),
+    Mutant(
+        "a state is known if anything stands at its place",
+        "kernels.entering.settle_code",
+        "b.and_(is_taken, b.icmp_signed('==', differs, word(0)))",
+        "is_taken",
+        (AGREEMENT,),
+    ),
+    Mutant(
+        "states that wait are forgotten",
+        "kernels.rounds._Writer._expand",
+        "b.call(self.settle, [address])",
+        "None",
         (AGREEMENT,),
     ),
     Mutant(

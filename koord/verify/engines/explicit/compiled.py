@@ -38,6 +38,9 @@ _WIDTHS = (8, 16, 32)
 #: clock, so that a ration of work goes as far on every machine.
 _FIRST_BATCH, _MOST_BATCH = 16, 4_096
 
+#: So many contents of the store are remembered with what their cells hold.
+_MOST_SHARED = 100_000
+
 
 class CompiledGoal(Struct, frozen=True):
     """A goal, with the statement that says what it is, if one does."""
@@ -108,6 +111,8 @@ class CompiledSearch:
             self._exploration, self._layout, rounds.of.idle, self._numbers, road.joints
         )
         self._count = self._exploration.states
+        self._robots: dict[tuple[int, int], list[int]] = {}
+        self._shared: dict[tuple[int, ...], list[int]] = {}
         self.depth = 0
 
     @property
@@ -212,7 +217,22 @@ class CompiledSearch:
             now = target
 
     def _numbers(self, state: State) -> list[int]:
-        return self._layout.numbers(self._vault.configuration(state))
+        """What the cells hold in a state, each part of it worked out once."""
+        count, vault, layout = self._system.robots, self._vault, self._layout
+        shared, numbers = state[count:], list[int]()
+        for key in enumerate(state[:count]):
+            own = self._robots.get(key)
+            if own is None:
+                store = vault.store(state)
+                own = layout.robot_numbers(key[0], vault.state_of(key[1], store), store)
+                self._robots[key] = own
+            numbers += own
+        rest = self._shared.get(shared)
+        if rest is None:
+            if len(self._shared) > _MOST_SHARED:
+                self._shared.clear()
+            rest = self._shared[shared] = layout.shared_numbers(vault.store(state))
+        return numbers + rest
 
     def _state(self, numbers: Sequence[int]) -> State:
         made: Configuration[Constant] = self._layout.from_numbers(numbers)

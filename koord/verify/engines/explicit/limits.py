@@ -31,7 +31,7 @@ FEW_EDGES = 100_000
 
 #: Behind so many states a search goes over to machine code, where there is any: what takes less is
 #: done before any is made.
-COMPILED_FROM = 500
+COMPILED_FROM = 200
 
 #: As long as Python takes for a state, machine code takes for so many, or more.
 _COMPILED_STATES = 32

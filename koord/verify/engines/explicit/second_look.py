@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 #: So many states after others are worked out at first, and one more for so much of the machine
 #: code's work.
 _AT_FIRST = 500
-_WORK_PER_LOOK = 4_096
+_WORK_PER_LOOK = 16_384
 
 #: Of one state so many are, and of one batch so many states.
 _MOST_AFTER_ONE, _MOST_STATES = 400, 4
