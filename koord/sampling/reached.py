@@ -13,7 +13,9 @@ from random import Random
 
 from msgspec import Struct
 
-from koord.sampling.running import ProgramTurn, Run, RunState, new_run
+from koord.sampling.running import ProgramTurn, Run, RunState
+from koord.sampling.sampled_inputs import SampledInputs
+from koord.sampling.values import Sampler
 from koord.semantics.configurations import Configuration
 from koord.semantics.domain import Constant
 from koord.semantics.rounds import IllegalStepError
@@ -49,13 +51,23 @@ class Crossing(Struct):
         return Crossing(run.moment, events, alone)
 
 
-def reached(system: System, turns: int, seed: int = 0) -> list[Configuration[Constant]]:
+class _Hasty(Sampler):
+    """A sampler that gives up soon where assumptions are hard to meet: others start elsewhere."""
+
+    start_tries = 40
+
+
+def reached(
+    system: System, turns: int, seed: int = 0, *, hasty: bool = False
+) -> list[Configuration[Constant]]:
     """Sample different configurations that a system reaches in runs of so many turns in all.
 
-    Those of the middle of a round are among them. None where no start can be found.
+    Those of the middle of a round are among them. None where no start can be found: ``hasty``, it
+    is not looked for long.
     """
     rng = Random(seed)
-    run = new_run(system, Numbers.EXACT, rng)
+    sampler = (_Hasty if hasty else Sampler)(system, Numbers.EXACT, rng)
+    run = Run(system, Numbers.EXACT, SampledInputs(sampler))
     seen: dict[Hashable, Configuration[Constant]] = {}
     crossings: list[Crossing] = []
     known: dict[Hashable, Crossing] = {}

@@ -9,6 +9,7 @@ LOOPS = "tests/verify/engines/every_n/test_loops.py"
 SEARCH = "tests/verify/engines/every_n/test_lemma_search.py"
 CONSEQUENCES = "tests/verify/engines/every_n/test_consequences.py"
 SUMS = "tests/verify/engines/every_n/test_sums.py"
+SAMPLES = "tests/verify/engines/every_n/test_small_systems.py"
 ARRAYS = "tests/verify/engines/every_n/test_shared_arrays.py"
 
 EVERY_N = (
@@ -372,5 +373,19 @@ EVERY_N = (
         "not pairs",
         "pairs is None",
         (SEARCH,),
+    ),
+    Mutant(
+        "every N: starts that are hard to find are looked for long",
+        "verify.engines.every_n.small_systems._reached",
+        "reached(rationed, turns // starts, seed + k, hasty=starts > 1)",
+        "reached(rationed, turns // starts, seed + k)",
+        (SAMPLES,),
+    ),
+    Mutant(
+        "every N: what has no start soon has no samples",
+        "verify.engines.every_n.small_systems._reached",
+        "found = reached(few, turns // starts, seed)",
+        "pass",
+        (SAMPLES,),
     ),
 )

@@ -25,6 +25,9 @@ _COUNTED = (*_SAMPLED, (4, 1_600))
 #: So many starts are sampled where a program leaves them open, each with fewer turns.
 _STARTS = 8
 
+#: Where so many of them met no assumptions, those that did will do.
+_MOST_IN_VAIN = 3
+
 #: So many steps of work a sampled system may cost: what is slow is sampled less.
 _SAMPLING = 100_000
 
@@ -54,12 +57,20 @@ def sampled(system: System, language: Language, seed: int) -> list[Sample]:
 
 
 def _reached(few: System, budget: Budget, turns: int, seed: int) -> list[Configuration[Constant]]:
-    """Configurations of a small system; from each start it takes a part of the budget's steps."""
+    """Configurations of a small system; from each start it takes a part of the budget's steps.
+
+    Where assumptions are hard to meet most starts are in vain: a few that are met soon will do.
+    """
     starts = _STARTS if _is_open(few.program) else 1
-    found = list[Configuration[Constant]]()
+    found, in_vain = list[Configuration[Constant]](), 0
     for k in range(starts):
         rationed = replace(few, budget=budget.rationed(_SAMPLING // starts))
-        found += reached(rationed, turns // starts, seed + k)
+        more = reached(rationed, turns // starts, seed + k, hasty=starts > 1)
+        found, in_vain = found + more, in_vain + (not more)
+        if found and in_vain >= _MOST_IN_VAIN:
+            break
+    if not found and starts > 1:
+        found = reached(few, turns // starts, seed)
     return found
 
 
