@@ -1,61 +1,38 @@
-"""The explicit search: states per second, and how far it comes with a Task-like model.
+"""The explicit search: states per second, and how far it comes with the claiming model.
 
 The model is Task without geometry: rounds, robots in any order, one atomic assignment a round, and
-any way may be clear or not. Other tools were given models of their own of the same, so their times,
-published or measured on two cores, stand beside ours as a scale, and for no more.
+any way may be clear or not (`programs/claiming.krd`, with its lemma). It is searched by the road of
+Python, with all reductions and with none, and on machine code with symmetry and without, and by
+SPIN in the same run, where it is installed: on the model of `claiming.py`, which reaches the same
+configurations, counted here. Translating and compiling SPIN's model is counted as koord's machine
+code is, which is made anew for each search.
 """
 
 from __future__ import annotations
 
+import shutil
 import sys
+import tempfile
 import time
 from pathlib import Path
 from typing import Any
 
+from claiming import LEMMA, PROGRAM, spin
 from harness import EXAMPLES, Cell, Column, Report, in_child, main, note
 
-TASK = """\
-param int tasks = 4
+#: Robots and tasks.
+SIZES = ((3, 4), (4, 5), (5, 6), (6, 6))
 
-def fun wayIsClear(int task) -> bool: extern fresh
+#: Roads of the search: whether machine code is used, symmetry, and the reduction of orders.
+ROADS = {
+    "Python": (False, True, True),
+    "Python, no reductions": (False, False, False),
+    "machine code": (True, True, True),
+    "machine code, no symmetry": (True, False, True),
+}
 
-local:
-  bool onTask = false
-  int mine = -1
-
-allwrite:
-  int[tasks] owner
-
-init:
-  for i = 0, tasks:
-    owner[i] = -1
-
-Assign:
-  pre: not onTask
-  eff:
-    atomic:
-      for i = 0, tasks:
-        if owner[i] == -1 and not onTask:
-          if wayIsClear(i):
-            onTask = true
-            mine = i
-            owner[i] = pid
-
-Complete:
-  pre: onTask
-  eff: onTask = false
-
-invariant Exclusive: forall i, j: i != j and mine@i >= 0 implies mine@i != mine@j
-invariant Owned: forall i: mine@i >= 0 implies owner[mine@i] == i
-"""
-
-#: Robots, tasks, and what other tools took: with symmetry, and without.
-SIZES: tuple[tuple[int, int, str, str], ...] = (
-    (3, 4, "", "SPIN 0.55 s"),
-    (4, 5, "", "SPIN 11.6 s, TLC 42 s"),
-    (5, 6, "rumur 2.5 s", "SPIN > 250 s"),
-    (6, 6, "rumur 6.5 s", ""),
-)
+#: Sizes for which a search of all configurations is hopeless, and one by Python.
+TOO_LARGE, TOO_LARGE_FOR_PYTHON = (6, 6), (5, 6)
 
 #: Programs of ``specs/examples`` whose configurations are finitely many, and numbers of robots.
 PROGRAMS: tuple[tuple[str, int], ...] = (
@@ -70,53 +47,56 @@ PROGRAMS: tuple[tuple[str, int], ...] = (
 PATIENCE_S = 60.0
 
 
-def searched(
-    name: str, tasks: int, robots: int, reduced: bool, patience_s: float
-) -> dict[str, Any]:
-    """One search to its end, or for so many seconds of CPU time, with all reductions or none."""
+def searched(name: str, tasks: int, robots: int, road: str, patience_s: float) -> dict[str, Any]:
+    """One search to its end, or for so many seconds of CPU time, on one of the roads."""
     from koord.semantics.liveness import LIVENESS
     from koord.syntax.elaboration.settings import Settings
     from koord.syntax.load import load
     from koord.syntax.source import Source
     from koord.syntax.system import dealt
-    from koord.verify.engines.explicit.limits import Limits, resident_mb
+    from koord.verify.engines.explicit.limits import COMPILED_FROM, Limits, resident_mb
     from koord.verify.engines.explicit.property_checks import Exhausted, OutOfBounds
     from koord.verify.engines.explicit.search import survey
 
-    text = TASK if tasks else Path(EXAMPLES / f"{name}.krd").read_text("utf-8")
+    is_compiled, symmetry, order_reduction = ROADS[road]
+    text = "".join(path.read_text("utf-8") for path in paths(name, tasks))
     settings = Settings({"tasks": tasks}) if tasks else Settings()
     program = load(Source(f"{name}.krd", text), settings).program
     assert program is not None
-    system = dealt(program, robots)
     begun = time.process_time()
     found = survey(
-        system,
+        dealt(program, robots),
         [p for p in program.properties if p.kind not in LIVENESS],
         Limits(states=10_000_000, deadline_s=begun + patience_s),
-        symmetry=reduced,
-        order_reduction=reduced,
+        symmetry=symmetry,
+        order_reduction=order_reduction,
+        compiled_from=COMPILED_FROM if is_compiled else None,
         clock=time.process_time,
     )
     cpu_s = time.process_time() - begun
     end = found.end
-    finite = isinstance(end, Exhausted | OutOfBounds)
+    if isinstance(end, Exhausted):
+        ended = "all states"
+    else:
+        ended = end.reason if isinstance(end, OutOfBounds) else "not finite"
     return {
         "states": end.states if isinstance(end, Exhausted | OutOfBounds) else 0,
         "rounds": end.depth if isinstance(end, Exhausted | OutOfBounds) else 0,
-        "ended": "all states"
-        if isinstance(end, Exhausted)
-        else end.reason
-        if finite
-        else "not finite",
+        "ended": ended,
         "violated": [violation.claim.name for violation in found.violated],
         "cpu_s": cpu_s,
         "mib": resident_mb() * 1e6 / 2**20,
     }
 
 
+def paths(name: str, tasks: int) -> tuple[Path, ...]:
+    """The files of a program: the claiming model and its lemma, or an example."""
+    return (PROGRAM, LEMMA) if tasks else (EXAMPLES / f"{name}.krd",)
+
+
 def tables(report: Report) -> None:
     columns = (
-        Column("reductions", "reductions"),
+        Column("road", "road"),
         Column("ended", "ended with"),
         Column("states", "states"),
         Column("rounds", "rounds"),
@@ -126,19 +106,26 @@ def tables(report: Report) -> None:
     )
     patience_s = PATIENCE_S / 6 if report.quick else PATIENCE_S
     by_size = report.table(
-        f"A Task-like model, at most {patience_s:g} s CPU; others with models of their own",
+        f"The claiming model, at most {patience_s:g} s CPU",
         Column("robots", "robots"),
         Column("tasks", "tasks"),
         *columns,
-        Column("others", "others"),
+        Column("by_spin", "times SPIN's"),
     )
-    for robots, tasks, reduced, plain in SIZES[:2] if report.quick else SIZES:
-        for on, others in ((True, reduced), (False, plain)):
-            if not on and (robots, tasks) > (5, 6):
-                continue  # hopeless
-            note(f"{robots} robots, {tasks} tasks, reductions {'on' if on else 'off'}")
-            row = measured(report, "task-like", tasks, robots, on, patience_s)
-            by_size.rows.append({"robots": robots, "tasks": tasks, **row, "others": others or None})
+    for robots, tasks in SIZES[:2] if report.quick else SIZES:
+        known = by_spin(report, robots, tasks, patience_s)
+        if known is not None:
+            by_size.rows.append({"robots": robots, "tasks": tasks, "road": "SPIN", **known})
+        for road, (is_compiled, symmetry, _) in ROADS.items():
+            if not symmetry and (robots, tasks) >= TOO_LARGE:
+                continue
+            if not symmetry and not is_compiled and (robots, tasks) >= TOO_LARGE_FOR_PYTHON:
+                continue
+            note(f"{robots} robots, {tasks} tasks, {road}")
+            row = measured(report, "claiming", tasks, robots, road, patience_s)
+            if known is not None and known["states"] and not symmetry:
+                compared(report, row, known)
+            by_size.rows.append({"robots": robots, "tasks": tasks, **row})
     by_program = report.table(
         f"Programs of specs/examples, at most {patience_s:g} s CPU",
         Column("program", "program"),
@@ -146,21 +133,47 @@ def tables(report: Report) -> None:
         *columns,
     )
     for name, robots in PROGRAMS[:2] if report.quick else PROGRAMS:
-        for on in (True, False):
-            note(f"{name}, {robots} robots, reductions {'on' if on else 'off'}")
-            row = measured(report, name, 0, robots, on, patience_s)
+        for road in ROADS:
+            note(f"{name}, {robots} robots, {road}")
+            row = measured(report, name, 0, robots, road, patience_s)
             by_program.rows.append({"program": name, "robots": robots, **row})
 
 
+def by_spin(report: Report, robots: int, tasks: int, patience_s: float) -> dict[str, Cell] | None:
+    """The cells of SPIN's search of all configurations; None where it is not installed."""
+    if shutil.which("spin") is None or (robots, tasks) >= TOO_LARGE:
+        return None
+    note(f"{robots} robots, {tasks} tasks, SPIN")
+    with tempfile.TemporaryDirectory() as folder:
+        answer = spin(robots, tasks, Path(folder), patience_s)
+    report.expect(answer.word in ("holds", "gave up"), f"SPIN: {answer.word}")
+    states = answer.states - 1 if answer.states is not None else None  # one is before its start
+    cpu_s = answer.measured.cpu_s if answer.measured is not None else None
+    row: dict[str, Cell] = {"states": states, "cpu_s": cpu_s}
+    row["ended"] = "all states" if states is not None else answer.word
+    row["per_s"] = states / cpu_s if states and cpu_s else None
+    row["mib"] = answer.measured.peak_mib if answer.measured is not None else None
+    return row
+
+
+def compared(report: Report, row: dict[str, Cell], known: dict[str, Cell]) -> None:
+    """Hold a search of all configurations against SPIN's of the same."""
+    if row["ended"] == "all states":
+        same = row["states"] == known["states"]
+        report.expect(same, f"{row['states']} states, {known['states']} of SPIN")
+        ours, theirs = row["cpu_s"], known["cpu_s"]
+        if isinstance(ours, float) and isinstance(theirs, float):
+            row["by_spin"] = ours / theirs
+
+
 def measured(
-    report: Report, name: str, tasks: int, robots: int, reduced: bool, patience_s: float
+    report: Report, name: str, tasks: int, robots: int, road: str, patience_s: float
 ) -> dict[str, Cell]:
     """The cells of one search. All that is searched here holds."""
-    found = in_child(searched, name, tasks, robots, reduced, patience_s, timeout_s=600)
+    found = in_child(searched, name, tasks, robots, road, patience_s, timeout_s=600)
     story = f"{name}, {robots} robots: violated {', '.join(found['violated'])}"
     report.expect(not found["violated"], story)
-    row: dict[str, Cell] = {**found, "violated": None}
-    row["reductions"] = "on" if reduced else "off"
+    row: dict[str, Cell] = {**found, "violated": None, "road": road}
     row["per_s"] = found["states"] / found["cpu_s"] if found["cpu_s"] else None
     return row
 
