@@ -39,7 +39,7 @@ PATIENCE_S = 60.0
 QUICK_S = 20.0
 
 #: How SPIN and rumur are compiled: for speed, by whoever has the time.
-_OPTIMISED = ("gcc", "-O3", "-w")
+OPTIMISED = ("gcc", "-O3", "-w")
 
 
 class Answer(Struct, frozen=True):
@@ -138,15 +138,15 @@ def promela(robots: int, tasks: int) -> str:
 
 def spin(robots: int, tasks: int, folder: Path, patience_s: float) -> Answer:
     """SPIN on a model of one process, each step of which is atomic."""
-    if lacking := _missing("spin", "gcc"):
+    if lacking := missing_of("spin", "gcc"):
         return Answer(lacking)
     (folder / "claiming.pml").write_text(promela(robots, tasks), "utf-8")
     flags = ("-DNOREDUCE", "-DSAFETY", "-DMEMLIM=8000")
-    return _in_turn(
+    return in_turn(
         folder,
         patience_s,
         ("spin", "-a", "claiming.pml"),
-        (*_OPTIMISED, *flags, "-o", "pan", "pan.c"),
+        (*OPTIMISED, *flags, "-o", "pan", "pan.c"),
         ("./pan", "-E", "-m1000000", "-w24"),
         good=r"errors: 0\b(?s:.*)\n *(\d+) states, stored",
         bad=r"assertion violated",
@@ -155,18 +155,18 @@ def spin(robots: int, tasks: int, folder: Path, patience_s: float) -> Answer:
 
 def _by_rumur(symmetry: str) -> Callable[[int, int, Path, float], Answer]:
     def ask(robots: int, tasks: int, folder: Path, patience_s: float) -> Answer:
-        if lacking := _missing("rumur", "gcc"):
+        if lacking := missing_of("rumur", "gcc"):
             return Answer(lacking)
         model = (PROGRAMS / "claiming.m").read_text("utf-8")
         model = model.replace("ROBOTS: 3;", f"ROBOTS: {robots};")
         model = model.replace("TASKS: 4;", f"TASKS: {tasks};")
         (folder / "claiming.m").write_text(model, "utf-8")
         options = ("--deadlock-detection", "off", "--symmetry-reduction", symmetry)
-        return _in_turn(
+        return in_turn(
             folder,
             patience_s,
             ("rumur", *options, "--threads", "1", "--output", "claiming.c", "claiming.m"),
-            (*_OPTIMISED, "-march=native", "-o", "claiming", "claiming.c", "-lpthread", "-latomic"),
+            (*OPTIMISED, "-march=native", "-o", "claiming", "claiming.c", "-lpthread", "-latomic"),
             ("./claiming",),
             good=r"No error found(?s:.*)\n\s*(\d+) states, \d+ rules fired in",
             bad=r"invariant .* failed",
@@ -188,7 +188,7 @@ def tlc(robots: int, tasks: int, folder: Path, patience_s: float) -> Answer:
     (folder / "Claiming.cfg").write_text(settings, "utf-8")
     java = ("java", "-XX:+UseSerialGC", "-Xmx4g", f"-Djava.io.tmpdir={folder}")
     places = ("-metadir", str(folder / "states"), "-config", "Claiming.cfg", "Claiming.tla")
-    return _in_turn(
+    return in_turn(
         folder,
         patience_s,
         (*java, "-cp", str(archive()), "tlc2.TLC", "-workers", "1", "-deadlock", *places),
@@ -239,7 +239,7 @@ def verilog(robots: int, tasks: int) -> str:
 def abc_by_hand(robots: int, tasks: int, folder: Path, patience_s: float) -> Answer:
     """PDR of abc on the model in Verilog; making the circuit is not counted."""
     program = abc_program()
-    if program is None or (lacking := _missing("yosys")):
+    if program is None or (lacking := missing_of("yosys")):
         return Answer("no abc" if program is None else lacking)
     (folder / "claiming.v").write_text(verilog(robots, tasks), "utf-8")
     steps = "prep -top claiming; dffunmap; techmap; dfflegalize -cell $_DFF_P_ 01; opt_clean"
@@ -252,7 +252,7 @@ def abc_by_hand(robots: int, tasks: int, folder: Path, patience_s: float) -> Ans
 
 def _pdr(program: str, folder: Path, patience_s: float) -> Answer:
     """PDR of abc on claiming.aig, of all its outputs together."""
-    return _in_turn(
+    return in_turn(
         folder,
         patience_s,
         (program, "-c", "read_aiger claiming.aig; orpos; dc2; pdr"),
@@ -266,12 +266,12 @@ def abc_program() -> str | None:
     return shutil.which("berkeley-abc") or shutil.which("abc")
 
 
-def _missing(*programs: str) -> str:
+def missing_of(*programs: str) -> str:
     lacking = [program for program in programs if shutil.which(program) is None]
     return f"no {' and '.join(lacking)}" if lacking else ""
 
 
-def _in_turn(
+def in_turn(
     folder: Path, patience_s: float, *commands: Sequence[str], good: str, bad: str
 ) -> Answer:
     """Commands one after the other, the last of which searches; their times are added up."""

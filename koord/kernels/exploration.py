@@ -7,6 +7,7 @@ import sys
 from array import array
 from collections.abc import Sequence
 from mmap import MAP_ANONYMOUS, MAP_PRIVATE, mmap
+from typing import Literal
 
 from koord.kernels import context as fields
 from koord.kernels.context import CONTEXT_WORDS
@@ -31,12 +32,15 @@ _TYPES = {8: "b", 16: "h", 32: "i"}
 
 _BYTES_PER_ENTRY = 4
 
+#: The bytes of numbers, by what :mod:`array` calls them.
+_FORMS = {"I": 4, "q": 8, "Q": 8}
+
 
 class OutOfRoomError(Exception):
     """Raised where tables would take more memory than they may."""
 
 
-class _Block:
+class Block:
     """Zeroed memory, which the system gives when it is touched."""
 
     def __init__(self, size: int) -> None:
@@ -44,9 +48,21 @@ class _Block:
         self.memory = mmap(-1, max(size, 1), MAP_PRIVATE | MAP_ANONYMOUS)
         self.address = ctypes.addressof(ctypes.c_char.from_buffer(self.memory))
 
-    def grown(self, size: int) -> _Block:
+    @staticmethod
+    def of(held: bytes | bytearray) -> Block:
+        """A block with some bytes."""
+        made = Block(len(held))
+        made.memory[: len(held)] = bytes(held)
+        return made
+
+    def view(self, form: Literal["I", "q", "Q"]) -> memoryview[int]:
+        """The block as numbers of a form that :mod:`array` names; it does not change its size."""
+        whole = self.size // _FORMS[form] * _FORMS[form]
+        return memoryview(self.memory)[:whole].cast(form)
+
+    def grown(self, size: int) -> Block:
         """A block with the same beginning and room for more."""
-        made = _Block(size)
+        made = Block(size)
         ctypes.memmove(made.address, self.address, min(size, self.size))
         return made
 
@@ -58,18 +74,21 @@ class Exploration:
     number of a state that shows it, or, if it is in the round behind a state, one more than that.
     """
 
+    #: So many words the context has.
+    words = CONTEXT_WORDS
+
     def __init__(self, rounds: Rounds, most_bytes: int | None = None) -> None:
         self._rounds = rounds
         self._bytes = rounds.cells.state_bytes
         self._most_bytes = most_bytes
-        self._context = (ctypes.c_int64 * CONTEXT_WORDS)()
+        self._context = (ctypes.c_int64 * self.words)()
         self._address = ctypes.addressof(self._context)
         count = rounds.goals.count
         self.found = (ctypes.c_int64 * count)(*[-1] * count)
-        self._states = self._middles = self._before = _Block(0)
-        self._table = self._middle_table = _Block(0)
+        self._states = self._middles = self._before = Block(0)
+        self._table = self._middle_table = Block(0)
         self._put(fields.FOUND, ctypes.addressof(self.found))
-        self._waiting = _Block(MOST_WAITING * self._bytes)
+        self._waiting = Block(MOST_WAITING * self._bytes)
         self._put(fields.WAITING, self._waiting.address)
         self._grow_states(_FIRST_ENTRIES)
         self._forget_middles(_FIRST_ENTRIES)
@@ -84,7 +103,7 @@ class Exploration:
         self._make_room(entries, room * (self._bytes + _BYTES_PER_ENTRY))
         self._states = self._states.grown(room * self._bytes)
         self._before = self._before.grown(room * _BYTES_PER_ENTRY)
-        self._table = _Block(entries * _BYTES_PER_ENTRY)
+        self._table = Block(entries * _BYTES_PER_ENTRY)
         self._rounds.rehash(self._states.address, self.states, self._table.address, entries - 1)
         self._put(fields.STATES, self._states.address)
         self._put(fields.BEFORE, self._before.address)
@@ -97,8 +116,8 @@ class Exploration:
         """Begin anew with middles: who forgets one works it out again."""
         room = entries // 4 * 3
         self._make_room(entries, room * self._bytes)
-        self._middles = _Block(room * self._bytes)
-        self._middle_table = _Block(entries * _BYTES_PER_ENTRY)
+        self._middles = Block(room * self._bytes)
+        self._middle_table = Block(entries * _BYTES_PER_ENTRY)
         self._put(fields.MIDDLES, self._middles.address)
         self._put(fields.MIDDLE_TABLE, self._middle_table.address)
         self._put(fields.MIDDLE_MASK, entries - 1)

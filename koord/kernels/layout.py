@@ -23,6 +23,7 @@ from koord.syntax.analysis.sorts import Fields, Items, Scalar, Shape
 from koord.syntax.analysis.symmetry import Symmetry
 from koord.syntax.system import Status, System
 from koord.syntax.types import (
+    BOOL,
     INT,
     ArrayType,
     BoolType,
@@ -198,6 +199,10 @@ class Layout:
         self._stands[cell.base, cell.index] = len(self.cells)
         self.cells.append(cell)
         return len(self.cells) - 1
+
+    def beside(self, count: int) -> list[int]:
+        """So many cells of Booleans that are of no variable: rounds leave them as they are."""
+        return [self._cell(PackedCell(BOOL, self._base("beside", k))) for k in range(count)]
 
     # --- states in any domain -------------------------------------------------------------------
 

@@ -65,38 +65,80 @@ class Rounds:
     def __init__(self, layout: Layout, goals: Goals, bits: int) -> None:
         self.layout, self.goals = layout, goals
         self.cells = Cells(layout, bits)
-        system = layout.system
-        if system.robots > _MOST_ROBOTS:
-            raise NoKernelError(f"there are more than {_MOST_ROBOTS} robots")
         maker = TurnMaker(layout, bits)
-        updates = rewritten(system.program)
-        environments = tuple(
-            maker.environment(i) if system.agent(i).modules else None for i in range(system.robots)
-        )
-        widest = max(r.end - r.first for r in layout.robots)
-        self.of = RoundModule(
-            new_module("kernels"),
-            self.cells,
-            goals,
-            tuple(
-                tuple(
-                    maker.event(i, e, updates.get((kind, e), frozenset()))
-                    for e in range(len(system.program.agents[kind].events))
-                )
-                for i, kind in enumerate(system.kinds)
-            ),
-            environments,
-            tuple(maker.statement(e, bound) for e, bound in goals.statements),
-            course(self.cells, widest),
-            idle_cells(environments),
-        )
-        _Writer(self.of).write()
+        self.of = round_module(self.cells, goals, maker)
+        self._write(maker)
         self._loaded = Loaded(self.of.module)
         self.expand = self._loaded.function("expand", 3)
         self.enter = self._loaded.function("enter", 2)
         self.lookup = self._loaded.function("lookup", 2)
         self.canonical = self._loaded.function("canonical", 3)
         self.rehash = self._loaded.function("rehash", 4)
+
+    def _write(self, maker: TurnMaker) -> None:
+        """Write the functions into the module."""
+        _Writer(self.of).write()
+
+
+def round_module(cells: Cells, goals: Goals, maker: TurnMaker) -> RoundModule:
+    """The module of a system with its turns and statements as terms. Raises NoKernelError."""
+    layout, system = cells.layout, cells.layout.system
+    if system.robots > _MOST_ROBOTS:
+        raise NoKernelError(f"there are more than {_MOST_ROBOTS} robots")
+    updates = rewritten(system.program)
+    environments = tuple(
+        maker.environment(i) if system.agent(i).modules else None for i in range(system.robots)
+    )
+    return RoundModule(
+        new_module("kernels"),
+        cells,
+        goals,
+        tuple(
+            tuple(
+                maker.event(i, e, updates.get((kind, e), frozenset()))
+                for e in range(len(system.program.agents[kind].events))
+            )
+            for i, kind in enumerate(system.kinds)
+        ),
+        environments,
+        tuple(maker.statement(e, bound) for e, bound in goals.statements),
+        course(cells, max(r.end - r.first for r in layout.robots)),
+        idle_cells(environments),
+    )
+
+
+def turns_code(of: RoundModule) -> tuple[list[list[Ir]], list[Ir | None]]:
+    """The functions of all events by robot, and of the environments' turns."""
+    module, cells = of.module, of.cells
+    events = [
+        [
+            event_code(module, f"event_{i}_{e}", turn, i, cells, of.course)
+            for e, turn in enumerate(turns)
+        ]
+        for i, turns in enumerate(of.events)
+    ]
+    environments = [
+        environment_code(module, f"environment_{i}", turn, cells) if turn is not None else None
+        for i, turn in enumerate(of.environments)
+    ]
+    return events, environments
+
+
+def stop_all(code: Code, of: RoundModule, state: Ir) -> None:
+    """Stop all robots if all have asked for it or stopped. [STOP]"""
+    b, cells = code.b, of.cells
+    statuses = [robot.status for robot in of.layout.robots]
+    stop: Ir = constant(I1, 1)
+    for status in statuses:
+        if status is None:
+            return
+        runs = b.icmp_signed("==", cells.read(code, state, status), word(int(Status.RUNNING)))
+        stop = b.and_(stop, b.not_(runs))
+    with b.if_then(stop):
+        for status in statuses:
+            assert status is not None
+            stopped = cells.narrow(code, word(int(Status.STOPPED)))
+            code.put(state, status * cells.size, stopped)
 
 
 class _Writer:
@@ -109,17 +151,7 @@ class _Writer:
         of = self.of
         module, cells = of.module, of.cells
         self.canonical = canonical_code(module, cells)
-        events = [
-            [
-                event_code(module, f"event_{i}_{e}", turn, i, cells, of.course)
-                for e, turn in enumerate(turns)
-            ]
-            for i, turns in enumerate(of.events)
-        ]
-        turns = [
-            environment_code(module, f"environment_{i}", turn, cells) if turn is not None else None
-            for i, turn in enumerate(of.environments)
-        ]
+        events, turns = turns_code(of)
         self.statements = [
             statement_code(module, f"statement_{k}", holds, cells)
             for k, holds in enumerate(of.statements)
@@ -146,7 +178,7 @@ class _Writer:
         context, state = Context(code, code.arguments[0]), code.arguments[1]
         b, cells = code.b, of.cells
         context.add(WORK, word(1))
-        self._stop_all(code, state)
+        stop_all(code, of, state)
         for goal in self._in_middles():
             with b.if_then(b.not_(b.call(self.statements[goal], [state]))):
                 context.find(goal, context.behind())
@@ -161,22 +193,6 @@ class _Writer:
                 b.call(environment, [context.address, kept])
         b.ret(word(0))
         return code.function
-
-    def _stop_all(self, code: Code, state: Ir) -> None:
-        """Stop all robots if all have asked for it or stopped. [STOP]"""
-        b, cells = code.b, self.of.cells
-        statuses = [robot.status for robot in self.of.layout.robots]
-        stop: Ir = constant(I1, 1)
-        for status in statuses:
-            if status is None:
-                return
-            runs = b.icmp_signed("==", cells.read(code, state, status), word(int(Status.RUNNING)))
-            stop = b.and_(stop, b.not_(runs))
-        with b.if_then(stop):
-            for status in statuses:
-                assert status is not None
-                stopped = cells.narrow(code, word(int(Status.STOPPED)))
-                code.put(state, status * cells.size, stopped)
 
     def _in_middles(self) -> list[int]:
         """The statements that are looked at between the program turns and the environment's."""

@@ -22,7 +22,8 @@ from koord.syntax.core import Home, PropertyKind
 from koord.syntax.system import System
 from koord.syntax.types import BOOL, INT
 from koord.traces.lassos import flaw_of
-from koord.verify.engines.explicit.fair_search import FairCycleReport, lively
+from koord.verify.engines.explicit.fair_answers import FairCycleReport
+from koord.verify.engines.explicit.fair_search import lively
 from koord.verify.engines.explicit.limits import Limits
 from koord.verify.engines.explicit.property_checks import Exhausted
 from tests.generators.profiles import FINITE

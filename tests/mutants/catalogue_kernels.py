@@ -7,6 +7,7 @@ from tests.mutants.mutant import Mutant
 AGREEMENT = "tests/agreement/test_kernels.py"
 DEPENDENCE = "tests/agreement/test_dependence.py"
 TERMS = "tests/agreement/test_terms.py"
+FAIR = "tests/agreement/test_fair_kernels.py"
 LIMITS = "tests/agreement/test_kernel_limits.py"
 
 KERNELS = (
@@ -138,7 +139,7 @@ KERNELS = (
     ),
     Mutant(
         "everybody stops if one robot asks for it",
-        "kernels.rounds._Writer._stop_all",
+        "kernels.rounds.stop_all",
         "b.and_(stop, b.not_(runs))",
         "b.not_(runs)",
         (AGREEMENT,),
@@ -289,5 +290,124 @@ KERNELS = (
         "missed is not None",
         "False",
         (LIMITS,),
+    ),
+    Mutant(
+        "whoever runs is granted every lock, by machine code",
+        "kernels.fair_labels.LabelBits.run_by",
+        "i == robot and lock in classes",
+        "i == robot",
+        (FAIR,),
+    ),
+    Mutant(
+        "machine code asks for a lock that some event does without",
+        "kernels.fair_labels.readiness",
+        "disjunction(d, others)",
+        "False",
+        (FAIR,),
+    ),
+    Mutant(
+        "robots that have stopped are ready in machine code",
+        "kernels.fair_labels.readiness",
+        "conjunction(d, [runs, disjunction(d, ready)])",
+        "disjunction(d, ready)",
+        (FAIR,),
+    ),
+    Mutant(
+        "machine code forgets what was owed",
+        "kernels.fair_rounds._Writer._enter",
+        "b.or_(before, self._is_so(code, trigger, state))",
+        "self._is_so(code, trigger, state)",
+        (FAIR,),
+    ),
+    Mutant(
+        "one edge of machine code stands for all that lead to a node",
+        "kernels.fair_rounds._Writer._edge",
+        "b.icmp_signed('==', both, its)",
+        "constant(I1, 1)",
+        (FAIR,),
+    ),
+    Mutant(
+        "which event ran tells nodes apart that nobody asks",
+        "kernels.fair_rounds._Writer._edge_label",
+        "not self.tracks_ran",
+        "False",
+        (FAIR,),
+    ),
+    Mutant(
+        "a node that is looked at once more is passed over",
+        "kernels.fair_exploration.FairExploration._once_more",
+        "int(self._context[fields.CURRENT])",
+        "int(self._context[fields.CURRENT]) + 1",
+        (FAIR,),
+    ),
+    Mutant(
+        "nodes of components that are done count as open",
+        "kernels.fair_sets._components",
+        "b.icmp_signed('==', of.half(parts, after), word(0))",
+        "b.icmp_signed('>=', of.half(parts, after), word(0))",
+        (FAIR,),
+    ),
+    Mutant(
+        "an edge to a greater number is no flaw",
+        "kernels.fair_sets._flaws",
+        "b.icmp_signed('<=', its, part)",
+        "b.icmp_signed('>=', its, word(0))",
+        (FAIR,),
+    ),
+    Mutant(
+        "edges between components count as within them",
+        "kernels.fair_sets._summaries",
+        "b.icmp_signed('==', its, part)",
+        "b.icmp_signed('!=', its, word(0))",
+        (FAIR,),
+    ),
+    Mutant(
+        "labels of components are the same if their edges' are",
+        "kernels.fair_sets._kinds",
+        "b.or_(one, two)",
+        "one",
+        (FAIR,),
+    ),
+    Mutant(
+        "a component without an edge is a cycle of machine code",
+        "kernels.fair_sets._prune",
+        "b.and_(has_edge, b.icmp_signed('==', missing, word(0)))",
+        "b.icmp_signed('==', missing, word(0))",
+        (FAIR,),
+    ),
+    Mutant(
+        "components of machine code in which somebody is denied are not looked into",
+        "kernels.fair_sets._prune",
+        "b.and_(may_be, b.icmp_signed('==', asks, word(0)))",
+        "b.and_(may_be, b.icmp_signed('<', asks, word(0)))",
+        (FAIR,),
+    ),
+    Mutant(
+        "edges of machine code are believed",
+        "verify.engines.explicit.fair_compiled.CompiledGraph._look",
+        "not is_same",
+        "False",
+        (FAIR,),
+    ),
+    Mutant(
+        "where statements hold machine code is believed",
+        "verify.engines.explicit.fair_compiled.CompiledGraph._marked",
+        "self._reference.holds(statement, self.state(node)) != bool(found[node])",
+        "False",
+        (FAIR,),
+    ),
+    Mutant(
+        "a whole component counts as fair though somebody is denied",
+        "verify.engines.explicit.fair_compiled.CompiledRegion.is_fair",
+        "not nodes & granted & ~edges",
+        "True",
+        (FAIR,),
+    ),
+    Mutant(
+        "what waits for the goal is what has it, by machine code",
+        "verify.engines.explicit.fair_compiled.CompiledGraph.region",
+        "self._marked(response.goal).translate(_OTHER)",
+        "self._marked(response.goal)",
+        (FAIR,),
     ),
 )

@@ -19,7 +19,8 @@ from koord.traces.codec import decode, encode
 from koord.traces.lassos import Flaw, broken_by, flaw_of
 from koord.traces.replay import replay
 from koord.traces.trace import Numbers, Sources, Trace, Violation, ViolationKind, traced
-from koord.verify.engines.explicit.fair_search import FairCycleReport, Fairness, lively
+from koord.verify.engines.explicit.fair_answers import FairCycleReport, Fairness
+from koord.verify.engines.explicit.fair_search import lively
 from koord.verify.engines.explicit.finiteness import NotFinite
 from koord.verify.engines.explicit.limits import Limits
 from koord.verify.engines.explicit.property_checks import Exhausted

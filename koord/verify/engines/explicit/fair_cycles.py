@@ -8,7 +8,7 @@ whatever a node of it asks.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Container, Iterable, Sequence
 from typing import Any, NamedTuple, TypeAlias
 
 
@@ -18,6 +18,15 @@ class Edge(NamedTuple):
     target: int
     meets: int
     grants: int
+
+
+def add_edge(edges: list[Edge], new: Edge) -> None:
+    """Keep the maximal edges to a node: those that no other edge dominates."""
+    for edge in edges:
+        if not new.meets & ~edge.meets and not new.grants & ~edge.grants:
+            return
+    edges[:] = [e for e in edges if e.meets & ~new.meets or e.grants & ~new.grants]
+    edges.append(new)
 
 
 class FairnessConditions(NamedTuple):
@@ -109,7 +118,7 @@ Way: TypeAlias = list[tuple[int, Edge]]
 def way(
     graph: Graph,
     starts: Iterable[int],
-    among: Collection[int],
+    among: Container[int],
     is_end: Callable[[int], bool],
 ) -> Way | None:
     """A shortest path to a node; empty from an end."""
@@ -127,21 +136,28 @@ def way(
 
 
 class Stems:
-    """Shortest paths from starts through a trigger, and then within a set of nodes."""
+    """Shortest paths from starts through a trigger, and then within a set of nodes.
+
+    They are looked for until one of ``wanted`` is found, and so many in all: then no further than
+    they are.
+    """
 
     def __init__(
         self,
         graph: Graph,
         starts: Iterable[int],
-        triggers: Collection[int],
-        among: Collection[int],
+        triggers: Container[int],
+        among: Container[int],
         spend: Callable[[], None],
+        wanted: Container[int],
+        most: int,
     ) -> None:
         # Of a node, and whether the trigger came: where a way comes from.
         self._before: dict[tuple[int, bool], tuple[tuple[int, bool], Edge] | None] = {}
         #: How far it is to nodes behind a trigger, in order of that.
         self.lengths: dict[int, int] = {}
         queue: deque[tuple[tuple[int, bool], int]] = deque()
+        found: list[int] = []  # lengths to those that are wanted
 
         def reach(node: int, came: bool, length: int, by: Any) -> None:
             for since in (True,) if came else (False, True) if node in triggers else (False,):
@@ -150,12 +166,16 @@ class Stems:
                     queue.append(((node, since), length))
                     if since:
                         self.lengths[node] = length
+                        if not found and node in wanted:
+                            found.append(length)
 
         for start in starts:
             reach(start, False, 0, None)
         while queue:
             spend()
             here, length = queue.popleft()
+            if found and length >= found[0] and len(self.lengths) >= most:
+                break
             node, came = here
             for edge in graph.edges[node]:
                 if not came or edge.target in among:
@@ -195,9 +215,9 @@ def fair_loop(graph: Graph, part: frozenset[int], start: int, wanted: FairnessCo
 
 def short_loop(
     graph: Graph,
-    among: Collection[int],
+    among: Container[int],
     start: int,
-    ends: Collection[int],
+    ends: Container[int],
     wanted: FairnessConditions,
     most: int,
     tries: int,
@@ -257,14 +277,13 @@ def _nearest(
 
 def _home(graph: Graph, part: frozenset[int], here: int, start: int) -> Way:
     """A shortest path back to the start, with at least one edge."""
-    first = [(here, edge) for edge in graph.edges[here] if edge.target in part]
-    best: Way | None = None
-    for node, edge in first:
-        rest = way(graph, [edge.target], part, lambda n: n == start)
-        if rest is not None and (best is None or len(rest) + 1 < len(best)):
-            best = [(node, edge), *rest]
-    assert best is not None
-    return best
+    first: dict[int, Edge] = {}
+    for edge in graph.edges[here]:
+        if edge.target in part:
+            first.setdefault(edge.target, edge)
+    rest = way(graph, first, part, lambda node: node == start)
+    assert rest is not None
+    return [(here, first[rest[0][0] if rest else start]), *rest]
 
 
 def _back(before: dict[int, tuple[int, Edge] | None], node: int) -> Way:

@@ -12,7 +12,8 @@ from koord.verify.engine_names import Engine
 from koord.verify.engines.engine import Task, Tools, Worker
 from koord.verify.engines.explicit.engine import limits_of
 from koord.verify.engines.explicit.exhaustive import in_the_way
-from koord.verify.engines.explicit.fair_search import FairCycleReport, Fairness, lively
+from koord.verify.engines.explicit.fair_answers import FairCycleReport, Fairness
+from koord.verify.engines.explicit.fair_search import lively
 from koord.verify.engines.explicit.finiteness import NotFinite
 from koord.verify.engines.explicit.limits import Limits
 from koord.verify.engines.explicit.property_checks import Exhausted, OutOfBounds
