@@ -15,6 +15,7 @@ from koord.syntax.types import BoolType, OpaqueType, StreamType, StringType, Typ
 from koord.verify.effort import PER_SECOND, Deadline, Effort
 from koord.verify.encoding.terms import Term, Terms
 from koord.verify.encoding.unknowns import Unknowns
+from koord.verify.encoding.z3_builder import require
 
 #: Why Z3 stops on Ctrl-C. It says "canceled" of some deadlines too.
 _INTERRUPTED = frozenset({"interrupted from keyboard", "interrupted", "canceled"})
@@ -73,7 +74,7 @@ class Solver:
         for constraint in constraints:
             known = self.d.known(constraint)
             if known is not True:
-                self._solver.add(self.d.boolean(constraint))
+                require(self._solver, self.d.boolean(constraint))
 
     def check(
         self,
@@ -106,7 +107,7 @@ class Solver:
             literal = term
             if not z3.is_const(term) or term.decl().kind() != z3.Z3_OP_UNINTERPRETED:
                 literal = z3.FreshBool("q", self.d.context)
-                self._solver.add(z3.Implies(literal, term))
+                require(self._solver, z3.Implies(literal, term))
                 once.append(literal)
             literals.append(literal)
         spent = spent_by(self._solver)
@@ -125,7 +126,8 @@ class Solver:
         # Asked for now: the next assertion makes Z3 forget why it stopped.
         reason = self._solver.reason_unknown() if result == z3.unknown else ""
         # The question is not asked again, so the solver may forget it.
-        self._solver.add(*(z3.Not(literal) for literal in once))
+        for literal in once:
+            require(self._solver, z3.Not(literal))
         if result == z3.unsat:
             return SolverAnswer.UNSAT
         if result == z3.sat:
@@ -211,7 +213,7 @@ class Solver:
         self._taken = len(self.unknowns.constraints)
         for constraint in new:
             if self.d.known(constraint) is not True:
-                self._solver.add(self.d.boolean(constraint))
+                require(self._solver, self.d.boolean(constraint))
 
 
 def _longest_s(limit: int) -> float:

@@ -56,6 +56,11 @@ _substitute = _function("Z3_substitute", z3.Ast)
 #: Which a term is counted with as long as Python has it.
 _inc_ref = _function("Z3_inc_ref", None)
 
+# --- constraints ----------------------------------------------------------------------------------
+
+_get_error_code = _function("Z3_get_error_code", ctypes.c_uint)
+_solver_assert = _function("Z3_solver_assert", None)
+
 # --- asking about terms ---------------------------------------------------------------------------
 
 _get_app_arg = _function("Z3_get_app_arg", z3.Ast)
@@ -260,6 +265,14 @@ class TermBuilder:
         """Say why no term was made."""
         code = z3.Z3_get_error_code(self._ref)
         raise z3.Z3Exception(z3.Z3_get_error_msg(self._ref, code))
+
+
+def require(solver: z3.Solver, constraint: z3.BoolRef) -> None:
+    """Add a constraint to a solver of its context."""
+    context = solver.ctx.ref()
+    _solver_assert(context, solver.solver, constraint.ast)
+    if code := _get_error_code(context):
+        raise z3.Z3Exception(z3.Z3_get_error_msg(context, code))
 
 
 def same(left: z3.ExprRef, right: z3.ExprRef) -> bool:
