@@ -20,6 +20,7 @@ from types import FrameType
 from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn, Protocol, TextIO, cast
 
 from koord.cli.exits import Exit
+from koord.cli.lazy_resources import put_off
 from koord.version import __version__
 
 if TYPE_CHECKING:
@@ -241,6 +242,7 @@ def _load(command: CommandEntry) -> Command:
         import msgspec  # noqa: F401
 
         del sys.modules[_EXTENSIONS]
+    put_off()
     loaded = command.load()
     gc.freeze()
     gc.set_threshold(_COLLECTED_EACH, *gc.get_threshold()[1:])

@@ -9,7 +9,6 @@ the ends of its rounds is looked at anew; a run of another program is none, and 
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
-from hashlib import blake2b
 
 from msgspec import Struct, field
 
@@ -53,6 +52,8 @@ class ReachingRuns(Struct):
 
     def replayed(self, system: System, nevers: Collection[Claim], rounds: int) -> Reached:
         """What the kept runs show within so many rounds of a system as it is now."""
+        if not self.before:
+            return Reached()
         layout = layout_of(system)
         pending = set(nevers)
         starts = goes_on = False
@@ -85,6 +86,8 @@ def layout_of(system: System) -> str:
 
     Everything else, a replay looks at.
     """
+    from hashlib import blake2b  # loads a library of ciphers
+
     program = system.program
     said: list[object] = [system.kinds]
     for agent in program.agents:

@@ -13,7 +13,6 @@ from koord.verify.effort import Effort
 from koord.verify.engine_names import Engine
 from koord.verify.engines.engine import Purpose, Task, Tools, Worker
 from koord.verify.engines.every_n.candidates import candidates
-from koord.verify.engines.every_n.lemma_search import infer_from_counterexamples
 from koord.verify.engines.every_n.proving import Inferred, infer, prove
 from koord.verify.engines.every_n.questions import AFTER_INIT, GENEROUS, SPARING, ProofBudget
 from koord.verify.ledger import Ledger, Reach
@@ -66,6 +65,9 @@ def _prove(ledger: Ledger, thrift: ProofBudget) -> None:
 
 
 def _infer(ledger: Ledger, thrift: ProofBudget, most: int | None) -> None:
+    # Whoever needs no lemmas does not load what looks for them.
+    from koord.verify.engines.every_n.lemma_search import infer_from_counterexamples
+
     started = time.monotonic()
     ledger.progress("every N, looking for invariants")
     # Invariants help from one round to the next, and not with what may fail to begin with.

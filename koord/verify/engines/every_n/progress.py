@@ -9,6 +9,7 @@ round, in which the invariants that are given hold.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from msgspec import Struct
 from msgspec.structs import replace
@@ -20,7 +21,6 @@ from koord.syntax.system import System
 from koord.syntax.types import BOOL, INT
 from koord.syntax.walk import nodes, reached, renamed
 from koord.verify.claims import Claim
-from koord.verify.engines.every_n.progress_lemmas import Lemmas
 from koord.verify.engines.every_n.progress_parts import (
     MEANT,
     ROBOT,
@@ -34,6 +34,9 @@ from koord.verify.engines.every_n.progress_parts import (
 from koord.verify.engines.every_n.progress_questions import RoundQuestions, StateQuestion
 from koord.verify.engines.every_n.progress_times import conditional, times_of, waits_of
 from koord.verify.engines.every_n.questions import Means
+
+if TYPE_CHECKING:
+    from koord.verify.engines.every_n.progress_lemmas import Lemmas
 
 
 class ProgressProof(Struct, frozen=True):
@@ -119,6 +122,8 @@ class _Search:
 
     def with_lemmas(self) -> ProgressProof | str:
         """Find lemmas against what is in the way, one after the other, and a proof with them."""
+        from koord.verify.engines.every_n.progress_lemmas import Lemmas  # seldom needed
+
         search = Lemmas.of(self.whole, self.known, self.means)
         if search is None:
             return _NO_HELP
@@ -203,7 +208,7 @@ class _Search:
             mine = [x for x in own_help(self.stated, waiting) if x not in self.help]
             found += questions.helping(mine)
             self.help += found
-            if found and self._somebody_helps(self.help, self.locks):
+            if found and self._is_enough():
                 return True
         return False
 
@@ -251,6 +256,15 @@ class _Search:
         if self.lasting not in self._may_help:
             self._may_help[self.lasting] = self._somebody_helps(self.likely, self._classes())
         return self._may_help[self.lasting]
+
+    def _is_enough(self) -> bool:
+        """Return whether somebody helps in one of the ways that are not refused.
+
+        If these are all that are likely, it is known that somebody does.
+        """
+        if set(self.help) >= set(self.likely) and set(self.locks) >= set(self._classes()):
+            return self._somebody_may_help()
+        return self._somebody_helps(self.help, self.locks)
 
     def _somebody_helps(self, ways: Sequence[Help], locks: Sequence[int]) -> bool:
         """Return whether somebody helps in one of some ways as long as the claim is pending."""

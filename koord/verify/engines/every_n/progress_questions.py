@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from fractions import Fraction
 from functools import partial
+from typing import TYPE_CHECKING
 
 from msgspec import Struct
 
@@ -21,9 +22,6 @@ from koord.verify.encoding.solver import SolverAnswer
 from koord.verify.encoding.terms import Term
 from koord.verify.engines.every_n.all_robots import ParameterisedSystem
 from koord.verify.engines.every_n.initial_states import ArbitraryState, ParameterisedInit
-from koord.verify.engines.every_n.language import Language
-from koord.verify.engines.every_n.lemma_search import Place, configuration_of
-from koord.verify.engines.every_n.literals import Snapshot
 from koord.verify.engines.every_n.progress_parts import (
     Help,
     HelpKind,
@@ -33,6 +31,10 @@ from koord.verify.engines.every_n.progress_parts import (
 from koord.verify.engines.every_n.progress_statements import Statements
 from koord.verify.engines.every_n.questions import Asking, Means, Step, universal
 from koord.verify.engines.every_n.watching import Watching
+
+if TYPE_CHECKING:
+    from koord.verify.engines.every_n.language import Language
+    from koord.verify.engines.every_n.literals import Snapshot
 
 #: What falls as time passes falls in each round by such a part of its length, at least.
 _PARTS_OF_DELTA = 16
@@ -95,6 +97,8 @@ class StateQuestion:
         self.asking.look_ahead(_LOOKED_AHEAD)
         if self.asking.counterexample(asked, [])[0] is not SolverAnswer.SAT:
             return None
+        from koord.verify.engines.every_n.lemma_search import Place, configuration_of
+
         watching = Watching(self.world, (), 1)
         where = Place(self.world, self._state, watching)
         return configuration_of(language, where, self.asking.solver.model(), _LOOKED_AHEAD - 1)
@@ -198,6 +202,8 @@ class RoundQuestions:
         asking = self.step.asking
         if not asked or asking.counterexample(asked, self._given)[0] is not SolverAnswer.SAT:
             return None
+        from koord.verify.engines.every_n.lemma_search import configuration_of
+
         return configuration_of(language, self.step, asking.solver.model(), _LOOKED_AHEAD - 1)
 
     def _pending(self, lasting: Sequence[core.Expr]) -> list[Term]:

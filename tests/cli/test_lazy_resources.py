@@ -1,0 +1,52 @@
+"""What Z3 asks of ``importlib.resources`` loads nothing; whoever asks for more has all of it."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+
+def said(program: str) -> list[str]:
+    """What a fresh interpreter prints that has put the module off."""
+    start = "import sys; from koord.cli.lazy_resources import put_off; put_off()\n"
+    done = subprocess.run(
+        [sys.executable, "-c", start + program],
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=60,
+    )
+    assert done.stderr == ""
+    return done.stdout.split()
+
+
+def test_z3_finds_its_library_without_it() -> None:
+    found = said(
+        "import z3\n"
+        "print(z3.simplify(z3.IntVal(2) + 3), 'importlib.resources._common' in sys.modules)"
+    )
+    assert found == ["5", "False"]
+
+
+def test_others_have_all_of_it() -> None:
+    found = said(
+        "import importlib.resources as whole\n"
+        "from importlib.resources import as_file, files\n"
+        "from importlib.resources.abc import Traversable\n"
+        "import z3\n"
+        "prelude = files('koord.syntax').joinpath('prelude.krd')\n"
+        "with as_file(prelude) as path: print(path.is_file())\n"
+        "print(isinstance(prelude, Traversable), whole.files is files)\n"
+        "print(whole.Package is sys.modules['importlib.resources'].Package)\n"
+    )
+    assert found == ["True", "True", "True", "True"]
+
+
+def test_a_second_time_changes_nothing() -> None:
+    found = said(
+        "from importlib.resources import Package\n"
+        "put_off()\n"
+        "import importlib.resources\n"
+        "print(importlib.resources.Package is Package, hasattr(importlib.resources, 'none'))\n"
+    )
+    assert found == ["True", "False"]
