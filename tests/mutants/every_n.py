@@ -368,10 +368,10 @@ EVERY_N = (
         (SEARCH,),
     ),
     Mutant(
-        "every N: what pairs have is spoken of where nobody wants it",
-        "verify.engines.every_n.disjunctions.Samples.against",
-        "not pairs",
-        "pairs is None",
+        "every N: what robots have of each other is never spoken of",
+        "verify.engines.every_n.language.Language.of_program",
+        "quantities_of_two(own, mutual, shared)",
+        "quantities_of_two(own, (), shared)",
         (SEARCH,),
     ),
     Mutant(
