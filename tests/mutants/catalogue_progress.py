@@ -130,7 +130,7 @@ PROGRESS = (
     ),
     Mutant(
         "what is not granted for the sake of the goal is not asked for",
-        "verify.engines.every_n.progress._Search._is_proof",
+        "verify.engines.every_n.progress._Search._is_enough",
         "self._somebody_helps(self.help, self.locks)",
         "self._somebody_helps(self.help, self._classes())",
         (PREMISES,),
