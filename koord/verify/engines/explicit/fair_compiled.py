@@ -41,7 +41,7 @@ T = TypeVar("T")
 _FIRST_BATCH, _MOST_BATCH = 16, 4_096
 
 #: So many edges Python works out at first, and one more for so many of machine code.
-_AT_FIRST, _EDGES_PER_LOOK = 500, 16_384
+_AT_FIRST, _EDGES_PER_LOOK = 500, 32_768
 
 #: Of one node so many are, and of one batch so many nodes; statements are looked at in so many.
 _MOST_AFTER_ONE, _MOST_NODES, _STATED_NODES = 400, 4, 30
