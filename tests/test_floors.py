@@ -139,9 +139,11 @@ _ANSWERS = tuple(
 )
 _ENCODING = (*_ANSWERS, "koord.verify.encoding")
 
-#: What engines share: from a model of the encoding to a run that was replayed.
+#: What engines share: whose responses to look at; from a model of the encoding to a run that was
+#: replayed.
 _WITNESSES = tuple(
-    f"koord.verify.{name}" for name in ("bounded_check", "lasso_witness", "promises", "witness")
+    f"koord.verify.{name}"
+    for name in ("bounded_check", "different_responses", "lasso_witness", "promises", "witness")
 )
 _BELOW_ENGINES = (*_ENCODING, *_WITNESSES)
 _REDUCTION = (*_BELOW_ENGINES, "koord.verify.reduction", "koord.verify.reachability_goals")

@@ -201,6 +201,13 @@ LIVENESS = (
         "[n for n in nodes.starts if wanting[n] and trigger.holds(nodes.states[n])]",
         (MEANING, LASSOS),
     ),
+    Mutant(
+        "of robots that may change places nobody is looked at",
+        "verify.different_responses.different_responses",
+        "group[1:]",
+        "group",
+        (MEANING, LASSOS),
+    ),
     # circuits
     Mutant(
         "on circuits a robot is never ready",

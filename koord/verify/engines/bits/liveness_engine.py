@@ -10,15 +10,14 @@ from msgspec import Struct, field
 from msgspec.structs import replace
 
 from koord.semantics.every_number import NotFiniteError
-from koord.semantics.liveness import Response, expected, reads_ran, responses
+from koord.semantics.liveness import Response, expected, reads_ran
 from koord.semantics.recordings import Recording
 from koord.syntax import core
-from koord.syntax.analysis.symmetry import Symmetry, symmetry_of
 from koord.syntax.budget import OutOfBudgetError
-from koord.syntax.core import QuantifierKind
 from koord.syntax.system import System
 from koord.syntax.walk import asks
 from koord.verify.claims import Claim, ClaimPhase
+from koord.verify.different_responses import different_responses, sides
 from koord.verify.each_claim import Alone, alone, each_alone
 from koord.verify.engine_names import Engine
 from koord.verify.engines.bits import ic3
@@ -182,7 +181,8 @@ class _Run(Struct):
         """Settle the claim, or give the reason why not."""
         assert self.claim.stated is not None
         rounds = 0
-        for response in self._different(self.claim.stated):
+        system = speaking_last(self.watching.system)
+        for response in different_responses(system, self.claim.stated):
             watched = self.watching.watched(response)
             loops = LassoSearch(watched, reads_ran(self.watching.system, self.claim.stated))
             proved = self._looked(loops, FIRST_ROUNDS) and self._proved(response, watched, QUICKLY)
@@ -221,17 +221,6 @@ class _Run(Struct):
         """Return whether a quick proof shows that no run is fair at all."""
         watched = self.watching.watched(NOTHING)
         return self._proved(NOTHING, watched, IN_VAIN, anew=True)
-
-    def _different(self, stated: core.Property) -> list[Response]:
-        """The responses to check: one of each group of robots that may change places. [SYMMETRY]"""
-        system = self.watching.system
-        found = responses(system, stated)
-        if stated.each is None:
-            return list(found)
-        symmetry = symmetry_of(speaking_last(system), self._sides((stated,)))
-        groups = symmetry.groups if isinstance(symmetry, Symmetry) else ()
-        others = {robot for group in groups for robot in group[1:]}
-        return [response for response in found if response.robot not in others]
 
     def _goes_on(self) -> bool:
         settled = self.claim in self.ledger.verdicts
@@ -363,17 +352,7 @@ class _Run(Struct):
 
     def _symmetric(self, response: Response) -> tuple[core.Property, ...]:
         """The statements that symmetry must preserve: the response, and robots' expectations."""
-        return (*response.statements, *self._sides(()))
-
-    def _sides(self, stated: tuple[core.Property, ...]) -> tuple[core.Property, ...]:
-        """Both sides of responses and expectations, quantified over their robots."""
-        sides = []
-        for each in (*stated, *self.watching.system.program.expectations):
-            trigger = () if each.trigger is None else (each.trigger,)
-            for side in (*trigger, each.condition):
-                whole = _of_all(each, side)
-                sides.append(replace(each, condition=whole, trigger=None, each=None))
-        return tuple(sides)
+        return (*response.statements, *sides(self.watching.system, ()))
 
     def _rests_on(
         self, response: Response, watched: MonitoredCircuit, how: _Try, times: int
@@ -393,10 +372,3 @@ class _Run(Struct):
 
 #: So many questions may be asked to do without some fairness.
 FEW_QUESTIONS = 1_000
-
-
-def _of_all(stated: core.Property, side: core.Expr) -> core.Expr:
-    if stated.each is None:
-        return side
-    domain = core.RobotRange(stated.each.agent)
-    return core.Quantified(QuantifierKind.FORALL, stated.each.variable, domain, side)

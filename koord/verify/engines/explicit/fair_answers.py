@@ -13,10 +13,11 @@ from typing import NamedTuple, Protocol
 from msgspec import Struct
 from msgspec.structs import replace
 
-from koord.semantics.liveness import Response, expected, locks_of, responses
+from koord.semantics.liveness import Response, expected, locks_of
 from koord.semantics.recordings import Recording, Round
 from koord.syntax import core
 from koord.syntax.system import System
+from koord.verify.different_responses import different_responses
 from koord.verify.engines.explicit.fair_cycles import (
     Edge,
     FairnessConditions,
@@ -132,7 +133,9 @@ class FairAnswers:
         violated: dict[str, Recording] = {}
         needs: dict[str, Fairness] = {}
         for stated in properties:
-            regions = [self._fair.region(each) for each in responses(self._system, stated)]
+            regions = [
+                self._fair.region(each) for each in different_responses(self._system, stated)
+            ]
             lasso = self._lasso(regions, everything)
             if lasso is not None:
                 violated[stated.name] = lasso

@@ -47,7 +47,7 @@ _AT_FIRST, _EDGES_PER_LOOK = 500, 32_768
 _MOST_AFTER_ONE, _MOST_NODES, _STATED_NODES = 400, 4, 30
 
 #: As long as Python takes for a way to go on, machine code takes for so many, or more.
-_COMPILED_EDGES = 32
+_COMPILED_EDGES = 256
 
 
 class Reference(Protocol):

@@ -18,6 +18,7 @@ from koord.semantics.recordings import Round
 from koord.syntax import core
 from koord.syntax.budget import OutOfBudgetError
 from koord.syntax.system import System
+from koord.verify.different_responses import different_responses
 from koord.verify.engines.explicit.commits import Commits
 from koord.verify.engines.explicit.compiled import is_installed
 from koord.verify.engines.explicit.fair_answers import (
@@ -161,7 +162,7 @@ class _Search:
         from koord.kernels.terms import NoKernelError
         from koord.verify.engines.explicit.fair_compiled import CompiledGraph
 
-        asked = [r for stated in properties for r in responses(self._system, stated)]
+        asked = [r for s in properties for r in different_responses(self._system, s)]
         starts = [self._nodes.states[node] for node in self._nodes.starts]
         most_mb = self._meter.limits.memory_mb
         try:
