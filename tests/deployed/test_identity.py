@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +10,7 @@ import pytest
 from msgspec import Struct
 
 from tests.deployed.conftest import MakeFleet
+from tests.deployed.fleet import RobotProcess
 from tests.deployed.recordings import LEDGER
 from tests.sampling import sampled
 
@@ -112,10 +114,14 @@ def test_two_processes_of_one_robot_are_named(fleet_of: MakeFleet, is_late: bool
     by_s = fleet.heard_at_s("0", "1", "2", "2b") + SOON_S
     fleet.until_said(fleet[0], r"robot 2\b", by_s)
     fleet.until_further(5, 0, 1)
+
+    def is_known(one: RobotProcess) -> bool:
+        """Whether a process is heard, or tells of the other."""
+        is_told = one.has_said("robot 2.*(two|another|twice)")
+        return bool(is_told) or one.rounds[-1].round > fleet.round - 9
+
     for one in (fleet[2], twin):
-        assert (
-            one.has_said("robot 2.*(two|another|twice)") or one.rounds[-1].round > fleet.round - 9
-        )
+        fleet.until(partial(is_known, one), "heard, or told of the other")
     fleet.stop()
     assert fleet.disagreements() == []
 
