@@ -185,4 +185,18 @@ PROGRESS = (
         "self.proved",
         (PREMISES,),
     ),
+    Mutant(
+        "whoever may help is taken to help",
+        "verify.engines.every_n.progress._Search._is_enough",
+        "set(self.help) >= set(self.likely) and set(self.locks) >= set(self._classes())",
+        "True",
+        (PREMISES,),
+    ),
+    Mutant(
+        "locks that may be asked for are taken to be granted",
+        "verify.engines.every_n.progress._Search._is_enough",
+        "set(self.locks) >= set(self._classes())",
+        "True",
+        (PREMISES, LEMMAS),
+    ),
 )

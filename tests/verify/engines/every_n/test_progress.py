@@ -10,14 +10,16 @@ import pytest
 
 from koord.syntax import core
 from koord.syntax.system import System
+from koord.verify.claims import liveness_of
 from koord.verify.effort import Deadline, Effort
 from koord.verify.engine_names import Engine
+from koord.verify.engines.every_n.progress import _Search
 from koord.verify.engines.every_n.progress_parts import Help, HelpKind, Phrase, measures_of
 from koord.verify.engines.every_n.progress_questions import RoundQuestions
 from koord.verify.engines.every_n.questions import GENEROUS, Means
 from koord.verify.strategy import verification
 from koord.verify.verdicts import Bounds, Outcome, Verdict
-from tests.loading import program_of
+from tests.loading import program_of, protocol_text
 from tests.verify.asking import system_of
 
 ONCE = """
@@ -395,3 +397,31 @@ def test_what_is_expected_has_a_reason() -> None:
     # What it is expected of is where it is asked, too.
     reason = EXPECTED.replace("assume Does: asked leadsto", "assume Does: not done leadsto")
     assert not refused(reason + STATE, HelpKind.EXPECTED, 0)
+
+
+# --- what is known to be enough -------------------------------------------------------------------
+
+
+def test_help_is_not_enough_where_a_lock_may_not_be_granted(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    asked_with: list[list[int]] = []
+
+    def noted(search: _Search, ways: object, locks: list[int]) -> bool:
+        asked_with.append(list(locks))
+        return locks != []
+
+    monkeypatch.setattr(_Search, "_somebody_helps", noted)
+    system = of(protocol_text("lock_server"), 3)
+    (stated,) = [claim.stated for claim in liveness_of(system)]
+    assert stated is not None
+    means = Means(Deadline(), Effort.of_seconds(GENEROUS.seconds), GENEROUS, 0)
+    search = _Search(system, stated, [], means)
+    search.help = list(search.likely)
+    every_lock = search._classes()
+    assert every_lock
+    assert search._somebody_may_help()
+    assert not search._is_enough()
+    search.locks = list(every_lock)
+    assert search._is_enough()
+    assert asked_with == [every_lock, []]  # what is known already is not asked again
