@@ -1,8 +1,10 @@
-"""Machine code that renames robots: one state for many that differ by names alone. [SYMMETRY]
+"""Machine code that renames robots and elements: one state for many that differ by names alone.
+[SYMMETRY] [ELEMENTS]
 
 Robots of a group are put in order of how they *look*, a number made of what they hold and of where
-others name them, told without robots' numbers. Where looks are equal robots stay in the order that
-they had. Any renaming is sound; one that depends on more than looks costs states and nothing else.
+others name them, told without numbers of names. Where looks are equal robots stay in the order that
+they had. Then elements are, by looks in which each robot is told by its new number. Any renaming is
+sound; one that depends on more than looks costs states and nothing else.
 """
 
 from __future__ import annotations
@@ -12,9 +14,14 @@ from typing import Any
 
 from koord.kernels.assembling import BYTES, I64, Cells, Code, Ir, word, words_of
 from koord.kernels.layout import PackedCell
+from koord.kernels.terms import NoKernelError
+from koord.syntax.analysis.symmetry import Names
 
 #: So many times looks are told apart by the looks of robots that they name.
 _REFINEMENTS = 2
+
+#: Tables of where things stand have so many entries at most.
+_MOST_PLACES = 1 << 16
 
 _MULTIPLIER = -7046029254386353131
 
@@ -34,7 +41,7 @@ class _Salts:
 
 
 def canonical_code(module: Any, cells: Cells) -> Ir:
-    """``canonical(state, out, names)``: the state renamed, and each robot's new number."""
+    """``canonical(state, out, names)``: the state renamed, and the new places of all names."""
     code = Code(module, "canonical", (BYTES, BYTES, BYTES), I64)
     _Renaming(module, code, cells).write()
     code.b.ret(word(0))
@@ -45,26 +52,41 @@ class _Renaming:
     def __init__(self, module: Any, code: Code, cells: Cells) -> None:
         self.module, self.code, self.cells, self.b = module, code, cells, code.b
         self.layout = cells.layout
-        self.count = len(self.layout.robots)
+        self.count = self.layout.names
         self.salts = _Salts()
         self.state, self.out, self.names = code.arguments
-        self.groups = self.layout.symmetry.groups if self.layout.symmetry is not None else ()
+        symmetry = self.layout.symmetry
+        self.groups = symmetry.groups if symmetry is not None else ()
+        self.elements = symmetry.elements if symmetry is not None else ()
 
     def write(self) -> None:
         code = self.code
         for i in range(self.count):
             code.put(self.names, 8 * i, word(i))
         code.copy(self.out, self.state, self.cells.state_bytes)
-        if not self.groups:
+        if not self.groups and not self.elements:
             return
-        looks = self._looks()
+        looks, named = self._looks()
         order: list[Ir] = [word(i) for i in range(self.count)]
+        sorted_ = list(looks)
         for group in self.groups:
-            self._sort(group, looks, order)
-        for place, robot in enumerate(order):
-            code.put(self.names, self._times8(robot), word(place))
+            self._sort(group, sorted_, order)
+        self._note(order)
+        if self.elements:
+            for i in range(len(self.layout.robots)):
+                looks[i] = self._mixed(code.get(self.names, 8 * i, I64), self.salts.of("robot"))
+            looks = self._refined(looks, named)
+            for names in self.elements:
+                for group in names.groups:
+                    self._sort(group, looks, order)
+            self._note(order)
         self._move(order)
         self._rename()
+
+    def _note(self, order: list[Ir]) -> None:
+        """Note the new places of names, by what stands at each."""
+        for place, name in enumerate(order):
+            self.code.put(self.names, self._times8(name), word(place))
 
     def _times8(self, number: Ir) -> Ir:
         return self.b.shl(number, word(3))
@@ -75,8 +97,15 @@ class _Renaming:
         value = self.cells.read(self.code, self.state, number)
         return value if value.type == I64 else self.b.zext(value, I64)
 
-    def _is_robot(self, value: Ir) -> Ir:
-        return self.b.icmp_unsigned("<", value, word(self.count))
+    def _is_name(self, names: Names, value: Ir) -> Ir:
+        return self.b.icmp_unsigned("<", value, word(names.count))
+
+    def _place(self, names: Names, value: Ir) -> Ir:
+        """The place of what a value names among all names; behind them if it names nothing."""
+        b = self.b
+        return b.select(
+            self._is_name(names, value), b.add(value, word(names.first)), word(self.count)
+        )
 
     def _mixed(self, value: Ir, salt: Ir) -> Ir:
         b = self.b
@@ -85,21 +114,23 @@ class _Renaming:
         return b.xor(value, b.lshr(value, word(29)))
 
     def _told(self, cell: PackedCell, number: int) -> Ir:
-        """What a cell holds, without numbers of robots: which of its own it is, or that it is."""
+        """What a cell holds, without numbers of names: which of its own it is, or that it is."""
         value = self._value(number)
-        if not cell.names:
+        if cell.names is None:
             return value
-        told = self.b.select(self._is_robot(value), self.salts.of("other"), value)
-        for position, robot in enumerate(cell.index):
-            mine = self.b.icmp_signed("==", value, word(robot))
+        told = self.b.select(self._is_name(cell.names, value), self.salts.of("other"), value)
+        for position, name in enumerate(cell.index):
+            if not cell.names.first <= name < cell.names.first + cell.names.count:
+                continue
+            mine = self.b.icmp_signed("==", value, word(name - cell.names.first))
             told = self.b.select(mine, self.salts.of("own", position), told)
         return told
 
-    def _looks(self) -> list[Ir]:
-        """The looks of all robots."""
+    def _looks(self) -> tuple[list[Ir], Ir]:
+        """The looks of all names, and a block that has room for all."""
         b, code = self.b, self.code
         sums: list[Ir] = [word(0)] * self.count
-        named = code.block(8 * (self.count + 1))  # the last one is of numbers that are no robots'
+        named = code.block(8 * (self.count + 1))  # the last one is of what names nothing
         for i in range(self.count + 1):
             code.put(named, 8 * i, word(0))
         related = False
@@ -108,25 +139,26 @@ class _Renaming:
                 robot = cell.index[0]
                 told = b.add(self._told(cell, number), sums[robot])
                 sums[robot] = b.mul(b.xor(told, b.lshr(told, word(31))), word(_MULTIPLIER))
-                related |= cell.names
+                related |= cell.names is not None
             related |= len(cell.index) > 1
-            if cell.names and not cell.index:
-                self._name(named, self._value(number), self.salts.of("named", cell.base))
+            if cell.names is not None and not cell.index:
+                value = self._place(cell.names, self._value(number))
+                self._name(named, value, self.salts.of("named", cell.base))
         looks = [
             self._mixed(sums[i], b.mul(code.get(named, 8 * i, I64), word(_MULTIPLIER)))
             for i in range(self.count)
         ]
         for _ in range(_REFINEMENTS if related else 0):
             looks = self._refined(looks, named)
-        return looks
+        return looks, named
 
-    def _name(self, named: Ir, value: Ir, amount: Ir) -> None:
-        """Add to the sum of the robot that a value names."""
-        place = self._times8(self.b.select(self._is_robot(value), value, word(self.count)))
+    def _name(self, named: Ir, place: Ir, amount: Ir) -> None:
+        """Add to the sum of what a value names."""
+        place = self._times8(place)
         self.code.put(named, place, self.b.add(self.code.get(named, place, I64), amount))
 
     def _refined(self, looks: list[Ir], named: Ir) -> list[Ir]:
-        """Looks, by how the robots look that they have to do with."""
+        """Looks, by how the names look that they have to do with."""
         b, code, salts = self.b, self.code, self.salts
         table = code.block(8 * (self.count + 1))
         for i in range(self.count):
@@ -147,10 +179,9 @@ class _Renaming:
                             others = b.xor(others, b.mul(looks[other], salt))
                     amount = self._mixed(others, salts.of("in", cell.base, position))
                     sums[robot] = b.add(sums[robot], amount)
-            if cell.names:
-                value = self._value(number)
-                place = self._times8(b.select(self._is_robot(value), value, word(self.count)))
-                its = code.get(table, place, I64)
+            if cell.names is not None:
+                value = self._place(cell.names, self._value(number))
+                its = code.get(table, self._times8(value), I64)
                 for position, robot in enumerate(cell.index):
                     amount = self._mixed(its, salts.of("names", cell.base, position))
                     sums[robot] = b.add(sums[robot], amount)
@@ -193,6 +224,8 @@ class _Renaming:
             is_shared = min(by_index.values()) >= layout.shared_first
             if places < 2 and not (is_shared and places == 1):
                 continue
+            if self.count**places > _MOST_PLACES:
+                raise NoKernelError("arrays over robots and elements have too many places")
             offsets = [0] * self.count**places
             for index, number in by_index.items():
                 offsets[_flat(index, self.count)] = number * cells.size
@@ -209,15 +242,15 @@ class _Renaming:
         return words_of(self.module, f"canonical.{name}", numbers)
 
     def _rename(self) -> None:
-        """Give robots in values their new numbers."""
+        """Give names in values their new numbers."""
         code, cells, b = self.code, self.cells, self.b
         for number, cell in enumerate(self.layout.cells):
-            if not cell.names:
+            if cell.names is None:
                 continue
-            value = cells.read(code, self.out, number)
-            is_robot = self._is_robot(value)
-            place = self._times8(b.select(is_robot, value, word(0)))
-            new = b.select(is_robot, code.get(self.names, place, I64), value)
+            value, first = cells.read(code, self.out, number), word(cell.names.first)
+            is_name = self._is_name(cell.names, value)
+            place = self._times8(b.select(is_name, b.add(value, first), word(0)))
+            new = b.select(is_name, b.sub(code.get(self.names, place, I64), first), value)
             code.put(self.out, number * cells.size, cells.narrow(code, new))
 
 

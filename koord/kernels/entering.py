@@ -31,7 +31,7 @@ def renamed(code: Code, of: RoundModule, canonical: Ir, state: Ir) -> Ir:
     """What stands for a state. ``canonical`` is the function that renames robots."""
     if of.layout.symmetry is None:
         return state
-    out, names = code.block(of.cells.state_bytes), code.block(8 * len(of.robots))
+    out, names = code.block(of.cells.state_bytes), code.block(8 * of.layout.names)
     code.b.call(canonical, [state, out, names])
     return out
 

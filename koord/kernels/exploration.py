@@ -226,9 +226,9 @@ class Exploration:
         return self._unpacked(self._states.memory[first : first + self._bytes])
 
     def canonical(self, numbers: Sequence[int]) -> tuple[list[int], tuple[int, ...]]:
-        """The state that stands for one, and the numbers that robots have in it."""
+        """The state that stands for one, and the places that all names have in it."""
         state, out = self._packed(numbers), _Packed(bytes(self._bytes))
-        names = (ctypes.c_int64 * len(self._rounds.layout.robots))()
+        names = (ctypes.c_int64 * self._rounds.layout.names)()
         self._rounds.canonical(state.address, out.address, ctypes.addressof(names))
         return self._unpacked(out.held.raw), tuple(names)
 

@@ -19,8 +19,8 @@ from koord.semantics.domain import Constant
 from koord.semantics.storage import Cell, Storage, Tree
 from koord.syntax import core
 from koord.syntax.analysis.footprint import statuses
-from koord.syntax.analysis.sorts import Fields, Items, Scalar, Shape
-from koord.syntax.analysis.symmetry import Symmetry
+from koord.syntax.analysis.sorts import Fields, Items, Scalar, Shape, Sort
+from koord.syntax.analysis.symmetry import Names, Symmetry
 from koord.syntax.system import Status, System
 from koord.syntax.types import (
     BOOL,
@@ -43,15 +43,16 @@ _MOST_CELLS = 2_000
 class PackedCell(Struct, frozen=True):
     """A cell of a packed state.
 
-    ``index`` are the robots that it stands at: whose it is, and those that index arrays above it.
-    Two cells of one ``base`` are of one variable and differ in ``index`` alone. ``names`` holds
-    where the value is a robot's number. [SYMMETRY]
+    ``index`` are the names that it stands at, by their places among all names: the robot whose it
+    is, and the robots and elements that index arrays above it. Two cells of one ``base`` are of one
+    variable and differ in ``index`` alone. ``names`` are those of which the value is a number,
+    if it is one. [SYMMETRY] [ELEMENTS]
     """
 
     type: Type
     base: int
     index: tuple[int, ...] = ()
-    names: bool = False
+    names: Names | None = None
 
     @property
     def is_bool(self) -> bool:
@@ -164,23 +165,22 @@ class Layout:
                 count = self.system.robots if size is Robots.ALL else size
                 assert isinstance(count, int)
                 inner = shape.element if isinstance(shape, Items) else None
-                over = isinstance(shape, Items) and shape.index.root().is_robot
-                if over and count != self.system.robots:
+                over = self._names(shape.index) if isinstance(shape, Items) else None
+                if over is not None and count != over.count:
                     raise NoKernelError("an array over robots is not as long as there are robots")
                 return tuple(
                     self._atoms(
                         where,
                         element,
                         inner,
-                        (*index, k) if over else index,
-                        (*path, -1 if over else k),
+                        index if over is None else (*index, over.first + k),
+                        (*path, k if over is None else -1),
                         may_be_unset,
                     )
                     for k in range(count)
                 )
             case IntType() | BoolType() | EnumType():
-                sort = shape.sort if isinstance(shape, Scalar) else None
-                names = sort is not None and sort.root().is_robot
+                names = self._names(shape.sort) if isinstance(shape, Scalar) else None
                 base = self._base(where, path)
                 value = self._cell(PackedCell(type_, base, index, names))
                 if not may_be_unset:
@@ -189,6 +189,14 @@ class Layout:
                 return _Atom(value, self._cell(flag))
             case _:
                 raise NoKernelError("a variable is neither a number, nor made of a fixed count")
+
+    def _names(self, sort: Sort | None) -> Names | None:
+        return self.symmetry.of(sort) if self.symmetry is not None else None
+
+    @property
+    def names(self) -> int:
+        """The number of all names that may change places: of robots and of elements."""
+        return self.symmetry.count if self.symmetry is not None else self.system.robots
 
     def _base(self, *what: object) -> int:
         return self._bases.setdefault(what, len(self._bases))
@@ -295,12 +303,12 @@ class Layout:
         return self.configuration(read, True, int)
 
     def renamed(self, numbers: Sequence[int], names: Sequence[int]) -> list[int]:
-        """The numbers of a state whose robots have new numbers, ``names``. [SYMMETRY]"""
+        """The numbers of a state in which all names have new places, ``names``. [SYMMETRY]"""
         made = list(numbers)
         for number, cell in enumerate(self.cells):
             held = numbers[number]
-            if cell.names and 0 <= held < len(names):
-                held = names[held]
+            if cell.names is not None and 0 <= held < cell.names.count:
+                held = names[cell.names.first + held] - cell.names.first
             made[self._stands[cell.base, tuple(names[i] for i in cell.index)]] = held
         return made
 

@@ -10,7 +10,51 @@ TERMS = "tests/agreement/test_terms.py"
 FAIR = "tests/agreement/test_fair_kernels.py"
 LIMITS = "tests/agreement/test_kernel_limits.py"
 
+ELEMENTS = "tests/agreement/test_elements.py"
+
 KERNELS = (
+    Mutant(
+        "an element may be held against any number",
+        "syntax.analysis.sorts.SortTable.elements",
+        "all((cut <= 0 or cut >= size for cut in root.cuts))",
+        "True",
+        (ELEMENTS,),
+    ),
+    Mutant(
+        "elements are alike that the text names",
+        "syntax.analysis.sorts.SortTable.elements",
+        "k not in root.constants",
+        "True",
+        (ELEMENTS,),
+    ),
+    Mutant(
+        "loops over elements may go in any order",
+        "syntax.analysis.sorts.SortTable.elements",
+        "not span.is_free",
+        "False",
+        (ELEMENTS,),
+    ),
+    Mutant(
+        "promises of answers do not matter to who comes first",
+        "syntax.analysis.first_come._is_open",
+        "not function.requires and (not function.ensures)",
+        "True",
+        (ELEMENTS,),
+    ),
+    Mutant(
+        "any block runs once",
+        "syntax.analysis.first_come.is_first_come",
+        "leaves or any((_is_latch(c, block, variable) for c in closed))",
+        "True",
+        (ELEMENTS,),
+    ),
+    Mutant(
+        "machine code renames elements and not what is at them",
+        "kernels.layout.Layout._atoms",
+        "index if over is None else (*index, over.first + k)",
+        "index",
+        (ELEMENTS,),
+    ),
     Mutant(
         "machine code enters a lock class twice",
         "kernels.combinations._Combiner.combine",

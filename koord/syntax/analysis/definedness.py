@@ -17,7 +17,9 @@ class Sure(Struct, frozen=True):
 
     ``filled`` are the slots of bound variables that hold a value; ``robots`` those that range over
     robots, with the kind (None: any); ``within`` those that range over the indices of a place.
-    ``kind`` is the robot's own, None in a statement about configurations.
+    ``bounds`` are those that range from 0 to a number, with that number. ``kind`` is the robot's
+    own, None in a statement about configurations. ``initialized`` are the slots of ``allwrite``
+    variables that INIT sets, in all parts, if it ends at all.
     """
 
     system: System
@@ -26,6 +28,12 @@ class Sure(Struct, frozen=True):
     filled: frozenset[int] = frozenset()
     robots: dict[int, int | None] = field(default_factory=dict)
     within: dict[int, core.Expr] = field(default_factory=dict)
+    bounds: dict[int, int] = field(default_factory=dict)
+    initialized: frozenset[int] = frozenset()
+
+    def with_bound(self, slot: int, size: int) -> Sure:
+        """The context in which a bound variable ranges from 0 to a number."""
+        return replace(self, filled=self.filled | {slot}, bounds={**self.bounds, slot: size})
 
     def with_robot(self, slot: int, kind: int | None) -> Sure:
         """The context in which a bound variable ranges over robots."""
@@ -135,6 +143,8 @@ class Sure(Struct, frozen=True):
             case Home.BOUND:
                 return variable.slot in self.filled
             case Home.ALLWRITE:
+                if variable.slot in self.initialized and not self.in_init:
+                    return True
                 return _is_whole(program.allwrite[variable.slot], variable.type)
             case Home.ALLREAD:
                 assert isinstance(variable.type, ArrayType)
@@ -198,9 +208,21 @@ class Sure(Struct, frozen=True):
                 size = type_.size if isinstance(type_, ArrayType) else None
                 return isinstance(size, int) and 0 <= value < size
             case core.Read(place=core.Place(variable=core.Variable(home=Home.BOUND, slot=slot))):
+                size = type_.size if isinstance(type_, ArrayType) else None
+                if isinstance(size, int) and self.bounds.get(slot, size + 1) <= size:
+                    return True
                 return self.within.get(slot) == of
             case _:
                 return False
+
+
+def size_of(low: core.Expr, high: core.Expr) -> int | None:
+    """The number of a range from 0 to a constant, if it is one."""
+    match low, high:
+        case core.Const(value=0), core.Const(value=int(size)) if size > 0:
+            return size
+        case _:
+            return None
 
 
 def indices(low: core.Expr, high: core.Expr) -> core.Expr | None:

@@ -21,7 +21,8 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from koord.syntax import core
-from koord.syntax.analysis.definedness import Sure
+from koord.syntax.analysis.definedness import Sure, size_of
+from koord.syntax.analysis.first_come import is_first_come
 from koord.syntax.analysis.sorts import (
     BodyShapes,
     Entries,
@@ -30,6 +31,8 @@ from koord.syntax.analysis.sorts import (
     Scalar,
     Shape,
     SortTable,
+    Span,
+    be_apart,
     unify,
 )
 from koord.syntax.analysis.sorts_of_expressions import Expressions
@@ -184,11 +187,21 @@ def _read(e: object) -> Iterator[core.Variable]:
 
 
 class Sorting:
-    """The inference for one system and some properties."""
+    """The inference for one system and some properties.
 
-    def __init__(self, system: System, properties: tuple[core.Property, ...]) -> None:
+    ``initialized`` are slots of ``allwrite`` variables that are set wherever an event is looked at:
+    of all configurations, or of those alone that can be reached.
+    """
+
+    def __init__(
+        self,
+        system: System,
+        properties: tuple[core.Property, ...],
+        initialized: frozenset[int] = frozenset(),
+    ) -> None:
         self._system = system
         self._properties = properties
+        self._initialized = initialized
         self.book = SortTable(system)
         self._expressions = Expressions(self.book, self._block)
 
@@ -198,7 +211,11 @@ class Sorting:
         nobody = BodyShapes(Sure(system, None, in_init=True))
         for function in program.externals:
             parameters = [self.book.fresh(p.type) for p in function.parameters]
-            self.book.externals[function.name] = parameters, self.book.held(function.result.type)
+            result = self.book.held(function.result.type)
+            self.book.externals[function.name] = parameters, result
+            if function.kind is core.ExternalKind.FUNCTION:
+                for of in (*parameters, result):
+                    be_apart(of, "what a function of mathematics is asked")
         for entry, of in zip(program.allwrite, self.book.allwrite, strict=True):
             self._start(entry, of, nobody)
         for function in program.externals:
@@ -208,12 +225,12 @@ class Sorting:
         closed: list[core.Expr] = [x.condition for x in program.assumptions]
         closed += [x.condition for x in self._properties]
         for condition in closed:
-            self._statement(condition, BodyShapes(Sure(system, None)))
+            self._statement(condition, BodyShapes(self._sure(None)))
         return self.book.reason()
 
     def _agent(self, kind: int, agent: core.Agent) -> None:
         starting = Sure(self._system, kind, in_init=True)
-        sure = Sure(self._system, kind)
+        sure = self._sure(kind)
         for port, of in zip(agent.ports, self.book.ports[kind], strict=True):
             self._start(port.declaration, of, BodyShapes(starting))
         for entry, of in zip(agent.locals, self.book.locals[kind], strict=True):
@@ -231,6 +248,9 @@ class Sorting:
             for contract in module.contracts:
                 for e in (*contract.requires, *contract.ensures):
                     self._statement(e, BodyShapes(sure))
+
+    def _sure(self, kind: int | None) -> Sure:
+        return Sure(self._system, kind, initialized=self._initialized)
 
     def _start(self, entry: core.Declaration, of: Shape, body: BodyShapes) -> None:
         if not isinstance(entry.initial, Start):
@@ -292,11 +312,16 @@ class Sorting:
         assert isinstance(variable, Scalar)
         assert variable.sort is not None
         sure = self._expressions.range(s.low, s.high, variable.sort, s.variable.slot, body)
-        loop = frozenset({s.variable})
+        loop, size = frozenset({s.variable}), size_of(s.low, s.high)
         if sure is not None:
             over = self._expressions.over(s.low, s.high, body)
             is_free = is_order_free(s.body, loop, sure)
             self.book.ranges.append(Range(variable.sort, over, is_free))
+            body = replace(body, sure=sure)
+        elif size is not None:
+            sure = body.sure.with_bound(s.variable.slot, size)
+            is_free = is_order_free(s.body, loop, sure) or is_first_come(s.body, s.variable, sure)
+            self.book.spans.append(Span(variable.sort, size, is_free))
             body = replace(body, sure=sure)
         self._block(s.body, replace(body, sure=body.sure.with_value(s.variable.slot)))
 

@@ -3,7 +3,8 @@
 Every integer that a program stores or computes gets a *sort*. A sort is one of robots if ``pid``
 flows into it, if it indexes an array over robots, or if it is compared with one that is; sorts flow
 together through assignments, comparisons, arguments and indices (by unification, as types are
-inferred). A sort is one of numbers if it is calculated with, ordered, or chosen.
+inferred). A sort is one of numbers if it is calculated with, ordered, or chosen. A sort that
+indexes arrays of one fixed size may be one of *elements*, if nothing tells these apart [ELEMENTS].
 """
 
 from __future__ import annotations
@@ -21,12 +22,17 @@ class Sort(Struct, eq=False):
     """A sort, or a link to the sort it has been unified with.
 
     ``number`` says why its values cannot be robots, and ``constants`` are those of the text that
-    are among its values.
+    are among its values. ``apart`` says what tells the elements apart whose indices they may be,
+    ``sizes`` has those of the arrays that they index (0: one element a robot), and ``cuts`` the
+    numbers from which on they are told from those below.
     """
 
     is_robot: bool = False
     number: str = ""
     constants: set[int] = field(default_factory=set)
+    apart: str = ""
+    sizes: set[int] = field(default_factory=set)
+    cuts: set[int] = field(default_factory=set)
     _same: Sort | None = None
 
     def root(self) -> Sort:
@@ -45,13 +51,27 @@ class Sort(Struct, eq=False):
         a.is_robot |= b.is_robot
         a.number = a.number or b.number
         a.constants |= b.constants
+        a.apart = a.apart or b.apart
+        a.sizes |= b.sizes
+        a.cuts |= b.cuts
 
     def be_robot(self) -> None:
         self.root().is_robot = True
 
-    def be_number(self, reason: str) -> None:
+    def be_number(self, reason: str, *, tells_apart: bool = True) -> None:
+        """Note why its values are no robots, and, mostly, that elements are told apart by it."""
         root = self.root()
         root.number = root.number or reason
+        if tells_apart:
+            self.tell_apart(reason)
+
+    def tell_apart(self, reason: str) -> None:
+        root = self.root()
+        root.apart = root.apart or reason
+
+    def cut(self, *numbers: int) -> None:
+        """Note that its values are told from those below some numbers."""
+        self.root().cuts.update(numbers)
 
 
 class Scalar(Struct, frozen=True, eq=False):
@@ -95,11 +115,15 @@ def shape(type_: Type) -> Shape:
         case RecordType(fields=fields):
             return Fields(tuple(shape(part) for _, part in fields))
         case ArrayType(element=element, size=size):
-            return Items(Sort(), shape(element), size is Robots.ALL)
+            sizes = {size if isinstance(size, int) else 0}
+            return Items(Sort(sizes=sizes), shape(element), size is Robots.ALL)
         case GrowingType(element=element):
-            return Items(Sort(), shape(element), False)
+            changing = Sort(apart="an index into a list of any length")
+            return Items(changing, shape(element), False)
         case MapType(key=key, value=value):
-            return Entries(shape(key), shape(value))
+            keys = shape(key)
+            be_apart(keys, "a key of a map")
+            return Entries(keys, shape(value))
         case _:
             return Scalar(None)
 
@@ -121,19 +145,6 @@ def unify(left: Shape, right: Shape) -> None:
             unify(left.value, right.value)
         case _:
             raise AssertionError((left, right))
-
-
-def has_robots(of: Shape) -> bool:
-    """Return whether a value of that shape changes when robots are renamed."""
-    match of:
-        case Scalar(sort=sort):
-            return sort is not None and sort.root().is_robot
-        case Fields(parts=parts):
-            return any(has_robots(part) for part in parts)
-        case Items(index=index, element=element):
-            return index.root().is_robot or has_robots(element)
-        case Entries(key=key, value=value):
-            return has_robots(key) or has_robots(value)
 
 
 class BodyShapes(Struct):
@@ -161,6 +172,14 @@ class Range(Struct, frozen=True):
     is_free: bool
 
 
+class Span(Struct, frozen=True):
+    """A range from 0 to a constant: over all elements, if its variable is one of so many."""
+
+    variable: Sort
+    size: int
+    is_free: bool
+
+
 class SortTable:
     """The sorts of one system inferred so far."""
 
@@ -168,6 +187,7 @@ class SortTable:
         program = system.program
         self.system = system
         self.ranges: list[Range] = []
+        self.spans: list[Span] = []
         self._sorts: list[Sort] = []
         self.locals = [[self.held(x.variable.type) for x in a.locals] for a in program.agents]
         self.ports = [
@@ -198,6 +218,31 @@ class SortTable:
         roots = [sort.root() for sort in self._sorts]
         named = {c for root in roots if root.is_robot for c in root.constants}
         return frozenset(named & set(range(self.system.robots)))
+
+    def elements(self) -> list[tuple[Sort, int, tuple[int, ...]]]:
+        """The sorts of elements that nobody tells apart, how many there are, and which these are.
+
+        Those that the text names by number are told apart from the others.
+        """
+        for each in self.ranges:
+            over = each.over.root() if each.over is not None else each.variable.root()
+            if not each.is_free or over is not each.variable.root():
+                reason = "a loop over elements may depend on their order"
+                each.variable.tell_apart(reason)
+        for span in self.spans:
+            if not span.is_free:
+                span.variable.tell_apart("a loop over elements may depend on their order")
+            span.variable.root().sizes.add(span.size)
+        found = []
+        for root in {id(sort.root()): sort.root() for sort in self._sorts}.values():
+            if root.is_robot or root.apart or len(root.sizes) != 1:
+                continue
+            (size,) = root.sizes
+            if all(cut <= 0 or cut >= size for cut in root.cuts):
+                others = tuple(k for k in range(size) if k not in root.constants)
+                if len(others) > 1:
+                    found.append((root, size, others))
+        return found
 
     # --- new shapes -----------------------------------------------------------------------------
 
@@ -233,9 +278,11 @@ class SortTable:
         of.index.be_robot()
         return of
 
-    def integer(self, *, number: str = "", constant: int | None = None) -> Scalar:
+    def integer(
+        self, *, number: str = "", constant: int | None = None, tells_apart: bool = True
+    ) -> Scalar:
         """The shape of an integer: a number, for the reason given, or a constant of the text."""
-        sort = Sort(number=number)
+        sort = Sort(number=number, apart=number if tells_apart else "")
         if constant is not None:
             sort.constants.add(constant)
         self._sorts.append(sort)
@@ -289,6 +336,23 @@ def be_number(of: Shape, reason: str) -> None:
         of.sort.be_number(reason)
 
 
+def be_apart(of: Shape, reason: str) -> None:
+    """Note that elements are told apart whose indices are anywhere in a value of that shape."""
+    match of:
+        case Scalar(sort=sort):
+            if sort is not None:
+                sort.tell_apart(reason)
+        case Fields(parts=parts):
+            for part in parts:
+                be_apart(part, reason)
+        case Items(index=index, element=element):
+            index.tell_apart(reason)
+            be_apart(element, reason)
+        case Entries(key=key, value=value):
+            be_apart(key, reason)
+            be_apart(value, reason)
+
+
 def number_robots(of: Shape) -> None:
     """Mark all integers in a value of that shape as numbers, not robots."""
     match of:
@@ -314,7 +378,8 @@ def _number_lists(of: Shape) -> None:
                 _number_lists(part)
         case Items(index=index, element=element, is_over_robots=over):
             if not over:
-                index.be_number("an index into a list of any length")
+                # What has a fixed size may still have elements that nobody tells apart.
+                index.be_number("an index into a list of any length", tells_apart=False)
             _number_lists(element)
         case Entries(key=key, value=value):
             _number_lists(key)

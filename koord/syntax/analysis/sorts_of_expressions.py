@@ -10,7 +10,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from koord.syntax import core
-from koord.syntax.analysis.definedness import Sure, indices
+from koord.syntax.analysis.definedness import Sure, indices, size_of
 from koord.syntax.analysis.sorts import (
     BodyShapes,
     Entries,
@@ -21,6 +21,7 @@ from koord.syntax.analysis.sorts import (
     Shape,
     Sort,
     SortTable,
+    Span,
     be_number,
     number_robots,
     unify,
@@ -79,14 +80,27 @@ class Expressions(Struct):
             case core.ExternalCall():
                 return self._external_call(e, inner)
             case core.Choose():
-                for limit in (e.low, e.high):
-                    be_number(self.shape(limit, inner), "the limit of a choice")
-                return self.book.integer(number="chosen") if e.type == INT else Scalar(None)
+                return self._chosen(e, inner)
             case core.Quantified():
                 return self._quantified(e, body)
             case core.Ran(robot=robot) | core.Stopped(robot=robot):
                 unify(self.shape(robot, inner), self.book.robot())
                 return Scalar(None)
+
+    def _chosen(self, e: core.Choose, body: BodyShapes) -> Shape:
+        for limit in (e.low, e.high):
+            be_number(self.shape(limit, body), "the limit of a choice")
+        if e.type != INT:
+            return Scalar(None)
+        match e.low, e.high:
+            case core.Const(value=int(low)), core.Const(value=int(high)):
+                # All elements may be chosen, or none.
+                chosen = self.book.integer(number="chosen", tells_apart=False)
+                assert chosen.sort is not None
+                chosen.sort.cut(low, high + 1)
+                return chosen
+            case _:
+                return self.book.integer(number="chosen")
 
     # --- operators ------------------------------------------------------------------------------
 
@@ -110,10 +124,26 @@ class Expressions(Struct):
         if e.op in (BinaryOp.EQ, BinaryOp.NE):
             unify(left, right)
             return Scalar(None)
+        if e.op in (BinaryOp.LT, BinaryOp.LE) and self._is_cut(e, left, right):
+            return Scalar(None)
         why = "ordered" if e.op in (BinaryOp.LT, BinaryOp.LE) else "calculated with"
         be_number(left, why)
         be_number(right, why)
         return self.book.integer(number="calculated") if e.type == INT else Scalar(None)
+
+    def _is_cut(self, e: core.Binary, left: Shape, right: Shape) -> bool:
+        """Return whether an integer is compared with a constant, and note where that cuts."""
+        match e.left, e.right:
+            case _, core.Const(value=int(value)):
+                one, number = left, value if e.op is BinaryOp.LT else value + 1
+            case core.Const(value=int(value)), _:
+                one, number = right, value + 1 if e.op is BinaryOp.LT else value
+            case _:
+                return False
+        if isinstance(one, Scalar) and one.sort is not None:
+            one.sort.be_number("ordered", tells_apart=False)
+            one.sort.cut(number)
+        return True
 
     def _builtin(self, e: core.Builtin, body: BodyShapes) -> Shape:
         shapes = [self.shape(argument, body) for argument in e.arguments]
@@ -166,7 +196,7 @@ class Expressions(Struct):
         }
         result = self.book.fresh(function.result)
         filled = frozenset(parameter.slot for parameter in function.parameters)
-        sure = replace(body.sure, filled=filled, robots={}, within={})
+        sure = replace(body.sure, filled=filled, robots={}, within={}, bounds={})
         self.run_block(function.body, BodyShapes(sure, bound, result))
         return result
 
@@ -193,6 +223,11 @@ class Expressions(Struct):
                 sure = self.range(low, high, variable.sort, slot, outer)
                 sort = variable.sort if sure is not None else None
                 over = self.over(low, high, outer) if sure is not None else None
+                size = size_of(low, high)
+                if sure is None and size is not None:
+                    sure = body.sure.with_bound(slot, size)
+                    free = strict or sure.of(e.body)
+                    self.book.spans.append(Span(variable.sort, size, free))
             case core.Elements(sequence=sequence):
                 of = self.shape(sequence, outer)
                 assert isinstance(of, Items)
@@ -212,11 +247,13 @@ class Expressions(Struct):
         """The context in a range that may be over all robots; None if it is not."""
         starts_at_0 = isinstance(low, core.Const) and low.value == 0
         if starts_at_0 and isinstance(high, core.NumAgents):
+            variable.root().sizes.add(0)
             return body.sure.with_robot(slot, None)
         of = indices(low, high)
         if of is not None:
             return body.sure.with_index(slot, of)
-        variable.be_number("counted from one number to another")
+        told = size_of(low, high) is None
+        variable.be_number("counted from one number to another", tells_apart=told)
         for limit in (low, high):
             be_number(self.shape(limit, body), "the limit of a range")
         return None

@@ -196,12 +196,12 @@ class CompiledSearch:
     def _run(self, path: list[int]) -> Iterator[State]:
         """States of a run whose representatives are those of a path.
 
-        ``names`` are the numbers that the robots of a representative have in the run.
+        ``names`` are the places that the names of a representative have in the run.
         """
         from koord.verify.engines.explicit.second_look import DisagreementError
 
         now = self._exploration.numbers(path[0])
-        names = tuple(range(self._system.robots))
+        names = tuple(range(self._layout.names))
         yield self._state(now)
         for number in path[1:]:
             target = self._exploration.numbers(number)

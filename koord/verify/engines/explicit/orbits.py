@@ -1,77 +1,111 @@
-"""Symmetry reduction: one representative of all states that differ by names. [SYMMETRY]
+"""Symmetry reduction: one representative of all states that differ by names. [SYMMETRY] [ELEMENTS]
 
 A renaming of robots moves each robot's own state to its new number, and renames robots in all
 values (see ``symmetry``). To find the representative, robots are put in order of how they *look*:
 their own state and where others name them, told without any number. Where looks leave several
 orders, all are tried if they are few; otherwise one is taken as it comes, and some states
-that differ by names alone stay apart, which costs time and nothing else.
+that differ by names alone stay apart, which costs time and nothing else. Elements of arrays are put
+in order behind each order of robots, by how they look when robots are known by their numbers.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterator, Sequence
+from collections.abc import Hashable, Iterator, Sequence
 from itertools import groupby, islice, permutations, product
 from typing import Any
+
+from msgspec import Struct
 
 from koord.semantics.storage import Cell, Storage, Tree
 from koord.semantics.values import Rec, Seq, Table, Value
 from koord.syntax.analysis.sorts import Entries, Fields, Items, Scalar, Shape
-from koord.syntax.analysis.symmetry import Symmetry
+from koord.syntax.analysis.symmetry import Names, Symmetry
 from koord.verify.engines.explicit.cells import CACHE_LIMIT, Cells, Interner
 from koord.verify.engines.explicit.states import RobotState, State, StateStore
 
-#: The new number of each robot.
+#: The new place of each name: of robots, then of elements.
 Renaming = tuple[int, ...]
 
 Held = Any  #: a storage or a value
 
 
-class Naming:
-    """The occurrences of robots in the contents of one variable.
+class _View(Struct, frozen=True):
+    """How a content is told: with one name as itself, and others of its sort as others.
 
-    Mostly they stand at fixed positions of a form. An array over robots is moved about as well, and
+    Where that is a robot elements are told as nothing but that; else robots by their numbers.
+    """
+
+    symmetry: Symmetry
+    me: int
+
+    def mine(self, names: Names) -> int | None:
+        """The number of the name itself among some; None if it is not one of them."""
+        number = self.me - names.first
+        return number if 0 <= number < names.count else None
+
+    def is_exact(self, names: Names) -> bool:
+        return names.sort is None and self.mine(names) is None
+
+    def told(self, names: Names, value: int) -> Hashable:
+        """A value that may be one of some names."""
+        if not 0 <= value < names.count or self.is_exact(names):
+            return value
+        return "me" if value == self.mine(names) else "other"
+
+
+class Naming:
+    """The occurrences of names in the contents of one variable.
+
+    Mostly they stand at fixed positions of a form. An array over names is moved about as well, and
     then contents are renamed as a whole.
     """
 
-    def __init__(self, cells: Cells, shape: Shape, robots: int) -> None:
+    def __init__(self, cells: Cells, shape: Shape, symmetry: Symmetry) -> None:
         self._cells = cells
         self._shape = shape
-        self._robots = robots
-        self._moves = _is_over_robots(shape)
-        self._positions: dict[int, tuple[int, ...]] = {}
+        self._symmetry = symmetry
+        self._robots = symmetry.names[0].count
+        self._moves = _is_moved(shape, symmetry)
+        self._positions: dict[int, tuple[tuple[int, Names], ...]] = {}
         self._renamed: dict[tuple[int, Renaming], int] = {}
         self._looks: dict[tuple[int, int], Hashable] = {}
         self._places: dict[int, tuple[tuple[int, ...], ...]] = {}
 
     def renamed(self, number: int, renaming: Renaming) -> int:
-        """The number of a content with robots renamed."""
+        """The number of a content with all names renamed."""
         known = self._renamed.get((number, renaming))
         if known is None:
+            if len(self._renamed) > CACHE_LIMIT:
+                self._renamed.clear()
             known = self._renamed[number, renaming] = self._found(number, renaming)
         return known
 
     def _found(self, number: int, renaming: Renaming) -> int:
         cells = self._cells
         if self._moves:
-            return cells.number(_renamed(cells.storage(number), self._shape, renaming))
+            held = _renamed(cells.storage(number), self._shape, self._symmetry, renaming)
+            return cells.number(held)
         codes = list(cells.codes[number])
-        for position in self._named(cells.forms[number]):
-            if 0 <= codes[position] < self._robots:
-                codes[position] = renaming[codes[position]]
+        for position, names in self._named(cells.forms[number]):
+            if 0 <= codes[position] < names.count:
+                codes[position] = renaming[names.first + codes[position]] - names.first
         return cells.numbered(cells.forms[number], tuple(codes))
 
     def names_any(self, number: int) -> bool:
-        """Return whether a content names a robot, or has an element for each."""
-        return self._moves or any(self._named_at(number))
+        """Return whether a content names anything, or has an element for each name."""
+        codes = self._cells.codes[number]
+        named = self._named(self._cells.forms[number])
+        return self._moves or any(0 <= codes[place] < names.count for place, names in named)
 
-    def look(self, number: int, robot: int) -> Hashable:
-        """The look of a content from a robot: the positions where it is named, without numbers."""
-        if not self._moves:
-            return self._named_at(number)[robot]
-        known = self._looks.get((number, robot))
+    def look(self, number: int, name: int) -> Hashable:
+        """The look of a content from a name: where it is named, without numbers of its sort."""
+        if not self._moves and name < self._robots and not self._symmetry.elements:
+            return self._named_at(number)[name]
+        known = self._looks.get((number, name))
         if known is None:
-            known = _told(self._cells.storage(number), self._shape, robot, self._robots)
-            self._looks[number, robot] = known
+            view = _View(self._symmetry, name)
+            known = _described(self._cells.storage(number), self._shape, self._symmetry, view)
+            self._looks[number, name] = known
         return known
 
     def told(self, number: int, robot: int) -> Hashable:
@@ -80,11 +114,11 @@ class Naming:
         if self._moves:
             return self.look(number, robot)
         codes: list[object] = list(cells.codes[number])
-        for position in self._named(cells.forms[number]):
+        view = _View(self._symmetry, robot)
+        for position, names in self._named(cells.forms[number]):
             code = codes[position]
             assert isinstance(code, int)
-            if 0 <= code < self._robots:
-                codes[position] = "me" if code == robot else "other"
+            codes[position] = view.told(names, code)
         return cells.forms[number], tuple(codes)
 
     def _named_at(self, number: int) -> tuple[tuple[int, ...], ...]:
@@ -93,24 +127,19 @@ class Naming:
         if known is None:
             found: list[list[int]] = [[] for _ in range(self._robots)]
             codes = self._cells.codes[number]
-            for position in self._named(self._cells.forms[number]):
-                if 0 <= codes[position] < self._robots:
+            for position, names in self._named(self._cells.forms[number]):
+                if names.sort is None and 0 <= codes[position] < self._robots:
                     found[codes[position]].append(position)
             known = self._places[number] = tuple(map(tuple, found))
         return known
 
-    def _named(self, form: int) -> tuple[int, ...]:
-        """The positions of robots in contents of a form."""
+    def _named(self, form: int) -> tuple[tuple[int, Names], ...]:
+        """The positions of names in contents of a form."""
         known = self._positions.get(form)
         if known is None:
             positions = range(len(self._cells.types(form)))
-            found: list[int] = []
-
-            def name(position: int) -> Hashable:
-                found.append(position)
-                return position
-
-            _described(self._cells.built(form, positions), self._shape, name, 0)
+            found: list[tuple[int, Names]] = []
+            _find(self._cells.built(form, positions), self._shape, self._symmetry, found)
             known = self._positions[form] = tuple(found)
         return known
 
@@ -118,96 +147,120 @@ class Naming:
 # --- values ---------------------------------------------------------------------------------------
 
 
-def _renamed(held: Storage[Any], of: Shape, renaming: Renaming) -> Storage[Any]:
-    """Rename robots in the storage of a variable."""
+def _renamed(held: Storage[Any], of: Shape, symmetry: Symmetry, renaming: Renaming) -> Storage[Any]:
+    """Rename names in the storage of a variable."""
     if isinstance(held, Cell):
-        return Cell(True, _renamed_value(held.value, of, renaming)) if held.is_set else held
+        if not held.is_set:
+            return held
+        return Cell(True, _renamed_value(held.value, of, symmetry, renaming))
     if isinstance(of, Fields):
         pairs = zip(held.parts, of.parts, strict=True)
-        return Tree(tuple(_renamed(part, shape, renaming) for part, shape in pairs))
+        return Tree(tuple(_renamed(part, shape, symmetry, renaming) for part, shape in pairs))
     assert isinstance(of, Items)
-    parts = [_renamed(part, of.element, renaming) for part in held.parts]
-    return Tree(tuple(_moved(parts, of, renaming)))
+    parts = [_renamed(part, of.element, symmetry, renaming) for part in held.parts]
+    return Tree(tuple(_moved(parts, symmetry.of(of.index), renaming)))
 
 
-def _renamed_value(value: Value[Any], of: Shape, renaming: Renaming) -> Value[Any]:
+def _renamed_value(
+    value: Value[Any], of: Shape, symmetry: Symmetry, renaming: Renaming
+) -> Value[Any]:
     match value, of:
         case Rec(fields=fields), Fields(parts=shapes):
             pairs = zip(fields, shapes, strict=True)
-            return Rec(tuple(_renamed_value(part, shape, renaming) for part, shape in pairs))
+            return Rec(tuple(_renamed_value(p, shape, symmetry, renaming) for p, shape in pairs))
         case Seq(length=length, items=items), Items(element=element):
-            renamed = [_renamed_value(item, element, renaming) for item in items]
-            return Seq(length, tuple(_moved(renamed, of, renaming)))
+            renamed = [_renamed_value(item, element, symmetry, renaming) for item in items]
+            return Seq(length, tuple(_moved(renamed, symmetry.of(of.index), renaming)))
         case Table(length=length, entries=entries), Entries(key=key, value=held):
             return Table(
                 length,
                 tuple(
-                    (_renamed_value(k, key, renaming), _renamed_value(v, held, renaming))
+                    (
+                        _renamed_value(k, key, symmetry, renaming),
+                        _renamed_value(v, held, symmetry, renaming),
+                    )
                     for k, v in entries
                 ),
             )
-        case int(), Scalar() if _is_robot(of) and 0 <= value < len(renaming):
-            return renaming[value]
+        case int(), Scalar(sort=sort):
+            names = symmetry.of(sort)
+            if names is None or not 0 <= value < names.count:
+                return value
+            return renaming[names.first + value] - names.first
         case _:
             return value
 
 
-def _moved(items: list[Any], of: Items, renaming: Renaming) -> Sequence[Any]:
-    """The elements of an array over robots, each moved to its robot's new position."""
-    if not of.index.root().is_robot:
+def _moved(items: list[Any], names: Names | None, renaming: Renaming) -> Sequence[Any]:
+    """The elements of an array over names, each moved to the new position of its name."""
+    if names is None:
         return items
     moved = items.copy()
-    for robot, place in enumerate(renaming):
-        moved[place] = items[robot]
+    for number in range(names.count):
+        moved[renaming[names.first + number] - names.first] = items[number]
     return moved
 
 
-def _told(held: Held, of: Shape, me: int, robots: int) -> Hashable:
-    """Describe storage or a value with one robot as *me* and all others as *other*."""
-
-    def name(robot: int) -> Hashable:
-        if 0 <= robot < robots:
-            return "me" if robot == me else "other"
-        return robot
-
-    return _described(held, of, name, me)
-
-
-def _described(held: Held, of: Shape, name: Callable[[int], Hashable], me: int) -> Hashable:
+def _described(held: Held, of: Shape, symmetry: Symmetry, view: _View) -> Hashable:
+    """Describe storage or a value as a name sees it."""
     match held, of:
         case Cell(is_set=is_set, value=value), _:
-            return _described(value, of, name, me) if is_set else "unset"
+            return _described(value, of, symmetry, view) if is_set else "unset"
         case ((Tree(parts=parts) | Rec(fields=parts)), Fields(parts=shapes)):
             pairs = zip(parts, shapes, strict=True)
-            return tuple(_described(part, shape, name, me) for part, shape in pairs)
+            return tuple(_described(part, shape, symmetry, view) for part, shape in pairs)
         case ((Tree(parts=parts) | Seq(items=parts)), Items(element=element)):
-            told = [_described(part, element, name, me) for part in parts]
-            if of.index.root().is_robot:
-                # Mine first; the others' in an order that does not depend on their numbers.
-                return (told.pop(me), *sorted(told, key=repr))
-            return tuple(told)
+            told = [_described(part, element, symmetry, view) for part in parts]
+            names = symmetry.of(of.index)
+            if names is None or view.is_exact(names):
+                return tuple(told)
+            # Mine first; the others' in an order that does not depend on their numbers.
+            mine = view.mine(names)
+            first = () if mine is None else (told.pop(mine),)
+            return (*first, *sorted(told, key=repr))
         case Table(entries=entries), Entries(key=key, value=value):
             return tuple(
-                (_described(k, key, name, me), _described(v, value, name, me)) for k, v in entries
+                (_described(k, key, symmetry, view), _described(v, value, symmetry, view))
+                for k, v in entries
             )
-        case int(), Scalar() if _is_robot(of):
-            return name(held)
+        case int(), Scalar(sort=sort):
+            known = symmetry.of(sort)
+            return held if known is None else view.told(known, held)
         case _:
             return held  # type: ignore[no-any-return]
 
 
-def _is_robot(of: Scalar) -> bool:
-    return of.sort is not None and of.sort.root().is_robot
+def _find(held: Held, of: Shape, symmetry: Symmetry, found: list[tuple[int, Names]]) -> None:
+    """Note all places in storage or a value, whose scalars are positions, that may hold names."""
+    match held, of:
+        case Cell(is_set=is_set, value=value), _:
+            if is_set:
+                _find(value, of, symmetry, found)
+        case ((Tree(parts=parts) | Rec(fields=parts)), Fields(parts=shapes)):
+            for part, shape in zip(parts, shapes, strict=True):
+                _find(part, shape, symmetry, found)
+        case ((Tree(parts=parts) | Seq(items=parts)), Items(element=element)):
+            for part in parts:
+                _find(part, element, symmetry, found)
+        case Table(entries=entries), Entries(key=key, value=value):
+            for k, v in entries:
+                _find(k, key, symmetry, found)
+                _find(v, value, symmetry, found)
+        case int(), Scalar(sort=sort):
+            names = symmetry.of(sort)
+            if names is not None:
+                found.append((held, names))
 
 
-def _is_over_robots(of: Shape) -> bool:
+def _is_moved(of: Shape, symmetry: Symmetry) -> bool:
+    """Return whether there is an array over names in a value of that shape."""
     match of:
         case Items(index=index, element=element):
-            return index.root().is_robot or _is_over_robots(element)
+            return symmetry.of(index) is not None or _is_moved(element, symmetry)
         case Fields(parts=parts):
-            return any(_is_over_robots(part) for part in parts)
+            return any(_is_moved(part, symmetry) for part in parts)
         case Entries(key=key, value=value):
-            return _is_over_robots(key) or _is_over_robots(value)
+            return _is_moved(key, symmetry) or _is_moved(value, symmetry)
         case _:
             return False
 
@@ -222,7 +275,9 @@ class Orbits:
     def __init__(self, vault: StateStore, symmetry: Symmetry) -> None:
         self._vault = vault
         self._robots = vault.system.robots
+        self._symmetry = symmetry
         self._groups = symmetry.groups
+        self._same = tuple(range(symmetry.count))
         self._is_plain = symmetry.is_plain
         self._is_one_group = symmetry.groups == (tuple(range(self._robots)),)
         self._locals = [
@@ -244,7 +299,7 @@ class Orbits:
         self, cells: Sequence[Cells], shapes: Sequence[Shape | None]
     ) -> list[Naming | None]:
         pairs = zip(cells, shapes, strict=True)
-        return [Naming(c, of, self._robots) if of is not None else None for c, of in pairs]
+        return [Naming(c, of, self._symmetry) if of is not None else None for c, of in pairs]
 
     def representative(self, robots: tuple[int, ...], shared: tuple[int, ...]) -> State:
         """The representative of a state and of all that differ from it by names alone."""
@@ -270,7 +325,34 @@ class Orbits:
 
     def _found(self, state: State) -> State:
         orders = islice(self._orders(state), ORDERS_TRIED)
-        return min(self.renamed(state, renaming) for renaming in orders)
+        return min(self._in_place(self.renamed(state, renaming)) for renaming in orders)
+
+    # --- elements -------------------------------------------------------------------------------
+
+    def _in_place(self, state: State) -> State:
+        """The state with its elements in order of their looks, its robots as they are."""
+        if not self._symmetry.elements:
+            return state
+        renaming = list(self._same)
+        for names in self._symmetry.elements:
+            for group in names.groups:
+                looks = {name: self._element_look(state, name) for name in group}
+                ordered = sorted(group, key=looks.__getitem__)
+                for place, name in zip(group, ordered, strict=True):
+                    renaming[name] = place
+        return self.renamed(state, tuple(renaming))
+
+    def _element_look(self, state: State, name: int) -> tuple[int, ...]:
+        """The look of an element: where it is named, and what stands at it, in all variables."""
+        number, count = self._looks.number, self._robots
+        told = [
+            number(naming.look(held, name))
+            for robot in state[:count]
+            for held, naming in self._parts(self._vault.robots.values[robot])
+            if naming is not None
+        ]
+        told += [number(naming.look(state[count + slot], name)) for slot, naming in self._shared]
+        return tuple(told)
 
     def _orders(self, state: State) -> Iterator[Renaming]:
         """Yield renamings that put robots in order of their looks."""
@@ -288,7 +370,7 @@ class Orbits:
                 choices.append(list(permutations(same)) if tried else [same])
         places = [i for group in self._groups for i in group]
         for parts in product(*choices):
-            renaming = list(range(self._robots))
+            renaming = list(self._same)
             for place, robot in zip(places, (i for part in parts for i in part), strict=True):
                 renaming[robot] = place
             yield tuple(renaming)
@@ -335,7 +417,7 @@ class Orbits:
     def renamed(self, state: State, renaming: Renaming) -> State:
         count = self._robots
         renamed = list(state)
-        for robot, place in enumerate(renaming):
+        for robot, place in enumerate(renaming[:count]):
             renamed[place] = self._renamed_robot(state[robot], renaming)
         for slot, naming in self._shared:
             renamed[count + slot] = naming.renamed(state[count + slot], renaming)

@@ -18,7 +18,7 @@ from msgspec import Struct
 
 from koord.semantics.recordings import Recording, Round
 from koord.syntax import core
-from koord.syntax.analysis.symmetry import Symmetry, symmetry_of
+from koord.syntax.analysis.symmetry import Symmetry, reachable_symmetry
 from koord.syntax.core import PropertyKind
 from koord.syntax.system import System
 from koord.verify.engines.explicit.commits import Commits
@@ -174,7 +174,7 @@ class Search:
         self._commits = Commits(vault, every_order=not order_reduction)
         menus = Menus(system, vault, self._commits, relaxed=relaxed)
         self._joints = JointTransitions(system, vault, menus, self._commits, relaxed=relaxed)
-        found = symmetry_of(system, properties) if symmetry else None
+        found = reachable_symmetry(system, properties) if symmetry else None
         orbits = Orbits(vault, found) if isinstance(found, Symmetry) else None
         self._representative = orbits.representative if orbits is not None else as_it_is
         self._orbits = (found, orbits) if isinstance(found, Symmetry) and orbits else None

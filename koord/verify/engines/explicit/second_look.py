@@ -74,7 +74,9 @@ class SecondLook:
         That is so for each number of robots: the renaming is told, and need not be looked for.
         """
         kept, names = self._exploration.canonical(numbers)
-        if sorted(names) != list(range(len(names))) or kept != self._layout.renamed(numbers, names):
+        symmetry = self._layout.symmetry
+        is_renaming = symmetry is None or symmetry.is_renaming(names)
+        if not is_renaming or kept != self._layout.renamed(numbers, names):
             raise DisagreementError("machine code takes a state for another one")
         return kept, names
 
