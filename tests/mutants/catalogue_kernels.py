@@ -93,7 +93,7 @@ KERNELS = (
     Mutant(
         "machine code renames robots and not their names",
         "kernels.canonical._Renaming._rename",
-        "b.select(is_robot, code.get(self.names, place, I64), value)",
+        "b.select(is_name, b.sub(code.get(self.names, place, I64), first), value)",
         "value",
         (AGREEMENT,),
     ),
@@ -317,7 +317,7 @@ KERNELS = (
     Mutant(
         "two robots may have one new number",
         "verify.engines.explicit.second_look.SecondLook.standing_for",
-        "sorted(names) != list(range(len(names)))",
+        "not is_renaming",
         "False",
         (LIMITS,),
     ),
