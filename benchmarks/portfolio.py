@@ -8,17 +8,22 @@ engine and 0.3 s, on the clock and of processors: it should not be above zero.
 
 The second table is about the look for what makes verdicts say less than they seem to: its part of
 the CPU time that verdicts took, in one process. `KOORD_ROWS` names the rows that are wanted (a
-regular expression): `KOORD_ROWS=claiming benchmarks/portfolio.py`.
+regular expression): `KOORD_ROWS=claiming benchmarks/portfolio.py`. All of them take half an hour:
+with `KOORD_KEPT=FILE` each row is written there once it is measured, and those that stand there are
+not measured again, so that it can be stopped and gone on with; `KOORD_TABLES=engines` or `vacuity`
+leaves out the other table.
 """
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import resource
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryFile
 from typing import Any
@@ -73,6 +78,36 @@ def rows() -> list[Asked]:
             found.append(Asked(str(path.relative_to(EXAMPLES)), (str(path),)))
     wanted = re.compile(os.environ.get("KOORD_ROWS", ""))
     return [row for row in found if wanted.search(row.name)]
+
+
+class Kept:
+    """The rows that were measured before, and are now, in a file of lines; without one, none."""
+
+    def __init__(self) -> None:
+        name = os.environ.get("KOORD_KEPT")
+        self.path = Path(name) if name else None
+        self.rows: dict[tuple[str, str], dict[str, Cell]] = {}
+        if self.path is not None and self.path.exists():
+            for line in self.path.read_text().splitlines():
+                of, cells = json.loads(line)
+                self.rows[of, cells["row"]] = cells
+
+    def row(self, of: str, name: str, measured: Callable[[], dict[str, Cell]]) -> dict[str, Cell]:
+        """A row of a table: as it was measured before, or now."""
+        found = self.rows.get((of, name))
+        if found is None:
+            note(f"{of}, {name}")
+            found = self.rows[of, name] = measured()
+            note(str(found))
+            if self.path is not None:
+                with self.path.open("a") as lines:
+                    lines.write(json.dumps([of, found]) + "\n")
+        return found
+
+
+def wants(table: str) -> bool:
+    """Whether a table is wanted."""
+    return os.environ.get("KOORD_TABLES", table) == table
 
 
 def verdicts(measured: Measured) -> dict[str, tuple[str, float]]:
@@ -131,37 +166,43 @@ def portfolio(report: Report) -> None:
         Column("cpu_excess_s", "CPU excess"),
         Column("met", "met"),
     )
-    asked = rows()
-    for row in asked:
-        note(row.name)
-        own = verified(row, "auto", patience_s)
-        wanted = verdicts(own)
-        cells: dict[str, Cell] = {
-            "row": row.name,
-            "answer": answer(own, wanted),
-            "wall_s": round(own.wall_s, 3),
-            "cpu_s": round(own.cpu_s, 3),
-        }
-        alone: dict[str, float] = {}
-        for engine in ENGINES:
-            given_s = patience_s if not wanted or "unknown" in answer(own, wanted) else own.wall_s
-            measured = verified(row, engine, min(patience_s, given_s + 0.2))
-            said = verdicts(measured)
-            wrong = contradicts(wanted, said)
-            report.expect(not wrong, f"{row.name}: auto and {engine} differ on {wrong}")
-            cells[f"{engine}_cpu_s"] = round(measured.cpu_s, 3)
-            if settles(said, wanted):
-                alone[engine] = cells[engine] = round(measured.wall_s, 3)
-        if alone:
-            best = min(alone, key=lambda engine: alone[engine])
-            excess_s = own.wall_s - TIMES * alone[best] - SECONDS
-            cells |= {"best": best, "ratio": round(own.wall_s / alone[best], 2)}
-            least = min(float(cells[f"{engine}_cpu_s"] or 0.0) for engine in alone)
-            cells |= {"excess_s": round(excess_s, 2), "met": excess_s <= 0}
-            cells["cpu_excess_s"] = round(own.cpu_s - TIMES * least - SECONDS, 2)
-        table.rows.append(cells)
-        note(str(cells))
-    shares(report, asked, patience_s)
+    asked, kept = rows(), Kept()
+    if wants("engines"):
+        for row in asked:
+            one = partial(beside_engines, report, row, patience_s)
+            table.rows.append(kept.row("engines", row.name, one))
+    if wants("vacuity"):
+        shares(report, asked, patience_s, kept)
+
+
+def beside_engines(report: Report, row: Asked, patience_s: float) -> dict[str, Cell]:
+    """A row of the first table."""
+    own = verified(row, "auto", patience_s)
+    wanted = verdicts(own)
+    cells: dict[str, Cell] = {
+        "row": row.name,
+        "answer": answer(own, wanted),
+        "wall_s": round(own.wall_s, 3),
+        "cpu_s": round(own.cpu_s, 3),
+    }
+    alone: dict[str, float] = {}
+    for engine in ENGINES:
+        given_s = patience_s if not wanted or "unknown" in answer(own, wanted) else own.wall_s
+        measured = verified(row, engine, min(patience_s, given_s + 0.2))
+        said = verdicts(measured)
+        wrong = contradicts(wanted, said)
+        report.expect(not wrong, f"{row.name}: auto and {engine} differ on {wrong}")
+        cells[f"{engine}_cpu_s"] = round(measured.cpu_s, 3)
+        if settles(said, wanted):
+            alone[engine] = cells[engine] = round(measured.wall_s, 3)
+    if alone:
+        best = min(alone, key=lambda engine: alone[engine])
+        excess_s = own.wall_s - TIMES * alone[best] - SECONDS
+        cells |= {"best": best, "ratio": round(own.wall_s / alone[best], 2)}
+        least = min(float(cells[f"{engine}_cpu_s"] or 0.0) for engine in alone)
+        cells |= {"excess_s": round(excess_s, 2), "met": excess_s <= 0}
+        cells["cpu_excess_s"] = round(own.cpu_s - TIMES * least - SECONDS, 2)
+    return cells
 
 
 def answer(measured: Measured, said: dict[str, tuple[str, float]]) -> str:
@@ -179,7 +220,7 @@ def answer(measured: Measured, said: dict[str, tuple[str, float]]) -> str:
 # --- vacuity --------------------------------------------------------------------------------------
 
 
-def shares(report: Report, asked: list[Asked], patience_s: float) -> None:
+def shares(report: Report, asked: list[Asked], patience_s: float, kept: Kept) -> None:
     """The part of the look for vacuity, row by row."""
     table = report.table(
         "the look for vacuity: CPU seconds in one process",
@@ -190,25 +231,26 @@ def shares(report: Report, asked: list[Asked], patience_s: float) -> None:
         Column("met", "met"),
     )
     for row in asked:
-        note(f"vacuity, {row.name}")
-        command = [sys.executable, str(Path(__file__)), "--worker", *row.words]
-        done = measure([*command, "--timeout", f"{patience_s}"], timeout_s=2 * patience_s)
-        told = done.output.rsplit("vacuity: ", 1)
-        if len(told) < 2:
-            table.rows.append({"row": row.name})
-            continue
-        vacuity_s, all_s = map(float, told[1].split())
-        proofs_s = all_s - vacuity_s
-        share = vacuity_s / proofs_s if proofs_s > 0 else 0.0
-        table.rows.append(
-            {
-                "row": row.name,
-                "proofs_s": round(proofs_s, 3),
-                "vacuity_s": round(vacuity_s, 3),
-                "share": round(share, 2),
-                "met": share <= SHARE,
-            }
-        )
+        table.rows.append(kept.row("vacuity", row.name, partial(share, row, patience_s)))
+
+
+def share(row: Asked, patience_s: float) -> dict[str, Cell]:
+    """A row of the second table."""
+    command = [sys.executable, str(Path(__file__)), "--worker", *row.words]
+    done = measure([*command, "--timeout", f"{patience_s}"], timeout_s=2 * patience_s)
+    told = done.output.rsplit("vacuity: ", 1)
+    if len(told) < 2:
+        return {"row": row.name}
+    vacuity_s, all_s = map(float, told[1].split())
+    proofs_s = all_s - vacuity_s
+    part = vacuity_s / proofs_s if proofs_s > 0 else 0.0
+    return {
+        "row": row.name,
+        "proofs_s": round(proofs_s, 3),
+        "vacuity_s": round(vacuity_s, 3),
+        "share": round(part, 2),
+        "met": part <= SHARE,
+    }
 
 
 def work(words: list[str]) -> None:
