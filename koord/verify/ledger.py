@@ -34,7 +34,14 @@ from koord.verify.obstacles import (
     failure_of,
     gave_up,
 )
-from koord.verify.verdicts import Bounds, BrokenStep, Counterexample, Outcome, Verdict
+from koord.verify.verdicts import (
+    Bounds,
+    BrokenStep,
+    Counterexample,
+    Outcome,
+    Vacuity,
+    Verdict,
+)
 
 #: How much work goes into proofs for all rounds where every round that was asked about is known.
 ANSWERED_ALL_S = 20.0
@@ -86,6 +93,7 @@ class Extract(Struct, frozen=True):
     interrupted: bool
     failures: Mapping[Failure, frozenset[Claim]] = field(default_factory=dict)
     spans: Mapping[Claim, Sequence[Interval]] = field(default_factory=dict)
+    vacuities: tuple[Vacuity, ...] = ()
 
     def moved(self, seconds: float) -> Extract:
         """The same with moments that are so much later: those of another machine's clock."""
@@ -114,6 +122,7 @@ class Ledger(Struct):
     failed: Callable[[Failure], None] = lambda failure: None
     #: what engines ran into, with the claims that were open then
     failures: dict[Failure, frozenset[Claim]] = field(default_factory=dict)
+    vacuities: list[Vacuity] = field(default_factory=list)  #: what engines found out besides
     in_the_way: tuple[Obstacle, ...] = ()  #: what stands in the way of all engines
     #: what was spent on claims before, in seconds
     before: Mapping[Claim, float] = field(default_factory=dict)
@@ -304,6 +313,7 @@ class Ledger(Struct):
             noted=lambda verdict: None,
             failed=lambda failure: None,
             failures={},
+            vacuities=[],
             _reaches=reaches,
             _spans=spans,
         )
@@ -336,12 +346,14 @@ class Ledger(Struct):
         self._put_down_time()
         spans = {claim: tuple(self._spans.get(claim, ())) for claim in asked}
         failures = dict(self.failures)
-        return Extract(verdicts, reaches, self.stopped, self.interrupted, failures, spans)
+        empty = tuple(self.vacuities)
+        return Extract(verdicts, reaches, self.stopped, self.interrupted, failures, spans, empty)
 
     def take(self, extract: Extract) -> None:
         """Merge results found elsewhere about claims that are open here."""
         self.stopped = self.stopped or extract.stopped
         self.interrupted = self.interrupted or extract.interrupted
+        self.vacuities += extract.vacuities
         for failure, claims in extract.failures.items():
             self.failures[failure] = self.failures.get(failure, frozenset()) | claims
             self.failed(failure)

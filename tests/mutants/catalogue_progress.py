@@ -6,10 +6,14 @@ from tests.mutants.mutant import Mutant
 
 PREMISES = "tests/verify/engines/every_n/test_progress.py"
 
+RACES = "tests/verify/strategy/test_liveness_race.py"
+
 LEMMAS = "tests/verify/engines/every_n/test_progress_lemmas.py"
 
 _QUESTIONS = "verify.engines.every_n.progress_questions"
 _STATEMENTS = "verify.engines.every_n.progress_statements"
+
+_RACE = "RaceTurn({}, self.pool, self.steps, part.stage, lambda ledger: bool(ledger.open()))"
 
 PROGRESS = (
     # (settles)
@@ -180,7 +184,7 @@ PROGRESS = (
     ),
     Mutant(
         "progress of every number rests on what holds of this number",
-        "verify.strategy.liveness._Asking._on_opaque",
+        "verify.strategy.liveness._Asking.on_opaque",
         "self.everyone if of_everyone else self.proved",
         "self.proved",
         (PREMISES,),
@@ -198,5 +202,34 @@ PROGRESS = (
         "set(self.locks) >= set(self._classes())",
         "True",
         (PREMISES, LEMMAS),
+    ),
+    # races
+    Mutant(
+        "what engines of races about whole runs find out besides is lost",
+        "verify.strategy.liveness._ApartTurn.work",
+        "ledger.vacuities += self.workers.tools.vacuities",
+        "pass",
+        (RACES,),
+    ),
+    Mutant(
+        "what is found out besides elsewhere is not told",
+        "verify.ledger.Ledger.take",
+        "self.vacuities += extract.vacuities",
+        "pass",
+        (RACES,),
+    ),
+    Mutant(
+        "circuits of whole runs ask as many questions as ever",
+        "verify.engines.bits.liveness_engine._tries",
+        "tuple((replace(each, questions=few) for each in QUICKLY))",
+        "QUICKLY",
+        (RACES,),
+    ),
+    Mutant(
+        "whoever races about whole runs is asked alone",
+        "verify.strategy.liveness._Asking._race",
+        _RACE.format("first, beside"),
+        _RACE.format("beside, first"),
+        (RACES,),
     ),
 )

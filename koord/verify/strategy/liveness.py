@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
+from typing import assert_never
 
 from msgspec import Struct, field
 from msgspec.structs import replace
@@ -21,13 +22,24 @@ from koord.verify.reduction.influence import Cone, Part
 from koord.verify.reduction.problems import abstract_problem, identity, plain_problem
 from koord.verify.reduction.slicing import Slices
 from koord.verify.strategy.each_claim_turn import SpuriousViolations
+from koord.verify.strategy.race import RaceTurn, Runner
 from koord.verify.strategy.resumption import Steps
-from koord.verify.strategy.table import FIRST_LASSOS, AskEngine, EngineTurn
+from koord.verify.strategy.table import (
+    FIRST_LASSOS,
+    AnyTurn,
+    AskAtOnce,
+    AskEngine,
+    EngineTurn,
+    LivenessRow,
+)
 from koord.verify.vacuity.vacuous_goals import vacuous_goals
 from koord.verify.verdicts import Bounds, Outcome, Vacuity, Verdict
 
 #: The number of the first turn after others: turns of all rows have different numbers.
 _LATER = 10
+
+#: The steps of races have higher numbers than turns, each race a hundred.
+_RACES = 100
 
 
 class LivenessVerdicts(Struct, frozen=True):
@@ -42,7 +54,7 @@ class LivenessVerdicts(Struct, frozen=True):
 def settled(
     slices: Slices,
     bounds: Bounds,
-    rows: Sequence[AskEngine],
+    rows: Sequence[LivenessRow],
     deadline: Deadline,
     *,
     names: Sequence[str] = (),
@@ -89,7 +101,7 @@ def settled(
             if doubted := asking.doubted():
                 asking.about(_parts(slices, {claim: cone([claim]) for claim in doubted}))
     verdicts = tuple(ledger.verdict(claim) for claim in claims)
-    empty = asking.empty
+    empty = [*asking.empty, *ledger.vacuities]
     if is_last and not empty and steps.begin("whole runs", _LATER - 1, VACUITY):
         with ledger.stopping(), ledger.enduring(VACUITY):
             for part in parts:
@@ -130,7 +142,7 @@ class _Asking(Struct):
     """Engines at work on slices; their results count as runs of the whole system."""
 
     ledger: Ledger
-    rows: Sequence[AskEngine]
+    rows: Sequence[LivenessRow]
     proved: Sequence[Claim]
     everyone: Sequence[Claim]
     pool: Pool
@@ -162,12 +174,47 @@ class _Asking(Struct):
         workers = Workers(self.pool, of_runs=True)
         workers.tools.vacuities = self.empty
         for number, row in enumerate(self.rows, _LATER if self.late else 0):
-            turn = EngineTurn(row.engine, row.task, workers)
             for part in parts:
-                work = partial(self._on_opaque, part, turn) if row.opaque else turn.work
-                self._ask(part, number, turn.name, work)
+                match row:
+                    case AskEngine():
+                        turn = self._turn(part, row, workers)
+                        self._ask(part, partial(self._take, part, number, turn))
+                    case AskAtOnce():
+                        self._ask(part, partial(_raced, self._race(part, number, row)))
+                    case _:
+                        assert_never(row)
 
-    def _ask(self, part: _Part, turn: int, name: str, work: Callable[[Ledger], None]) -> None:
+    def _turn(self, part: _Part, row: AskEngine, workers: Workers) -> AnyTurn:
+        """The turn of an engine on a slice."""
+        turn = EngineTurn(row.engine, row.task, workers)
+        return _PartTurn(self, part, turn) if row.opaque else turn
+
+    def _take(self, part: _Part, number: int, turn: AnyTurn, ledger: Ledger) -> None:
+        is_last = number == self.last
+        self.steps.take(part.stage, number, turn.name, turn.work, ledger, is_last=is_last)
+
+    def _race(self, part: _Part, number: int, row: AskAtOnce) -> RaceTurn:
+        """The turn of engines that race on a slice, each in a process of its own."""
+        first, beside = (
+            [
+                Runner(_RACES * number + k, each.engine.value, partial(self._apart, part, each))
+                for k, each in enumerate(engines, start)
+                if isinstance(each, AskEngine)
+            ]
+            for engines, start in ((row.first, 0), (row.beside, len(row.first)))
+        )
+        return RaceTurn(
+            first, beside, self.pool, self.steps, part.stage, lambda ledger: bool(ledger.open())
+        )
+
+    def _apart(self, part: _Part, row: AskEngine, steps: Steps) -> AnyTurn:
+        """Make the turn of a row for a process of its own, which starts no others."""
+        pool = Pool(1)
+        workers = Workers(pool, of_runs=True)
+        alone = replace(self, pool=pool, steps=steps)
+        return _ApartTurn(alone._turn(part, row, workers), workers)
+
+    def _ask(self, part: _Part, work: Callable[[Ledger], None]) -> None:
         is_whole = part.system is self.ledger.system
         asked = [claim for claim in self.ledger.open() if claim in part.claims]
         if not is_whole:
@@ -180,17 +227,16 @@ class _Asking(Struct):
         if not is_whole:
             problem = plain_problem(self.ledger.system, part.system)
             inner.problem = self.doubts.watching(problem)
-        is_last = turn == self.last
         if inner is self.ledger:
-            self.steps.take(part.stage, turn, name, work, inner, is_last=is_last)
+            work(inner)
             return
         try:
             with self.ledger.waiting():
-                self.steps.take(part.stage, turn, name, work, inner, is_last=is_last)
+                work(inner)
         finally:
             self.ledger.take(inner.extract(asked))
 
-    def _on_opaque(self, part: _Part, turn: EngineTurn, ledger: Ledger) -> None:
+    def on_opaque(self, part: _Part, turn: EngineTurn, ledger: Ledger) -> None:
         """Run an engine on a slice, with lemmas, and opaque values where there are any."""
         whole = self.ledger.system
         problem = abstract_problem(whole, part.system)
@@ -225,6 +271,43 @@ class _Asking(Struct):
                     ledger.fail(failure)
 
 
+def _raced(turn: RaceTurn, ledger: Ledger) -> None:
+    with ledger.enduring(turn.name):
+        turn.work(ledger)
+
+
+class _PartTurn(Struct, frozen=True):
+    """A turn of an engine on a slice, with lemmas, and opaque values where there are any."""
+
+    asking: _Asking
+    part: _Part
+    turn: EngineTurn
+
+    @property
+    def name(self) -> str:
+        return self.turn.name
+
+    def work(self, ledger: Ledger) -> None:
+        self.asking.on_opaque(self.part, self.turn, ledger)
+
+
+class _ApartTurn(Struct, frozen=True):
+    """A turn in a process of its own: what is found out besides stands on the ledger."""
+
+    turn: AnyTurn
+    workers: Workers
+
+    @property
+    def name(self) -> str:
+        return self.turn.name
+
+    def work(self, ledger: Ledger) -> None:
+        try:
+            self.turn.work(ledger)
+        finally:
+            ledger.vacuities += self.workers.tools.vacuities
+
+
 def _put_down(
     ledger: Ledger, verdict: Verdict, claim: Claim, inner: Ledger, engine: Engine
 ) -> None:
@@ -256,7 +339,8 @@ def _without_lemmas_first(
     if lemmas and not others and pool.jobs > 1:
         ahead = pool.submit("", partial(_asked, ledger, helped))
     if lemmas:
-        replace(turn, task=FIRST_LASSOS).work(ledger)
+        first = FIRST_LASSOS if turn.task.rounds is None else turn.task
+        replace(turn, task=first).work(ledger)
     if ahead is None:
         if ledger.open():
             helped.work(ledger)

@@ -91,6 +91,9 @@ class AskAtOnce(Struct, frozen=True):
 Row: TypeAlias = "AskEngine | AskOnSlices | AskEachClaim | AskAtOnce"
 Rows: TypeAlias = "tuple[Row, ...]"
 
+#: A row about whole runs; those that race are engines.
+LivenessRow: TypeAlias = "AskEngine | AskAtOnce"
+
 #: What proofs for every number of robots may cost where others are asked afterwards.
 SPARING_S = 3.0
 
@@ -233,13 +236,30 @@ FIRST_LASSOS = Task(rounds=4)
 _BITS_OF_RUNS = AskEngine(Engine.BITS, opaque=True)
 
 #: The same about whole runs: the other engines know nothing of them. A proof for every number of
-#: robots is one for this number; what it may cost is known, unlike what a search may.
-LIVENESS: Mapping[Engine | None, tuple[AskEngine, ...]] = {
+#: robots is one for this number; what it may cost is known, unlike what a search may. Lemmas for it
+#: are looked for beside a search and circuits: for some tenths of a second they are waited for, as
+#: they say more, and then only where nobody else has an answer soon. What circuits take for what
+#: never comes back to itself has no end in sight.
+LIVENESS: Mapping[Engine | None, tuple[LivenessRow, ...]] = {
     None: (
         AskEngine(Engine.EVERY_N, Task(seconds=0.2), opaque=True),
-        AskEngine(Engine.SEARCH, Task(states=FEW_STATES, edges=FEW_EDGES)),
-        # What circuits take for what never comes back to itself has no end in sight.
-        AskEngine(Engine.EVERY_N, Task(Purpose.INFER, seconds=SPARING_S), opaque=True),
+        AskEngine(Engine.SEARCH, Task(states=HANDFUL, edges=FEW_EDGES)),
+        AskAtOnce(
+            first=(
+                AskEngine(
+                    Engine.EVERY_N,
+                    Task(Purpose.INFER, seconds=SPARING_S, evaluations=15_000),
+                    opaque=True,
+                ),
+            ),
+            beside=(
+                AskEngine(Engine.SEARCH, Task(states=FEW_STATES, edges=FEW_EDGES)),
+                AskEngine(
+                    Engine.BITS, Task(rounds=4, questions=QUESTIONS_OF_A_SECOND), opaque=True
+                ),
+                AskEngine(Engine.EVERY_N, Task(Purpose.INFER, seconds=SPARING_S), opaque=True),
+            ),
+        ),
         AskEngine(Engine.BITS, Task(questions=FEW_QUESTIONS), opaque=True),
     ),
     Engine.EVERY_N: (

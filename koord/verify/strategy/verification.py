@@ -45,6 +45,7 @@ from koord.verify.strategy.table import (
     AskOnSlices,
     EngineTurn,
     Fleet,
+    LivenessRow,
     Row,
     Rows,
 )
@@ -252,7 +253,7 @@ class _Verification(Struct, frozen=True):
         slices: Slices,
         proved: Sequence[Verdict],
         known: Sequence[Verdict],
-        rows: Sequence[AskEngine],
+        rows: Sequence[LivenessRow],
         so_far: Sequence[Verdict] = (),
         *,
         is_last: bool = True,
@@ -513,16 +514,20 @@ def _are_for_every_n(verdicts: Sequence[Verdict]) -> bool:
 
 
 def _soon(
-    rows: Sequence[AskEngine], *, everyone: bool
-) -> tuple[tuple[AskEngine, ...], tuple[AskEngine, ...]]:
+    rows: Sequence[LivenessRow], *, everyone: bool
+) -> tuple[tuple[LivenessRow, ...], tuple[LivenessRow, ...]]:
     """Divide rows about whole runs: proofs for every number of robots, and all behind them.
 
     Those that stand first do so where other verdicts are for ``everyone``, and otherwise behind a
     search.
     """
-    of_all = tuple(takewhile(lambda row: row.engine is Engine.EVERY_N, rows))
+    of_all = tuple(takewhile(_is_of_every_n, rows))
     others = tuple(rows[len(of_all) :])
     return (of_all, others) if everyone else ((), (*others[:1], *of_all, *others[1:]))
+
+
+def _is_of_every_n(row: LivenessRow) -> bool:
+    return isinstance(row, AskEngine) and row.engine is Engine.EVERY_N
 
 
 def _before(system: System, known: Sequence[Verdict], names: Sequence[str]) -> _Known:

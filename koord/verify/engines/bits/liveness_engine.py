@@ -77,7 +77,8 @@ class BitsLivenessEngine(Struct, frozen=True):
     """The engine that decides liveness claims on circuits.
 
     Where a task counts questions, it does only what promises to end soon, and where it counts
-    rounds, only what is tried first. The lemmas of a task are claims that hold in every round.
+    rounds, only what is tried first: where it counts both, with so many questions a try. The lemmas
+    of a task are claims that hold in every round.
     """
 
     pool: Pool  #: where claims are asked each by itself
@@ -147,15 +148,34 @@ def make(engine: Engine, tools: Tools) -> Worker:
 
 
 def _work(task: Task, watching: Watching, started: float, ledger: Ledger, claim: Claim) -> None:
-    _Run(ledger, watching, claim, task.lemmas, started).work(*_means(ledger, task))
+    run = _Run(ledger, watching, claim, task.lemmas, started)
+    run.work(_most_rounds(ledger, task), *_tries(task))
 
 
-def _means(ledger: Ledger, task: Task) -> tuple[int, tuple[_Try, ...]]:
-    """The greatest length of lassos, and the proofs to try if there are none."""
+def _most_rounds(ledger: Ledger, task: Task) -> int:
+    """The greatest length of lassos that are looked for."""
     if task.rounds is not None:
-        return task.rounds, ()
+        return task.rounds
     most = ledger.bounds.rounds
-    return (min(most, FEW_ROUNDS), AGAIN) if task.questions is not None else (most, AT_LENGTH)
+    return min(most, FEW_ROUNDS) if task.questions is not None else most
+
+
+def _tries(task: Task) -> tuple[tuple[_Try, ...], tuple[_Try, ...]]:
+    """The proofs to try before longer lassos are looked for, and after that."""
+    match task.rounds, task.questions:
+        case None, None:
+            return QUICKLY, AT_LENGTH
+        case None, _:
+            return QUICKLY, AGAIN
+        case _, None:
+            return QUICKLY, ()
+        case _, few:
+            return tuple(replace(each, questions=few) for each in QUICKLY), ()
+
+
+def _is_quick(one: _Try) -> bool:
+    """Return whether it is one of those that are made quickly, with however many questions."""
+    return any(replace(one, questions=each.questions) == each for each in QUICKLY)
 
 
 def _leaves_open(system: System, claim: Claim) -> bool:
@@ -177,7 +197,7 @@ class _Run(Struct):
     only_of_slice: bool = False  #: whether what went astray is a lasso of the slice all the same
     used: dict[str, None] = field(default_factory=dict)
 
-    def work(self, most: int, more: tuple[_Try, ...]) -> None:
+    def work(self, most: int, quickly: tuple[_Try, ...], more: tuple[_Try, ...]) -> None:
         """Settle the claim, or give the reason why not."""
         assert self.claim.stated is not None
         rounds = 0
@@ -185,7 +205,7 @@ class _Run(Struct):
         for response in different_responses(system, self.claim.stated):
             watched = self.watching.watched(response)
             loops = LassoSearch(watched, reads_ran(self.watching.system, self.claim.stated))
-            proved = self._looked(loops, FIRST_ROUNDS) and self._proved(response, watched, QUICKLY)
+            proved = self._looked(loops, FIRST_ROUNDS) and self._proved(response, watched, quickly)
             if not proved and self._goes_on() and self._looked(loops, most):
                 proved = self._proved(response, watched, more)
             if not proved:
@@ -291,7 +311,7 @@ class _Run(Struct):
             given = self._given() if each.lemmas else []
             if each.lemmas and not given:
                 continue
-            if each.locks and not watched.grants and each in QUICKLY:
+            if each.locks and not watched.grants and _is_quick(each):
                 continue
             of = counting(watched, given, locks=each.locks, narrow=each.narrow)
             for times in range(1, each.most + 1):
