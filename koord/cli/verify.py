@@ -284,7 +284,7 @@ def _in_flags(error: ArgumentError) -> str:
     """What is wrong with the engine, in the words of the command line."""
     if error.argument == "robots":
         return "--robots any has an engine of its own: leave --engine out"
-    cure = error.message.replace("bits needs none", "--engine bits needs none")
+    cure = error.message.replace("`engine='bits'`", "--engine bits")
     return f"--{error.argument} {cure}"
 
 

@@ -68,4 +68,5 @@ def test_who_has_no_abc_is_told(
     path.write_text(STEPS, encoding="utf-8")
     monkeypatch.setattr(abc, "installed", lambda: None)
     assert frame.main(["verify", str(path), "--engine", "abc"]) == Exit.BAD_INPUT
-    assert "apt-get install berkeley-abc" in capsys.readouterr().err
+    cure = "(Debian: apt-get install berkeley-abc); --engine bits needs none\n"
+    assert f"error: --engine abc is not here {cure}" in capsys.readouterr().err
