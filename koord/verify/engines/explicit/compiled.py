@@ -14,8 +14,6 @@ from typing import TYPE_CHECKING, Protocol
 
 from msgspec import Struct
 
-from koord.semantics.configurations import Configuration
-from koord.semantics.domain import Constant
 from koord.syntax import core
 from koord.syntax.analysis.footprint import rewritten
 from koord.syntax.analysis.symmetry import Symmetry
@@ -29,17 +27,11 @@ from koord.verify.engines.explicit.states import State, StateStore
 if TYPE_CHECKING:
     from koord.kernels.context import Goals
     from koord.kernels.exploration import Exploration
-    from koord.kernels.layout import Layout
-
-#: The widths of cells that are tried, in bits.
-_WIDTHS = (8, 16, 32)
+    from koord.verify.engines.explicit.packing import Packing
 
 #: So many states are looked at in one go at first, and at most. How many they are hangs on no
 #: clock, so that a ration of work goes as far on every machine.
 _FIRST_BATCH, _MOST_BATCH = 16, 4_096
-
-#: So many contents of the store are remembered with what their cells hold.
-_MOST_SHARED = 100_000
 
 
 class CompiledGoal(Struct, frozen=True):
@@ -84,35 +76,28 @@ class CompiledSearch:
     ) -> None:
         """Raises NoKernelError, or ImportError where there is nothing to make machine code with."""
         from koord.kernels.exploration import Exploration, OutOfRoomError
-        from koord.kernels.layout import Layout, unset_somewhere
         from koord.kernels.rounds import Rounds
         from koord.kernels.terms import NoKernelError
+        from koord.verify.engines.explicit.packing import Packing
         from koord.verify.engines.explicit.second_look import SecondLook
 
-        self._system, self._vault, self._road = system, vault, road
+        self._system, self._road = system, road
         self._orbits = orbits[1] if orbits is not None else None
-        found = [vault.configuration(state) for state in starts]
-        unset = unset_somewhere(system, found)
         symmetry = orbits[0] if orbits is not None else None
-        self._layout: Layout = Layout(system, symmetry, unset, tracks_ran=vault.tracks_ran)
+        packing = Packing(system, vault, starts, symmetry, tracks_ran=vault.tracks_ran)
+        self._packing: Packing = packing
         self._goals = _by_kind(system, goals)
-        numbers = [self._layout.numbers(start) for start in found]
-        bits = next((b for b in _WIDTHS if all(_fit(n, b) for n in numbers)), None)
-        if bits is None:
-            raise NoKernelError("an integer is too large")
-        rounds = Rounds(self._layout, self._stated(), bits)
+        rounds = Rounds(packing.layout, self._stated(), packing.bits)
         try:
             self._exploration: Exploration = Exploration(rounds, most_mb * 1_000_000)
-            for start in numbers:
+            for start in packing.starts:
                 self._exploration.enter(start)
         except OutOfRoomError:
             raise NoKernelError("there is no memory for tables") from None
         self._look: SecondLook = SecondLook(
-            self._exploration, self._layout, rounds.of.idle, self._numbers, road.joints
+            self._exploration, packing.layout, rounds.of.idle, packing.numbers, road.joints
         )
         self._count = self._exploration.states
-        self._robots: dict[tuple[int, int], list[int]] = {}
-        self._shared: dict[tuple[int, ...], list[int]] = {}
         self.depth = 0
 
     @property
@@ -183,7 +168,7 @@ class CompiledSearch:
         from koord.verify.engines.explicit.second_look import DisagreementError
 
         for number in self._look.due(first, end):
-            state = self._state(self._exploration.numbers(number))
+            state = self._packing.state(self._exploration.numbers(number))
             self._look.look(state)
             # Goals that were met are no longer among these.
             open_ = {goal.goal for goal in self._goals if goal is not None}
@@ -201,12 +186,12 @@ class CompiledSearch:
         from koord.verify.engines.explicit.second_look import DisagreementError
 
         now = self._exploration.numbers(path[0])
-        names = tuple(range(self._layout.names))
-        yield self._state(now)
+        names = tuple(range(self._packing.layout.names))
+        yield self._packing.state(now)
         for number in path[1:]:
             target = self._exploration.numbers(number)
-            for after in self._road.successors(self._state(now)):
-                kept, renaming = self._look.standing_for(self._numbers(after))
+            for after in self._road.successors(self._packing.state(now)):
+                kept, renaming = self._look.standing_for(self._packing.numbers(after))
                 if kept == target:
                     break
             else:
@@ -216,29 +201,6 @@ class CompiledSearch:
             names = tuple(names[inverse[i]] for i in range(len(names)))
             now = target
 
-    def _numbers(self, state: State) -> list[int]:
-        """What the cells hold in a state, each part of it worked out once."""
-        count, vault, layout = self._system.robots, self._vault, self._layout
-        shared, numbers = state[count:], list[int]()
-        for key in enumerate(state[:count]):
-            own = self._robots.get(key)
-            if own is None:
-                store = vault.store(state)
-                own = layout.robot_numbers(key[0], vault.state_of(key[1], store), store)
-                self._robots[key] = own
-            numbers += own
-        rest = self._shared.get(shared)
-        if rest is None:
-            if len(self._shared) > _MOST_SHARED:
-                self._shared.clear()
-            rest = self._shared[shared] = layout.shared_numbers(vault.store(state))
-        return numbers + rest
-
-    def _state(self, numbers: Sequence[int]) -> State:
-        made: Configuration[Constant] = self._layout.from_numbers(numbers)
-        robots = (self._vault.robot(i, robot) for i, robot in enumerate(made.robots))
-        return (*robots, *self._vault.shared(made.store))
-
 
 def is_installed() -> bool:
     """Return whether there is anything to make machine code with."""
@@ -247,11 +209,6 @@ def is_installed() -> bool:
 
 def _is_lost(goal: SearchGoal) -> bool:
     return goal.subject is GoalKind.LOST_UPDATE
-
-
-def _fit(numbers: Sequence[int], bits: int) -> bool:
-    most = 2 ** (bits - 1)
-    return all(-most <= number < most for number in numbers)
 
 
 def _by_kind(system: System, goals: Sequence[CompiledGoal]) -> list[CompiledGoal | None]:

@@ -13,9 +13,14 @@ from koord.verify.engines.explicit.states import State, StateStore
 #: The widths of cells that are tried, in bits.
 _WIDTHS = (8, 16, 32)
 
+#: So many contents of the store are remembered with what their cells hold.
+_MOST_SHARED = 100_000
+
 
 class Packing:
-    """The packed states of a search that begins with some states. ``bits`` is the width of cells.
+    """The packed states of a search that begins with some states, ``starts``.
+
+    ``bits`` is the width of cells.
 
     Raises NoKernelError where there are none.
     """
@@ -29,19 +34,35 @@ class Packing:
         *,
         tracks_ran: bool,
     ) -> None:
-        self._vault = vault
+        self._system, self._vault = system, vault
         found = [vault.configuration(state) for state in starts]
         unset = unset_somewhere(system, found)
         self.layout = Layout(system, symmetry, unset, tracks_ran=tracks_ran)
-        numbers = [self.layout.numbers(start) for start in found]
-        bits = next((b for b in _WIDTHS if all(_fit(n, b) for n in numbers)), None)
+        self.starts = [self.layout.numbers(start) for start in found]
+        bits = next((b for b in _WIDTHS if all(_fit(n, b) for n in self.starts)), None)
         if bits is None:
             raise NoKernelError("an integer is too large")
         self.bits = bits
+        self._robots: dict[tuple[int, int], list[int]] = {}
+        self._shared: dict[tuple[int, ...], list[int]] = {}
 
     def numbers(self, state: State) -> list[int]:
-        """What the cells of a state hold."""
-        return self.layout.numbers(self._vault.configuration(state))
+        """What the cells of a state hold, each part of it worked out once."""
+        count, vault, layout = self._system.robots, self._vault, self.layout
+        shared, numbers = state[count:], list[int]()
+        for key in enumerate(state[:count]):
+            own = self._robots.get(key)
+            if own is None:
+                store = vault.store(state)
+                own = layout.robot_numbers(key[0], vault.state_of(key[1], store), store)
+                self._robots[key] = own
+            numbers += own
+        rest = self._shared.get(shared)
+        if rest is None:
+            if len(self._shared) > _MOST_SHARED:
+                self._shared.clear()
+            rest = self._shared[shared] = layout.shared_numbers(vault.store(state))
+        return numbers + rest
 
     def state(self, numbers: Sequence[int]) -> State:
         """The state whose cells hold some numbers."""
