@@ -24,7 +24,6 @@ from koord.kernels.context import (
     STATE_MOST,
     STATES,
     WORK,
-    WORK_MOST,
     Context,
     Goals,
 )
@@ -47,7 +46,7 @@ from koord.kernels.fair_sets import FairSetCode, fair_set_code
 from koord.kernels.layout import Layout
 from koord.kernels.module import RoundModule
 from koord.kernels.races import races_code
-from koord.kernels.rounds import Rounds, stop_all, turns_code
+from koord.kernels.rounds import Rounds, expand_code, stop_all, turns_code
 from koord.kernels.tables import STATE_TABLE, hash_code, insert_code, lookup_code, rehash_code
 from koord.kernels.terms import Scalar
 from koord.kernels.turn_code import statement_code
@@ -138,7 +137,9 @@ class _Writer:
         environment = environment_turns_code(of, turns, edge)
         middle = self._middle(environment, edge)
         races = races_code(of, middle)
-        self._expand(expand_one_code(of, events, middle, races, ways_of(of.environments)))
+        expand_one = expand_one_code(of, events, middle, races, ways_of(of.environments))
+        tables = ((STATE_COUNT, STATE_MOST),)
+        expand_code(of, expand_one, tables, begun=self._begun, ended=self._ended)
         for k, scalar in enumerate(self.statements):
             self._marks(k, scalar)
         fair_set_code(module)
@@ -281,34 +282,14 @@ class _Writer:
         b.ret(word(0))
         return code.function
 
-    def _expand(self, expand_one: Ir) -> None:
-        """``expand(context, first, end)``: all edges from some nodes; which node is next.
+    def _begun(self, context: Context) -> None:
+        """Forget the edges of a state that was left half done."""
+        context.put(EDGE_COUNT, context.get(EDGE_DONE))
 
-        It comes back early where a table is to grow, where so much work is done, and where
-        machine code cannot go on; the edges of the last node do not count then.
-        """
-        code = Code(self.of.module, "expand", (BYTES, I64, I64), I64)
-        address, first, end = code.arguments
-        context = Context(code, address)
-        b, number = code.b, code.slot(I64)
-        b.store(first, number)
-
-        def goes_on() -> Ir:
-            more = b.icmp_signed("<", b.load(number), end)
-            for count, most in ((STATE_COUNT, STATE_MOST), (WORK, WORK_MOST)):
-                more = b.and_(more, b.icmp_signed("<", context.get(count), context.get(most)))
-            is_left = b.icmp_signed("!=", context.get(LEFT), word(0))
-            return b.and_(more, b.not_(is_left))
-
-        with code.while_(goes_on):
-            context.put(CURRENT, b.load(number))
-            context.put(EDGE_COUNT, context.get(EDGE_DONE))
-            size = word(self.of.cells.state_bytes)
-            state = code.at(context.block(STATES), b.mul(b.load(number), size))
-            b.call(expand_one, [address, state])
-            b.store(b.add(b.load(number), word(1)), number)
-            with b.if_then(b.icmp_signed("==", context.get(LEFT), word(0))):
-                done = context.get(EDGE_COUNT)
-                context.put(EDGE_DONE, done)
-                code.put(context.block(FIRSTS), b.shl(b.load(number), word(3)), done)
-        b.ret(b.load(number))
+    def _ended(self, context: Context, after: Ir) -> None:
+        """Keep the edges of a state: they do not count where machine code could not go on."""
+        code = context.code
+        with code.b.if_then(code.b.icmp_signed("==", context.get(LEFT), word(0))):
+            done = context.get(EDGE_COUNT)
+            context.put(EDGE_DONE, done)
+            code.put(context.block(FIRSTS), code.b.shl(after, word(3)), done)

@@ -9,6 +9,8 @@ round once. States stand in the order in which they were found, so that the tabl
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+
 from koord.kernels.assembling import (
     BYTES,
     I1,
@@ -141,6 +143,45 @@ def stop_all(code: Code, of: RoundModule, state: Ir) -> None:
             code.put(state, status * cells.size, stopped)
 
 
+def expand_code(
+    of: RoundModule,
+    expand_one: Ir,
+    tables: Sequence[tuple[int, int]],
+    *,
+    begun: Callable[[Context], None] = lambda context: None,
+    ended: Callable[[Context, Ir], None],
+) -> None:
+    """``expand(context, first, end)``: all rounds from some states; which state is next.
+
+    It comes back early where one of the ``tables`` (a count, and its most) is to grow, where so
+    much work is done, and where machine code cannot go on. ``begun`` and ``ended`` write what is
+    done before and behind each state; ``ended`` is given the number of the next one.
+    """
+    code = Code(of.module, "expand", (BYTES, I64, I64), I64)
+    address, first, end = code.arguments
+    context = Context(code, address)
+    b, number = code.b, code.slot(I64)
+    b.store(first, number)
+
+    def goes_on() -> Ir:
+        more = b.icmp_signed("<", b.load(number), end)
+        for count, most in (*tables, (WORK, WORK_MOST)):
+            more = b.and_(more, b.icmp_signed("<", context.get(count), context.get(most)))
+        is_left = b.icmp_signed("!=", context.get(LEFT), word(0))
+        return b.and_(more, b.not_(is_left))
+
+    with code.while_(goes_on):
+        here = b.load(number)
+        context.put(CURRENT, here)
+        begun(context)
+        state = code.at(context.block(STATES), b.mul(here, word(of.cells.state_bytes)))
+        b.call(expand_one, [address, state])
+        after = b.add(here, word(1))
+        ended(context, after)
+        b.store(after, number)
+    b.ret(b.load(number))
+
+
 class _Writer:
     """A writer of the functions that the others are called from, in the order of their calls."""
 
@@ -167,7 +208,9 @@ class _Writer:
         environment = environment_turns_code(of, turns, self.enter)
         middle = self._middle(environment)
         races = races_code(of, middle)
-        self._expand(expand_one_code(of, events, middle, races, ways_of(of.environments)))
+        expand_one = expand_one_code(of, events, middle, races, ways_of(of.environments))
+        tables = ((STATE_COUNT, STATE_MOST), (MIDDLE_COUNT, MIDDLE_MOST))
+        expand_code(of, expand_one, tables, ended=self._settle)
 
     def _middle(self, environment: Ir) -> Ir:
         """``middle(context, state)``: what becomes of the end of the program turns. [END-PROG]
@@ -204,34 +247,6 @@ class _Writer:
         inside = of.goals.inside
         return sorted(inside if may_be_last else inside & of.goals.on_ports)
 
-    def _expand(self, expand_one: Ir) -> None:
-        """``expand(context, first, end)``: all rounds from some states; which state is next.
-
-        It comes back early where a table is to grow, where so much work is done, and where
-        machine code cannot go on.
-        """
-        code = Code(self.of.module, "expand", (BYTES, I64, I64), I64)
-        address, first, end = code.arguments
-        context = Context(code, address)
-        b, number = code.b, code.slot(I64)
-        b.store(first, number)
-
-        def goes_on() -> Ir:
-            more = b.icmp_signed("<", b.load(number), end)
-            for count, most in (
-                (STATE_COUNT, STATE_MOST),
-                (MIDDLE_COUNT, MIDDLE_MOST),
-                (WORK, WORK_MOST),
-            ):
-                more = b.and_(more, b.icmp_signed("<", context.get(count), context.get(most)))
-            is_left = b.icmp_signed("!=", context.get(LEFT), word(0))
-            return b.and_(more, b.not_(is_left))
-
-        with code.while_(goes_on):
-            context.put(CURRENT, b.load(number))
-            size = word(self.of.cells.state_bytes)
-            state = code.at(context.block(STATES), b.mul(b.load(number), size))
-            b.call(expand_one, [address, state])
-            b.call(self.settle, [address])
-            b.store(b.add(b.load(number), word(1)), number)
-        b.ret(b.load(number))
+    def _settle(self, context: Context, _after: Ir) -> None:
+        """Enter the states behind the one that was expanded."""
+        context.code.b.call(self.settle, [context.address])

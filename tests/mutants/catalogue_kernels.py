@@ -274,8 +274,8 @@ KERNELS = (
     ),
     Mutant(
         "states that wait are forgotten",
-        "kernels.rounds._Writer._expand",
-        "b.call(self.settle, [address])",
+        "kernels.rounds._Writer._settle",
+        "context.code.b.call(self.settle, [context.address])",
         "None",
         (AGREEMENT,),
     ),
