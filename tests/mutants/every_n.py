@@ -14,6 +14,13 @@ ARRAYS = "tests/verify/engines/every_n/test_shared_arrays.py"
 
 EVERY_N = (
     Mutant(
+        "every N: what was asked for validity is supposed from then on",
+        "verify.encoding.terms.Terms._looked_at",
+        "self._quick.pop()",
+        "pass",
+        ("tests/verify/encoding/test_terms.py",),
+    ),
+    Mutant(
         "every N: what fails of nobody is said to fail of one robot, the same each time",
         "verify.engines.every_n.functions.FunctionTerms.fresh",
         "if self.open:\n    return self.applied(self.unused(name), self.open, type_)",

@@ -6,6 +6,7 @@ import time
 from collections.abc import Iterable, Iterator, Sequence
 from enum import Enum
 from fractions import Fraction
+from functools import cached_property
 
 import z3
 from msgspec import Struct
@@ -65,8 +66,18 @@ class Solver:
         self._taken = 0
         self._model: z3.ModelRef | None = None
         self._core: frozenset[int] = frozenset()
-        self._solver: z3.Solver = z3.Solver(ctx=self.d.context)
-        self._solver.set("random_seed", self.seed)
+
+    @cached_property
+    def _solver(self) -> z3.Solver:
+        """Z3's solver, made for the first formula that is no constant."""
+        solver = z3.Solver(ctx=self.d.context)
+        solver.set("random_seed", self.seed)
+        return solver
+
+    @property
+    def _is_in_use(self) -> bool:
+        """Whether a formula was required or asked."""
+        return "_solver" in vars(self)
 
     def add(self, constraints: Iterable[Term]) -> None:
         """Add constraints."""
@@ -96,6 +107,9 @@ class Solver:
         limit = 0 if effort is None else effort.limit(at_most)
         if deadline.passed() or (effort is not None and limit <= 0):
             return SolverAnswer.UNKNOWN
+        if not terms and not self._is_in_use:
+            self._model = None
+            return SolverAnswer.SAT
         if effort is not None:
             meant = deadline.sooner(_longest_s(limit))
         elif deadline.left_s() is None:
@@ -205,7 +219,10 @@ class Solver:
 
     def model(self) -> Model:
         """The model of the last query, which was satisfiable."""
-        assert self._model is not None
+        if self._model is None:
+            assert not self._is_in_use, "the last query has no model"
+            self._solver.check()
+            self._model = self._solver.model()
         return Model(self.d, self._model)
 
     def _take(self) -> None:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from fractions import Fraction
+from functools import cached_property
 from typing import TypeAlias, assert_never
 
 import z3
@@ -28,7 +29,7 @@ from koord.syntax.types import (
     Type,
 )
 from koord.verify.encoding.contexts import new_context
-from koord.verify.encoding.z3_builder import TermBuilder, same
+from koord.verify.encoding.z3_builder import TermBuilder, require, same
 
 Term: TypeAlias = "Constant | z3.ExprRef"
 
@@ -39,29 +40,50 @@ Sort: TypeAlias = z3.SortRef
 #: What a quick look at a formula costs, in steps of evaluation.
 _QUICK_LOOK = 25
 
+#: What a solver may spend on it, in its own units.
+_QUICK_LIMIT = 200_000
+
 
 class Terms:
     """The number domain of Z3 terms. One instance per solver run: it owns the string table.
 
     It has a Z3 context of its own too: what a solver answers depends on the names and the age of
     all terms of its context, so with a shared one answers would depend on what was asked before.
-    Building terms spends the ``budget``: formulas can take longer to write than to decide.
+    It is made with the first term, as it takes longer than many a run on constants. Building terms
+    spends the ``budget``: formulas can take longer to write than to decide.
     """
 
     def __init__(self, budget: Budget = ENDLESS) -> None:
-        self.context = new_context(z3.Context)
-        self._make = TermBuilder(self.context)
         self._budget = budget
-        self._bool = z3.BoolSort(self.context)
-        self._int = z3.IntSort(self.context)
-        self._real = z3.RealSort(self.context)
         self._strings: dict[str, int] = {}
         self._sorts: dict[str, z3.SortRef] = {}
         self._lists: dict[str, z3.DatatypeSortRef] = {}
         self._counter = 0
         self._nowhere: dict[int, z3.ExprRef] = {}
+        self._quick: z3.Solver | None = None
         #: whether unknown reals were multiplied, which solvers rarely come to an end with
         self.has_products = False
+
+    @cached_property
+    def context(self) -> z3.Context:
+        """The Z3 context of all terms."""
+        return new_context(z3.Context)
+
+    @cached_property
+    def _make(self) -> TermBuilder:
+        return TermBuilder(self.context)
+
+    @cached_property
+    def _bool(self) -> z3.SortRef:
+        return z3.BoolSort(self.context)
+
+    @cached_property
+    def _int(self) -> z3.SortRef:
+        return z3.IntSort(self.context)
+
+    @cached_property
+    def _real(self) -> z3.SortRef:
+        return z3.RealSort(self.context)
 
     # --- the five methods of a domain -----------------------------------------------------------
 
@@ -314,10 +336,31 @@ class Terms:
         if not isinstance(claim, z3.ExprRef):
             return bool(claim)
         self._budget.spend(_QUICK_LOOK)
-        solver = z3.Solver(ctx=self.context)
-        solver.set("rlimit", 200_000)
-        solver.add(z3.Not(claim))
-        return bool(solver.check() == z3.unsat)
+        denied = self._make.negation(claim)
+        answer = self._looked_at(denied)
+        if answer == z3.unknown:
+            # One that prepares its questions is slower, and knows more of products.
+            thorough = z3.Solver(ctx=self.context)
+            thorough.set("rlimit", _QUICK_LIMIT)
+            require(thorough, denied)
+            answer = thorough.check()
+        return bool(answer == z3.unsat)
+
+    def _looked_at(self, formula: z3.BoolRef) -> z3.CheckSatResult:
+        """Ask whether a formula is satisfiable, by itself.
+
+        All are asked of one solver, one after the other: to make another one takes several times
+        as long as most answers do.
+        """
+        if self._quick is None:
+            self._quick = z3.Solver(ctx=self.context)
+            self._quick.set("rlimit", _QUICK_LIMIT)
+        self._quick.push()
+        try:
+            require(self._quick, formula)
+            return self._quick.check()
+        finally:
+            self._quick.pop()
 
     def constant(self, term: z3.ExprRef) -> Term:
         """The Python constant that a term denotes, or None."""

@@ -41,6 +41,15 @@ def test_a_question_is_forgotten_and_a_requirement_is_not() -> None:
     assert s.check([], NEVER) is SolverAnswer.SAT
 
 
+def test_where_nothing_is_required_all_values_do() -> None:
+    d, _, s = solver()
+    x = d.fresh("x", INT)
+    assert s.check([True], NEVER) is SolverAnswer.SAT
+    assert isinstance(s.model().number(x), int)
+    s.add([d.binary(BinaryOp.LT, x, 0), d.binary(BinaryOp.LT, 0, x)])
+    assert s.check([True], NEVER) is SolverAnswer.UNSAT
+
+
 def test_constants_are_questions_too() -> None:
     _, _, s = solver()
     assert s.check([True, True], NEVER) is SolverAnswer.SAT

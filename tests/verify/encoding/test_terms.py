@@ -14,6 +14,7 @@ import z3
 from koord.semantics.domain import Constant, binary_of_numbers, unary_of_numbers
 from koord.syntax.core import BinaryOp, UnaryOp
 from koord.syntax.types import BOOL, FLOAT, INT, STRING, OpaqueType
+from koord.verify.encoding import terms
 from koord.verify.encoding.terms import Term, Terms
 
 CONNECTIVES = (BinaryOp.AND, BinaryOp.OR, BinaryOp.IMPLIES, BinaryOp.EQ, BinaryOp.NE)
@@ -137,3 +138,36 @@ def test_opaque_sorts_are_one_per_name() -> None:
     assert d.sort(one) != d.sort(other)
     a, b = d.const("p!0", one), d.const("p!0", one)
     assert d.binary(BinaryOp.EQ, a, b) is True
+
+
+def test_a_run_on_constants_makes_no_context(monkeypatch: pytest.MonkeyPatch) -> None:
+    def never(make: object) -> z3.Context:
+        raise AssertionError("a context was made")
+
+    monkeypatch.setattr(terms, "new_context", never)
+    d = Terms()
+    assert d.ite(d.binary(BinaryOp.LT, 1, 2), d.const(3, INT), 4) == 3
+    assert d.is_valid(True)
+    assert not d.is_valid(False)
+
+
+def test_what_is_asked_for_validity_is_forgotten() -> None:
+    d = Terms()
+    x, y = d.fresh("x", INT), d.fresh("y", INT)
+    less, more = d.binary(BinaryOp.LT, x, y), d.binary(BinaryOp.LT, y, x)
+    neither = d.unary(UnaryOp.NOT, d.binary(BinaryOp.AND, less, more))
+    for _ in range(2):  # were one kept, others would follow from it
+        assert not d.is_valid(less)
+        assert not d.is_valid(d.unary(UnaryOp.NOT, less))
+        assert not d.is_valid(more)
+        assert d.is_valid(neither)
+
+
+def test_validity_is_asked_again_where_a_quick_look_gives_up(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    d = Terms()
+    x = d.fresh("x", INT)
+    monkeypatch.setattr(Terms, "_looked_at", lambda self, formula: z3.unknown)
+    assert d.is_valid(d.binary(BinaryOp.LT, x, d.binary(BinaryOp.ADD, x, 1)))
+    assert not d.is_valid(d.binary(BinaryOp.LT, x, 1))

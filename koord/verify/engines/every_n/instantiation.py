@@ -78,6 +78,7 @@ class Book(Struct):
     _canonical: list[Term] = field(default_factory=list)
     _arrived: list[tuple[Arrival, Names, int]] = field(default_factory=list)
     _everywhere: dict[tuple[object, ...], tuple[Scheme, Term]] = field(default_factory=dict)
+    _true_of_all: set[tuple[object, ...]] = field(default_factory=set)
     _leaving: dict[tuple[object, ...], Term] = field(default_factory=dict)
 
     # --- writing --------------------------------------------------------------------------------
@@ -138,12 +139,12 @@ class Book(Struct):
         if known is not None:
             return True if known else d.unary(UnaryOp.NOT, d.binary(BinaryOp.LT, low, high))
         (blank,) = frame.own
+        if not frame.inner and not frame.uses and not frame.brings_up:
+            return self._shared(frame, low, high, holds_of)
         inside = self.between(low, blank, high)
         if d.is_valid(self.implied(inside, holds_of)):
             # That an index lies in a range over which it runs, most often.
             return True
-        if not frame.inner and not frame.uses and not frame.brings_up:
-            return self._shared(frame, low, high, holds_of)
         holds = self._equivalent(frame, inside, holds_of)
         self._keep(frame)
         return holds
@@ -157,11 +158,18 @@ class Book(Struct):
         pairs = list(zip((own, *used), blanks, strict=True))
         low, high, holds_of = (d.put(term, pairs) for term in (low, high, holds_of))
         key = len(used), d.key(low), d.key(high), d.key(holds_of)
+        if key in self._true_of_all:
+            return True
         if key not in self._everywhere:
+            inside = self.between(low, blanks[0], high)
+            if d.is_valid(self.implied(inside, holds_of)):
+                self._true_of_all.add(key)
+                self._kept += [low, high, holds_of]
+                return True
             facts = [d.put(fact, pairs) for fact in frame.facts]
             shared = Scheme(blanks[1:], blanks[:1], facts, latest=frame.latest)
             with d.opened(shared.outer):
-                holds = self._equivalent(shared, self.between(low, blanks[0], high), holds_of)
+                holds = self._equivalent(shared, inside, holds_of)
             self._everywhere[key] = shared, holds
             self._kept += [low, high, holds_of]
             self._schemes.append(shared)

@@ -88,7 +88,8 @@ class Asking:
         for _, goal in goals:
             self.world.book.ask(goal)
         failed: dict[G, str] = {}
-        for limit in range(max(self._limit, 0), self.means.thrift.generations):
+        first = max(self._limit, 0)
+        for limit in range(first, self.means.thrift.generations):
             if limit > self._limit:
                 self.world.book.settle(limit)
                 self._limit = limit
@@ -99,8 +100,9 @@ class Asking:
                 failed.pop(claim, None)
                 if why:
                     failed[claim] = why
-                if why == _NOT_INDUCTIVE:
-                    # What is too much already is not asked with more facts.
+                # More facts refute what can be met with fewer. What is too much is asked with more
+                # of them once: a solver that does not come upon a model may refute it at once.
+                if why == _NOT_INDUCTIVE or (why == _TOO_MUCH and limit == first):
                     still.append((claim, goal))
             pending = still
             if not pending:
@@ -190,7 +192,7 @@ class Asking:
             return ""
         if answer is SolverAnswer.SAT:
             return _NOT_INDUCTIVE
-        return "timeout" if means.deadline.is_near() else "too much for the solver"
+        return "timeout" if means.deadline.is_near() else _TOO_MUCH
 
     @property
     def _most(self) -> int:
@@ -207,6 +209,8 @@ class Asking:
 AFTER_INIT = "after INIT"
 
 _NOT_INDUCTIVE = "not inductive for every number of robots"
+
+_TOO_MUCH = "too much for the solver"
 
 
 def universal(claim: Claim) -> Universal:

@@ -28,11 +28,11 @@ def system_of(text: str, robots: int = 2) -> System:
     return dealt(program if abstraction is None else abstraction.program, robots, delta_s)
 
 
-def asked(text: str, thrift: ProofBudget = SPARING) -> Proof:
+def asked(text: str, thrift: ProofBudget = SPARING, seed: int = 0) -> Proof:
     """What is proved of a program, and why the rest is not."""
     system = system_of(text, max(2, len(program_of(text).agents)))
     effort = Effort.of_seconds(thrift.seconds)
-    return prove(system, claims_of(system), Deadline(), effort, thrift)
+    return prove(system, claims_of(system), Deadline(), effort, thrift, seed)
 
 
 def proved(text: str) -> set[str]:
