@@ -21,10 +21,13 @@ class OutOfBudgetError(Exception):
 class Budget(Struct, eq=False):
     """A budget of work; ``is_over`` says whether to stop.
 
-    What is half done by then is lost, so it must not count.
+    What is half done by then is lost, so it must not count. ``heard`` is told of work now and then,
+    how much of it was done since; it hears of that of all parts, and of what no ration counts.
     """
 
     is_over: Callable[[], bool]
+    whole: Budget | None = None  #: that this one is a part of
+    heard: Callable[[int], None] | None = None
     _left: int = _EVERY
 
     def __reduce__(self) -> tuple[object, ...]:
@@ -35,13 +38,25 @@ class Budget(Struct, eq=False):
         """Spend work; check now and then whether to continue. Raises OutOfBudgetError."""
         self._left -= steps
         if self._left < 0:
-            self._left = _EVERY
+            done, self._left = _EVERY - self._left, _EVERY
+            self.report(done)
             if self.is_over():
                 raise OutOfBudgetError
 
+    def report(self, steps: int) -> None:
+        """Tell whoever hears of it of work that was done, as by a solver, which is no step."""
+        root = self.root
+        if root.heard is not None:
+            root.heard(steps)
+
+    @property
+    def root(self) -> Budget:
+        """The budget that this one is a part of, or a part of a part; or itself."""
+        return self if self.whole is None else self.whole.root
+
     def rationed(self, most: int) -> Budget:
         """A part of this budget, of about so much work, counted alike on every machine."""
-        return Budget(_Ration(self, most).is_over)
+        return Budget(_Ration(self, most).is_over, self)
 
 
 class _Ration(Struct):

@@ -174,7 +174,19 @@ class Pool(Struct):
         if not can_fork():
             self._waiting = [other for other in self._waiting if other is not job]
             return job.work(_Here(self.progress, job.noted.append))
-        while not job.is_done:
+        self.wait(job, lambda: job.is_done)
+        if job.failure is not None:
+            raise job.failure
+        if job.found is None and self.interrupted():
+            raise KeyboardInterrupt
+        return job.found
+
+    def wait(self, job: Job[T], enough: Callable[[], bool]) -> None:
+        """Wait until it is ``enough``, which hangs on what was heard of jobs, of this one at last.
+
+        Raises KeyboardInterrupt if this job could not end in good order.
+        """
+        while not enough():
             if self._stopped_at is not None or self.interrupted():
                 self._stop(job)
             try:
@@ -185,11 +197,6 @@ class Pool(Struct):
                 if self._stopped_at is not None:
                     raise
                 self._stop_all()
-        if job.failure is not None:
-            raise job.failure
-        if job.found is None and self.interrupted():
-            raise KeyboardInterrupt
-        return job.found
 
     def answers(self, jobs: Mapping[K, Job[T]]) -> Iterator[tuple[K, T | None]]:
         """Yield the results of jobs, in order.

@@ -502,8 +502,29 @@ VERIFY = (
     Mutant(
         "who counts first in a race is not waited for",
         "verify.strategy.race.RaceTurn.work",
-        "(*self.first, *self.beside)",
-        "(*self.beside, *self.first)",
+        "(first, *((each,) for each in beside))",
+        "(*((each,) for each in beside), first)",
+        (RACES,),
+    ),
+    Mutant(
+        "who says more is waited for to the end",
+        "verify.strategy.race.RaceTurn.work",
+        "most = self._most(",
+        "most = None and self._most(",
+        (RACES,),
+    ),
+    Mutant(
+        "who says more is waited for with no more work than others did",
+        "verify.strategy.table.Patience.of",
+        "max(others, int(self.times * last) + self.steps)",
+        "others",
+        (RACES,),
+    ),
+    Mutant(
+        "what is said too late counts",
+        "verify.strategy.race._take_notes",
+        "most is not None and steps > most",
+        "False",
         (RACES,),
     ),
     Mutant(

@@ -127,6 +127,7 @@ class Solver:
         spent = spent_by(self._solver)
         result, given = self._checked(literals, limit, meant, deadline, spent)
         spent = spent_by(self._solver) - spent
+        self.d.report(spent)
         if result == z3.unsat:
             core = {literal.get_id() for literal in self._solver.unsat_core()}
             pairs = zip(asked, literals, strict=True)

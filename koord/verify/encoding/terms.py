@@ -43,6 +43,9 @@ _QUICK_LOOK = 25
 #: What a solver may spend on it, in its own units.
 _QUICK_LIMIT = 200_000
 
+#: So many of a solver's own units of work take as long as a step of evaluation.
+_PER_STEP = 500
+
 
 class Terms:
     """The number domain of Z3 terms. One instance per solver run: it owns the string table.
@@ -131,6 +134,10 @@ class Terms:
         return self._make.choice(condition, *self._alike(then, other))
 
     # --- terms ----------------------------------------------------------------------------------
+
+    def report(self, units: int) -> None:
+        """Tell of so many units of work that a solver did on terms."""
+        self._budget.report(units // _PER_STEP)
 
     def sort(self, type_: Type) -> z3.SortRef:
         """The Z3 sort of a scalar type."""
@@ -302,6 +309,7 @@ class Terms:
         wanted = [c for c in constants if isinstance(c, z3.ExprRef)]
         if not isinstance(term, z3.ExprRef) or not wanted:
             return False
+        self._budget.spend()
         # Putting others in their place changes a term that has them, and is quicker than looking.
         others = [self._elsewhere(c.sort()) for c in wanted]
         return bool(self._make.substituted(term, wanted, others).value != term.ast.value)
@@ -317,8 +325,9 @@ class Terms:
         """The subterms of a term that have its sort, each once, itself first."""
         if not isinstance(term, z3.ExprRef):
             return []
-        sort = term.sort()
-        return [self.constant(part) for part in parts_of([term]) if part.sort() == sort]
+        sort, parts = term.sort(), [*parts_of([term])]
+        self._budget.spend(len(parts))
+        return [self.constant(part) for part in parts if part.sort() == sort]
 
     def fresh_like(self, name: str, term: Term) -> z3.ExprRef:
         """A fresh constant of a scalar's sort."""

@@ -204,7 +204,13 @@ class _Asking(Struct):
             for engines, start in ((row.first, 0), (row.beside, len(row.first)))
         )
         return RaceTurn(
-            first, beside, self.pool, self.steps, part.stage, lambda ledger: bool(ledger.open())
+            first,
+            beside,
+            self.pool,
+            self.steps,
+            part.stage,
+            lambda ledger: bool(ledger.open()),
+            patience=row.patience,
         )
 
     def _apart(self, part: _Part, row: AskEngine, steps: Steps) -> AnyTurn:

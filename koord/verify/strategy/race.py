@@ -8,25 +8,32 @@ those behind are ended at once.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from functools import partial
-from itertools import chain, zip_longest
 
-from msgspec import Struct
+from msgspec import Struct, field
 
 from koord.syntax.budget import OutOfBudgetError
 from koord.verify.claims import Claim
 from koord.verify.job_process import JobChannel
 from koord.verify.ledger import Extract, Ledger, reach_of
 from koord.verify.obstacles import Failure
-from koord.verify.processes import Job, Pool
+from koord.verify.processes import Job, Pool, can_fork
 from koord.verify.strategy.each_claim_turn import SlicesTurn
 from koord.verify.strategy.resumption import PastVerification, Steps, StrategyStep
-from koord.verify.strategy.table import AnyTurn
+from koord.verify.strategy.table import AnyTurn, Patience
 from koord.verify.verdicts import Outcome, Verdict
 
 #: Makes a turn, with engines of its own, for whoever takes its steps.
 Maker = Callable[[Steps], AnyTurn]
+
+
+class Worked(Struct, frozen=True):
+    """The news of how much work a process did so far, in steps of evaluation."""
+
+    steps: int
 
 
 class Runner(Struct, frozen=True):
@@ -40,8 +47,9 @@ class Runner(Struct, frozen=True):
 class RaceTurn(Struct, frozen=True):
     """A turn: engines race for the open claims.
 
-    The answers of ``first`` count first, then those of ``beside``; they are started alternately.
-    It goes on while claims are ``wanted``.
+    The answers of ``first`` count first, who are asked in turn in one process; then those of
+    ``beside``, each from a process of its own. Once others have answers, ``first`` are waited for
+    with ``patience`` (None: to the end). It goes on while claims are ``wanted``.
     """
 
     first: Sequence[Runner]
@@ -51,6 +59,7 @@ class RaceTurn(Struct, frozen=True):
     stage: str
     wanted: Callable[[Ledger], bool]
     quick: bool = False
+    patience: Patience | None = None
 
     @property
     def name(self) -> str:
@@ -60,15 +69,24 @@ class RaceTurn(Struct, frozen=True):
     def work(self, ledger: Ledger) -> None:
         claims = ledger.open()
         known = ledger.of(claims, ledger.report)
+        first = tuple(filter(self._is_open, self.first))
+        beside = tuple(filter(self._is_open, self.beside))
+        groups = [runners for runners in (first, *((each,) for each in beside)) if runners]
         jobs = {
-            runner.number: self._started(known, claims, runner, PastVerification())
-            for runner in self._alternately()
-            if self.steps.is_open(self.stage, runner.number, runner.name)
+            runners: self._started(known, claims, runners, PastVerification()) for runners in groups
         }
         try:
-            for runner in (*self.first, *self.beside):
-                if self.steps.begin(self.stage, runner.number, runner.name):
-                    self._take(ledger, known, claims, runner, jobs)
+            most = None
+            if first and self.patience is not None and can_fork():
+                with ledger.waiting():
+                    most = self._most(known, [jobs[runners] for runners in groups], self.patience)
+            for runners in groups:
+                for each in runners:
+                    self.steps.begin(self.stage, each.number, each.name)
+                if most is not None and runners is first:
+                    _take_some(ledger, jobs[first], most)
+                else:
+                    self._take(ledger, known, claims, runners, jobs)
                 if not self.wanted(ledger) or ledger.is_overtime():
                     return
         except BaseException:
@@ -80,20 +98,55 @@ class RaceTurn(Struct, frozen=True):
             for job in jobs.values():
                 self.pool.drop(job)
 
-    def _alternately(self) -> Iterator[Runner]:
-        pairs = zip_longest(self.first, self.beside)
-        return (runner for runner in chain.from_iterable(pairs) if runner is not None)
+    def _is_open(self, runner: Runner) -> bool:
+        return self.steps.is_open(self.stage, runner.number, runner.name)
+
+    def _most(self, known: Ledger, jobs: Sequence[Job[Extract]], patience: Patience) -> int | None:
+        """The work of the first process of which it counts what it said by then; None: all of it.
+
+        It is as if others were asked one after the other beside it, and all stopped once what both
+        had said until then is an answer. That hangs on what each of them does, and not on time.
+        """
+        first, *beside = jobs
+        said, others = known.of(known.open(), _unheard), 0
+        for number, job in enumerate(beside):
+
+            def is_told(job: Job[Extract] = job, others: int = others) -> bool:
+                return job.is_done or (
+                    first.is_done
+                    and _worked(first) <= patience.of(others + _worked(job), _worked(job))
+                    and not self.wanted(_with_notes(said, first))
+                )
+
+            self.pool.wait(job, is_told)
+            if not job.is_done:
+                return None
+            others += _worked(job)
+            most = patience.of(others, _worked(job))
+            if job.found is not None:
+                said.take(job.found)
+            if not self.wanted(said):
+                for behind in beside[number + 1 :]:
+                    self.pool.drop(behind)
+
+            def is_late(most: int = most) -> bool:
+                return first.is_done or _worked(first) > most
+
+            self.pool.wait(first, is_late)
+            if not self.wanted(_with_notes(said, first, most)):
+                return most
+        return None
 
     def _started(
         self,
         known: Ledger,
         claims: Sequence[Claim],
-        runner: Runner,
+        runners: Sequence[Runner],
         past: PastVerification,
         *,
         first: bool = False,
     ) -> Job[Extract]:
-        work = partial(_asked, known, claims, runner, past)
+        work = partial(_asked, known, claims, runners, past)
         until = known.deadline.at_last()
         return self.pool.submit("", work, until=until, counts=False, first=first)
 
@@ -102,58 +155,132 @@ class RaceTurn(Struct, frozen=True):
         ledger: Ledger,
         known: Ledger,
         claims: Sequence[Claim],
-        runner: Runner,
-        jobs: dict[int, Job[Extract]],
+        runners: tuple[Runner, ...],
+        jobs: dict[tuple[Runner, ...], Job[Extract]],
     ) -> None:
-        """Merge the answer of an engine; one that dies is followed by the rest of its turn."""
+        """Merge the answer of a process; one that dies is followed by the rest of its turns."""
         past = PastVerification()
         while True:
-            job = jobs[runner.number]
+            job = jobs[runners]
             with ledger.waiting():
                 said = self.pool.answer(job)
             if said is not None:
-                ledger.take(said)
-                if said.interrupted:
-                    raise KeyboardInterrupt
+                _take_all(ledger, said)
                 return
             _take_notes(ledger, job)
             if ledger.deadline.passed():
                 raise OutOfBudgetError
-            before, past = past, past.told(job.noted)
-            who = past.begun[-1].who if past.begun else runner.name
+            before, past = past, past.told(x for x in job.noted if not isinstance(x, Worked))
+            who = past.begun[-1].who if past.begun else runners[0].name
             ledger.fail(Failure(who, job.end))
             if len(past.begun) == len(before.begun):
                 return  # it gets no further
-            jobs[runner.number] = self._started(known, claims, runner, past, first=True)
+            jobs[runners] = self._started(known, claims, runners, past, first=True)
 
 
 def _asked(
     known: Ledger,
     claims: Sequence[Claim],
-    runner: Runner,
+    runners: Sequence[Runner],
     past: PastVerification,
     tell: JobChannel,
 ) -> Extract:
-    """Take one turn in a process of its own, which tells of steps and verdicts as they come."""
+    """Take turns in a process of its own, which tells of steps and verdicts as they come."""
     own = known.of(claims, tell)
     steps = Steps(past, tell.note, tell.lasting)
-    steps.follow(own)
-    turn = runner.turn(steps)
-    try:
-        if isinstance(turn, SlicesTurn):  # it asks others
-            with own.enduring(turn.name):
-                turn.work(own)
-        else:
-            steps.take("", runner.number, turn.name, turn.work, own)
-    except KeyboardInterrupt:
-        own.stopped, own.interrupted = "interrupted", True
+    with _working(own, tell) as meter:
+        steps.follow(own)
+        own.noted = partial(meter.before, own.noted)
+        try:
+            for runner in runners:
+                if own.open():
+                    _take_turn(runner, own, steps)
+        except KeyboardInterrupt:
+            own.stopped, own.interrupted = "interrupted", True
     return own.extract(claims)
 
 
-def _take_notes(ledger: Ledger, job: Job[Extract]) -> None:
-    """Merge what a process told of before it ended, or by now."""
+def _take_turn(runner: Runner, own: Ledger, steps: Steps) -> None:
+    turn = runner.turn(steps)
+    if isinstance(turn, SlicesTurn):  # it asks others
+        with own.enduring(turn.name):
+            turn.work(own)
+    else:
+        steps.take("", runner.number, turn.name, turn.work, own)
+
+
+#: So many steps of work are done before somebody hears of them.
+_HEARD = 200
+
+
+class _Meter(Struct):
+    """The work of a process, which it tells of now and then. Those that it forks have no line."""
+
+    tell: JobChannel
+    process: int = field(default_factory=os.getpid)
+    worked: int = 0
+    told: int = 0
+
+    def hear(self, steps: int) -> None:
+        self.worked += steps
+        if os.getpid() == self.process and self.worked - self.told >= _HEARD:
+            self.say()
+
+    def say(self) -> None:
+        self.told = self.worked
+        self.tell.note(Worked(self.worked))
+
+    def before(self, noted: Callable[[Verdict], None], verdict: Verdict) -> None:
+        """Tell of the work before a verdict."""
+        self.say()
+        noted(verdict)
+
+
+@contextmanager
+def _working(own: Ledger, tell: JobChannel) -> Iterator[_Meter]:
+    """Within the context, work on a ledger is told of, at the end to the last step."""
+    meter, budget = _Meter(tell), own.system.budget.root
+    before, budget.heard = budget.heard, meter.hear
+    try:
+        yield meter
+    finally:
+        budget.heard = before
+        meter.say()
+
+
+def _worked(job: Job[Extract]) -> int:
+    """The work that a process told of."""
+    return next((x.steps for x in reversed(job.noted) if isinstance(x, Worked)), 0)
+
+
+def _with_notes(known: Ledger, job: Job[Extract], most: int | None = None) -> Ledger:
+    """A ledger of what is known, and of what a process told of with so much work."""
+    own = known.of(known.open(), _unheard)
+    _take_notes(own, job, most)
+    return own
+
+
+def _take_some(ledger: Ledger, job: Job[Extract], most: int) -> None:
+    """Merge the answer of a process, or what it told of with so much work if it did more."""
+    if job.found is not None and _worked(job) <= most:
+        _take_all(ledger, job.found)
+    else:
+        _take_notes(ledger, job, most)
+
+
+def _take_all(ledger: Ledger, said: Extract) -> None:
+    ledger.take(said)
+    if said.interrupted:
+        raise KeyboardInterrupt
+
+
+def _take_notes(ledger: Ledger, job: Job[Extract], most: int | None = None) -> None:
+    """Merge what a process told of before it ended, or by now; or with so much work at most."""
     for noted in job.noted:
         match noted:
+            case Worked(steps=steps):
+                if most is not None and steps > most:
+                    return
             case Verdict(outcome=outcome, claim=claim) if claim in ledger.open():
                 if outcome is Outcome.UNKNOWN:
                     ledger.leave([claim], reach_of(noted))
@@ -165,3 +292,7 @@ def _take_notes(ledger: Ledger, job: Job[Extract]) -> None:
                 pass
             case _:
                 raise AssertionError(noted)
+
+
+def _unheard(text: str) -> None:
+    """Hear of something, and ignore it."""

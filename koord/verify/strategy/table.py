@@ -76,16 +76,33 @@ class AskEachClaim(Struct, frozen=True):
     beside: Rows = ()
 
 
+class Patience(Struct, frozen=True):
+    """How long those are waited for who say more, where others have answers.
+
+    They have as much work as all of these did, who were asked at the same time, or so many
+    ``times`` that of the last one alone, and so many ``steps`` of evaluation more.
+    """
+
+    times: float
+    steps: int
+
+    def of(self, others: int, last: int) -> int:
+        """The work that is waited for where others did so much, and the last of them some of it."""
+        return max(others, int(self.times * last) + self.steps)
+
+
 class AskAtOnce(Struct, frozen=True):
     """A row: engines at the same time, each on what was known when they were started.
 
-    The answers of ``first`` count first, then those of ``beside``. What is asked ``first`` says
-    more, and is waited for: for so long others may have been done already.
+    The answers of ``first`` count first, then those of ``beside``. Who is asked ``first`` says
+    more: these are asked in turn, in one process, and waited for with ``patience`` once others have
+    answers (None: to the end).
     """
 
     first: Rows
     beside: Rows
     quick: bool = False  #: it seldom takes longer than a second
+    patience: Patience | None = None
 
 
 Row: TypeAlias = "AskEngine | AskOnSlices | AskEachClaim | AskAtOnce"
@@ -102,7 +119,7 @@ SPARING_S = 3.0
 _AT_A_GLANCE = Task(seconds=0.02, evaluations=3_000)
 
 #: With many robots whoever proves it has no rival: to fork processes for others would take as long.
-_OF_MANY = Task(seconds=1.0, evaluations=60_000)
+_OF_MANY = Task(seconds=1.0, evaluations=16_000)
 
 #: What has proved all claims about a program like this one needs some tenths of a second again, and
 #: has them before others are asked.
@@ -113,8 +130,12 @@ _ONCE_MORE = Task(seconds=0.3, evaluations=40_000)
 _A_LITTLE = Task(seconds=0.08, evaluations=15_000)
 _LEMMAS_SOON = Task(Purpose.INFER, seconds=0.05, evaluations=10_000, candidates=FEW)
 
+#: All of that is waited for only as long as it may be seen in the end: `auto` is to take at most so
+#: many times what an engine alone takes, and some tenths of a second.
+_RULE = Patience(times=1.3, steps=6_000)
+
 #: A search that ends soon, be it with all configurations or not.
-_SHORT_SEARCH = Task(states=HANDFUL, evaluations=30_000)
+_SHORT_SEARCH = Task(states=HANDFUL, evaluations=12_000)
 
 #: Bounded model checking, as far as it gets in so many seconds.
 _FIRST_ROUNDS = AskEngine(Engine.BMC, Task(seconds=3.0))
@@ -148,22 +169,25 @@ _TO_THE_END: Rows = (
 #: for this number. What neither shows in no time is raced for: first by what is done in some tenths
 #: of a second, then by what takes a second, and then some.
 _ALL_ENGINES: Rows = (
-    AskEngine(Engine.SEARCH, Task(Purpose.REFUTE, states=HANDFUL, evaluations=3_000), quick=True),
+    AskEngine(Engine.SEARCH, Task(Purpose.REFUTE, states=HANDFUL, evaluations=1_000), quick=True),
     AskEngine(Engine.EVERY_N, _AT_A_GLANCE, quick=True, fleet=Fleet.FEW, again=_ONCE_MORE),
     AskEngine(Engine.EVERY_N, _OF_MANY, quick=True, fleet=Fleet.MANY),
     AskAtOnce(
         first=(
             AskEngine(Engine.EVERY_N, _A_LITTLE, fleet=Fleet.FEW),
             AskEngine(Engine.EVERY_N, Task(seconds=SPARING_S), fleet=Fleet.MANY),
-            AskEngine(Engine.BMC, Task(seconds=0.5, rounds=8)),
             AskEngine(Engine.EVERY_N, _LEMMAS_SOON),
         ),
         beside=(
-            AskEngine(Engine.SEARCH, _SHORT_SEARCH, fleet=Fleet.FEW),
-            AskEngine(Engine.INDUCTION, Task(seconds=0.5, rounds=1), fleet=Fleet.FEW),
-            AskEngine(Engine.BITS, Task(questions=QUESTIONS_OF_A_SECOND), fleet=Fleet.FEW),
+            AskEngine(Engine.INDUCTION, Task(seconds=0.5, rounds=1)),
+            AskEngine(Engine.SEARCH, Task(states=HANDFUL, evaluations=3_000)),
+            AskEngine(Engine.BMC, Task(seconds=0.2, rounds=4, evaluations=6_000)),
+            AskEngine(Engine.BITS, Task(questions=1_500, evaluations=4_000), fleet=Fleet.FEW),
+            AskEngine(Engine.SEARCH, _SHORT_SEARCH),
+            AskEngine(Engine.BMC, Task(seconds=0.5, rounds=8)),
         ),
         quick=True,
+        patience=_RULE,
     ),
     AskAtOnce(
         first=(
@@ -178,6 +202,7 @@ _ALL_ENGINES: Rows = (
             ),
             AskEngine(Engine.SEARCH, Task(states=HANDFUL)),
         ),
+        patience=_RULE,
     ),
     AskAtOnce(
         first=(),

@@ -640,6 +640,7 @@ class _Asking(Struct, frozen=True):
                         self.stage,
                         partial(_wanted, names=self.names),
                         row.quick,
+                        row.patience,
                     )
                 case _:
                     assert_never(row)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+from collections import Counter
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -24,7 +25,14 @@ from koord.verify.processes import Pool, can_fork
 from koord.verify.strategy import table
 from koord.verify.strategy.race import RaceTurn, Runner
 from koord.verify.strategy.resumption import PastVerification, Steps, StrategyStep
-from koord.verify.strategy.table import SAFETY, AskAtOnce, AskEngine, EngineTurn, Fleet
+from koord.verify.strategy.table import (
+    SAFETY,
+    AskAtOnce,
+    AskEngine,
+    EngineTurn,
+    Fleet,
+    Patience,
+)
 from koord.verify.strategy.verification import verify
 from koord.verify.verdicts import Bounds, Outcome, Report, Verdict
 from tests.children import forked_children
@@ -90,6 +98,7 @@ def raced(
     beside: Sequence[Callable[[Ledger], None]],
     jobs: int = 2,
     steps: Steps | None = None,
+    patience: Patience | None = None,
 ) -> Ledger:
     subject = VerificationProblem(system, lambda *given: pytest.fail("nothing to replay"), system)
     ledger = Ledger(subject, Bounds(8), Deadline.after(None), claims_of(system))
@@ -106,6 +115,7 @@ def raced(
             steps or Steps(),
             "stage",
             lambda ledger: bool(ledger.open()),
+            patience=patience,
         )
         with ledger.stopping():
             turn.work(ledger)
@@ -242,6 +252,123 @@ def test_what_was_asked_in_a_process_that_died_is_not_asked_again(system: System
     found = engines(raced(system, all_[:1], all_[1:], steps=steps))
     assert set(found.values()) == {Engine.SEARCH}
     assert begun == [StrategyStep("stage", 1, "runner 1")]
+
+
+# --- patience -------------------------------------------------------------------------------------
+
+#: Who says more has twice the work of others, and some more.
+TWICE = Patience(2.0, 1_000)
+
+
+def working(*parts: tuple[int, Sequence[str]], engine: Engine) -> Callable[[Ledger], None]:
+    """Do so much work before each of some parts of the claims is proved."""
+
+    def work(ledger: Ledger) -> None:
+        for steps, names in parts:
+            ledger.system.budget.report(steps)
+            proving(names, engine)(ledger)
+
+    return work
+
+
+@pytest.mark.parametrize("jobs", [1, 2, 3])
+@pytest.mark.parametrize(
+    ("steps", "waited"), [(6_000, True), (6_001, False), (1_000_000, False)], ids=str
+)
+def test_who_says_more_has_so_much_more_work(
+    system: System, steps: int, waited: bool, jobs: int
+) -> None:
+    """The last of two who have an answer together did 2,500 steps; others are not asked."""
+    found = raced(
+        system,
+        [working((steps, EVERYTHING), engine=Engine.EVERY_N)],
+        [
+            working((1_000, ["Alone", "Few"]), engine=Engine.INDUCTION),
+            working((2_500, EVERYTHING), engine=Engine.SEARCH),
+            working((9_000, EVERYTHING), engine=Engine.BITS),
+        ],
+        jobs,
+        patience=TWICE,
+    )
+    others = {**dict.fromkeys(EVERYTHING, Engine.SEARCH)} | dict.fromkeys(
+        ("Alone", "Few"), Engine.INDUCTION
+    )
+    assert engines(found) == (dict.fromkeys(EVERYTHING, Engine.EVERY_N) if waited else others)
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_who_says_more_has_the_work_of_all_others(system: System, jobs: int) -> None:
+    """They were asked at the same time."""
+    found = raced(
+        system,
+        [working((9_500, EVERYTHING), engine=Engine.EVERY_N)],
+        [
+            working((9_000, []), engine=Engine.INDUCTION),
+            working((1_000, EVERYTHING), engine=Engine.SEARCH),
+        ],
+        jobs,
+        patience=TWICE,
+    )
+    assert set(engines(found).values()) == {Engine.EVERY_N}
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_what_was_said_in_time_counts(system: System, jobs: int) -> None:
+    found = raced(
+        system,
+        [
+            working((1_500, ["Alone"]), engine=Engine.EVERY_N),
+            working((1_000, ["Few"]), (1_000, EVERYTHING), engine=Engine.EVERY_N),
+        ],
+        [working((1_000, EVERYTHING), engine=Engine.SEARCH)],
+        jobs,
+        patience=TWICE,
+    )
+    assert engines(found) == {
+        "Alone": Engine.EVERY_N,
+        "Few": Engine.EVERY_N,
+        "Never": Engine.SEARCH,
+        "no fault": Engine.SEARCH,
+    }
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_what_one_proves_in_time_counts_for_others(system: System, jobs: int) -> None:
+    """Nobody is asked further where what both sides say is an answer."""
+    found = raced(
+        system,
+        [working((2_000, ["Alone"]), (9_000, EVERYTHING), engine=Engine.EVERY_N)],
+        [
+            working((1_000, ["Few", "Never", "no fault"]), engine=Engine.INDUCTION),
+            working((9_000, EVERYTHING), engine=Engine.SEARCH),
+        ],
+        jobs,
+        patience=TWICE,
+    )
+    assert Counter(engines(found).values()) == {Engine.EVERY_N: 1, Engine.INDUCTION: 3}
+
+
+def test_who_says_more_is_ended_once_others_have_answers(system: System) -> None:
+    def hanging(ledger: Ledger) -> None:
+        ledger.system.budget.report(5_000)
+        signal.pause()
+
+    found = raced(
+        system, [hanging], [working((1_000, EVERYTHING), engine=Engine.SEARCH)], patience=TWICE
+    )
+    assert set(engines(found).values()) == {Engine.SEARCH}
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_where_others_have_none_it_is_waited_for(system: System, jobs: int) -> None:
+    found = raced(
+        system,
+        [working((90_000, EVERYTHING), engine=Engine.EVERY_N)],
+        [working((10, ["Few"]), engine=Engine.SEARCH)],
+        jobs,
+        patience=TWICE,
+    )
+    assert set(engines(found).values()) == {Engine.EVERY_N}
 
 
 # --- the table ------------------------------------------------------------------------------------

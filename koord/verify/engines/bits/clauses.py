@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from threading import Timer
 from typing import Any, cast
 
@@ -28,6 +28,9 @@ AT_ONCE = 2_000
 #: Which can be interrupted. It shares nothing with the other: what that found is asked again here.
 OTHER = "glucose4"
 
+#: What a question costs, most often, in steps of evaluation.
+_PER_QUESTION = 5
+
 
 class NoAnswerError(OutOfBudgetError):
     """Raised where a solver came to no answer within its limits."""
@@ -46,11 +49,13 @@ class Clauses:
         engine: str = QUICK,
         deadline: Deadline | None = None,
         left: int | None = None,
+        heard: Callable[[int], None] = lambda steps: None,
     ) -> None:
         self.graph = graph
         self.engine = engine
         self.deadline = Deadline() if deadline is None else deadline
         self.left = left  #: so often questions may go on after ``AT_ONCE`` conflicts
+        self._heard = heard  #: is told of work, as a program's budget is
         self._numbers: dict[int, int] = {}
         self._sides: dict[int, int] = {}
         self._top = 1
@@ -95,6 +100,7 @@ class Clauses:
 
     def solve_in_time(self, assumptions: Sequence[int], deadline: Deadline) -> SolverAnswer:
         """Solve under assumptions, or answer UNKNOWN where the deadline passes first."""
+        self._heard(_PER_QUESTION)
         try:
             if self.engine == QUICK:
                 found = self._solved_by_and_by(assumptions, deadline)

@@ -259,7 +259,8 @@ class _Run:
 
     def _clauses(self) -> Clauses:
         left = FEW_HARD if self.sparing else None
-        return Clauses(self.circuit.d.graph, QUICK, self.ledger.deadline, left)
+        heard = self.ledger.system.budget.report
+        return Clauses(self.circuit.d.graph, QUICK, self.ledger.deadline, left, heard)
 
     def _lost(self) -> int:
         g, circuit = self.circuit.d.graph, self.circuit
