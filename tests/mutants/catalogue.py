@@ -509,8 +509,8 @@ VERIFY = (
     Mutant(
         "who says more is waited for to the end",
         "verify.strategy.race.RaceTurn.work",
-        "most = self._most(",
-        "most = None and self._most(",
+        "first and self.patience is not None and can_fork()",
+        "False",
         (RACES,),
     ),
     Mutant(

@@ -13,7 +13,10 @@ LEMMAS = "tests/verify/engines/every_n/test_progress_lemmas.py"
 _QUESTIONS = "verify.engines.every_n.progress_questions"
 _STATEMENTS = "verify.engines.every_n.progress_statements"
 
-_RACE = "RaceTurn({}, self.pool, self.steps, part.stage, lambda ledger: bool(ledger.open()))"
+_RACE = (
+    "RaceTurn({}, self.pool, self.steps, part.stage, lambda ledger: bool(ledger.open()), "
+    "patience=row.patience)"
+)
 
 PROGRESS = (
     # (settles)

@@ -9,7 +9,7 @@ those behind are ended at once.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
 
@@ -129,8 +129,13 @@ class RaceTurn(Struct, frozen=True):
                 for behind in beside[number + 1 :]:
                     self.pool.drop(behind)
 
-            def is_late(most: int = most) -> bool:
-                return first.is_done or _worked(first) > most
+            broken = {c: v for c, v in said.verdicts.items() if v.outcome is Outcome.VIOLATED}
+
+            def is_late(most: int = most, broken: Mapping[Claim, Verdict] = broken) -> bool:
+                if first.is_done or _worked(first) > most:
+                    return True
+                # Of what is violated nobody can say more.
+                return not self.wanted(_with_notes(known, first, most, broken))
 
             self.pool.wait(first, is_late)
             if not self.wanted(_with_notes(said, first, most)):
@@ -253,9 +258,15 @@ def _worked(job: Job[Extract]) -> int:
     return next((x.steps for x in reversed(job.noted) if isinstance(x, Worked)), 0)
 
 
-def _with_notes(known: Ledger, job: Job[Extract], most: int | None = None) -> Ledger:
-    """A ledger of what is known, and of what a process told of with so much work."""
+def _with_notes(
+    known: Ledger,
+    job: Job[Extract],
+    most: int | None = None,
+    others: Mapping[Claim, Verdict] | None = None,
+) -> Ledger:
+    """A ledger of what is known, of what others say, and of what a process told of so far."""
     own = known.of(known.open(), _unheard)
+    own.settle(others or {})
     _take_notes(own, job, most)
     return own
 

@@ -359,6 +359,20 @@ def test_who_says_more_is_ended_once_others_have_answers(system: System) -> None
     assert set(engines(found).values()) == {Engine.SEARCH}
 
 
+def test_of_what_is_violated_nobody_is_waited_for(system: System) -> None:
+    def hanging(ledger: Ledger) -> None:
+        working((10, ["Alone", "Few", "no fault"]), engine=Engine.EVERY_N)(ledger)
+        signal.pause()
+
+    def violating(ledger: Ledger) -> None:
+        never = next(claim for claim in ledger.open() if claim.name == "Never")
+        ledger.settle({never: Verdict(never, Outcome.VIOLATED, Engine.BMC, 0.0)})
+
+    found = engines(raced(system, [hanging], [violating], patience=TWICE))
+    assert found.pop("Never") is Engine.BMC
+    assert set(found.values()) == {Engine.EVERY_N}
+
+
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_where_others_have_none_it_is_waited_for(system: System, jobs: int) -> None:
     found = raced(
