@@ -109,7 +109,9 @@ PLAIN = (
     "koord.recheck.checking.CheckedPart",
     "koord.recheck.checking.Rechecked",
     "koord.recheck.solving.SolverAnswer",
+    "koord.recheck.claims.ClaimKind",
     "koord.recheck.meaning",
+    "koord.recheck.premises",
     "koord.refinement.compiled_replay.Rerun",
     "koord.refinement.rounding.Unjudged",
     # How such data is written.
@@ -179,7 +181,10 @@ WITHIN = {
     "koord.verify.vacuity": _ENGINES,
     "koord.verify.export": (*_REDUCTION, "koord.verify.engines.bits"),
     "koord.verify.certificate_form": (),
-    "koord.verify.certificates": (*_ENGINES, "koord.verify.certificate_form"),
+    **dict.fromkeys(
+        ("koord.verify.certified_progress", "koord.verify.certificates"),
+        (*_ENGINES, "koord.verify.certificate_form", "koord.verify.certified_progress"),
+    ),
     "koord.verify": _EVERYTHING,
 }
 

@@ -224,7 +224,7 @@ Met: TypeAlias = Annotated[
 
 
 class RecheckedClaim(Form):
-    kind: Annotated[str, words("property", "fault", "lost update", "contract")]
+    kind: Annotated[str, words("property", "fault", "lost update", "contract", "liveness")]
     subject: Annotated[
         str, Meta(description="The variable of a lost update, or the contract; else empty.")
     ]
@@ -240,9 +240,11 @@ class RecheckedClaim(Form):
 
 
 class Premise(Form):
-    kind: Annotated[str, words("assumption", "contract", "summary")]
+    kind: Annotated[str, words("assumption", "contract", "summary", "fairness")]
     name: str
-    statement: Annotated[str, Meta(description="Koord; empty if it is the library's.")]
+    statement: Annotated[
+        str, Meta(description="Koord, or words of fairness; empty if it is the library's.")
+    ]
     place: Place | None
 
 
@@ -287,7 +289,8 @@ class Recheck(Form):
         Meta(description="Why less is shown than it seems; exit code 4 if it is confirmed."),
     ]
     claims: Annotated[
-        list[RecheckedClaim], Meta(description="What is claimed to hold in every round, in full.")
+        list[RecheckedClaim],
+        Meta(description="What is claimed, of every round or of whole runs, in full."),
     ]
     relies_on: Annotated[list[Premise], Meta(description="What is used and not shown.")]
     not_covered: Annotated[

@@ -94,13 +94,12 @@ class RecheckReport(Result, frozen=True):
             obligations=[
                 forms.Obligation(
                     name=one.name,
-                    every_number=part is found.everyone,
+                    every_number=part is not found.here,
                     answer=_MET[one.answer],
                     claim=one.claim,
                     configuration=list(one.state),
                 )
-                for part in (found.everyone, found.here)
-                if part is not None
+                for part in found.parts
                 for one in part.settled
             ],
             scripts=[

@@ -13,7 +13,9 @@ from koord.cli.files import name_of, read_program, read_written
 from koord.cli.progress import LiveLine
 from koord.cli.terminal import Paint, Style, style_of, visible
 from koord.recheck.checking import CheckedPart, Rechecked, RecheckOutcome
-from koord.recheck.meaning import Premise, PremiseKind, Statement
+from koord.recheck.claims import ClaimKind
+from koord.recheck.meaning import Statement
+from koord.recheck.premises import Premise, PremiseKind
 from koord.recheck.solving import SolverAnswer
 from koord.syntax.problem import told
 from koord.syntax.source import NOWHERE, Source
@@ -79,13 +81,18 @@ def _lines(report: RecheckReport, program: Source | None, style: Style) -> list[
     ]
     if found.everyone is not None:
         lines += _part_lines(found.everyone, " for every number of robots")
+    if found.runs is not None:
+        lines += _part_lines(found.runs, " about whole runs of every number of robots")
     if found.here is not None:
         where = f" for {_team(found)}" if found.everyone is not None else ""
         lines += _part_lines(found.here, where)
     lines += [*_opinion_lines(found), ""]
     everyone, here = found.shown()
     rest = [s for s in about.statements if s not in (*everyone, *here)]
-    lines += _said("shown for every number of robots, in every round:", everyone)
+    of_runs = tuple(s for s in everyone if s.claimed.kind is ClaimKind.LIVENESS)
+    in_rounds = tuple(s for s in everyone if s not in of_runs)
+    lines += _said("shown for every number of robots, in every round:", in_rounds)
+    lines += _said("shown for every number of robots, of every fair run:", of_runs)
     lines += _said(f"shown for {_team(found)}, in every round:", here)
     lines += _said("claimed, and not shown:", rest)
     lines += _relied_on(about.premises)
@@ -113,11 +120,13 @@ def _said(heading: str, statements: Sequence[Statement]) -> list[str]:
     return [heading, *_indented(s.text for s in statements)] if statements else []
 
 
+_IN_FULL = (PremiseKind.ASSUMPTION, PremiseKind.FAIRNESS)
+
+
 def _relied_on(premises: Sequence[Premise]) -> list[str]:
     """Print premises: assumptions in full, of others the names and places."""
     told = (
-        p.text if p.kind is PremiseKind.ASSUMPTION else f"{p.kind.value} {p.name} ({p.span})"
-        for p in premises
+        p.text if p.kind in _IN_FULL else f"{p.kind.value} {p.name} ({p.span})" for p in premises
     )
     return ["relying on:", *_indented(told)] if premises else []
 

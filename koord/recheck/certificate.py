@@ -13,6 +13,7 @@ from hashlib import sha256
 from msgspec import Struct
 
 from koord.recheck.claims import ClaimKind
+from koord.recheck.progress_argument import HelpKind
 from koord.syntax.core import MOST_ROBOTS
 from koord.syntax.diagnostics import KoordError, refusal
 from koord.syntax.elaboration.settings import ParamValue, Settings
@@ -20,12 +21,15 @@ from koord.syntax.literals import MOST_PLACES
 from koord.syntax.source import Source, visible
 
 FORMAT = "koord certificate"
-VERSION = 3
+
+#: The versions that are read; proofs about whole runs came with the last.
+VERSIONS = (3, 4)
 
 #: The cure for all that is wrong with a certificate.
 REWRITE = "write the certificate anew with `koord verify --certificate`"
 
 _MOST_DEPTH = 10
+_MOST_CLASSES = 10_000
 
 #: Numbers that are written have so many digits on both sides of the line at most.
 _LONGEST_FRACTION = 4 * MOST_PLACES
@@ -52,6 +56,36 @@ class Claimed(Struct, frozen=True):
     everyone: bool
 
 
+class SettlingText(Struct, frozen=True):
+    """What settles in a proof of progress: a measure as an invariant, or a lock class.
+
+    ``every_robot``: it is of each robot by itself. ``number``: it is a number, and not a statement.
+    """
+
+    text: str
+    every_robot: bool
+    number: bool
+    lock_class: int | None
+
+
+class HelpText(Struct, frozen=True):
+    """A way to help, as an invariant; ``assumption`` and ``falls`` are empty if it needs none."""
+
+    kind: HelpKind
+    state: str
+    assumption: str
+    falls: str
+
+
+class ProgressText(Struct, frozen=True):
+    """A proof of a claim about whole runs, in Koord."""
+
+    claim: str
+    lasting: tuple[str, ...]
+    order: tuple[SettlingText, ...]
+    help: tuple[HelpText, ...]
+
+
 class IncludedScript(Struct, frozen=True):
     """A script of SMT-LIB that came with the certificate."""
 
@@ -74,6 +108,7 @@ class Certificate(Struct, frozen=True):
     given: tuple[IncludedScript, ...]
     #: Claims that hold and that it is not about, with the reason: nothing is said of them.
     not_covered: tuple[tuple[str, str], ...] = ()
+    progress: tuple[ProgressText, ...] = ()
 
 
 # --- reading --------------------------------------------------------------------------------------
@@ -143,8 +178,9 @@ def read(raw: bytes, name: str) -> Certificate:
     top = _Reader(name, "", document)
     if top.field("format").value != FORMAT:
         raise top.field("format").wrong(repr(FORMAT))
-    if top.field("version").value != VERSION:
-        raise top.field("version").wrong(f"{VERSION}, the version that this koord reads")
+    version = top.field("version")
+    if version.value not in VERSIONS:
+        raise version.wrong(f"{VERSIONS[0]} or {VERSIONS[-1]}, the versions that this koord reads")
     program = _source(top.field("program"))
     properties = tuple(_source(part) for part in top.field("properties").items())
     delta = top.field("delta").fraction()
@@ -171,6 +207,7 @@ def read(raw: bytes, name: str) -> Certificate:
             (part.field("name").text(), part.field("reason").text())
             for part in top.field("not_covered").items()
         ),
+        () if version.value == VERSIONS[0] else _progress(top.field("progress")),
     )
 
 
@@ -244,6 +281,41 @@ def _claim(reader: _Reader) -> Claimed:
         known[kind.text()],
         reader.field("subject").text(),
         reader.field("every_number").truth(),
+    )
+
+
+def _progress(reader: _Reader) -> tuple[ProgressText, ...]:
+    return tuple(
+        ProgressText(
+            part.field("claim").text(),
+            part.field("lasting").names(),
+            tuple(_settling(one) for one in part.field("order").items()),
+            tuple(_help(one) for one in part.field("help").items()),
+        )
+        for part in reader.items()
+    )
+
+
+def _settling(reader: _Reader) -> SettlingText:
+    lock = reader.field("lock_class")
+    return SettlingText(
+        reader.field("text").text(),
+        reader.field("every_robot").truth(),
+        reader.field("number").truth(),
+        None if lock.value is None else lock.number(0, _MOST_CLASSES),
+    )
+
+
+def _help(reader: _Reader) -> HelpText:
+    kind = reader.field("kind")
+    known = {k.value: k for k in HelpKind}
+    if kind.text() not in known:
+        raise kind.wrong("one of " + ", ".join(known))
+    return HelpText(
+        known[kind.text()],
+        reader.field("state").text(),
+        reader.field("assumption").text(),
+        reader.field("falls").text(),
     )
 
 

@@ -13,7 +13,7 @@ from msgspec.structs import replace
 
 from koord.recheck import instances
 from koord.recheck.certificate import REWRITE, Certificate
-from koord.recheck.claims import NO_START, Obligation
+from koord.recheck.claims import NO_START, ClaimKind, Obligation
 from koord.recheck.every_number import EveryNumber
 from koord.recheck.meaning import (
     CertifiedArguments,
@@ -24,6 +24,8 @@ from koord.recheck.meaning import (
     opened,
 )
 from koord.recheck.obligations import Discharged, Obligations, Settling
+from koord.recheck.progress import ProgressObligations
+from koord.recheck.progress_meaning import ProgressArguments, progress_arguments
 from koord.recheck.script import NotACommandError, SanitisedScript, harmless
 from koord.recheck.solving import (
     SolverAnswer,
@@ -84,12 +86,14 @@ class Rechecked(Struct, frozen=True):
     """The verdict of a recheck, its subject, and its premises.
 
     ``everyone`` is about every number of robots, where that is claimed; ``here`` about those of the
-    certificate, where that is not all that is claimed, or not shown.
+    certificate, where that is not all that is claimed, or not shown. ``runs`` is about whole runs
+    of every number of robots, given what ``everyone`` is about.
     """
 
     about: CertifiedProblem
     outcome: RecheckOutcome
     everyone: CheckedPart | None
+    runs: CheckedPart | None
     here: CheckedPart | None
     opinions: tuple[ScriptAnswer, ...]
     seconds: float
@@ -98,24 +102,37 @@ class Rechecked(Struct, frozen=True):
 
     @property
     def settled(self) -> tuple[Discharged, ...]:
-        return tuple(one for part in (self.everyone, self.here) if part for one in part.settled)
+        return tuple(one for part in self.parts for one in part.settled)
+
+    @property
+    def parts(self) -> tuple[CheckedPart, ...]:
+        """The parts that there are."""
+        parts = (self.everyone, self.runs, self.here)
+        return tuple(part for part in parts if part is not None)
 
     @property
     def hollow(self) -> tuple[str, ...]:
         """The reasons why less is shown than it seems."""
-        parts = (part for part in (self.everyone, self.here) if part is not None)
-        return tuple(dict.fromkeys(why for part in parts for why in part.hollow))
+        return tuple(dict.fromkeys(why for part in self.parts for why in part.hollow))
 
     def shown(self) -> tuple[tuple[Statement, ...], tuple[Statement, ...]]:
         """The confirmed statements, for every number of robots and for the certificate's."""
         everyone: tuple[Statement, ...] = ()
         here: tuple[Statement, ...] = ()
         if self.outcome is not RecheckOutcome.REFUTED:
-            if self.everyone is not None and self.everyone.outcome is RecheckOutcome.CONFIRMED:
-                everyone = tuple(s for s in self.about.statements if s.claimed.everyone)
-            if self.here is not None and self.here.outcome is RecheckOutcome.CONFIRMED:
-                here = tuple(s for s in self.about.statements if s not in everyone)
+            of_runs = [s for s in self.about.statements if s.claimed.kind is ClaimKind.LIVENESS]
+            of_rounds = [s for s in self.about.statements if s not in of_runs]
+            if _is_confirmed(self.everyone):
+                everyone = tuple(s for s in of_rounds if s.claimed.everyone)
+                # What whole runs are like rests on what holds in every round.
+                everyone += tuple(of_runs) if _is_confirmed(self.runs) else ()
+            if _is_confirmed(self.here):
+                here = tuple(s for s in of_rounds if s not in everyone)
         return everyone, here
+
+
+def _is_confirmed(part: CheckedPart | None) -> bool:
+    return part is not None and part.outcome is RecheckOutcome.CONFIRMED
 
 
 class _Work(Struct, frozen=True):
@@ -149,18 +166,21 @@ def recheck(
     ends_at = math.inf if timeout_s is None else started + timeout_s
     work = _Work(seed, ends_at, progress, waiting)
     everyone: CheckedPart | None = None
+    runs: CheckedPart | None = None
     here: CheckedPart | None = None
     about = meant(certificate)
     try:
         it = opened(certificate, about)
+        proofs = progress_arguments(certificate, about)
     except NotRecheckedError as error:
         here = CheckedPart(RecheckOutcome.UNKNOWN, (), error.reason, error.span)
         scripts = _read(certificate, work)
     else:
         scripts = _read(certificate, work)
         everyone, here = _argued(certificate, it, work)
+        runs = None if proofs is None else _part(_of_runs(proofs, work))
     opinions = tuple(_opinion(name, script, work) for name, script in scripts)
-    return _joined(about, everyone, here, opinions, time.monotonic() - started)
+    return _joined(about, (everyone, runs, here), opinions, time.monotonic() - started)
 
 
 def _argued(
@@ -170,8 +190,7 @@ def _argued(
     everyone = here = None
     if it.everyone is not None:
         everyone = _part(_for_everyone(it.everyone, work))
-    certain = everyone is not None and everyone.outcome is RecheckOutcome.CONFIRMED
-    if not certain or not all(claimed.everyone for claimed in certificate.claims):
+    if not _is_confirmed(everyone) or not all(one.everyone for one in certificate.claims):
         with work.session() as session:
             here = _part(_Pass(it.here, session, work).settled())
     return everyone, here
@@ -213,6 +232,19 @@ def _for_everyone(it: InductiveArgument, work: _Work) -> Iterator[Discharged]:
             yield one
 
 
+def _of_runs(proofs: ProgressArguments, work: _Work) -> Iterator[Discharged]:
+    """Settle the obligations about whole runs, of any number of robots. [T-PROGRESS]"""
+    for proof in proofs.proofs:
+        values = Values(Terms(), None, proofs.world.sealed)
+        everyone = EveryNumber(proofs.world, proofs.claims, values)
+        with work.session() as session:
+            settling = Settling(values, session, work.left, work.progress)
+            for obligation in ProgressObligations(everyone, proof):
+                work.progress(f"whole runs: {obligation.name}")
+                with _named(obligation):
+                    yield instances.settled(settling, obligation)
+
+
 @contextmanager
 def _named(obligation: Obligation) -> Iterator[None]:
     """Within the context, a solver that crashes does so in the name of an obligation."""
@@ -244,15 +276,14 @@ def _refuted_by_few(it: InductiveArgument, work: _Work) -> Iterator[Discharged]:
 
 def _joined(
     about: CertifiedProblem,
-    everyone: CheckedPart | None,
-    here: CheckedPart | None,
+    each: tuple[CheckedPart | None, CheckedPart | None, CheckedPart | None],
     opinions: tuple[ScriptAnswer, ...],
     seconds: float,
 ) -> Rechecked:
     def found(outcome: RecheckOutcome, reason: str = "", span: Span = NOWHERE) -> Rechecked:
-        return Rechecked(about, outcome, everyone, here, opinions, seconds, reason, span)
+        return Rechecked(about, outcome, *each, opinions, seconds, reason, span)
 
-    parts = [part for part in (everyone, here) if part is not None]
+    parts = [part for part in each if part is not None]
     for part in parts:
         if part.outcome is RecheckOutcome.REFUTED:
             return found(RecheckOutcome.REFUTED, part.reason)

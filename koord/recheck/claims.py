@@ -23,6 +23,7 @@ class ClaimKind(Enum):
     FAULT = "fault"
     LOST_UPDATE = "lost update"
     CONTRACT = "contract"
+    LIVENESS = "liveness"  #: a statement about whole runs
 
 
 class Claim(Struct, frozen=True):

@@ -29,7 +29,7 @@ from koord.recheck.races import made
 from koord.recheck.steps import meeting, updated
 from koord.recheck.storage import Many, ParameterisedState, Robot
 from koord.recheck.terms import BOOL, INT, Term
-from koord.recheck.turns import EventTurn, Turns
+from koord.recheck.turns import EventTurn, Evolved, Turns
 from koord.recheck.values import Values
 from koord.recheck.world import Instance
 from koord.syntax import core
@@ -61,20 +61,20 @@ class EveryNumber:
         goals = stated(self.turns, opening.state, self.claims, between_rounds=True)
         starts = Entailment((*opening.facts, *sound), tuple(goals))
         yield replace(_once("initiation", starts), hollow=NO_START)
-        yield from StepObligations(self.crowds, self.claims, *self._anything(opening))
+        yield from StepObligations(self.crowds, self.claims, *self.anything(opening))
         for property_ in self.consequences:
             claim = Claim(property_.name, ClaimKind.STATEMENT, property_)
             name = f"the invariant implies {claim.name}"
             yield Obligation(name, (partial(self._implied, claim, opening),))
 
     def _implied(self, claim: Claim, opening: ParameterisedInit) -> Entailment:
-        state, facts = self._anything(opening)
+        state, facts = self.anything(opening)
         at_round = claim.at_round
         known = stated(self.turns, state, self.claims, between_rounds=at_round)
         goals = stated(self.turns, state, [claim], between_rounds=at_round)
         return Entailment((*facts, *as_facts(known)), tuple(goals))
 
-    def _anything(self, opening: ParameterisedInit) -> tuple[ParameterisedState, list[Term]]:
+    def anything(self, opening: ParameterisedInit) -> tuple[ParameterisedState, list[Term]]:
         """An arbitrary configuration, with variables that are never written as INIT left them."""
         t = self.v.t
         state = self.crowds.anything_like(opening.state, self.world.written, "")
@@ -353,12 +353,7 @@ class StepObligations:
 
     def _evolved(self, end: Callable[[], tuple[ParameterisedState, list[Term]]]) -> Entailment:
         t = self.t
-        state, facts = end()
-        evolved = self.crowds.evolved(state)
-        for kind, one in enumerate(evolved):
-            calm = [t.negation(fault.when) for fault in one.known.faults]
-            facts += [self.crowds.all_of(kind, one.blank, x) for x in (*one.known.facts, *calm)]
-        after = ParameterisedState(lambda kind, k: evolved[kind].of(k).robot, state.store)
+        after, facts, evolved = self._ended_by(end)
         goals = self._stated(after, between_rounds=True)
         for claim in self.claims:
             if claim.kind is ClaimKind.CONTRACT:
@@ -370,6 +365,23 @@ class StepObligations:
                 ]
                 goals.append(Goal(claim.name, t.truth(True), t.conjunction(kept)))
         return Entailment((*self.known, *facts), tuple(goals))
+
+    def _ended_by(
+        self, end: Callable[[], tuple[ParameterisedState, list[Term]]]
+    ) -> tuple[ParameterisedState, list[Term], list[PerRobot[Evolved]]]:
+        """The configuration after the environment's turn, with facts, and that turn."""
+        state, facts = end()
+        evolved = self.crowds.evolved(state)
+        for kind, one in enumerate(evolved):
+            calm = [self.t.negation(fault.when) for fault in one.known.faults]
+            facts += [self.crowds.all_of(kind, one.blank, x) for x in (*one.known.facts, *calm)]
+        after = ParameterisedState(lambda kind, k: evolved[kind].of(k).robot, state.store)
+        return after, facts, evolved
+
+    def whole_round(self) -> tuple[ParameterisedState, tuple[Term, ...]]:
+        """The end of any whole round, with what is known of it. [LIVE-RUN]"""
+        after, facts, _ = self._ended_by(self._end_exactly)
+        return after, tuple(facts)
 
 
 def _once(name: str, attempt: Entailment) -> Obligation:

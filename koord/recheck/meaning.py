@@ -8,21 +8,21 @@ program's text: a file cannot call a claim what it likes.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from enum import Enum
-from typing import assert_never
+from typing import TypeGuard, assert_never
 
 from msgspec import Struct
 from msgspec.structs import replace
 
-from koord.recheck.certificate import REWRITE, Certificate, Claimed, Conjunct
+from koord.recheck.certificate import REWRITE, Certificate, Claimed
 from koord.recheck.claims import Claim, ClaimKind
+from koord.recheck.premises import Premise, contract_text, contracts, premises
 from koord.recheck.world import Instance
 from koord.syntax import ast, core
 from koord.syntax.core import PropertyKind
 from koord.syntax.diagnostics import Diagnostic, Severity, refusal
 from koord.syntax.elaboration import elaborate
 from koord.syntax.parsing.parser import parse
-from koord.syntax.printing.program import Stated, print_program, stated, with_invariants
+from koord.syntax.printing.program import Stated, stated, with_invariants
 from koord.syntax.problem import Problem
 from koord.syntax.source import NOWHERE, Source, Span
 
@@ -38,23 +38,6 @@ class Statement(Struct, frozen=True):
     span: Span = NOWHERE
 
 
-class PremiseKind(Enum):
-    """The kinds of premises."""
-
-    ASSUMPTION = "assumption"
-    CONTRACT = "contract"
-    SUMMARY = "summary"
-
-
-class Premise(Struct, frozen=True):
-    """A premise; ``text`` is Koord, empty if it is the library's."""
-
-    kind: PremiseKind
-    name: str
-    text: str
-    span: Span = NOWHERE
-
-
 #: What no program may do.
 NO_FAULT = (
     "no fault: nobody divides by zero, reads what is unset or not there, breaks what a function "
@@ -62,10 +45,14 @@ NO_FAULT = (
 )
 
 
+#: What programs state is called as they call it.
+_BY_NAME = (ClaimKind.STATEMENT, ClaimKind.LIVENESS)
+
+
 def name_of(kind: ClaimKind, subject: str, name: str) -> str:
     """The name of a claim: ``name`` counts for statements of the program only."""
     match kind:
-        case ClaimKind.STATEMENT:
+        case ClaimKind.STATEMENT | ClaimKind.LIVENESS:
             return name
         case ClaimKind.FAULT:
             return "no fault"
@@ -84,7 +71,7 @@ def statements(
         raise _damage(certificate, "nothing is claimed")
     found: dict[tuple[ClaimKind, str], Statement] = {}
     for claimed in certificate.claims:
-        subject = claimed.name if claimed.kind is ClaimKind.STATEMENT else claimed.subject
+        subject = claimed.name if claimed.kind in _BY_NAME else claimed.subject
         if (claimed.kind, subject) in found:
             raise _damage(certificate, f"{claimed.name!r} is claimed twice")
         _check_name(certificate, claimed)
@@ -96,7 +83,7 @@ def statements(
 def _check_name(certificate: Certificate, claimed: Claimed) -> None:
     """Check that a claim's name follows from its kind and subject. Raises KoordError."""
     kind, subject = claimed.kind, claimed.subject
-    if subject and kind in (ClaimKind.STATEMENT, ClaimKind.FAULT):
+    if subject and kind in (*_BY_NAME, ClaimKind.FAULT):
         about = (
             f"a claim of kind {kind.value!r} has no subject, and {claimed.name!r} has {subject!r}"
         )
@@ -121,6 +108,11 @@ def _statement(
                 if property_.name == claimed.name:
                     return Statement(claimed, text, property_.span)
             story = f"the program states no invariant {claimed.name!r}"
+        case ClaimKind.LIVENESS:
+            for property_, text in _of_runs(program, sections):
+                if property_.name == claimed.name:
+                    return Statement(claimed, text, property_.span)
+            story = f"the program claims no {claimed.name!r} of whole runs"
         case ClaimKind.FAULT:
             return Statement(claimed, NO_FAULT)
         case ClaimKind.LOST_UPDATE:
@@ -131,9 +123,9 @@ def _statement(
                     return Statement(claimed, f"{claimed.name}: {words}", d.span)
             story = f"the program has no shared variable {subject!r} to lose an update of"
         case ClaimKind.CONTRACT:
-            for module, contract in _contracts(program):
+            for module, contract in contracts(program):
                 if contract.name == subject and module.environment is not None:
-                    text = _contract_text(sections, contract)
+                    text = contract_text(sections, contract)
                     words = f"the model of {module.name} keeps it in every round"
                     told = f"{claimed.name}: {words}" + (f"\n{text}" if text else "")
                     return Statement(claimed, told, contract.span)
@@ -150,57 +142,36 @@ def invariants(
         yield property_, section.text
 
 
+def _is_of_runs(section: ast.Section) -> TypeGuard[ast.Eventually | ast.LeadsTo]:
+    """Return whether a section claims something of whole runs."""
+    claims = isinstance(section, ast.LeadsTo) and not section.assumed
+    return claims or isinstance(section, ast.Eventually)
+
+
+def _of_runs(
+    program: core.Program, sections: Sequence[ast.Section]
+) -> Iterator[tuple[core.Property, str]]:
+    """The claims of a program about whole runs, each with its text."""
+    made = [p for p in program.properties if p.kind not in INVARIANTS]
+    blocks = [(None, sections)] + [
+        (s.name, s.sections) for s in sections if isinstance(s, ast.Agent)
+    ]
+    texts = [
+        Stated(one, block).text for block, those in blocks for one in those if _is_of_runs(one)
+    ]
+    yield from zip(made, texts, strict=True)
+
+
 def _check_left_out(certificate: Certificate, program: core.Program) -> None:
     """Check that claims listed as not covered are claims about the program. Raises KoordError."""
     known = {p.name for p in program.properties} | {name_of(ClaimKind.FAULT, "", "")}
     known |= {name_of(ClaimKind.LOST_UPDATE, d.variable.name, "") for d in program.allwrite}
-    known |= {name_of(ClaimKind.CONTRACT, c.name, "") for _, c in _contracts(program)}
+    known |= {name_of(ClaimKind.CONTRACT, c.name, "") for _, c in contracts(program)}
     claimed = {one.name for one in certificate.claims}
     for name, _ in certificate.not_covered:
         if name not in known or name in claimed:
             why = "and claimed" if name in claimed else "and it is no claim about the program"
             raise _damage(certificate, f"{name!r} is said not to be covered, {why}")
-
-
-def premises(program: core.Program, sections: Sequence[ast.Section]) -> tuple[Premise, ...]:
-    """All assumptions, contracts and summaries of the program."""
-    found = [
-        Premise(PremiseKind.ASSUMPTION, made.name, section.text, made.span)
-        for made, section in zip(program.assumptions, stated(sections, ast.Assume), strict=True)
-    ]
-    found += [
-        Premise(PremiseKind.CONTRACT, c.name, _contract_text(sections, c), c.span)
-        for module, c in _contracts(program)
-        if module.environment is None
-    ]
-    texts = {s.name.name: s for s in sections if isinstance(s, ast.FunDef)}
-    for external in program.externals:
-        if external.requires or external.ensures:
-            own = texts.get(external.name)
-            text = "" if own is None else _printed(own)
-            found.append(Premise(PremiseKind.SUMMARY, external.name, text, external.span))
-    return tuple(found)
-
-
-def _contracts(program: core.Program) -> Iterator[tuple[core.Module, core.Contract]]:
-    for agent in program.agents:
-        for module in agent.modules:
-            for contract in module.contracts:
-                yield module, contract
-
-
-def _contract_text(sections: Sequence[ast.Section], contract: core.Contract) -> str:
-    """A contract in Koord; empty if it is the library's."""
-    for used in stated(sections, ast.Using):
-        for written in used.section.contracts:
-            if written.span == contract.span:
-                bare = replace(used.section, sensors=(), actuators=(), environment=None)
-                return _printed(replace(bare, contracts=(written,)))
-    return ""
-
-
-def _printed(section: ast.Section) -> str:
-    return print_program(ast.Program((section,), (), span=section.span)).rstrip("\n")
 
 
 def _damage(certificate: Certificate, story: str) -> Exception:
@@ -247,7 +218,7 @@ def meant(certificate: Certificate) -> CertifiedProblem:
         for section in parsed.program.sections:
             if number == 0 or isinstance(section, _OF_PROPERTIES):
                 sections.append(section)
-    program = _elaborated(certificate, sections)
+    program = elaborated(certificate, sections)
     if any(kind >= len(program.agents) for kind in certificate.kinds):
         raise refusal("K940", name, "kinds names a kind of robot that the program has not")
     if _rests_on(program) != certificate.rests_on:
@@ -258,7 +229,7 @@ def meant(certificate: Certificate) -> CertifiedProblem:
     return CertifiedProblem(
         Problem(names, program, certificate.kinds, certificate.delta_s),
         statements(certificate, program, sections),
-        premises(program, sections),
+        premises(certificate, program, sections),
         tuple(sections),
     )
 
@@ -266,7 +237,7 @@ def meant(certificate: Certificate) -> CertifiedProblem:
 def opened(certificate: Certificate, about: CertifiedProblem) -> CertifiedArguments:
     """Elaborate the program with the invariant. Raises KoordError, and NotRecheckedError."""
     own = [(f"stated {k}", s) for k, s in enumerate(stated(about.sections, ast.Invariant))]
-    conjuncts = [_parsed(certificate.name, conjunct) for conjunct in certificate.invariant]
+    conjuncts = conjuncts_of(certificate)
     agents = {None, *(agent.name for agent in about.problem.program.agents)}
     for conjunct, one in zip(certificate.invariant, conjuncts, strict=True):
         if (None if one.agent is None else one.agent.name) not in agents:
@@ -274,7 +245,7 @@ def opened(certificate: Certificate, about: CertifiedProblem) -> CertifiedArgume
             raise refusal("K940", certificate.name, story)
     beside = [(f"conjunct {k}", s) for k, s in enumerate(conjuncts)]
     together = with_invariants(about.sections, [*own, *beside])
-    program = _elaborated(certificate, together)
+    program = elaborated(certificate, together)
     _check_given(
         certificate, Instance(about.problem.program, certificate.kinds, certificate.delta_s)
     )
@@ -326,6 +297,8 @@ def _argument(
     for claimed in certificate.claims:
         if everyone and not claimed.everyone:
             continue
+        if claimed.kind is ClaimKind.LIVENESS:
+            continue
         if claimed.kind is not ClaimKind.STATEMENT:
             depth = max(depths, default=1)
             claims.append(Claim(claimed.name, claimed.kind, None, claimed.subject, depth))
@@ -334,15 +307,23 @@ def _argument(
     return InductiveArgument(world, tuple(claims), tuple(consequences))
 
 
-def _parsed(name: str, conjunct: Conjunct) -> Stated[ast.Invariant]:
-    """Parse the one invariant in a text."""
-    place = f"{name}: invariant {conjunct.name}"
-    parsed = parse(Source(place, conjunct.text))
+def conjuncts_of(certificate: Certificate) -> list[Stated[ast.Invariant]]:
+    """The conjuncts of the invariant, parsed. Raises KoordError."""
+    return [
+        one_invariant(certificate.name, conjunct.name, conjunct.text)
+        for conjunct in certificate.invariant
+    ]
+
+
+def one_invariant(name: str, called: str, text: str) -> Stated[ast.Invariant]:
+    """Parse the one invariant in a text. Raises KoordError."""
+    place = f"{name}: invariant {called}"
+    parsed = parse(Source(place, text))
     _stop_at_errors(name, place, parsed.diagnostics)
     found = stated(parsed.program.sections, ast.Invariant)
     whole = (*parsed.program.sections, *_inside(parsed.program.sections))
     if len(found) != 1 or len(whole) != (1 if found[0].agent is None else 2):
-        raise refusal("K940", name, f"the text of {conjunct.name!r} is not one invariant of Koord")
+        raise refusal("K940", name, f"the text of {called!r} is not one invariant of Koord")
     return found[0]
 
 
@@ -350,13 +331,14 @@ def _inside(sections: Sequence[ast.Section]) -> list[ast.Section]:
     return [part for s in sections if isinstance(s, ast.Agent) for part in s.sections]
 
 
-def _elaborated(certificate: Certificate, sections: Sequence[ast.Section]) -> core.Program:
+def elaborated(certificate: Certificate, sections: Sequence[ast.Section]) -> core.Program:
+    """The core program of some sections. Raises KoordError."""
     tree = ast.Program(tuple(sections), ())
-    elaborated = elaborate(tree, certificate.settings)
-    _stop_at_errors(certificate.name, certificate.program.name, elaborated.diagnostics)
-    if elaborated.program is None:
+    found = elaborate(tree, certificate.settings)
+    _stop_at_errors(certificate.name, certificate.program.name, found.diagnostics)
+    if found.program is None:
         raise refusal("K940", certificate.name, "the certificate holds no program")
-    return elaborated.program
+    return found.program
 
 
 def _stop_at_errors(name: str, where: str, diagnostics: Sequence[Diagnostic]) -> None:

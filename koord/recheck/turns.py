@@ -6,13 +6,15 @@ round. It is worked out there once, wherever in the round it then takes place.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
 
 from msgspec import Struct
 
 from koord.recheck import places, statements
 from koord.recheck.body import RunningBody
 from koord.recheck.races import Racing, WrittenPart
+from koord.recheck.sorts import Value
 from koord.recheck.storage import (
     Fault,
     Memory,
@@ -357,11 +359,39 @@ class Turns(Struct, frozen=True):
     # --- statements about configurations --------------------------------------------------------
 
     def holds(
-        self, state: State | ParameterisedState, condition: core.Expr, bound: int
+        self,
+        state: State | ParameterisedState,
+        condition: core.Expr,
+        bound: int,
+        given: Mapping[int, Term] = MappingProxyType({}),
     ) -> tuple[Term, Term]:
-        """The condition that a statement holds in a configuration; the legality of its answers."""
+        """The condition that a statement holds in a configuration; the legality of its answers.
+
+        Variables may be bound before: ``given`` are numbers of robots, by slot.
+        """
+        body = self._closed(state, bound, given)
+        holds = body.statement(condition)
+        return holds, self.v.t.conjunction(body.legal)
+
+    def worked_out(
+        self, state: ParameterisedState, e: core.Expr, bound: int, given: Mapping[int, Term]
+    ) -> tuple[Value, Term, Term]:
+        """The value of an expression in a configuration, and the condition that it faults.
+
+        The last is the legality of answers.
+        """
+        body = self._closed(state, bound, given)
+        value = body.value(e)
+        return value, body.faulted(), self.v.t.conjunction(body.legal)
+
+    def _closed(
+        self, state: State | ParameterisedState, bound: int, given: Mapping[int, Term]
+    ) -> RunningBody:
+        """A body that evaluates on a configuration."""
         memory = Memory([], [], [*state.store.allread], [*state.store.allwrite], None, state)
         body = statements.body(self.world, self.v, None, memory)
         body.bound = [None] * bound
-        holds = body.statement(condition)
-        return holds, self.v.t.conjunction(body.legal)
+        for slot, robot in given.items():
+            body.bound[slot] = self.s.stored(robot, INT)
+            body.here.append(robot)
+        return body

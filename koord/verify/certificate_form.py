@@ -9,12 +9,12 @@ from msgspec import Meta
 from koord.syntax.forms import Digest, Exact, Form, Natural, NotCovered, Tasks, Text, Value, words
 
 FORMAT: Final = "koord certificate"
-VERSION: Final = 3
+VERSION: Final = 4
 
 
 class Claim(Form):
     name: str
-    kind: Annotated[str, words("property", "fault", "lost update", "contract")]
+    kind: Annotated[str, words("property", "fault", "lost update", "contract", "liveness")]
     subject: Annotated[
         str, Meta(description="The variable of a lost update, or the contract; else empty.")
     ]
@@ -51,13 +51,48 @@ class Obligation(Form):
     sha256: Digest
 
 
+class Settling(Form):
+    text: Annotated[
+        str,
+        Meta(
+            description="A measure as an invariant of Koord: of every robot where it is of each,"
+            " then of the one that is meant; a number stands behind `0 <=`. Empty for a lock class."
+        ),
+    ]
+    every_robot: Annotated[bool, Meta(description="Whether it is of each robot by itself.")]
+    number: Annotated[bool, Meta(description="Whether it is a number, and not a statement.")]
+    lock_class: Annotated[
+        Natural | None, Meta(description="The position of a lock class, if it is one.")
+    ]
+
+
+class Help(Form):
+    kind: Annotated[str, words("robot", "expected", "after a run", "time")]
+    state: Annotated[str, Meta(description="An invariant: the robots of which it holds help.")]
+    assumption: Annotated[str, Meta(description="What it rests on; empty if nothing is expected.")]
+    falls: Annotated[str, Meta(description="The number that time lowers, behind `0 <=`; or empty.")]
+
+
+class Progress(Form):
+    """A proof of a claim about whole runs: T-PROGRESS of specs/semantics/10-liveness.md."""
+
+    claim: str
+    lasting: Annotated[
+        list[str], Meta(description="Invariants: what holds from the trigger until the goal does.")
+    ]
+    order: Annotated[
+        list[Settling], Meta(description="What settles, one after the other: measures and locks.")
+    ]
+    help: Annotated[list[Help], Meta(description="The ways in which somebody helps.")]
+
+
 class CertificateForm(Form):
-    """What a proof for all rounds consists of, version 3. What it says:
+    """What a proof for all rounds consists of, version 4. What it says:
     specs/certificates/README.md.
     """
 
     format: Literal["koord certificate"]
-    version: Literal[3]
+    version: Literal[4]
     made_by: Annotated[str, Meta(description="The tool and its version.")]
     program: Text
     properties: Annotated[
@@ -79,10 +114,14 @@ class CertificateForm(Form):
     ]
     delta: Annotated[Exact, Meta(description="The length of a round in seconds.")]
     claims: Annotated[
-        list[Claim], Meta(min_length=1, description="What is said to hold in every round.")
+        list[Claim],
+        Meta(min_length=1, description="What is said to hold in every round, or of whole runs."),
     ]
     invariant: Annotated[
         list[Conjunct], Meta(description="Statements whose conjunction is inductive.")
+    ]
+    progress: Annotated[
+        list[Progress], Meta(description="Proofs of the claims about whole runs, one of each.")
     ]
     rests_on: Annotated[
         RestsOn, Meta(description="Names of what the proof may use and does not show.")

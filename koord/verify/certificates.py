@@ -25,8 +25,10 @@ from koord.syntax.printing.program import stated
 from koord.syntax.printing.quoting import Quoting
 from koord.syntax.source import Source
 from koord.syntax.system import System
+from koord.syntax.walk import nodes
 from koord.verify import certificate_form as forms
-from koord.verify.claims import Claim, ClaimKind, ClaimPhase, claims_of
+from koord.verify.certified_progress import find_progress, written
+from koord.verify.claims import Claim, ClaimKind, ClaimPhase, claims_of, liveness_of
 from koord.verify.effort import Deadline, Effort
 from koord.verify.encoding.unrolling import Unrolling, violations
 from koord.verify.engine_names import Engine
@@ -62,12 +64,20 @@ class Lemma(Struct, frozen=True):
     stated: core.Property
     everyone: bool
 
+    @property
+    def is_open(self) -> bool:
+        """True if it speaks of all integers of a range that is not known beforehand."""
+        ranges = (node for node in nodes(self.stated.condition) if isinstance(node, core.IntRange))
+        ends = (end for each in ranges for end in nodes((each.low, each.high)))
+        return any(isinstance(end, core.Read) for end in ends)
+
 
 class ProvedClaims(Struct, frozen=True):
     """Names of the claims that hold in all rounds, by whichever engine, with lemmas that show it.
 
     ``everyone`` are those of them that hold for every number of robots. ``beyond`` are claims that
-    hold and that no certificate is about, each with the reason.
+    hold and that no certificate is about, each with the reason. ``of_runs`` are claims about whole
+    runs that hold, of which a proof of progress is looked for.
     """
 
     holding: tuple[str, ...]
@@ -75,10 +85,11 @@ class ProvedClaims(Struct, frozen=True):
     lemmas: tuple[Lemma, ...] = ()
     beyond: Mapping[str, str] = field(default_factory=dict)
     unsaid: Mapping[str, str] = field(default_factory=dict)
+    of_runs: tuple[str, ...] = ()
 
 
 #: Why a claim is not certified that is about whole runs.
-_OF_RUNS = "it is about whole runs, and a certificate is about configurations"
+_OF_RUNS = "it is about whole runs, and no proof of progress of every number of robots was found"
 
 
 def shown_by(report: Report) -> ProvedClaims:
@@ -90,12 +101,12 @@ def shown_by(report: Report) -> ProvedClaims:
         tuple(v.claim.name for v in holding),
         frozenset(v.claim.name for v in holding if v.engine is Engine.EVERY_N),
         tuple(dict.fromkeys(lemmas)),
-        {v.claim.name: _OF_RUNS for v in settled if v.claim.kind is ClaimKind.LIVENESS},
-        {
+        unsaid={
             v.claim.name: f"its invariant is not said in Koord: {v.unsaid}"
             for v in holding
             if v.unsaid
         },
+        of_runs=tuple(v.claim.name for v in settled if v.claim.kind is ClaimKind.LIVENESS),
     )
 
 
@@ -110,6 +121,7 @@ def certificate(
     system: System, texts: Texts, shown: ProvedClaims, deadline: Deadline, version: str
 ) -> Certificate | None:
     """Make the certificate of those claims that are inductive together; None if there are none."""
+    shown, proofs = _with_progress(system, shown, deadline)
     system, subject, found, depths = _argument(system, texts, shown, deadline)
     if set(shown.holding) - {claim.name for claim in depths}:
         helped = _with_lemmas(system, shown, depths, deadline)
@@ -124,14 +136,25 @@ def certificate(
     depth_of = {originals[claim].name: depth for claim, depth in depths.items()}
     # A proof for every number stands or falls as a whole, and is one over single rounds.
     together = helping | shown.everyone
-    is_whole = all(depth_of.get(name) == 1 for name in together)
+    pairs = zip(found, shown.lemmas, strict=True)
+    # Those that no number of robots makes finite are shown for every number alone.
+    open_ = {name: 1 for (name, _), lemma in pairs if lemma.is_open}
+    is_whole = all((depth_of | open_).get(name) == 1 for name in together)
+    depth_of |= open_ if is_whole else {}
     everyone = together if is_whole else frozenset[str]()
     claimed = [originals[claim] for claim in depths if originals[claim].name not in names]
-    not_covered = dict(shown.beyond) | {
-        name: shown.unsaid.get(name, "it is not shown by induction over the rounds")
-        for name in shown.holding
-        if name not in depth_of
-    }
+    # A proof about whole runs rests on what is shown for every number of robots.
+    runs = proofs if is_whole else {}
+    beyond = {name: _OF_RUNS for name in shown.of_runs if name not in {c.name for c in runs}}
+    not_covered = (
+        dict(shown.beyond)
+        | beyond
+        | {
+            name: shown.unsaid.get(name, "it is not shown by induction over the rounds")
+            for name in shown.holding
+            if name not in depth_of
+        }
+    )
     settings = texts.settings
     form = forms.CertificateForm(
         format=forms.FORMAT,
@@ -143,8 +166,12 @@ def certificate(
         tasks=None if settings.tasks is None else [_exact(place) for place in settings.tasks],
         kinds=list(system.kinds),
         delta=str(system.delta_s),
-        claims=[forms.Claim(c.name, c.kind.value, c.subject, c.name in everyone) for c in claimed],
+        claims=[
+            *(forms.Claim(c.name, c.kind.value, c.subject, c.name in everyone) for c in claimed),
+            *(forms.Claim(c.name, c.kind.value, c.subject, True) for c in runs),
+        ],
         invariant=list(_invariant(system.program, texts, found, depth_of, everyone)),
+        progress=list(runs.values()),
         rests_on=rests_on(system.program),
         not_covered=[NotCovered(name, why) for name, why in not_covered.items()],
         obligations=[
@@ -156,6 +183,35 @@ def certificate(
     return Certificate(document, not_covered)
 
 
+def _with_progress(
+    system: System, shown: ProvedClaims, deadline: Deadline
+) -> tuple[ProvedClaims, dict[Claim, forms.Progress]]:
+    """Look for proofs of claims about whole runs, and add the invariants that they rest on."""
+    proofs: dict[Claim, forms.Progress] = {}
+    for subject in _subjects(system):
+        left = set(shown.of_runs) - {claim.name for claim in proofs}
+        of_runs = [claim for claim in liveness_of(subject) if claim.name in left]
+        if not of_runs:
+            break
+        holding = [claim for claim in claims_of(subject) if claim.name in shown.holding]
+        known = [c for c in holding if c.name in shown.everyone and c.is_state_property]
+        known += [
+            Claim(f"found {k}", ClaimKind.PROPERTY, lemma.stated)
+            for k, lemma in enumerate(shown.lemmas)
+            if lemma.everyone
+        ]
+        found = find_progress(subject, of_runs, holding, known, deadline)
+        more = [Lemma(stated, True) for stated in found.lemmas]
+        shown = replace(
+            shown,
+            everyone=shown.everyone | {claim.name for claim in found.everyone},
+            lemmas=tuple(dict.fromkeys([*shown.lemmas, *more])),
+        )
+        for claim, proof in found.proofs.items():
+            proofs[claim] = written(subject.program, claim, proof)
+    return shown, proofs
+
+
 def _argument(
     system: System, texts: Texts, shown: ProvedClaims, deadline: Deadline
 ) -> tuple[System, System, list[tuple[str, Source]], dict[Claim, int]]:
@@ -163,8 +219,8 @@ def _argument(
     found = _found(system.program, shown.lemmas) if shown.lemmas else []
     if found:
         system = replace(system, program=_with_found(texts, found))
-    holding = {*shown.holding, *(name for name, _ in found)}
-    subject, depths = _inductive(system, holding, deadline)
+    listed = {name for (name, _), x in zip(found, shown.lemmas, strict=True) if not x.is_open}
+    subject, depths = _inductive(system, {*shown.holding, *listed}, deadline)
     return system, subject, found, depths
 
 
@@ -280,9 +336,9 @@ def _invariant(
         for source in (texts.program, *texts.properties, *(source for _, source in found))
         for section in parse(source).program.sections
     ]
-    for name, written in zip(names, stated(sections, ast.Invariant), strict=True):
+    for name, text in zip(names, stated(sections, ast.Invariant), strict=True):
         if name in depth_of:
-            yield forms.Conjunct(name, depth_of[name], name in everyone, written.text)
+            yield forms.Conjunct(name, depth_of[name], name in everyone, text.text)
 
 
 def rests_on(program: core.Program) -> forms.RestsOn:

@@ -44,8 +44,18 @@ def test_a_proof_is_confirmed(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     assert everyone in said
     assert "claimed, and not shown" not in said
     assert "for 2 robots" not in said
-    assert "\nnot covered: Decided: it is about whole runs" in said
+    assert "obligations about whole runs of every number of robots are met" in said
+    assert "\nshown for every number of robots, of every fair run:\n  eventually Decided" in said
+    assert "\nrelying on:\n  runs are fair to robots" in said
+    assert "not covered" not in said
     assert "\nconfirmed; cvc5 " in said
+
+
+#: What holds of two robots, and of no other number.
+OF_TWO = """\
+invariant Two: candidate < 2
+eventually One: candidate == 1
+"""
 
 
 def test_what_holds_for_the_robots_at_hand_is_told_apart(
@@ -53,9 +63,9 @@ def test_what_holds_for_the_robots_at_hand_is_told_apart(
 ) -> None:
     program, path = tmp_path / "two.krd", str(tmp_path / "proof.json")
     text = (EXAMPLES / "leader_elect.krd").read_text(encoding="utf-8")
-    program.write_text(f"{text}\ninvariant Two: candidate < 2\n", encoding="utf-8")
+    program.write_text(f"{text}\n{OF_TWO}", encoding="utf-8")
     assert main(["verify", str(program), "--robots", "2", "--certificate", path]) == Exit.OK
-    assert "not in the certificate: Decided: it is about whole" in capsys.readouterr().err
+    assert "not in the certificate: One: it is about whole runs" in capsys.readouterr().err
     assert main(["recheck", path, "--json"]) == Exit.OK
     found = json.loads(capsys.readouterr().out)
     shown_for = {claim["name"]: claim["shown_for"] for claim in found["claims"]}
@@ -63,7 +73,7 @@ def test_what_holds_for_the_robots_at_hand_is_told_apart(
     assert shown_for["Two"] == "these robots"
     (two,) = (claim for claim in found["claims"] if claim["name"] == "Two")
     assert two["statement"] == "invariant Two: candidate < 2"
-    assert [one["name"] for one in found["not_covered"]] == ["Decided"]
+    assert [one["name"] for one in found["not_covered"]] == ["One"]
     assert {one["every_number"] for one in found["obligations"]} == {True, False}
 
 

@@ -10,6 +10,7 @@ MAPS = "tests/recheck/test_maps.py"
 EXAMPLES = "tests/recheck/test_mutations.py"
 DAMAGE = "tests/recheck/test_damage.py"
 EDITS = "tests/recheck/test_edits.py"
+PROGRESS = "tests/recheck/test_progress.py"
 WRITTEN = "tests/recheck/test_written.py"
 SAID = "tests/cli/test_recheck.py"
 PROBLEM = "tests/cli/test_problem.py"
@@ -141,8 +142,8 @@ CERTIFIED = (
     Mutant(
         "what is shown for these robots is said of every number",
         "recheck.checking.Rechecked.shown",
-        "tuple(s for s in self.about.statements if s.claimed.everyone)",
-        "self.about.statements",
+        "tuple(s for s in of_rounds if s.claimed.everyone)",
+        "tuple(of_rounds)",
         (SAID,),
     ),
     Mutant(
@@ -161,7 +162,7 @@ CERTIFIED = (
     ),
     Mutant(
         "params of a certificate are left out",
-        "recheck.meaning._elaborated",
+        "recheck.meaning.elaborated",
         "elaborate(tree, certificate.settings)",
         "elaborate(tree)",
         (SAID,),
@@ -179,5 +180,125 @@ CERTIFIED = (
         "self.value != self.written",
         "False",
         (PROBLEM,),
+    ),
+    # whole runs
+    Mutant(
+        "a certified measure may grow",
+        "recheck.progress.ProgressObligations._settles",
+        "t.at_most(new, old)",
+        "t.truth(True)",
+        (PROGRESS,),
+    ),
+    Mutant(
+        "a certified measure falls for ever",
+        "recheck.progress.ProgressObligations._settles",
+        "t.at_most(t.integer(0), old)",
+        "t.truth(True)",
+        (PROGRESS,),
+    ),
+    Mutant(
+        "a certified statement comes again",
+        "recheck.progress.ProgressObligations._settles",
+        "t.implies(new, old)",
+        "t.truth(True)",
+        (PROGRESS,),
+    ),
+    Mutant(
+        "certified locks are granted in vain",
+        "recheck.progress.ProgressObligations._granted",
+        "t.negation(vain)",
+        "t.truth(True)",
+        (PROGRESS,),
+    ),
+    Mutant(
+        "certified help is lost",
+        "recheck.progress.ProgressObligations._helps",
+        'self._goal("it lasts", (later, answers))',
+        "()",
+        (PROGRESS,),
+    ),
+    Mutant(
+        "a certified helper is not ready",
+        "recheck.progress.ProgressObligations._helps",
+        "self._ready(self.before, j)",
+        "t.truth(True)",
+        (PROGRESS,),
+    ),
+    Mutant(
+        "a certified helper runs for ever",
+        "recheck.progress.ProgressObligations._helps",
+        "(idle, t.truth(True))",
+        "(t.truth(True), t.truth(True))",
+        (PROGRESS,),
+    ),
+    Mutant(
+        "what is expected may be so",
+        "recheck.progress.ProgressObligations._missed",
+        "self.t.negation(kept)",
+        "self.t.truth(True)",
+        (PROGRESS,),
+    ),
+    Mutant(
+        "nothing has to be owed",
+        "recheck.progress.ProgressObligations._owed",
+        "self._expected(expected, expected.trigger, state)",
+        "(self.t.truth(True), self.t.truth(True))",
+        (PROGRESS,),
+    ),
+    Mutant(
+        "time need not pass",
+        "recheck.progress.ProgressObligations._falls",
+        "t.at_most(new, t.minus(old, least))",
+        "t.truth(True)",
+        (PROGRESS,),
+    ),
+    Mutant(
+        "what lasts need not follow",
+        "recheck.progress.ProgressObligations._follows",
+        'self._goal("what lasts", *(self._holds(w, self.before) for w in lasting))',
+        "()",
+        (PROGRESS,),
+    ),
+    Mutant(
+        "what lasts need not last",
+        "recheck.progress.ProgressObligations._lasts",
+        'self._goal("what lasts", *(self._holds(w, self.after) for w in lasting))',
+        "()",
+        (PROGRESS,),
+    ),
+    Mutant(
+        "nobody need help",
+        "recheck.progress.ProgressObligations._somebody",
+        "t.negation(t.conjunction(nobody))",
+        "t.truth(True)",
+        (PROGRESS,),
+    ),
+    Mutant(
+        "locks that nobody asks for are not in the order",
+        "recheck.progress.ProgressObligations._somebody",
+        "[part.index for part in self.argument.order if isinstance(part, LockClass)]",
+        "[lock.index for lock in self.program.lock_classes]",
+        (PROGRESS,),
+    ),
+    Mutant(
+        "proofs about whole runs are for these robots",
+        "recheck.progress_meaning.progress_arguments",
+        "all(one.everyone for one in claimed)",
+        "claimed",
+        (PROGRESS,),
+    ),
+    Mutant(
+        "what is claimed of whole runs need not be proved",
+        "recheck.progress_meaning.progress_arguments",
+        "[one.name for one in claimed] != list(proofs)",
+        "False",
+        (PROGRESS,),
+    ),
+    Mutant(
+        "help names what it likes",
+        "recheck.progress_meaning._Reading.help",
+        "timed != bool(way.falls) or owed != bool(way.assumption)",
+        "False",
+        (PROGRESS,),
     ),
 )

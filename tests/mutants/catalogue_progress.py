@@ -22,21 +22,21 @@ PROGRESS = (
     # (settles)
     Mutant(
         "a measure may grow",
-        f"{_QUESTIONS}.RoundQuestions._grows",
+        f"{_QUESTIONS}.RoundQuestions.grows",
         "[larger, negative, faulty, fails]",
         "[negative, faulty, fails]",
         (PREMISES,),
     ),
     Mutant(
         "a statement may become true again",
-        f"{_QUESTIONS}.RoundQuestions._grows",
+        f"{_QUESTIONS}.RoundQuestions.grows",
         "[here, new, self.said.negated(old)]",
         "[here, new, old, self.said.negated(old)]",
         (PREMISES,),
     ),
     Mutant(
         "a measure falls for ever",
-        f"{_QUESTIONS}.RoundQuestions._grows",
+        f"{_QUESTIONS}.RoundQuestions.grows",
         "[larger, negative, faulty, fails]",
         "[larger, faulty, fails]",
         (PREMISES,),

@@ -265,9 +265,16 @@ def stated(sections: Sequence[ast.Section], kind: type[S]) -> tuple[Stated[S], .
 
 
 def with_invariants(
-    sections: Sequence[ast.Section], invariants: Sequence[tuple[str, Stated[ast.Invariant]]]
+    sections: Sequence[ast.Section],
+    invariants: Sequence[tuple[str, Stated[ast.Invariant]]],
+    *,
+    of_runs: bool = False,
 ) -> tuple[ast.Section, ...]:
-    """The sections with other invariants, under given names, in place of what they claim."""
+    """The sections with other invariants, under given names, in place of what they claim.
+
+    With ``of_runs`` they keep what they say of whole runs.
+    """
+    left_out = ast.Invariant if of_runs else _CLAIMED
     named = [
         (replace(s.section, name=ast.Ident(name, span=s.section.span)), s.agent)
         for name, s in invariants
@@ -277,7 +284,7 @@ def with_invariants(
         return (made for made, agent in named if (agent.name if agent else None) == block)
 
     def kept(of: Sequence[ast.Section], block: str | None) -> tuple[ast.Section, ...]:
-        return (*(s for s in of if not isinstance(s, _CLAIMED)), *those(block))
+        return (*(s for s in of if not isinstance(s, left_out)), *those(block))
 
     return tuple(
         replace(s, sections=kept(s.sections, s.name.name)) if isinstance(s, ast.Agent) else s

@@ -40,18 +40,23 @@ if TYPE_CHECKING:
 
 
 class ProgressProof(Struct, frozen=True):
-    """A proof of progress: the measures in order, and the help.
+    """A proof of progress: what settles, in order, and the help.
 
-    ``lasting`` follows from what leads to the goal, and lasts until that is reached. ``locks`` are
-    lock classes that the robot that is meant does not enter once measures settled, and so does not
-    ask for again and again. It rests on ``lemmas`` that were found for it, besides what was known.
+    ``order`` has measures, and lock classes by their index: the robot that is meant does not enter
+    them once what is before has settled, and so does not ask for them again and again. ``lasting``
+    follows from what leads to the goal, and lasts until that is reached. It rests on ``lemmas``
+    that were found for it, besides what was known.
     """
 
-    measures: tuple[Measure, ...]
+    order: tuple[Measure | int, ...]
     help: tuple[Help, ...]
     lasting: tuple[core.Expr, ...]
-    locks: tuple[int, ...]
     lemmas: tuple[core.Property, ...] = ()
+
+    @property
+    def locks(self) -> tuple[int, ...]:
+        """The lock classes in the order."""
+        return tuple(part for part in self.order if isinstance(part, int))
 
 
 def progress(
@@ -96,8 +101,9 @@ class _Search:
     ) -> None:
         # What functions promise of all values is seldom of use here, and makes questions hard.
         self.whole = system
-        self.system = replace(system, program=_without_promises(system.program))
+        self.system = replace(system, program=without_promises(system.program))
         self.stated, self.known, self.means = stated, list(known), means
+        self.order: list[Measure | int] = []
         self.measures: list[Measure] = []
         self.help: list[Help] = []
         self.lasting: tuple[core.Expr, ...] = ()
@@ -185,9 +191,7 @@ class _Search:
             return f"not covered: {'; '.join(sorted(set(limits)))}"
         if not is_proof:
             return None
-        return ProgressProof(
-            tuple(self.measures), tuple(self.help), self.lasting, tuple(self.locks)
-        )
+        return ProgressProof(tuple(self.order), tuple(self.help), self.lasting)
 
     def _is_proof(self, questions: RoundQuestions, all_generations: Sequence[int]) -> bool:
         """Add measures, locks and help that questions show; whether that is a proof."""
@@ -245,6 +249,7 @@ class _Search:
         for lock in self._classes():
             if lock not in self.locks and not questions.runs_in_vain(lock):
                 self.locks.append(lock)
+                self.order.append(lock)
                 questions.ask_no_more(lock)
         return len(self.locks) > before
 
@@ -276,6 +281,7 @@ class _Search:
         left = questions.changing(candidates)
         while new := questions.changing(questions.settling(left)):
             self.measures += new
+            self.order += new
             for measure in new:
                 questions.keep(measure)
             # What cannot change any more says nothing.
@@ -290,7 +296,7 @@ _GENERATIONS = (1, 2, 3)
 _FIRST = (1,)
 
 
-def _without_promises(program: core.Program) -> core.Program:
+def without_promises(program: core.Program) -> core.Program:
     """The program whose functions may be any: whatever is shown of it holds of the program."""
     free = tuple(
         replace(e, ensures=()) if e.kind is core.ExternalKind.FUNCTION else e

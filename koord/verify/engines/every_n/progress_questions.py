@@ -51,10 +51,19 @@ class Premise(Struct, frozen=True):
 
 
 class StateQuestion:
-    """The premise about one configuration: as long as the claim is pending, somebody helps."""
+    """The premise about one configuration: as long as the claim is pending, somebody helps.
+
+    What is known is known together, or ``apart``: then it is told what of it the premise takes.
+    """
 
     def __init__(
-        self, system: System, stated: core.Property, known: Sequence[Claim], means: Means
+        self,
+        system: System,
+        stated: core.Property,
+        known: Sequence[Claim],
+        means: Means,
+        *,
+        apart: bool = False,
     ) -> None:
         world = self.world = ParameterisedSystem.of(system)
         opening = ParameterisedInit(world)
@@ -67,8 +76,11 @@ class StateQuestion:
         world.book.note(opening.calm)
         for number in self._shared_numbers():
             world.book.name(number)
+        self._known: dict[Claim, Term] = {}
         for claim in known:
-            universal(claim).suppose(world, self.configuration, True)
+            when = world.d.fresh(f"suppose {claim.name}", BOOL) if apart else True
+            self._known[claim] = when
+            universal(claim).suppose(world, self.configuration, when)
 
     def _shared_numbers(self) -> Iterator[Term]:
         """Yield the shared integers: of the robots one may have each number."""
@@ -84,6 +96,28 @@ class StateQuestion:
         """Return whether somebody helps in one of some ways."""
         asked = [(Premise("somebody helps"), self._nobody(ways, lasting, locks))]
         return not self.asking.failing(asked) and not self.asking.limits
+
+    def taken(
+        self, ways: Sequence[Help], lasting: Sequence[core.Expr], locks: Sequence[int]
+    ) -> tuple[list[int], list[int], list[Claim]] | None:
+        """What it takes that somebody helps: positions of ways, lock classes, and invariants.
+
+        None if it is not seen that somebody does.
+        """
+        said = self.statements
+        denied = [said.denied(each, self.configuration) for each in ways]
+        unasked = [said.unasked(said.meant, self._state.robot, [lock])[0] for lock in locks]
+        pending = said.pending(self.configuration, lasting)
+        goal = [*self._known.values(), *denied, *unasked, *pending]
+        core_ = self.asking.fewest(goal, len(self._known))
+        if core_ is None or self.asking.limits:
+            return None
+        known, beyond = len(self._known), len(self._known) + len(ways)
+        return (
+            [k for k in range(len(ways)) if known + k in core_],
+            [lock for k, lock in enumerate(locks) if beyond + k in core_],
+            [claim for k, claim in enumerate(self._known) if k in core_],
+        )
 
     def where_nobody(
         self,
@@ -148,6 +182,31 @@ class RoundQuestions:
         lost = self.step.asking.sift(asked, self._pending(()))
         return [said for said in phrases if said not in lost]
 
+    @property
+    def given(self) -> Sequence[Term]:
+        """The facts that are supposed by now."""
+        return tuple(self._given)
+
+    def open_round(self, lasting: Sequence[core.Expr]) -> list[Term]:
+        """The facts of a round without the goal that begins with what lasts."""
+        begins = [self.said.truth(self.said.of_claim(said), self.before) for said in lasting]
+        return [*self._pending(()), *begins]
+
+    def ends(self, said: core.Expr) -> Term:
+        """The condition that a statement of the claim does not hold behind the round."""
+        return self.said.negated(self.said.truth(self.said.of_claim(said), self.after))
+
+    def vain(self, lock: int) -> Term:
+        """The condition that the robot that is meant enters a lock class."""
+        d, event = self.d, self._event(self.said.meant)
+        entering = [
+            conjunction(d, [here, d.binary(BinaryOp.EQ, event, position)])
+            for kind, here in self.world.cases(self.said.meant)
+            for position, each in enumerate(self.program.agents[kind].events)
+            if lock in each.lock_classes
+        ]
+        return disjunction(d, entering)
+
     def pend(self, lasting: Sequence[core.Expr]) -> None:
         """Suppose from now on that the claim is pending before and after the round."""
         self._given = self._pending(lasting)
@@ -159,14 +218,7 @@ class RoundQuestions:
 
     def runs_in_vain(self, lock: int) -> bool:
         """Return whether the robot that is meant may enter a lock class, and stay pending."""
-        d, event = self.d, self._event(self.said.meant)
-        entering = [
-            conjunction(d, [here, d.binary(BinaryOp.EQ, event, position)])
-            for kind, here in self.world.cases(self.said.meant)
-            for position, each in enumerate(self.program.agents[kind].events)
-            if lock in each.lock_classes
-        ]
-        asked = [(Premise("asks in vain"), [disjunction(d, entering)])]
+        asked = [(Premise("asks in vain"), [self.vain(lock)])]
         return bool(self.step.asking.sift(asked, self._given))
 
     def keep(self, measure: Measure) -> None:
@@ -175,7 +227,7 @@ class RoundQuestions:
 
     def settling(self, measures: Sequence[Measure]) -> list[Measure]:
         """The measures of natural numbers and Booleans that do not grow in the round."""
-        asked = [(Premise("settles", m), [self._grows(m)]) for m in measures]
+        asked = [(Premise("settles", m), [self.grows(m)]) for m in measures]
         met = {premise.part for premise in self.step.asking.sift(asked, self._given)}
         return [measure for measure in measures if measure not in met]
 
@@ -192,13 +244,13 @@ class RoundQuestions:
 
     def helping(self, ways: Sequence[Help]) -> list[Help]:
         """The ways to help that cannot be refused for ever while no measure changes."""
-        asked = [(Premise("helps", each), [self._refused(each)]) for each in ways]
+        asked = [(Premise("helps", each), [self.refused(each)]) for each in ways]
         met = {premise.part for premise in self.step.asking.sift(asked, self._given)}
         return [each for each in ways if each not in met]
 
     def against(self, language: Language, ways: Sequence[Help]) -> Snapshot | None:
         """The values before a round in which help is refused, in a model."""
-        asked = [(Premise("helps", each), [self._refused(each)]) for each in ways]
+        asked = [(Premise("helps", each), [self.refused(each)]) for each in ways]
         asking = self.step.asking
         if not asked or asking.counterexample(asked, self._given)[0] is not SolverAnswer.SAT:
             return None
@@ -220,7 +272,7 @@ class RoundQuestions:
 
     # --- measures -------------------------------------------------------------------------------
 
-    def _grows(self, measure: Measure) -> Term:
+    def grows(self, measure: Measure) -> Term:
         """The condition that a measure grows, or is no natural number."""
         d = self.d
 
@@ -286,7 +338,7 @@ class RoundQuestions:
 
     # --- help -----------------------------------------------------------------------------------
 
-    def _refused(self, help_: Help) -> Term:
+    def refused(self, help_: Help) -> Term:
         """The condition that a robot helps before a round that changes no measure, in vain."""
         return self._of_some(partial(self._refuses, help_))
 

@@ -178,6 +178,26 @@ class Asking:
         self.world.book.settle(self._limit)
         return self.solver.core() if not self._why_open(goal) else None
 
+    def fewest(self, goal: Sequence[Term], first: int) -> frozenset[int] | None:
+        """As ``needed``, with as few generations of names as it takes.
+
+        Of the ``first`` positions none can be left out by itself.
+        """
+        core_: frozenset[int] | None = None
+        for generations in range(1, self.means.thrift.generations + 1):
+            self.look_ahead(generations)
+            core_ = self.needed(goal)
+            if core_ is not None:
+                break
+        if core_ is None:
+            return None
+        for position in range(first):
+            if position in core_:
+                fewer = sorted(core_ - {position})
+                found = self.needed([goal[k] for k in fewer])
+                core_ = core_ if found is None else frozenset(fewer[k] for k in found)
+        return core_
+
     def _tell(self) -> None:
         """Pass new facts to the solver."""
         self.solver.add(self.world.book.facts[self._given :])
