@@ -54,7 +54,8 @@ def searched(name: str, tasks: int, robots: int, road: str, patience_s: float) -
     from koord.syntax.load import load
     from koord.syntax.source import Source
     from koord.syntax.system import dealt
-    from koord.verify.engines.explicit.limits import COMPILED_FROM, Limits, resident_mb
+    from koord.verify.engines.explicit.cost import COMPILED_FROM
+    from koord.verify.engines.explicit.limits import Limits, resident_mb
     from koord.verify.engines.explicit.property_checks import Exhausted, OutOfBounds
     from koord.verify.engines.explicit.search import survey
 

@@ -151,7 +151,7 @@ def counted(program: str, setting: str, robots: int, size: int) -> int | None:
     from koord.syntax.load import load
     from koord.syntax.source import Source
     from koord.syntax.system import dealt
-    from koord.verify.engines.explicit.limits import COMPILED_FROM
+    from koord.verify.engines.explicit.cost import COMPILED_FROM
     from koord.verify.engines.explicit.property_checks import Exhausted
     from koord.verify.engines.explicit.search import survey
 

@@ -70,6 +70,17 @@ class _Ration(Struct):
         return self.left < 0 or self.whole.is_over()
 
 
+class Count(Struct):
+    """A count of what is spent of a budget, about, as ``Budget(count.is_over, whole)``."""
+
+    whole: Budget
+    steps: int = 0
+
+    def is_over(self) -> bool:
+        self.steps += _EVERY
+        return self.whole.is_over()
+
+
 def _never() -> bool:
     return False
 

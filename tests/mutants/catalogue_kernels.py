@@ -11,6 +11,7 @@ FAIR = "tests/agreement/test_fair_kernels.py"
 LIMITS = "tests/agreement/test_kernel_limits.py"
 
 ELEMENTS = "tests/agreement/test_elements.py"
+COST = "tests/verify/engines/explicit/test_cost.py"
 
 KERNELS = (
     Mutant(
@@ -425,6 +426,27 @@ KERNELS = (
         "b.and_(may_be, b.icmp_signed('==', asks, word(0)))",
         "b.and_(may_be, b.icmp_signed('<', asks, word(0)))",
         (FAIR,),
+    ),
+    Mutant(
+        "what representatives cost is not counted",
+        "verify.engines.explicit.orbits.Orbits._found",
+        "len(orders) * self._per_order",
+        "0",
+        (COST,),
+    ),
+    Mutant(
+        "what is left of a state is left where machine code fails",
+        "verify.engines.explicit.search.Search._found",
+        "if self._compiled is not None:\n    return\nyield from self._expanded(state, waiting)",
+        "if self._compiled is not None:\n    return",
+        (COST,),
+    ),
+    Mutant(
+        "machine code does not go on where states are limited",
+        "verify.engines.explicit.search.Search._is_due",
+        "states > self._meter.limits.states",
+        "False",
+        (COST,),
     ),
     Mutant(
         "edges of machine code are believed",

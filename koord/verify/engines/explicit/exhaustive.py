@@ -13,8 +13,9 @@ from koord.syntax.system import System
 from koord.verify.claims import Claim, ClaimKind, ClaimPhase
 from koord.verify.effort import Deadline
 from koord.verify.engine_names import Engine
+from koord.verify.engines.explicit.cost import COMPILED_FROM
 from koord.verify.engines.explicit.finiteness import NotFinite
-from koord.verify.engines.explicit.limits import COMPILED_FROM, Limits
+from koord.verify.engines.explicit.limits import Limits
 from koord.verify.engines.explicit.property_checks import Exhausted, GoalKind, OutOfBounds, Violated
 from koord.verify.engines.explicit.property_checks import SearchGoal as Searched
 from koord.verify.engines.explicit.search import begun

@@ -16,11 +16,12 @@ from msgspec.structs import replace
 from koord.semantics.liveness import Response, expected, locks_of, reads_ran, responses
 from koord.semantics.recordings import Round
 from koord.syntax import core
-from koord.syntax.budget import OutOfBudgetError
+from koord.syntax.budget import Budget, Count, OutOfBudgetError
 from koord.syntax.system import System
 from koord.verify.different_responses import different_responses
 from koord.verify.engines.explicit.commits import Commits
 from koord.verify.engines.explicit.compiled import is_installed
+from koord.verify.engines.explicit.cost import FAIR_COMPILED_FROM, Cost
 from koord.verify.engines.explicit.fair_answers import (
     FairAnswers,
     FairCycleReport,
@@ -38,7 +39,7 @@ from koord.verify.engines.explicit.finiteness import NotFinite, not_finite
 from koord.verify.engines.explicit.found_runs import Tracer, as_it_is
 from koord.verify.engines.explicit.initial_states import openings
 from koord.verify.engines.explicit.joint_transitions import JointTransition, JointTransitions
-from koord.verify.engines.explicit.limits import COMPILED_FROM, LimitReachedError, Limits, Meter
+from koord.verify.engines.explicit.limits import LimitReachedError, Limits, Meter
 from koord.verify.engines.explicit.property_checks import (
     ENDS,
     Check,
@@ -60,14 +61,15 @@ def lively(
     limits: Limits | None = None,
     *,
     most_edges: int | None = None,
-    compiled_from: int | None = COMPILED_FROM,
+    compiled_from: int | None = FAIR_COMPILED_FROM,
     progress: Progress | None = None,
     clock: Callable[[], float] = time.monotonic,
 ) -> FairCycleReport:
     """Decide liveness properties on all reachable states. [PROP-EVENTUALLY] [PROP-LEADS-TO]
 
     Beside the limits there may be one of edges: many robots have many ways to go on from a state.
-    Behind ``compiled_from`` nodes machine code is used where there is any; None: it is not.
+    Where Python has cost more than ``compiled_from`` (see :mod:`cost`) machine code is used, if
+    there is any; None: it is not.
     """
     asked = [s for p in properties for r in responses(system, p) for s in r.statements]
     asked += [s for r in expected(system) for s in r.statements]
@@ -103,6 +105,9 @@ class _Search:
         *,
         tracks_ran: bool,
     ) -> None:
+        self._cost = Cost()
+        self._count = Count(system.budget)
+        system = replace(system, budget=Budget(self._count.is_over, system.budget))
         vault = StateStore(system, tracks_ran=tracks_ran)
         self._system = system
         self._vault = vault
@@ -177,13 +182,13 @@ class _Search:
     # --- the graph ------------------------------------------------------------------------------
 
     def _built(self, most: int | None) -> Exhausted | OutOfBounds | NotFinite | None:
-        """How the graph came to an end; None if it goes on behind so many nodes."""
+        """How the graph came to an end; None where it has cost more than ``most`` before."""
         nodes = self._nodes
         try:
             if not nodes.starts:
                 self._begin()
             while len(nodes.edges) < len(nodes.states):
-                if most is not None and len(nodes.states) > most:
+                if most is not None and self._is_due(most):
                     return None
                 if len(nodes.edges) == self._level:
                     self._depth += 1
@@ -195,6 +200,11 @@ class _Search:
         except ENDS as error:
             return end_of(error, len(nodes.states), self._depth)
         return Exhausted(len(nodes.states), self._depth)
+
+    def _is_due(self, most: int) -> bool:
+        """Return whether to go over to machine code: it costs less than what Python has done."""
+        states = len(self._nodes.states)
+        return self._cost.of(states, self._count.steps) > most or states > self._meter.limits.states
 
     def _begin(self) -> None:
         nodes = self._nodes
@@ -243,11 +253,13 @@ class _Search:
         menus = self._joints.menus(state)
         for joint in self._joints.joints(state, menus):
             self._system.budget.spend()
+            self._cost.joints += 1
             if not joint.is_whole:
                 continue
             meets, grants = self._label_of(owed, menus, joint)
             for robots, shared in joint.successors():
                 self._system.budget.spend()
+                self._cost.ways += 1
                 yield (*robots, *shared), meets, grants
 
     def holds(self, statement: core.Property, state: State) -> bool:

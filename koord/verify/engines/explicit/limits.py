@@ -29,10 +29,6 @@ FEW_STATES = 20_000
 FEW_EDGES = 100_000
 
 
-#: Behind so many states a search goes over to machine code, where there is any: what takes less is
-#: done before any is made.
-COMPILED_FROM = 200
-
 #: As long as Python takes for a state, machine code takes for so many, or more.
 _COMPILED_STATES = 32
 

@@ -21,6 +21,7 @@ from koord.semantics.values import Rec, Seq, Table, Value
 from koord.syntax.analysis.sorts import Entries, Fields, Items, Scalar, Shape
 from koord.syntax.analysis.symmetry import Names, Symmetry
 from koord.verify.engines.explicit.cells import CACHE_LIMIT, Cells, Interner
+from koord.verify.engines.explicit.cost import Cost
 from koord.verify.engines.explicit.states import RobotState, State, StateStore
 
 #: The new place of each name: of robots, then of elements.
@@ -272,7 +273,7 @@ ORDERS_TRIED = 24
 class Orbits:
     """Representatives of the states of one search."""
 
-    def __init__(self, vault: StateStore, symmetry: Symmetry) -> None:
+    def __init__(self, vault: StateStore, symmetry: Symmetry, cost: Cost | None = None) -> None:
         self._vault = vault
         self._robots = vault.system.robots
         self._symmetry = symmetry
@@ -291,9 +292,14 @@ class Orbits:
         self._shared = [(slot, n) for slot, n in enumerate(shared) if n is not None]
         self._looks: Interner[Hashable] = Interner()
         self._own_looks: dict[tuple[int, int], int] = {}
+        self._own_element_looks: dict[tuple[int, int], int] = {}
+        self._shared_looks: dict[tuple[int, int, int], int] = {}
         self._renamed_robots: dict[tuple[int, Renaming], int] = {}
         self._mentions: dict[int, bool] = {}
         self._known: dict[State, State] = {}
+        self._cost = cost if cost is not None else Cost()
+        elements = sum(len(group) for n in symmetry.elements for group in n.groups)
+        self._per_order = (1 + elements) * (self._robots + len(self._shared))
 
     def _namings(
         self, cells: Sequence[Cells], shapes: Sequence[Shape | None]
@@ -324,7 +330,8 @@ class Orbits:
         return ordered
 
     def _found(self, state: State) -> State:
-        orders = islice(self._orders(state), ORDERS_TRIED)
+        orders = list(islice(self._orders(state), ORDERS_TRIED))
+        self._cost.looked_at += len(orders) * self._per_order
         return min(self._in_place(self.renamed(state, renaming)) for renaming in orders)
 
     # --- elements -------------------------------------------------------------------------------
@@ -344,15 +351,31 @@ class Orbits:
 
     def _element_look(self, state: State, name: int) -> tuple[int, ...]:
         """The look of an element: where it is named, and what stands at it, in all variables."""
-        number, count = self._looks.number, self._robots
-        told = [
-            number(naming.look(held, name))
-            for robot in state[:count]
-            for held, naming in self._parts(self._vault.robots.values[robot])
-            if naming is not None
-        ]
-        told += [number(naming.look(state[count + slot], name)) for slot, naming in self._shared]
+        count = self._robots
+        told = [self._own_element_look(robot, name) for robot in state[:count]]
+        told += [self._shared_look(slot, n, state[count + slot], name) for slot, n in self._shared]
         return tuple(told)
+
+    def _own_element_look(self, number: int, name: int) -> int:
+        """The look of an element in a robot's own state."""
+        known = self._own_element_looks.get((number, name))
+        if known is None:
+            if len(self._own_element_looks) > CACHE_LIMIT:
+                self._own_element_looks.clear()
+            parts = self._parts(self._vault.robots.values[number])
+            told = tuple(naming.look(held, name) for held, naming in parts if naming is not None)
+            known = self._own_element_looks[number, name] = self._looks.number(("at", *told))
+        return known
+
+    def _shared_look(self, slot: int, naming: Naming, held: int, name: int) -> int:
+        """The look of a name in what an allwrite variable holds."""
+        known = self._shared_looks.get((slot, held, name))
+        if known is None:
+            if len(self._shared_looks) > CACHE_LIMIT:
+                self._shared_looks.clear()
+            known = self._looks.number(naming.look(held, name))
+            self._shared_looks[slot, held, name] = known
+        return known
 
     def _orders(self, state: State) -> Iterator[Renaming]:
         """Yield renamings that put robots in order of their looks."""
@@ -379,12 +402,12 @@ class Orbits:
 
     def _all_looks(self, state: State) -> list[tuple[int, ...]]:
         """The look of each robot: its own state, and the positions where the store names it."""
-        count, number = self._robots, self._looks.number
+        count = self._robots
         looks = [[self._own_look(i, state[i])] for i in range(count)]
         for slot, naming in self._shared:
             held = state[count + slot]
             for i in range(count):
-                looks[i].append(number(naming.look(held, i)))
+                looks[i].append(self._shared_look(slot, naming, held, i))
         return [tuple(look) for look in looks]
 
     def _own_look(self, robot: int, number: int) -> int:

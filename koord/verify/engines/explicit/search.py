@@ -15,10 +15,12 @@ from itertools import chain, islice, product
 from typing import TYPE_CHECKING
 
 from msgspec import Struct
+from msgspec.structs import replace
 
 from koord.semantics.recordings import Recording, Round
 from koord.syntax import core
 from koord.syntax.analysis.symmetry import Symmetry, reachable_symmetry
+from koord.syntax.budget import Budget, Count
 from koord.syntax.core import PropertyKind
 from koord.syntax.system import System
 from koord.verify.engines.explicit.commits import Commits
@@ -27,6 +29,7 @@ from koord.verify.engines.explicit.compiled import (
     CompiledSearch,
     is_installed,
 )
+from koord.verify.engines.explicit.cost import Cost
 from koord.verify.engines.explicit.finiteness import NotFinite, not_finite
 from koord.verify.engines.explicit.found_runs import Tracer, as_it_is
 from koord.verify.engines.explicit.initial_states import openings
@@ -84,7 +87,8 @@ def survey(
 ) -> SearchReport:
     """Search for all violations: of each claim one with the fewest rounds.
 
-    Behind ``compiled_from`` states machine code is used where there is any; None: it is not.
+    Where Python has cost more than ``compiled_from`` (see :mod:`cost`) machine code is
+    used, if there is any; None: it is not.
     """
     made = begun(
         system,
@@ -164,6 +168,9 @@ class Search:
         progress: Progress | None,
         compiled_from: int | None,
     ) -> None:
+        self._cost = Cost()
+        self._count = Count(system.budget)
+        system = replace(system, budget=Budget(self._count.is_over, system.budget))
         relaxed = not order_reduction or needs_relaxed(system, properties)
         vault = StateStore(system, tracks_ran=asks_who_ran(properties))
         self._system = system
@@ -175,7 +182,7 @@ class Search:
         menus = Menus(system, vault, self._commits, relaxed=relaxed)
         self._joints = JointTransitions(system, vault, menus, self._commits, relaxed=relaxed)
         found = reachable_symmetry(system, properties) if symmetry else None
-        orbits = Orbits(vault, found) if isinstance(found, Symmetry) else None
+        orbits = Orbits(vault, found, self._cost) if isinstance(found, Symmetry) else None
         self._representative = orbits.representative if orbits is not None else as_it_is
         self._orbits = (found, orbits) if isinstance(found, Symmetry) and orbits else None
         # Configurations inside of rounds that no round ends in are left to Python.
@@ -264,16 +271,26 @@ class Search:
                 raise LimitReachedError(f"more than {self._depth} rounds")
             waiting: list[State] = []
             for position, state in enumerate(frontier):
-                self._tick(len(frontier) - position)
-                if self._compiled_from is not None and len(self._seen) > self._compiled_from:
+                if not self._is_due():
+                    self._tick(len(frontier) - position)
+                    yield from self._expanded(state, waiting)
+                if self._is_due():
                     self._compiled_from = None
                     yield from self._on_machine_code()
                     if self._compiled is not None:
                         return
-                yield from self._expanded(state, waiting)
+                    yield from self._expanded(state, waiting)  # what was left of it
             frontier = waiting
             if frontier:
                 self._depth = self._through = self._depth + 1
+
+    def _is_due(self) -> bool:
+        """Return whether to go over to machine code: it costs less than what Python has done."""
+        if self._compiled_from is None:
+            return False
+        states = len(self._seen)
+        cost = self._cost.of(states, self._count.steps)
+        return cost > self._compiled_from or states > self._meter.limits.states
 
     def _on_machine_code(self) -> Iterator[_Found]:
         """Search by machine code from the start, if there is any that gets to the end."""
@@ -379,13 +396,17 @@ class Search:
         yield from self._failures(state, menus)
         seen, representative = self._seen, self._representative
         for joint in self._joints.joints(state, menus):
+            if self._is_due():
+                return
             self._system.budget.spend()
+            self._cost.joints += 1
             yield from self._looked_inside(state, joint)
             if not joint.is_whole:
                 continue
             yield from self._evolved(state, joint)
             for robots, shared in joint.successors():
                 self._system.budget.spend()
+                self._cost.ways += 1
                 after = representative(robots, shared)
                 if after not in seen:
                     yield from self._entered(after, state, waiting)
