@@ -53,8 +53,9 @@ _mk_true = _function("Z3_mk_true", z3.Ast)
 _mk_unary_minus = _function("Z3_mk_unary_minus", z3.Ast)
 _substitute = _function("Z3_substitute", z3.Ast)
 
-#: Which a term is counted with as long as Python has it.
+#: By which a term is counted as long as Python has it.
 _inc_ref = _function("Z3_inc_ref", None)
+_dec_ref = _function("Z3_dec_ref", None)
 
 # --- constraints ----------------------------------------------------------------------------------
 
@@ -74,6 +75,36 @@ _get_quantifier_body = _function("Z3_get_quantifier_body", z3.Ast)
 _get_sort = _function("Z3_get_sort", z3.Sort)
 _get_sort_id = _function("Z3_get_sort_id", ctypes.c_uint)
 _get_sort_kind = _function("Z3_get_sort_kind", ctypes.c_uint)
+
+
+class _Counted:
+    """A term that is let go without asking whether that failed, which it does not.
+
+    Its context may be gone before it, where both are found by the garbage collector.
+    """
+
+    ast: z3.Ast
+    ctx: z3.Context
+
+    def __del__(self, let_go: Any = _dec_ref) -> None:
+        if (context := self.ctx.ctx) is not None:
+            let_go(context, self.ast)
+
+
+class _Boolean(_Counted, z3.BoolRef):  # type: ignore[misc]
+    pass
+
+
+class _Number(_Counted, z3.ArithRef):  # type: ignore[misc]
+    pass
+
+
+class _Integer(_Counted, z3.IntNumRef):  # type: ignore[misc]
+    pass
+
+
+class _Rational(_Counted, z3.RatNumRef):  # type: ignore[misc]
+    pass
 
 
 class TermBuilder:
@@ -130,7 +161,7 @@ class TermBuilder:
         """A number, of reals or of integers."""
         text, sort = str(value).encode(), self._real if real else self._int
         made = _mk_numeral(self._ref, text, sort.ast)
-        return self._kept(z3.RatNumRef if real else z3.IntNumRef, made)
+        return self._kept(_Rational if real else _Integer, made)
 
     def truth(self, *, value: bool) -> z3.BoolRef:
         """A constant truth."""
@@ -247,10 +278,10 @@ class TermBuilder:
         return found
 
     def _boolean(self, made: z3.Ast) -> z3.BoolRef:
-        return self._kept(z3.BoolRef, made)
+        return self._kept(_Boolean, made)
 
     def _number(self, made: z3.Ast) -> z3.ArithRef:
-        return self._kept(z3.ArithRef, made)
+        return self._kept(_Number, made)
 
     def _kept(self, form: type[T], made: z3.Ast) -> T:
         """A term as an object of Python, which counts as a user of it until it is gone."""
