@@ -111,6 +111,7 @@ class _Search:
         program = self.system.program
         self.likely = (*help_of(program), *waits_of(program))
         self._may_help: dict[tuple[core.Expr, ...], bool] = {}
+        self._state: StateQuestion | None = None  #: about a configuration in which that is known
 
     def proof(self) -> ProgressProof | str:
         """Find measures and help that prove the claim."""
@@ -138,6 +139,7 @@ class _Search:
                 break
             self.known = search.given
             self._may_help.clear()
+            self._state = None
             found = self._found(self.known, _GENERATIONS)
             if isinstance(found, ProgressProof):
                 stated = (claim.stated for claim in search.found)
@@ -273,8 +275,9 @@ class _Search:
 
     def _somebody_helps(self, ways: Sequence[Help], locks: Sequence[int]) -> bool:
         """Return whether somebody helps in one of some ways as long as the claim is pending."""
-        question = StateQuestion(self.system, self.stated, self.known, self.means)
-        return question.somebody(ways, self.lasting, locks)
+        if self._state is None or not self._state.is_new:
+            self._state = StateQuestion(self.system, self.stated, self.known, self.means)
+        return self._state.somebody(ways, self.lasting, locks)
 
     def _settled(self, questions: RoundQuestions, candidates: Sequence[Measure]) -> list[Measure]:
         """Add measures that settle, one layer after the other; those that may still change."""

@@ -43,6 +43,11 @@ _PARTS_OF_DELTA = 16
 _LOOKED_AHEAD = 2
 
 
+#: Another question is asked of the same facts as long as no more than such a part of what may be
+#: said was said.
+_ASKED_AGAIN = 4
+
+
 class Premise(Struct, frozen=True):
     """A premise of a proof of progress, by its name and part."""
 
@@ -81,6 +86,13 @@ class StateQuestion:
             when = world.d.fresh(f"suppose {claim.name}", BOOL) if apart else True
             self._known[claim] = when
             universal(claim).suppose(world, self.configuration, when)
+        self._denied: dict[Help, Term] = {}
+
+    @property
+    def is_new(self) -> bool:
+        """Whether so little was said that there is room for another question."""
+        book = self.world.book
+        return _ASKED_AGAIN * book.instances <= book.most
 
     def _shared_numbers(self) -> Iterator[Term]:
         """Yield the shared integers: of the robots one may have each number."""
@@ -144,7 +156,13 @@ class StateQuestion:
         said = self.statements
         pending = said.pending(self.configuration, lasting)
         pending += said.unasked(said.meant, self._state.robot, locks)
-        return [*pending, *(said.denied(each, self.configuration) for each in ways)]
+        return [*pending, *map(self._nobody_in_this, ways)]
+
+    def _nobody_in_this(self, way: Help) -> Term:
+        """A literal under which nobody helps in this way."""
+        if way not in self._denied:
+            self._denied[way] = self.statements.denied(way, self.configuration)
+        return self._denied[way]
 
 
 class RoundQuestions:
@@ -165,6 +183,8 @@ class RoundQuestions:
         self._known = [step.suppose(claim) for claim in known]
         self._expected = self.program.expectations
         self._given: list[Term] = []
+        self._changed: dict[Measure, Term] = {}
+        self._in_vain: dict[Help, Term] = {}
 
     def lasting(self, likely: Sequence[core.Expr]) -> list[core.Expr]:
         """The statements that hold until the goal does, once they hold."""
@@ -291,7 +311,12 @@ class RoundQuestions:
         return self._of_some(grows, of_robots=measure.each is not None)
 
     def _changes(self, measure: Measure) -> Term:
-        """The condition that a measure changes."""
+        """The condition that a measure changes, which is asked for again and again."""
+        if measure not in self._changed:
+            self._changed[measure] = self._change(measure)
+        return self._changed[measure]
+
+    def _change(self, measure: Measure) -> Term:
         d = self.d
 
         def changes(robot: Term) -> Term:
@@ -340,7 +365,9 @@ class RoundQuestions:
 
     def refused(self, help_: Help) -> Term:
         """The condition that a robot helps before a round that changes no measure, in vain."""
-        return self._of_some(partial(self._refuses, help_))
+        if help_ not in self._in_vain:
+            self._in_vain[help_] = self._of_some(partial(self._refuses, help_))
+        return self._in_vain[help_]
 
     def _refuses(self, help_: Help, robot: Term) -> Term:
         d = self.d
