@@ -71,11 +71,15 @@ class Means(Struct, frozen=True):
 
 
 class Asking:
-    """A system and a solver that knows its facts."""
+    """A system and a solver that knows its facts.
 
-    def __init__(self, world: ParameterisedSystem, means: Means) -> None:
+    A goal may take one of so many ``shares`` of the effort that is left.
+    """
+
+    def __init__(self, world: ParameterisedSystem, means: Means, shares: int = 1) -> None:
         self.world = world
         self.means = means
+        self._shares = shares
         self._given = 0
         self._limit: int = -1
         self.solver = Solver(self.world.d, self.world.unknowns, self.means.seed)
@@ -102,7 +106,8 @@ class Asking:
                     failed[claim] = why
                 # More facts refute what can be met with fewer. What is too much is asked with more
                 # of them once: a solver that does not come upon a model may refute it at once.
-                if why == _NOT_INDUCTIVE or (why == _TOO_MUCH and limit == first):
+                again = limit == first and why == _TOO_MUCH and self._has_plenty
+                if why == _NOT_INDUCTIVE or again:
                     still.append((claim, goal))
             pending = still
             if not pending:
@@ -207,7 +212,8 @@ class Asking:
         """The reason why a goal is not refuted; empty if it is."""
         self._tell()
         means = self.means
-        answer = self.solver.check(goal, means.deadline, means.effort, at_most=self._most)
+        most = min(self._most, max(1, means.effort.left // self._shares))
+        answer = self.solver.check(goal, means.deadline, means.effort, at_most=most)
         if answer is SolverAnswer.UNSAT:
             return ""
         if answer is SolverAnswer.SAT:
@@ -219,6 +225,11 @@ class Asking:
         """The effort that one query may use."""
         thrift = self.means.thrift
         return thrift.with_products if self.world.d.has_products else thrift.question
+
+    @property
+    def _has_plenty(self) -> bool:
+        """Whether there is effort for other questions, too, if one takes all that it may."""
+        return self.means.effort.left > 4 * self._most
 
     @property
     def limits(self) -> list[str]:
@@ -246,7 +257,8 @@ class Start:
         program = system.program
         self._world = ParameterisedSystem.of(system)
         self._opening = ParameterisedInit(self._world)
-        self._asking = Asking(self._world, means)
+        # What is asked in vain here is not to be missing where a round is asked about.
+        self._asking = Asking(self._world, means, shares=2)
         self._world.book.expect(*self._asking.robots[:2])
         self._world.book.expect(0, self._world.last, generation=1)
         for assumption in program.assumptions:
