@@ -10,10 +10,8 @@ from typing import TYPE_CHECKING
 
 from msgspec import UNSET, Struct, field, to_builtins
 
-from koord.api import verdict_forms as forms
 from koord.api.programs import Program
 from koord.api.results import Result, html_table
-from koord.api.traces import Trace
 from koord.syntax.diagnostics import KoordError
 from koord.syntax.system import System
 from koord.traces.trace import Numbers, Sources, Violation, ViolationKind, traced
@@ -29,7 +27,9 @@ from koord.verify.verdicts import (
 from koord.verify.verdicts import Verdict as Found
 
 if TYPE_CHECKING:
+    from koord.api import verdict_forms as forms
     from koord.api.fairness import Fair
+    from koord.api.traces import Trace
     from koord.refinement.compiled_replay import Rerun
     from koord.semantics.configurations import Configuration
     from koord.semantics.domain import Constant
@@ -126,6 +126,8 @@ class Verdict(Result, frozen=True):
     @property
     def counterexamples(self) -> tuple[Trace, ...]:
         """The different counterexamples that were found."""
+        from koord.api.traces import Trace
+
         first = self.found.counterexample
         runs = () if first is None else (first, *self.found.others)
         return tuple(Trace(self._own(run)) for run in runs)
@@ -204,6 +206,8 @@ class Verdict(Result, frozen=True):
 
     def form(self, parts: Parts) -> forms.Claim:
         """The verdict as JSON has it; ``parts`` records failures of its details."""
+        from koord.api import verdict_forms as forms
+
         found = self.found
         first, others, ways = found.counterexample, found.others, found.ways
         return forms.Claim(
@@ -237,6 +241,7 @@ class Verdict(Result, frozen=True):
         )
 
     def _violation(self, run: Counterexample, parts: Parts) -> forms.Violation:
+        from koord.api import verdict_forms as forms
         from koord.api.replay import compiled_form
         from koord.refinement.compiled_replay import Departure
 

@@ -12,14 +12,11 @@ from typing import TYPE_CHECKING, Final
 from msgspec import UNSET, Struct, convert, to_builtins
 from msgspec.structs import replace
 
-from koord.api import verdict_forms as forms
 from koord.api.programs import Program
 from koord.api.results import Result, html_table
-from koord.api.traces import Trace
 from koord.api.verdicts import Parts, Verdict
 from koord.syntax.analysis.auxiliary import Var
 from koord.syntax.core import Direction, Home
-from koord.syntax.printing.quoting import Quoting
 from koord.syntax.problem import Problem
 from koord.syntax.source import visible
 from koord.syntax.system import System
@@ -33,6 +30,8 @@ from koord.verify.verdicts import Bounds, Outcome, Report, Vacuity
 from koord.verify.verdicts import Verdict as Found
 
 if TYPE_CHECKING:
+    from koord.api import verdict_forms as forms
+    from koord.api.traces import Trace
     from koord.verify.instants import Shadowed
     from koord.verify.proof_core import ProofCore
 
@@ -172,6 +171,8 @@ class VerifyReport(Result, frozen=True):
         found = self.at_ends
         if not found.lemmas:
             return ""
+        from koord.syntax.printing.quoting import Quoting
+
         problem, quoting = self.problem, Quoting.of(self.system.program)
         proofs = [verdict for verdict in found.verdicts if verdict.lemmas]
         if all(verdict.engine is Engine.EVERY_N for verdict in proofs):
@@ -189,6 +190,8 @@ class VerifyReport(Result, frozen=True):
         found: dict[str, None] = {}
         for verdict in self.verdicts:
             if verdict.found.lemmas:
+                from koord.syntax.printing.quoting import Quoting
+
                 quoting = Quoting.of(verdict.system.program)
                 found |= dict.fromkeys(map(quoting.invariant, verdict.found.lemmas))
         return tuple(found)
@@ -246,6 +249,8 @@ class VerifyReport(Result, frozen=True):
 
     def form(self, parts: Parts) -> forms.Report:
         """The report as JSON has it, see :meth:`to_dict`; ``parts`` records details that fail."""
+        from koord.api import verdict_forms as forms
+
         report, problem = self.report, self.problem
         claims = [verdict.form(parts) for verdict in self.verdicts]
         left_out: dict[str, list[str]] = {}
@@ -292,16 +297,22 @@ class VerifyReport(Result, frozen=True):
 
 def reports_dict(reports: list[forms.Report]) -> dict[str, object]:
     """Several reports as one document."""
+    from koord.api import verdict_forms as forms
+
     plain: dict[str, object] = to_builtins(forms.Verdicts(VERDICTS_VERSION, reports))
     return plain
 
 
 def failure_forms(failures: Iterable[Failure]) -> list[forms.Failure]:
     """Failures as JSON has them."""
+    from koord.api import verdict_forms as forms
+
     return [forms.Failure(each.who, each.what, each.where or None) for each in failures]
 
 
 def _vacuity(vacuity: Vacuity) -> forms.Vacuity:
+    from koord.api import verdict_forms as forms
+
     return forms.Vacuity(
         vacuity.what,
         vacuity.subject or None,
@@ -312,6 +323,8 @@ def _vacuity(vacuity: Vacuity) -> forms.Vacuity:
 
 
 def _rests_on(found: ProofCore) -> forms.RestsOn:
+    from koord.api import verdict_forms as forms
+
     needed, spare, untried = (
         [forms.Premise(x.kind, x.name, x.promise, x.promises, str(x.span)) for x in premises]
         for premises in (found.needed, found.spare, found.untried)

@@ -17,7 +17,6 @@ from koord.syntax.source import counted
 from koord.verify.claims import ClaimKind
 from koord.verify.engine_names import Engine, engine_named
 from koord.verify.obstacles import Failure
-from koord.verify.proof_core import ProofCore
 from koord.verify.verdicts import (
     Emptiness,
     EnumerationResult,
@@ -29,6 +28,7 @@ from koord.verify.verdicts import (
 
 if TYPE_CHECKING:
     from koord.api.verify_report import VerifyReport
+    from koord.verify.proof_core import ProofCore
 
 
 def core_lines(loaded: Program, found: ProofCore, style: Style) -> Iterator[str]:
