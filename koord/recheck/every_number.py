@@ -61,11 +61,28 @@ class EveryNumber:
         goals = stated(self.turns, opening.state, self.claims, between_rounds=True)
         starts = Entailment((*opening.facts, *sound), tuple(goals))
         yield replace(_once("initiation", starts), hollow=NO_START)
-        yield from StepObligations(self.crowds, self.claims, *self.anything(opening))
+        for depth in sorted({claim.depth for claim in self.claims} or {1}):
+            yield from self._over(depth, opening, [*opening.facts, *sound])
         for property_ in self.consequences:
             claim = Claim(property_.name, ClaimKind.STATEMENT, property_)
             name = f"the invariant implies {claim.name}"
             yield Obligation(name, (partial(self._implied, claim, opening),))
+
+    def _over(
+        self, depth: int, opening: ParameterisedInit, begun: Sequence[Term]
+    ) -> Iterator[Obligation]:
+        """The obligations of claims that are inductive over so many rounds."""
+        assumed = [claim for claim in self.claims if claim.depth <= depth]
+        asked = [claim for claim in self.claims if claim.depth == depth]
+        state, facts = opening.state, list(begun)
+        for number in range(1, depth):
+            step = StepObligations(self.crowds, assumed, state, facts, asked, f", round {number}")
+            yield from step
+            state, facts = step.followed()
+        state, facts = self.anything(opening)
+        for _ in range(1, depth):
+            state, facts = StepObligations(self.crowds, assumed, state, facts).followed()
+        yield from StepObligations(self.crowds, assumed, state, facts, asked)
 
     def _implied(self, claim: Claim, opening: ParameterisedInit) -> Entailment:
         state, facts = self.anything(opening)
@@ -90,7 +107,10 @@ class EveryNumber:
 
 
 class StepObligations:
-    """The obligations of one step of a round, from any configuration with the invariant."""
+    """The obligations of one step of a round, from any configuration with the invariant.
+
+    Of the ``claims``, which hold there, some may be ``asked`` for alone.
+    """
 
     def __init__(
         self,
@@ -98,7 +118,10 @@ class StepObligations:
         claims: Sequence[Claim],
         start: ParameterisedState,
         facts: Sequence[Term],
+        asked: Sequence[Claim] | None = None,
+        label: str = "",
     ) -> None:
+        self.asked, self.label = claims if asked is None else asked, label
         self.crowds, self.claims, self.start, self.facts = crowds, claims, start, facts
         self.turns, self.world = crowds.turns, crowds.world
         self.s, self.v, self.t = crowds.s, crowds.v, crowds.v.t
@@ -108,7 +131,7 @@ class StepObligations:
             for position in range(len(self.world.program.agents[kind].events)):
                 yield from self._event(kind, position)
         yield from self._quiet()
-        if any(claim.kind is ClaimKind.LOST_UPDATE for claim in self.claims):
+        if any(claim.kind is ClaimKind.LOST_UPDATE for claim in self.asked):
             yield from self._updates()
         yield from self._environment()
 
@@ -120,6 +143,9 @@ class StepObligations:
 
     def _stated(self, state: ParameterisedState, *, between_rounds: bool = False) -> list[Goal]:
         return stated(self.turns, state, self.claims, between_rounds=between_rounds)
+
+    def _goals(self, state: ParameterisedState, *, between_rounds: bool = False) -> list[Goal]:
+        return stated(self.turns, state, self.asked, between_rounds=between_rounds)
 
     @cached_property
     def moves(self) -> Moves:
@@ -151,10 +177,10 @@ class StepObligations:
         move = self.moves[kind][position]
         agents = self.world.program.agents
         whose = f" of {agents[kind].name}" if len(agents) > 1 else ""
-        name = f"event {move.known.event.name}{whose}"
+        name = f"event {move.known.event.name}{whose}{self.label}"
         robot, is_one = self._one(f"who runs {name}", kind)
         turn = move.of(robot)
-        if any(claim.kind is ClaimKind.FAULT for claim in self.claims):
+        if any(claim.kind is ClaimKind.FAULT for claim in self.asked):
             yield Obligation(f"{name}: no fault", (partial(self._no_fault, robot, is_one, turn),))
         attempts = [partial(self._exactly, robot, is_one, turn)]
         if not self.world.mentions(core.Ran) and not self.world.asks():
@@ -196,7 +222,7 @@ class StepObligations:
                 facts.append(t.implies(turn.entered[lock], s.same(x, y, d.variable.type)))
         facts.append(self.turns.may_run(own, turn))
         after = self._moved(inside, robot, turn)
-        return Entailment((*self.known, *facts), tuple(self._stated(after)), names=(robot,))
+        return Entailment((*self.known, *facts), tuple(self._goals(after)), names=(robot,))
 
     def _exactly(self, robot: Term, is_one: Term, turn: EventTurn) -> Entailment:
         """The step after others' turns, which are those possible at the start of the round."""
@@ -212,7 +238,7 @@ class StepObligations:
             facts += [t.implies(last, fact) for fact in round_.skips_legally(but=robot, mover=turn)]
             after = self._ended(after, last)
         names = (robot, *round_.winners.values())
-        return Entailment((*self.known, *facts), tuple(self._stated(after)), names=names)
+        return Entailment((*self.known, *facts), tuple(self._goals(after)), names=names)
 
     def _ended(self, state: ParameterisedState, last: Term) -> ParameterisedState:
         """The configuration after END-PROG, if the last robot has moved."""
@@ -259,9 +285,11 @@ class StepObligations:
     def _quiet(self) -> Iterator[Obligation]:
         """Observable skips: the first turn of a round, and the last."""
         if self.world.mentions(core.Ran):
-            yield Obligation("a first turn in which a robot skips", (self._first_skip,))
+            yield Obligation(
+                f"a first turn in which a robot skips{self.label}", (self._first_skip,)
+            )
         if self.world.asks():
-            yield Obligation("a last turn in which a robot skips", (self._last_skip,))
+            yield Obligation(f"a last turn in which a robot skips{self.label}", (self._last_skip,))
 
     def _first_skip(self) -> Entailment:
         t, never = self.t, self.t.integer(-1)
@@ -275,14 +303,14 @@ class StepObligations:
             free = [self.turns.off(m.of(one)) for m in self.moves[kind] if m.known.event.urgent]
             may = t.either(self.start.robot(kind, one).stopped, t.conjunction(free))
             skipping.append(t.both(is_one, may))
-        goals = self._stated(ParameterisedState(robot, self.start.store))
+        goals = self._goals(ParameterisedState(robot, self.start.store))
         return Entailment((*self.known, t.disjunction(skipping)), tuple(goals))
 
     def _last_skip(self) -> Entailment:
         round_ = self.gathering
         idle, ended = stopped_together(self.crowds, round_.state)
         facts = [*round_.facts, *self.inside, idle, *round_.skips_legally()]
-        return Entailment((*self.known, *facts), tuple(self._stated(ended)))
+        return Entailment((*self.known, *facts), tuple(self._goals(ended)))
 
     # --- pairs of robots ------------------------------------------------------------------------
 
@@ -292,10 +320,11 @@ class StepObligations:
         for mine in flat:
             names = set(updated(mine.known.event.effect))
             asked = [
-                c for c in self.claims if c.kind is ClaimKind.LOST_UPDATE and c.subject in names
+                c for c in self.asked if c.kind is ClaimKind.LOST_UPDATE and c.subject in names
             ]
             for other in flat if asked else ():
-                name = f"updates of {mine.known.event.name} and {other.known.event.name}"
+                pair = f"{mine.known.event.name} and {other.known.event.name}"
+                name = f"updates of {pair}{self.label}"
                 yield Obligation(name, (partial(self._update, mine, other, asked),))
 
     def _update(
@@ -322,9 +351,9 @@ class StepObligations:
     # --- the environment ------------------------------------------------------------------------
 
     def _environment(self) -> Iterator[Obligation]:
-        name = "the environment's turn"
+        name = f"the environment's turn{self.label}"
         ways = (self._end_loosely, self._end_exactly)
-        if any(claim.kind is ClaimKind.FAULT for claim in self.claims):
+        if any(claim.kind is ClaimKind.FAULT for claim in self.asked):
             faults = tuple(partial(self._no_fault_after, end) for end in ways)
             yield Obligation(f"{name}: no fault", faults)
         hollow = NO_END if self.world.promised else ""
@@ -354,8 +383,8 @@ class StepObligations:
     def _evolved(self, end: Callable[[], tuple[ParameterisedState, list[Term]]]) -> Entailment:
         t = self.t
         after, facts, evolved = self._ended_by(end)
-        goals = self._stated(after, between_rounds=True)
-        for claim in self.claims:
+        goals = self._goals(after, between_rounds=True)
+        for claim in self.asked:
             if claim.kind is ClaimKind.CONTRACT:
                 kept = [
                     self.crowds.all_of(kind, one.blank, promise)
@@ -382,6 +411,11 @@ class StepObligations:
         """The end of any whole round, with what is known of it. [LIVE-RUN]"""
         after, facts, _ = self._ended_by(self._end_exactly)
         return after, tuple(facts)
+
+    def followed(self) -> tuple[ParameterisedState, list[Term]]:
+        """Where a round that follows this one starts, with what is known of both."""
+        after, facts = self.whole_round()
+        return after, [*self.known, *facts]
 
 
 def _once(name: str, attempt: Entailment) -> Obligation:

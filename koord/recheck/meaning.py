@@ -287,7 +287,7 @@ def _argument(
         for k, conjunct in enumerate(certificate.invariant)
         if conjunct.everyone or not everyone
     ]
-    depths = [1 if everyone else conjunct.depth for _, conjunct in conjuncts]
+    depths = [conjunct.depth for _, conjunct in conjuncts]
     claims = [
         Claim(conjunct.name, ClaimKind.STATEMENT, stated, depth=depth)
         for (stated, conjunct), depth in zip(conjuncts, depths, strict=True)

@@ -134,12 +134,12 @@ def certificate(
     helping = {name for (name, _), lemma in zip(found, shown.lemmas, strict=True) if lemma.everyone}
     originals = dict(zip(claims_of(subject), claims_of(system), strict=True))
     depth_of = {originals[claim].name: depth for claim, depth in depths.items()}
-    # A proof for every number stands or falls as a whole, and is one over single rounds.
+    # A proof for every number stands or falls as a whole.
     together = helping | shown.everyone
     pairs = zip(found, shown.lemmas, strict=True)
     # Those that no number of robots makes finite are shown for every number alone.
     open_ = {name: 1 for (name, _), lemma in pairs if lemma.is_open}
-    is_whole = all((depth_of | open_).get(name) == 1 for name in together)
+    is_whole = together <= (depth_of | open_).keys()
     depth_of |= open_ if is_whole else {}
     everyone = together if is_whole else frozenset[str]()
     claimed = [originals[claim] for claim in depths if originals[claim].name not in names]

@@ -10,6 +10,7 @@ MAPS = "tests/recheck/test_maps.py"
 EXAMPLES = "tests/recheck/test_mutations.py"
 DAMAGE = "tests/recheck/test_damage.py"
 EDITS = "tests/recheck/test_edits.py"
+OF_EVERYBODY = "tests/recheck/test_every_number.py"
 PROGRESS = "tests/recheck/test_progress.py"
 WRITTEN = "tests/recheck/test_written.py"
 SAID = "tests/cli/test_recheck.py"
@@ -300,5 +301,19 @@ CERTIFIED = (
         "timed != bool(way.falls) or owed != bool(way.assumption)",
         "False",
         (PROGRESS,),
+    ),
+    Mutant(
+        "certificates over two rounds say nothing of the first",
+        "recheck.every_number.EveryNumber._over",
+        "yield from step",
+        "pass",
+        (OF_EVERYBODY,),
+    ),
+    Mutant(
+        "certificates over two rounds know the last of them",
+        "recheck.every_number.StepObligations._goals",
+        "self.asked",
+        "()",
+        (OF_EVERYBODY,),
     ),
 )

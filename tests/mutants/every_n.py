@@ -12,7 +12,44 @@ SUMS = "tests/verify/engines/every_n/test_sums.py"
 SAMPLES = "tests/verify/engines/every_n/test_small_systems.py"
 ARRAYS = "tests/verify/engines/every_n/test_shared_arrays.py"
 
+ROUNDS = "tests/verify/engines/every_n/test_over_rounds.py"
+
 EVERY_N = (
+    Mutant(
+        "every N: over two rounds the first is not looked at",
+        "verify.engines.every_n.proving.prove_over",
+        "range(rounds - 1)",
+        "range(0)",
+        (ROUNDS,),
+    ),
+    Mutant(
+        "every N: of the round before nothing is known",
+        "verify.engines.every_n.questions.Step._whole",
+        "self._before.append(round_.end)",
+        "pass",
+        (ROUNDS,),
+    ),
+    Mutant(
+        "every N: in the round before nobody has to act",
+        "verify.engines.every_n.questions.Step._whole",
+        "(round_.calm, round_.legal, round_.gentle)",
+        "(round_.calm, round_.gentle)",
+        (ROUNDS,),
+    ),
+    Mutant(
+        "every N: robots do in a round what they did in the one before",
+        "verify.engines.every_n.rounds.ParameterisedRound.event",
+        'f"{self._label}event"',
+        '"event"',
+        (ROUNDS,),
+    ),
+    Mutant(
+        "every N: the least of all is the greatest",
+        "verify.engines.every_n.all_robots.Everyone.extreme",
+        "(op, *map(d.key, said))",
+        "(0, *map(d.key, said))",
+        (ROUNDS,),
+    ),
     Mutant(
         "every N: what was asked for validity is supposed from then on",
         "verify.encoding.terms.Terms._looked_at",

@@ -10,7 +10,12 @@ import pytest
 
 from koord.cli.main import main
 from koord.recheck.checking import RecheckOutcome
+from koord.syntax.elaboration.settings import Settings
+from koord.syntax.source import Source
 from koord.syntax.system import dealt
+from koord.verify.certificates import ProvedClaims, Texts, certificate
+from koord.verify.claims import claims_of
+from koord.verify.effort import Deadline
 from tests.loading import program_of
 from tests.recheck.certificates import Document, conjunct, document_of, rechecked, with_text
 from tests.recheck.proving import confirmed, settled_for_everyone, settled_soon
@@ -23,6 +28,7 @@ from tests.verify.engines.every_n.asking import system_of
 pytest.importorskip("cvc5")
 
 QUICK = [
+    ("allstop.krd", 2, "1/10"),
     ("hvac.krd", 1, "40"),
     ("lineform_1d.krd", 3, "10"),
 ]
@@ -84,6 +90,34 @@ MISTAKES = {
 def test_a_mistake_is_refuted(change: tuple[str, int, str, str, str]) -> None:
     found = rechecked(_changed(*change))
     assert found.outcome is RecheckOutcome.REFUTED, found.reason
+
+
+#: A value that is left in the first round, if that begins with 0.
+LEFT = """\
+local:
+    int x = 5
+
+urgent Step:
+    pre: x == 0
+    eff: x = 1
+
+invariant NotOne: forall i: x@i != 1
+"""
+
+
+def test_over_two_rounds_the_first_counts() -> None:
+    """From a round between two in which it holds it would go on, but it begins otherwise."""
+    source, settings = Source("left.krd", LEFT), Settings({})
+    system = dealt(program_of(LEFT), 2, Fraction(1, 10))
+    names = tuple(claim.name for claim in claims_of(system))
+    shown = ProvedClaims(names, frozenset(names))
+    made = certificate(system, Texts(source, (), settings), shown, Deadline.after(60), "test")
+    assert made is not None
+    document = json.loads(json.dumps(made.document))
+    assert conjunct(document, "NotOne")["depth"] == 2
+    assert rechecked(document).outcome is RecheckOutcome.CONFIRMED
+    with_text(document, "int x = 5", "int x = 0")
+    assert rechecked(document).outcome is RecheckOutcome.REFUTED
 
 
 SLOW_MISTAKES = {

@@ -40,6 +40,7 @@ class Everyone(Struct):
     sums: Sums
     seated: Term | None = None
     overlooked: list[Span] = field(default_factory=list)
+    _extremes: dict[tuple[object, ...], Term] = field(default_factory=dict)
 
     @property
     def first(self) -> Term:
@@ -65,6 +66,20 @@ class Everyone(Struct):
         return self.book.every(low, high, body)
 
     def extreme(self, op: BinaryOp, low: Term, high: Term, body: Callable[[Term], Term]) -> Term:
+        d, book = self.unknowns.terms, self.book
+        said = book.said_of_any(low, high, body)
+        if said is None:
+            return self._extreme(op, low, high, body)
+        key = op, *map(d.key, said)
+        if key not in self._extremes:
+            # What is the same for all robots is worked out once, and not of each.
+            with book.about(said[-1]):
+                self._extremes[key] = self._extreme(op, low, high, body)
+            for term in said:
+                book.keep(term)
+        return self._extremes[key]
+
+    def _extreme(self, op: BinaryOp, low: Term, high: Term, body: Callable[[Term], Term]) -> Term:
         d, book = self.unknowns.terms, self.book
         best = d.fresh_like("extreme", book.glimpse(body))
         witness = d.fresh("witness", INT)

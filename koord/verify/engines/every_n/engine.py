@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from msgspec import Struct
 from msgspec.structs import replace
 
+from koord.syntax.analysis.footprint import stops_show
 from koord.verify.claims import Claim
 from koord.verify.effort import Effort
 from koord.verify.engine_names import Engine
 from koord.verify.engines.engine import Purpose, Task, Tools, Worker
 from koord.verify.engines.every_n.candidates import candidates
-from koord.verify.engines.every_n.proving import Inferred, infer, prove
-from koord.verify.engines.every_n.questions import AFTER_INIT, GENEROUS, SPARING, ProofBudget
+from koord.verify.engines.every_n.proving import Inferred, infer, prove, prove_over
+from koord.verify.engines.every_n.questions import AFTER_INIT, GENEROUS, SPARING, Means, ProofBudget
 from koord.verify.ledger import Ledger, Reach
 from koord.verify.obstacles import gave_up
 from koord.verify.verdicts import Outcome, Verdict
@@ -59,9 +60,40 @@ def _prove(ledger: Ledger, thrift: ProofBudget) -> None:
     ledger.settle(
         {claim: Verdict(claim, Outcome.HOLDS, Engine.EVERY_N, seconds) for claim in found.proved}
     )
+    over = _over_rounds(ledger, found.reasons, thrift)
     for claim, reason in found.reasons.items():
+        if claim in over:
+            continue
         obstacle = gave_up(Engine.EVERY_N, ledger.deadline)
         ledger.leave([claim], Reach(Engine.EVERY_N, None, reason, seconds, obstacle=obstacle))
+
+
+#: Over so many rounds what may be hidden between two comes to light.
+_ROUNDS = 2
+
+
+def _over_rounds(
+    ledger: Ledger, reasons: Mapping[Claim, str], thrift: ProofBudget
+) -> tuple[Claim, ...]:
+    """Settle claims by induction over two rounds, where robots stop together. [STOP]
+
+    Properties do not see who has asked to stop: what it has seen is known one round later only.
+    """
+    system = ledger.system
+    left = [claim for claim, why in reasons.items() if not why.startswith(AFTER_INIT)]
+    if not left or not stops_show(system.program) or ledger.deadline.passed():
+        return ()
+    started = time.monotonic()
+    means = Means(ledger.deadline, Effort.of_seconds(thrift.seconds), thrift, ledger.seed)
+    proved = prove_over(system, left, _known(ledger), means, _ROUNDS)
+    seconds = time.monotonic() - started
+    ledger.settle(
+        {
+            claim: Verdict(claim, Outcome.HOLDS, Engine.EVERY_N, seconds, depth=_ROUNDS)
+            for claim in proved
+        }
+    )
+    return proved
 
 
 def _infer(ledger: Ledger, thrift: ProofBudget, most: int | None) -> None:

@@ -62,6 +62,10 @@ class ParameterisedInit:
         book.note(book.implied(self.calm, calm))
         return moves
 
+    def robot(self, kind: int, robot: Term) -> Robot[Term]:
+        """The robot of a kind with a number."""
+        return next(state for _, state in self._at(robot) if state.kind == kind)
+
     def _at(self, robot: Term) -> list[tuple[Term, Robot[Term]]]:
         self.world.book.name(robot)
         return [

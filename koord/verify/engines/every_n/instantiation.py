@@ -261,6 +261,17 @@ class Book(Struct):
         self._glimpses[place] = frame
         return self._work_out(frame, lambda names: body(names[0]))
 
+    def said_of_any(
+        self, low: Term, high: Term, body: Callable[[Term], Term]
+    ) -> tuple[Term, Term, Term] | None:
+        """A range, and what is said of any number of it; None if that depends on the context."""
+        d = self.unknowns.terms
+        seen = self.glimpse(body)
+        own = self._glimpses[tuple(d.key(blank) for blank in d.open)].own
+        (any_,) = self.canonical(1)
+        said = low, high, d.put(seen, [(own[0], any_)])
+        return None if any(d.mentions(term, d.open) for term in said) else said
+
     @contextmanager
     def about(self, term: Term) -> Iterator[None]:
         """Within the context, evaluate something that depends only on the blanks of a term."""

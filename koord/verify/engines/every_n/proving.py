@@ -76,6 +76,42 @@ def prove(
     return Proof((*follows, *candidates), reasons)
 
 
+def prove_over(
+    system: System,
+    claims: Sequence[Claim],
+    known: Sequence[Claim],
+    means: Means,
+    rounds: int,
+) -> tuple[Claim, ...]:
+    """Prove claims by induction over several rounds, for every number of robots; those that hold.
+
+    They are asked of the first rounds from INIT, and of the one behind so many in which they hold.
+    """
+    left = list(claims)
+    try:
+        start = Start(system, means)
+        failing = start.failing(left)
+        limits = {*start.limits}
+        left = [claim for claim in left if claim not in failing]
+        for earlier in range(rounds - 1):
+            left = _kept(Step(system, means, earlier=earlier, from_init=True), left, known, limits)
+        left = _kept(Step(system, means, earlier=rounds - 1), left, known, limits)
+    except NotFiniteError:
+        return ()
+    return () if limits else tuple(left)
+
+
+def _kept(
+    step: Step, claims: Sequence[Claim], known: Sequence[Claim], limits: set[str]
+) -> list[Claim]:
+    """The largest set of claims that a step keeps, if they and what is known hold before."""
+    left = list(claims)
+    while left and (failed := step.failing(left, known)):
+        left = [claim for claim in left if claim not in failed]
+    limits |= set(step.limits)
+    return left
+
+
 class Inferred(Struct, frozen=True):
     """The claims that hold with the help of inferred invariants, and these invariants."""
 

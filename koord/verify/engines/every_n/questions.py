@@ -25,7 +25,7 @@ from koord.verify.encoding.terms import Term
 from koord.verify.engines.every_n.all_robots import ParameterisedSystem, Universal
 from koord.verify.engines.every_n.conditions import Condition
 from koord.verify.engines.every_n.initial_states import ArbitraryState, ParameterisedInit, faults_of
-from koord.verify.engines.every_n.rounds import ParameterisedRound
+from koord.verify.engines.every_n.rounds import ParameterisedRound, RoundStart
 from koord.verify.engines.every_n.watching import Watching
 
 #: What a goal is for: a claim, or a premise of a proof.
@@ -296,11 +296,20 @@ class Start:
 class Step:
     """The inductive step: one round from any configuration in which the claims hold.
 
-    Of ``conditions`` models say how they are; those with an index, of so many (``size``).
+    Of ``conditions`` models say how they are; those with an index, of so many (``size``). With
+    ``earlier`` rounds it is the round behind so many others, before and behind which the claims
+    hold; ``from_init`` the first of these begins after INIT, and not anywhere.
     """
 
     def __init__(
-        self, system: System, means: Means, conditions: Sequence[Condition] = (), size: int = 1
+        self,
+        system: System,
+        means: Means,
+        conditions: Sequence[Condition] = (),
+        size: int = 1,
+        *,
+        earlier: int = 0,
+        from_init: bool = False,
     ) -> None:
         program = self._program = system.program
         world = self.world = ParameterisedSystem.of(system)
@@ -310,14 +319,26 @@ class Step:
         world.book.expect(*self.asking.robots[:2])
         world.book.expect(0, world.last, generation=1)
         world.book.note(self._opening.calm)
-        self.round = ParameterisedRound(world, self.start)
+        begins: RoundStart = self._opening if from_init else self.start
+        self._before = [begins.configuration]
+        for number in range(earlier):
+            begins = self._whole(begins, f"{number} before ")
+        self.round = ParameterisedRound(world, begins)
         self.watching = Watching(world, conditions, size)
         self.watching.define(self.start.configuration)
         self._supposed: dict[Claim, Term] = {}
         self._goals: dict[tuple[Claim, ClaimPhase], list[Term]] = {}
-        for assumption in _lasting(program):
+        for assumption in program.assumptions if from_init else _lasting(program):
             given = Universal.of(assumption.condition, assumption.bound)
             given.suppose(world, self._opening.configuration, True)
+
+    def _whole(self, begins: RoundStart, label: str) -> ParameterisedRound:
+        """A whole round, behind which the claims hold."""
+        round_ = ParameterisedRound(self.world, begins, label)
+        for fact in (round_.calm, round_.legal, round_.gentle):
+            self.world.book.note(fact)
+        self._before.append(round_.end)
+        return round_
 
     @property
     def limits(self) -> list[str]:
@@ -429,11 +450,12 @@ class Step:
         return [ClaimPhase.INSIDE, ClaimPhase.END]
 
     def suppose(self, claim: Claim) -> Term:
-        """The literal under which a claim is assumed of the start."""
+        """The literal under which a claim is assumed of where the rounds start."""
         if claim not in self._supposed:
             when = self.world.d.fresh(f"suppose {claim.name}", BOOL)
             self._supposed[claim] = when
-            universal(claim).suppose(self.world, self.start.configuration, when)
+            for configuration in self._before:
+                universal(claim).suppose(self.world, configuration, when)
         return self._supposed[claim]
 
     def _goal(self, claim: Claim, moment: ClaimPhase) -> list[Term]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Protocol
+
 from msgspec.structs import replace
 
 from koord.semantics.configurations import NO_EVENT, Configuration, Robot, Store, Turn
@@ -20,21 +22,36 @@ from koord.verify.encoding.terms import Term
 from koord.verify.engines.every_n.all_robots import ParameterisedSystem
 from koord.verify.engines.every_n.commits import Commits, Guards, PossibleTurn
 from koord.verify.engines.every_n.functions import RobotInputs
-from koord.verify.engines.every_n.initial_states import ArbitraryState, faults_of
+from koord.verify.engines.every_n.initial_states import faults_of
+
+
+class RoundStart(Protocol):
+    """Where a round starts: after INIT, anywhere, or where another one ends."""
+
+    @property
+    def configuration(self) -> Configuration[Term]:
+        """The configuration."""
+        ...
+
+    def robot(self, kind: int, robot: Term) -> Robot[Term]:
+        """The robot of a kind with a number."""
+        ...
 
 
 class ParameterisedRound:
-    """A round of a crowd from an arbitrary configuration.
+    """A round of a crowd from some configuration.
 
     ``inside`` is any configuration in which some robots have run an event and the others have not
     yet, ``middle`` one at the end of the program turns, ``end`` one after the environment's turn.
     ``calm``: no program turn faulted; ``legal``: who skipped was allowed to (inside a round, who
-    has not run may still have to); ``gentle``: the environment's turn did not fault.
+    has not run may still have to); ``gentle``: the environment's turn did not fault. Rounds that
+    follow each other have labels, by which what is unknown in them is told apart.
     """
 
-    def __init__(self, world: ParameterisedSystem, start: ArbitraryState) -> None:
+    def __init__(self, world: ParameterisedSystem, start: RoundStart, label: str = "") -> None:
         self.world = world
         self.start = start
+        self._label = label
         self._moved: dict[object, tuple[Term, list[PossibleTurn]]] = {}
         self._states: dict[object, tuple[Term, list[tuple[Term, Robot[Term]]]]] = {}
         self._evolved: dict[object, tuple[Term, list[tuple[Term, Robot[Term], Evolved[Term]]]]] = {}
@@ -45,7 +62,7 @@ class ParameterisedRound:
         self.gentle: Term = d.fresh("gentle", BOOL)
         before = self.start.configuration.store
         guards = Guards.of(world.program)
-        self.commits = Commits(world, before, self.moves, guards, "round")
+        self.commits = Commits(world, before, self.moves, guards, f"{label}round")
         store = Store(
             tuple(self.commits.entries(slot) for slot in range(len(before.allread))),
             tuple(self.commits.everything(slot) for slot in range(len(before.allwrite))),
@@ -59,6 +76,11 @@ class ParameterisedRound:
             (), store, 0, Turn.ENV, at=self.after_turns
         )
         self.end: Configuration[Term] = Configuration((), store, 1, at=self._at_end)
+
+    @property
+    def configuration(self) -> Configuration[Term]:
+        """The configuration at its end, where the next round starts."""
+        return self.end
 
     # --- program turns --------------------------------------------------------------------------
 
@@ -84,13 +106,13 @@ class ParameterisedRound:
     def event(self, robot: Term) -> Term:
         """The position of the event that a robot runs in this round, or ``NO_EVENT``."""
         with self.world.d.depending_on((robot,)):
-            return self.world.d.fresh("event", INT)
+            return self.world.d.fresh(f"{self._label}event", INT)
 
     def _moves(self, kind: int, robot: Term, here: Term) -> list[PossibleTurn]:
         world, d, book = self.world, self.world.d, self.world.book
         event = self.event(robot)
         state, seat = self.start.robot(kind, robot), world.seat(kind, robot)
-        inputs = RobotInputs(world.unknowns, "round", robot)
+        inputs = RobotInputs(world.unknowns, f"{self._label}round", robot)
         count = len(world.program.agents[kind].events)
         book.note(book.implied(here, book.between(NO_EVENT, event, count)))
         running = d.binary(BinaryOp.NE, state.status, d.const(int(Status.STOPPED), INT))
@@ -107,7 +129,7 @@ class ParameterisedRound:
         """Assert that a robot that skips has no urgent event that obliges it to run. [SKIP]"""
         world, d, book = self.world, self.world.d, self.world.book
         state, seat = self.start.robot(kind, robot), world.seat(kind, robot)
-        inputs = RobotInputs(world.unknowns, "round", robot)
+        inputs = RobotInputs(world.unknowns, f"{self._label}round", robot)
         running = d.binary(BinaryOp.NE, state.status, d.const(int(Status.STOPPED), INT))
         acts = d.binary(BinaryOp.NE, self.event(robot), NO_EVENT)
         for urgent in world.program.agents[kind].events:
@@ -182,7 +204,7 @@ class ParameterisedRound:
         world, d, book = self.world, self.world.d, self.world.book
         found = []
         for here, state in self.after_turns(robot):
-            inputs = RobotInputs(world.unknowns, "environment", robot)
+            inputs = RobotInputs(world.unknowns, f"{self._label}environment", robot)
             seat = world.seat(state.kind, robot)
             turned = environment_turn(d, seat, 0, state, inputs)
             legal = conjunction(d, [x.condition for x in turned.legality])
