@@ -107,31 +107,28 @@ class RaceTurn(Struct, frozen=True):
         It is as if others were asked one after the other beside it, and all stopped once what both
         had said until then is an answer. That hangs on what each of them does, and not on time.
         """
-        first, *beside = jobs
-        said, others = known.of(known.open(), _unheard), 0
-        for number, job in enumerate(beside):
+        first, *rest = jobs
+        beside = _Beside(rest, [known], self.wanted, self.pool)
+        for number, job in enumerate(rest):
+            said = beside.said[number]
 
-            def is_told(job: Job[Extract] = job, others: int = others) -> bool:
+            def is_told(job: Job[Extract] = job, said: Ledger = said) -> bool:
+                beside.look()
                 return job.is_done or (
                     first.is_done
-                    and _worked(first) <= patience.of(others + _worked(job), _worked(job))
+                    and _worked(first) <= patience.of(beside.worked(job), _worked(job))
                     and not self.wanted(_with_notes(said, first))
                 )
 
             self.pool.wait(job, is_told)
             if not job.is_done:
                 return None
-            others += _worked(job)
-            most = patience.of(others, _worked(job))
-            if job.found is not None:
-                said.take(job.found)
-            if not self.wanted(said):
-                for behind in beside[number + 1 :]:
-                    self.pool.drop(behind)
-
+            beside.look()
+            said, most = beside.said[number + 1], patience.of(beside.worked(job), _worked(job))
             broken = {c: v for c, v in said.verdicts.items() if v.outcome is Outcome.VIOLATED}
 
             def is_late(most: int = most, broken: Mapping[Claim, Verdict] = broken) -> bool:
+                beside.look()
                 if first.is_done or _worked(first) > most:
                     return True
                 # Of what is violated nobody can say more.
@@ -181,6 +178,32 @@ class RaceTurn(Struct, frozen=True):
             if len(past.begun) == len(before.begun):
                 return  # it gets no further
             jobs[runners] = self._started(known, claims, runners, past, first=True)
+
+
+class _Beside(Struct):
+    """Those who are asked beside others: what is ``said`` once so many of them are done."""
+
+    jobs: Sequence[Job[Extract]]
+    said: list[Ledger]
+    wanted: Callable[[Ledger], bool]
+    pool: Pool
+
+    def look(self) -> None:
+        """See who is done; once they have answers, nobody behind them is asked."""
+        while len(self.said) <= len(self.jobs) and self.jobs[len(self.said) - 1].is_done:
+            before, job = self.said[-1], self.jobs[len(self.said) - 1]
+            said = before.of(before.open(), _unheard)
+            if job.found is not None:
+                said.take(job.found)
+            self.said.append(said)
+            if not self.wanted(said):
+                for behind in self.jobs[len(self.said) - 1 :]:
+                    self.pool.drop(behind)
+                return
+
+    def worked(self, job: Job[Extract]) -> int:
+        """The work of a job and of those before it."""
+        return sum(map(_worked, self.jobs[: self.jobs.index(job) + 1]))
 
 
 def _asked(

@@ -181,8 +181,8 @@ _ALL_ENGINES: Rows = (
         beside=(
             AskEngine(Engine.INDUCTION, Task(seconds=0.5, rounds=1)),
             AskEngine(Engine.SEARCH, Task(states=HANDFUL, evaluations=3_000)),
-            AskEngine(Engine.BMC, Task(seconds=0.2, rounds=4, evaluations=6_000)),
             AskEngine(Engine.BITS, Task(questions=1_500, evaluations=4_000), fleet=Fleet.FEW),
+            AskEngine(Engine.BMC, Task(seconds=0.2, rounds=4, evaluations=6_000)),
             AskEngine(Engine.SEARCH, _SHORT_SEARCH),
             AskEngine(Engine.BMC, Task(seconds=0.5, rounds=8)),
         ),
