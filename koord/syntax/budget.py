@@ -38,8 +38,8 @@ class Budget(Struct, eq=False):
         """Spend work; check now and then whether to continue. Raises OutOfBudgetError."""
         self._left -= steps
         if self._left < 0:
-            done, self._left = _EVERY - self._left, _EVERY
-            self.report(done)
+            self._left = _EVERY
+            self.report(_EVERY)
             if self.is_over():
                 raise OutOfBudgetError
 

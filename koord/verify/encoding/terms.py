@@ -263,6 +263,7 @@ class Terms:
             return term
         old = [term for term, _ in values if isinstance(term, z3.ExprRef)]
         assert len(old) == len(values)
+        self._budget.report(1)
         return self._make.put(term, old, [self.lifted(new, self._int) for _, new in values])
 
     def symbol(self, term: Term) -> str:

@@ -132,10 +132,10 @@ _LEMMAS_SOON = Task(Purpose.INFER, seconds=0.05, evaluations=10_000, candidates=
 
 #: All of that is waited for only as long as it may be seen in the end: `auto` is to take at most so
 #: many times what an engine alone takes, and some tenths of a second.
-_RULE = Patience(times=1.3, steps=6_000)
+_RULE = Patience(times=1.3, steps=7_000)
 
 #: A search that ends soon, be it with all configurations or not.
-_SHORT_SEARCH = Task(states=HANDFUL, evaluations=12_000)
+_SHORT_SEARCH = Task(states=FEW_STATES, evaluations=24_000)
 
 #: Bounded model checking, as far as it gets in so many seconds.
 _FIRST_ROUNDS = AskEngine(Engine.BMC, Task(seconds=3.0))
@@ -169,7 +169,7 @@ _TO_THE_END: Rows = (
 #: for this number. What neither shows in no time is raced for: first by what is done in some tenths
 #: of a second, then by what takes a second, and then some.
 _ALL_ENGINES: Rows = (
-    AskEngine(Engine.SEARCH, Task(Purpose.REFUTE, states=HANDFUL, evaluations=1_000), quick=True),
+    AskEngine(Engine.SEARCH, Task(Purpose.REFUTE, states=HANDFUL, evaluations=3_000), quick=True),
     AskEngine(Engine.EVERY_N, _AT_A_GLANCE, quick=True, fleet=Fleet.FEW, again=_ONCE_MORE),
     AskEngine(Engine.EVERY_N, _OF_MANY, quick=True, fleet=Fleet.MANY),
     AskAtOnce(
@@ -195,24 +195,18 @@ _ALL_ENGINES: Rows = (
             AskEngine(Engine.EVERY_N, Task(Purpose.INFER, seconds=1.0, candidates=FEW)),
         ),
         beside=(
+            AskEngine(Engine.INDUCTION),
             AskOnSlices(
                 (AskEngine(Engine.SEARCH, _SHORT_SEARCH), AskEngine(Engine.INDUCTION)),
                 (AskEngine(Engine.SEARCH, _SHORT_SEARCH), AskEngine(Engine.INDUCTION)),
                 ends=False,
             ),
-            AskEngine(Engine.SEARCH, Task(states=HANDFUL)),
-        ),
-        patience=_RULE,
-    ),
-    AskAtOnce(
-        first=(),
-        beside=(
-            AskOnSlices(_SOME_SECONDS, _SOME_SECONDS, ends=False),
-            AskEngine(Engine.INDUCTION),
             AskEngine(Engine.ABC, Task(questions=FEW_QUESTIONS, seconds=3.0)),
             AskEngine(Engine.SEARCH, Task(states=FEW_STATES)),
             AskEngine(Engine.BITS, Task(questions=FEW_QUESTIONS)),
+            AskOnSlices(_SOME_SECONDS, _SOME_SECONDS, ends=False),
         ),
+        patience=_RULE,
     ),
     AskOnSlices(_TO_THE_END),
     *_TO_THE_END,

@@ -53,6 +53,9 @@ _ONE_BY_ONE = 16
 #: So many steps of work the search has at least: with fewer nothing that asks of all is found.
 _LEAST_STEPS = 26_000
 
+#: With so little of a solver's time there are fewer samples, one in so many: they cost most.
+_HASTE_S, _HASTY = 0.1, 4
+
 #: How many units of work a solver does for a question: where that was too little, all begins again.
 #: Questions that are of use take little, most often, and hopeless ones whatever they may.
 _PATIENCE = (400_000, 1_600_000, 6_400_000)
@@ -148,16 +151,19 @@ class Search(Struct):
         return not any(is_false(self.language, x, here) for x in self.active)
 
 
-def searched(system: System, budget: Budget, seed: int, *, somebody: bool = False) -> Search | None:
+def searched(
+    system: System, budget: Budget, seed: int, *, somebody: bool = False, part: int = 1
+) -> Search | None:
     """Prepare the search; None where there is nothing to say about a program.
 
-    ``somebody``: it says that there is a robot in some state, also where no event asks that.
+    ``somebody``: it says that there is a robot in some state, also where no event asks that. It is
+    prepared by one in ``part`` of the usual samples.
     """
     program = system.program
     if len(program.agents) != 1:
         return None
     language = Language.of_program(program, somebody=somebody)
-    found = sampled(system, language, seed)
+    found = sampled(system, language, seed, part)
     if not language.literals or not found:
         return None
     samples = Samples.of(language, (sample.snapshot for sample in found), language.rows)
@@ -236,7 +242,8 @@ def infer_from_counterexamples(
         start = Start(system, means)
         failing = start.failing(claims)
         open_ = [claim for claim in claims if claim not in failing]
-        search = searched(given, system.budget, seed) if open_ else None
+        part = _HASTY if thrift.seconds <= _HASTE_S else 1
+        search = searched(given, system.budget, seed, part=part) if open_ else None
         if search is None:
             return nothing
         language = search.language

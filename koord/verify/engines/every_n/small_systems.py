@@ -40,15 +40,18 @@ class Sample(Struct, frozen=True):
     snapshot: Snapshot
 
 
-def sampled(system: System, language: Language, seed: int) -> list[Sample]:
-    """Look at configurations that two robots reach, and three, and four where it matters."""
+def sampled(system: System, language: Language, seed: int, part: int = 1) -> list[Sample]:
+    """Look at configurations that two robots reach, and three, and four where it matters.
+
+    There are only so many turns as one in ``part`` of the usual ones.
+    """
     asked = asked_of(language.conditions, language.size)
     found = list[Sample]()
     for count, turns in _COUNTED if language.conditions or language.ring else _SAMPLED:
         few = dealt(system.program, count, system.delta_s)
         few = replace(few, budget=system.budget.rationed(_SAMPLING))
         try:
-            for here in _reached(few, system.budget, turns, seed):
+            for here in _reached(few, system.budget, turns // part, seed):
                 if here.fault is None:
                     found.append(Sample(few, here, language.sampled(here, asked(few, here))))
         except (KoordError, OutOfBudgetError):

@@ -14,6 +14,7 @@ from koord.syntax.budget import OutOfBudgetError
 from koord.verify.claims import Claim
 from koord.verify.engine_names import Engine
 from koord.verify.engines.engine import Purpose, Task, Tools, Worker
+from koord.verify.engines.explicit.cost import COMPILED_FROM
 from koord.verify.engines.explicit.limits import Limits
 from koord.verify.ledger import Ledger, Reach, VerificationProblem
 from koord.verify.obstacles import Unreplayed, Values, gave_up
@@ -21,6 +22,9 @@ from koord.verify.verdicts import Outcome
 
 if TYPE_CHECKING:
     from koord.verify.engines.explicit.exhaustive import SearchResults
+
+#: With fewer steps of evaluation no machine code is made, as it would have to end once it is there.
+_COMPILED_FROM = 10_000
 
 
 class ExplicitEngine(Struct, frozen=True):
@@ -61,8 +65,17 @@ class ExplicitEngine(Struct, frozen=True):
         found, started, ended = SearchResults(), time.monotonic(), False
         try:
             judge = ledger.problem.judge
-            limits = limits_of(task)
-            exhaust(ledger.system, claims, limits, ledger.deadline, judge, ledger.progress, found)
+            few = task.evaluations is not None and task.evaluations < _COMPILED_FROM
+            exhaust(
+                ledger.system,
+                claims,
+                limits_of(task),
+                ledger.deadline,
+                judge,
+                ledger.progress,
+                found,
+                compiled_from=None if few else COMPILED_FROM,
+            )
             ended = True
         finally:
             _leave(ledger, found, time.monotonic() - started, failed=not ended)
