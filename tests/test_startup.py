@@ -36,7 +36,7 @@ HEAVY = (
 )
 
 
-#: What runs a command as the console script does, and goes on.
+#: What runs a command as the console script does; it may leave or go on.
 COMMAND = (
     "import koord.cli.main\n"
     "sys.argv = ['koord', *{arguments}]\n"
@@ -54,6 +54,8 @@ def modules_after(statement: str) -> set[str]:
         "        file.write('\\n'.join(sys.modules) + '\\n')\n"
         "kill = os.kill\n"
         "os.kill = lambda *killed: (tell(), kill(*killed))\n"  # processes leave by it
+        "leave = os._exit\n"
+        "os._exit = lambda code: (tell(), leave(code))\n"  # and commands
         f"{statement}\n"
         "tell()\n"
     )

@@ -7,6 +7,7 @@ list of commands is data, and a command's own file is imported when the command 
 from __future__ import annotations
 
 import argparse
+import atexit
 import errno
 import gc
 import os
@@ -222,7 +223,28 @@ def entry() -> NoReturn:
     global _is_own
     _is_own = True
     gc.disable()
-    sys.exit(main())
+    code = main()
+    word = next((word for word in sys.argv[1:] if not word.startswith("-")), "")
+    if word in _ENDED_AT_ONCE and threading.active_count() == 1:
+        _end_at_once(code)
+    sys.exit(code)
+
+
+#: The commands that leave nothing open: they end without freeing what they are made of, which takes
+#: Python as long as to check a program.
+_ENDED_AT_ONCE = frozenset({"check", "fmt", "explain", "verify"})
+
+
+def _end_at_once(code: int) -> None:
+    """End the process, unless something cannot be written, of which Python says what it can."""
+    atexit._run_exitfuncs()
+    try:
+        for stream in (sys.stdout, sys.stderr):
+            if stream is not None:
+                stream.flush()
+    except (OSError, ValueError):
+        return
+    os._exit(code)
 
 
 #: Whether this process runs one command and no more: who calls :func:`main` in a process of theirs

@@ -233,3 +233,27 @@ def test_ctrl_c_ends_with_130(tmp_path: Path) -> None:
             assert process.wait(60) == Exit.INTERRUPTED
         assert process.stderr is not None
         assert process.stderr.read() == b"koord: interrupted\n"
+
+
+#: What a command in a process of its own leaves to be done at its end.
+_ENDING = """
+import atexit, sys, threading
+from koord.cli.main import entry
+
+atexit.register(print, "at the end")
+if sys.argv.pop(1) == "beside":
+    threading.Timer(0.2, print, ["beside"]).start()
+entry()
+"""
+
+
+@pytest.mark.parametrize("beside", ["alone", "beside"])
+@pytest.mark.parametrize("words", [("explain", "K204"), ("explain", "K999"), ("config",)])
+def test_what_is_to_be_done_at_the_end_is_done(beside: str, words: tuple[str, ...]) -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", _ENDING, beside, *words], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == (Exit.OK if "K204" in words else Exit.BAD_INPUT)
+    lines = done.stdout.splitlines()
+    assert lines[-1] == "at the end"
+    assert ("beside" in lines) is (beside == "beside")
