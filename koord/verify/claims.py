@@ -70,6 +70,10 @@ class Claim(Struct, frozen=True):
     subject: str = ""
     reads_ports: bool = True
 
+    def __hash__(self) -> int:
+        # What is stated is large, and claims that differ in nothing else are few.
+        return hash((self.name, self.kind, self.subject))
+
     @property
     def is_state_property(self) -> bool:
         """True if the claim is about single configurations, so that one may assume it."""
@@ -129,6 +133,8 @@ def claims_of(system: System) -> tuple[Claim, ...]:
 
 def reads_ports(program: core.Program, condition: core.Expr) -> bool:
     """Return whether a statement may read a port, itself or in a function that it calls."""
+    if not any(agent.ports for agent in program.agents):
+        return False
     bodies = tuple(function.body for function in program.functions)
     return any(
         isinstance(node, core.Variable) and node.home is Home.PORT
