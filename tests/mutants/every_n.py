@@ -14,7 +14,23 @@ ARRAYS = "tests/verify/engines/every_n/test_shared_arrays.py"
 
 ROUNDS = "tests/verify/engines/every_n/test_over_rounds.py"
 
+FEW = "tests/verify/strategy/test_few_robots.py"
+
 EVERY_N = (
+    Mutant(
+        "every N: the most robots that break a claim are told",
+        "verify.strategy.few_robots.looked_at_with_few",
+        "open_ - broken.keys()",
+        "open_",
+        (FEW,),
+    ),
+    Mutant(
+        "every N: what a short search has not seen broken is",
+        "verify.strategy.few_robots._broken",
+        "v.outcome is Outcome.VIOLATED",
+        "v.outcome is not None",
+        (FEW,),
+    ),
     Mutant(
         "every N: over two rounds the first is not looked at",
         "verify.engines.every_n.proving.prove_over",

@@ -32,6 +32,7 @@ from koord.verify.strategy.each_claim_turn import (
     SpuriousViolations,
     on_slice,
 )
+from koord.verify.strategy.few_robots import looked_at_with_few
 from koord.verify.strategy.liveness import LivenessVerdicts, settled
 from koord.verify.strategy.race import RaceTurn, Runner
 from koord.verify.strategy.resumption import PastVerification, Steps
@@ -142,6 +143,8 @@ class _Verification(Struct, frozen=True):
         ahead = None if known else self._ahead(slices)
         verdicts, ledger, last = self._of_states(problem, slices, known, search, ahead)
         cut = last.interrupted
+        if every_n and not cut:
+            verdicts = looked_at_with_few(self.system, verdicts, self.deadline, self.pool.progress)
         search.wanted &= not cut and not ledger.stopped
         proved = [v for v in verdicts if v.outcome is Outcome.HOLDS and v.rounds is None]
         rows = () if cut else LIVENESS.get(self.choice, ())
