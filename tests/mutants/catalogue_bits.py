@@ -220,6 +220,13 @@ BITS = (
         (IC3,),
     ),
     Mutant(
+        "what cannot be said counts as looked at",
+        "verify.engines.bits.invariants.Lemmas.is_checked",
+        "not self.unsaid",
+        "True",
+        ("tests/verify/engines/bits/test_engine.py",),
+    ),
+    Mutant(
         "the check of an invariant forgets INIT",
         "verify.engines.bits.unrolling.keeps",
         "initiated and safe and kept",

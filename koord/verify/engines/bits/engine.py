@@ -22,7 +22,7 @@ from koord.verify.engines.bits.clauses import QUICK, TRUE_SIDE, Clauses, NoAnswe
 from koord.verify.engines.bits.constraint_selection import everything, narrowed
 from koord.verify.engines.bits.found_runs import recording
 from koord.verify.engines.bits.graph import FALSE
-from koord.verify.engines.bits.invariants import lemmas
+from koord.verify.engines.bits.invariants import Lemmas, lemmas
 from koord.verify.engines.bits.legal_choices import choices_of, with_legal_choices
 from koord.verify.engines.bits.robot_permutations import images
 from koord.verify.engines.bits.unrolling import Copy, UnrolledCircuit, holds_always
@@ -255,7 +255,8 @@ class _Run:
             claims = [claim for claim in claims if claim not in failed]
         clauses.close()
         if claims:
-            self._holds(claims, everything(circuit, claims, given), ())
+            question = everything(circuit, claims, given)
+            self._holds(claims, lemmas(self.ledger, circuit, question, (), claims))
 
     def _clauses(self) -> Clauses:
         left = FEW_HARD if self.sparing else None
@@ -266,12 +267,8 @@ class _Run:
         g, circuit = self.circuit.d.graph, self.circuit
         return g.both(circuit.lost, circuit.steps)
 
-    def _holds(
-        self, claims: Sequence[Claim], question: ic3.SafetyQuery, cubes: Sequence[ic3.Cube]
-    ) -> None:
+    def _holds(self, claims: Sequence[Claim], found: Lemmas) -> None:
         """Settle claims as holding, with their invariant as lemmas."""
-        ledger = self.ledger
-        found = lemmas(ledger, self.circuit, question, cubes, claims)
         verdict = Verdict(
             claims[0],
             Outcome.HOLDS,
@@ -280,7 +277,7 @@ class _Run:
             lemmas=found.statements,
             unsaid=found.unsaid,
         )
-        ledger.settle({claim: replace(verdict, claim=claim) for claim in claims})
+        self.ledger.settle({claim: replace(verdict, claim=claim) for claim in claims})
 
     def _search(self) -> None:
         """Run IC3 on the remaining claims together, until each is settled or given up."""
@@ -295,8 +292,12 @@ class _Run:
                     # Asked with all constraints, whatever the question left out.
                     whole = everything(circuit, claims, given)
                     asked = replace(question, steps=whole.steps, bad=whole.bad)
-                    if holds_always(g, asked, found.cubes, self.ledger.deadline):
-                        self._holds(claims, asked, found.cubes)
+                    # If it takes too long to say it, there is time left to look at it.
+                    with self.ledger.deadline.sharing(1 / 2):
+                        said = lemmas(self.ledger, circuit, asked, found.cubes, claims)
+                    # What is said was looked at again; what is not is looked at clause by clause.
+                    if said.is_checked or holds_always(g, asked, found.cubes, self.ledger.deadline):
+                        self._holds(claims, said)
                         return
                     if self.engine is Engine.ABC:
                         self.astray |= dict.fromkeys(claims, "abc gave an invariant that is none")

@@ -93,43 +93,68 @@ class _Core:
         self._phase = {phase: self._on(g.all_of(x)) for phase, x in self._phases()}
         #: positions of orbits, by what turns them on
         self._parts = {self._on(table.left_out(o)): k for k, o in enumerate(orbits)}
+        self._goals: dict[int, Goal] = {}
 
     def of(self, claims: Sequence[Claim]) -> set[int]:
         """The positions of orbits that the claims need: few, if not the fewest."""
         circuit = self.circuit
         goals = [(phase, x) for claim in claims for phase, x in circuit.broken[claim]]
         goals = [(phase, x) for phase, x in (*goals, (ClaimPhase.END, circuit.lost)) if x != FALSE]
-        found = self._closed(goals)
+        cores = self._closed(goals)
+        found = set().union(*cores.values())
         left = MOST_TRIALS
         for k in sorted(found, key=lambda k: complexity(self.orbits[k]), reverse=True):
-            asked = [*goals, *(self._broken(other) for other in found if other != k)]
-            on = [x for x, other in self._parts.items() if other in found and other != k]
-            if left > 0 and all(self._is_kept(goal, on) for goal in asked):
-                found.remove(k)
-            left -= len(asked)
+            others = found - {k}
+            asked = dict.fromkeys([*goals, *(self._broken(other) for other in sorted(others))])
+            # What does not rest on the part needs no other proof.
+            resting = [goal for goal in asked if k in cores[goal]]
+            if left > 0 and (proofs := self._proofs(resting, others)) is not None:
+                cores |= proofs
+                found = others
+            left -= len(resting)
         self.clauses.close()
         return found
+
+    def _proofs(self, goals: Sequence[Goal], parts: set[int]) -> dict[Goal, set[int]] | None:
+        """For each goal, some of the parts that it follows from; None if one follows from none."""
+        on = [x for x, k in self._parts.items() if k in parts]
+        proofs: dict[Goal, set[int]] = {}
+        for goal in goals:
+            if not self._is_kept(goal, on):
+                return None
+            proofs[goal] = self._core()
+        return proofs
+
+    def _core(self) -> set[int]:
+        """The parts that the last answer rests on."""
+        return {self._parts[x] for x in self.clauses.core() if x in self._parts}
 
     def _on(self, literal: int) -> int:
         return self.clauses.of(literal, TRUE_SIDE)
 
-    def _closed(self, goals: Sequence[Goal]) -> set[int]:
-        """The orbits that goals need, and those that these need to be inductive."""
-        pending, found = list(goals), set[int]()
+    def _closed(self, goals: Sequence[Goal]) -> dict[Goal, set[int]]:
+        """The goals, those of the orbits that they need, and so on: each with what it needs."""
+        pending, found, cores = list(goals), set[int](), dict[Goal, set[int]]()
         while pending:
             if self.deadline.passed():
                 raise UnsaidError("there was no time to say it in Koord")
-            if not self._is_kept(pending.pop(), list(self._parts)):
+            goal = pending.pop()
+            if not self._is_kept(goal, list(self._parts)):
                 raise UnsaidError("what can be said of it is not inductive")
-            new = {self._parts[x] for x in self.clauses.core() if x in self._parts} - found
+            cores[goal] = self._core()
+            new = cores[goal] - found
             found |= new
             pending += map(self._broken, sorted(new))
-        return found
+        return cores
 
     def _broken(self, k: int) -> Goal:
         """The literal that a round leads into an orbit. By symmetry one cube of it is enough."""
-        then = self.table.is_in(self.orbits[k].first)
-        return ClaimPhase.END, self.circuit.d.graph.substituted(then, self._then)
+        known = self._goals.get(k)
+        if known is None:
+            then = self.table.is_in(self.orbits[k].first)
+            bad = self.circuit.d.graph.substituted(then, self._then)
+            known = self._goals[k] = (ClaimPhase.END, bad)
+        return known
 
     def _is_kept(self, goal: Goal, on: Sequence[int]) -> bool:
         """Return whether no round from states outside some orbits leads to the bad literal."""

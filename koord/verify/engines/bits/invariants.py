@@ -41,6 +41,11 @@ class Lemmas(Struct, frozen=True):
     statements: tuple[core.Property, ...] = ()
     unsaid: str = ""
 
+    @property
+    def is_checked(self) -> bool:
+        """True if they were looked at again, with the claims, by a solver of its own."""
+        return not self.unsaid
+
 
 def lemmas(
     ledger: Ledger,

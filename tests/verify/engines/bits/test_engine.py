@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from fractions import Fraction
 from functools import lru_cache
+from typing import Any
 
 import pytest
 
@@ -11,8 +13,10 @@ from koord.syntax.system import System, dealt
 from koord.verify.effort import Deadline
 from koord.verify.engine_names import Engine
 from koord.verify.engines.bits import engine
+from koord.verify.engines.bits.circuit import Circuit
 from koord.verify.engines.bits.graph import Graph
-from koord.verify.engines.bits.ic3 import ClauseInvariant, Cube, SafetyQuery
+from koord.verify.engines.bits.ic3 import Cube, SafetyQuery
+from koord.verify.engines.bits.invariants import Lemmas, lemmas
 from koord.verify.engines.bits.unrolling import holds_always
 from koord.verify.ledger import Ledger
 from koord.verify.strategy.verification import verify
@@ -335,26 +339,46 @@ def test_an_invariant_is_found_where_robots_change_places(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Exclusive is not inductive by itself, and nothing else is claimed here."""
-    found: list[ClauseInvariant] = []
+    found: list[Sequence[Cube]] = []
 
-    def noting(
-        g: Graph, question: SafetyQuery, cubes: tuple[Cube, ...], deadline: Deadline
-    ) -> bool:
-        found.append(ClauseInvariant(cubes, 0))
+    def noting(ledger: Ledger, circuit: Circuit, question: Any, cubes: Any, claims: Any) -> Lemmas:
+        found.append(cubes)
+        return lemmas(ledger, circuit, question, cubes, claims)
+
+    monkeypatch.setattr(engine, "lemmas", noting)
+    verdict = _exclusive_alone()
+    assert (verdict.outcome, verdict.engine) == (Outcome.HOLDS, Engine.BITS)
+    cubes = [each for each in found if each]
+    assert len(cubes) == 1
+    assert len(cubes[0]) > 10
+
+
+def test_an_invariant_that_cannot_be_said_is_looked_at_clause_by_clause(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    found: list[int] = []
+
+    def noting(g: Graph, question: SafetyQuery, cubes: Sequence[Cube], deadline: Deadline) -> bool:
+        found.append(len(cubes))
         return holds_always(g, question, cubes, deadline)
 
     monkeypatch.setattr(engine, "holds_always", noting)
+    monkeypatch.setattr(engine, "lemmas", lambda *given: Lemmas((), "too long"))
+    verdict = _exclusive_alone()
+    assert (verdict.outcome, verdict.unsaid) == (Outcome.HOLDS, "too long")
+    assert len(found) == 1
+    assert found[0] > 10
+
+
+def _exclusive_alone() -> Verdict:
+    """What the engine says of Exclusive, which is not inductive by itself, and claimed alone."""
     with open("specs/examples/task.krd", encoding="utf-8") as file:
         text = file.read()
     alone = text[: text.index("invariant Holds:")] + (
         "invariant Exclusive: forall i, j: "
         "i != j and isOnTask@i and isOnTask@j implies mine@i != mine@j\n"
     )
-    report = verify(of_text(alone, 3, tasks=3), Bounds(3), Engine.BITS)
-    verdict = named(report, "Exclusive")
-    assert (verdict.outcome, verdict.engine) == (Outcome.HOLDS, Engine.BITS)
-    assert len(found) == 1
-    assert len(found[0].cubes) > 10
+    return named(verify(of_text(alone, 3, tasks=3), Bounds(3), Engine.BITS), "Exclusive")
 
 
 @pytest.mark.parametrize(
