@@ -104,7 +104,11 @@ class _Try:
         names += [end for end in ends if end not in names]
         said = [*(self.grounding.said(term) for term in terms), *self.grounding.definitions()]
         found = [n for n in numbers(self.settling.values, said) if n not in names]
-        names += plainest(found, more)
+        names += sorted(found, key=self._rank)[:more]
+
+    def _rank(self, name: Term) -> tuple[bool, int]:
+        """First those that there are since something is denied, then the simplest."""
+        return name.head not in self.grounding.of_denied, _size(name)
 
     def _open(self, cases: Sequence[_Case]) -> list[_Case]:
         """The cases that do not follow from the instances for the names."""
@@ -178,6 +182,8 @@ class Grounding(Struct):
     names: list[Term] = field(default_factory=list)
     #: So many of the names come first: of the others one at most occurs in a tuple.
     few: int = 0
+    #: The witnesses of what is said of numbers of which a goal is denied.
+    of_denied: set[str] = field(default_factory=set)
     _instances: int = 0
     _quantified: dict[int, bool] = field(default_factory=dict)
     _witnesses: dict[int, list[Term]] = field(default_factory=dict)
@@ -276,12 +282,27 @@ class Grounding(Struct):
     def _of_witness(self, term: Term, body: Term) -> Term:
         if id(term) not in self._witnesses:
             self._kept.append(term)
-            self._witnesses[id(term)] = [
-                self.v.symbol("what it fails of", b.sort) for b in term.binders
-            ]
+            made = [self.v.symbol("what it fails of", b.sort) for b in term.binders]
+            self._witnesses[id(term)] = made
+            if self._is_of_denied(term):
+                self.of_denied |= {witness.head for witness in made}
         for binder, witness in zip(term.binders, self._witnesses[id(term)], strict=True):
             body = self.v.t.put(body, binder, witness)
         return self.said(body, holds=False)
+
+    def _is_of_denied(self, term: Term) -> bool:
+        """Return whether a statement is about a number of which a goal is denied."""
+        denied = {witness.head for witness in self._denials.values()}
+        seen: set[int] = set()
+        pending = [term]
+        while pending:
+            node = pending.pop()
+            if id(node) not in seen:
+                seen.add(id(node))
+                if node.head in denied:
+                    return True
+                pending += node.args
+        return False
 
     def _is_sayable(self, term: Term) -> bool:
         """Return whether a statement is a closed quantifier over integers."""
@@ -319,11 +340,6 @@ def numbers(v: Values, terms: Iterable[Term]) -> Iterator[Term]:
                     given.add(id(a))
                     yield a
         pending += node.args
-
-
-def plainest(names: Sequence[Term], most: int) -> list[Term]:
-    """The names with the simplest terms."""
-    return sorted(names, key=_size)[:most]
 
 
 def _size(term: Term) -> int:

@@ -79,6 +79,7 @@ ALL = sorted(
         "readers_writers",
         "semaphore",
         "task",
+        "ticket",
         "token_ring",
     }
 )
