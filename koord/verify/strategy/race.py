@@ -49,7 +49,8 @@ class RaceTurn(Struct, frozen=True):
 
     The answers of ``first`` count first, who are asked in turn in one process; then those of
     ``beside``, each from a process of its own. Once others have answers, ``first`` are waited for
-    with ``patience`` (None: to the end). It goes on while claims are ``wanted``.
+    with ``patience`` (None: to the end). It goes on while claims are ``wanted``. What is done
+    ``meanwhile`` is begun where they alone are waited for: there are cores for it.
     """
 
     first: Sequence[Runner]
@@ -60,6 +61,7 @@ class RaceTurn(Struct, frozen=True):
     wanted: Callable[[Ledger], bool]
     quick: bool = False
     patience: Patience | None = None
+    meanwhile: Callable[[], None] = lambda: None
 
     @property
     def name(self) -> str:
@@ -137,6 +139,8 @@ class RaceTurn(Struct, frozen=True):
                 return None
             beside.look()
             said, most = beside.said[number + 1], patience.of(beside.worked(job), _worked(job))
+            if not (first.is_done or self.wanted(said)):
+                self.meanwhile()
             broken = {c: v for c, v in said.verdicts.items() if v.outcome is Outcome.VIOLATED}
 
             def is_late(most: int = most, broken: Mapping[Claim, Verdict] = broken) -> bool:

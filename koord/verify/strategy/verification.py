@@ -347,6 +347,8 @@ class _Verification(Struct, frozen=True):
             number, turn = following
             if not (isinstance(turn, EngineTurn | RaceTurn) and turn.quick):
                 search.begin(ledger, self.names)
+            elif isinstance(turn, RaceTurn) and not Fleet.MANY.has(self.system.robots):
+                turn = replace(turn, meanwhile=partial(search.begin, ledger, self.names))
             if isinstance(turn, SlicesTurn | RaceTurn):  # it asks others
                 if ahead is not None:
                     self.pool.drop(ahead)

@@ -99,6 +99,7 @@ def raced(
     jobs: int = 2,
     steps: Steps | None = None,
     patience: Patience | None = None,
+    meanwhile: Callable[[], None] = lambda: None,
 ) -> Ledger:
     subject = VerificationProblem(system, lambda *given: pytest.fail("nothing to replay"), system)
     ledger = Ledger(subject, Bounds(8), Deadline.after(None), claims_of(system))
@@ -116,6 +117,7 @@ def raced(
             "stage",
             lambda ledger: bool(ledger.open()),
             patience=patience,
+            meanwhile=meanwhile,
         )
         with ledger.stopping():
             turn.work(ledger)
@@ -357,6 +359,32 @@ def test_who_says_more_is_ended_once_others_have_answers(system: System) -> None
         system, [hanging], [working((1_000, EVERYTHING), engine=Engine.SEARCH)], patience=TWICE
     )
     assert set(engines(found).values()) == {Engine.SEARCH}
+
+
+@pytest.mark.parametrize(
+    ("answered", "begun"), [(EVERYTHING, 1), (("Alone", "Few"), 0)], ids=["all", "some"]
+)
+def test_other_work_is_begun_where_one_alone_is_waited_for(
+    system: System, answered: Sequence[str], begun: int, tmp_path: Path
+) -> None:
+    """Who says more ends behind the other, of whom all is known by then, or not."""
+    gate, calls = tmp_path / "gate", []
+    os.mkfifo(gate)
+
+    def first(ledger: Ledger) -> None:
+        gate.read_bytes()
+
+    def beside(ledger: Ledger) -> None:
+        working((1_000, answered), engine=Engine.SEARCH)(ledger)
+        if not begun:
+            gate.write_bytes(b"")
+
+    def meanwhile() -> None:
+        calls.append(1)
+        gate.write_bytes(b"")
+
+    raced(system, [first], [beside], patience=TWICE, meanwhile=meanwhile)
+    assert len(calls) == begun
 
 
 def test_of_what_is_violated_nobody_is_waited_for(system: System) -> None:
