@@ -143,9 +143,11 @@ class RaceTurn(Struct, frozen=True):
                 self.meanwhile()
             broken = {c: v for c, v in said.verdicts.items() if v.outcome is Outcome.VIOLATED}
 
-            def is_late(most: int = most, broken: Mapping[Claim, Verdict] = broken) -> bool:
+            def is_late(
+                most: int = most, broken: Mapping[Claim, Verdict] = broken, said: Ledger = said
+            ) -> bool:
                 beside.look()
-                if first.is_done or _worked(first) > most:
+                if first.is_done or _worked(first) > most or self._is_hopeless(said, beside):
                     return True
                 # Of what is violated nobody can say more.
                 return not self.wanted(_with_notes(known, first, most, broken))
@@ -154,6 +156,18 @@ class RaceTurn(Struct, frozen=True):
             if not self.wanted(_with_notes(said, first, most)):
                 return most
         return None
+
+    def _is_hopeless(self, said: Ledger, beside: _Beside) -> bool:
+        """Return whether something is wanted that is open, and violated, as others found by now.
+
+        Then whoever proves things has no answer with what is said.
+        """
+        found = beside.said[-1].verdicts
+        broken = {c for c in said.open() if c in found and found[c].outcome is Outcome.VIOLATED}
+        others = [claim for claim in said.open() if claim not in broken]
+        probe = said.of(said.open(), _unheard)
+        probe.verdicts.update((claim, said.verdict(claim)) for claim in others)
+        return bool(broken) and self.wanted(probe)
 
     def _started(
         self,

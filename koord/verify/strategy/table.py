@@ -132,10 +132,10 @@ _LEMMAS_SOON = Task(Purpose.INFER, seconds=0.05, evaluations=10_000, candidates=
 
 #: All of that is waited for only as long as it may be seen in the end: `auto` is to take at most so
 #: many times what an engine alone takes, and some tenths of a second.
-_RULE = Patience(times=1.3, steps=7_000)
+_RULE = Patience(times=1.3, steps=5_500)
 
 #: A search that ends soon, be it with all configurations or not.
-_SHORT_SEARCH = Task(states=FEW_STATES, evaluations=24_000)
+_SHORT_SEARCH = Task(states=FEW_STATES, evaluations=200_000)
 
 #: Bounded model checking, as far as it gets in so many seconds.
 _FIRST_ROUNDS = AskEngine(Engine.BMC, Task(seconds=3.0))
@@ -180,10 +180,10 @@ _ALL_ENGINES: Rows = (
         ),
         beside=(
             AskEngine(Engine.INDUCTION, Task(seconds=0.5, rounds=1)),
-            AskEngine(Engine.SEARCH, Task(states=HANDFUL, evaluations=3_000)),
+            AskEngine(Engine.SEARCH, Task(states=HANDFUL, evaluations=9_000)),
             AskEngine(Engine.BITS, Task(questions=1_500, evaluations=4_000), fleet=Fleet.FEW),
             AskEngine(Engine.BMC, Task(seconds=0.2, rounds=4, evaluations=6_000)),
-            AskEngine(Engine.SEARCH, _SHORT_SEARCH),
+            AskEngine(Engine.SEARCH, _SHORT_SEARCH, fleet=Fleet.FEW),
             AskEngine(Engine.BMC, Task(seconds=0.5, rounds=8)),
         ),
         quick=True,

@@ -15,7 +15,14 @@ from koord.verify.engine_names import Engine
 from koord.verify.engines.engine import Purpose, Task, Tools, Worker
 from koord.verify.engines.every_n.candidates import candidates
 from koord.verify.engines.every_n.proving import Inferred, infer, prove, prove_over
-from koord.verify.engines.every_n.questions import AFTER_INIT, GENEROUS, SPARING, Means, ProofBudget
+from koord.verify.engines.every_n.questions import (
+    AFTER_INIT,
+    GENEROUS,
+    NOT_INDUCTIVE,
+    SPARING,
+    Means,
+    ProofBudget,
+)
 from koord.verify.ledger import Ledger, Reach
 from koord.verify.obstacles import gave_up
 from koord.verify.verdicts import Outcome, Verdict
@@ -34,8 +41,12 @@ class EveryNEngine(Struct, frozen=True):
         return Engine.EVERY_N.value
 
     def suits(self, ledger: Ledger, task: Task) -> bool:
-        is_answered = ledger.is_violated and not ledger.wanting()
-        return task.purpose is not Purpose.INFER or not is_answered
+        if task.purpose is Purpose.INFER:
+            return not ledger.is_violated or bool(ledger.wanting())
+        # What a solver has said before it says again: whoever has much time asks, to be sure.
+        reasons = [ledger.verdict(claim).reason for claim in ledger.open()]
+        hasty = task.evaluations is not None
+        return not (hasty and all(reason.startswith(NOT_INDUCTIVE) for reason in reasons))
 
     def work(self, ledger: Ledger, task: Task) -> None:
         thrift = GENEROUS if task.seconds is None else replace(SPARING, seconds=task.seconds)

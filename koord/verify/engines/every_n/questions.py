@@ -107,7 +107,7 @@ class Asking:
                 # More facts refute what can be met with fewer. What is too much is asked with more
                 # of them once: a solver that does not come upon a model may refute it at once.
                 again = limit == first and why == _TOO_MUCH and self._has_plenty
-                if why == _NOT_INDUCTIVE or again:
+                if why == NOT_INDUCTIVE or again:
                     still.append((claim, goal))
             pending = still
             if not pending:
@@ -217,7 +217,7 @@ class Asking:
         if answer is SolverAnswer.UNSAT:
             return ""
         if answer is SolverAnswer.SAT:
-            return _NOT_INDUCTIVE
+            return NOT_INDUCTIVE
         return "timeout" if means.deadline.is_near() else _TOO_MUCH
 
     @property
@@ -239,7 +239,7 @@ class Asking:
 #: How the reason begins why a claim is open of which nobody knows whether it holds to begin with.
 AFTER_INIT = "after INIT"
 
-_NOT_INDUCTIVE = "not inductive for every number of robots"
+NOT_INDUCTIVE = "not inductive for every number of robots"
 
 _TOO_MUCH = "too much for the solver"
 
