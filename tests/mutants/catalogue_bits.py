@@ -220,6 +220,20 @@ BITS = (
         (IC3,),
     ),
     Mutant(
+        "bits that tell robots apart have images",
+        "verify.engines.bits.robot_permutations._Renaming._is_above",
+        "(self.system.robots - 1).bit_length()",
+        "0",
+        ("tests/verify/engines/bits/test_robot_permutations.py",),
+    ),
+    Mutant(
+        "some ways to be bad are not looked at",
+        "verify.engines.bits.ic3._ways",
+        "range(0, len(ways), max(1, size))",
+        "range(0, len(ways) - 1, max(1, size))",
+        ("tests/verify/engines/bits/test_robot_permutations.py",),
+    ),
+    Mutant(
         "what cannot be said counts as looked at",
         "verify.engines.bits.invariants.Lemmas.is_checked",
         "not self.unsaid",

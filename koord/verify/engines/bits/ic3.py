@@ -77,7 +77,7 @@ class Ic3Run(Struct):
     _next: list[int] = field(default_factory=list)
     _inputs: list[int] = field(default_factory=list)
     _step: int = 0
-    _bad: int = 0
+    _bad: list[int] = field(default_factory=list)  #: ways to be bad, literals of the graph
     _reset: _Start | None = None
     _lifting: _Lifting | None = None
     _first: dict[int, bool] = field(default_factory=dict)  #: what latches are after INIT, if known
@@ -100,14 +100,15 @@ class Ic3Run(Struct):
         self._prepare()
         frame = 0
         while True:
-            while True:
-                found = self._bad_state(frame)
-                if found is None:
-                    break
-                if not self._blocked(found, frame):
-                    return Reached(self._depth)
-                if self._is_over():
-                    return Unfinished(frame)
+            self.queries += 1
+            # One by one: many easy questions are quicker than a hard one. What a frame has
+            # excluded stays excluded from it.
+            for way in self._bad:
+                while (found := self._bad_state(frame, way)) is not None:
+                    if not self._blocked(found, frame):
+                        return Reached(self._depth)
+                    if self._is_over():
+                        return Unfinished(frame)
             if self._is_over():
                 return Unfinished(frame)
             frame += 1
@@ -130,7 +131,7 @@ class Ic3Run(Struct):
             self._latch.append(clauses.of(latch.literal))
             self._next.append(clauses.of(latch.next))
         self._step = clauses.of(question.steps, TRUE_SIDE)
-        self._bad = clauses.of(question.bad, TRUE_SIDE)
+        self._bad = _ways(clauses.graph, question.bad)
         for literal in (*question.given, *question.in_range):
             clauses.require(literal)
         self._first = {
@@ -159,13 +160,13 @@ class Ic3Run(Struct):
 
     # --- questions ------------------------------------------------------------------------------
 
-    def _bad_state(self, frame: int) -> Cube | None:
-        """A cube of bad states of a frame, or None."""
-        self.queries += 1
-        if not self.clauses.solve([*self._on(frame), self._bad]):
+    def _bad_state(self, frame: int, way: int) -> Cube | None:
+        """A cube of states of a frame that are bad in one way, or None."""
+        if not self.clauses.solve([*self._on(frame), self.clauses.of(way, TRUE_SIDE)]):
             return None
+        self.queries += 1
         assert self._lifting is not None
-        return self._lifting.bad(self.clauses, self._latch)
+        return self._lifting.bad(self.clauses, self._latch, way)
 
     def _leads_to(self, frame: int, cube: Cube, *, but: bool = True) -> Cube | None:
         """None if a state of the frame leads to the cube, else the part of the cube in the core.
@@ -368,13 +369,15 @@ class Ic3Run(Struct):
     def _pushed(self, last: int) -> set[Cube] | None:
         """Push clauses to later frames. Return the invariant if two frames are equal."""
         for level in range(1, last):
+            stay: set[Cube] = set()
             for cube in sorted(self.frames[level], key=len):
-                if cube not in self.frames[level]:
-                    continue
-                if self._leads_to(level, cube, but=False) is None:
+                if cube not in self.frames[level] or cube in stay:
                     continue
                 orbit = [c for c in self._orbit.get(cube, ()) if c in self.frames[level]]
                 # Where all that is known has images, what holds of one of them holds of all.
+                if self._leads_to(level, cube, but=False) is None:
+                    stay.update(() if self._lopsided else orbit)
+                    continue
                 alike = self._kept_out(orbit, level + 1) if self._lopsided else orbit
                 for other in {cube, *alike}:
                     self._add(other, level + 1)
@@ -382,6 +385,16 @@ class Ic3Run(Struct):
                 return set().union(*self.frames[level + 1 :])
         return None
 
+
+def _ways(g: Graph, bad: int) -> list[int]:
+    """Some ways to be bad, which are all together; several in one where there are many."""
+    ways = [way ^ 1 for way in g.conjuncts(bad ^ 1)]
+    size = -(-len(ways) // MOST_WAYS)
+    return [g.any_of(ways[k : k + size]) for k in range(0, len(ways), max(1, size))]
+
+
+#: So many ways to be bad are looked at one by one.
+MOST_WAYS = 400
 
 #: So often what some images are reached by is looked at.
 PATIENCE = 6
@@ -434,9 +447,9 @@ class _Lifting:
             if g.is_input(node) and node not in own
         ]
 
-    def bad(self, of: Clauses, latches: list[int]) -> Cube:
-        """The part of the state in the last model that suffices to be bad."""
-        return self._enough(of, latches, [self.clauses.of(self.question.bad)])
+    def bad(self, of: Clauses, latches: list[int], way: int) -> Cube:
+        """The part of the state in the last model that suffices to be bad in one way."""
+        return self._enough(of, latches, [self.clauses.of(way)])
 
     def before(self, of: Clauses, latches: list[int], cube: Cube) -> Cube:
         """The part of the state in the last model that suffices to lead to a cube."""

@@ -15,14 +15,16 @@ from msgspec import Struct, field
 from msgspec.structs import replace
 
 from koord.syntax import core
+from koord.syntax.analysis.sorts import Items, Scalar, Shape
 from koord.syntax.analysis.symmetry import Symmetry, symmetry_of
 from koord.syntax.system import System
 from koord.syntax.types import is_by_robot
 from koord.verify.engines.bits.circuit import Latch
 from koord.verify.engines.bits.ic3 import Cube
 
-#: A cube with more images than that has none.
-MANY = 400
+#: A cube with more images than that has none. One of three robots of twenty has 6,840: without them
+#: every image of what is excluded later is asked about.
+MANY = 8_000
 
 
 def images(
@@ -70,7 +72,8 @@ class _Renaming(Struct):
         held = self._holding_robots()
         for number, latch in enumerate(self.latches, start=1):
             # The condition is the variable's name, as the text has it, in front of the name.
-            if any(re.search(rf"\b{re.escape(name)}\b", latch.name) for name in held):
+            of = [name for name in held if re.search(rf"\b{re.escape(name)}\b", latch.name)]
+            if of and not (all(held[name] for name in of) and self._is_above(latch.name)):
                 self._places.append(None)
                 continue
             who = tuple(int(a or b or 0) for a, b in _groups(pattern, latch.name))
@@ -114,26 +117,43 @@ class _Renaming(Struct):
             found.append(number if x > 0 else -number)
         return tuple(sorted(found))
 
-    def _holding_robots(self) -> set[str]:
-        """Variables whose values change when robots are renamed, other than by index."""
+    def _is_above(self, name: str) -> bool:
+        """Return whether a number's bit is none of those that tell robots apart.
+
+        It is the same in all robots' numbers, and what is no robot's number is not renamed.
+        """
+        found = re.search(r"\.(\d+)$", name)
+        return found is not None and int(found[1]) >= (self.system.robots - 1).bit_length()
+
+    def _holding_robots(self) -> dict[str, bool]:
+        """Variables whose values change when robots are renamed, other than by index.
+
+        To each, whether it is a number, or numbers of which the index says which.
+        """
         program, symmetry = self.system.program, self.symmetry
-        held = {
-            x.variable.name
-            for x, shape in zip(program.allread, symmetry.entries, strict=True)
-            if shape is not None
-        }
-        held |= {
-            x.variable.name
-            for x, shape in zip(program.allwrite, symmetry.allwrite, strict=True)
-            if shape is not None and not _is_by_robot(x)
-        }
+        pairs: list[tuple[core.Declaration, Shape | None]] = [
+            *zip(program.allread, symmetry.entries, strict=True)
+        ]
+        for x, shape in zip(program.allwrite, symmetry.allwrite, strict=True):
+            if not _is_by_robot(x):
+                pairs.append((x, shape))
         for agent, shapes in zip(program.agents, symmetry.locals, strict=True):
-            pairs = zip(agent.locals, shapes, strict=True)
-            held |= {x.variable.name for x, shape in pairs if shape is not None}
+            pairs += zip(agent.locals, shapes, strict=True)
         for agent, shapes in zip(program.agents, symmetry.ports, strict=True):
-            ports = zip(agent.ports, shapes, strict=True)
-            held |= {p.declaration.variable.name for p, shape in ports if shape is not None}
+            pairs += zip([port.declaration for port in agent.ports], shapes, strict=True)
+        held: dict[str, bool] = {}
+        for x, shape in pairs:
+            if shape is not None:
+                name = x.variable.name
+                held[name] = held.get(name, True) and _is_of_numbers(shape, self.symmetry)
         return held
+
+
+def _is_of_numbers(shape: Shape, symmetry: Symmetry) -> bool:
+    """Return whether a variable is a number, or an array of numbers that no names index."""
+    if isinstance(shape, Items):
+        return symmetry.of(shape.index) is None and isinstance(shape.element, Scalar)
+    return isinstance(shape, Scalar)
 
 
 def _is_by_robot(entry: core.Declaration) -> bool:
