@@ -521,6 +521,13 @@ VERIFY = (
         (RACES,),
     ),
     Mutant(
+        "proofs of what is violated are waited for",
+        "verify.strategy.race.RaceTurn._is_hopeless",
+        "bool(broken) and self.wanted(probe)",
+        "False",
+        (RACES,),
+    ),
+    Mutant(
         "what is said too late counts",
         "verify.strategy.race._take_notes",
         "most is not None and steps > most",

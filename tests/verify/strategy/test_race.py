@@ -401,6 +401,23 @@ def test_of_what_is_violated_nobody_is_waited_for(system: System) -> None:
     assert set(found.values()) == {Engine.EVERY_N}
 
 
+def test_nobody_waits_for_proofs_of_what_is_violated(system: System) -> None:
+    """Who says nothing is done first; whoever would prove the rest has done no work by then."""
+
+    def violating(ledger: Ledger) -> None:
+        for claim in ledger.open():
+            ledger.settle({claim: Verdict(claim, Outcome.VIOLATED, Engine.BMC, 0.0)})
+
+    found = raced(
+        system,
+        [lambda ledger: signal.pause()],
+        [lambda ledger: None, violating],
+        jobs=3,
+        patience=TWICE,
+    )
+    assert set(engines(found).values()) == {Engine.BMC}
+
+
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_where_others_have_none_it_is_waited_for(system: System, jobs: int) -> None:
     found = raced(
