@@ -132,6 +132,8 @@ class Ic3Run(Struct):
             self._next.append(clauses.of(latch.next))
         self._step = clauses.of(question.steps, TRUE_SIDE)
         self._bad = _ways(clauses.graph, question.bad)
+        for way in self._bad:
+            clauses.of(way, TRUE_SIDE)
         for literal in (*question.given, *question.in_range):
             clauses.require(literal)
         self._first = {
