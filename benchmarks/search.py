@@ -5,7 +5,7 @@ any way may be clear or not (`programs/claiming.krd`, with its lemma). It is sea
 Python, with all reductions and with none, and on machine code with symmetry and without, and by
 SPIN in the same run, where it is installed: on the model of `claiming.py`, which reaches the same
 configurations, counted here. Translating and compiling SPIN's model is counted as koord's machine
-code is, which is made anew for each search.
+code is, which is made anew for each search; a column holds all against SPIN's search alone.
 """
 
 from __future__ import annotations
@@ -112,6 +112,7 @@ def tables(report: Report) -> None:
         Column("tasks", "tasks"),
         *columns,
         Column("by_spin", "times SPIN's"),
+        Column("by_search", "times SPIN's search alone"),
     )
     for robots, tasks in SIZES[:2] if report.quick else SIZES:
         known = by_spin(report, robots, tasks, patience_s)
@@ -148,9 +149,12 @@ def by_spin(report: Report, robots: int, tasks: int, patience_s: float) -> dict[
     with tempfile.TemporaryDirectory() as folder:
         answer = spin(robots, tasks, Path(folder), patience_s)
     report.expect(answer.word in ("holds", "gave up"), f"SPIN: {answer.word}")
+    note(f"SPIN's search alone: {answer.search_s} s CPU")
     states = answer.states - 1 if answer.states is not None else None  # one is before its start
     cpu_s = answer.measured.cpu_s if answer.measured is not None else None
     row: dict[str, Cell] = {"states": states, "cpu_s": cpu_s}
+    if cpu_s and answer.search_s is not None:
+        row["by_spin"], row["by_search"] = 1.0, cpu_s / answer.search_s if answer.search_s else None
     row["ended"] = "all states" if states is not None else answer.word
     row["per_s"] = states / cpu_s if states and cpu_s else None
     row["mib"] = answer.measured.peak_mib if answer.measured is not None else None
@@ -165,6 +169,9 @@ def compared(report: Report, row: dict[str, Cell], known: dict[str, Cell]) -> No
         ours, theirs = row["cpu_s"], known["cpu_s"]
         if isinstance(ours, float) and isinstance(theirs, float):
             row["by_spin"] = ours / theirs
+            whole = known.get("by_search")
+            if isinstance(whole, float):
+                row["by_search"] = ours / theirs * whole
 
 
 def measured(
