@@ -243,7 +243,7 @@ def test_what_faults_is_no_run_without_end() -> None:
 
 def test_a_search_that_stops_early_proves_nothing() -> None:
     of = system(ONCE + "    eventually AllDone: done\n    eventually Never: not true\n", 3)
-    found = lively(of, of.program.properties, Limits(states=2))
+    found = lively(of, of.program.properties, Limits(states=2), compiled_from=None)
     assert not isinstance(found.end, Exhausted)
     assert not found.needs
     found = lively(of, of.program.properties, Limits(rounds=1))
