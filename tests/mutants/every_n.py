@@ -448,4 +448,11 @@ EVERY_N = (
         "pass",
         (SAMPLES,),
     ),
+    Mutant(
+        "every N: lemmas are looked for again with the same luck",
+        "verify.engines.every_n.engine._infer",
+        "ledger.seed + attempt",
+        "ledger.seed",
+        (SEARCH,),
+    ),
 )

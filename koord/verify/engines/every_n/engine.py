@@ -79,6 +79,10 @@ def _prove(ledger: Ledger, thrift: ProofBudget) -> None:
         ledger.leave([claim], Reach(Engine.EVERY_N, None, reason, seconds, obstacle=obstacle))
 
 
+#: So often lemmas are looked for against counterexamples where nobody else has an answer: which of
+#: them a solver comes upon first is luck, and with other luck others are found.
+_ATTEMPTS = 3
+
 #: Over so many rounds what may be hidden between two comes to light.
 _ROUNDS = 2
 
@@ -118,14 +122,16 @@ def _infer(ledger: Ledger, thrift: ProofBudget, most: int | None) -> None:
     known = _known(ledger)
     if not claims:
         return
-    effort = Effort.of_seconds(thrift.seconds)
-    found = infer_from_counterexamples(
-        ledger.system, claims, known, ledger.deadline, effort, thrift, ledger.seed
-    )
-    _note(ledger, found, known, started)
+    for attempt in range(_ATTEMPTS if thrift is GENEROUS else 1):
+        effort = Effort.of_seconds(thrift.seconds)
+        means = ledger.deadline, effort, thrift, ledger.seed + attempt
+        found = infer_from_counterexamples(ledger.system, claims, known, *means)
+        _note(ledger, found, known, started)
+        claims = [claim for claim in claims if claim not in found.proved]
+        if not claims or ledger.deadline.passed():
+            return
     likely = candidates(ledger.system.program)[:most]
-    claims = [claim for claim in claims if claim not in found.proved]
-    if not likely or not claims:
+    if not likely:
         return
     effort, pool = Effort.of_seconds(thrift.seconds), [*known, *likely]
     found = infer(ledger.system, claims, pool, ledger.deadline, effort, thrift, ledger.seed)

@@ -12,6 +12,7 @@ from koord.syntax.core import Const, Home
 from koord.syntax.system import dealt
 from koord.verify.claims import claims_of
 from koord.verify.effort import Deadline, Effort
+from koord.verify.engines.engine import Purpose, Task
 from koord.verify.engines.every_n import lemma_search
 from koord.verify.engines.every_n.conditions import asked_of
 from koord.verify.engines.every_n.disjunctions import (
@@ -21,6 +22,7 @@ from koord.verify.engines.every_n.disjunctions import (
     is_false,
     lemma,
 )
+from koord.verify.engines.every_n.engine import EveryNEngine
 from koord.verify.engines.every_n.kinds_of_integers import ROBOT, KindsOfIntegers
 from koord.verify.engines.every_n.language import Language
 from koord.verify.engines.every_n.lemma_search import infer_from_counterexamples
@@ -28,6 +30,9 @@ from koord.verify.engines.every_n.literals import Between, Existence, Literal, S
 from koord.verify.engines.every_n.looking import Looking
 from koord.verify.engines.every_n.proving import Inferred
 from koord.verify.engines.every_n.questions import GENEROUS, SPARING, Means, Step
+from koord.verify.ledger import Ledger
+from koord.verify.reduction.problems import plain_problem
+from koord.verify.verdicts import Bounds
 from tests.loading import PROTOCOLS, program_of, protocol_text
 from tests.sampling import but_slow
 from tests.verify.engines.every_n.asking import broken, proved, system_of
@@ -476,3 +481,21 @@ def test_what_robots_have_counted_is_compared_with_what_all_have() -> None:
     faster = text.replace("k = k + 1", "k = k + 2")
     assert {claim.name for claim in found(faster).proved} == {"Few", "no fault"}
     assert "Own" in broken(faster, 1, rounds=10)
+
+
+@pytest.mark.parametrize(("seconds", "seeds"), [(None, [0, 1, 2]), (1.0, [0])])
+def test_who_is_asked_alone_tries_its_luck_again(
+    seconds: float | None, seeds: list[int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What a solver comes upon first decides which lemmas are found."""
+    asked = []
+
+    def nothing(*about: object) -> Inferred:
+        asked.append(about[-1])
+        return Inferred((), ())
+
+    monkeypatch.setattr(lemma_search, "infer_from_counterexamples", nothing)
+    system = system_of(RING)
+    ledger = Ledger(plain_problem(system), Bounds(), Deadline(), claims_of(system))
+    EveryNEngine().work(ledger, Task(Purpose.INFER, seconds=seconds, candidates=0))
+    assert asked == seeds
