@@ -940,6 +940,13 @@ VERIFY = (
         "left / right",
         (TERMS,),
     ),
+    Mutant(
+        "places in a ring go round twice",
+        "verify.encoding.terms.Terms._remainder",
+        "right + right",
+        "3 * right",
+        (TERMS,),
+    ),
 )
 
 MUTANTS = (

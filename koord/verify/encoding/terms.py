@@ -459,12 +459,22 @@ class Terms:
         return z3.If(right == zero, zero, down)
 
     def _remainder(self, left: z3.ExprRef, right: z3.ExprRef) -> Term:
+        if z3.is_int_value(right) and right.as_long() > 0:
+            return left % right
         quotient = self._quotient(left, right)
         assert isinstance(quotient, z3.ExprRef)
         rest = left - right * quotient
         if z3.is_int_value(right) and right.as_long() != 0:
-            return left % right if right.as_long() > 0 else rest
-        return z3.If(right == 0, z3.IntVal(0, self.context), rest)
+            return rest
+        rest = z3.If(right == 0, z3.IntVal(0, self.context), rest)
+        # What goes round once is the usual case, and is no product of unknowns.
+        for low, high, turned in (
+            (-right, 0, left + right),
+            (right, right + right, left - right),
+            (0, right, left),
+        ):
+            rest = z3.If(z3.And(low <= left, left < high), turned, rest)
+        return rest
 
     def _boolean_ite(self, condition: z3.ExprRef, then: Term, other: Term) -> Term:
         """Build an if-then-else of Booleans; with a constant side it is a connective."""

@@ -171,3 +171,20 @@ def test_validity_is_asked_again_where_a_quick_look_gives_up(
     monkeypatch.setattr(Terms, "_looked_at", lambda self, formula: z3.unknown)
     assert d.is_valid(d.binary(BinaryOp.LT, x, d.binary(BinaryOp.ADD, x, 1)))
     assert not d.is_valid(d.binary(BinaryOp.LT, x, 1))
+
+
+def test_a_place_in_a_ring_takes_no_products() -> None:
+    """What goes round once is told of any size of ring with hardly any work."""
+    d = Terms()
+    size, place = d.fresh("size", INT), d.fresh("place", INT)
+    for turn in (1, -1):
+        turned = d.binary(BinaryOp.ADD, place, turn)
+        there = d.binary(BinaryOp.MOD, turned, size)
+        assert isinstance(there, z3.ExprRef)
+        solver = z3.Solver(ctx=d.context)
+        solver.set("rlimit", 3_000)
+        solver.add(place >= 0, place < size)
+        inside = z3.And(there >= 0, there < size)
+        next_one = there == place + turn
+        wrapped = there == (0 if turn > 0 else size - 1)
+        assert solver.check(z3.Not(z3.And(inside, z3.Or(next_one, wrapped)))) == z3.unsat
