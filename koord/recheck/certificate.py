@@ -7,8 +7,10 @@ from __future__ import annotations
 
 import json
 import re
+from enum import Enum
 from fractions import Fraction
 from hashlib import sha256
+from typing import TypeVar
 
 from msgspec import Struct
 
@@ -19,6 +21,8 @@ from koord.syntax.diagnostics import KoordError, refusal
 from koord.syntax.elaboration.settings import ParamValue, Settings
 from koord.syntax.literals import MOST_PLACES
 from koord.syntax.source import Source, visible
+
+K = TypeVar("K", bound=Enum)
 
 FORMAT = "koord certificate"
 
@@ -167,6 +171,12 @@ class _Reader(Struct, frozen=True):
     def names(self) -> tuple[str, ...]:
         return tuple(item.text() for item in self.items())
 
+    def kind(self, kinds: type[K]) -> K:
+        known = {str(kind.value): kind for kind in kinds}
+        if self.text() not in known:
+            raise self.wrong("one of " + ", ".join(known))
+        return known[self.text()]
+
 
 def read(raw: bytes, name: str) -> Certificate:
     """Read the certificate in a file. Raises KoordError (K940, K941)."""
@@ -272,13 +282,9 @@ def _tasks(reader: _Reader) -> tuple[tuple[Fraction, Fraction, Fraction], ...] |
 
 
 def _claim(reader: _Reader) -> Claimed:
-    kind = reader.field("kind")
-    known = {k.value: k for k in ClaimKind}
-    if kind.text() not in known:
-        raise kind.wrong("one of " + ", ".join(known))
     return Claimed(
         reader.field("name").text(),
-        known[kind.text()],
+        reader.field("kind").kind(ClaimKind),
         reader.field("subject").text(),
         reader.field("every_number").truth(),
     )
@@ -307,12 +313,8 @@ def _settling(reader: _Reader) -> SettlingText:
 
 
 def _help(reader: _Reader) -> HelpText:
-    kind = reader.field("kind")
-    known = {k.value: k for k in HelpKind}
-    if kind.text() not in known:
-        raise kind.wrong("one of " + ", ".join(known))
     return HelpText(
-        known[kind.text()],
+        reader.field("kind").kind(HelpKind),
         reader.field("state").text(),
         reader.field("assumption").text(),
         reader.field("falls").text(),

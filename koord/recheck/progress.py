@@ -44,33 +44,28 @@ class ProgressObligations:
         self.step = StepObligations(self.crowds, self.claims, self.before, self.facts)
         self.meant = self.v.symbol("the robot that is meant", INT)
         self.robot = self.v.symbol("a robot", INT)
-        self._given: list[Term] = []
 
     def __iter__(self) -> Iterator[Obligation]:
         name = self.stated.name
         lasting = list(self.argument.lasting)
         if lasting:
-            yield self._obligation(f"{name}: what lasts follows", partial(self._follows, lasting))
-            yield self._obligation(f"{name}: what lasts", partial(self._lasts, lasting))
+            yield Obligation(f"{name}: what lasts follows", (partial(self._follows, lasting),))
+            yield Obligation(f"{name}: what lasts", (partial(self._lasts, lasting),))
         given: list[Term] = []
         for number, part in enumerate(self.argument.order, start=1):
             known = tuple(given)
             if isinstance(part, LockClass):
                 what = f"{name}: {number}: lock class {part.index} is granted"
-                yield self._obligation(what, partial(self._granted, part.index, known))
+                yield Obligation(what, (partial(self._granted, part.index, known),))
                 given += [self._unasked(state, part.index) for state in (self.before, self.after)]
             else:
                 what = f"{name}: {number}: a measure settles"
-                yield self._obligation(what, partial(self._settles, part.phrase, known))
+                yield Obligation(what, (partial(self._settles, part.phrase, known),))
                 given.append(self._same(part.phrase))
         for number, help_ in enumerate(self.argument.help, start=1):
             what = f"{name}: help {number} is not refused"
-            yield self._obligation(what, partial(self._helps, help_, tuple(given)))
-        yield self._obligation(f"{name}: somebody helps", self._somebody)
-
-    def _obligation(self, name: str, attempt: partial[Entailment] | object) -> Obligation:
-        assert callable(attempt)
-        return Obligation(name, (attempt,))
+            yield Obligation(what, (partial(self._helps, help_, tuple(given)),))
+        yield Obligation(f"{name}: somebody helps", (self._somebody,))
 
     def _goal(self, name: str, *goals: tuple[Term, Term]) -> tuple[Goal, ...]:
         return tuple(Goal(f"{self.stated.name}: {name}", legal, holds) for holds, legal in goals)
@@ -101,11 +96,8 @@ class ProgressObligations:
             found[phrase.meant] = self.meant
         return found
 
-    def _is_one(self, phrase: Phrase, robot: Term) -> Term:
-        """The condition that a number is that of a robot that a phrase is about."""
-        return self._is_of(phrase.kind, robot)
-
-    def _is_of(self, kind: int | None, robot: Term) -> Term:
+    def _is_one(self, robot: Term, kind: int | None) -> Term:
+        """The condition that a number is that of a robot of a kind, or of any."""
         if kind is None:
             return self.v.is_robot(robot)
         return self.crowds.is_one(robot, kind)
@@ -122,7 +114,7 @@ class ProgressObligations:
         reached_, legal = self._claimed(self.stated.condition, state)
         facts = [*as_facts(known), legal, self.t.negation(reached_)]
         if self.stated.each is not None:
-            facts.append(self._is_of(self.stated.each.agent, self.meant))
+            facts.append(self._is_one(self.meant, self.stated.each.agent))
         return facts
 
     def _lasting(self, state: ParameterisedState) -> list[Term]:
@@ -155,10 +147,14 @@ class ProgressObligations:
         return [*self._open_round, *both]
 
     def _of_round(self, given: Sequence[Term], goals: tuple[Goal, ...], *names: Term) -> Entailment:
-        winners = tuple(self.step.gathering.winners.values())
-        return Entailment(
-            (*self._pending_round, *given), goals, names=(*self._names, *names, *winners)
-        )
+        """The obligation that rounds have goals before and after which the claim is pending."""
+        return self._follows_from([*self._pending_round, *given], goals, *names)
+
+    def _follows_from(
+        self, facts: Sequence[Term], goals: tuple[Goal, ...], *names: Term
+    ) -> Entailment:
+        winners = self.step.gathering.winners.values()
+        return Entailment(tuple(facts), goals, names=(*self._names, *names, *winners))
 
     # --- what lasts -------------------------------------------------------------------------------
 
@@ -174,15 +170,14 @@ class ProgressObligations:
         """The obligation that it lasts until the goal is reached."""
         facts = [*self._open_round, *self._lasting(self.before)]
         goals = self._goal("what lasts", *(self._holds(w, self.after) for w in lasting))
-        winners = tuple(self.step.gathering.winners.values())
-        return Entailment(tuple(facts), goals, names=(*self._names, *winners))
+        return self._follows_from(facts, goals)
 
     # --- measures and lock classes ----------------------------------------------------------------
 
     def _settles(self, phrase: Phrase, given: Sequence[Term]) -> Entailment:
         """The obligation that a measure does not grow, and is a natural number."""
         t = self.t
-        about = [self._is_one(phrase, self.robot)] if phrase.robot is not None else []
+        about = [self._is_one(self.robot, phrase.kind)] if phrase.robot is not None else []
         names = (self.robot,) if phrase.robot is not None else ()
         if phrase.said.type == BOOL:
             (new, legal), (old, known) = (
@@ -215,7 +210,7 @@ class ProgressObligations:
         if phrase.robot is None:
             return same(None)
         with self.v.within() as robot:
-            return t.for_all([robot], t.implies(self._is_one(phrase, robot), same(robot)))
+            return t.for_all([robot], t.implies(self._is_one(robot, phrase.kind), same(robot)))
 
     def _granted(self, lock: int, given: Sequence[Term]) -> Entailment:
         """The obligation that the robot that is meant runs no event with a lock class."""
@@ -255,7 +250,7 @@ class ProgressObligations:
         """The obligation that help is not refused for ever in rounds that are still."""
         t, j = self.t, self.robot
         now, legal = self._holds(help_.state, self.before, j)
-        facts = [*given, self._is_one(help_.state, j), now, legal]
+        facts = [*given, self._is_one(j, help_.state.kind), now, legal]
         later, answers = self._holds(help_.state, self.after, j)
         goals = [*self._goal("it lasts", (later, answers))]
         idle = self.step.gathering.ran_none(j)
@@ -328,7 +323,7 @@ class ProgressObligations:
         for help_ in self.argument.help:
             with self.v.within() as robot:
                 holds, legal = self._holds(help_.state, state, robot)
-                is_one = self._is_one(help_.state, robot)
+                is_one = self._is_one(robot, help_.state.kind)
                 facts.append(t.for_all([robot], t.implies(is_one, legal)))
                 nobody.append(t.for_all([robot], t.negation(t.both(is_one, holds))))
         goals = self._goal("somebody helps", (t.negation(t.conjunction(nobody)), t.truth(True)))

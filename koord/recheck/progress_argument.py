@@ -65,10 +65,3 @@ class ProgressArgument(Struct, frozen=True):
     lasting: tuple[Phrase, ...]
     order: tuple[Measure | LockClass, ...]
     help: tuple[Help, ...]
-
-    def fairness(self) -> tuple[str, ...]:
-        """The kinds of fairness that it rests on; assumptions are named elsewhere."""
-        robots = any(h.kind in (HelpKind.ROBOT, HelpKind.AFTER_RUN) for h in self.help)
-        locks = any(isinstance(part, LockClass) for part in self.order)
-        kinds = (("robots", robots), ("locks", locks))
-        return tuple(name for name, needed in kinds if needed)
