@@ -59,15 +59,9 @@ def find_progress(
     ``known`` holds for every number of robots; others of what is ``holding`` may do.
     """
     search = _Search(system, deadline)
-    proofs: dict[Claim, ReducedProof] = {}
-    for claim in of_runs:
-        if not deadline.passed() and (proof := search.proof(claim, (), infer=False)):
-            proofs[claim] = proof
-    left = [claim for claim in of_runs if claim not in proofs]
-    given = search.known(holding, known) if left else []
-    for claim in left:
-        if not deadline.passed() and (proof := search.proof(claim, given, infer=True)):
-            proofs[claim] = proof
+    proofs = search.proofs(of_runs, (), infer=False)
+    if left := [claim for claim in of_runs if claim not in proofs]:
+        proofs |= search.proofs(left, search.known(holding, known), infer=True)
     invariants = dict.fromkeys(one for proof in proofs.values() for one in proof.invariants)
     lemmas = (c.stated for c in invariants if c not in holding and c.stated is not None)
     return FoundProgress(
@@ -83,7 +77,17 @@ class _Search(Struct, frozen=True):
     system: System
     deadline: Deadline
 
-    def proof(self, claim: Claim, known: Sequence[Claim], *, infer: bool) -> ReducedProof | None:
+    def proofs(
+        self, claims: Sequence[Claim], known: Sequence[Claim], *, infer: bool
+    ) -> dict[Claim, ReducedProof]:
+        """Proofs of those claims for which one is found in time."""
+        found = {}
+        for claim in claims:
+            if not self.deadline.passed() and (proof := self._proof(claim, known, infer=infer)):
+                found[claim] = proof
+        return found
+
+    def _proof(self, claim: Claim, known: Sequence[Claim], *, infer: bool) -> ReducedProof | None:
         """A proof of a claim, with what it needs of what is known and of lemmas."""
         assert claim.stated is not None
         found = progress(self.system, claim.stated, known, self._means(), infer=infer)

@@ -167,7 +167,7 @@ _TO_THE_END: Rows = (
 
 #: Most violations are in the first configurations, and a proof for every number of robots is one
 #: for this number. What neither shows in no time is raced for: first by what is done in some tenths
-#: of a second, then by what takes a second, and then some.
+#: of a second, then by what takes some seconds.
 _ALL_ENGINES: Rows = (
     AskEngine(Engine.SEARCH, Task(Purpose.REFUTE, states=HANDFUL, evaluations=3_000), quick=True),
     AskEngine(Engine.EVERY_N, _AT_A_GLANCE, quick=True, fleet=Fleet.FEW, again=_ONCE_MORE),

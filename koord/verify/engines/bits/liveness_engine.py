@@ -173,11 +173,6 @@ def _tries(task: Task) -> tuple[tuple[_Try, ...], tuple[_Try, ...]]:
             return tuple(replace(each, questions=few) for each in QUICKLY), ()
 
 
-def _is_quick(one: _Try) -> bool:
-    """Return whether it is one of those that are made quickly, with however many questions."""
-    return any(replace(one, questions=each.questions) == each for each in QUICKLY)
-
-
 def _leaves_open(system: System, claim: Claim) -> bool:
     assert claim.stated is not None
     parts = [claim.stated, *system.program.expectations]
@@ -205,7 +200,8 @@ class _Run(Struct):
         for response in different_responses(system, self.claim.stated):
             watched = self.watching.watched(response)
             loops = LassoSearch(watched, reads_ran(self.watching.system, self.claim.stated))
-            proved = self._looked(loops, FIRST_ROUNDS) and self._proved(response, watched, quickly)
+            quick = [each for each in quickly if watched.grants or not each.locks]
+            proved = self._looked(loops, FIRST_ROUNDS) and self._proved(response, watched, quick)
             if not proved and self._goes_on() and self._looked(loops, most):
                 proved = self._proved(response, watched, more)
             if not proved:
@@ -310,8 +306,6 @@ class _Run(Struct):
         for each in tries:
             given = self._given() if each.lemmas else []
             if each.lemmas and not given:
-                continue
-            if each.locks and not watched.grants and _is_quick(each):
                 continue
             of = counting(watched, given, locks=each.locks, narrow=each.narrow)
             for times in range(1, each.most + 1):

@@ -117,7 +117,7 @@ class StateQuestion:
         None if it is not seen that somebody does.
         """
         said = self.statements
-        denied = [said.denied(each, self.configuration) for each in ways]
+        denied = [self._nobody_in_this(each) for each in ways]
         unasked = [said.unasked(said.meant, self._state.robot, [lock])[0] for lock in locks]
         pending = said.pending(self.configuration, lasting)
         goal = [*self._known.values(), *denied, *unasked, *pending]

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from koord.verify.engines.explicit.exhaustive import SearchResults
 
 #: With fewer steps of evaluation no machine code is made, as it would have to end once it is there.
-_COMPILED_FROM = 10_000
+_STEPS_TO_COMPILE = 10_000
 
 
 class ExplicitEngine(Struct, frozen=True):
@@ -65,7 +65,7 @@ class ExplicitEngine(Struct, frozen=True):
         found, started, ended = SearchResults(), time.monotonic(), False
         try:
             judge = ledger.problem.judge
-            few = task.evaluations is not None and task.evaluations < _COMPILED_FROM
+            few = task.evaluations is not None and task.evaluations < _STEPS_TO_COMPILE
             exhaust(
                 ledger.system,
                 claims,
