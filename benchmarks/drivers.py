@@ -71,6 +71,7 @@ def graph_of(transport: str) -> Any:
 def trips(transport: str, prefix: str, many: int) -> list[float]:
     """Seconds there and back, of each message."""
     from koord.runtime.drivers.ros.options import Wire
+    from tests.runtime.platform.ros.driving import there_and_back
 
     graph = graph_of(transport)
     echo = graph.listen(Wire(f"{prefix}/echo", "PoseStamped"))
@@ -78,13 +79,10 @@ def trips(transport: str, prefix: str, many: int) -> list[float]:
     took: list[float] = []
     ends_s = time.monotonic() + 60.0
     while len(took) < many and time.monotonic() < ends_s:
-        begun_s, back = time.perf_counter(), None
-        sender.send({"pose": {"position": {"x": 1.0}}})
-        while back is None and time.perf_counter() - begun_s < 0.2:
-            back = echo.take()
-            time.sleep(0)  # threads of the library may run
+        sent = {"pose": {"position": {"x": 1.0}}}
+        back, trip_s = there_and_back(sender, echo, sent, most_s=0.2)
         if back is not None:
-            took.append(time.perf_counter() - begun_s)
+            took.append(trip_s)
         time.sleep(0.002)
     graph.close()
     return took[many // 10 :]  # not those of the start

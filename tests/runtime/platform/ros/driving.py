@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from typing import Any
 
 from koord.runtime.drivers.ros.driver import RosDriver
+from koord.runtime.drivers.ros.graph import Fields, Latest, Sender
 from koord.runtime.drivers.setpoints import Drive, Position, Sensed
 from koord.runtime.guardian.conditions import Setup
 from koord.runtime.guardian.events import Order
@@ -19,6 +21,22 @@ from koord.runtime.platform.vehicle import DrivenVehicle
 from koord.sim.scene import device_model
 
 WORLD = World((-4.0, -4.0, 0.0), (4.0, 4.0, 3.0))
+
+#: There and back through a node, in seconds, at best: what else the machine does is no part of it,
+#: and `benchmarks/drivers.py` tells the median.
+ROUND_TRIP_S = 0.005
+
+
+def there_and_back(
+    sender: Sender, echo: Latest, sent: Fields, most_s: float = 3.0
+) -> tuple[Any | None, float]:
+    """Send a message to a node; what comes back of it, if anything does, and after how long."""
+    begun_s, back = time.perf_counter(), None
+    sender.send(sent)
+    while back is None and time.perf_counter() - begun_s < most_s:
+        back = echo.take()
+        time.sleep(0)  # threads of the library may run
+    return back, time.perf_counter() - begun_s
 
 
 def until(made: RosDriver, condition: Callable[[Sensed], bool], most_s: float = 30.0) -> Sensed:

@@ -22,7 +22,14 @@ from koord.runtime.drivers.ros.readings import reading, written
 from koord.runtime.drivers.ros1 import library
 from koord.runtime.drivers.ros1.options import Ros1Options
 from koord.runtime.drivers.setpoints import Drive, Hold
-from tests.runtime.platform.ros.driving import WORLD, Driven, driven_until, until
+from tests.runtime.platform.ros.driving import (
+    ROUND_TRIP_S,
+    WORLD,
+    Driven,
+    driven_until,
+    there_and_back,
+    until,
+)
 from tests.runtime.platform.ros1.peers import (
     INSTALL,
     environment,
@@ -55,13 +62,6 @@ VALUES = (
 )
 
 POSE = Topic(topic="pose", type="PoseStamped")
-
-#: There and back through a node, in seconds, at best: what else the machine does is no part of it,
-#: and `benchmarks/drivers.py` tells the median.
-ROUND_TRIP_S = 0.005
-
-#: For how long what was sent is waited for, in seconds.
-PATIENCE_S = 3.0
 
 
 @pytest.fixture(autouse=True)
@@ -153,13 +153,9 @@ def test_a_pose_goes_through_a_node_and_back_within_a_few_milliseconds(
             time.sleep(0.01)
         trips = []
         for k in range(200):
-            begun_s = time.perf_counter()
-            sender.send({"header": {"stamp": {"sec": k}}, "pose": {"position": {"x": 1.5}}})
-            back = None
-            while back is None and time.perf_counter() - begun_s < PATIENCE_S:
-                back = echo.take()
-                time.sleep(0)
-            trips.append(time.perf_counter() - begun_s)
+            sent = {"header": {"stamp": {"sec": k}}, "pose": {"position": {"x": 1.5}}}
+            back, trip_s = there_and_back(sender, echo, sent)
+            trips.append(trip_s)
             assert k < 10 or (back is not None and back.header.stamp.secs == k)
             time.sleep(0.005)
         graph.close()

@@ -19,7 +19,14 @@ from koord.runtime.drivers.ros2.client import RclpyGraph, message_type
 from koord.runtime.drivers.ros2.driver import Ros2Driver
 from koord.runtime.drivers.ros2.options import Ros2Options, Transport
 from koord.runtime.drivers.setpoints import Drive, Hold, Position
-from tests.runtime.platform.ros.driving import WORLD, Driven, driven_until, until
+from tests.runtime.platform.ros.driving import (
+    ROUND_TRIP_S,
+    WORLD,
+    Driven,
+    driven_until,
+    there_and_back,
+    until,
+)
 from tests.runtime.platform.ros2.peers import DOMAIN, fresh_prefix
 from tests.runtime.platform.ros2.rclpy_peers import node
 
@@ -29,13 +36,6 @@ pytestmark = [
 ]
 
 POSE = Topic(topic="pose", type="PoseStamped")
-
-#: There and back through a node, in seconds, at best: what else the machine does is no part of it,
-#: and `benchmarks/drivers.py` tells the median.
-ROUND_TRIP_S = 0.005
-
-#: For how long what was sent is waited for, in seconds.
-PATIENCE_S = 3.0
 
 
 def driver(prefix: str, **options: object) -> Ros2Driver:
@@ -89,11 +89,9 @@ def test_a_pose_goes_through_a_node_and_back_within_a_few_milliseconds() -> None
             assert time.monotonic() < end_s, graph.why_unheard(sender.wire)
             time.sleep(0.01)
         for k in range(200):
-            begun_s, back = time.perf_counter(), None
-            sender.send({"header": {"stamp": {"sec": k}}, "pose": {"position": {"x": 1.5}}})
-            while back is None and time.perf_counter() - begun_s < PATIENCE_S:
-                back = echo.take()
-            trips.append(time.perf_counter() - begun_s)
+            sent = {"header": {"stamp": {"sec": k}}, "pose": {"position": {"x": 1.5}}}
+            back, trip_s = there_and_back(sender, echo, sent)
+            trips.append(trip_s)
             assert k < 10 or (back is not None and back.header.stamp.sec == k)
             time.sleep(0.005)
     graph.close()

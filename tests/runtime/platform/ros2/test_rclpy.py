@@ -14,19 +14,12 @@ import pytest
 from koord.runtime.drivers.ros.options import Wire
 from koord.runtime.drivers.ros.poses import Fix, fix_of
 from koord.runtime.drivers.ros2.dds import DdsGraph
-from tests.runtime.platform.ros.driving import Driven
+from tests.runtime.platform.ros.driving import ROUND_TRIP_S, Driven, there_and_back
 from tests.runtime.platform.ros2.peers import DOMAIN, fresh_prefix
 from tests.runtime.platform.ros2.rclpy_peers import environment, node, rclpy_python
 from tests.runtime.platform.ros2.test_driven import driver
 
 pytestmark = pytest.mark.slow
-
-#: There and back through a node, in seconds, at best: what else the machine does is no part of it,
-#: and `benchmarks/drivers.py` tells the median.
-ROUND_TRIP_S = 0.005
-
-#: For how long what was sent is waited for, in seconds.
-PATIENCE_S = 3.0
 
 
 def test_a_pose_goes_through_a_node_and_back_within_a_few_milliseconds() -> None:
@@ -44,12 +37,8 @@ def test_a_pose_goes_through_a_node_and_back_within_a_few_milliseconds() -> None
         for k in range(200):
             header = {"stamp": {"sec": k, "nanosec": 7}, "frame_id": "map"}
             sent = {"header": header, "pose": {"position": {"x": 1.0, "y": 2.0, "z": 3.0}}}
-            begun_s = time.perf_counter()
-            sender.send(sent)
-            back = None
-            while back is None and time.perf_counter() - begun_s < PATIENCE_S:
-                back = echo.take()
-            trips.append(time.perf_counter() - begun_s)
+            back, trip_s = there_and_back(sender, echo, sent)
+            trips.append(trip_s)
             assert k < 10 or fix_of(back) == Fix(
                 (1.0, 2.0, 3.0), (1.0, 0.0, 0.0, 0.0), "map", k + 7e-9
             )
