@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from array import array
 from collections.abc import Iterator
 from typing import TypeAlias
 
@@ -95,10 +96,10 @@ class FairExploration(Exploration):
         return int(self._context[fair.EDGE_DONE])
 
     def finish(self, expanded: int) -> None:
-        """Say that nodes from a number on have not been looked at: they have no edges."""
+        """Say that nodes from a number on have not been looked at: they have no edges yet."""
+        rest = self.states - expanded
         firsts = self._firsts.view("q")
-        for node in range(expanded + 1, self.states + 1):
-            firsts[node] = self.edge_count
+        firsts[expanded + 1 : self.states + 1] = memoryview(array("q", [self.edge_count]) * rest)
 
     def label(self, node: int) -> int:
         """The label of a node."""

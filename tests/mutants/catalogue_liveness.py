@@ -6,6 +6,7 @@ from tests.mutants.mutant import Mutant
 
 MEANING = "tests/semantics/test_liveness.py"
 LASSOS = "tests/agreement/test_lassos.py"
+LOOKOUT = "tests/agreement/test_fair_lookout.py"
 BITS = "tests/verify/engines/bits/test_liveness_engine.py"
 ENGINES = "tests/agreement/test_live_engines.py"
 
@@ -116,6 +117,27 @@ LIVENESS = (
         "(1 << len(self._locks)) - 1",
         "0",
         (MEANING,),
+    ),
+    Mutant(
+        "what one claim breaks is told of all",
+        "verify.engines.explicit.fair_lookout.Lookout._are_violated",
+        "not self._answers.is_violated(stated)",
+        "not any(map(self._answers.is_violated, self._properties))",
+        (LOOKOUT,),
+    ),
+    Mutant(
+        "a lasso is told though a shorter one may follow",
+        "verify.engines.explicit.fair_lookout.Lookout.look",
+        "is_last or self._longest <= rounds + 1",
+        "True",
+        (LOOKOUT,),
+    ),
+    Mutant(
+        "rounds that are half looked at count as whole",
+        "verify.engines.explicit.fair_search._Search._whole",
+        "len(self._nodes.edges) == self._level",
+        "True",
+        (LOOKOUT,),
     ),
     Mutant(
         "expectations are forgotten",

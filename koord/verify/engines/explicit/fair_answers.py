@@ -128,14 +128,11 @@ class FairAnswers:
         self, properties: Sequence[core.Property], end: Exhausted | OutOfBounds
     ) -> FairCycleReport:
         """Decide each property, as far as the graph goes."""
-        names = tuple(dict.fromkeys(response.name for response in self._expected))
-        everything = Fairness(robots=True, locks=bool(self._locks), expectations=names)
+        everything = self._everything
         violated: dict[str, Recording] = {}
         needs: dict[str, Fairness] = {}
         for stated in properties:
-            regions = [
-                self._fair.region(each) for each in different_responses(self._system, stated)
-            ]
+            regions = list(self._regions(stated))
             lasso = self._lasso(regions, everything)
             if lasso is not None:
                 violated[stated.name] = lasso
@@ -145,6 +142,21 @@ class FairAnswers:
             self._fair.region(None), self._wanted(everything)
         )
         return FairCycleReport(violated, needs, end, is_empty)
+
+    def is_violated(self, stated: core.Property) -> bool:
+        """Return whether some fair run of the graph breaks a property."""
+        wanted = self._wanted(self._everything)
+        return any(self._fair.is_fair(region, wanted) for region in self._regions(stated))
+
+    @property
+    def _everything(self) -> Fairness:
+        """All the fairness that there is."""
+        names = tuple(dict.fromkeys(response.name for response in self._expected))
+        return Fairness(robots=True, locks=bool(self._locks), expectations=names)
+
+    def _regions(self, stated: core.Property) -> Iterator[Region]:
+        """The regions of what a property says, each made when it is asked for."""
+        return map(self._fair.region, different_responses(self._system, stated))
 
     def _wanted(self, of: Fairness) -> FairnessConditions:
         count = self._system.robots

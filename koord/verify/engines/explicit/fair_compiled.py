@@ -19,8 +19,9 @@ from koord.semantics.liveness import Response, expected
 from koord.syntax import core
 from koord.syntax.budget import OutOfBudgetError
 from koord.syntax.system import System
-from koord.verify.engines.explicit.fair_answers import Region
+from koord.verify.engines.explicit.fair_answers import FairCycleReport, Region
 from koord.verify.engines.explicit.fair_cycles import Edge, FairnessConditions, Graph, add_edge
+from koord.verify.engines.explicit.fair_lookout import Lookout
 from koord.verify.engines.explicit.limits import LimitReachedError, Meter
 from koord.verify.engines.explicit.packing import Packing
 from koord.verify.engines.explicit.property_checks import (
@@ -48,6 +49,10 @@ _MOST_AFTER_ONE, _MOST_NODES, _STATED_NODES = 400, 4, 30
 
 #: As long as Python takes for a way to go on, machine code takes for so many, or more.
 _COMPILED_EDGES = 256
+
+
+#: Of so many nodes edges are kept that were read: lassos go through few of them again and again.
+_MOST_HELD = 65_536
 
 
 class Reference(Protocol):
@@ -119,11 +124,18 @@ class CompiledGraph:
     # --- building -------------------------------------------------------------------------------
 
     def build(
-        self, meter: Meter, most_edges: int | None, tell: Callable[[int, int], None]
-    ) -> Exhausted | OutOfBounds:
-        """Look at all nodes, as far as limits allow. Raises NoKernelError."""
+        self,
+        meter: Meter,
+        most_edges: int | None,
+        lookout: Lookout,
+        tell: Callable[[int, int], None],
+    ) -> FairCycleReport | Exhausted | OutOfBounds:
+        """Look at all nodes, as far as limits allow, or until all is violated.
+
+        Raises NoKernelError.
+        """
         try:
-            self._build(meter, most_edges, tell)
+            report = self._build(meter, most_edges, lookout, tell)
         except (LimitReachedError, OutOfBudgetError) as error:
             self._exploration.finish(self._expanded)
             end = end_of(error, self.states, self.depth)
@@ -132,11 +144,15 @@ class CompiledGraph:
                 raise
             return end
         self._exploration.finish(self._expanded)
-        return Exhausted(self.states, self.depth)
+        return report or Exhausted(self.states, self.depth)
 
     def _build(
-        self, meter: Meter, most_edges: int | None, tell: Callable[[int, int], None]
-    ) -> None:
+        self,
+        meter: Meter,
+        most_edges: int | None,
+        lookout: Lookout,
+        tell: Callable[[int, int], None],
+    ) -> FairCycleReport | None:
         from koord.kernels.exploration import OutOfRoomError
 
         exploration, batch = self._exploration, _FIRST_BATCH
@@ -160,8 +176,15 @@ class CompiledGraph:
                 batch = min(2 * batch, _MOST_BATCH)
                 tell(exploration.states, self.depth)
                 self._look_again(first, self._expanded)
+                whole = self.depth + (self._expanded == end)
+                if self._expanded < exploration.states and lookout.is_due(self._expanded, whole):
+                    exploration.finish(self._expanded)
+                    report = lookout.look(exploration.states, self._expanded, whole)
+                    if report is not None:
+                        return report
             if self._expanded < exploration.states:
                 self.depth += 1
+        return None
 
     # --- what machine code says, held against Python --------------------------------------------
 
@@ -333,10 +356,11 @@ class _Members(Container[int]):
 
 
 class _Read(Sequence[T]):
-    """What is read of each node when it is looked at."""
+    """What is read of each node when it is looked at; that of the first ones is kept."""
 
     def __init__(self, read: Callable[[int], T], count: int) -> None:
         self._read, self._count = read, count
+        self._held: dict[int, T] = {}
 
     def __len__(self) -> int:
         return self._count
@@ -349,8 +373,13 @@ class _Read(Sequence[T]):
 
     def __getitem__(self, node: int | slice) -> T | list[T]:
         if isinstance(node, slice):
-            return [self._read(k) for k in range(*node.indices(self._count))]
-        return self._read(node)
+            return [self[k] for k in range(*node.indices(self._count))]
+        held = self._held.get(node)
+        if held is None:
+            held = self._read(node)
+            if len(self._held) < _MOST_HELD:
+                self._held[node] = held
+        return held
 
 
 #: Bytes that say whether something is not so, by those that say whether it is.

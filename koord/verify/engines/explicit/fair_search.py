@@ -9,6 +9,7 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Callable, Collection, Iterator, Sequence
+from typing import assert_never
 
 from msgspec import Struct, field
 from msgspec.structs import replace
@@ -35,6 +36,7 @@ from koord.verify.engines.explicit.fair_cycles import (
     add_edge,
     fair_set,
 )
+from koord.verify.engines.explicit.fair_lookout import COMPILED_FACTOR, LOOK_FROM, Lookout
 from koord.verify.engines.explicit.finiteness import NotFinite, not_finite
 from koord.verify.engines.explicit.found_runs import Tracer, as_it_is
 from koord.verify.engines.explicit.initial_states import openings
@@ -62,6 +64,7 @@ def lively(
     *,
     most_edges: int | None = None,
     compiled_from: int | None = FAIR_COMPILED_FROM,
+    look_from: int | None = LOOK_FROM,
     progress: Progress | None = None,
     clock: Callable[[], float] = time.monotonic,
 ) -> FairCycleReport:
@@ -69,7 +72,8 @@ def lively(
 
     Beside the limits there may be one of edges: many robots have many ways to go on from a state.
     Where Python has cost more than ``compiled_from`` (see :mod:`cost`) machine code is used, if
-    there is any; None: it is not.
+    there is any; None: it is not. From ``look_from`` nodes on it is looked now and then whether all
+    properties are violated already (see :mod:`fair_lookout`); None: not before the graph is whole.
     """
     asked = [s for p in properties for r in responses(system, p) for s in r.statements]
     asked += [s for r in expected(system) for s in r.statements]
@@ -79,7 +83,7 @@ def lively(
     meter = Meter(limits if limits is not None else Limits(), clock)
     tracks_ran = any(reads_ran(system, p) for p in properties)
     search = _Search(system, meter, progress, most_edges, tracks_ran=tracks_ran)
-    return search.run(properties, compiled_from if is_installed() else None)
+    return search.run(properties, compiled_from if is_installed() else None, look_from)
 
 
 class _Nodes(Struct):
@@ -125,6 +129,7 @@ class _Search:
         self._nodes = _Nodes()
         self._depth = 0
         self._level = 0  #: so many nodes are no further away than that
+        self._spent_looking = 0  #: steps of the budget that were not for the graph
 
     def _checks(self, response: Response) -> tuple[Check | None, Check]:
         trigger = response.trigger
@@ -132,23 +137,38 @@ class _Search:
         return (None if trigger is None else check(self._system, self._vault, trigger)), goal
 
     def run(
-        self, properties: Sequence[core.Property], compiled_from: int | None
+        self,
+        properties: Sequence[core.Property],
+        compiled_from: int | None,
+        look_from: int | None,
     ) -> FairCycleReport:
         """Build the graph, as far as limits allow, and decide each property."""
-        end = self._built(compiled_from)
+        lookout = self._lookout(self, properties, look_from)
+        end = self._built(compiled_from, lookout)
         if end is None:
-            report = self._by_machine_code(properties)
+            report = self._by_machine_code(properties, look_from)
             if report is not None:
                 return report
-            end = self._built(None)
+            end = self._built(None, lookout)
         assert end is not None
-        if isinstance(end, NotFinite):
-            return FairCycleReport({}, {}, end)
-        nodes = self._nodes
-        # What was not looked at any more has no edges, so what is found is there all the same.
-        nodes.edges += [()] * (len(nodes.states) - len(nodes.edges))
-        nodes.asks += [0] * (len(nodes.states) - len(nodes.asks))
-        return self._answered(self, properties, end)
+        match end:
+            case FairCycleReport():
+                return end
+            case NotFinite():
+                return FairCycleReport({}, {}, end)
+            case Exhausted() | OutOfBounds():
+                return self._answered(self, properties, end)
+            case _:
+                assert_never(end)
+
+    def _answers(self, graph: FairGraph) -> FairAnswers:
+        tracer = Tracer(self._system, self._vault, self._commits, self._joints, as_it_is)
+        return FairAnswers(self._system, graph, self, tracer)
+
+    def _lookout(
+        self, graph: FairGraph, properties: Sequence[core.Property], look_from: int | None
+    ) -> Lookout:
+        return Lookout(self._answers(graph), properties, look_from)
 
     def _answered(
         self,
@@ -156,13 +176,14 @@ class _Search:
         properties: Sequence[core.Property],
         end: Exhausted | OutOfBounds,
     ) -> FairCycleReport:
-        tracer = Tracer(self._system, self._vault, self._commits, self._joints, as_it_is)
         try:
-            return FairAnswers(self._system, graph, self, tracer).of(properties, end)
+            return self._answers(graph).of(properties, end)
         except OutOfBudgetError as error:
             return FairCycleReport({}, {}, end_of(error, end.states, end.depth))
 
-    def _by_machine_code(self, properties: Sequence[core.Property]) -> FairCycleReport | None:
+    def _by_machine_code(
+        self, properties: Sequence[core.Property], look_from: int | None
+    ) -> FairCycleReport | None:
         """The report on the graph of machine code, or None where that does not get to the end."""
         from koord.kernels.terms import NoKernelError
         from koord.verify.engines.explicit.fair_compiled import CompiledGraph
@@ -172,24 +193,39 @@ class _Search:
         most_mb = self._meter.limits.memory_mb
         try:
             made = CompiledGraph(self._system, self._vault, asked, starts, self, most_mb)
-            end = made.build(self._meter, self._most_edges, self._tell_of)
-            if isinstance(end, NotFinite):
-                return FairCycleReport({}, {}, end)
-            return replace(self._answered(made, properties, end), is_compiled=True)
+            first = None if look_from is None else COMPILED_FACTOR * look_from
+            lookout = self._lookout(made, properties, first)
+            end = made.build(self._meter, self._most_edges, lookout, self._tell_of)
+            match end:
+                case FairCycleReport():
+                    found = end
+                case Exhausted() | OutOfBounds():
+                    found = self._answered(made, properties, end)
+                case _:
+                    assert_never(end)
+            return replace(found, is_compiled=True)
         except NoKernelError:
             return None
 
     # --- the graph ------------------------------------------------------------------------------
 
-    def _built(self, most: int | None) -> Exhausted | OutOfBounds | NotFinite | None:
-        """How the graph came to an end; None where it has cost more than ``most`` before."""
+    def _built(
+        self, most: int | None, lookout: Lookout
+    ) -> FairCycleReport | Exhausted | OutOfBounds | NotFinite | None:
+        """How the graph came to an end; None where it has cost more than ``most`` before.
+
+        A report, where all is violated in what there is of it.
+        """
         nodes = self._nodes
         try:
             if not nodes.starts:
                 self._begin()
             while len(nodes.edges) < len(nodes.states):
-                if most is not None and self._is_due(most):
-                    return None
+                is_due = most is not None and self._is_due(most)
+                if is_due or lookout.is_due(len(nodes.edges), self._whole):
+                    report = self._looked(lookout)
+                    if report is not None or is_due:
+                        return report
                 if len(nodes.edges) == self._level:
                     self._depth += 1
                     self._level = len(nodes.states)
@@ -201,10 +237,24 @@ class _Search:
             return end_of(error, len(nodes.states), self._depth)
         return Exhausted(len(nodes.states), self._depth)
 
+    @property
+    def _whole(self) -> int:
+        """All nodes less than so many rounds from a start have their edges."""
+        return self._depth + (len(self._nodes.edges) == self._level)
+
+    def _looked(self, lookout: Lookout) -> FairCycleReport | None:
+        """What a look at the graph says. It is no work that machine code would do with less."""
+        nodes, before = self._nodes, self._count.steps
+        try:
+            return lookout.look(len(nodes.states), len(nodes.edges), self._whole)
+        finally:
+            self._spent_looking += self._count.steps - before
+
     def _is_due(self, most: int) -> bool:
         """Return whether to go over to machine code: it costs less than what Python has done."""
         states = len(self._nodes.states)
-        return self._cost.of(states, self._count.steps) > most or states > self._meter.limits.states
+        cost = self._cost.of(states, self._count.steps - self._spent_looking)
+        return cost > most or states > self._meter.limits.states
 
     def _begin(self) -> None:
         nodes = self._nodes
@@ -300,8 +350,11 @@ class _Search:
 
     @property
     def graph(self) -> Graph:
-        """The graph as far as it was built."""
-        return Graph(self._nodes.edges, self._nodes.asks)
+        """The graph as far as it was built: what was not looked at has no edges."""
+        nodes, count = self._nodes, len(self._nodes.states)
+        none: tuple[Edge, ...] = ()
+        edges = nodes.edges + (count - len(nodes.edges)) * [none]
+        return Graph(edges, nodes.asks + (count - len(nodes.asks)) * [0])
 
     def state(self, node: int) -> State:
         """The state of a node."""
@@ -322,7 +375,7 @@ class _Search:
 
     def region(self, response: Response | None) -> Region:
         """The region of a response; of all runs, if there is none."""
-        nodes = self._nodes
+        nodes, edges = self._nodes, self.graph.edges
         if response is None:
             return Region(range(len(nodes.states)), nodes.starts, tuple(nodes.starts))
         trigger, goal = self._checks(response)
@@ -336,7 +389,7 @@ class _Search:
         queue = deque(starts)
         while queue:
             self._system.budget.spend()
-            for edge in nodes.edges[queue.popleft()]:
+            for edge in edges[queue.popleft()]:
                 if wanting[edge.target] and edge.target not in seen:
                     seen.add(edge.target)
                     queue.append(edge.target)
