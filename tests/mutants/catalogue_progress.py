@@ -10,6 +10,8 @@ RACES = "tests/verify/strategy/test_liveness_race.py"
 
 LEMMAS = "tests/verify/engines/every_n/test_progress_lemmas.py"
 
+RINGS = "tests/verify/engines/every_n/test_progress_rings.py"
+
 _QUESTIONS = "verify.engines.every_n.progress_questions"
 _STATEMENTS = "verify.engines.every_n.progress_statements"
 
@@ -47,6 +49,13 @@ PROGRESS = (
         "questions.changing(questions.settling(left))",
         "questions.changing(left)",
         (PREMISES,),
+    ),
+    Mutant(
+        "what goes round need not come nearer",
+        "verify.engines.every_n.progress._Search._go_round",
+        "not questions.settling([measure])",
+        "False",
+        (RINGS,),
     ),
     # (helps)
     Mutant(

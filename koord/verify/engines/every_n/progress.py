@@ -32,6 +32,7 @@ from koord.verify.engines.every_n.progress_parts import (
     own_help,
 )
 from koord.verify.engines.every_n.progress_questions import RoundQuestions, StateQuestion
+from koord.verify.engines.every_n.progress_rings import handed_on, rings_of
 from koord.verify.engines.every_n.progress_times import conditional, times_of, waits_of
 from koord.verify.engines.every_n.questions import Means
 
@@ -188,18 +189,21 @@ class _Search:
     ) -> ProgressProof | str | None:
         """A proof with some invariants, or why there is none with any; None if they are too few."""
         questions = RoundQuestions(self.system, self.stated, known, self.means)
-        is_proof = self._is_proof(questions, all_generations)
+        is_proof = self._is_proof(questions, known, all_generations)
         if limits := questions.step.limits:
             return f"not covered: {'; '.join(sorted(set(limits)))}"
         if not is_proof:
             return None
         return ProgressProof(tuple(self.order), tuple(self.help), self.lasting)
 
-    def _is_proof(self, questions: RoundQuestions, all_generations: Sequence[int]) -> bool:
+    def _is_proof(
+        self, questions: RoundQuestions, known: Sequence[Claim], all_generations: Sequence[int]
+    ) -> bool:
         """Add measures, locks and help that questions show; whether that is a proof."""
         self.lasting = self.lasting or self._lasting(questions)
         if not self._somebody_may_help():
             return False
+        self._go_round(known)
         self._suppose(questions)
         self._grant(questions)
         waiting = [each for each in self.likely if each not in self.help]
@@ -218,6 +222,26 @@ class _Search:
                 return True
         return False
 
+    def _go_round(self, known: Sequence[Claim]) -> None:
+        """Add where around the ring something is that robots hand on, as far as that settles.
+
+        Each is asked about by itself: that somebody is there takes many instances.
+        """
+        for steps in rings_of(self.system.program, self.stated):
+            if any(measure in self.measures for measure in steps):
+                continue
+            for number, measure in enumerate(steps):
+                questions = RoundQuestions(self.system, self.stated, known, self.means)
+                self._suppose(questions)
+                for before in steps[:number]:
+                    questions.keep(before)
+                questions.step.asking.look_ahead(_AROUND)
+                if not questions.settling([measure]):
+                    break
+            else:
+                self.measures += steps
+                self.order += steps
+
     def _suppose(self, questions: RoundQuestions) -> None:
         """Suppose what is known of late rounds."""
         questions.pend(self.lasting)
@@ -229,7 +253,8 @@ class _Search:
     def _measures(self) -> list[Measure]:
         """The measures that are not known to settle."""
         program = self.system.program
-        likely = (*measures_of(program, self.stated), *times_of(program), *conditional(program))
+        plain = (*measures_of(program, self.stated), *handed_on(program))
+        likely = (*plain, *times_of(program), *conditional(program))
         return [measure for measure in likely if measure not in self.measures]
 
     def _lasting(self, questions: RoundQuestions) -> tuple[core.Expr, ...]:
@@ -294,6 +319,9 @@ class _Search:
 
 #: How many generations of names questions are asked with, one after the other.
 _GENERATIONS = (1, 2, 3)
+
+#: The same where somebody hands something on: who has it then is a name of the second.
+_AROUND = 2
 
 #: The same where no invariant is known.
 _FIRST = (1,)

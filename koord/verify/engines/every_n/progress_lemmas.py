@@ -35,6 +35,9 @@ from koord.verify.engines.every_n.questions import Means, Start, Step
 #: So many disjunctions are tried at once against a configuration.
 _AT_ONCE = 24
 
+#: Who is there may be robot 0, or the neighbour of one: names of the second generation.
+_LOOKED_AHEAD = 2
+
 #: So many of those that need lemmas themselves are looked at.
 _MOST_HELPED = 2
 
@@ -135,9 +138,9 @@ class Lemmas(Struct):
         if not likely:
             return []
         start = Start(self.system, self.means)
-        likely = start.sifted(likely)
+        likely = start.sifted(likely, _LOOKED_AHEAD)
         step = Step(self.system, self.means)
-        left = step.sifted([*self.given, *likely], 2)
+        left = step.sifted([*self.given, *likely], _LOOKED_AHEAD)
         held = [claim for claim in likely if claim in left]
         if not held or start.limits or step.limits:
             return self._helped(likely[:_MOST_HELPED])

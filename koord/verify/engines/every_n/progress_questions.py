@@ -43,6 +43,9 @@ _PARTS_OF_DELTA = 16
 _LOOKED_AHEAD = 2
 
 
+#: That a measure cannot change is worth so much of a solver's work: one that cannot does no harm.
+_LITTLE = 100_000
+
 #: Another question is asked of the same facts as long as no more than such a part of what may be
 #: said was said.
 _ASKED_AGAIN = 4
@@ -252,9 +255,10 @@ class RoundQuestions:
         return [measure for measure in measures if measure not in met]
 
     def changing(self, measures: Sequence[Measure]) -> list[Measure]:
-        """The measures that may change in the round."""
+        """The measures that may change in the round, for all that is seen with little work."""
         asked = [(Premise("changes", m), [self._changes(m)]) for m in measures]
-        met = {premise.part for premise in self.step.asking.sift(asked, self._given)}
+        sifted = self.step.asking.sift(asked, self._given, _LITTLE)
+        met = {premise.part for premise in sifted}
         return [measure for measure in measures if measure in met]
 
     def _event(self, robot: Term) -> Term:

@@ -269,8 +269,9 @@ class Start:
     def limits(self) -> list[str]:
         return self._asking.limits
 
-    def sifted(self, claims: Sequence[Claim]) -> list[Claim]:
-        """The claims that hold after INIT, as far as a quick query tells."""
+    def sifted(self, claims: Sequence[Claim], generations: int = 1) -> list[Claim]:
+        """The claims that hold after INIT, as far as a quick query with few names tells."""
+        self._asking.look_ahead(generations)
         goals = [(claim, self._goal(claim)) for claim in claims]
         met = self._asking.sift(goals, [])
         return [claim for claim in claims if claim not in met]

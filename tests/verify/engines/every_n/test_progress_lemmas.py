@@ -23,7 +23,7 @@ from tests.verify.asking import system_of
 
 #: Protocols whose claim about whole runs holds for every number of robots; those take longer.
 HOLDING = ("lock_server", "gate", "landing_pad", "token_ring")
-LONG = ("lockserv", "readers_writers", "semaphore", "ticket")
+LONG = ("decentralized_lock", "lockserv", "readers_writers", "semaphore", "ticket")
 
 
 def changed(name: str, old: str, new: str) -> str:
