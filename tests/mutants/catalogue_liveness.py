@@ -119,6 +119,13 @@ LIVENESS = (
         (MEANING,),
     ),
     Mutant(
+        "shorter lassos are looked for where no cycle is",
+        "verify.engines.explicit.fair_answers._Component.__contains__",
+        "self._numbers[node] == self._number",
+        "self._numbers[node] != self._number",
+        (LOOKOUT,),
+    ),
+    Mutant(
         "what one claim breaks is told of all",
         "verify.engines.explicit.fair_lookout.Lookout._are_violated",
         "not self._answers.is_violated(stated)",

@@ -86,6 +86,9 @@ class FairGraph(Protocol):
     def is_fair(self, region: Region, wanted: FairnessConditions) -> bool:
         """Return whether there is a fair set in a region."""
 
+    def components(self, region: Region) -> Sequence[int]:
+        """Of each node the number of its strongly connected component in a region, or 0."""
+
     def state(self, node: int) -> State: ...
 
     def owed(self, node: int) -> int: ...
@@ -110,6 +113,17 @@ class _Lasso(NamedTuple):
     @property
     def rounds(self) -> int:
         return len(self.stem) + len(self.loop)
+
+
+class _Component(Container[int]):
+    """The nodes of a strongly connected component: a cycle through one has no others."""
+
+    def __init__(self, numbers: Sequence[int], number: int) -> None:
+        self._numbers, self._number = numbers, number
+
+    def __contains__(self, node: object) -> bool:
+        assert isinstance(node, int)
+        return self._numbers[node] == self._number
 
 
 class FairAnswers:
@@ -192,13 +206,19 @@ class FairAnswers:
             found = _Lasso(entry, stems.to(entry), fair_loop(graph, part, entry, wanted))
             if best is None or found.rounds < best.rounds:
                 best = found
+            numbers: Sequence[int] | None = None
             for entry, length in islice(stems.lengths.items(), _MOST_ENTRIES):
                 self._spend()
                 most = best.rounds - 1 - length
                 if most < 1:
                     break
                 ends = self._fair.as_good_as(entry)
-                loop = short_loop(graph, nodes, entry, ends, wanted, most, _MOST_TRIES)
+                among = nodes
+                if ends == [entry]:
+                    if numbers is None:
+                        numbers = self._fair.components(region)
+                    among = _Component(numbers, numbers[entry])
+                loop = short_loop(graph, among, entry, ends, wanted, most, _MOST_TRIES)
                 if loop is not None:
                     best = _Lasso(entry, stems.to(entry), loop)
         return None if best is None else self._recording(best)

@@ -279,6 +279,11 @@ class CompiledGraph:
         """The number of the node of a state that owes so much, or -1."""
         return self._exploration.lookup(self._numbers(state, owed))
 
+    def components(self, region: Region) -> memoryview[int]:
+        """Of each node the number of its strongly connected component in a region, or 0."""
+        assert isinstance(region, CompiledRegion)
+        return region.numbers
+
     # --- fair sets ------------------------------------------------------------------------------
 
     def region(self, response: Response | None) -> Region:
@@ -300,7 +305,7 @@ class CompiledGraph:
         self._system.budget.spend(self.states)
         parts = self._exploration.parts(entries, alive)
         nodes, starts = _Members(parts.numbers), _Members(memoryview(entries))
-        return CompiledRegion(nodes, starts, roots, entries, alive, parts.kinds())
+        return CompiledRegion(nodes, starts, roots, entries, alive, parts.numbers, parts.kinds())
 
     def fair_set(self, region: Region, wanted: FairnessConditions) -> frozenset[int] | None:
         """A fair set in a region, or None. Raises FlawedError."""
@@ -325,11 +330,13 @@ class CompiledGraph:
 class CompiledRegion(Region, frozen=True):
     """A region as sets of machine code: its entries, and all nodes that wait for the goal.
 
+    ``numbers`` are those of components of what the entries lead to, of each node or 0.
     ``kinds`` are the labels of edges within a component and of its nodes, of all components.
     """
 
     entries: bytes
     alive: bytes
+    numbers: memoryview[int]
     kinds: frozenset[tuple[int, int]]
 
     def may_be_fair(self, met: int) -> bool:

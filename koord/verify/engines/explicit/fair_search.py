@@ -34,6 +34,7 @@ from koord.verify.engines.explicit.fair_cycles import (
     FairnessConditions,
     Graph,
     add_edge,
+    components,
     fair_set,
 )
 from koord.verify.engines.explicit.fair_lookout import COMPILED_FACTOR, LOOK_FROM, Lookout
@@ -394,6 +395,16 @@ class _Search:
                     seen.add(edge.target)
                     queue.append(edge.target)
         return Region(frozenset(seen), frozenset(starts), tuple(roots))
+
+    def components(self, region: Region) -> list[int]:
+        """Of each node the number of its strongly connected component in a region, or 0."""
+        assert isinstance(region.nodes, Collection)
+        numbers = [0] * len(self._nodes.states)
+        for number, part in enumerate(components(self.graph, region.nodes), 1):
+            self._system.budget.spend(len(part))
+            for node in part:
+                numbers[node] = number
+        return numbers
 
     def as_good_as(self, node: int) -> list[int]:
         """The nodes of the same state that owe no more: a cycle that ends there is infinite."""
