@@ -288,7 +288,7 @@ def in_turn(
         return Answer("gave up", whole)
     told = done.output + done.errors
     if re.search(bad, told):
-        return Answer("violated", whole)
+        return Answer("violated", whole, None, done.cpu_s)
     found = re.search(good, told)
     if found is None:
         return Answer(f"no answer: {told.strip()[-120:]}", whole)
