@@ -228,7 +228,7 @@ def _binary(body: RunningBody, e: core.Binary) -> Term:
         case BinaryOp.DIV:
             return t.quotient(a, b) if isinstance(e.type, FloatType) else t.floored(a, b)
         case BinaryOp.MOD:
-            return t.remainder(a, b)
+            return body.v.around(a) if b is body.v.count else t.remainder(a, b)
         case BinaryOp.LT:
             return t.less(a, b)
         case BinaryOp.LE:

@@ -19,8 +19,8 @@ from msgspec import Struct, field
 from koord.recheck.claims import Entailment, Goal, Obligation
 from koord.recheck.obligations import Discharged, Settling, conjuncts
 from koord.recheck.solving import SolverAnswer
-from koord.recheck.terms import BOOL, INT, Term
-from koord.recheck.values import Values
+from koord.recheck.terms import BOOL, INT, Term, quoted
+from koord.recheck.values import FAR, Values
 
 #: How long all goals of an attempt together may take, with quantifiers.
 _AT_ONCE_S = 1.0
@@ -31,9 +31,14 @@ _QUANTIFIED_S = 5.0
 #: How many names there are more from one generation to the next.
 _MORE = (0, 8, 12)
 
-#: How long a question may take whose attempt knows less than the last, and one of the last.
+#: The same where the names that there were first come first.
+_MORE_IN_TURN = (0, 32)
+
+#: How long a question may take whose attempt knows less than the last, one of the last, and of the
+#: last once more, with names in turn.
 _LOOSE_S = 1.0
 _EXACT_S = 5.0
+_IN_TURN_S = 20.0
 
 
 class _Case(Struct):
@@ -47,12 +52,19 @@ class _Try:
     """An attempt at an obligation."""
 
     def __init__(
-        self, settling: Settling, attempt: Entailment, seconds: float, done: set[str]
+        self,
+        settling: Settling,
+        attempt: Entailment,
+        seconds: float,
+        done: set[str],
+        *,
+        in_turn: bool = False,
     ) -> None:
         self.settling = settling
         self.attempt = attempt
         self.seconds = seconds  #: what a question may take
         self.done = done  #: the claims that were shown in another way
+        self.in_turn = in_turn  #: whether names come in the order in which they were met
         self.shown: list[Term] = []
         self.grounding = Grounding(self.settling.values)
 
@@ -106,9 +118,16 @@ class _Try:
         found = [n for n in numbers(self.settling.values, said) if n not in names]
         names += sorted(found, key=self._rank)[:more]
 
-    def _rank(self, name: Term) -> tuple[bool, int]:
-        """First those that there are since something is denied, then the simplest."""
-        return name.head not in self.grounding.of_denied, _size(name)
+    def _rank(self, name: Term) -> tuple[bool, int, int]:
+        """First those that there are since something is denied, then the simplest.
+
+        And first of all neighbours in rings. In turn, the witnesses that there were first.
+        """
+        grounding = self.grounding
+        if self.in_turn:
+            return not _is_around(name), _size(name), grounding.born.get(name.head, 0)
+        is_first = name.head in grounding.of_denied or _is_around(name)
+        return not is_first, _size(name), 0
 
     def _open(self, cases: Sequence[_Case]) -> list[_Case]:
         """The cases that do not follow from the instances for the names."""
@@ -152,6 +171,12 @@ def settled(settling: Settling, obligation: Obligation) -> Discharged:
             left = trying.with_names(left, more)
         if left and not more:
             left = trying.with_quantifiers(left)
+    if left:
+        trying = _Try(settling, exact, _IN_TURN_S, done, in_turn=True)
+        left = trying.cases()
+    for more in _MORE_IN_TURN:
+        if left and settling.deadline() > 0:
+            left = trying.with_names(left, more)
     if not left:
         return Discharged(obligation.name, SolverAnswer.UNSAT)
     return Discharged(obligation.name, SolverAnswer.UNKNOWN, left[0].goal.claim)
@@ -184,6 +209,7 @@ class Grounding(Struct):
     few: int = 0
     #: The witnesses of what is said of numbers of which a goal is denied.
     of_denied: set[str] = field(default_factory=set)
+    born: dict[str, int] = field(default_factory=dict)  #: which witness came when
     _instances: int = 0
     _quantified: dict[int, bool] = field(default_factory=dict)
     _witnesses: dict[int, list[Term]] = field(default_factory=dict)
@@ -284,6 +310,8 @@ class Grounding(Struct):
             self._kept.append(term)
             made = [self.v.symbol("what it fails of", b.sort) for b in term.binders]
             self._witnesses[id(term)] = made
+            for witness in made:
+                self.born[witness.head] = len(self.born)
             if self._is_of_denied(term):
                 self.of_denied |= {witness.head for witness in made}
         for binder, witness in zip(term.binders, self._witnesses[id(term)], strict=True):
@@ -325,7 +353,10 @@ class Grounding(Struct):
 
 
 def numbers(v: Values, terms: Iterable[Term]) -> Iterator[Term]:
-    """The terms that are used as numbers of robots: arguments of functions of robots."""
+    """The terms that are used as numbers of robots: arguments of functions of robots.
+
+    And places in rings that something is compared with: it is there that robots write.
+    """
     seen: set[int] = set()
     given: set[int] = set()
     pending = list(terms)
@@ -339,7 +370,21 @@ def numbers(v: Values, terms: Iterable[Term]) -> Iterator[Term]:
                 if a.sort == INT and not v.t.free(a) and id(a) not in given:
                     given.add(id(a))
                     yield a
+        elif node.head == "=":
+            for a in node.args:
+                if _is_around(a) and not v.t.free(a) and id(a) not in given:
+                    given.add(id(a))
+                    yield a
         pending += node.args
+
+
+def _is_around(term: Term) -> bool:
+    """Return whether a term is a place in a ring of any number of robots."""
+    if term.head != "ite" or term.sort != INT:
+        return False
+    while term.head == "ite":
+        term = term.args[1] if term.args[2].value == 0 else term.args[2]
+    return term.head == quoted(FAR)
 
 
 def _size(term: Term) -> int:

@@ -38,6 +38,10 @@ class Sum(Struct, frozen=True):
     names: tuple[Term, ...] = ()
 
 
+#: The function that tells places of what goes round a ring more than once.
+FAR = "place of what goes round often"
+
+
 class Values(Sorts):
     """A builder of values, with the axioms of its fresh symbols."""
 
@@ -63,6 +67,28 @@ class Values(Sorts):
             with self.scoped(()):
                 self.ranges.append(self.t.at_most(self.t.integer(1), self.symbol("N", INT)))
         return self.t.symbol("N", INT)
+
+    def around(self, number: Term) -> Term:
+        """What is left of a number divided by how many robots there are: a place in a ring.
+
+        What goes round once is no product of unknowns, on which solvers work as long as luck wants.
+        Of what goes round more often it is known that it is the number of a robot, and no more.
+        """
+        t, count = self.t, self.count
+        if count.value is not None:
+            return t.remainder(number, count)
+        if FAR not in self._names:
+            self._names[FAR] = 1
+            self.declarations.append(f"(declare-fun {quoted(FAR)} ({INT}) {INT})")
+        far = t.op(quoted(FAR), (number,), INT)
+        place = t.ite(self.is_robot(far), far, t.integer(0))
+        for low, high, turned in (
+            (t.negative(count), t.integer(0), t.plus(number, count)),
+            (count, t.plus(count, count), t.minus(number, count)),
+            (t.integer(0), count, number),
+        ):
+            place = t.ite(t.both(t.at_most(low, number), t.less(number, high)), turned, place)
+        return place
 
     @contextmanager
     def scoped(self, scope: tuple[Term, ...]) -> Iterator[None]:

@@ -184,6 +184,13 @@ CERTIFIED = (
     ),
     # whole runs
     Mutant(
+        "places in rings are told of what goes round twice",
+        "recheck.values.Values.around",
+        "t.plus(count, count)",
+        "t.plus(t.plus(count, count), count)",
+        ("tests/recheck/test_terms.py",),
+    ),
+    Mutant(
         "a certified measure may grow",
         "recheck.progress.ProgressObligations._settles",
         "t.at_most(new, old)",

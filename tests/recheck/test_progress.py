@@ -72,6 +72,7 @@ FAST = {"lock_server", "leader_elect"}
 ALL = sorted(
     {
         *FAST,
+        "decentralized_lock",
         "fischer_enters",
         "gate",
         "landing_pad",

@@ -51,6 +51,27 @@ def test_division_rounds_down_and_the_remainder_has_the_sign_of_the_divisor(divi
     assert follows(values, facts, t.conjunction(goals))
 
 
+@pytest.mark.parametrize("robots", [1, 2, 3])
+def test_places_in_a_ring_are_what_is_left_of_a_division(robots: int) -> None:
+    """Of any number of robots: of what goes round once, and all are numbers of robots."""
+    known = Values(Terms(), robots)
+    for number in range(-2 * robots, 3 * robots):
+        assert known.around(known.t.integer(number)).value == number % robots
+    t = Terms()
+    values = Values(t, None)
+    x, count = values.symbol("x", INT), values.count
+    place = values.around(x)
+    facts = [*values.ranges, t.equal(count, t.integer(robots))]
+    for number in range(-robots, 2 * robots):
+        there = t.equal(place, t.integer(number % robots))
+        assert follows(values, facts, t.implies(t.equal(x, t.integer(number)), there))
+    assert follows(values, values.ranges, values.is_robot(place))
+    for number in (-robots - 1, 2 * robots):
+        if robots > 1:
+            there = t.equal(place, t.integer(number % robots))
+            assert not follows(values, facts, t.implies(t.equal(x, t.integer(number)), there))
+
+
 def test_a_term_made_twice_is_one() -> None:
     t = Terms()
     x = t.symbol("x", INT)
