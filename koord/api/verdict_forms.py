@@ -138,6 +138,13 @@ class Violation(Form):
             "count from 1."
         ),
     ]
+    robots: Annotated[
+        FromOne | UnsetType,
+        Meta(
+            description="How many robots there are in the run, where the claim is about every "
+            "number of them."
+        ),
+    ] = UNSET
 
 
 class Claim(Form):

@@ -267,6 +267,7 @@ class Verdict(Result, frozen=True):
             loop=None if run.recording.loop is None else run.recording.loop + 1,
             fair=fair,
             compiled=compiled_form(departure, first=1),
+            robots=UNSET if self.found.robots is None else self.found.robots,
         )
 
     def __repr__(self) -> str:

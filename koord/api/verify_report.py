@@ -235,8 +235,11 @@ class VerifyReport(Result, frozen=True):
     def _verdict(self, found: Found) -> Verdict:
         shadows = self.shadows
         if shadows is None or found.claim.name not in shadows.names:
-            return Verdict(found, self.program, self.system, None, self.ends_at)
-        return Verdict(found, self.program, shadows.system, shadows, self.ends_at)
+            system = found.broken_system(self.system)
+            return Verdict(found, self.program, system, None, self.ends_at)
+        system = found.broken_system(shadows.system)
+        shadows = replace(shadows, original=found.broken_system(shadows.original))
+        return Verdict(found, self.program, system, shadows, self.ends_at)
 
     def to_dict(self) -> dict[str, object]:
         """The report as plain data, as ``koord verify --json`` prints it."""

@@ -257,7 +257,8 @@ def said(verdict: Verdict) -> str:
 
                 return f"violated: {repeats(found.recording)}"
             where = f"in round {found.round}" if found.round else "at the start"
-            return f"violated {where}{'' if verdict.fewest else SOONER}"
+            whose = "" if verdict.robots is None else f" by {counted(verdict.robots, 'robot')}"
+            return f"violated {where}{'' if verdict.fewest else SOONER}{whose}"
         case Outcome.UNKNOWN if verdict.rounds is None:
             return "unknown"
         case Outcome.UNKNOWN:

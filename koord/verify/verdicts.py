@@ -5,13 +5,14 @@ from __future__ import annotations
 from enum import Enum
 
 from msgspec import Struct
+from msgspec.structs import replace
 
 from koord.semantics.configurations import Configuration, Fault
 from koord.semantics.domain import Constant
 from koord.semantics.recordings import Recording
 from koord.syntax import core
 from koord.syntax.source import Span
-from koord.syntax.system import System
+from koord.syntax.system import System, dealt
 from koord.verify.claims import Claim, ClaimPhase
 from koord.verify.engine_names import Engine
 from koord.verify.obstacles import Failure, Obstacle
@@ -86,7 +87,8 @@ class Verdict(Struct, frozen=True):
     ``rounds`` is how far a *holds* reaches (None: all rounds), or, if *unknown*, the last round
     through which the claim was seen to hold (None: not even INIT). ``reason`` says why an answer is
     *unknown*. ``fewest``: if *violated*, no run with fewer rounds than its counterexample breaks
-    the claim; else nobody looked at all of those.
+    the claim; else nobody looked at all of those. A claim about every number of robots is violated
+    by the run of some number of them, which is ``robots``.
     """
 
     claim: Claim
@@ -96,6 +98,7 @@ class Verdict(Struct, frozen=True):
     rounds: int | None = None
     counterexample: Counterexample | None = None
     fewest: bool = False
+    robots: int | None = None
     reason: str = ""
     depth: int = 1  #: of an inductive proof
     others: tuple[Counterexample, ...] = ()  #: different ones, if more were asked for
@@ -106,6 +109,12 @@ class Verdict(Struct, frozen=True):
     fairness: tuple[str, ...] = ()  #: kinds of it, and expectations, that a proof needs
     obstacles: tuple[Obstacle, ...] = ()  #: what stands in the way, if it is *unknown*
     kept: bool = False  #: whether it was known before, of a program that differs in nothing of it
+
+    def broken_system(self, system: System) -> System:
+        """The system of which the counterexample is a run, where ``system`` was asked about."""
+        if self.robots is None:
+            return system
+        return replace(dealt(system.program, self.robots, system.delta_s), budget=system.budget)
 
 
 def has_fewest(found: Counterexample, through: int | None) -> bool:

@@ -20,8 +20,22 @@ EVERY_N = (
     Mutant(
         "every N: the most robots that break a claim are told",
         "verify.strategy.few_robots.looked_at_with_few",
-        "open_ - broken.keys()",
-        "open_",
+        "open_.keys() - broken.keys()",
+        "open_.keys()",
+        (FEW,),
+    ),
+    Mutant(
+        "every N: a run is looked at with other robots than it has",
+        "verify.verdicts.Verdict.broken_system",
+        "self.robots is None",
+        "True",
+        (FEW,),
+    ),
+    Mutant(
+        "every N: a run that was kept is replayed with other robots",
+        "verify.cache.kept.VerdictCache._revived",
+        "verdict.broken_system(dependences.system)",
+        "dependences.system",
         (FEW,),
     ),
     Mutant(

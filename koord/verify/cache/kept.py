@@ -15,6 +15,7 @@ from msgspec.structs import replace
 
 from koord.semantics.rounds import IllegalStepError
 from koord.syntax.diagnostics import KoordError
+from koord.syntax.system import System
 from koord.verify.cache.codec import CodecError, plain, revived
 from koord.verify.cache.dependence import Dependences, Names
 from koord.verify.cache.forms import Form, digest
@@ -207,7 +208,8 @@ class VerdictCache(Struct, frozen=True):
         verdict = replace(verdict, claim=claim, kept=True)
         if verdict.counterexample is None:
             return verdict if verdict.outcome is Outcome.HOLDS else None
-        shown = _shown(dependences, claim, verdict.counterexample)
+        system = verdict.broken_system(dependences.system)
+        shown = _shown(system, claim, verdict.counterexample)
         return None if shown is None else replace(verdict, counterexample=shown)
 
     def _keep(
@@ -274,12 +276,12 @@ def _is_fact(verdict: Verdict, *, lasting: bool) -> bool:
             return False
 
 
-def _shown(dependences: Dependences, claim: Claim, kept: Counterexample) -> Counterexample | None:
+def _shown(system: System, claim: Claim, kept: Counterexample) -> Counterexample | None:
     """A kept counterexample, replayed on the whole system; None if it breaks nothing there."""
     # What replays loads Z3, which is not needed where claims hold.
     from koord.verify.witness import NotReplayedError, replayed
 
-    system, recording = dependences.system, kept.recording
+    recording = kept.recording
     try:
         if claim.kind is ClaimKind.LIVENESS:
             from koord.verify.lasso_witness import replayed_lasso

@@ -16,11 +16,13 @@ def confirmed(system: System, report: Report) -> Report:
 
     What does not replay is unknown.
     """
-    judge = plain_problem(system).judge
 
     def looked_at(verdict: Verdict) -> Verdict:
         shown = verdict.counterexample
-        for run in () if shown is None else (shown, *verdict.others):
+        if shown is None:
+            return verdict
+        judge = plain_problem(verdict.broken_system(system)).judge
+        for run in (shown, *verdict.others):
             try:
                 judge(run.recording, verdict.claim, run.phase)
             except NotReplayedError as error:

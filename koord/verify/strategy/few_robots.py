@@ -1,7 +1,7 @@
 """Claims that are open for every number of robots: whether a few robots break them. [T-EVERY-N]
 
-What some number of robots breaks does not hold of every number, and nobody need look for a proof:
-as of programs for two robots. The search is a short one, so what it does not find says nothing.
+What some number of robots breaks does not hold of every number: as of programs for two robots. The
+search is a short one, so what it does not find says nothing.
 """
 
 from __future__ import annotations
@@ -30,16 +30,21 @@ def looked_at_with_few(
     deadline: Deadline,
     progress: Callable[[str], None],
 ) -> list[Verdict]:
-    """The verdicts; those that are open tell of a number of robots that breaks what is claimed."""
-    open_ = {v.claim.name for v in verdicts if v.outcome is Outcome.UNKNOWN}
-    broken: dict[str, int] = {}
+    """The verdicts, where what is open and some number of robots breaks is violated."""
+    open_ = {v.claim.name: v for v in verdicts if v.outcome is Outcome.UNKNOWN}
+    broken: dict[str, Verdict] = {}
     for robots in _FEW:
-        left = open_ - broken.keys()
+        left = open_.keys() - broken.keys()
         if left and not deadline.passed():
             progress(f"every N, a run of {robots} that breaks what is open")
-            broken |= dict.fromkeys(_broken(system, robots, left, deadline, progress), robots)
+            for found in _broken(system, robots, left, deadline, progress):
+                was = open_[found.claim.name]
+                seconds = was.seconds + found.seconds
+                told = replace(found, claim=was.claim, robots=robots, seconds=seconds)
+                broken[was.claim.name] = told
     return [
-        _told(v, broken.get(v.claim.name), system) if v.claim.name in open_ else v for v in verdicts
+        _for_whom(broken.get(v.claim.name, v), system) if v.claim.name in open_ else v
+        for v in verdicts
     ]
 
 
@@ -49,8 +54,8 @@ def _broken(
     names: Collection[str],
     deadline: Deadline,
     progress: Callable[[str], None],
-) -> list[str]:
-    """The claims that a short search sees broken; each run is replayed."""
+) -> list[Verdict]:
+    """The verdicts on claims that a short search sees broken; each run is replayed."""
     # Seldom needed, and takes a while to load.
     from koord.verify.engines.explicit.exhaustive import SearchResults, exhaust
     from koord.verify.engines.explicit.finiteness import not_finite
@@ -64,17 +69,13 @@ def _broken(
     with suppress(OutOfBudgetError):
         limits = Limits(states=_STATES)
         exhaust(some, claims, limits, deadline, judge, progress, found, compiled_from=None)
-    return [c.name for c, v in found.verdicts.items() if v.outcome is Outcome.VIOLATED]
+    return [v for v in found.verdicts.values() if v.outcome is Outcome.VIOLATED]
 
 
-def _told(verdict: Verdict, robots: int | None, system: System) -> Verdict:
-    """An open verdict, with what is known of few robots, or of those that the text states."""
-    if robots is not None:
-        who = "one robot breaks" if robots == 1 else f"{robots} robots break"
-        reason = f"it does not hold of every number: {who} it, as `--robots {robots}` shows"
-        return replace(verdict, reason=reason, obstacles=())
+def _for_whom(verdict: Verdict, system: System) -> Verdict:
+    """A verdict, where one that is open says of how many robots the text is."""
     stated = len(system.program.instance.kinds)
-    if not stated:
+    if verdict.outcome is not Outcome.UNKNOWN or not stated:
         return verdict
     these = f"{verdict.reason}; the text states {stated}, which is asked without `--robots any`"
     return replace(verdict, reason=these)
