@@ -13,7 +13,7 @@ from koord.refinement.generating.programs import system
 from koord.syntax.load import load
 from koord.syntax.source import Source
 from koord.syntax.system import System, dealt
-from koord.verify.engines.explicit import fair_lookout
+from koord.verify.engines.explicit import fair_compiled, fair_lookout, fair_search
 from koord.verify.engines.explicit.compiled import is_installed
 from koord.verify.engines.explicit.fair_answers import FairCycleReport
 from koord.verify.engines.explicit.fair_search import lively
@@ -136,8 +136,19 @@ def test_what_is_told_early_is_so(first: int) -> None:
 
 @pytest.mark.slow
 def test_what_is_told_early_is_so_of_many() -> None:
-    count = Counter(compare(live(seed), seed, None) for seed in range(5_000, 7_000))
-    assert count["early"] > 100, count
+    count = Counter(compare(live(seed), seed, None) for seed in range(5_000, 5_400))
+    assert count["early"] > 20, count
+
+
+@pytest.mark.slow
+def test_what_machine_code_tells_early_is_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    if not is_installed():
+        pytest.skip("there is nothing to make machine code with")
+    monkeypatch.setattr(fair_compiled, "_FIRST_BATCH", 1)
+    monkeypatch.setattr(fair_compiled, "_MOST_BATCH", 1)
+    monkeypatch.setattr(fair_search, "COMPILED_FACTOR", 1)
+    count = Counter(compare(live(seed), seed, 0) for seed in range(8_000, 8_100))
+    assert count["early"] > 5, count
 
 
 @pytest.mark.parametrize("machine_code", [False, True])
