@@ -16,7 +16,7 @@ from koord.syntax.types import BoolType, OpaqueType, StreamType, StringType, Typ
 from koord.verify.effort import PER_SECOND, Deadline, Effort
 from koord.verify.encoding.terms import Term, Terms
 from koord.verify.encoding.unknowns import Unknowns
-from koord.verify.encoding.z3_builder import require
+from koord.verify.encoding.z3_builder import counted, require
 
 #: Why Z3 stops on Ctrl-C. It says "canceled" of some deadlines too.
 _INTERRUPTED = frozenset({"interrupted from keyboard", "interrupted", "canceled"})
@@ -241,10 +241,7 @@ def _longest_s(limit: int) -> float:
 
 def spent_by(solver: z3.Solver | z3.Fixedpoint) -> int:
     """The effort that a solver has spent so far, in its own units."""
-    try:
-        return int(solver.statistics().get_key_value("rlimit count"))
-    except z3.Z3Exception:  # it has done nothing yet
-        return 0
+    return counted(solver.statistics(), "rlimit count")
 
 
 def cases(d: Terms, term: Term) -> list[Term]:

@@ -62,6 +62,14 @@ _dec_ref = _function("Z3_dec_ref", None)
 _get_error_code = _function("Z3_get_error_code", ctypes.c_uint)
 _solver_assert = _function("Z3_solver_assert", None)
 
+# --- asking about solvers -------------------------------------------------------------------------
+
+_stats_get_double_value = _function("Z3_stats_get_double_value", ctypes.c_double)
+_stats_get_key = _function("Z3_stats_get_key", ctypes.c_char_p)
+_stats_get_uint_value = _function("Z3_stats_get_uint_value", ctypes.c_uint)
+_stats_is_uint = _function("Z3_stats_is_uint", ctypes.c_bool)
+_stats_size = _function("Z3_stats_size", ctypes.c_uint)
+
 # --- asking about terms ---------------------------------------------------------------------------
 
 _get_app_arg = _function("Z3_get_app_arg", z3.Ast)
@@ -304,6 +312,18 @@ def require(solver: z3.Solver, constraint: z3.BoolRef) -> None:
     _solver_assert(context, solver.solver, constraint.ast)
     if code := _get_error_code(context):
         raise z3.Z3Exception(z3.Z3_get_error_msg(context, code))
+
+
+def counted(statistics: z3.Statistics, name: str) -> int:
+    """What a solver counted under a name; 0 where it has not counted that."""
+    context, known, key = statistics.ctx.ref(), statistics.stats, name.encode()
+    # What all solvers count stands behind what each of them does.
+    for k in reversed(range(_stats_size(context, known))):
+        if _stats_get_key(context, known, k) == key:
+            if _stats_is_uint(context, known, k):
+                return int(_stats_get_uint_value(context, known, k))
+            return int(_stats_get_double_value(context, known, k))  # it is too large for the other
+    return 0
 
 
 def same(left: z3.ExprRef, right: z3.ExprRef) -> bool:

@@ -15,9 +15,11 @@ from koord.syntax import core
 from koord.syntax.core import BinaryOp, UnaryOp
 from koord.syntax.types import BOOL, FLOAT, INT, STRING, EnumType, OpaqueType, Type
 from koord.verify.effort import Deadline, Effort
+from koord.verify.encoding import solver as solving
 from koord.verify.encoding.solver import LONGEST_S, LONGEST_UNLIMITED_S, Solver, SolverAnswer, cases
 from koord.verify.encoding.terms import Term, Terms
 from koord.verify.encoding.unknowns import Unknowns
+from koord.verify.encoding.z3_builder import counted
 
 NEVER = Deadline()
 
@@ -203,11 +205,27 @@ class Stopped:
     def statistics(self) -> Stopped:
         return self
 
-    def keys(self) -> list[str]:
-        return ["rlimit count"]
 
-    def get_key_value(self, key: str) -> int:
-        return self.done
+@pytest.fixture(autouse=True)
+def stopped_solvers_count_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    def counting(statistics: z3.Statistics | Stopped, name: str) -> int:
+        return statistics.done if isinstance(statistics, Stopped) else counted(statistics, name)
+
+    monkeypatch.setattr(solving, "counted", counting)
+
+
+def test_what_a_solver_counts_is_what_z3_says_of_it() -> None:
+    context = z3.Context()
+    for solver in (z3.Solver(ctx=context), z3.Fixedpoint(ctx=context)):
+        x = z3.Int("x", context)
+        for k in range(3):
+            solver.add(z3.Or(x * x > k, x < -k))
+            if isinstance(solver, z3.Solver):
+                assert solver.check() == z3.sat
+            statistics = solver.statistics()
+            for name in ("rlimit count", "num allocs", "max memory"):  # the last is no integer
+                assert counted(statistics, name) == int(statistics.get_key_value(name)) > 0
+    assert counted(statistics, "no such thing") == 0
 
 
 @pytest.mark.parametrize("reason", ["canceled", "interrupted", "interrupted from keyboard"])
