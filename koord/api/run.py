@@ -15,8 +15,8 @@ from koord.api.progress import Cancellation, CancelledError, Listener, Progress,
 from koord.api.results import ArgumentError, Result
 from koord.api.robots import Robots, Seconds, delta_of, fleet_of, system_of
 from koord.api.traces import Trace, sources_of
-from koord.sampling.coded_rounds import MadeRound as MadeRound
-from koord.sampling.coded_rounds import TakenStep as TakenStep
+from koord.sampling.made_rounds import MadeRound as MadeRound
+from koord.sampling.made_rounds import TakenStep as TakenStep
 from koord.sampling.monitors import Monitor
 from koord.sampling.policies import AtRandom, First, Play
 from koord.sampling.running import Run, new_run

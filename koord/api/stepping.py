@@ -10,7 +10,7 @@ from koord.api.programs import Loadable, Program, program_of
 from koord.api.robots import Robots, Seconds, delta_of, fleet_of, system_of
 from koord.api.run import Ending, HowToRun, RunSession, session_of
 from koord.api.traces import Trace, sources_of
-from koord.sampling.coded_rounds import TakenStep
+from koord.sampling.made_rounds import TakenStep
 from koord.sampling.policies import First, take
 from koord.sampling.running import ProgramTurn, Run, RunState
 from koord.semantics.recordings import Step

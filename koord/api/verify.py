@@ -42,6 +42,7 @@ T = TypeVar("T")
 
 #: What asks a solver, with all that it is made of.
 _NEEDED = (
+    "koord.sampling.coded_rounds",
     "koord.verify.strategy.time_limits",
     "koord.verify.strategy.verification",
     "koord.verify.strategy.liveness",

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from random import Random
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from msgspec import Struct
 from msgspec.structs import replace
 
-from koord.sampling.coded_rounds import Chosen, CodedRounds, MadeRound, TakenStep
 from koord.sampling.compiled.halts import Schedule, Stage
+from koord.sampling.made_rounds import Chosen, MadeRound, TakenStep
 from koord.sampling.monitors import Monitor
 from koord.sampling.running import ProgramTurn, Run, RunState
 from koord.semantics.recordings import Recording
@@ -18,6 +18,9 @@ from koord.semantics.rounds import IllegalStepError
 from koord.syntax.budget import OutOfBudgetError
 from koord.syntax.diagnostics import KoordError
 from koord.traces.trace import Violation
+
+if TYPE_CHECKING:
+    from koord.sampling.coded_rounds import CodedRounds
 
 
 class Policy(Protocol):
@@ -137,6 +140,8 @@ class Play(Struct):
         taken = TakenStep(self.run.begin())
         chosen = _chosen(self.policy)
         if chosen is not None and self.watch.claims is not None:
+            from koord.sampling.coded_rounds import CodedRounds  # short runs do without it
+
             self._coded = CodedRounds(self.run, chosen, lambda: self.watch.claims)
             if self._coded.holds():
                 return taken

@@ -16,8 +16,8 @@ from msgspec import field
 
 from koord.refinement.generating.palette import GENERAL, Profile
 from koord.refinement.generating.programs import system as generated
-from koord.sampling.coded_rounds import MadeRound
 from koord.sampling.compiled.turns import Turns
+from koord.sampling.made_rounds import MadeRound
 from koord.sampling.monitors import Monitor, Search
 from koord.sampling.policies import AtRandom, First, Play, Policy
 from koord.sampling.running import new_run

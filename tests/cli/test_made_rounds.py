@@ -10,7 +10,7 @@ from koord.cli.tables import Rounds, RunTable
 from koord.cli.terminal import PLAIN, Style
 from koord.refinement.generating.palette import GENERAL
 from koord.refinement.generating.programs import system as generated
-from koord.sampling.coded_rounds import MadeRound
+from koord.sampling.made_rounds import MadeRound
 from koord.sampling.monitors import Search
 from koord.sampling.policies import AtRandom, Play
 from koord.sampling.running import new_run

@@ -9,8 +9,8 @@ from random import Random
 from msgspec import Struct
 from msgspec.structs import replace
 
-from koord.sampling.coded_rounds import MadeRound
 from koord.sampling.compiled.turns import Turns
+from koord.sampling.made_rounds import MadeRound
 from koord.sampling.monitors import Monitor, Search
 from koord.sampling.policies import AtRandom, First, Play, Policy
 from koord.sampling.running import Run, new_run
