@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from fractions import Fraction
 from typing import TYPE_CHECKING
 
-from msgspec import UNSET, Struct, field, to_builtins
+from msgspec import Struct, field, to_builtins
 
 from koord.api.programs import Program
 from koord.api.results import Result, html_table
@@ -206,43 +206,18 @@ class Verdict(Result, frozen=True):
 
     def form(self, parts: Parts) -> forms.Claim:
         """The verdict as JSON has it; ``parts`` records failures of its details."""
-        from koord.api import verdict_forms as forms
+        from koord.api.verdict_documents import claim_form
 
-        found = self.found
-        first, others, ways = found.counterexample, found.others, found.ways
-        return forms.Claim(
-            name=self.name,
-            kind=found.claim.kind,
-            outcome=found.outcome,
-            engine=found.engine.value,
-            every_number_of_robots=found.engine is Engine.EVERY_N,
-            all_rounds=self.holds and found.rounds is None,
-            through_round=found.rounds,
-            seconds=round(found.seconds, 3),
-            reason=found.reason or None,
-            obstacles=[
-                forms.Obstacle(
-                    each.engine.value,
-                    type(each).__name__,
-                    list(obstacles.names(each)),
-                    each.what,
-                    each.cure(self.name),
-                )
-                for each in found.obstacles
-            ],
-            fairness=list(found.fairness),
-            violated=None if first is None else self._violation(first, parts),
-            fewest_rounds=found.fewest,
-            others=[self._violation(other, parts) for other in others],
-            ways=None
-            if ways is None
-            else forms.Ways(1 + len(others), ways.complete, ways.reason or None),
-            kept=found.kept or UNSET,
+        first, others = self.found.counterexample, self.found.others
+        return claim_form(
+            self.name,
+            self.found,
+            None if first is None else self._violation(first, parts),
+            [self._violation(other, parts) for other in others],
         )
 
     def _violation(self, run: Counterexample, parts: Parts) -> forms.Violation:
-        from koord.api import verdict_forms as forms
-        from koord.api.replay import compiled_form
+        from koord.api.verdict_documents import violation_form
         from koord.refinement.compiled_replay import Departure
 
         # Where it fails, nothing says that the compiled program does the same.
@@ -256,19 +231,7 @@ class Verdict(Result, frozen=True):
                 from koord.api.fairness import fairness_form
 
                 fair = fairness_form(why)
-        fault = run.fault
-        return forms.Violation(
-            round=run.round,
-            phase=run.phase,
-            robot=run.robot,
-            detail=run.detail,
-            place=None if run.span is None else str(run.span),
-            fault=None if fault is None else forms.Fault(fault.kind.value, str(fault.span)),
-            loop=None if run.recording.loop is None else run.recording.loop + 1,
-            fair=fair,
-            compiled=compiled_form(departure, first=1),
-            robots=UNSET if self.found.robots is None else self.found.robots,
-        )
+        return violation_form(run, self.found.robots, departure, fair)
 
     def __repr__(self) -> str:
         reach = ""

@@ -6,10 +6,9 @@ does not, more than the slice is asked.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
-from msgspec import UNSET, Struct, convert, to_builtins
+from msgspec import Struct
 from msgspec.structs import replace
 
 from koord.api.programs import Program
@@ -85,10 +84,6 @@ def _shown(slices: Slices, part: Part) -> str:
             return f"{what} {port.module}.{name}"
         case _:
             return f"variable {name}"
-
-
-#: Changes when readers of the JSON have to change.
-VERDICTS_VERSION: Final = 1
 
 
 class VerifyReport(Result, frozen=True):
@@ -243,6 +238,8 @@ class VerifyReport(Result, frozen=True):
 
     def to_dict(self) -> dict[str, object]:
         """The report as plain data, as ``koord verify --json`` prints it."""
+        from koord.api.verdict_documents import reports_dict
+
         return reports_dict([self.form(Parts())])
 
     @property
@@ -252,30 +249,21 @@ class VerifyReport(Result, frozen=True):
 
     def form(self, parts: Parts) -> forms.Report:
         """The report as JSON has it, see :meth:`to_dict`; ``parts`` records details that fail."""
-        from koord.api import verdict_forms as forms
+        from koord.api.verdict_documents import report_form
 
-        report, problem = self.report, self.problem
         claims = [verdict.form(parts) for verdict in self.verdicts]
         left_out: dict[str, list[str]] = {}
         with parts.enduring("what claims do not depend on"):
             left_out = self.cones.left_out
-        return forms.Report(
-            program=problem.texts[0],
-            robots=None if problem.kinds is None else len(problem.kinds),
-            delta_s=float(problem.delta_s),
-            problem=convert(problem.document(), forms.Problem),
-            rounds=self.bounds.rounds,
-            outcome=report.outcome,
-            seconds=round(report.seconds, 3),
-            interrupted=report.interrupted,
-            claims=claims,
-            found_invariants=list(self.found_invariants),
-            vacuous=report.is_vacuous,
-            vacuities=[_vacuity(vacuity) for vacuity in report.vacuities],
-            not_looked_at=[forms.NotLookedAt(x.what, x.subject) for x in report.unlooked],
-            failures=failure_forms((*self.failures, *parts.failures)),
+        return report_form(
+            self.problem,
+            self.report,
+            self.bounds,
+            claims,
+            found_invariants=self.found_invariants,
+            failures=(*self.failures, *parts.failures),
             left_out=left_out,
-            rests_on=UNSET if self.rests_on is None else _rests_on(self.rests_on),
+            rests_on=self.rests_on,
         )
 
     def __repr__(self) -> str:
@@ -296,40 +284,3 @@ class VerifyReport(Result, frozen=True):
         ]
         columns = ("claim", "outcome", "through round", "engine", "reason")
         return html_table(f"{self.problem}: {self.outcome.value}", columns, rows)
-
-
-def reports_dict(reports: list[forms.Report]) -> dict[str, object]:
-    """Several reports as one document."""
-    from koord.api import verdict_forms as forms
-
-    plain: dict[str, object] = to_builtins(forms.Verdicts(VERDICTS_VERSION, reports))
-    return plain
-
-
-def failure_forms(failures: Iterable[Failure]) -> list[forms.Failure]:
-    """Failures as JSON has them."""
-    from koord.api import verdict_forms as forms
-
-    return [forms.Failure(each.who, each.what, each.where or None) for each in failures]
-
-
-def _vacuity(vacuity: Vacuity) -> forms.Vacuity:
-    from koord.api import verdict_forms as forms
-
-    return forms.Vacuity(
-        vacuity.what,
-        vacuity.subject or None,
-        vacuity.detail,
-        vacuity.certain,
-        None if vacuity.span is None else str(vacuity.span),
-    )
-
-
-def _rests_on(found: ProofCore) -> forms.RestsOn:
-    from koord.api import verdict_forms as forms
-
-    needed, spare, untried = (
-        [forms.Premise(x.kind, x.name, x.promise, x.promises, str(x.span)) for x in premises]
-        for premises in (found.needed, found.spare, found.untried)
-    )
-    return forms.RestsOn(list(found.claims), needed, spare, untried)

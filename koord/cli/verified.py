@@ -24,7 +24,6 @@ def tell(report: VerifyReport, arguments: argparse.Namespace, told: list[Report]
     """Show and keep the verdicts on one system; with --json add them to ``told``."""
     # What verdicts are made of loads Z3, and the other commands start without it.
     from koord.api.verdicts import Parts
-    from koord.api.verify_report import failure_forms
 
     for failure in report.failed:
         _complain(failure)
@@ -46,6 +45,8 @@ def tell(report: VerifyReport, arguments: argparse.Namespace, told: list[Report]
             _certify(report, arguments.certificate)
     failures = (*report.failures, *parts.failures)
     if arguments.json:
+        from koord.api.verdict_documents import failure_forms
+
         told[-1].failures = failure_forms(failures)
     if is_debugging():
         for failure in failures:

@@ -326,7 +326,7 @@ def _once(arguments: argparse.Namespace, cache: Cache | None) -> int:
         with _helped(options, arguments.cluster) as options:
             code = _verified(programs, arguments, options, told)
         if arguments.json:
-            from koord.api.verify_report import reports_dict
+            from koord.api.verdict_documents import reports_dict
 
             print(json.dumps(reports_dict(told), indent=2))
         return code
