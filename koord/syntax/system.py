@@ -7,6 +7,7 @@ from fractions import Fraction
 from typing import Any, ClassVar
 
 from msgspec import field
+from msgspec.structs import replace
 
 from koord.syntax import core
 from koord.syntax.budget import ENDLESS, Budget
@@ -60,3 +61,8 @@ class System(ByContent, frozen=True):
 def dealt(program: core.Program, robots: int, delta_s: Fraction = core.USUAL_DELTA_S) -> System:
     """A system of a number of robots, dealt to the kinds round-robin in order of declaration."""
     return System(program, core.round_robin(robots, len(program.agents)), delta_s)
+
+
+def resized(system: System, robots: int) -> System:
+    """A system of the same program with another number of robots."""
+    return replace(dealt(system.program, robots, system.delta_s), budget=system.budget)

@@ -5,14 +5,13 @@ from __future__ import annotations
 from enum import Enum
 
 from msgspec import Struct
-from msgspec.structs import replace
 
 from koord.semantics.configurations import Configuration, Fault
 from koord.semantics.domain import Constant
 from koord.semantics.recordings import Recording
 from koord.syntax import core
 from koord.syntax.source import Span
-from koord.syntax.system import System, dealt
+from koord.syntax.system import System, resized
 from koord.verify.claims import Claim, ClaimPhase
 from koord.verify.engine_names import Engine
 from koord.verify.obstacles import Failure, Obstacle
@@ -112,9 +111,7 @@ class Verdict(Struct, frozen=True):
 
     def broken_system(self, system: System) -> System:
         """The system of which the counterexample is a run, where ``system`` was asked about."""
-        if self.robots is None:
-            return system
-        return replace(dealt(system.program, self.robots, system.delta_s), budget=system.budget)
+        return system if self.robots is None else resized(system, self.robots)
 
 
 def has_fewest(found: Counterexample, through: int | None) -> bool:

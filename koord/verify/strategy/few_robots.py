@@ -12,7 +12,7 @@ from contextlib import suppress
 from msgspec.structs import replace
 
 from koord.syntax.budget import OutOfBudgetError
-from koord.syntax.system import System, dealt
+from koord.syntax.system import System, resized
 from koord.verify.claims import claims_of
 from koord.verify.effort import Deadline
 from koord.verify.engines.explicit.limits import Limits
@@ -40,12 +40,10 @@ def looked_at_with_few(
             for found in _broken(system, robots, left, deadline, progress):
                 was = open_[found.claim.name]
                 seconds = was.seconds + found.seconds
-                told = replace(found, claim=was.claim, robots=robots, seconds=seconds)
-                broken[was.claim.name] = told
-    return [
-        _for_whom(broken.get(v.claim.name, v), system) if v.claim.name in open_ else v
-        for v in verdicts
-    ]
+                broken[was.claim.name] = replace(
+                    found, claim=was.claim, robots=robots, seconds=seconds
+                )
+    return [_for_whom(broken.get(v.claim.name, v), system) for v in verdicts]
 
 
 def _broken(
@@ -60,7 +58,7 @@ def _broken(
     from koord.verify.engines.explicit.exhaustive import SearchResults, exhaust
     from koord.verify.engines.explicit.finiteness import not_finite
 
-    some = replace(dealt(system.program, robots, system.delta_s), budget=system.budget)
+    some = resized(system, robots)
     claims = [claim for claim in claims_of(some) if claim.name in names]
     properties = [claim.stated for claim in claims if claim.stated is not None]
     if not claims or not_finite(some, properties) is not None:

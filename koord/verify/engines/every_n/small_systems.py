@@ -11,7 +11,7 @@ from koord.semantics.domain import Constant
 from koord.syntax import core
 from koord.syntax.budget import Budget, OutOfBudgetError
 from koord.syntax.diagnostics import KoordError
-from koord.syntax.system import System, dealt
+from koord.syntax.system import System, resized
 from koord.verify.engines.every_n.conditions import asked_of
 from koord.verify.engines.every_n.language import Language
 from koord.verify.engines.every_n.literals import Snapshot
@@ -48,8 +48,7 @@ def sampled(system: System, language: Language, seed: int, part: int = 1) -> lis
     asked = asked_of(language.conditions, language.size)
     found = list[Sample]()
     for count, turns in _COUNTED if language.conditions or language.ring else _SAMPLED:
-        few = dealt(system.program, count, system.delta_s)
-        few = replace(few, budget=system.budget.rationed(_SAMPLING))
+        few = replace(resized(system, count), budget=system.budget.rationed(_SAMPLING))
         try:
             for here in _reached(few, system.budget, turns // part, seed):
                 if here.fault is None:
