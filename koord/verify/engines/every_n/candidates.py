@@ -85,25 +85,25 @@ def _conditions(v: Vocabulary) -> Iterator[core.Expr]:
         yield _of_all(fact)
     for state, fact in product(states, [*states, *facts]):
         if not _same_subject(state, fact):
-            yield _of_all(_binary(BinaryOp.IMPLIES, state, fact))
-    apart = _binary(BinaryOp.NE, _READ_X, _READ_Y)
+            yield _of_all(binary(BinaryOp.IMPLIES, state, fact))
+    apart = binary(BinaryOp.NE, _READ_X, _READ_Y)
     relations = list(v.relations())
     for relation in relations:
         yield _of_pairs(relation)
     others = v.states(_READ_Y)
     pairs = [
-        (k, n, _binary(BinaryOp.AND, first, second))
+        (k, n, binary(BinaryOp.AND, first, second))
         for (k, first), (n, second) in product(enumerate(states), enumerate(others))
         # Two robots cannot both be the one that a shared variable names.
         if not _same_subject(first, second)
     ]
     for k, n, both in pairs:
         if k <= n:
-            yield _of_pairs(_binary(BinaryOp.IMPLIES, apart, _negated(both)))
+            yield _of_pairs(binary(BinaryOp.IMPLIES, apart, negated(both)))
     for _, _, both in pairs:
         for relation in relations:
-            pair = _binary(BinaryOp.AND, apart, both)
-            yield _of_pairs(_binary(BinaryOp.IMPLIES, pair, relation))
+            pair = binary(BinaryOp.AND, apart, both)
+            yield _of_pairs(binary(BinaryOp.IMPLIES, pair, relation))
 
 
 class Vocabulary(Struct, frozen=True):
@@ -152,18 +152,18 @@ class Vocabulary(Struct, frozen=True):
         for term in self.own(robot):
             match term.type:
                 case BoolType():
-                    found += [term, _negated(term)]
+                    found += [term, negated(term)]
                 case EnumType(members=members):
                     found += [
-                        _binary(BinaryOp.EQ, term, core.Const(k, term.type))
+                        binary(BinaryOp.EQ, term, core.Const(k, term.type))
                         for k in range(len(members))
                     ]
                 case IntType():
                     for constant in self._marks(term):
-                        found += [_binary(op, term, constant) for op in (BinaryOp.EQ, BinaryOp.NE)]
+                        found += [binary(op, term, constant) for op in (BinaryOp.EQ, BinaryOp.NE)]
         for term in self.shared():
             if isinstance(term.type, IntType):
-                found.append(_binary(BinaryOp.EQ, term, robot))
+                found.append(binary(BinaryOp.EQ, term, robot))
         return found
 
     def _marks(self, term: core.Expr) -> list[core.Expr]:
@@ -189,18 +189,18 @@ class Vocabulary(Struct, frozen=True):
             yield from _variants(comparison)
         for one, other in product(numbers, repeat=2):
             if one != other and one.type == other.type:
-                yield _binary(BinaryOp.LE, one, other)
+                yield binary(BinaryOp.LE, one, other)
         for number in numbers:
             for constant in self.constants(number.type):
-                yield _binary(BinaryOp.LE, constant, number)
-                yield _binary(BinaryOp.LE, number, constant)
+                yield binary(BinaryOp.LE, constant, number)
+                yield binary(BinaryOp.LE, number, constant)
         for number in numbers:
             if isinstance(number.type, IntType):
                 yield from self._pointed(number, robot)
         for term in self.shared():
             if isinstance(term.type, BoolType):
                 yield term
-                yield _negated(term)
+                yield negated(term)
 
     def _remainders(self, robot: core.Expr) -> Iterator[core.Expr]:
         """Yield what is so of remainders: they are from 0 up to what something is divided by."""
@@ -209,8 +209,8 @@ class Vocabulary(Struct, frozen=True):
                 case core.Assign(value=core.Binary(op=BinaryOp.MOD, right=right)):
                     number, most = core.Read(for_robot(node.place, robot)), _size(right)
                     if most is not None and _names_itself(node.place):
-                        low = _binary(BinaryOp.LE, core.Const(0, INT), number)
-                        yield _binary(BinaryOp.AND, low, _binary(BinaryOp.LT, number, most))
+                        low = binary(BinaryOp.LE, core.Const(0, INT), number)
+                        yield binary(BinaryOp.AND, low, binary(BinaryOp.LT, number, most))
 
     def _pointed(self, index: core.Expr, robot: core.Expr) -> Iterator[core.Expr]:
         """Yield facts of elements of allwrite arrays that an integer of a robot points at."""
@@ -218,26 +218,26 @@ class Vocabulary(Struct, frozen=True):
             type_ = entry.variable.type
             if not isinstance(type_, ArrayType) or type_.size is Robots.ALL:
                 continue
-            low = _binary(BinaryOp.LE, core.Const(0, INT), index)
-            high = _binary(BinaryOp.LT, index, core.Const(type_.size, INT))
-            inside = _binary(BinaryOp.AND, low, high)
+            low = binary(BinaryOp.LE, core.Const(0, INT), index)
+            high = binary(BinaryOp.LT, index, core.Const(type_.size, INT))
+            inside = binary(BinaryOp.AND, low, high)
             yield inside
             step = core.IndexStep(index, type_.element)
             for part in _scalars(core.Place(entry.variable, (step,))):
                 if isinstance(part.type, BoolType):
-                    yield _binary(BinaryOp.AND, inside, part)
+                    yield binary(BinaryOp.AND, inside, part)
                 if isinstance(part.type, IntType):
-                    yield _binary(BinaryOp.AND, inside, _binary(BinaryOp.EQ, part, robot))
+                    yield binary(BinaryOp.AND, inside, binary(BinaryOp.EQ, part, robot))
 
     def relations(self) -> Iterator[core.Expr]:
         """Yield comparisons between two robots."""
         for mine, theirs in zip(self.own(_READ_X), self.own(_READ_Y), strict=True):
             if isinstance(mine.type, IntType):
-                yield _binary(BinaryOp.NE, mine, theirs)
+                yield binary(BinaryOp.NE, mine, theirs)
             if isinstance(mine.type, IntType | FloatType):
-                yield _binary(BinaryOp.EQ, mine, theirs)
-                yield _binary(BinaryOp.LE, mine, theirs)
-                yield _binary(BinaryOp.LE, theirs, mine)
+                yield binary(BinaryOp.EQ, mine, theirs)
+                yield binary(BinaryOp.LE, mine, theirs)
+                yield binary(BinaryOp.LE, theirs, mine)
 
     def _guards(self, robot: core.Expr) -> list[core.Binary]:
         """The comparisons of numbers in guards, for a robot."""
@@ -292,12 +292,12 @@ def _variants(comparison: core.Binary) -> Iterator[core.Expr]:
     left, right = comparison.left, comparison.right
     yield comparison
     other = BinaryOp.LE if comparison.op is BinaryOp.LT else BinaryOp.LT
-    yield _binary(other, right, left)
+    yield binary(other, right, left)
     if left.type == FLOAT:
         for one, two in ((left, right), (right, left)):
             later = core.Binary(BinaryOp.ADD, two, core.Delta(FLOAT), FLOAT)
-            yield _binary(BinaryOp.LE, one, later)
-            yield _binary(BinaryOp.LT, one, later)
+            yield binary(BinaryOp.LE, one, later)
+            yield binary(BinaryOp.LT, one, later)
 
 
 def for_robot(node: Any, robot: core.Expr) -> Any:
@@ -312,11 +312,13 @@ def for_robot(node: Any, robot: core.Expr) -> Any:
     return made
 
 
-def _binary(op: BinaryOp, left: core.Expr, right: core.Expr) -> core.Binary:
+def binary(op: BinaryOp, left: core.Expr, right: core.Expr) -> core.Binary:
+    """A comparison, or a connective of two statements."""
     return core.Binary(op, left, right, BOOL)
 
 
-def _negated(e: core.Expr) -> core.Expr:
+def negated(e: core.Expr) -> core.Expr:
+    """The denial of a statement."""
     return core.Unary(UnaryOp.NOT, e, BOOL)
 
 

@@ -17,10 +17,10 @@ from msgspec.structs import replace
 
 from koord.semantics.liveness import LIVENESS
 from koord.syntax import core
-from koord.syntax.core import BinaryOp, Home, UnaryOp
-from koord.syntax.types import BOOL, INT, ArrayType, BoolType, EnumType, IntType, RecordType
+from koord.syntax.core import BinaryOp, Home
+from koord.syntax.types import INT, ArrayType, BoolType, EnumType, IntType, RecordType
 from koord.syntax.walk import nodes, reached, rebuilt, renamed
-from koord.verify.engines.every_n.candidates import Vocabulary
+from koord.verify.engines.every_n.candidates import Vocabulary, binary, negated
 
 #: The robot that a measure or help is of, and the one that the claim means.
 ROBOT = core.Variable(Home.BOUND, 0, "i", INT)
@@ -94,9 +94,9 @@ def lasting_of(program: core.Program, stated: core.Property) -> Iterator[list[co
     yield [trigger]
     states = _somebodys_states(program) if each is None else _own_states(program, each)
     states = states[:_MOST_STATES]
-    yield [_binary(BinaryOp.OR, trigger, state) for state in states]
+    yield [binary(BinaryOp.OR, trigger, state) for state in states]
     yield [
-        _binary(BinaryOp.OR, _binary(BinaryOp.OR, trigger, one), other)
+        binary(BinaryOp.OR, binary(BinaryOp.OR, trigger, one), other)
         for one, other in combinations(states, 2)
     ]
 
@@ -141,7 +141,7 @@ def _measures(program: core.Program, stated: core.Property) -> Iterator[Measure]
     for kind in range(len(program.agents)):
         each = range_of(program, kind)
         if _may_stop(program):
-            yield Measure(Phrase(_negated(core.Stopped(READ_ROBOT))), each)
+            yield Measure(Phrase(negated(core.Stopped(READ_ROBOT))), each)
         yield from changes(Words(program, kind).plain_states(READ_ROBOT), each)
     if stated.each is not None:
         for kind in range(len(program.agents)):
@@ -168,8 +168,8 @@ def _turns(program: core.Program, stated: core.Property) -> Iterator[Measure]:
         if entry.variable.type != INT or not _is_a_turn(program, read):
             continue
         if stated.each is not None:
-            yield Measure(Phrase(_binary(BinaryOp.LT, READ_MEANT, read)))
-            yield Measure(Phrase(_binary(BinaryOp.LT, read, READ_MEANT)))
+            yield Measure(Phrase(binary(BinaryOp.LT, READ_MEANT, read)))
+            yield Measure(Phrase(binary(BinaryOp.LT, read, READ_MEANT)))
         yield Measure(Phrase(core.Binary(BinaryOp.SUB, core.NumAgents(INT), read, INT)))
         yield Measure(Phrase(read))
 
@@ -194,7 +194,7 @@ def changes(states: Iterable[core.Expr], each: core.RobotRange | None = None) ->
 
 def both_ways(state: core.Expr) -> tuple[core.Expr, core.Expr]:
     """A state, and that it does not hold."""
-    return state, _negated(state)
+    return state, negated(state)
 
 
 def _is_negation(state: core.Expr) -> bool:
@@ -232,10 +232,10 @@ def shared_states(program: core.Program) -> Iterator[core.Expr]:
                     yield core.Read(place)
                 case EnumType(members=members) as type_:
                     for k in range(len(members)):
-                        yield _binary(BinaryOp.EQ, core.Read(place), core.Const(k, type_))
+                        yield binary(BinaryOp.EQ, core.Read(place), core.Const(k, type_))
                 case IntType():
                     for constant in _constants(program):
-                        yield _binary(BinaryOp.EQ, core.Read(place), constant)
+                        yield binary(BinaryOp.EQ, core.Read(place), constant)
                 case _:
                     pass
 
@@ -329,9 +329,9 @@ def own_help(stated: core.Property, others: Sequence[Help]) -> tuple[Help, ...]:
     """The same help of the robot that a claim means, if it means one, and of no other."""
     if stated.each is None:
         return ()
-    is_meant = _binary(BinaryOp.EQ, READ_ROBOT, READ_MEANT)
+    is_meant = binary(BinaryOp.EQ, READ_ROBOT, READ_MEANT)
     return tuple(
-        replace(each, state=Phrase(_binary(BinaryOp.AND, is_meant, each.state.said)))
+        replace(each, state=Phrase(binary(BinaryOp.AND, is_meant, each.state.said)))
         for each in others
         if each.kind is HelpKind.ROBOT and stated.each.agent in (None, each.each.agent)
     )
@@ -347,7 +347,7 @@ def _help(program: core.Program) -> Iterator[Help]:
         assert each.each is not None
         assert each.trigger is not None
         where = core.RobotRange(each.each.agent)
-        for state in (each.trigger, _binary(BinaryOp.AND, each.trigger, _negated(each.condition))):
+        for state in (each.trigger, binary(BinaryOp.AND, each.trigger, negated(each.condition))):
             phrase = Phrase(state, each.bound, each.each.variable.slot, None)
             yield Help(HelpKind.EXPECTED, phrase, where, k)
     for kind, agent in enumerate(program.agents):
@@ -358,13 +358,13 @@ def _help(program: core.Program) -> Iterator[Help]:
             # No variable is bound in a guard (K301): the robot's slot is free.
             state = said_of(event.guard, ROBOT)
             if _may_stop(program):
-                state = _binary(BinaryOp.AND, state, _negated(core.Stopped(READ_ROBOT)))
+                state = binary(BinaryOp.AND, state, negated(core.Stopped(READ_ROBOT)))
             yield Help(HelpKind.ROBOT, Phrase(state), where)
             for k, each in expected:
                 assert each.each is not None
                 if each.each.agent in (None, where.agent):
                     goal = renamed(each.condition, each.each.variable, ROBOT)
-                    waits = _binary(BinaryOp.AND, state, _negated(goal))
+                    waits = binary(BinaryOp.AND, state, negated(goal))
                     yield Help(HelpKind.AFTER_RUN, Phrase(waits, each.bound, meant=None), where, k)
 
 
@@ -380,14 +380,6 @@ def is_certain(program: core.Program, guard: core.Expr) -> bool:
     )
 
 
-def _binary(op: BinaryOp, left: core.Expr, right: core.Expr) -> core.Binary:
-    return core.Binary(op, left, right, BOOL)
-
-
-def _negated(e: core.Expr) -> core.Expr:
-    return core.Unary(UnaryOp.NOT, e, BOOL)
-
-
 # --- lemmas ---------------------------------------------------------------------------------------
 
 
@@ -398,7 +390,7 @@ def lemmas_of(program: core.Program) -> Iterator[core.Property]:
             for conditions in _ways_to_stop(event.effect, ()):
                 for condition in conditions:
                     stopped = core.Stopped(READ_ROBOT)
-                    said = _binary(BinaryOp.IMPLIES, stopped, said_of(condition, ROBOT))
+                    said = binary(BinaryOp.IMPLIES, stopped, said_of(condition, ROBOT))
                     each = core.Quantified(
                         core.QuantifierKind.FORALL, ROBOT, range_of(program, kind), said
                     )
@@ -415,7 +407,7 @@ def _ways_to_stop(
                 yield conditions
             case core.If(condition=condition, then=then, otherwise=otherwise):
                 yield from _ways_to_stop(then, (*conditions, condition))
-                yield from _ways_to_stop(otherwise, (*conditions, _negated(condition)))
+                yield from _ways_to_stop(otherwise, (*conditions, negated(condition)))
             case core.Atomic(body=body):
                 yield from _ways_to_stop(body, conditions)
             case _:

@@ -13,6 +13,7 @@ from koord.syntax import core
 from koord.syntax.core import BinaryOp, Home, QuantifierKind
 from koord.syntax.types import BOOL, INT, BoolType, is_by_robot
 from koord.syntax.walk import nodes
+from koord.verify.engines.every_n.candidates import binary
 from koord.verify.engines.every_n.progress_parts import (
     READ_MEANT,
     READ_ROBOT,
@@ -38,11 +39,11 @@ def rings_of(program: core.Program, stated: core.Property) -> Iterator[tuple[Mea
     own = Words(program, 0).plain_states(_READ_OTHER)
     for variable, is_up in dict.fromkeys(_handed_on(program)):
         handed = _element(variable, _READ_OTHER)
-        for has in (handed, *(_binary(BinaryOp.OR, handed, state) for state in own)):
+        for has in (handed, *(binary(BinaryOp.OR, handed, state) for state in own)):
             first, last = (READ_MEANT, _READ_OTHER) if is_up else (_READ_OTHER, READ_MEANT)
-            beyond = Measure(_somebody(_binary(BinaryOp.LT, first, last), has))
+            beyond = Measure(_somebody(binary(BinaryOp.LT, first, last), has))
             first, last = (_READ_OTHER, READ_ROBOT) if is_up else (READ_ROBOT, _READ_OTHER)
-            before = _somebody(_binary(BinaryOp.LE, first, last), has)
+            before = _somebody(binary(BinaryOp.LE, first, last), has)
             yield beyond, Measure(before, core.RobotRange())
 
 
@@ -56,7 +57,7 @@ def handed_on(program: core.Program) -> Iterator[Measure]:
 def _somebody(where: core.Expr, has: core.Expr) -> Phrase:
     """The statement that somebody in some place has it."""
     there = core.Quantified(
-        QuantifierKind.EXISTS, _OTHER, core.RobotRange(), _binary(BinaryOp.AND, where, has)
+        QuantifierKind.EXISTS, _OTHER, core.RobotRange(), binary(BinaryOp.AND, where, has)
     )
     return Phrase(there, _OTHER.slot + 1)
 
@@ -93,7 +94,3 @@ def _handed_on(program: core.Program) -> Iterator[tuple[core.Variable, bool]]:
                         yield variable, False
             case _:
                 pass
-
-
-def _binary(op: BinaryOp, left: core.Expr, right: core.Expr) -> core.Binary:
-    return core.Binary(op, left, right, BOOL)
