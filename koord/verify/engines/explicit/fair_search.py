@@ -152,15 +152,7 @@ class _Search:
                 return report
             end = self._built(None, lookout)
         assert end is not None
-        match end:
-            case FairCycleReport():
-                return end
-            case NotFinite():
-                return FairCycleReport({}, {}, end)
-            case Exhausted() | OutOfBounds():
-                return self._answered(self, properties, end)
-            case _:
-                assert_never(end)
+        return self._answered(self, properties, end)
 
     def _answers(self, graph: FairGraph) -> FairAnswers:
         tracer = Tracer(self._system, self._vault, self._commits, self._joints, as_it_is)
@@ -175,12 +167,21 @@ class _Search:
         self,
         graph: FairGraph,
         properties: Sequence[core.Property],
-        end: Exhausted | OutOfBounds,
+        end: FairCycleReport | Exhausted | OutOfBounds | NotFinite,
     ) -> FairCycleReport:
-        try:
-            return self._answers(graph).of(properties, end)
-        except OutOfBudgetError as error:
-            return FairCycleReport({}, {}, end_of(error, end.states, end.depth))
+        """The report on a graph that came to such an end: one that was made before, as it is."""
+        match end:
+            case FairCycleReport():
+                return end
+            case NotFinite():
+                return FairCycleReport({}, {}, end)
+            case Exhausted() | OutOfBounds():
+                try:
+                    return self._answers(graph).of(properties, end)
+                except OutOfBudgetError as error:
+                    return FairCycleReport({}, {}, end_of(error, end.states, end.depth))
+            case _:
+                assert_never(end)
 
     def _by_machine_code(
         self, properties: Sequence[core.Property], look_from: int | None
@@ -197,14 +198,7 @@ class _Search:
             first = None if look_from is None else COMPILED_FACTOR * look_from
             lookout = self._lookout(made, properties, first)
             end = made.build(self._meter, self._most_edges, lookout, self._tell_of)
-            match end:
-                case FairCycleReport():
-                    found = end
-                case Exhausted() | OutOfBounds():
-                    found = self._answered(made, properties, end)
-                case _:
-                    assert_never(end)
-            return replace(found, is_compiled=True)
+            return replace(self._answered(made, properties, end), is_compiled=True)
         except NoKernelError:
             return None
 
@@ -376,9 +370,10 @@ class _Search:
 
     def region(self, response: Response | None) -> Region:
         """The region of a response; of all runs, if there is none."""
-        nodes, edges = self._nodes, self.graph.edges
+        nodes = self._nodes
         if response is None:
             return Region(range(len(nodes.states)), nodes.starts, tuple(nodes.starts))
+        edges = self.graph.edges
         trigger, goal = self._checks(response)
         wanting = [not goal.holds(state) for state in nodes.states]
         if trigger is None:
