@@ -10,9 +10,7 @@ from random import Random
 import pytest
 
 from koord.refinement.generating.programs import system
-from koord.syntax.load import load
-from koord.syntax.source import Source
-from koord.syntax.system import System, dealt
+from koord.syntax.system import System
 from koord.verify.engines.explicit import fair_compiled, fair_lookout, fair_search
 from koord.verify.engines.explicit.compiled import is_installed
 from koord.verify.engines.explicit.fair_answers import FairCycleReport
@@ -20,6 +18,7 @@ from koord.verify.engines.explicit.fair_search import lively
 from koord.verify.engines.explicit.limits import Limits
 from koord.verify.engines.explicit.property_checks import Exhausted, OutOfBounds
 from tests.agreement.test_lassos import LIVELY, assert_lassos, with_liveness
+from tests.verify.asking import of_text
 
 #: Who is at work may wait for ever, soon; how much was done makes many configurations.
 SLOW = """\
@@ -86,13 +85,14 @@ eventually Never: at@0 == 6
 NEAR = FAR.replace("at <= 4", "at <= 2").replace("% 4", "% 2").replace("at == 5", "at == 4")
 NEAR = NEAR.replace("at = 5", "at = 4")
 
+NEEDS_MACHINE_CODE = pytest.mark.skipif(
+    not is_installed(), reason="there is nothing to make machine code with"
+)
+
+#: By Python, and by machine code.
+BOTH = (False, pytest.param(True, marks=NEEDS_MACHINE_CODE))
+
 HOLDS = "eventually Begins: at == 0 leadsto at == 1\n"
-
-
-def read(text: str, robots: int) -> System:
-    program = load(Source("slow.krd", text)).program
-    assert program is not None
-    return dealt(program, robots)
 
 
 def rounds(found: FairCycleReport) -> dict[str, int]:
@@ -141,9 +141,8 @@ def test_what_is_told_early_is_so_of_many() -> None:
 
 
 @pytest.mark.slow
+@NEEDS_MACHINE_CODE
 def test_what_machine_code_tells_early_is_so(monkeypatch: pytest.MonkeyPatch) -> None:
-    if not is_installed():
-        pytest.skip("there is nothing to make machine code with")
     monkeypatch.setattr(fair_compiled, "_FIRST_BATCH", 1)
     monkeypatch.setattr(fair_compiled, "_MOST_BATCH", 1)
     monkeypatch.setattr(fair_search, "COMPILED_FACTOR", 1)
@@ -151,11 +150,9 @@ def test_what_machine_code_tells_early_is_so(monkeypatch: pytest.MonkeyPatch) ->
     assert count["early"] > 5, count
 
 
-@pytest.mark.parametrize("machine_code", [False, True])
+@pytest.mark.parametrize("machine_code", BOTH)
 def test_a_violation_is_told_in_part_of_the_graph(machine_code: bool) -> None:
-    if machine_code and not is_installed():
-        pytest.skip("there is nothing to make machine code with")
-    of = read(SLOW, 2)
+    of = of_text(SLOW, 2)
     whole = lively(of, of.program.properties, compiled_from=None, look_from=None)
     assert isinstance(whole.end, Exhausted)
     start = 0 if machine_code else None
@@ -168,11 +165,9 @@ def test_a_violation_is_told_in_part_of_the_graph(machine_code: bool) -> None:
     assert_lassos(of, found, "early")
 
 
-@pytest.mark.parametrize("machine_code", [False, True])
+@pytest.mark.parametrize("machine_code", BOTH)
 def test_what_holds_beside_needs_all_of_the_graph(machine_code: bool) -> None:
-    if machine_code and not is_installed():
-        pytest.skip("there is nothing to make machine code with")
-    of = read(SLOW + HOLDS, 2)
+    of = of_text(SLOW + HOLDS, 2)
     start = 0 if machine_code else None
     found = lively(of, of.program.properties, compiled_from=start, look_from=1)
     assert isinstance(found.end, Exhausted)
@@ -182,7 +177,7 @@ def test_what_holds_beside_needs_all_of_the_graph(machine_code: bool) -> None:
 
 def test_a_shorter_lasso_is_waited_for() -> None:
     """The start and the four places next to it have a lasso of five rounds, but three will do."""
-    of = read(FAR, 1)
+    of = of_text(FAR, 1)
     for first in (None, 1, 5, 6):
         found = lively(of, of.program.properties, compiled_from=None, look_from=first)
         assert rounds(found) == {"Never": 3}, first
@@ -190,7 +185,7 @@ def test_a_shorter_lasso_is_waited_for() -> None:
 
 def test_a_shorter_lasso_of_the_same_distance_is_waited_for() -> None:
     """The start and two of the places next to it have a lasso of three rounds; two will do."""
-    of = read(NEAR, 1)
+    of = of_text(NEAR, 1)
     for first in (None, 1, 3, 4):
         found = lively(of, of.program.properties, compiled_from=None, look_from=first)
         assert rounds(found) == {"Never": 2}, first
