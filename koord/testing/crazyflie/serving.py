@@ -11,7 +11,7 @@ import math
 import select
 import socket
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 from msgspec import Struct
 
@@ -25,6 +25,9 @@ _GONE_S = 10.0
 
 #: Who asks for it is told so often where it really is.
 _TOLD_S = 0.02
+
+#: Ports and channels of what nobody asks for: its console, and what is logged.
+_FOR_ALL = ((0, 0), (5, 2))
 
 #: Whoever switches it off and on again comes after so long.
 _LOOKS_S = 1.5
@@ -76,10 +79,25 @@ def serve(
                 send(bound, b"\xff", address)  # somebody looks who is there
             elif len(data) > 1:
                 crazyflie.hear(packet_of(data))
+                _send(crazyflie, bound, known, address)
         known = {one: at_s for one, at_s in known.items() if now_s - at_s < _GONE_S}
-        for packet in crazyflie.tell():
-            for address in known:
-                send(bound, datagram_of(packet), address)
+        _send(crazyflie, bound, known)
+
+
+def _send(
+    crazyflie: SimulatedCrazyflie,
+    bound: socket.socket,
+    known: Iterable[Address],
+    asking: Address | None = None,
+) -> None:
+    """Send what goes out by now: answers to who asked alone, as a link has them.
+
+    cflib begins to connect anew when it hears the answer to what another asked.
+    """
+    for packet in crazyflie.tell():
+        told = known if asking is None or packet[:2] in _FOR_ALL else (asking,)
+        for address in told:
+            send(bound, datagram_of(packet), address)
 
 
 def _tell(crazyflie: SimulatedCrazyflie, serving: Serving, bound: socket.socket) -> None:

@@ -32,7 +32,7 @@ from koord.runtime.drivers.setpoints import (
 )
 from koord.runtime.motion.world import World
 from koord.testing.crazyflie.machine import Settings
-from koord.testing.crazyflie.serving import serve
+from koord.testing.crazyflie.serving import datagram_of, serve
 from koord.testing.sockets import Address
 from tests.runtime.platform.autopilots import running
 
@@ -105,6 +105,30 @@ def fly(address: Address) -> None:
     tell(driver, Arm(), lambda sensed: sensed.armed is True)
     tell(driver, Takeoff(0.5), lambda sensed: sensed.position_m[2] > 0.45)
     tell(driver, Hold(), lambda sensed: False)
+
+
+def test_who_asks_is_answered_alone() -> None:
+    """cflib connects anew when it hears what another has asked for. (C-LINK)"""
+    kinds = socket.AF_INET, socket.SOCK_DGRAM
+    with (
+        crazyflie(Settings()) as address,
+        socket.socket(*kinds) as one,
+        socket.socket(*kinds) as two,
+    ):
+        for client in (one, two):
+            client.settimeout(PATIENCE_S)
+            assert _asked(client, b"\xff", address) == b"\xff", "both are known there"
+        for client, data in ((one, b"one"), (two, b"two")):
+            echo = datagram_of((15, 0, data))
+            assert _asked(client, echo, address) == echo
+
+
+def _asked(client: socket.socket, data: bytes, address: Address) -> bytes:
+    """The first answer that is not of its console."""
+    client.sendto(data, address)
+    while (answer := client.recv(64))[0] >> 4 == 0:
+        pass
+    return answer
 
 
 @pytest.mark.slow
