@@ -119,9 +119,9 @@ class Solver:
         literals, once = [], []
         for term in terms:
             literal = term
-            if not z3.is_const(term) or term.decl().kind() != z3.Z3_OP_UNINTERPRETED:
-                literal = z3.FreshBool("q", self.d.context)
-                require(self._solver, z3.Implies(literal, term))
+            if not self.d.is_constant(term):
+                literal = self.d.label("q")
+                require(self._solver, self.d.implication(literal, term))
                 once.append(literal)
             literals.append(literal)
         spent = spent_by(self._solver)
@@ -142,7 +142,7 @@ class Solver:
         reason = self._solver.reason_unknown() if result == z3.unknown else ""
         # The question is not asked again, so the solver may forget it.
         for literal in once:
-            require(self._solver, z3.Not(literal))
+            require(self._solver, self.d.denial(literal))
         if result == z3.unsat:
             return SolverAnswer.UNSAT
         if result == z3.sat:
@@ -168,10 +168,8 @@ class Solver:
         lasts_s, left = meant_s, limit
         for _ in range(_LOOKS):
             given = Deadline.after(lasts_s)  # Z3 has a clock of its own
-            self._solver.set(
-                "timeout", _FOR_EVER if lasts_s is None else max(1, int(lasts_s * 1000))
-            )
-            self._solver.set("rlimit", left)
+            lasts_ms = _FOR_EVER if lasts_s is None else max(1, int(lasts_s * 1000))
+            self._solver.set(timeout=lasts_ms, rlimit=left)
             result = self._solver.check(*literals)
             if result != z3.unknown or meant_s is None or lasts_s is None:
                 return result, given
@@ -294,9 +292,7 @@ class Model(Struct, frozen=True):
     model: z3.ModelRef
 
     def truth(self, condition: Term) -> bool:
-        if not isinstance(condition, z3.ExprRef):
-            return bool(condition)
-        return bool(z3.is_true(self.model.eval(condition, model_completion=True)))
+        return self.d.is_true_in(self.model, condition)
 
     def scalar(self, value: Term, type_: Type) -> Constant:
         """A scalar of a type. An opaque value is the name of its element in the model."""

@@ -94,7 +94,7 @@ class Terms:
         if isinstance(type_, FloatType):
             return Fraction(value)
         if isinstance(type_, OpaqueType):
-            return z3.Const(str(value), self.sort(type_))
+            return self._make.constant(str(value), self.sort(type_))
         return value
 
     def known(self, value: Term) -> Constant | None:
@@ -184,7 +184,7 @@ class Terms:
     def fresh(self, name: str, type_: Type) -> z3.ExprRef:
         """A fresh constant of a scalar type."""
         self._counter += 1
-        return z3.Const(f"{name}!{self._counter}", self.sort(type_))
+        return self._make.constant(f"{name}!{self._counter}", self.sort(type_))
 
     def applied(self, name: str, arguments: Sequence[Term], result: Type) -> z3.ExprRef:
         """Apply the uninterpreted function of a name to arguments."""
@@ -193,7 +193,7 @@ class Terms:
             for a in arguments
         ]
         if not lifted:
-            return z3.Const(name, self.sort(result))
+            return self._make.constant(name, self.sort(result))
         return self._make.applied(name, lifted, self.sort(result))
 
     def list_sort(self, element: Sequence[Sort]) -> z3.DatatypeSortRef:
@@ -281,9 +281,7 @@ class Terms:
 
     def is_constant(self, term: Term) -> bool:
         """Return whether a scalar is a single uninterpreted constant."""
-        if not isinstance(term, z3.ExprRef) or not z3.is_const(term):
-            return False
-        return bool(term.decl().kind() == z3.Z3_OP_UNINTERPRETED)
+        return isinstance(term, z3.ExprRef) and self._make.is_constant(term)
 
     def is_boolean(self, term: Term) -> bool:
         """Return whether a scalar is a Boolean."""
@@ -312,14 +310,14 @@ class Terms:
             return False
         self._budget.spend()
         # Putting others in their place changes a term that has them, and is quicker than looking.
-        others = [self._elsewhere(c.sort()) for c in wanted]
+        others = [self._elsewhere(constant) for constant in wanted]
         return bool(self._make.substituted(term, wanted, others).value != term.ast.value)
 
-    def _elsewhere(self, sort: z3.SortRef) -> z3.ExprRef:
-        """A constant of a sort that occurs in no term."""
-        key = sort.get_id()
+    def _elsewhere(self, like: z3.ExprRef) -> z3.ExprRef:
+        """A constant of another's sort that occurs in no term."""
+        key = self._make.sort_number(like)
         if key not in self._nowhere:
-            self._nowhere[key] = z3.Const(self.unused("elsewhere"), sort)
+            self._nowhere[key] = self._make.constant(self.unused("elsewhere"), like.sort())
         return self._nowhere[key]
 
     def parts_like(self, term: Term) -> list[Term]:
@@ -339,7 +337,7 @@ class Terms:
             sort = self._bool
         else:
             sort = self._real if isinstance(term, Fraction) else self._int
-        return z3.Const(f"{name}!{self._counter}", sort)
+        return self._make.constant(f"{name}!{self._counter}", sort)
 
     def is_valid(self, claim: Term) -> bool:
         """Return whether a Boolean is valid, as far as a quick query tells."""
@@ -381,6 +379,24 @@ class Terms:
         if z3.is_rational_value(term):
             return Fraction(term.numerator_as_long(), term.denominator_as_long())
         return term
+
+    def implication(self, when: z3.BoolRef, then: z3.BoolRef) -> z3.BoolRef:
+        """An implication as it stands, which is not simplified."""
+        return self._make.implication(when, then)
+
+    def denial(self, formula: z3.BoolRef) -> z3.BoolRef:
+        """The negation of a formula, which a solver is told besides what is worked out."""
+        return self._make.negation(formula)
+
+    def label(self, prefix: str) -> z3.BoolRef:
+        """A Boolean constant that occurs in no term."""
+        return self._make.label(prefix)
+
+    def is_true_in(self, model: z3.ModelRef, condition: Term) -> bool:
+        """Return whether a Boolean is true in a model, where what that leaves open has values."""
+        if not isinstance(condition, z3.ExprRef):
+            return bool(condition)
+        return self._make.is_true_in(model, condition)
 
     # --- how they are built ---------------------------------------------------------------------
 
@@ -424,9 +440,9 @@ class Terms:
             case BinaryOp.LE:
                 return True if same(left, right) else self._make.at_most(left, right)
             case BinaryOp.MIN:
-                return z3.If(right < left, right, left)
+                return self._make.choice(self._make.less(right, left), right, left)
             case BinaryOp.MAX:
-                return z3.If(right > left, right, left)
+                return self._make.choice(self._make.more(right, left), right, left)
             case BinaryOp.DIV:
                 return self._quotient(left, right)
             case BinaryOp.MOD:

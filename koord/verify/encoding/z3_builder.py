@@ -17,6 +17,7 @@ from typing import Any, Final, NoReturn, TypeVar, cast
 
 import z3
 
+_One: Final = z3.Ast * 1
 _Two: Final = z3.Ast * 2
 
 T = TypeVar("T")
@@ -38,8 +39,12 @@ def _function(name: str, result: Any) -> Any:
 _mk_add = _function("Z3_mk_add", z3.Ast)
 _mk_and = _function("Z3_mk_and", z3.Ast)
 _mk_app = _function("Z3_mk_app", z3.Ast)
+_mk_const = _function("Z3_mk_const", z3.Ast)
 _mk_eq = _function("Z3_mk_eq", z3.Ast)
 _mk_false = _function("Z3_mk_false", z3.Ast)
+_mk_fresh_const = _function("Z3_mk_fresh_const", z3.Ast)
+_mk_gt = _function("Z3_mk_gt", z3.Ast)
+_mk_implies = _function("Z3_mk_implies", z3.Ast)
 _mk_int2real = _function("Z3_mk_int2real", z3.Ast)
 _mk_ite = _function("Z3_mk_ite", z3.Ast)
 _mk_le = _function("Z3_mk_le", z3.Ast)
@@ -48,6 +53,7 @@ _mk_mul = _function("Z3_mk_mul", z3.Ast)
 _mk_not = _function("Z3_mk_not", z3.Ast)
 _mk_numeral = _function("Z3_mk_numeral", z3.Ast)
 _mk_or = _function("Z3_mk_or", z3.Ast)
+_mk_string_symbol = _function("Z3_mk_string_symbol", z3.Symbol)
 _mk_sub = _function("Z3_mk_sub", z3.Ast)
 _mk_true = _function("Z3_mk_true", z3.Ast)
 _mk_unary_minus = _function("Z3_mk_unary_minus", z3.Ast)
@@ -83,6 +89,7 @@ _get_quantifier_body = _function("Z3_get_quantifier_body", z3.Ast)
 _get_sort = _function("Z3_get_sort", z3.Sort)
 _get_sort_id = _function("Z3_get_sort_id", ctypes.c_uint)
 _get_sort_kind = _function("Z3_get_sort_kind", ctypes.c_uint)
+_model_eval = _function("Z3_model_eval", ctypes.c_bool)
 
 
 class _Counted:
@@ -122,6 +129,7 @@ class TermBuilder:
         self._context = context
         self._ref = context.ref()
         self._int, self._real = z3.IntSort(context), z3.RealSort(context)
+        self._bool = z3.BoolSort(context)
         self._symbols: dict[tuple[str, tuple[int, ...], int], z3.FuncDeclRef] = {}
         self._names: dict[int, tuple[z3.FuncDeclRef, str]] = {}
 
@@ -139,11 +147,21 @@ class TermBuilder:
             return self._boolean(_get_app_arg(self._ref, operand.ast, 0))
         return self._boolean(_mk_not(self._ref, operand.ast))
 
+    def implication(self, left: z3.ExprRef, right: z3.ExprRef) -> z3.BoolRef:
+        return self._boolean(_mk_implies(self._ref, left.ast, right.ast))
+
+    def label(self, prefix: str) -> z3.BoolRef:
+        """A Boolean constant that nobody has, whose name begins with the prefix."""
+        return self._boolean(_mk_fresh_const(self._ref, prefix.encode(), self._bool.ast))
+
     def equation(self, left: z3.ExprRef, right: z3.ExprRef) -> z3.BoolRef:
         return self._boolean(_mk_eq(self._ref, left.ast, right.ast))
 
     def less(self, left: z3.ExprRef, right: z3.ExprRef) -> z3.BoolRef:
         return self._boolean(_mk_lt(self._ref, left.ast, right.ast))
+
+    def more(self, left: z3.ExprRef, right: z3.ExprRef) -> z3.BoolRef:
+        return self._boolean(_mk_gt(self._ref, left.ast, right.ast))
 
     def at_most(self, left: z3.ExprRef, right: z3.ExprRef) -> z3.BoolRef:
         return self._boolean(_mk_le(self._ref, left.ast, right.ast))
@@ -186,10 +204,15 @@ class TermBuilder:
             return self._boolean(made)
         return self.any(made)
 
+    def constant(self, name: str, sort: z3.SortRef) -> z3.ExprRef:
+        """The uninterpreted constant of a name and a sort."""
+        symbol = _mk_string_symbol(self._ref, name.encode())
+        return self.any(_mk_const(self._ref, symbol, sort.ast))
+
     def applied(self, name: str, arguments: Sequence[z3.ExprRef], result: z3.SortRef) -> z3.ExprRef:
         """Apply a function symbol to arguments; one name and sorts have one symbol."""
-        ids = [_get_sort_id(self._ref, _get_sort(self._ref, a.ast)) for a in arguments]
-        key = (name, tuple(ids), result.get_id())
+        ids = tuple(self.sort_number(argument) for argument in arguments)
+        key = (name, ids, _get_sort_id(self._ref, result.ast))
         symbol = self._symbols.get(key)
         if symbol is None:
             symbol = z3.Function(name, *(a.sort() for a in arguments), result)
@@ -214,6 +237,25 @@ class TermBuilder:
     def number_of(self, term: z3.ExprRef) -> int:
         """The number that a term has as long as it is kept, and no other."""
         return int(_get_ast_id(self._ref, term.ast))
+
+    def sort_number(self, term: z3.ExprRef) -> int:
+        """The number of the sort of a term: as long as the term is kept no other has it."""
+        return int(_get_sort_id(self._ref, _get_sort(self._ref, term.ast)))
+
+    def is_constant(self, term: z3.ExprRef) -> bool:
+        """Return whether a term is an uninterpreted constant."""
+        if self.kind(term) != z3.Z3_OP_UNINTERPRETED:
+            return False
+        return not _get_app_num_args(self._ref, term.ast)
+
+    def is_true_in(self, model: z3.ModelRef, condition: z3.ExprRef) -> bool:
+        """Return whether a Boolean is true in a model, where what that leaves open has values."""
+        found = _One()
+        done = _model_eval(self._ref, model.model, condition.ast, ctypes.c_bool(True), found)
+        if not done or not found[0]:
+            self._fail()
+        kept = self._boolean(found[0])
+        return self.kind(kept) == z3.Z3_OP_TRUE
 
     def sort_kind(self, term: z3.ExprRef) -> int:
         """The kind of sort that a term has: a ``Z3_SORT`` number."""
