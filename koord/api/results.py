@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Sequence
 from typing import Final
 
@@ -24,6 +23,8 @@ class Result(Struct, frozen=True):
 
     def to_json(self, *, indent: int | None = 2) -> str:
         """The same as a text; its schema is that of :func:`koord.schema`."""
+        import json  # most results are read by people
+
         return json.dumps(self.to_dict(), indent=indent)
 
 

@@ -31,10 +31,10 @@ MOST_SWEPT = 1_000
 #: Of times and paces; no clock and no timer counts further.
 LEAST_MEASURE, MOST_MEASURE = Fraction(1, 10**9), 10**9
 
-_NAME = re.compile(r"[^\W\d]\w*\Z")
-_RATIO = re.compile(r"([+-]?[0-9]{1,100})/([0-9]{1,100})\Z")
+_NAME = r"[^\W\d]\w*\Z"
+_RATIO = r"([+-]?[0-9]{1,100})/([0-9]{1,100})\Z"
 
-_LIST_TOKEN = re.compile(r"\s*(\[|\]|,|\"[^\"]*\"|[^\s\[\],\"]+)\s*")
+_LIST_TOKEN = r"\s*(\[|\]|,|\"[^\"]*\"|[^\s\[\],\"]+)\s*"
 
 
 def fleet(text: str) -> FleetSize:
@@ -44,7 +44,7 @@ def fleet(text: str) -> FleetSize:
     kinds: dict[str, int] = {}
     for part in text.split(","):
         name, _, count = part.partition("=")
-        if not _NAME.match(name):
+        if not re.match(_NAME, name):
             raise ArgumentTypeError(f"{name!r} is no kind of robot; write Car=2,Drone=1")
         if name in kinds:
             raise ArgumentTypeError(f"{name} is given twice")
@@ -131,7 +131,7 @@ def delta(text: str) -> Fraction:
 
 def number(text: str) -> Fraction:
     """Parse an exact number: ``4``, ``0.25``, ``1e-3``, ``1/3``."""
-    if ratio := _RATIO.match(text):
+    if ratio := re.match(_RATIO, text):
         if int(ratio[2]) == 0:
             raise ArgumentTypeError(f"{text!r} divides by zero")
         return Fraction(int(ratio[1]), int(ratio[2]))
@@ -157,7 +157,7 @@ def setting(text: str) -> tuple[str, ParamValue]:
     left, equals, right = text.partition("=")
     if not equals:
         raise ArgumentTypeError(f"{text!r} has no value; write {left or 'name'}=value")
-    if not _NAME.match(left):
+    if not re.match(_NAME, left):
         raise ArgumentTypeError(f"{left!r} is not the name of a param; write name=value")
     return left, value(right)
 
@@ -167,7 +167,7 @@ def value(text: str) -> ParamValue:
     tokens: list[str] = []
     position = 0
     while position < len(text):
-        token = _LIST_TOKEN.match(text, position)
+        token = re.compile(_LIST_TOKEN).match(text, position)
         if token is None:
             raise ArgumentTypeError(f"{text!r} is not a value: a quote is not closed")
         tokens.append(token[1])
@@ -216,7 +216,7 @@ def _scalar(token: str) -> ParamValue:
     amount = _number(token)
     if amount is not None:
         return amount
-    if _NAME.match(token):
+    if re.match(_NAME, token):
         return token
     raise ArgumentTypeError(
         f'{shown(token)} is not a value: write an int, a float, true, false, a word, "text", [1, 2]'
@@ -226,7 +226,7 @@ def _scalar(token: str) -> ParamValue:
 def sweep(text: str) -> tuple[str, tuple[ParamValue, ...]]:
     """Parse ``robots=2..8`` or ``speed=0.5,1``: a name and the values that it takes in turn."""
     left, equals, right = text.partition("=")
-    if not equals or not _NAME.match(left):
+    if not equals or not re.match(_NAME, left):
         raise ArgumentTypeError(f"{text!r} is no sweep; write robots=2..8")
     low, dots, high = right.partition("..")
     if dots:

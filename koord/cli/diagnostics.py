@@ -45,7 +45,7 @@ _FLAGS = {
     "site": "--site",
     "user": "--user",
 }
-_ARGUMENT = re.compile(rf"`({'|'.join(_FLAGS)})=(?:'(\w+)')?`")
+_ARGUMENT = rf"`({'|'.join(_FLAGS)})=(?:'(\w+)')?`"
 
 #: What stands for the part of a line that was cut away.
 CUT = "..."
@@ -152,8 +152,10 @@ def _walk_on(line: str, left: int, room: int) -> int:
 
 def in_flags(message: str) -> str:
     """Replace the public API's arguments in a message by flags: `live=`."""
-    return _ARGUMENT.sub(
-        lambda found: f"`{_FLAGS[found[1]]}{f' {found[2]}' if found[2] else ''}`", message
+    return re.sub(
+        _ARGUMENT,
+        lambda found: f"`{_FLAGS[found[1]]}{f' {found[2]}' if found[2] else ''}`",
+        message,
     )
 
 

@@ -1,18 +1,22 @@
-"""``importlib.resources``, which is loaded when somebody asks for more than where Z3's library is.
+"""Modules of others, which are loaded when somebody asks for what takes long to load.
 
-Z3 asks it for the folder of its own package, and so loads readers of archives, temporary files and
-addresses: that takes as long as Z3's own interface.
+Z3 asks ``importlib.resources`` for the folder of its own package, and so loads readers of archives,
+temporary files and addresses: that takes as long as Z3's own interface. msgspec brings what makes
+schemas along, and by way of UUIDs what finds out about this machine. argparse looks for
+translations of its words, of which there are none.
 """
 
 from __future__ import annotations
 
+import argparse
 import importlib
+import os
 import sys
 from contextlib import AbstractContextManager, nullcontext
 from importlib import import_module
 from os.path import join
 from types import ModuleType
-from typing import Any
+from typing import Any, cast
 
 _NAME, _Z3 = "importlib.resources", "z3"
 
@@ -31,8 +35,52 @@ class _Resources(ModuleType):
         return getattr(_loaded(), name)
 
 
+class _SeldomNeeded(ModuleType):
+    """A module that is loaded when something of it is asked for."""
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("__"):
+            raise AttributeError(name)
+        if sys.modules.get(self.__name__) is self:
+            del sys.modules[self.__name__]
+        return getattr(import_module(self.__name__), name)
+
+
+def load_msgspec() -> None:
+    """Load msgspec without what it needs for files, and with little of what it asks for.
+
+    For msgspec ``typing_extensions`` is another name of ``typing``, which loads the readers of
+    Python's own text. UUIDs are told by what Python was built for, so that nothing else is asked.
+    """
+    if "msgspec" in sys.modules:
+        return
+    for name in _OF_FILES:
+        sys.modules.setdefault(name, _SeldomNeeded(name))
+    passing: dict[str, ModuleType | None] = {"typing_extensions": None}
+    if sys.platform == "linux":
+        machine = ModuleType("platform")
+        vars(machine).update(system=lambda: os.uname().sysname)
+        passing["platform"] = machine
+    mine = {name: stub for name, stub in passing.items() if name not in sys.modules}
+    sys.modules.update(cast(Any, mine))
+    try:
+        import msgspec  # noqa: F401
+    finally:
+        for name in mine:
+            del sys.modules[name]
+
+
+#: What msgspec loads for schemas, and for files in its forms.
+_OF_FILES = tuple(f"msgspec.{name}" for name in ("inspect", "json", "msgpack", "toml", "yaml"))
+
+
+def _as_it_is(text: str) -> str:
+    return text
+
+
 def put_off() -> None:
-    """Load ``importlib.resources`` only if somebody needs it from now on."""
+    """Load all of this only if somebody needs it from now on."""
+    vars(argparse)["_"] = _as_it_is
     if _NAME not in sys.modules:
         resources = _Resources(_NAME)
         folder = join(importlib.__path__[0], "resources")

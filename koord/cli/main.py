@@ -18,10 +18,10 @@ import threading
 from collections.abc import Sequence
 from importlib import import_module
 from types import FrameType
-from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn, Protocol, TextIO, cast
+from typing import TYPE_CHECKING, Any, NoReturn, Protocol, TextIO, cast
 
 from koord.cli.exits import Exit
-from koord.cli.lazy_resources import put_off
+from koord.cli.lazy_resources import load_msgspec, put_off
 from koord.version import __version__
 
 if TYPE_CHECKING:
@@ -108,11 +108,11 @@ class Command(Protocol):
         """Run the command and return its exit code."""
 
 
-class CommandEntry(NamedTuple):
+class CommandEntry:
     """A command as ``koord --help`` lists it."""
 
-    name: str
-    summary: str
+    def __init__(self, name: str, summary: str) -> None:
+        self.name, self.summary = name, summary
 
     def load(self) -> Command:
         return cast(Command, import_module(f"koord.cli.{self.name.replace('-', '_')}"))
@@ -146,8 +146,8 @@ COMMANDS = (
 _FLAGS = {"properties": "property"}
 
 #: Numbers that argparse takes for flags, and flags that such a number may stand behind.
-_NEGATIVE = re.compile(r"-([0-9.].*|inf(inity)?|nan)", re.ASCII | re.IGNORECASE)
-_FLAG = re.compile(r"--[a-z][a-z-]*")
+_NEGATIVE = r"-(?ai:[0-9.].*|inf(inity)?|nan)"
+_FLAG = r"--[a-z][a-z-]*"
 
 
 class _Layout(argparse.RawDescriptionHelpFormatter):
@@ -178,7 +178,9 @@ class Parser(argparse.ArgumentParser):
         """Parse as argparse does, but ``--delta -1/2`` is a flag with a number, as is ``-0.5``."""
         words = list(sys.argv[1:] if args is None else args)
         for at in range(len(words) - 1, 0, -1):
-            if _NEGATIVE.fullmatch(words[at]) and _FLAG.fullmatch(words[at - 1]):
+            if not words[at].startswith("-"):
+                continue
+            if re.fullmatch(_FLAG, words[at - 1]) and re.fullmatch(_NEGATIVE, words[at]):
                 words[at - 1 : at + 1] = [f"{words[at - 1]}={words[at]}"]
         return super().parse_known_args(words, namespace)
 
@@ -223,6 +225,7 @@ def entry() -> NoReturn:
     global _is_own
     _is_own = True
     gc.disable()
+    put_off()
     code = main()
     word = next((word for word in sys.argv[1:] if not word.startswith("-")), "")
     if word in _ENDED_AT_ONCE and threading.active_count() == 1:
@@ -255,24 +258,16 @@ _is_own = False
 def _load(command: CommandEntry) -> Command:
     """Load a command; in a process of its own, without what takes long and is not needed.
 
-    For msgspec ``typing_extensions`` is another name of ``typing``, which loads the readers of
-    Python's own text. The garbage collector begins to work when all is loaded that lasts.
+    The garbage collector begins to work when all is loaded that lasts.
     """
     if not _is_own:
         return command.load()
-    if sys.modules.setdefault(_EXTENSIONS, cast(Any, None)) is None:
-        import msgspec  # noqa: F401
-
-        del sys.modules[_EXTENSIONS]
-    put_off()
+    load_msgspec()
     loaded = command.load()
     gc.freeze()
     gc.set_threshold(_COLLECTED_EACH, *gc.get_threshold()[1:])
     gc.enable()
     return loaded
-
-
-_EXTENSIONS = "typing_extensions"
 
 
 def main(argv: Sequence[str] | None = None) -> int:

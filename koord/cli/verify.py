@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 import time
 from collections.abc import Iterator, Sequence
@@ -326,6 +325,8 @@ def _once(arguments: argparse.Namespace, cache: Cache | None) -> int:
         with _helped(options, arguments.cluster) as options:
             code = _verified(programs, arguments, options, told)
         if arguments.json:
+            import json
+
             from koord.api.verdict_documents import reports_dict
 
             print(json.dumps(reports_dict(told), indent=2))

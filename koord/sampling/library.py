@@ -49,12 +49,12 @@ _PATH = ListType(POS)
 _MAP = MapType(INT, BOOL)
 
 #: What elaboration makes of names that the program has taken, and of overloaded ones.
-_DECORATION = re.compile(r"(?:library_)*(\w+?)(?:_[0-9]+)?\Z")
+_DECORATION = r"(?:library_)*(\w+?)(?:_[0-9]+)?\Z"
 
 
 def host(function: core.External) -> Host | None:
     """The implementation of a library function; None for a user's function."""
-    found = _DECORATION.match(function.name)
+    found = re.match(_DECORATION, function.name)
     if found is None:
         return None
     name, parameters = found[1], tuple(_erased(p.type) for p in function.parameters)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 from decimal import Decimal
 from fractions import Fraction
@@ -10,17 +9,18 @@ from fractions import Fraction
 #: A value of a ``param``; members of enumerations by name, a ``pos`` as its three coordinates.
 ParamValue = int | Fraction | bool | str | tuple["ParamValue", ...]
 
-_WORD = re.compile(r"[^\W\d]\w*\Z")
+# Patterns are compiled when they are first needed, which most of them are in few programs.
+_WORD = r"[^\W\d]\w*\Z"
 
 #: A number that is written has so many digits at most, and so many decimal places around the point.
 MOST_DIGITS, MOST_PLACES = 100, 400
 
-_INT = re.compile(rf"[+-]?[0-9]{{1,{MOST_DIGITS}}}\Z")
-_DECIMAL = re.compile(
+_INT = rf"[+-]?[0-9]{{1,{MOST_DIGITS}}}\Z"
+_DECIMAL = (
     rf"[+-]?([0-9]{{1,{MOST_DIGITS}}}(\.[0-9]{{0,{MOST_DIGITS}}})?|\.[0-9]{{1,{MOST_DIGITS}}})"
     r"([eE][+-]?[0-9]{1,3})?\Z"
 )
-_NUMBER = re.compile(r"[+-]?(?=\.?[0-9])[0-9]*(\.[0-9]*)?([eE][+-]?[0-9]+)?\Z")
+_NUMBER = r"[+-]?(?=\.?[0-9])[0-9]*(\.[0-9]*)?([eE][+-]?[0-9]+)?\Z"
 
 #: So many characters of a word are shown in a message.
 _SHOWN = 60
@@ -36,7 +36,7 @@ class NumberOutOfRangeError(ValueError):
 
 def is_number(text: str) -> bool:
     """Return whether a text is meant as a number."""
-    return _NUMBER.match(text) is not None
+    return re.match(_NUMBER, text) is not None
 
 
 def read_number(text: str) -> int | Fraction | None:
@@ -44,9 +44,9 @@ def read_number(text: str) -> int | Fraction | None:
 
     Raises NumberOutOfRangeError.
     """
-    if _INT.match(text):
+    if re.match(_INT, text):
         return int(text)
-    if _DECIMAL.match(text):
+    if re.match(_DECIMAL, text):
         value = Fraction(text)
         if not is_moderate(value):
             raise NumberOutOfRangeError(
@@ -84,7 +84,11 @@ def literal(value: ParamValue) -> str:
             text = number(value)
             return f"{text}.0" if text.lstrip("-").isdigit() else text
         case str():
-            return value if _WORD.match(value) else json.dumps(value, ensure_ascii=False)
+            if re.match(_WORD, value):
+                return value
+            import json  # few words need it
+
+            return json.dumps(value, ensure_ascii=False)
         case tuple():
             return f"[{', '.join(map(literal, value))}]"
 

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Collection, Iterator
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from msgspec import Struct, ValidationError, convert
 
 from koord.syntax.diagnostics import KoordError, refusal
 from koord.syntax.source import Span
+
+if TYPE_CHECKING:
+    import json
 
 #: What every refusal of a damaged file advises, unless something better is known.
 WRITE_ANEW = "the file was changed or damaged; write the trace anew"
@@ -77,17 +79,17 @@ class JsonNode(Struct, frozen=True):
 
     def _wrong(self, text: str) -> FormError:
         """Make a FormError from a message of msgspec, in terms of JSON."""
-        said = _SAID.fullmatch(text)
+        said = re.fullmatch(_SAID, text)
         assert said is not None
         message, path = said[1], said[2] or ""
-        strange = _STRANGE.fullmatch(message)
+        strange = re.fullmatch(_STRANGE, message)
         if strange:
             name = shortened(strange[1])
             return FormError("there should be no such field", f"{self.path}{path}.{name}")
         found: Any = self.value
-        for name, position in _STEP.findall(path):
+        for name, position in re.findall(_STEP, path):
             found = found[int(position)] if position else found[name]
-        missing = _MISSING.match(message)
+        missing = re.match(_MISSING, message)
         if missing:
             message = f"the field {missing[1]!r} is missing"
         elif isinstance(found, list) and "length" in message:
@@ -96,7 +98,7 @@ class JsonNode(Struct, frozen=True):
         elif " >= " in message:
             message = f"{described(found)} is out of range"
         else:
-            wanted = _WANTED.match(message)
+            wanted = re.match(_WANTED, message)
             kinds = wanted[1].split(" | ") if wanted else ()
             names = " or ".join(_KINDS.get(kind, kind) for kind in kinds)
             message = f"there should be {names or 'another word'} here, not {described(found)}"
@@ -148,11 +150,12 @@ class JsonNode(Struct, frozen=True):
         return self.value
 
 
-_SAID = re.compile(r"(.*?)(?: - at `\$((?:\.\w+|\[\d+\])*)`)?", re.DOTALL)
-_STEP = re.compile(r"\.(\w+)|\[(\d+)\]")
-_STRANGE = re.compile("Object contains unknown field `(.*)`", re.DOTALL)
-_MISSING = re.compile("Object missing required field `(.*)`")
-_WANTED = re.compile("Expected `([^`]*)`")
+# Patterns are compiled when they are first needed: most files are in order.
+_SAID = r"(?s:(.*?)(?: - at `\$((?:\.\w+|\[\d+\])*)`)?)"
+_STEP = r"\.(\w+)|\[(\d+)\]"
+_STRANGE = "(?s:Object contains unknown field `(.*)`)"
+_MISSING = "Object missing required field `(.*)`"
+_WANTED = "Expected `([^`]*)`"
 _KINDS = {
     "array": "an array",
     "bool": "true or false",
@@ -187,6 +190,8 @@ class _FormError(ValueError):
 
 def parse(raw: bytes, file: str) -> Any:
     """Parse a JSON document. Raises KoordError."""
+    import json  # traces are written more often than they are read
+
     try:
         text = raw.decode("utf-8-sig")
         return json.loads(text, object_pairs_hook=_distinct, parse_constant=_no_constant)

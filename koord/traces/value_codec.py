@@ -59,7 +59,7 @@ _LARGE = 2**53
 #: No value that a command line can give is nested deeper.
 _DEEPEST_PARAM = 20
 
-_INTEGER = re.compile(rf"-?(0x[0-9a-f]{{1,{LONGEST_NUMBER_BITS // 4 + 1}}}|[0-9]{{1,4000}})\Z")
+_INTEGER = rf"-?(0x[0-9a-f]{{1,{LONGEST_NUMBER_BITS // 4 + 1}}}|[0-9]{{1,4000}})\Z"
 _NOT_FINITE = {"inf": math.inf, "-inf": -math.inf, "nan": math.nan}
 
 
@@ -97,7 +97,7 @@ def _digits(value: int) -> str:
 
 
 def _integer(node: JsonNode, text: str) -> int:
-    if not _INTEGER.match(text):
+    if not re.match(_INTEGER, text):
         raise node.refuse(f'{shortened(text)!r} is no exact number: write "3/4", "-2" or "0x1f"')
     return int(text, 16) if "x" in text else int(text)
 

@@ -13,7 +13,6 @@ import pickle
 import signal
 import sys
 import time
-import traceback
 from collections.abc import Callable
 from select import select
 from types import FrameType
@@ -169,6 +168,8 @@ def _heard(number: int, frame: FrameType | None) -> None:
 
 def _raised(error: Exception) -> bytes:
     """Serialise an exception with its traceback."""
+    import traceback  # which reads Python itself, and is seldom needed
+
     where = traceback.format_exc()
     error.add_note(where)
     try:

@@ -7,7 +7,6 @@ A failure is an exception in an engine, which costs its own answers and no other
 from __future__ import annotations
 
 import re
-import traceback
 from typing import ClassVar
 
 from msgspec import Struct
@@ -24,7 +23,7 @@ VACUITY = "the search for what never happens"
 SHADOWS = "what is asked between rounds"
 
 #: The last place in koord that a traceback names, also where it was in another process.
-_PLACE = re.compile(r'File "[^"]*?(koord/[^"]+\.py)", line (\d+)')
+_PLACE = r'File "[^"]*?(koord/[^"]+\.py)", line (\d+)'
 
 #: What is said of an error, in characters.
 _STORY = 160
@@ -52,11 +51,13 @@ class Failure(ByContent, frozen=True):
 
 def failure_of(who: str, error: Exception) -> Failure:
     """Make the failure of an engine from its exception."""
+    import traceback  # which reads Python itself, and is seldom needed
+
     trace = "".join(traceback.format_exception(error))
     story = " ".join(str(error).split())[:_STORY]
     if isinstance(error, MemoryError) or "out of memory" in story:
         return Failure(who, "out of memory", trace=trace)
-    places = _PLACE.findall(trace)
+    places = re.findall(_PLACE, trace)
     what = f"{type(error).__name__}: {story}" if story else type(error).__name__
     return Failure(who, what, ":".join(places[-1]) if places else "koord", trace)
 

@@ -6,7 +6,6 @@ that breaks it, which is replayed anew before it counts. What is *unknown* is as
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from typing import Any
 
@@ -248,6 +247,8 @@ class VerdictCache(Struct, frozen=True):
         raw = self.storage.get(key)
         if raw is None:
             return None
+        import json
+
         try:
             data = json.loads(raw)
         except ValueError:
@@ -258,6 +259,8 @@ class VerdictCache(Struct, frozen=True):
         return data
 
     def _write(self, key: str, data: Mapping[str, object]) -> None:
+        import json
+
         self.storage.put(key, json.dumps(data, separators=(",", ":")).encode("ascii"))
 
     def _damaged(self, key: str) -> None:

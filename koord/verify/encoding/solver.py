@@ -8,7 +8,6 @@ from enum import Enum
 from fractions import Fraction
 from functools import cached_property
 
-import z3
 from msgspec import Struct
 
 from koord.semantics.domain import Constant
@@ -17,6 +16,7 @@ from koord.verify.effort import PER_SECOND, Deadline, Effort
 from koord.verify.encoding.terms import Term, Terms
 from koord.verify.encoding.unknowns import Unknowns
 from koord.verify.encoding.z3_builder import counted, require
+from koord.verify.encoding.z3_loading import z3
 
 #: Why Z3 stops on Ctrl-C. It says "canceled" of some deadlines too.
 _INTERRUPTED = frozenset({"interrupted from keyboard", "interrupted", "canceled"})

@@ -13,8 +13,6 @@ from fractions import Fraction
 from functools import cached_property
 from typing import TypeAlias, assert_never
 
-import z3
-
 from koord.semantics.domain import Constant, binary_of_numbers, unary_of_numbers
 from koord.syntax.budget import ENDLESS, Budget
 from koord.syntax.core import BinaryOp, UnaryOp
@@ -30,6 +28,7 @@ from koord.syntax.types import (
 )
 from koord.verify.encoding.contexts import new_context
 from koord.verify.encoding.z3_builder import TermBuilder, require, same
+from koord.verify.encoding.z3_loading import z3
 
 Term: TypeAlias = "Constant | z3.ExprRef"
 

@@ -15,7 +15,7 @@ from collections.abc import Iterator, Sequence
 from fractions import Fraction
 from typing import Any, Final, NoReturn, TypeVar, cast
 
-import z3
+from koord.verify.encoding.z3_loading import address_of, z3
 
 _One: Final = z3.Ast * 1
 _Two: Final = z3.Ast * 2
@@ -28,10 +28,7 @@ def _function(name: str, result: Any) -> Any:
 
     Arguments are what that interface has for them, or numbers.
     """
-    (theirs,) = getattr(z3, name).__defaults__
-    address = ctypes.cast(theirs.f, ctypes.c_void_p).value
-    assert address is not None
-    return ctypes.CFUNCTYPE(result)(address)
+    return ctypes.CFUNCTYPE(result)(address_of(name))
 
 
 # --- making terms ---------------------------------------------------------------------------------
@@ -255,7 +252,7 @@ class TermBuilder:
         if not done or not found[0]:
             self._fail()
         kept = self._boolean(found[0])
-        return self.kind(kept) == z3.Z3_OP_TRUE
+        return bool(self.kind(kept) == z3.Z3_OP_TRUE)
 
     def sort_kind(self, term: z3.ExprRef) -> int:
         """The kind of sort that a term has: a ``Z3_SORT`` number."""

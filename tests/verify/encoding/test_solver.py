@@ -103,8 +103,8 @@ def test_work_that_is_not_counted_ends_in_proportion_to_the_effort() -> None:
     told: dict[str, int] = {}
 
     class Idle(Stopped):
-        def set(self, *settings: object) -> None:
-            told.update({str(settings[0]): int(str(settings[1]))})
+        def set(self, **settings: int) -> None:
+            told.update(settings)
 
         def check(self, *literals: object) -> z3.CheckSatResult:
             clock[0] += told["timeout"] / 1000
@@ -127,9 +127,8 @@ def test_what_is_cut_short_by_the_work_of_others_is_asked_again_for_longer() -> 
     times: list[int] = []
 
     class Slow(Stopped):
-        def set(self, *settings: object) -> None:
-            if settings[0] == "timeout":
-                times.append(int(str(settings[1])))
+        def set(self, **settings: int) -> None:
+            times.append(settings["timeout"])
 
         def check(self, *literals: object) -> z3.CheckSatResult:
             clock[0] += times[-1] / 1000
@@ -164,8 +163,8 @@ def test_without_a_deadline_none_is_left_from_before() -> None:
     told: dict[str, object] = {}
 
     class Told(Stopped):
-        def set(self, *settings: object) -> None:
-            told[str(settings[0])] = settings[1]
+        def set(self, **settings: int) -> None:
+            told.update(settings)
 
     s._solver = Told("timeout", work=40)
     s.check([d.fresh("x", BOOL)], Deadline.after(9))
@@ -191,7 +190,7 @@ class Stopped:
     work: int
     done: int = 0
 
-    def set(self, *settings: object) -> None: ...
+    def set(self, **settings: int) -> None: ...
 
     def add(self, *terms: object) -> None: ...
 

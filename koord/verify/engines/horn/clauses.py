@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from typing import TypeAlias
 
-import z3
 from msgspec import Struct
 
 from koord.semantics.configurations import Configuration
@@ -23,6 +22,7 @@ from koord.syntax.source import NOWHERE
 from koord.verify.effort import Deadline, Effort
 from koord.verify.encoding.solver import spent_by
 from koord.verify.encoding.terms import Term, Terms, parts_of
+from koord.verify.encoding.z3_loading import z3
 
 
 def scalars(configuration: Configuration[Term]) -> list[Term]:
