@@ -10,6 +10,7 @@ from collections import Counter
 from random import Random
 
 import pytest
+from msgspec.structs import replace
 
 from koord.refinement.generating.palette import Profile
 from koord.refinement.generating.programs import system
@@ -19,7 +20,7 @@ from koord.semantics.recordings import RecordedInputs, execute
 from koord.syntax.analysis.symmetry import Symmetry, symmetry_of
 from koord.syntax.system import System
 from koord.verify.engines.explicit.finiteness import NotFinite
-from koord.verify.engines.explicit.limits import Limits
+from koord.verify.engines.explicit.limits import OUT_OF_TIME, Limits
 from koord.verify.engines.explicit.property_checks import (
     Exhausted,
     GoalKind,
@@ -27,7 +28,7 @@ from koord.verify.engines.explicit.property_checks import (
     SearchReport,
     Violated,
 )
-from koord.verify.engines.explicit.search import survey
+from koord.verify.engines.explicit.search import Search, begun, survey
 from tests.generators.profiles import FINITE, SYMMETRIC
 from tests.generators.staged import staged
 from tests.sampling import blocks
@@ -177,3 +178,52 @@ def test_symmetry_changes_no_verdict(seeds: range) -> None:
 def test_reductions_change_no_verdict_on_many(profile: Profile, block: int) -> None:
     for seed in range(20_000 + block * 500, 20_500 + block * 500):
         compare_reductions(seed, system(Random(seed), profile))
+
+
+# --- resumed --------------------------------------------------------------------------------------
+
+
+def resumed(of: System, random: Random) -> tuple[Search, list[Violated], int]:
+    """A search that goes on and on where limits ended it, what it finds, and how often it went on.
+
+    It is cut off anywhere, but further and further on: who looks at a configuration again needs as
+    much as that takes.
+    """
+    limits = Limits(states=random.randint(0, 5), rounds=ROUNDS)
+    search = begun(of, of.program.properties, limits, subjects=EVERYTHING)
+    assert isinstance(search, Search)
+    found: list[Violated] = []
+    times, steps = 0, 1
+    while True:
+        # Nobody is asked for more within the first hundred steps.
+        search._budget._left = steps % 100
+        search.resume(of.budget.rationed(steps // 100 * 100), limits)
+        found += search.violations()
+        end = search.end
+        if not isinstance(end, OutOfBounds) or "rounds" in end.reason or end.states > 2_000:
+            return search, found, times
+        if end.reason == OUT_OF_TIME:
+            steps += random.randint(0, 20)
+        else:
+            limits = replace(limits, states=limits.states + random.randint(1, 50))
+        times += 1
+
+
+def compare_resumed(seed: int, of: System) -> str:
+    whole = searched(of)
+    if whole is None:
+        return "too large, or not finite"
+    search, found, times = resumed(of, Random(seed))
+    assert said(SearchReport(tuple(found), search.end)) == said(whole), seed
+    assert search.end == whole.end, seed
+    assert len({v.claim for v in found}) == len(found), seed
+    for violated in found:
+        assert shows(of, violated), (seed, violated)
+    return "resumed" if times > 3 else "hardly resumed"
+
+
+@pytest.mark.parametrize("seeds", blocks(10, of=60, count=4, start=2_000))
+def test_who_goes_on_where_limits_ended_it_says_the_same(seeds: range) -> None:
+    outcomes = Counter(compare_resumed(seed, system(Random(seed), FINITE)) for seed in seeds)
+    outcomes += Counter(compare_resumed(seed, system(Random(seed), SYMMETRIC)) for seed in seeds)
+    assert outcomes["resumed"] > len(seeds) // 2, outcomes

@@ -12,6 +12,8 @@ LIMITS = "tests/agreement/test_kernel_limits.py"
 
 ELEMENTS = "tests/agreement/test_elements.py"
 COST = "tests/verify/engines/explicit/test_cost.py"
+EXPLICIT = "tests/verify/engines/explicit/test_engine.py"
+RESUMED = "tests/agreement/test_search.py::test_who_goes_on_where_limits_ended_it_says_the_same"
 
 KERNELS = (
     Mutant(
@@ -437,9 +439,65 @@ KERNELS = (
     Mutant(
         "what is left of a state is left where machine code fails",
         "verify.engines.explicit.search.Search._found",
-        "if self._compiled is not None:\n    return\nyield from self._expanded(state, waiting)",
+        "if self._compiled is not None:\n    return\nyield from self._expanded(state)",
         "if self._compiled is not None:\n    return",
         (COST,),
+    ),
+    Mutant(
+        "a search goes on behind the state that it was at",
+        "verify.engines.explicit.search.Search._found",
+        "state = self._frontier[self._position]",
+        "state = self._frontier[self._position]\nself._position += 1",
+        (RESUMED,),
+    ),
+    Mutant(
+        "a search goes on with the next round",
+        "verify.engines.explicit.search.Search.resume",
+        "self._end = None",
+        "self._end, self._position = None, len(self._frontier or ())",
+        (RESUMED,),
+    ),
+    Mutant(
+        "what was found is forgotten before it is written down",
+        "verify.engines.explicit.search.Search._told",
+        "yield self._pending[0]\nself._pending.popleft()",
+        "yield self._pending.popleft()",
+        (RESUMED,),
+    ),
+    Mutant(
+        "what did not replay holds where a search goes on",
+        "verify.engines.explicit.exhaustive._conclude",
+        "claim not in said.verdicts and claim not in said.unreplayed",
+        "claim not in said.verdicts",
+        (EXPLICIT,),
+    ),
+    Mutant(
+        "a search goes on though it was left while it looked",
+        "verify.engines.explicit.exhaustive.ClaimSearch.has",
+        "self.is_at_work",
+        "False",
+        (EXPLICIT,),
+    ),
+    Mutant(
+        "a search of other claims goes on",
+        "verify.engines.explicit.exhaustive.ClaimSearch.has",
+        "set(claims) <= set(self.claims)",
+        "True",
+        (EXPLICIT,),
+    ),
+    Mutant(
+        "a search goes on for what others know",
+        "verify.engines.explicit.exhaustive.ClaimSearch.keep",
+        "if isinstance(self.search, Search):\n    self.search.leave_out(map(_searched, left_out))",
+        "pass",
+        (EXPLICIT,),
+    ),
+    Mutant(
+        "a search goes on within its old budget",
+        "verify.engines.explicit.search.Search.resume",
+        "self._count.whole = self._budget.whole = budget",
+        "pass",
+        (RESUMED, EXPLICIT),
     ),
     Mutant(
         "machine code does not go on where states are limited",

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from enum import Enum
 from importlib import import_module
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from msgspec import Struct, field
 
@@ -19,6 +19,9 @@ from koord.verify.engine_names import Engine
 from koord.verify.ledger import Ledger
 from koord.verify.processes import Pool
 from koord.verify.verdicts import Vacuity
+
+if TYPE_CHECKING:
+    from koord.verify.engines.explicit.exhaustive import ClaimSearch
 
 
 class Purpose(Enum):
@@ -58,6 +61,7 @@ class Tools(Struct):
     pool: Pool  #: where claims are asked each by itself
     unroller: Unroller = field(default_factory=Unroller)  #: what is known of the first rounds
     vacuities: list[Vacuity] = field(default_factory=list)  #: what is found out besides
+    search: ClaimSearch | None = None  #: of all configurations, which goes on where it stopped
 
 
 class Worker(Protocol):

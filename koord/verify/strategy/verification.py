@@ -23,7 +23,7 @@ from koord.verify.helpers import Helpers
 from koord.verify.job_process import Progress, was_interrupted
 from koord.verify.ledger import Ledger, VerificationProblem, reach_of
 from koord.verify.obstacles import VACUITY, Failure, failure_of
-from koord.verify.processes import Job, Pool
+from koord.verify.processes import Job, Pool, can_fork
 from koord.verify.reduction.problems import identity, plain_problem, problem_of
 from koord.verify.reduction.slicing import Slices
 from koord.verify.strategy.each_claim_turn import (
@@ -663,6 +663,9 @@ class _Asking(Struct, frozen=True):
     def _apart(self, row: Row, steps: Steps) -> AnyTurn:
         """Make the turn of a row for a process of its own, which starts no others."""
         pool = Pool(1)
-        alone = replace(self, pool=pool, steps=steps, workers=Workers(pool))
+        workers = Workers(pool)
+        if can_fork():  # then it is another one there
+            workers.tools.search = self.workers.tools.search
+        alone = replace(self, pool=pool, steps=steps, workers=workers)
         (turn,) = alone.turns((row,))
         return turn

@@ -21,7 +21,8 @@ from koord.verify.obstacles import Unreplayed, Values, gave_up
 from koord.verify.verdicts import Outcome
 
 if TYPE_CHECKING:
-    from koord.verify.engines.explicit.exhaustive import SearchResults
+    from koord.syntax.system import System
+    from koord.verify.engines.explicit.exhaustive import ClaimSearch, SearchResults
 
 #: With fewer steps of evaluation no machine code is made, as it would have to end once it is there.
 _STEPS_TO_COMPILE = 10_000
@@ -31,8 +32,10 @@ class ExplicitEngine(Struct, frozen=True):
     """The engine that enumerates reachable configurations, as many states as a task allows.
 
     Asked to refute, it looks at the first ones, for so many evaluations, and says nothing of what
-    holds: others are asked as if nobody had looked.
+    holds: others are asked as if nobody had looked. Asked again it goes on where it stopped.
     """
+
+    tools: Tools
 
     @property
     def name(self) -> str:
@@ -59,49 +62,53 @@ class ExplicitEngine(Struct, frozen=True):
             obstacle = Values(Engine.SEARCH, names)
             ledger.leave(claims, Reach(Engine.SEARCH, None, reason, 0.0, obstacle=obstacle))
             return
-        # Seldom needed, and takes a while to load.
-        from koord.verify.engines.explicit.exhaustive import SearchResults, exhaust
-
-        found, started, ended = SearchResults(), time.monotonic(), False
+        search = self._search(ledger.system, claims, task)
+        started, ended = time.monotonic(), False
+        few = task.evaluations is not None and task.evaluations < _STEPS_TO_COMPILE
         try:
-            judge = ledger.problem.judge
-            few = task.evaluations is not None and task.evaluations < _STEPS_TO_COMPILE
-            exhaust(
-                ledger.system,
-                claims,
-                limits_of(task),
-                ledger.deadline,
-                judge,
-                ledger.progress,
-                found,
-                compiled_from=None if few else COMPILED_FROM,
-            )
+            self._go_on(search, ledger, task, None if few else COMPILED_FROM)
             ended = True
         finally:
+            found = search.said.of(claims)
             _leave(ledger, found, time.monotonic() - started, failed=not ended)
 
     def _refute(self, ledger: Ledger, claims: Sequence[Claim], task: Task) -> None:
-        from koord.verify.engines.explicit.exhaustive import SearchResults, exhaust
-
-        system, judge, found = ledger.system, ledger.problem.judge, SearchResults()
+        search = self._search(ledger.system, claims, task)
         with suppress(OutOfBudgetError):  # others find out whether their budget is used up
-            limits = limits_of(task)
-            exhaust(
-                system,
-                claims,
-                limits,
-                ledger.deadline,
-                judge,
-                ledger.progress,
-                found,
-                compiled_from=None,  # what is looked for soon is found before any could be made
-            )
-        ledger.settle({c: v for c, v in found.verdicts.items() if v.outcome is Outcome.VIOLATED})
+            # What is looked for soon is found before any machine code could be made.
+            self._go_on(search, ledger, task, None)
+        found = search.said.of(claims).verdicts
+        ledger.settle({c: v for c, v in found.items() if v.outcome is Outcome.VIOLATED})
+
+    def _search(self, system: System, claims: Sequence[Claim], task: Task) -> ClaimSearch:
+        """The search for these claims: that which was begun, if there is one."""
+        # Seldom needed, and takes a while to load.
+        from koord.verify.engines.explicit.exhaustive import ClaimSearch
+
+        found = self.tools.search
+        if found is None or not found.has(system, claims):
+            found = ClaimSearch(system, tuple(claims))
+        found.keep(claims)
+        # Where it takes all that there is, nobody asks again.
+        self.tools.search = None if task.states is None else found
+        return found
+
+    def _go_on(
+        self, search: ClaimSearch, ledger: Ledger, task: Task, compiled_from: int | None
+    ) -> None:
+        search.work(
+            ledger.system,
+            limits_of(task),
+            ledger.deadline,
+            ledger.problem.judge,
+            ledger.progress,
+            compiled_from=compiled_from,
+        )
 
 
 def make(engine: Engine, tools: Tools) -> Worker:
     """Make the engine for a problem."""
-    return ExplicitEngine()
+    return ExplicitEngine(tools)
 
 
 def limits_of(task: Task) -> Limits:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 
 from msgspec import Struct, field
 from msgspec.structs import replace
@@ -18,7 +18,7 @@ from koord.verify.engines.explicit.finiteness import NotFinite
 from koord.verify.engines.explicit.limits import Limits
 from koord.verify.engines.explicit.property_checks import Exhausted, GoalKind, OutOfBounds, Violated
 from koord.verify.engines.explicit.property_checks import SearchGoal as Searched
-from koord.verify.engines.explicit.search import begun
+from koord.verify.engines.explicit.search import Progress, Search, begun
 from koord.verify.ledger import Judge
 from koord.verify.obstacles import Beyond, Obstacle, Values
 from koord.verify.verdicts import Counterexample, Outcome, Verdict
@@ -45,6 +45,100 @@ class SearchResults(Struct):
     reason: str = ""
     obstacle: Obstacle | None = None
 
+    def of(self, claims: Sequence[Claim]) -> SearchResults:
+        """The results on some claims."""
+        verdicts = {c: v for c, v in self.verdicts.items() if c in claims}
+        unreplayed = {c: reason for c, reason in self.unreplayed.items() if c in claims}
+        return replace(self, verdicts=verdicts, unreplayed=unreplayed)
+
+
+class ClaimSearch(Struct):
+    """A search of some claims. Asked again it goes on where a limit ended it.
+
+    What was said of a claim by then stands, so that what did not replay is not taken to hold.
+    """
+
+    system: System
+    claims: tuple[Claim, ...]
+    search: Search | NotFinite | None = None  #: None: it was not begun
+    said: SearchResults = field(default_factory=SearchResults)
+    is_at_work: bool = False  #: whether it was left while it was looking at something
+
+    def has(self, system: System, claims: Sequence[Claim]) -> bool:
+        """Return whether these claims are among those that it searches, and it can go on."""
+        if self.is_at_work or (isinstance(self.search, Search) and self.search.is_compiled):
+            return False
+        return system == self.system and set(claims) <= set(self.claims)
+
+    def keep(self, claims: Collection[Claim]) -> None:
+        """Search for these alone: somebody else knows of the others."""
+        left_out = [claim for claim in self.claims if claim not in claims]
+        self.claims = tuple(claim for claim in self.claims if claim in claims)
+        if isinstance(self.search, Search):
+            self.search.leave_out(map(_searched, left_out))
+
+    def work(
+        self,
+        system: System,
+        limits: Limits,
+        deadline: Deadline,
+        judge: Judge,
+        progress: Callable[[str], None],
+        *,
+        compiled_from: int | None = COMPILED_FROM,
+    ) -> SearchResults:
+        """Search within limits, and within the budget of a system, which is else the same.
+
+        Where Python has cost more than ``compiled_from`` machine code is used, if there is any;
+        None: it is not.
+        """
+        started, said = time.monotonic(), self.said
+        limits = Limits(limits.states, limits.memory_mb, limits.rounds, deadline.at)
+
+        def tell(states: int, rounds: int, _: int) -> None:
+            progress(f"search, round {rounds}, {states} states")
+
+        if isinstance(self.search, Search):
+            self.search.resume(system.budget, limits, tell, compiled_from)
+        else:
+            self.search = self._begun(system, limits, tell, compiled_from)
+        search = self.search
+        if isinstance(search, NotFinite):
+            said.reason = f"search: {search.reason} ({search.span})"
+            said.obstacle = in_the_way(search)
+            return said
+        asked = {_searched(claim): claim for claim in self.claims}
+        said.reason, self.is_at_work = "", True
+        try:
+            for shown in search.violations():
+                claim = asked.get(shown.claim)
+                if claim is None:
+                    continue
+                seconds = time.monotonic() - started
+                try:
+                    said.verdicts[claim] = _violation(claim, shown, judge, seconds)
+                except NotReplayedError as error:
+                    reason = f"search: a candidate violation did not replay: {error}"
+                    said.unreplayed[claim] = reason
+        finally:
+            _conclude(said, search.end, self.claims, time.monotonic() - started)
+        self.is_at_work = False
+        return said
+
+    def _begun(
+        self, system: System, limits: Limits, tell: Progress, compiled_from: int | None
+    ) -> Search | NotFinite:
+        properties = [claim.stated for claim in self.claims if claim.stated is not None]
+        subjects = frozenset(_SUBJECTS[claim.kind] for claim in self.claims)
+        return begun(
+            system,
+            properties,
+            limits,
+            subjects=subjects - {GoalKind.PROPERTY},
+            compiled_from=compiled_from,
+            progress=tell,
+        )
+
 
 def exhaust(
     system: System,
@@ -60,37 +154,9 @@ def exhaust(
     """Decide the claims on all reachable configurations, if they are few enough.
 
     They are written into ``said`` as they come: what was found counts, however the search ends.
-    Behind ``compiled_from`` states machine code is used where there is any; None: it is not.
     """
-    said = said if said is not None else SearchResults()
-    started = time.monotonic()
-    properties = [claim.stated for claim in claims if claim.stated is not None]
-    subjects = frozenset(_SUBJECTS[claim.kind] for claim in claims) - {GoalKind.PROPERTY}
-    search = begun(
-        system,
-        properties,
-        Limits(limits.states, limits.memory_mb, limits.rounds, deadline.at),
-        subjects=subjects,
-        compiled_from=compiled_from,
-        progress=lambda states, rounds, _: progress(f"search, round {rounds}, {states} states"),
-    )
-    if isinstance(search, NotFinite):
-        said.reason = f"search: {search.reason} ({search.span})"
-        said.obstacle = in_the_way(search)
-        return said
-    asked = {_searched(claim): claim for claim in claims}
-    try:
-        for shown in search.violations():
-            claim = asked.get(shown.claim)
-            if claim is None:
-                continue
-            try:
-                said.verdicts[claim] = _violation(claim, shown, judge, time.monotonic() - started)
-            except NotReplayedError as error:
-                said.unreplayed[claim] = f"search: a candidate violation did not replay: {error}"
-    finally:
-        _conclude(said, search.end, claims, time.monotonic() - started)
-    return said
+    search = ClaimSearch(system, tuple(claims), said=SearchResults() if said is None else said)
+    return search.work(system, limits, deadline, judge, progress, compiled_from=compiled_from)
 
 
 def _conclude(

@@ -301,8 +301,7 @@ class Orbits:
         self._mentions: dict[int, bool] = {}
         self._known: dict[State, State] = {}
         self._cost = cost if cost is not None else Cost()
-        # The budget of a search counts what its cost has besides: these are counted above.
-        self._budget = vault.system.budget.whole or vault.system.budget
+        self._budget = vault.system.budget
         elements = sum(len(group) for n in symmetry.elements for group in n.groups)
         self._per_order = (1 + elements) * (self._robots + len(self._shared))
 
@@ -337,7 +336,8 @@ class Orbits:
     def _found(self, state: State) -> State:
         orders = list(islice(self._orders(state), ORDERS_TRIED))
         self._cost.looked_at += len(orders) * self._per_order
-        self._budget.spend(_PER_ORDER * len(orders))
+        # The budget of a search counts what its cost has besides: these are counted above.
+        (self._budget.whole or self._budget).spend(_PER_ORDER * len(orders))
         return min(self._in_place(self.renamed(state, renaming)) for renaming in orders)
 
     # --- elements -------------------------------------------------------------------------------

@@ -10,7 +10,8 @@ by rounds, so what it finds violated is shown by a run with the fewest rounds.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from itertools import chain, islice, product
 from typing import TYPE_CHECKING
 
@@ -131,7 +132,7 @@ def begun(
         symmetry,
         order_reduction,
         progress,
-        compiled_from if order_reduction and is_installed() else None,
+        compiled_from,
     )
 
 
@@ -150,12 +151,16 @@ class _Found(Struct, frozen=True):
     path: tuple[State, ...] = ()
 
 
-#: Why a search ends that found everything it was asked about.
+#: Why a search ends that found everything it is asked about.
 NOTHING_LEFT = "all claims are violated"
 
 
 class Search:
-    """A search in progress. ``violations`` drives it; ``end`` gives its result or depth."""
+    """A search in progress. ``violations`` drives it; ``end`` gives its result or depth.
+
+    Where a limit ended it, :meth:`resume` lets it go on with others: a configuration that it was at
+    is looked at once more, and what was found and not yet written down by then comes first.
+    """
 
     def __init__(
         self,
@@ -170,7 +175,8 @@ class Search:
     ) -> None:
         self._cost = Cost()
         self._count = Count(system.budget)
-        system = replace(system, budget=Budget(self._count.is_over, system.budget))
+        self._budget = Budget(self._count.is_over, system.budget)
+        system = replace(system, budget=self._budget)
         relaxed = not order_reduction or needs_relaxed(system, properties)
         vault = StateStore(system, tracks_ran=asks_who_ran(properties))
         self._system = system
@@ -186,7 +192,8 @@ class Search:
         self._representative = orbits.representative if orbits is not None else as_it_is
         self._orbits = (found, orbits) if isinstance(found, Symmetry) and orbits else None
         # Configurations inside of rounds that no round ends in are left to Python.
-        self._compiled_from = None if relaxed else compiled_from
+        self._has_machine_code = not relaxed and order_reduction and is_installed()
+        self._compiled_from = compiled_from if self._has_machine_code else None
         self._compiled: CompiledSearch | None = None
         self._left: NoKernelError | None = None
         self._checks = {
@@ -203,9 +210,35 @@ class Search:
         self._assumptions = [check(system, vault, a) for a in system.program.assumptions]
         self._seen: dict[State, State | None] = {}
         self._settled: set[SearchGoal] = set()
+        self._pending: deque[_Found] = deque()  #: found, and not yet written down
+        self._frontier: list[State] | None = None  #: None: not all ways to start were tried
+        self._position = 0  #: in the frontier
+        self._waiting: list[State] = []  #: the next frontier, so far
         self._depth = 0
         self._through: int | None = None  #: the last round that was looked at whole
         self._end: Exhausted | OutOfBounds | NotFinite | None = None
+
+    def resume(
+        self,
+        budget: Budget,
+        limits: Limits,
+        progress: Progress | None = None,
+        compiled_from: int | None = None,
+    ) -> None:
+        """Have :meth:`violations` go on where they stopped, within other limits.
+
+        One that has gone over to machine code is at its end.
+        """
+        self._count.whole = self._budget.whole = budget
+        self._meter.limits = limits
+        self._progress = progress
+        goes_over = self._has_machine_code and self._left is None
+        self._compiled_from = compiled_from if goes_over else None
+        self._end = None
+
+    def leave_out(self, goals: Iterable[SearchGoal]) -> None:
+        """Look for these no more: somebody else knows."""
+        self._settled.update(goals)
 
     @property
     def end(self) -> Exhausted | OutOfBounds | NotFinite:
@@ -240,10 +273,13 @@ class Search:
     def violations(self) -> Iterator[Violated]:
         """Yield every violation, each claim once, by rounds."""
         try:
+            if self._settled and self._has_all():
+                raise LimitReachedError(NOTHING_LEFT)
             for found in self._found():
                 if found.claim not in self._settled:
+                    recording = self._recording(found)
                     self._settled.add(found.claim)
-                    yield Violated(found.claim, self._recording(found), self._states)
+                    yield Violated(found.claim, recording, self._states)
                     if self._has_all():
                         raise LimitReachedError(NOTHING_LEFT)
         except ENDS as error:
@@ -263,26 +299,34 @@ class Search:
     # --- the search -----------------------------------------------------------------------------
 
     def _found(self) -> Iterator[_Found]:
-        frontier: list[State] = []
-        yield from self._begin(frontier)
-        self._through = 0
-        while frontier:
+        yield from self._told()
+        if self._frontier is None:
+            yield from self._begin()
+            self._frontier, self._waiting, self._through = self._waiting, [], 0
+        while self._frontier:
             if self._depth == self._meter.limits.rounds:
                 raise LimitReachedError(f"more than {self._depth} rounds")
-            waiting: list[State] = []
-            for position, state in enumerate(frontier):
+            while self._position < len(self._frontier):
+                state = self._frontier[self._position]
                 if not self._is_due():
-                    self._tick(len(frontier) - position)
-                    yield from self._expanded(state, waiting)
+                    self._tick(len(self._frontier) - self._position)
+                    yield from self._expanded(state)
                 if self._is_due():
                     self._compiled_from = None
                     yield from self._on_machine_code()
                     if self._compiled is not None:
                         return
-                    yield from self._expanded(state, waiting)  # what was left of it
-            frontier = waiting
-            if frontier:
+                    yield from self._expanded(state)  # what was left of it
+                self._position += 1
+            self._frontier, self._waiting, self._position = self._waiting, [], 0
+            if self._frontier:
                 self._depth = self._through = self._depth + 1
+
+    def _told(self) -> Iterator[_Found]:
+        """Yield what was found, and forget it once it was written down."""
+        while self._pending:
+            yield self._pending[0]
+            self._pending.popleft()
 
     def _is_due(self) -> bool:
         """Return whether to go over to machine code: it costs less than what Python has done."""
@@ -364,9 +408,11 @@ class Search:
             if joint.is_whole:
                 yield from (found.claim for found in self._evolved(state, joint))
 
-    def _begin(self, frontier: list[State]) -> Iterator[_Found]:
+    def _begin(self) -> Iterator[_Found]:
         count = self._system.robots
         most = _STARTS_PER_STATE * self._meter.limits.states
+        self._seen.clear()
+        self._waiting.clear()
         for tried, opened in enumerate(openings(self._system, self._vault, self._commits)):
             self._system.budget.spend()
             self._tick(0)
@@ -379,19 +425,22 @@ class Search:
                 if GoalKind.FAULT in self._subjects:
                     yield _Found(SearchGoal(GoalKind.FAULT), state)
             elif state not in self._seen:
-                yield from self._entered(state, None, frontier)
+                yield from self._entered(state, None)
 
-    def _entered(
-        self, state: State, before: State | None, waiting: list[State]
-    ) -> Iterator[_Found]:
+    def _entered(self, state: State, before: State | None) -> Iterator[_Found]:
         """Yield the violations of a new state. [PROP-INVARIANT] [PROP-ROUND]"""
+        shown = [
+            _Found(claim, state)
+            for claim, each in self._checks.items()
+            if claim not in self._settled and not each.holds(state)
+        ]
+        # From here on it is known: whatever ends the search now, this is not looked at again.
         self._seen[state] = before
-        waiting.append(state)
-        for claim, each in self._checks.items():
-            if not each.holds(state) and claim not in self._settled:
-                yield _Found(claim, state)
+        self._waiting.append(state)
+        self._pending += shown
+        yield from self._told()
 
-    def _expanded(self, state: State, waiting: list[State]) -> Iterator[_Found]:
+    def _expanded(self, state: State) -> Iterator[_Found]:
         menus = self._joints.menus(state)
         yield from self._failures(state, menus)
         seen, representative = self._seen, self._representative
@@ -409,7 +458,7 @@ class Search:
                 self._cost.ways += 1
                 after = representative(robots, shared)
                 if after not in seen:
-                    yield from self._entered(after, state, waiting)
+                    yield from self._entered(after, state)
 
     def _tick(self, waiting: int) -> None:
         reached = self._meter.reached(len(self._seen))

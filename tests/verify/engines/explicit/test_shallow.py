@@ -12,7 +12,7 @@ from koord.syntax.system import System
 from koord.verify.claims import claims_of
 from koord.verify.effort import Deadline, Effort
 from koord.verify.engine_names import Engine
-from koord.verify.engines.engine import Purpose, Task, Workers
+from koord.verify.engines.engine import Purpose, Task, Tools, Workers
 from koord.verify.engines.every_n.candidates import candidates
 from koord.verify.engines.every_n.proving import infer
 from koord.verify.engines.every_n.questions import SPARING
@@ -92,7 +92,7 @@ def test_a_shallow_search_says_nothing_of_what_holds() -> None:
         "invariant Fine: forall i: x@i != 1\ninvariant Low: forall i: x@i < 2\n"
     )
     ledger = Ledger(plain_problem(system), Bounds(20), Deadline(), claims_of(system))
-    ExplicitEngine().work(ledger, shallow(3_000))
+    ExplicitEngine(Tools(Pool(1))).work(ledger, shallow(3_000))
     fine, low, _ = (ledger.verdict(claim) for claim in ledger.claims)
     assert low.outcome is Outcome.VIOLATED
     assert (fine.outcome, fine.engine, fine.rounds) == (Outcome.UNKNOWN, Engine.NONE, None)
