@@ -57,6 +57,10 @@ class Crowd(Protocol[V]):
         """Return the condition that a Boolean holds of every integer in ``[low, high)``."""
         ...
 
+    def is_never(self, low: V, index: V, high: V, condition: V) -> bool:
+        """Return whether a condition is seen not to hold if an index is in ``[low, high)``."""
+        ...
+
     def extreme(self, op: BinaryOp, low: V, high: V, body: Callable[[V], V]) -> V:
         """The least or greatest value (``MIN``, ``MAX``) of a number on ``[low, high)``."""
         ...

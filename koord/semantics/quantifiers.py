@@ -95,17 +95,28 @@ def quantified_over(
 ) -> V:
     """Evaluate a quantifier over integers that cannot be listed: value and faults. [E-QUANT]
 
-    As with lists, a fault counts only if what comes before leaves the outcome undecided.
+    As with lists, a fault counts only if what comes before leaves the outcome undecided. Most often
+    no instance can have one: that is seen where the outcome is worked out, and asked of no other.
     """
     crowd: Crowd[V] | None = m.system.crowd
     assert crowd is not None
     universal = e.quantifier is core.QuantifierKind.FORALL
+    may_fault: list[bool] = []
 
     def undecided(i: V) -> V:
         """Return the condition that the instance for ``i`` does not decide the quantifier."""
         holds, _ = looked_at(m, e, value(i))
+        return going_on(i, holds)
+
+    def going_on(i: V, holds: V) -> V:
         wanted = holds if universal else m.negated(holds)
         return m.d.binary(BinaryOp.IMPLIES, counts(i), wanted)
+
+    def first_looked_at(i: V) -> V:
+        holds, faults = looked_at(m, e, value(i))
+        broken = m.both(counts(i), disjunction(m.d, faults)) if faults else m.truth(False)
+        may_fault.append(not crowd.is_never(low, i, high, broken))
+        return going_on(i, holds)
 
     def sound(i: V) -> V:
         _, faults = looked_at(m, e, value(i))
@@ -114,9 +125,10 @@ def quantified_over(
         broken = m.both(counts(i), disjunction(m.d, faults))
         return m.negated(m.both(broken, crowd.every(low, i, undecided)))
 
-    safe = crowd.every(low, high, sound)
-    m.fault_unless(safe, FaultKind.UNSET, e.span, "in a quantifier")
-    every = crowd.every(low, high, undecided)
+    every = crowd.every(low, high, first_looked_at)
+    if not may_fault or any(may_fault):
+        safe = crowd.every(low, high, sound)
+        m.fault_unless(safe, FaultKind.UNSET, e.span, "in a quantifier")
     return every if universal else m.negated(every)
 
 

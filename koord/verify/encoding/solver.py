@@ -94,11 +94,13 @@ class Solver:
         effort: Effort | None = None,
         *,
         at_most: int = 0,
+        for_model: bool = True,
     ) -> SolverAnswer:
         """Check whether the query is satisfiable together with the constraints.
 
         ``effort`` is what this question may use up, and ``at_most`` how much of that at once
-        (0: all of it).
+        (0: all of it). Z3 takes as long for a model as for many an answer: where it is not asked
+        ``for_model`` there is none afterwards.
         """
         self._take()
         question = list(question)
@@ -137,7 +139,7 @@ class Solver:
             # One that was cut short by the clock leaves something for others.
             cost = min(limit, int(LONGEST_S * PER_SECOND))
             effort.left -= max(spent, cost) if exhausted else spent
-        self._model = self._solver.model() if result == z3.sat else None
+        self._model = self._solver.model() if result == z3.sat and for_model else None
         # Asked for now: the next assertion makes Z3 forget why it stopped.
         reason = self._solver.reason_unknown() if result == z3.unknown else ""
         # The question is not asked again, so the solver may forget it.

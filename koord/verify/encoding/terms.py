@@ -8,7 +8,7 @@ uninterpreted sort each.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from fractions import Fraction
 from functools import cached_property
 from typing import TypeAlias, assert_never
@@ -270,13 +270,15 @@ class Terms:
         assert isinstance(term, z3.ExprRef)
         return str(term.decl().name())
 
-    def leanings(self, term: Term, seen: set[tuple[int, int]]) -> Iterator[tuple[str, bool]]:
+    def leanings(
+        self, term: Term, seen: set[int], before: Collection[int] = ()
+    ) -> Iterator[tuple[str, bool]]:
         """The symbols of Booleans below a formula, each with its polarity.
 
-        True: the formula may need the Boolean to hold; False: not to hold. What is in ``seen`` is
-        left out, and everything looked at is put there.
+        True: the formula may need the Boolean to hold; False: not to hold. What is in ``seen`` or
+        was seen ``before`` is left out, and everything looked at is put into ``seen``.
         """
-        return self._make.leanings(term, seen) if isinstance(term, z3.ExprRef) else iter(())
+        return self._make.leanings(term, seen, before) if isinstance(term, z3.ExprRef) else iter(())
 
     def is_constant(self, term: Term) -> bool:
         """Return whether a scalar is a single uninterpreted constant."""

@@ -11,9 +11,9 @@ at; what asks about a term does not fail for terms that there are.
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from fractions import Fraction
-from typing import Any, Final, NoReturn, TypeVar, cast
+from typing import Any, Final, NoReturn, TypeVar
 
 from koord.verify.encoding.z3_loading import address_of, z3
 
@@ -39,6 +39,7 @@ _mk_app = _function("Z3_mk_app", z3.Ast)
 _mk_const = _function("Z3_mk_const", z3.Ast)
 _mk_eq = _function("Z3_mk_eq", z3.Ast)
 _mk_false = _function("Z3_mk_false", z3.Ast)
+_mk_func_decl = _function("Z3_mk_func_decl", z3.FuncDecl)
 _mk_fresh_const = _function("Z3_mk_fresh_const", z3.Ast)
 _mk_gt = _function("Z3_mk_gt", z3.Ast)
 _mk_implies = _function("Z3_mk_implies", z3.Ast)
@@ -89,6 +90,16 @@ _get_sort_kind = _function("Z3_get_sort_kind", ctypes.c_uint)
 _model_eval = _function("Z3_model_eval", ctypes.c_bool)
 
 
+#: How terms are written, and the symbols by which they are taken apart.
+_APP: Final = z3.Z3_APP_AST
+_QUANTIFIER: Final = z3.Z3_QUANTIFIER_AST
+_UNINTERPRETED: Final = z3.Z3_OP_UNINTERPRETED
+_NOT: Final = z3.Z3_OP_NOT
+_IMPLIES: Final = z3.Z3_OP_IMPLIES
+_ITE: Final = z3.Z3_OP_ITE
+_ALIKE: Final = (z3.Z3_OP_AND, z3.Z3_OP_OR)
+
+
 class _Counted:
     """A term that is let go without asking whether that failed, which it does not.
 
@@ -127,7 +138,9 @@ class TermBuilder:
         self._ref = context.ref()
         self._int, self._real = z3.IntSort(context), z3.RealSort(context)
         self._bool = z3.BoolSort(context)
-        self._symbols: dict[tuple[str, tuple[int, ...], int], z3.FuncDeclRef] = {}
+        self._symbols: dict[
+            tuple[str, tuple[int, ...], int], tuple[z3.FuncDeclRef, type[z3.ExprRef] | None]
+        ] = {}
         self._names: dict[int, tuple[z3.FuncDeclRef, str]] = {}
 
     # --- Booleans -------------------------------------------------------------------------------
@@ -208,20 +221,39 @@ class TermBuilder:
 
     def applied(self, name: str, arguments: Sequence[z3.ExprRef], result: z3.SortRef) -> z3.ExprRef:
         """Apply a function symbol to arguments; one name and sorts have one symbol."""
-        ids = tuple(self.sort_number(argument) for argument in arguments)
+        count = len(arguments)
+        sorts = [_get_sort(self._ref, argument.ast) for argument in arguments]
+        ids = tuple(_get_sort_id(self._ref, sort) for sort in sorts)
         key = (name, ids, _get_sort_id(self._ref, result.ast))
-        symbol = self._symbols.get(key)
-        if symbol is None:
-            symbol = z3.Function(name, *(a.sort() for a in arguments), result)
-            self._symbols[key] = symbol
-        many = (z3.Ast * len(arguments))(*(a.ast for a in arguments))
-        return self.any(_mk_app(self._ref, symbol.ast, len(arguments), many))
+        known = self._symbols.get(key)
+        if known is None:
+            text = _mk_string_symbol(self._ref, name.encode())
+            made = _mk_func_decl(self._ref, text, count, (z3.Sort * count)(*sorts), result.ast)
+            if not made:
+                self._fail()
+            known = z3.FuncDeclRef(made, self._context), self._form_of(result)
+            self._symbols[key] = known
+        symbol, form = known
+        many = (z3.Ast * count)(*(a.ast for a in arguments))
+        made = _mk_app(self._ref, symbol.ast, count, many)
+        return self.any(made) if form is None else self._kept(form, made)
+
+    def _form_of(self, sort: z3.SortRef) -> type[z3.ExprRef] | None:
+        """What terms of a sort are that are neither numerals nor quantified; None: that differs."""
+        match _get_sort_kind(self._ref, sort.ast):
+            case z3.Z3_BOOL_SORT:
+                return _Boolean
+            case z3.Z3_INT_SORT:
+                return _Number
+        return None
 
     def put(
         self, term: z3.ExprRef, old: Sequence[z3.ExprRef], new: Sequence[z3.ExprRef]
     ) -> z3.ExprRef:
         """Substitute terms, each for one of its sort (which z3.substitute makes sure of)."""
-        return self.any(self.substituted(term, old, new))
+        made = self.substituted(term, old, new)
+        # A Boolean that is neither quantified nor a constant stays one.
+        return self._boolean(made) if type(term) is _Boolean else self.any(made)
 
     def substituted(
         self, term: z3.ExprRef, old: Sequence[z3.ExprRef], new: Sequence[z3.ExprRef]
@@ -264,39 +296,44 @@ class TermBuilder:
             return -1
         return int(_get_decl_kind(self._ref, _get_app_decl(self._ref, term.ast)))
 
-    def leanings(self, term: z3.ExprRef, seen: set[tuple[int, int]]) -> Iterator[tuple[str, bool]]:
+    def leanings(
+        self, term: z3.ExprRef, seen: set[int], before: Collection[int]
+    ) -> Iterator[tuple[str, bool]]:
         """As :meth:`koord.verify.encoding.terms.Terms.leanings`."""
         ref, waiting = self._ref, [(term.ast, 1)]
         while waiting:
             part, sign = waiting.pop()
-            key = _get_ast_id(ref, part), sign
-            if key in seen:
+            key = 3 * _get_ast_id(ref, part) + sign
+            if key in seen or key in before:
                 continue
             seen.add(key)
             written = _get_ast_kind(ref, part)
-            if written == z3.Z3_QUANTIFIER_AST:
-                waiting.append((_get_quantifier_body(ref, part), 0))
-            if written != z3.Z3_APP_AST:
+            if written != _APP:
+                if written == _QUANTIFIER:
+                    waiting.append((_get_quantifier_body(ref, part), 0))
                 continue  # it has no parts
             symbol = _get_app_decl(ref, part)
-            below = [_get_app_arg(ref, part, k) for k in range(_get_app_num_args(ref, part))]
-            signs = [0] * len(below)
-            match _get_decl_kind(ref, symbol):
-                case z3.Z3_OP_NOT:
-                    signs = [-sign]
-                case z3.Z3_OP_AND | z3.Z3_OP_OR:
-                    signs = [sign] * len(below)
-                case z3.Z3_OP_IMPLIES:
-                    signs = [-sign, sign]
-                case z3.Z3_OP_ITE if self._is_boolean(part):
-                    signs = [0, sign, sign]
-                case z3.Z3_OP_UNINTERPRETED:
-                    name = self._name(symbol)
-                    if sign >= 0:
-                        yield name, True
-                    if sign <= 0:
-                        yield name, False
-            waiting += zip(below, signs, strict=True)
+            kind = _get_decl_kind(ref, symbol)
+            if kind == _UNINTERPRETED:
+                name = self._name(symbol)
+                if sign >= 0:
+                    yield name, True
+                if sign <= 0:
+                    yield name, False
+            count = _get_app_num_args(ref, part)
+            if not count:
+                continue
+            below = [_get_app_arg(ref, part, k) for k in range(count)]
+            if kind in _ALIKE:
+                waiting += [(one, sign) for one in below]
+            elif kind == _NOT:
+                waiting.append((below[0], -sign))
+            elif kind == _IMPLIES:
+                waiting += [(below[0], -sign), (below[1], sign)]
+            elif kind == _ITE and self._is_boolean(part):
+                waiting += [(below[0], 0), (below[1], sign), (below[2], sign)]
+            else:
+                waiting += [(one, 0) for one in below]
 
     def _is_boolean(self, part: z3.Ast) -> bool:
         sort = _get_sort(self._ref, part)
@@ -337,7 +374,7 @@ class TermBuilder:
         found: Any = object.__new__(form)
         found.ast, found.ctx = made, self._context
         _inc_ref(self._ref, made)
-        return cast(T, found)
+        return found  # type: ignore[no-any-return]
 
     def _fail(self) -> NoReturn:
         """Say why no term was made."""

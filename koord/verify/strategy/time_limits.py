@@ -12,6 +12,7 @@ in time; what it had told of by then counts.
 
 from __future__ import annotations
 
+import gc
 import time
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -207,6 +208,7 @@ class _Asking(Struct, frozen=True):
     ) -> Report:
         from koord.verify.strategy.verification import verify  # loads all engines are made of
 
+        gc.freeze()  # which lasts, so that it need not be looked at
         return verify(
             self.system,
             bounds,

@@ -65,6 +65,13 @@ class Everyone(Struct):
     def every(self, low: Term, high: Term, body: Callable[[Term], Term]) -> Term:
         return self.book.every(low, high, body)
 
+    def is_never(self, low: Term, index: Term, high: Term, condition: Term) -> bool:
+        d = self.unknowns.terms
+        if d.known(condition) is not None:
+            return condition is False
+        inside = self.book.between(low, index, high)
+        return d.is_valid(self.book.implied(inside, d.unary(UnaryOp.NOT, condition)))
+
     def extreme(self, op: BinaryOp, low: Term, high: Term, body: Callable[[Term], Term]) -> Term:
         d, book = self.unknowns.terms, self.book
         said = book.said_of_any(low, high, body)

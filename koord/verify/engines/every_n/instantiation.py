@@ -72,7 +72,7 @@ class Book(Struct):
     _glimpses: dict[tuple[object, ...], Scheme] = field(default_factory=dict)
     _now: int = 0
     _wanted: set[tuple[str, bool]] = field(default_factory=set)
-    _seen: set[tuple[int, int]] = field(default_factory=set)
+    _seen: set[int] = field(default_factory=set)
     _looked: int = 0
     _kept: list[Term] = field(default_factory=list)
     _canonical: list[Term] = field(default_factory=list)
@@ -348,8 +348,8 @@ class Book(Struct):
         """
         self._kept.append(term)
         # What is passed over here may be met again where it matters: it is not noted as seen.
-        seen = set(self._seen) if without else self._seen
-        for name, leaning in self.unknowns.terms.leanings(term, seen):
+        seen, before = (set[int](), self._seen) if without else (self._seen, ())
+        for name, leaning in self.unknowns.terms.leanings(term, seen, before):
             if name != without:
                 self._wanted.add((name, leaning))
 

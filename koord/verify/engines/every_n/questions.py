@@ -125,6 +125,8 @@ class Asking:
         ``given`` holds besides. Where the solver gives up, all claims that are left are met; that
         is when it has done ``at_most`` units of work, or four times the usual.
         """
+        if not goals:
+            return set()
         d, book, means = self.world.d, self.world.book, self.means
         pending = {claim: conjunction(d, goal) for claim, goal in goals}
         book.ask([*given, *pending.values()])
@@ -213,7 +215,9 @@ class Asking:
         self._tell()
         means = self.means
         most = min(self._most, max(1, means.effort.left // self._shares))
-        answer = self.solver.check(goal, means.deadline, means.effort, at_most=most)
+        answer = self.solver.check(
+            goal, means.deadline, means.effort, at_most=most, for_model=False
+        )
         if answer is SolverAnswer.UNSAT:
             return ""
         if answer is SolverAnswer.SAT:
