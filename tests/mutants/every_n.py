@@ -95,6 +95,20 @@ EVERY_N = (
         (PROVING, LOOPS),
     ),
     Mutant(
+        "every N: instances of quantifiers are taken not to fault",
+        "semantics.quantifiers.quantified_over",
+        "any(may_fault)",
+        "False",
+        (PROVING,),
+    ),
+    Mutant(
+        "every N: what faults of some index is taken to fault of none",
+        "verify.engines.every_n.all_robots.Everyone.is_never",
+        "d.is_valid(self.book.implied(inside, d.unary(UnaryOp.NOT, condition)))",
+        "d.known(condition) is None",
+        (PROVING,),
+    ),
+    Mutant(
         "every N: faults are assumed away where they are asked for",
         "verify.engines.every_n.questions.Step._negation",
         "[round_.faults(robot)]",

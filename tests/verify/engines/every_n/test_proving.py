@@ -109,6 +109,49 @@ def test_neighbours_are_robots_too() -> None:
     assert proved(NEIGHBOURS) == {"Falling", "Counts", "no fault"}
 
 
+GROWING = """
+allread:
+  int[] x = 0
+Grow:
+  pre: x[pid] < 3
+  eff:
+    x[pid] = x[pid] + 1
+invariant Counts: forall i: 0 <= x[i]
+"""
+
+
+@pytest.mark.parametrize(
+    "statement",
+    [
+        "exists i: x[i] >= 0 or x[i + 1] > 0",
+        "exists i: i == numAgents - 1 or x[i + 1] < 0",
+        "not exists i: i < numAgents - 1 and x[i + 1] < 0",
+        "not exists i: x[i] < 0 and x[i + 1] < 0",
+        "not exists i: forall j: i + j < numAgents implies x[i + j] < 0",
+        "not exists i: exists j: x[i] < 0 and x[i + j] < 0",
+    ],
+)
+def test_a_quantifier_holds_where_no_instance_that_counts_faults(statement: str) -> None:
+    text = f"{GROWING}invariant Asked: {statement}\n"
+    assert proved(text) == {"Asked", "Counts", "no fault"}
+    assert broken(text, 3) == set()
+
+
+@pytest.mark.parametrize(
+    "statement",
+    [
+        "not exists i: x[i + 1] < 0",
+        "not exists i: x[i] >= 0 and x[i + 1] < 0",
+        "not exists i: exists j: x[i + j] < 0",
+        "exists i: x[i - 1] >= 0",
+    ],
+)
+def test_a_quantifier_with_an_instance_that_faults_does_not_hold(statement: str) -> None:
+    text = f"{GROWING}invariant Asked: {statement}\n"
+    assert proved(text) == {"Counts", "no fault"}
+    assert broken(text, 3) == {"Asked"}
+
+
 def test_a_neighbour_that_is_not_there_is_a_fault() -> None:
     ahead = NEIGHBOURS.replace("pid > 0 and x[pid] < x[pid - 1]", "x[pid] < x[pid + 1]")
     assert "no fault" not in proved(ahead)
