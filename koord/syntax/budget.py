@@ -13,6 +13,9 @@ from msgspec import Struct
 #: So much is done between two questions: some milliseconds at most.
 _EVERY = 100
 
+#: What as much machine code as is run at once takes, in steps: some milliseconds, too.
+BATCH = 100
+
 
 class OutOfBudgetError(Exception):
     """Raised where the budget is used up: time is over, or the work was interrupted."""
@@ -37,8 +40,8 @@ class Budget(Struct, eq=False):
     def spend(self, steps: int = 1) -> None:
         """Spend work; check now and then whether to continue. Raises OutOfBudgetError."""
         self._left -= steps
-        if self._left < 0:
-            self._left = _EVERY
+        while self._left < 0:
+            self._left += _EVERY
             self.report(_EVERY)
             if self.is_over():
                 raise OutOfBudgetError

@@ -91,6 +91,19 @@ def test_a_verification_can_be_interrupted_while_it_writes(text: str) -> None:
     assert "interrupted" in {verdict.reason for verdict in report.verdicts}
 
 
+@pytest.mark.parametrize("at_once", [1, 70, 1_000])
+def test_work_counts_however_much_is_spent_at_once(at_once: int) -> None:
+    heard: list[int] = []
+    whole = Budget(lambda: False, heard=heard.append)
+    for _ in range(7_000 // at_once):
+        whole.spend(at_once)
+    assert 6_900 <= sum(heard) <= 7_000
+    part = whole.rationed(5_000)
+    with pytest.raises(OutOfBudgetError):
+        for _ in range(7_000 // at_once):
+            part.spend(at_once)
+
+
 def test_a_search_ends_inside_of_a_state() -> None:
     subject = replace(system(LONG), budget=after(3))
     found = survey(subject, ()).end

@@ -17,6 +17,7 @@ from msgspec import Struct
 from koord.syntax import core
 from koord.syntax.analysis.footprint import rewritten
 from koord.syntax.analysis.symmetry import Symmetry
+from koord.syntax.budget import BATCH
 from koord.syntax.system import System
 from koord.verify.engines.explicit.joint_transitions import JointTransition
 from koord.verify.engines.explicit.limits import LimitReachedError, Meter
@@ -139,7 +140,7 @@ class CompiledSearch:
                 reached = meter.reached_now(exploration.states, meter.limits.compiled_states)
                 if reached:
                     raise LimitReachedError(reached)
-                self._system.budget.spend(batch)
+                self._system.budget.spend(min(batch, BATCH))
                 before = first
                 try:
                     first = exploration.expand(first, min(end, first + batch))

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Protocol, TypeVar, overload
 
 from koord.semantics.liveness import Response, expected
 from koord.syntax import core
-from koord.syntax.budget import OutOfBudgetError
+from koord.syntax.budget import BATCH, OutOfBudgetError
 from koord.syntax.system import System
 from koord.verify.engines.explicit.fair_answers import FairCycleReport, Region
 from koord.verify.engines.explicit.fair_cycles import Edge, FairnessConditions, Graph, add_edge
@@ -166,7 +166,7 @@ class CompiledGraph:
                     raise LimitReachedError(reached)
                 if most_edges is not None and exploration.work > most_edges * _COMPILED_EDGES:
                     raise LimitReachedError(f"more than {most_edges} ways to go on")
-                self._system.budget.spend(batch)
+                self._system.budget.spend(min(batch, BATCH))
                 first = self._expanded
                 try:
                     self._expanded = exploration.expand(first, min(end, first + batch))
@@ -302,7 +302,7 @@ class CompiledGraph:
         return self._region(_both(starts, wanting), bytes(wanting), roots)
 
     def _region(self, entries: bytes, alive: bytes, roots: tuple[int, ...]) -> CompiledRegion:
-        self._system.budget.spend(self.states)
+        self._system.budget.spend(min(self.states, BATCH))
         parts = self._exploration.parts(entries, alive)
         nodes, starts = _Members(parts.numbers), _Members(memoryview(entries))
         return CompiledRegion(nodes, starts, roots, entries, alive, parts.numbers, parts.kinds())
@@ -323,7 +323,7 @@ class CompiledGraph:
         met, granted = self._bits.wanted(*wanted)
         if not region.may_be_fair(met):
             return None
-        self._system.budget.spend(self.states)
+        self._system.budget.spend(min(self.states, BATCH))
         return self._exploration.parts(region.entries, region.alive).fair(met, granted)
 
 
