@@ -95,13 +95,15 @@ def test_a_verification_can_be_interrupted_while_it_writes(text: str) -> None:
 def test_work_counts_however_much_is_spent_at_once(at_once: int) -> None:
     heard: list[int] = []
     whole = Budget(lambda: False, heard=heard.append)
-    for _ in range(7_000 // at_once):
-        whole.spend(at_once)
-    assert 6_900 <= sum(heard) <= 7_000
-    part = whole.rationed(5_000)
-    with pytest.raises(OutOfBudgetError):
+
+    def work(budget: Budget) -> None:
         for _ in range(7_000 // at_once):
-            part.spend(at_once)
+            budget.spend(at_once)
+
+    work(whole)
+    assert 6_900 <= sum(heard) <= 7_000
+    with pytest.raises(OutOfBudgetError):
+        work(whole.rationed(5_000))
 
 
 def test_a_search_ends_inside_of_a_state() -> None:

@@ -15,7 +15,7 @@ from koord.syntax.types import BoolType, OpaqueType, StreamType, StringType, Typ
 from koord.verify.effort import PER_SECOND, Deadline, Effort
 from koord.verify.encoding.terms import Term, Terms
 from koord.verify.encoding.unknowns import Unknowns
-from koord.verify.encoding.z3_builder import counted, require
+from koord.verify.encoding.z3_builder import require, spent_by
 from koord.verify.encoding.z3_loading import z3
 
 #: Why Z3 stops on Ctrl-C. It says "canceled" of some deadlines too.
@@ -237,11 +237,6 @@ class Solver:
 def _longest_s(limit: int) -> float:
     """The time limit in seconds of a query with an effort limit."""
     return min(LONGEST_S, max(1.0, AT_MOST_TIMES * limit / PER_SECOND))
-
-
-def spent_by(solver: z3.Solver | z3.Fixedpoint) -> int:
-    """The effort that a solver has spent so far, in its own units."""
-    return counted(solver.statistics(), "rlimit count")
 
 
 def cases(d: Terms, term: Term) -> list[Term]:

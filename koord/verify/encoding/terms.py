@@ -27,7 +27,7 @@ from koord.syntax.types import (
     Type,
 )
 from koord.verify.encoding.contexts import new_context
-from koord.verify.encoding.z3_builder import TermBuilder, require, same
+from koord.verify.encoding.z3_builder import TermBuilder, require, same, spent_by
 from koord.verify.encoding.z3_loading import z3
 
 Term: TypeAlias = "Constant | z3.ExprRef"
@@ -42,8 +42,9 @@ _QUICK_LOOK = 25
 #: What a solver may spend on it, in its own units.
 _QUICK_LIMIT = 200_000
 
-#: So many of a solver's own units of work take as long as a step of evaluation.
-_PER_STEP = 500
+#: So many of a solver's own units of work take as long as a step of evaluation, or less: what asks
+#: for little takes half as long again for each of them, and what multiplies unknowns several times.
+_PER_STEP = 100
 
 
 class Terms:
@@ -109,7 +110,8 @@ class Terms:
             case UnaryOp.NEG:
                 return self._make.opposite(operand)
             case UnaryOp.ABS:
-                return z3.If(operand < 0, -operand, operand)
+                below = self._make.less(operand, self._like(0, operand))
+                return self._make.choice(below, self._make.opposite(operand), operand)
             case UnaryOp.WIDEN:
                 return self._make.widened(operand)
         assert_never(op)
@@ -249,6 +251,7 @@ class Terms:
         """Substitute terms for constants, and simplify."""
         if not isinstance(term, z3.ExprRef):
             return term
+        self._budget.spend()
         pairs = [
             (old, self.lifted(new, old.sort()))
             for old, new in values
@@ -321,13 +324,12 @@ class Terms:
             self._nowhere[key] = self._make.constant(self.unused("elsewhere"), like.sort())
         return self._nowhere[key]
 
-    def parts_like(self, term: Term) -> list[Term]:
+    def parts_like(self, term: Term) -> Iterator[Term]:
         """The subterms of a term that have its sort, each once, itself first."""
-        if not isinstance(term, z3.ExprRef):
-            return []
-        sort, parts = term.sort(), [*parts_of([term])]
-        self._budget.spend(len(parts))
-        return [self.constant(part) for part in parts if part.sort() == sort]
+        if isinstance(term, z3.ExprRef):
+            for part in self._make.parts_like(term):
+                self._budget.spend()
+                yield self.constant(part)
 
     def fresh_like(self, name: str, term: Term) -> z3.ExprRef:
         """A fresh constant of a scalar's sort."""
@@ -351,8 +353,7 @@ class Terms:
             # One that prepares its questions is slower, and knows more of products.
             thorough = z3.Solver(ctx=self.context)
             thorough.set("rlimit", _QUICK_LIMIT)
-            require(thorough, denied)
-            answer = thorough.check()
+            answer = self._checked(thorough, denied)
         return bool(answer == z3.unsat)
 
     def _looked_at(self, formula: z3.BoolRef) -> z3.CheckSatResult:
@@ -366,20 +367,28 @@ class Terms:
             self._quick.set("rlimit", _QUICK_LIMIT)
         self._quick.push()
         try:
-            require(self._quick, formula)
-            return self._quick.check()
+            return self._checked(self._quick, formula)
         finally:
             self._quick.pop()
 
+    def _checked(self, solver: z3.Solver, formula: z3.BoolRef) -> z3.CheckSatResult:
+        """Ask a solver whether a formula is satisfiable, and spend what that took."""
+        before = spent_by(solver)
+        require(solver, formula)
+        answer = solver.check()
+        self._budget.spend((spent_by(solver) - before) // _PER_STEP)
+        return answer
+
     def constant(self, term: z3.ExprRef) -> Term:
-        """The Python constant that a term denotes, or None."""
-        if z3.is_true(term) or z3.is_false(term):
-            return bool(z3.is_true(term))
+        """The Python constant that a term denotes, or the term."""
+        kind = self._make.kind(term)
+        if kind == z3.Z3_OP_TRUE or kind == z3.Z3_OP_FALSE:
+            return bool(kind == z3.Z3_OP_TRUE)
+        if kind != z3.Z3_OP_ANUM:
+            return term
         if z3.is_int_value(term):
             return int(term.as_long())
-        if z3.is_rational_value(term):
-            return Fraction(term.numerator_as_long(), term.denominator_as_long())
-        return term
+        return Fraction(term.numerator_as_long(), term.denominator_as_long())
 
     def implication(self, when: z3.BoolRef, then: z3.BoolRef) -> z3.BoolRef:
         """An implication as it stands, which is not simplified."""
@@ -462,35 +471,38 @@ class Terms:
 
     def _quotient(self, left: z3.ExprRef, right: z3.ExprRef) -> Term:
         """Divide as :func:`binary_of_numbers` does: ints rounded down, zero for a zero divisor."""
-        zero = self.lifted(0, left.sort())
-        if left.sort() == self._real:
-            return (
-                z3.simplify(left / right)
-                if z3.is_rational_value(right) and not _is_zero(right)
-                else z3.If(right == zero, zero, left / right)
-            )
-        # Z3's ``div`` rounds down for positive divisors only.
+        make, zero = self._make, self._like(0, left)
+        if make.sort_kind(left) == z3.Z3_REAL_SORT:
+            quotient = make.quotient(left, right)
+            if z3.is_rational_value(right) and not _is_zero(right):
+                return z3.simplify(quotient)
+            return make.choice(make.equation(right, zero), zero, quotient)
+        opposite = make.quotient(make.opposite(left), make.opposite(right))
+        # Z3 rounds down for positive divisors only.
         if z3.is_int_value(right) and right.as_long() != 0:
-            return left / right if right.as_long() > 0 else (-left) / (-right)
-        down = z3.If(right > 0, left / right, (-left) / (-right))
-        return z3.If(right == zero, zero, down)
+            return make.quotient(left, right) if right.as_long() > 0 else opposite
+        down = make.choice(make.less(zero, right), make.quotient(left, right), opposite)
+        return make.choice(make.equation(right, zero), zero, down)
 
     def _remainder(self, left: z3.ExprRef, right: z3.ExprRef) -> Term:
+        make = self._make
         if z3.is_int_value(right) and right.as_long() > 0:
-            return left % right
+            return make.remainder(left, right)
         quotient = self._quotient(left, right)
         assert isinstance(quotient, z3.ExprRef)
-        rest = left - right * quotient
+        rest: z3.ExprRef = make.difference(left, make.product(right, quotient))
         if z3.is_int_value(right) and right.as_long() != 0:
             return rest
-        rest = z3.If(right == 0, z3.IntVal(0, self.context), rest)
+        zero = self._like(0, left)
+        rest = make.choice(make.equation(right, zero), zero, rest)
         # What goes round once is the usual case, and is no product of unknowns.
         for low, high, turned in (
-            (-right, 0, left + right),
-            (right, right + right, left - right),
-            (0, right, left),
+            (make.opposite(right), zero, make.total(left, right)),
+            (right, make.total(right, right), make.difference(left, right)),
+            (zero, right, left),
         ):
-            rest = z3.If(z3.And(low <= left, left < high), turned, rest)
+            within = make.conjunction(make.at_most(low, left), make.less(left, high))
+            rest = make.choice(within, turned, rest)
         return rest
 
     def _boolean_ite(self, condition: z3.ExprRef, then: Term, other: Term) -> Term:

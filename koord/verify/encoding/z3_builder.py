@@ -37,6 +37,7 @@ _mk_add = _function("Z3_mk_add", z3.Ast)
 _mk_and = _function("Z3_mk_and", z3.Ast)
 _mk_app = _function("Z3_mk_app", z3.Ast)
 _mk_const = _function("Z3_mk_const", z3.Ast)
+_mk_div = _function("Z3_mk_div", z3.Ast)
 _mk_eq = _function("Z3_mk_eq", z3.Ast)
 _mk_false = _function("Z3_mk_false", z3.Ast)
 _mk_func_decl = _function("Z3_mk_func_decl", z3.FuncDecl)
@@ -47,6 +48,7 @@ _mk_int2real = _function("Z3_mk_int2real", z3.Ast)
 _mk_ite = _function("Z3_mk_ite", z3.Ast)
 _mk_le = _function("Z3_mk_le", z3.Ast)
 _mk_lt = _function("Z3_mk_lt", z3.Ast)
+_mk_mod = _function("Z3_mk_mod", z3.Ast)
 _mk_mul = _function("Z3_mk_mul", z3.Ast)
 _mk_not = _function("Z3_mk_not", z3.Ast)
 _mk_numeral = _function("Z3_mk_numeral", z3.Ast)
@@ -187,6 +189,14 @@ class TermBuilder:
     def product(self, left: z3.ExprRef, right: z3.ExprRef) -> z3.ArithRef:
         return self._number(_mk_mul(self._ref, 2, _Two(left.ast, right.ast)))
 
+    def quotient(self, left: z3.ExprRef, right: z3.ExprRef) -> z3.ArithRef:
+        """Divide as Z3 does: integers are rounded down for positive divisors, else up."""
+        return self._number(_mk_div(self._ref, left.ast, right.ast))
+
+    def remainder(self, left: z3.ExprRef, right: z3.ExprRef) -> z3.ArithRef:
+        """What is left of integers then, which is never negative."""
+        return self._number(_mk_mod(self._ref, left.ast, right.ast))
+
     def opposite(self, operand: z3.ExprRef) -> z3.ArithRef:
         return self._number(_mk_unary_minus(self._ref, operand.ast))
 
@@ -296,6 +306,25 @@ class TermBuilder:
             return -1
         return int(_get_decl_kind(self._ref, _get_app_decl(self._ref, term.ast)))
 
+    def parts_like(self, term: z3.ExprRef) -> Iterator[z3.ExprRef]:
+        """The subterms of a term that have its sort, each once, itself first.
+
+        They are looked for as they are asked for. What a quantifier binds is no term by itself.
+        """
+        ref, waiting, seen = self._ref, [term.ast], set[int]()
+        wanted = _get_sort_id(ref, _get_sort(ref, term.ast))
+        while waiting:
+            part = waiting.pop()
+            number = _get_ast_id(ref, part)
+            if number in seen:
+                continue
+            seen.add(number)
+            if _get_sort_id(ref, _get_sort(ref, part)) == wanted:
+                yield self.any(part)
+            if _get_ast_kind(ref, part) == z3.Z3_APP_AST:
+                below = range(_get_app_num_args(ref, part))
+                waiting += [_get_app_arg(ref, part, k) for k in below]
+
     def leanings(
         self, term: z3.ExprRef, seen: set[int], before: Collection[int]
     ) -> Iterator[tuple[str, bool]]:
@@ -400,6 +429,11 @@ def counted(statistics: z3.Statistics, name: str) -> int:
                 return int(_stats_get_uint_value(context, known, k))
             return int(_stats_get_double_value(context, known, k))  # it is too large for the other
     return 0
+
+
+def spent_by(solver: z3.Solver | z3.Fixedpoint) -> int:
+    """The effort that the solvers of a solver's context have spent so far, in their own units."""
+    return counted(solver.statistics(), "rlimit count")
 
 
 def same(left: z3.ExprRef, right: z3.ExprRef) -> bool:

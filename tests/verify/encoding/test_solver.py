@@ -15,7 +15,7 @@ from koord.syntax import core
 from koord.syntax.core import BinaryOp, UnaryOp
 from koord.syntax.types import BOOL, FLOAT, INT, STRING, EnumType, OpaqueType, Type
 from koord.verify.effort import Deadline, Effort
-from koord.verify.encoding import solver as solving
+from koord.verify.encoding import z3_builder
 from koord.verify.encoding.solver import LONGEST_S, LONGEST_UNLIMITED_S, Solver, SolverAnswer, cases
 from koord.verify.encoding.terms import Term, Terms
 from koord.verify.encoding.unknowns import Unknowns
@@ -210,7 +210,7 @@ def stopped_solvers_count_too(monkeypatch: pytest.MonkeyPatch) -> None:
     def counting(statistics: z3.Statistics | Stopped, name: str) -> int:
         return statistics.done if isinstance(statistics, Stopped) else counted(statistics, name)
 
-    monkeypatch.setattr(solving, "counted", counting)
+    monkeypatch.setattr(z3_builder, "counted", counting)
 
 
 def test_what_a_solver_counts_is_what_z3_says_of_it() -> None:

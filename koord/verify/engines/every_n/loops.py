@@ -9,6 +9,7 @@ afterwards, so that a proof never rests on it.
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import islice
 from typing import TypeAlias
 
 from msgspec import Struct
@@ -385,10 +386,10 @@ class LoopEffect(Struct):
 
         def found(k: Term) -> tuple[Term, Term]:
             after = self._after(k)
-            parts = [p for p in d.parts_like(after) if not d.mentions(p, self._changed)]
-            if position >= len(parts):
+            parts = (p for p in d.parts_like(after) if not d.mentions(p, self._changed))
+            value = next(islice(parts, position, None), None)
+            if value is None:
                 return False, self._any
-            value = parts[position]
             one = 1 if op is BinaryOp.MIN else -1
             worse = d.binary(BinaryOp.ADD, value, one)
             takes = d.binary(BinaryOp.EQ, d.with_values(after, [(self._any, worse)]), value)

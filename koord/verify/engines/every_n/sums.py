@@ -202,7 +202,7 @@ class Sums(Struct):
 
         def look(blank: Term) -> Term:
             part = made.part(blank)
-            for piece in d.parts_like(part) or [part]:
+            for piece in [*d.parts_like(part)] or [part]:
                 values = [d.with_values(piece, [(blank, n)]) for n in range(MOST_DEGREE + 1)]
                 known = [d.known(value) for value in values]
                 if not all(

@@ -20,8 +20,8 @@ from koord.semantics.values import Family, Rec, Seq, Table, Value
 from koord.syntax.core import BinaryOp
 from koord.syntax.source import NOWHERE
 from koord.verify.effort import Deadline, Effort
-from koord.verify.encoding.solver import spent_by
 from koord.verify.encoding.terms import Term, Terms, parts_of
+from koord.verify.encoding.z3_builder import spent_by
 from koord.verify.encoding.z3_loading import z3
 
 
