@@ -137,6 +137,10 @@ _RULE = Patience(times=1.3, steps=5_500)
 #: A search that ends soon, be it with all configurations or not.
 _SHORT_SEARCH = Task(states=FEW_STATES, evaluations=200_000)
 
+#: Circuits that are small, and have an invariant in about a second: what a search of some seconds
+#: would find behind them.
+_SHORT_CIRCUITS = Task(questions=QUESTIONS_OF_A_SECOND, evaluations=4_000)
+
 #: Bounded model checking, as far as it gets in so many seconds.
 _FIRST_ROUNDS = AskEngine(Engine.BMC, Task(seconds=3.0))
 
@@ -181,7 +185,7 @@ _ALL_ENGINES: Rows = (
         beside=(
             AskEngine(Engine.INDUCTION, Task(seconds=0.5, rounds=1)),
             AskEngine(Engine.SEARCH, Task(states=HANDFUL, evaluations=9_000)),
-            AskEngine(Engine.BITS, Task(questions=1_500, evaluations=4_000), fleet=Fleet.FEW),
+            AskEngine(Engine.BITS, _SHORT_CIRCUITS, fleet=Fleet.FEW),
             AskEngine(Engine.BMC, Task(seconds=0.2, rounds=4, evaluations=6_000)),
             AskEngine(Engine.SEARCH, _SHORT_SEARCH, fleet=Fleet.FEW),
             AskEngine(Engine.BMC, Task(seconds=0.5, rounds=8)),

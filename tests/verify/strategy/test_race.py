@@ -36,7 +36,7 @@ from koord.verify.strategy.table import (
 from koord.verify.strategy.verification import verify
 from koord.verify.verdicts import Bounds, Outcome, Report, Verdict
 from tests.children import forked_children
-from tests.loading import program_of
+from tests.loading import program_of, protocol_text
 
 pytestmark = pytest.mark.skipif(not can_fork(), reason="one process only")
 
@@ -450,6 +450,14 @@ def test_rows_are_for_fleets() -> None:
     assert (Fleet.MANY.has(few), Fleet.MANY.has(many)) == (False, True)
     assert Fleet.ANY.has(few)
     assert Fleet.ANY.has(many)
+
+
+def test_circuits_are_asked_to_the_end_before_a_long_search() -> None:
+    """Two thousand questions are enough where a search goes through thousands of configurations."""
+    (agree, *_) = verify(
+        dealt(program_of(protocol_text("consensus_epr")), 3), Bounds(4), names=("Agree",)
+    ).verdicts
+    assert (agree.outcome, agree.engine) == (Outcome.HOLDS, Engine.BITS)
 
 
 # --- programs of others ---------------------------------------------------------------------------
