@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Container, Iterable, Iterator, Mapping
+import re
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from enum import Enum
 from fractions import Fraction
 from functools import lru_cache
+from itertools import pairwise
 
 from msgspec import Struct
 
@@ -42,26 +44,68 @@ class Library(Struct, frozen=True):
     task: ast.RecordDef
 
 
+class _Functions(Mapping[str, tuple[ast.FunDef, ...]]):
+    """The functions of the prelude, each read when it is asked for: few programs call many."""
+
+    def __init__(self, lines: Sequence[str], places: Mapping[str, Sequence[range]]) -> None:
+        self._lines, self._places = lines, places
+        self._read: dict[str, tuple[ast.FunDef, ...]] = {}
+
+    def __getitem__(self, name: str) -> tuple[ast.FunDef, ...]:
+        if name not in self._read:
+            sections = _sections(self._lines, self._places[name])
+            found = tuple(each for each in sections if isinstance(each, ast.FunDef))
+            assert len(found) == len(self._places[name])
+            self._read[name] = found
+        return self._read[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._places)
+
+    def __len__(self) -> int:
+        return len(self._places)
+
+
 @lru_cache(maxsize=1)
 def library() -> Library:
     """The prelude, read once."""
     with open(_FILE, encoding="utf-8") as file:
-        text = normalise(file.read())
-    parsed = parse(Source(LIBRARY, text))
-    assert not parsed.diagnostics, parsed.diagnostics
-    functions: dict[str, tuple[ast.FunDef, ...]] = {}
+        lines = normalise(file.read()).split("\n")
+    places: dict[str, list[range]] = {}
+    others: list[range] = []
+    for block in _blocks(lines):
+        function = re.match(_FUNCTION, lines[block.start])
+        (others if function is None else places.setdefault(function[1], [])).append(block)
     modules: dict[str, ast.Using] = {}
     task: ast.RecordDef | None = None
-    for section in parsed.program.sections:
+    for section in _sections(lines, others):
         match section:
-            case ast.FunDef(name=name):
-                functions[name.name] = (*functions.get(name.name, ()), section)
             case ast.Using(module=module):
                 modules[module.name] = section
             case ast.RecordDef():
                 task = section
     assert task is not None
-    return Library(functions, modules, task)
+    return Library(_Functions(lines, places), modules, task)
+
+
+#: How the definition of a function begins.
+_FUNCTION = r"def fun (\w+)\("
+
+
+def _blocks(lines: Sequence[str]) -> Iterator[range]:
+    """The lines of each definition of the prelude: one that is not indented, and what is below."""
+    starts = [n for n, line in enumerate(lines) if line and line[0] not in " #"]
+    for start, end in pairwise([*starts, len(lines)]):
+        yield range(start, end)
+
+
+def _sections(lines: Sequence[str], blocks: Iterable[range]) -> tuple[ast.Section, ...]:
+    """Some definitions of the prelude, with the places where they stand in it."""
+    wanted = {number for block in blocks for number in block}
+    text = "\n".join(line if n in wanted else "" for n, line in enumerate(lines))
+    parsed = parse(Source(LIBRARY, text))
+    assert not parsed.diagnostics, parsed.diagnostics
+    return tuple(parsed.program.sections)
 
 
 def library_ports() -> dict[str, frozenset[str]]:
