@@ -936,15 +936,15 @@ VERIFY = (
     Mutant(
         "terms divide as the solver does",
         "verify.encoding.terms.Terms._quotient",
-        "z3.If(right > 0, left / right, (-left) / (-right))",
-        "left / right",
+        "make.choice(make.less(zero, right), make.quotient(left, right), opposite)",
+        "make.quotient(left, right)",
         (TERMS,),
     ),
     Mutant(
         "places in a ring go round twice",
         "verify.encoding.terms.Terms._remainder",
-        "right + right",
-        "3 * right",
+        "make.total(right, right)",
+        "make.total(right, make.total(right, right))",
         (TERMS,),
     ),
 )
