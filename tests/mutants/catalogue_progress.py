@@ -10,6 +10,8 @@ RACES = "tests/verify/strategy/test_liveness_race.py"
 
 LEMMAS = "tests/verify/engines/every_n/test_progress_lemmas.py"
 
+LEAST = "tests/verify/engines/every_n/test_progress_least.py"
+
 RINGS = "tests/verify/engines/every_n/test_progress_rings.py"
 
 _QUESTIONS = "verify.engines.every_n.progress_questions"
@@ -49,6 +51,20 @@ PROGRESS = (
         "questions.changing(questions.settling(left))",
         "questions.changing(left)",
         (PREMISES,),
+    ),
+    Mutant(
+        "what help reads may change",
+        f"{_QUESTIONS}.RoundQuestions.helping_unmoved",
+        "not met.intersection(reads)",
+        "True",
+        (LEAST,),
+    ),
+    Mutant(
+        "the first of those who wait is the first of all",
+        f"{_QUESTIONS}.StateQuestion._suppose_least",
+        "book.implied(is_one(other), conjunction(d, [there, later]))",
+        "book.implied(said.is_one(other, core.RobotRange()), conjunction(d, [there, later]))",
+        (LEAST,),
     ),
     Mutant(
         "what goes round need not come nearer",

@@ -16,11 +16,17 @@ from msgspec.structs import replace
 
 from koord.semantics.every_number import NotFiniteError
 from koord.syntax import core
-from koord.syntax.core import BinaryOp, UnaryOp
+from koord.syntax.core import BinaryOp
 from koord.syntax.system import System
-from koord.syntax.types import BOOL, INT
+from koord.syntax.types import INT
 from koord.syntax.walk import nodes, reached, renamed
 from koord.verify.claims import Claim
+from koord.verify.engines.every_n.candidates import binary, negated
+from koord.verify.engines.every_n.progress_least import (
+    outnumbered,
+    states_of_numbers,
+    who_draws,
+)
 from koord.verify.engines.every_n.progress_parts import (
     MEANT,
     ROBOT,
@@ -111,17 +117,19 @@ class _Search:
         self.locks: list[int] = []
         program = self.system.program
         self.likely = (*help_of(program), *waits_of(program))
+        # What each asks of all others' numbers takes the more instances.
+        self.generations = _FIRST if any(outnumbered(program, stated)) else _GENERATIONS
         self._may_help: dict[tuple[core.Expr, ...], bool] = {}
         self._state: StateQuestion | None = None  #: about a configuration in which that is known
 
     def proof(self) -> ProgressProof | str:
         """Find measures and help that prove the claim."""
         plain = [claim for claim in self.known if not _asks(claim)]
-        attempts: list[tuple[Sequence[Claim], Sequence[int]]] = [(plain, _GENERATIONS)]
+        attempts: list[tuple[Sequence[Claim], Sequence[int]]] = [(plain, self.generations)]
         if any(_adds_up(self.system.program, claim) for claim in plain):
             attempts.insert(0, ((), _FIRST))
         if len(plain) < len(self.known):
-            attempts.append((self.known, _GENERATIONS))
+            attempts.append((self.known, self.generations))
         for known, all_generations in attempts:
             found = self._found(known, all_generations)
             if found is not None:
@@ -141,7 +149,7 @@ class _Search:
             self.known = search.given
             self._may_help.clear()
             self._state = None
-            found = self._found(self.known, _GENERATIONS)
+            found = self._found(self.known, self.generations)
             if isinstance(found, ProgressProof):
                 stated = (claim.stated for claim in search.found)
                 return replace(found, lemmas=tuple(x for x in stated if x is not None))
@@ -151,6 +159,8 @@ class _Search:
 
     def _more(self, search: Lemmas) -> bool:
         """Find more lemmas: against a configuration in which nobody may help, or for what fails."""
+        if self._more_of_numbers(search):
+            return True
         if search.naturals(self._differences()):
             return True
         language = search.search.language
@@ -165,16 +175,53 @@ class _Search:
         here = questions.against(language, waiting)
         return here is not None and search.against(here)
 
+    def _more_of_numbers(self, search: Lemmas) -> bool:
+        """Find lemmas by which who outnumbers the robot that is meant does so until the goal."""
+        open_ = self._open_numbers()
+        if not open_:
+            return False
+        drawn = search.together(states_of_numbers(self.system.program))
+        return any(search.by_themselves(self._behind(measure)) for measure in open_) or drawn
+
+    def _open_numbers(self) -> list[Measure]:
+        """That robots do not outnumber the one that is meant, as far as that may not settle."""
+        found = outnumbered(self.system.program, self.stated)
+        return [
+            measure
+            for measure in found
+            if measure not in self.measures and isinstance(measure.term.said, core.Unary)
+        ]
+
+    def _behind(self, measure: Measure) -> list[tuple[core.Expr, int]]:
+        """That who draws another number, or gives one up, does not outnumber who is meant."""
+        each = self.stated.each
+        assert each is not None
+        pending = self._pending(each, MEANT)
+        found = []
+        for guard in who_draws(self.system.program, measure):
+            open_ = binary(BinaryOp.AND, pending, guard)
+            body = binary(BinaryOp.IMPLIES, open_, measure.term.said)
+            said: core.Expr = body
+            for robot in (ROBOT, MEANT):
+                said = core.Quantified(core.QuantifierKind.FORALL, robot, core.RobotRange(), said)
+            found.append((said, measure.term.bound))
+        return found
+
+    def _pending(self, each: core.Each, robot: core.Variable) -> core.Expr:
+        """What holds of a robot while the claim is pending."""
+        # What lasts says more, and most often that the goal is not reached.
+        not_reached = negated(self.stated.condition)
+        pending = self.lasting[-1] if self.lasting else not_reached
+        said: core.Expr = renamed(pending, each.variable, robot)
+        return said
+
     def _differences(self) -> list[tuple[core.Each, core.Expr, core.Binary]]:
         """The differences of the robot that is meant, and what holds while the claim is pending."""
         each = self.stated.each
         if each is None:
             return []
-        # What lasts says more, and most often that the goal is not reached.
-        not_reached = core.Unary(UnaryOp.NOT, self.stated.condition, BOOL)
-        pending = self.lasting[-1] if self.lasting else not_reached
         me = replace(each.variable, name=ROBOT.name)
-        pending, who = renamed(pending, each.variable, me), replace(each, variable=me)
+        pending, who = self._pending(each, me), replace(each, variable=me)
         return [
             (who, pending, renamed(measure.term.said, MEANT, me))
             for measure in self._measures()
@@ -217,6 +264,9 @@ class _Search:
             waiting = [each for each in waiting if each not in found]
             mine = [x for x in own_help(self.stated, waiting) if x not in self.help]
             found += questions.helping(mine)
+            unmoved = questions.helping_unmoved([each for each in waiting if each not in found])
+            waiting = [each for each in waiting if each not in unmoved]
+            found += unmoved
             self.help += found
             if found and self._is_enough():
                 return True
@@ -254,7 +304,8 @@ class _Search:
         """The measures that are not known to settle."""
         program = self.system.program
         plain = (*measures_of(program, self.stated), *handed_on(program))
-        likely = (*plain, *times_of(program), *conditional(program))
+        behind = outnumbered(program, self.stated)
+        likely = (*plain, *behind, *times_of(program), *conditional(program))
         return [measure for measure in likely if measure not in self.measures]
 
     def _lasting(self, questions: RoundQuestions) -> tuple[core.Expr, ...]:

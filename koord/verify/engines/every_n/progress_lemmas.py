@@ -78,18 +78,32 @@ class Lemmas(Struct):
 
         Each is of the robots that a claim means, with what holds of them while it is pending.
         """
-        likely = []
+        likely: list[tuple[core.Expr, int]] = []
         for each, pending, difference in differences:
             robots = core.RobotRange(each.agent)
             ordered = core.Binary(BinaryOp.LE, difference.right, difference.left, BOOL)
             body = core.Binary(BinaryOp.IMPLIES, pending, ordered, BOOL)
             said = core.Quantified(QuantifierKind.FORALL, each.variable, robots, body)
-            bound = max(FREE_SLOT, each.variable.slot + 1)
-            claim = self._stated(said, bound)
-            if claim is not None and self._is_met(claim):
-                likely.append(claim)
+            likely.append((said, max(FREE_SLOT, each.variable.slot + 1)))
+        return self.by_themselves(likely)
+
+    def together(self, likely: Sequence[tuple[core.Expr, int]]) -> bool:
+        """Find that statements hold, with each other only; return whether some do."""
+        claims = (self._stated(said, bound) for said, bound in likely)
+        met = [claim for claim in claims if claim is not None and self._is_met(claim)]
+        new = self.proved(met) if met else []
+        self.found += new
+        return bool(new)
+
+    def by_themselves(self, likely: Sequence[tuple[core.Expr, int]]) -> bool:
+        """Find that statements hold, each with lemmas of its own; return whether some do.
+
+        Each comes with how many variables are bound in it. Samples are asked first.
+        """
+        claims = (self._stated(said, bound) for said, bound in likely)
+        met = [claim for claim in claims if claim is not None and self._is_met(claim)]
         try:
-            new = [claim for each in likely for claim in self._helped([each])]
+            new = [claim for each in met for claim in self._helped([each])]
         except (NotFiniteError, OutOfBudgetError):
             return False
         self.found += new

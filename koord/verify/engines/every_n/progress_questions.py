@@ -22,6 +22,7 @@ from koord.verify.encoding.solver import SolverAnswer
 from koord.verify.encoding.terms import Term
 from koord.verify.engines.every_n.all_robots import ParameterisedSystem
 from koord.verify.engines.every_n.initial_states import ArbitraryState, ParameterisedInit
+from koord.verify.engines.every_n.progress_least import Least, least_of, read_by
 from koord.verify.engines.every_n.progress_parts import (
     Help,
     HelpKind,
@@ -62,6 +63,8 @@ class StateQuestion:
     """The premise about one configuration: as long as the claim is pending, somebody helps.
 
     What is known is known together, or ``apart``: then it is told what of it the premise takes.
+    That one of those who wait is the first is known in the first case only: certificates do not
+    say it.
     """
 
     def __init__(
@@ -90,6 +93,37 @@ class StateQuestion:
             self._known[claim] = when
             universal(claim).suppose(world, self.configuration, when)
         self._denied: dict[Help, Term] = {}
+        if not apart:
+            for least in least_of(world.program):
+                self._suppose_least(least)
+
+    def _suppose_least(self, least: Least) -> None:
+        """Suppose that of the robots in a state one is the first, if there are any.
+
+        There are finitely many, and two robots differ in who they are.
+        """
+        d, book, said, here = self.world.d, self.world.book, self.statements, self.configuration
+        there, one = d.fresh("somebody", BOOL), d.fresh("first", INT)
+        book.name(one)
+
+        def is_one(robot: Term) -> Term:
+            return conjunction(
+                d,
+                [said.is_one(robot, core.RobotRange()), said.truth(least.state, here, robot)],
+            )
+
+        def not_before(names: tuple[Term, ...]) -> Term:
+            (other,) = names
+            (lowest, _), (number, _) = (
+                said.number(least.number, here, robot) for robot in (one, other)
+            )
+            same = d.binary(BinaryOp.EQ, lowest, number)
+            tie = conjunction(d, [same, d.binary(BinaryOp.LE, one, other)])
+            later = disjunction(d, [d.binary(BinaryOp.LT, lowest, number), tie])
+            return book.implied(is_one(other), conjunction(d, [there, later]))
+
+        book.note(book.implied(there, is_one(one)))
+        book.state(1, not_before)
 
     @property
     def is_new(self) -> bool:
@@ -272,6 +306,37 @@ class RoundQuestions:
         met = {premise.part for premise in self.step.asking.sift(asked, self._given)}
         return [each for each in ways if each not in met]
 
+    def helping_unmoved(self, ways: Sequence[Help]) -> list[Help]:
+        """As ``helping``, of ways of whose state nothing changes in the round: so it lasts."""
+        moving: dict[Help, tuple[Measure, ...]] = {}
+        for way in ways:
+            reads = read_by(self.program, way) if way.kind is HelpKind.ROBOT else None
+            if reads is not None:
+                moving[way] = reads
+        parts = dict.fromkeys(part for reads in moving.values() for part in reads)
+        asked = [(Premise("is as it was", part), [self._differs(part)]) for part in parts]
+        met = {premise.part for premise in self.step.asking.sift(asked, self._given)}
+        still = [way for way, reads in moving.items() if not met.intersection(reads)]
+        vain = [
+            (Premise("helps", way), [self._of_some(partial(self._refuses, way, lasts=True))])
+            for way in still
+        ]
+        refused = {premise.part for premise in self.step.asking.sift(vain, self._given)}
+        return [way for way in still if way not in refused]
+
+    def _differs(self, part: Measure) -> Term:
+        """The condition that what a robot has is another after the round, or cannot be told."""
+        d = self.d
+
+        def differs(robot: Term) -> Term:
+            (old, faulty), (new, fails) = (
+                self.said.number(part.term, c, robot) for c in (self.before, self.after)
+            )
+            other = disjunction(d, [d.binary(BinaryOp.NE, old, new), faulty, fails])
+            return conjunction(d, [self._is_of(part, robot), other])
+
+        return self._of_some(differs, of_robots=part.each is not None)
+
     def against(self, language: Language, ways: Sequence[Help]) -> Snapshot | None:
         """The values before a round in which help is refused, in a model."""
         asked = [(Premise("helps", each), [self.refused(each)]) for each in ways]
@@ -373,9 +438,10 @@ class RoundQuestions:
             self._in_vain[help_] = self._of_some(partial(self._refuses, help_))
         return self._in_vain[help_]
 
-    def _refuses(self, help_: Help, robot: Term) -> Term:
+    def _refuses(self, help_: Help, robot: Term, *, lasts: bool = False) -> Term:
+        """The condition that a robot helps in vain. ``lasts``: that it still does is known."""
         d = self.d
-        ways = [self.said.negated(self.said.helps(help_, robot, self.after))]
+        ways = [] if lasts else [self.said.negated(self.said.helps(help_, robot, self.after))]
         if help_.falls is not None:
             ways.append(self._stays(help_.falls, robot))
         elif help_.kind is HelpKind.EXPECTED:
