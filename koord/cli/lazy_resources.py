@@ -12,6 +12,7 @@ import argparse
 import importlib
 import os
 import sys
+from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 from importlib import import_module
 from os.path import join
@@ -56,6 +57,10 @@ def load_msgspec() -> None:
         return
     for name in _OF_FILES:
         sys.modules.setdefault(name, _SeldomNeeded(name))
+    if _SCHEMAS not in sys.modules:
+        schemas = ModuleType(_SCHEMAS)
+        vars(schemas).update((name, _later(schemas, name)) for name in _MADE)
+        sys.modules[_SCHEMAS] = schemas
     passing: dict[str, ModuleType | None] = {"typing_extensions": None}
     if sys.platform == "linux":
         machine = ModuleType("platform")
@@ -71,7 +76,21 @@ def load_msgspec() -> None:
 
 
 #: What msgspec loads for schemas, and for files in its forms.
-_OF_FILES = tuple(f"msgspec.{name}" for name in ("inspect", "json", "msgpack", "toml", "yaml"))
+_OF_FILES = tuple(f"msgspec.{name}" for name in ("inspect", "msgpack", "toml", "yaml"))
+
+#: What makes schemas, and the functions of it that are part of its reader of JSON.
+_SCHEMAS, _MADE = "msgspec._json_schema", ("schema", "schema_components")
+
+
+def _later(module: ModuleType, name: str) -> Callable[..., Any]:
+    """A function of a module that is loaded when the function is called."""
+
+    def call(*arguments: Any, **named: Any) -> Any:
+        if sys.modules.get(module.__name__) is module:
+            del sys.modules[module.__name__]
+        return getattr(import_module(module.__name__), name)(*arguments, **named)
+
+    return call
 
 
 def _as_it_is(text: str) -> str:

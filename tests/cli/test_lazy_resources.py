@@ -57,12 +57,14 @@ def test_msgspec_is_loaded_without_what_is_for_files() -> None:
         "from koord.cli.lazy_resources import load_msgspec\n"
         "load_msgspec()\n"
         "import msgspec\n"
+        "from msgspec.json import decode\n"
         "print(*(name in sys.modules for name in ('textwrap', 'platform', 'typing_extensions')))\n"
         "print(msgspec.json.decode(msgspec.json.encode({'a': 1}))['a'])\n"
         "import msgspec.inspect\n"
         "print(msgspec.inspect.type_info(int).__class__.__name__)\n"
-        "print(msgspec.json.schema(int)['type'])\n"
+        "print(msgspec.json.schema(int)['type'], msgspec.json.schema(str)['type'])\n"
+        "print(len(msgspec.json.schema_components([int, str])))\n"
         "import platform\n"
         "print(platform.python_version() == '.'.join(map(str, sys.version_info[:3])))"
     )
-    assert found == ["False", "False", "False", "1", "IntType", "integer", "True"]
+    assert found == ["False", "False", "False", "1", "IntType", "integer", "string", "2", "True"]
