@@ -261,8 +261,8 @@ _BITS_OF_RUNS = AskEngine(Engine.BITS, opaque=True)
 #: The same about whole runs: the other engines know nothing of them. A proof for every number of
 #: robots is one for this number; what it may cost is known, unlike what a search may. Lemmas for it
 #: are looked for beside a search and circuits: for some tenths of a second they are waited for, as
-#: they say more, and then only where nobody else has an answer soon. What circuits take for what
-#: never comes back to itself has no end in sight.
+#: they say more and with the same patience, and then only where nobody else has an answer soon.
+#: What circuits take for what never comes back to itself has no end in sight.
 LIVENESS: Mapping[Engine | None, tuple[LivenessRow, ...]] = {
     None: (
         AskEngine(Engine.EVERY_N, Task(seconds=0.2), opaque=True),
@@ -282,6 +282,7 @@ LIVENESS: Mapping[Engine | None, tuple[LivenessRow, ...]] = {
                 ),
                 AskEngine(Engine.EVERY_N, Task(Purpose.INFER, seconds=SPARING_S), opaque=True),
             ),
+            patience=_RULE,
         ),
         AskEngine(Engine.BITS, Task(questions=FEW_QUESTIONS), opaque=True),
     ),

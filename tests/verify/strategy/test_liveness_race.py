@@ -15,7 +15,7 @@ from koord.verify.processes import Pool, can_fork
 from koord.verify.reduction.slicing import Slices
 from koord.verify.strategy import liveness
 from koord.verify.strategy.liveness import LivenessVerdicts, settled
-from koord.verify.strategy.table import LIVENESS, AskAtOnce, AskEngine, LivenessRow
+from koord.verify.strategy.table import LIVENESS, AskAtOnce, AskEngine, LivenessRow, Patience
 from koord.verify.verdicts import Bounds, Outcome
 from tests.agreement.test_live_slices import compare
 from tests.loading import program_of, protocol_text
@@ -73,6 +73,16 @@ def test_who_says_more_is_waited_for(jobs: int) -> None:
     (first,) = told(text, jobs, (AskAtOnce((_LEMMAS,), (_SEARCH,)),)).verdicts
     (last,) = told(text, jobs, (AskAtOnce((), (_SEARCH, _LEMMAS)),)).verdicts
     assert (first.engine, last.engine) == (Engine.EVERY_N, Engine.SEARCH)
+
+
+@pytest.mark.parametrize("jobs", but_slow([2], [1, 2]))
+@pytest.mark.parametrize(
+    ("steps", "engine"), [(0, Engine.SEARCH), (1_000_000, Engine.EVERY_N)], ids=["none", "much"]
+)
+def test_who_says_more_is_waited_for_with_patience(jobs: int, steps: int, engine: Engine) -> None:
+    row = AskAtOnce((_LEMMAS,), (_SEARCH,), patience=Patience(times=0.0, steps=steps))
+    (verdict,) = told(protocol_text("gate"), jobs, (row,)).verdicts
+    assert (verdict.outcome, verdict.engine) == (Outcome.HOLDS, engine)
 
 
 @pytest.mark.parametrize("engine", [_SEARCH, _BITS])
