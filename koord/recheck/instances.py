@@ -11,12 +11,13 @@ question for any number of robots. Which are taken decides what can be shown, ne
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import product
 
 from msgspec import Struct, field
 
 from koord.recheck.claims import Entailment, Goal, Obligation
+from koord.recheck.monomials import Monomials
 from koord.recheck.obligations import Discharged, Settling, conjuncts
 from koord.recheck.solving import SolverAnswer
 from koord.recheck.terms import BOOL, INT, Term, quoted
@@ -67,6 +68,7 @@ class _Try:
         self.in_turn = in_turn  #: whether names come in the order in which they were met
         self.shown: list[Term] = []
         self.grounding = Grounding(self.settling.values)
+        self.monomials = Monomials(self.settling.values)
 
     def cases(self) -> list[_Case]:
         """The conjuncts of the goals that have to follow."""
@@ -89,7 +91,16 @@ class _Try:
     def given(self) -> list[Term]:
         """The hypotheses, with the legality of the answers in all goals."""
         legal = [goal.legal for goal in self.attempt.goals]
-        return [*self.settling.values.ranges, *self.attempt.hypotheses, *legal, *self.shown]
+        return [*self._ranges(), *self.attempt.hypotheses, *legal, *self.shown]
+
+    def _ranges(self) -> list[Term]:
+        """What is known of numbers, without sums that this question does not speak of."""
+        values, goals = self.settling.values, self.attempt.goals
+        here = _heads(
+            [*self.attempt.hypotheses, *(g.holds for g in goals), *(g.legal for g in goals)]
+        )
+        others = {one.total.head for one in values.sums} - here
+        return [fact for fact in values.ranges if not _heads([fact]) & others]
 
     def with_names(self, cases: Sequence[_Case], more: int) -> list[_Case]:
         """The cases that do not follow from instances for the names, and some more names."""
@@ -130,20 +141,42 @@ class _Try:
         return not is_first, _size(name), 0
 
     def _open(self, cases: Sequence[_Case]) -> list[_Case]:
-        """The cases that do not follow from the instances for the names."""
-        settling, grounding = self.settling, self.grounding
-        left = []
-        facts = [grounding.said(fact) for fact in self.given]
+        """The cases that do not follow from the instances for the names.
+
+        Where unknowns are multiplied, products are unknowns first: a solver may not end otherwise.
+        """
+        grounding = self.grounding
+        said = [grounding.said(fact) for fact in self.given]
         denials = [grounding.denied(case.holds) for case in cases]
-        with settling.pushed([*facts, *grounding.definitions()]):
-            for case, denied in zip(cases, denials, strict=True):
-                with settling.pushed([denied]):
+        facts = [*said, *grounding.definitions()]
+        linear = self.monomials.linear
+        pairs = list(zip(cases, denials, strict=True))
+        plain = [linear(fact) for fact in facts]
+        if any(x is not y for x, y in zip(plain, facts, strict=True)) or any(
+            linear(denied) is not denied for denied in denials
+        ):
+            pairs = self._left(plain, pairs, linear)
+        return [case for case, _ in self._left(facts, pairs, lambda term: term)]
+
+    def _left(
+        self,
+        facts: Sequence[Term],
+        pairs: Sequence[tuple[_Case, Term]],
+        told: Callable[[Term], Term],
+    ) -> list[tuple[_Case, Term]]:
+        """The cases, each with its denial, that do not follow from facts, as they are told."""
+        settling, left = self.settling, []
+        if not pairs:
+            return []
+        with settling.pushed(facts):
+            for case, denied in pairs:
+                with settling.pushed([told(denied)]):
                     answer = settling.check(self.seconds)
                 if answer is SolverAnswer.UNSAT:
                     self.shown.append(case.holds)
-                    settling.tell([grounding.said(case.holds)])
+                    settling.tell([told(self.grounding.said(case.holds))])
                 else:
-                    left.append(case)
+                    left.append((case, denied))
         return left
 
     def _follows(self, case: _Case) -> bool:
@@ -385,6 +418,19 @@ def _is_around(term: Term) -> bool:
     while term.head == "ite":
         term = term.args[1] if term.args[2].value == 0 else term.args[2]
     return term.head == quoted(FAR)
+
+
+def _heads(terms: Iterable[Term]) -> set[str]:
+    seen: set[int] = set()
+    heads: set[str] = set()
+    pending = list(terms)
+    while pending:
+        node = pending.pop()
+        if id(node) not in seen:
+            seen.add(id(node))
+            heads.add(node.head)
+            pending += node.args
+    return heads
 
 
 def _size(term: Term) -> int:
