@@ -78,6 +78,7 @@ PLAIN = (
     "koord.syntax.problem",
     "koord.syntax.literals",
     "koord.syntax.content",
+    "koord.syntax.lazy_modules",  # and how other packages are loaded
     "koord.syntax.catalogue.Story",
     "koord.syntax.analysis.premises.Premise",
     "koord.syntax.analysis.premises.PremiseKind",

@@ -17,7 +17,10 @@ from contextlib import AbstractContextManager, nullcontext
 from importlib import import_module
 from os.path import join
 from types import ModuleType
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
+
+if TYPE_CHECKING:
+    from koord.syntax.lazy_modules import LazyModule
 
 _NAME, _Z3 = "importlib.resources", "z3"
 
@@ -36,17 +39,6 @@ class _Resources(ModuleType):
         return getattr(_loaded(), name)
 
 
-class _SeldomNeeded(ModuleType):
-    """A module that is loaded when something of it is asked for."""
-
-    def __getattr__(self, name: str) -> Any:
-        if name.startswith("__"):
-            raise AttributeError(name)
-        if sys.modules.get(self.__name__) is self:
-            del sys.modules[self.__name__]
-        return getattr(import_module(self.__name__), name)
-
-
 def load_msgspec() -> None:
     """Load msgspec without what it needs for files, and with little of what it asks for.
 
@@ -55,10 +47,12 @@ def load_msgspec() -> None:
     """
     if "msgspec" in sys.modules:
         return
+    from koord.syntax import lazy_modules
+
     for name in _OF_FILES:
-        sys.modules.setdefault(name, _SeldomNeeded(name))
+        lazy_modules.put_off(name)
     if _SCHEMAS not in sys.modules:
-        schemas = ModuleType(_SCHEMAS)
+        schemas = lazy_modules.LazyModule(_SCHEMAS)
         vars(schemas).update((name, _later(schemas, name)) for name in _MADE)
         sys.modules[_SCHEMAS] = schemas
     passing: dict[str, ModuleType | None] = {"typing_extensions": None}
@@ -82,13 +76,11 @@ _OF_FILES = tuple(f"msgspec.{name}" for name in ("inspect", "msgpack", "toml", "
 _SCHEMAS, _MADE = "msgspec._json_schema", ("schema", "schema_components")
 
 
-def _later(module: ModuleType, name: str) -> Callable[..., Any]:
+def _later(module: LazyModule, name: str) -> Callable[..., Any]:
     """A function of a module that is loaded when the function is called."""
 
     def call(*arguments: Any, **named: Any) -> Any:
-        if sys.modules.get(module.__name__) is module:
-            del sys.modules[module.__name__]
-        return getattr(import_module(module.__name__), name)(*arguments, **named)
+        return getattr(module.loaded(), name)(*arguments, **named)
 
     return call
 

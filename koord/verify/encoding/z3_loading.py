@@ -11,8 +11,9 @@ from __future__ import annotations
 import ctypes
 import sys
 from importlib import import_module
-from types import ModuleType
 from typing import Any, Final
+
+from koord.syntax.lazy_modules import put_off
 
 #: The modules of Z3's interface that nothing else in it needs.
 _SELDOM: Final = ("z3.z3num", "z3.z3poly", "z3.z3rcf", "z3.z3regex", "z3.z3util")
@@ -62,23 +63,12 @@ class _Library:
         return found
 
 
-class _SeldomNeeded(ModuleType):
-    """A module that is loaded when something of it is asked for."""
-
-    def __getattr__(self, name: str) -> Any:
-        if name.startswith("__"):
-            raise AttributeError(name)
-        if sys.modules.get(self.__name__) is self:
-            del sys.modules[self.__name__]
-        return getattr(import_module(self.__name__), name)
-
-
 def _load() -> None:
     """Load Z3, unless somebody else has."""
     if "z3" in sys.modules:
         return
     for name in _SELDOM:
-        sys.modules.setdefault(name, _SeldomNeeded(name))
+        put_off(name)
     loads = ctypes.CDLL
 
     def library(path: str) -> Any:
