@@ -102,12 +102,14 @@ class Lemmas(Struct):
         """
         claims = (self._stated(said, bound) for said, bound in likely)
         met = [claim for claim in claims if claim is not None and self._is_met(claim)]
+        before = len(self.found)
         try:
-            new = [claim for each in met for claim in self._helped([each])]
+            for claim in met:
+                # What was found for one is known of the next.
+                self.found += self._helped([claim])
         except (NotFiniteError, OutOfBudgetError):
-            return False
-        self.found += new
-        return bool(new)
+            pass
+        return len(self.found) > before
 
     def _is_met(self, claim: Claim) -> bool:
         """Return whether a statement holds in all samples."""
