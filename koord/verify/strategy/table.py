@@ -132,7 +132,7 @@ _LEMMAS_SOON = Task(Purpose.INFER, seconds=0.05, evaluations=10_000, candidates=
 
 #: All of that is waited for only as long as it may be seen in the end: `auto` is to take at most so
 #: many times what an engine alone takes, and some tenths of a second.
-_RULE = Patience(times=1.3, steps=5_500)
+_RULE = Patience(times=1.3, steps=6_000)
 
 #: A search that ends soon, be it with all configurations or not.
 _SHORT_SEARCH = Task(states=FEW_STATES, evaluations=200_000)
