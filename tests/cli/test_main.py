@@ -242,7 +242,8 @@ from koord.cli.main import entry
 
 atexit.register(print, "at the end")
 if sys.argv.pop(1) == "beside":
-    threading.Timer(0.2, print, ["beside"]).start()
+    # In one piece, whatever else is being written.
+    threading.Timer(0.2, sys.stdout.write, ["\\nbeside\\n"]).start()
 entry()
 """
 
