@@ -64,9 +64,9 @@ def test_no_question_is_asked_without_a_limit(
     def watch(kind: Any, question: str) -> None:
         plain_set, plain_ask = kind.set, getattr(kind, question)
 
-        def set_(self, *settings):  # type: ignore[no-untyped-def]
-            limits.setdefault(id(self), {})[str(settings[0])] = settings[1]
-            return plain_set(self, *settings)
+        def set_(self, *setting, **settings):  # type: ignore[no-untyped-def]
+            limits.setdefault(id(self), {}).update([setting] if setting else settings)
+            return plain_set(self, *setting, **settings)
 
         def ask(self, *terms):  # type: ignore[no-untyped-def]
             asked.append(dict(limits.get(id(self), {})))
