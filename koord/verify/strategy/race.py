@@ -50,7 +50,7 @@ class RaceTurn(Struct, frozen=True):
     The answers of ``first`` count first, who are asked in turn in one process; then those of
     ``beside``, each from a process of its own. Once others have answers, ``first`` are waited for
     with ``patience`` (None: to the end). It goes on while claims are ``wanted``. What is done
-    ``meanwhile`` is begun where they alone are waited for: there are cores for it.
+    ``meanwhile`` is begun as soon as they alone are waited for: there are cores for it.
     """
 
     first: Sequence[Runner]
@@ -139,8 +139,6 @@ class RaceTurn(Struct, frozen=True):
                 return None
             beside.look()
             said, most = beside.said[number + 1], patience.of(beside.worked(job), _worked(job))
-            if not (first.is_done or self.wanted(said)):
-                self.meanwhile()
             broken = {c: v for c, v in said.verdicts.items() if v.outcome is Outcome.VIOLATED}
 
             def is_late(
@@ -149,6 +147,9 @@ class RaceTurn(Struct, frozen=True):
                 beside.look()
                 if first.is_done or _worked(first) > most or self._is_hopeless(said, beside):
                     return True
+                if not (beside.is_left or self.wanted(beside.said[-1])):
+                    beside.is_left = True
+                    self.meanwhile()
                 # Of what is violated nobody can say more.
                 return not self.wanted(_with_notes(known, first, most, broken))
 
@@ -217,6 +218,7 @@ class _Beside(Struct):
     said: list[Ledger]
     wanted: Callable[[Ledger], bool]
     pool: Pool
+    is_left: bool = False  #: others alone are waited for
 
     def look(self) -> None:
         """See who is done; once they have answers, nobody behind them is asked."""

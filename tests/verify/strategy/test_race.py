@@ -387,6 +387,26 @@ def test_other_work_is_begun_where_one_alone_is_waited_for(
     assert len(calls) == begun
 
 
+def test_other_work_is_begun_as_soon_as_one_alone_is_waited_for(
+    system: System, tmp_path: Path
+) -> None:
+    """Somebody has all answers, while it is open whether they are needed."""
+    gate, calls = tmp_path / "gate", []
+    os.mkfifo(gate)
+
+    def first(ledger: Ledger) -> None:
+        gate.read_bytes()
+
+    def meanwhile() -> None:
+        calls.append(1)
+        gate.write_bytes(b"")
+
+    nothing = working((1_000, ()), engine=Engine.INDUCTION)
+    everything = working((1_000, EVERYTHING), engine=Engine.SEARCH)
+    raced(system, [first], [nothing, everything], patience=TWICE, meanwhile=meanwhile)
+    assert len(calls) == 1
+
+
 def test_of_what_is_violated_nobody_is_waited_for(system: System) -> None:
     def hanging(ledger: Ledger) -> None:
         working((10, ["Alone", "Few", "no fault"]), engine=Engine.EVERY_N)(ledger)
