@@ -20,7 +20,7 @@ from koord.recheck.claims import Entailment, Goal, Obligation
 from koord.recheck.monomials import Monomials
 from koord.recheck.obligations import Discharged, Settling, conjuncts
 from koord.recheck.solving import SolverAnswer
-from koord.recheck.terms import BOOL, INT, Term, quoted
+from koord.recheck.terms import BOOL, INT, Term, quoted, subterms
 from koord.recheck.values import FAR, Values
 
 #: How long all goals of an attempt together may take, with quantifiers.
@@ -354,16 +354,7 @@ class Grounding(Struct):
     def _is_of_denied(self, term: Term) -> bool:
         """Return whether a statement is about a number of which a goal is denied."""
         denied = {witness.head for witness in self._denials.values()}
-        seen: set[int] = set()
-        pending = [term]
-        while pending:
-            node = pending.pop()
-            if id(node) not in seen:
-                seen.add(id(node))
-                if node.head in denied:
-                    return True
-                pending += node.args
-        return False
+        return any(node.head in denied for node in subterms([term]))
 
     def _is_sayable(self, term: Term) -> bool:
         """Return whether a statement is a closed quantifier over integers."""
@@ -390,14 +381,8 @@ def numbers(v: Values, terms: Iterable[Term]) -> Iterator[Term]:
 
     And places in rings that something is compared with: it is there that robots write.
     """
-    seen: set[int] = set()
     given: set[int] = set()
-    pending = list(terms)
-    while pending:
-        node = pending.pop()
-        if id(node) in seen:
-            continue
-        seen.add(id(node))
+    for node in subterms(terms):
         if node.head in v.indexed:
             for a in node.args:
                 if a.sort == INT and not v.t.free(a) and id(a) not in given:
@@ -408,7 +393,6 @@ def numbers(v: Values, terms: Iterable[Term]) -> Iterator[Term]:
                 if _is_around(a) and not v.t.free(a) and id(a) not in given:
                     given.add(id(a))
                     yield a
-        pending += node.args
 
 
 def _is_around(term: Term) -> bool:
@@ -421,16 +405,7 @@ def _is_around(term: Term) -> bool:
 
 
 def _heads(terms: Iterable[Term]) -> set[str]:
-    seen: set[int] = set()
-    heads: set[str] = set()
-    pending = list(terms)
-    while pending:
-        node = pending.pop()
-        if id(node) not in seen:
-            seen.add(id(node))
-            heads.add(node.head)
-            pending += node.args
-    return heads
+    return {node.head for node in subterms(terms)}
 
 
 def _size(term: Term) -> int:

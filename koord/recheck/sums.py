@@ -13,7 +13,7 @@ from msgspec.structs import replace
 from koord.recheck import all_robots
 from koord.recheck.body import RunningBody
 from koord.recheck.sorts import NotRecheckedError, Value
-from koord.recheck.terms import INT, Term, Terms
+from koord.recheck.terms import INT, Term, Terms, subterms
 from koord.recheck.values import Sum, Values
 from koord.syntax import core
 from koord.syntax.core import QuantifierKind
@@ -227,14 +227,7 @@ def _compared(t: Terms, one: Sum, two: Sum) -> Term:
 
 def _polynomials(t: Terms, one: Sum) -> Iterator[tuple[Term, tuple[Fraction, ...]]]:
     """Polynomials of the index in the part, with their sums."""
-    seen: set[int] = set()
-    pending = [one.part]
-    while pending:
-        piece = pending.pop()
-        if id(piece) in seen:
-            continue
-        seen.add(id(piece))
-        pending += piece.args
+    for piece in subterms([one.part]):
         if piece.sort != one.part.sort or piece.value == 0 or not _is_polynomial(piece, one.index):
             continue
         values = [t.put(piece, one.index, t.integer(n)).value for n in range(_MOST_DEGREE + 1)]

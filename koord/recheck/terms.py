@@ -6,7 +6,7 @@ whatever does not depend on an unknown never reaches the solver.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from fractions import Fraction
 
 from msgspec import Struct, field
@@ -32,6 +32,18 @@ class Term(Struct, frozen=True, eq=False):
 def quoted(name: str) -> str:
     """Quote any text as a symbol of SMT-LIB."""
     return "|" + name.replace("|", "!").replace("\\", "!") + "|"
+
+
+def subterms(terms: Iterable[Term]) -> Iterator[Term]:
+    """Yield terms and all below them, each once."""
+    seen: set[int] = set()
+    pending = list(terms)
+    while pending:
+        term = pending.pop()
+        if id(term) not in seen:
+            seen.add(id(term))
+            yield term
+            pending += term.args
 
 
 class Terms(Struct):
