@@ -89,8 +89,7 @@ class Lemmas(Struct):
 
     def together(self, likely: Sequence[tuple[core.Expr, int]]) -> bool:
         """Find that statements hold, with each other only; return whether some do."""
-        claims = (self._stated(said, bound) for said, bound in likely)
-        met = [claim for claim in claims if claim is not None and self._is_met(claim)]
+        met = self._met(likely)
         new = self.proved(met) if met else []
         self.found += new
         return bool(new)
@@ -100,9 +99,7 @@ class Lemmas(Struct):
 
         Each comes with how many variables are bound in it. Samples are asked first.
         """
-        claims = (self._stated(said, bound) for said, bound in likely)
-        met = [claim for claim in claims if claim is not None and self._is_met(claim)]
-        before = len(self.found)
+        met, before = self._met(likely), len(self.found)
         try:
             for claim in met:
                 # What was found for one is known of the next.
@@ -110,6 +107,11 @@ class Lemmas(Struct):
         except (NotFiniteError, OutOfBudgetError):
             pass
         return len(self.found) > before
+
+    def _met(self, likely: Sequence[tuple[core.Expr, int]]) -> list[Claim]:
+        """The statements that hold in all samples, as claims."""
+        claims = (self._stated(said, bound) for said, bound in likely)
+        return [claim for claim in claims if claim is not None and self._is_met(claim)]
 
     def _is_met(self, claim: Claim) -> bool:
         """Return whether a statement holds in all samples."""
