@@ -125,30 +125,71 @@ class Asking:
         ``given`` holds besides. Where the solver gives up, all claims that are left are met; that
         is when it has done ``at_most`` units of work, or four times the usual.
         """
-        if not goals:
-            return set()
-        d, book, means = self.world.d, self.world.book, self.means
-        pending = {claim: conjunction(d, goal) for claim, goal in goals}
-        book.ask([*given, *pending.values()])
-        self.look_ahead(1)
-        book.settle(self._limit)
         met: set[G] = set()
+        pending = self._pending(goals, given)
         while pending:
-            self._tell()
-            question = [*given, disjunction(d, list(pending.values()))]
-            answer = self.solver.check(
-                question, means.deadline, means.effort, at_most=at_most or 4 * self._most
-            )
-            if answer is SolverAnswer.UNSAT:
+            hit = self._hit(pending, given, at_most or 4 * self._most)
+            if hit is None:
+                return met | set(pending)
+            if not hit:
                 return met
-            hit = set(pending)
-            if answer is SolverAnswer.SAT:
-                model = self.solver.model()
-                hit = {claim for claim, goal in pending.items() if model.truth(goal)}
             met |= hit
-            for claim in hit:
-                del pending[claim]
+            pending = {claim: goal for claim, goal in pending.items() if claim not in hit}
         return met
+
+    def sift_halves(self, goals: Sequence[tuple[G, list[Term]]], given: Sequence[Term]) -> set[G]:
+        """As ``sift``, but where the solver gives up it is asked of each half by itself.
+
+        So that one goal is hard to meet says nothing of the others.
+        """
+        met: set[G] = set()
+        parts = [self._pending(goals, given)]
+        while parts:
+            pending = parts.pop()
+            if not pending:
+                continue
+            is_one = len(pending) == 1
+            hit = self._hit(pending, given, 4 * self._most if is_one else self._most)
+            if hit is None and not is_one:
+                claims = list(pending)
+                half = len(claims) // 2
+                parts += [
+                    {c: pending[c] for c in claims[half:]},
+                    {c: pending[c] for c in claims[:half]},
+                ]
+            elif hit is None:
+                met |= set(pending)
+            elif hit:
+                met |= hit
+                parts.append({c: goal for c, goal in pending.items() if c not in hit})
+        return met
+
+    def _pending(
+        self, goals: Sequence[tuple[G, list[Term]]], given: Sequence[Term]
+    ) -> dict[G, Term]:
+        """The goals as terms, with facts about their names."""
+        if not goals:
+            return {}
+        pending = {claim: conjunction(self.world.d, goal) for claim, goal in goals}
+        self.world.book.ask([*given, *pending.values()])
+        self.look_ahead(1)
+        self.world.book.settle(self._limit)
+        return pending
+
+    def _hit(self, pending: dict[G, Term], given: Sequence[Term], at_most: int) -> set[G] | None:
+        """The goals that a model meets, none if none can be; None if the solver gives up."""
+        self._tell()
+        question = [*given, disjunction(self.world.d, list(pending.values()))]
+        answer = self.solver.check(
+            question, self.means.deadline, self.means.effort, at_most=at_most
+        )
+        if answer is SolverAnswer.UNKNOWN:
+            return None
+        if answer is SolverAnswer.UNSAT:
+            return set()
+        model = self.solver.model()
+        # A model that leaves open what was asked says nothing of which goal it meets.
+        return {claim for claim, goal in pending.items() if model.truth(goal)} or set(pending)
 
     def counterexample(
         self,
