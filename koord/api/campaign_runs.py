@@ -21,11 +21,12 @@ from typing import BinaryIO, TypeAlias, get_type_hints
 
 import msgspec
 from msgspec import Struct
-from msgspec.structs import astuple
+from msgspec.structs import astuple, replace
 
 from koord.api.dask_cluster import connected, engine, unwanted
 from koord.api.files import read_written, write_atomically
-from koord.api.fitting import FitRequest, fit
+from koord.api.fitting import FitRequest
+from koord.api.reseeding import Reseeding
 from koord.api.sim_setup import check_begun, limit_s, simulation
 from koord.sim.running import Simulation, run
 from koord.syntax.diagnostics import Diagnostic, KoordError, refusal
@@ -276,10 +277,27 @@ def _tried(order: Order, is_enough: Callable[[], bool] = lambda: False) -> Row |
         return error.diagnostics
 
 
+#: What the last runs of each thread had in common. Runs of a campaign have one request for each
+#: swept value, and come in turn.
+_KNOWN = threading.local()
+
+
+def _reseeding(request: FitRequest) -> Reseeding:
+    """What runs of a request have in common with others of its kind. Raises KoordError."""
+    common = replace(request, seed=None)
+    known: tuple[FitRequest, Reseeding] | None = getattr(_KNOWN, "last", None)
+    if known is None or known[0] != common:
+        known = _KNOWN.last = (common, Reseeding(request))
+    return known[1]
+
+
 def row_of(order: Order, is_enough: Callable[[], bool] = lambda: False) -> Row | None:
     """Make a run; None if it was cancelled before its end. Raises KoordError."""
-    fitted = fit(order.request)
-    made = simulation(fitted, Simulation, keep_going=True, check_summaries=order.check_summaries)
+    assert order.request.seed is not None
+    fitted, built = _reseeding(order.request).run(order.request.seed)
+    made = simulation(
+        fitted, Simulation, keep_going=True, check_summaries=order.check_summaries, built=built
+    )
     began = time.perf_counter()
     made.begin()
     check_begun(fitted, made)

@@ -31,7 +31,7 @@ from koord.api.robots import Seconds, delta_of, fleet_of, system_of
 from koord.runtime.configuration.checking import load as load_configuration
 from koord.runtime.configuration.model import RunConfiguration, Scatter, params
 from koord.runtime.motion.libraries import SIM
-from koord.runtime.motion.world import World
+from koord.runtime.motion.world import Point, World
 from koord.runtime.ports import SENSED
 from koord.syntax import core
 from koord.syntax.collector import uncollected
@@ -168,8 +168,13 @@ def fit(request: FitRequest) -> Fitted:
         raise KoordError(tuple(dict.fromkeys((*found, *error.diagnostics)))) from None
 
 
-def _fitted(request: FitRequest, found: list[Diagnostic]) -> Fitted:
-    """As :func:`fit`; findings are added to a list, and other errors raised."""
+def configured(
+    request: FitRequest, found: list[Diagnostic]
+) -> tuple[core.Program, RunConfiguration, dict[str, ParamValue]]:
+    """The program, with the configuration that its scene is made of, and the values of its params.
+
+    Nothing of it hangs on the seed. Findings are added to a list, other errors raised.
+    """
     given = request.configuration
     chosen = dict(request.params)
     places: dict[str, Span] = {}
@@ -179,10 +184,16 @@ def _fitted(request: FitRequest, found: list[Diagnostic]) -> Fitted:
         of = given.document.name_place
         places = {k: of(("params", k)) for k in own if k not in chosen}
         chosen = {**own, **chosen}
-    program = _elaborated(request, Settings(chosen, places=places)).core
+    program = elaborated(request, Settings(chosen, places=places)).core
     configuration = given or _default(program, request.robots)
     configuration = _with_tasks(configuration, program, sized="tasks" in chosen)
-    configuration = _with_delta(configuration, program, request.delta_s)
+    return program, _with_delta(configuration, program, request.delta_s), chosen
+
+
+def _fitted(request: FitRequest, found: list[Diagnostic]) -> Fitted:
+    """As :func:`fit`; findings are added to a list, and other errors raised."""
+    given = request.configuration
+    program, configuration, chosen = configured(request, found)
     described = [robot.kind for robot in configuration.robots]
     found += _kinds(program, described, configuration.name)[1]
     made = _scene(configuration, program, request)
@@ -196,13 +207,13 @@ def _fitted(request: FitRequest, found: list[Diagnostic]) -> Fitted:
     tasks = configuration.world.tasks if configuration.world is not None else ()
     chosen |= _sizes(request, program, chosen, len(tasks))
     where = tuple((Fraction(x), Fraction(y), Fraction(z)) for x, y, z in tasks)
-    whole = _elaborated(request, Settings(chosen, where or None))
+    whole = elaborated(request, Settings(chosen, where or None))
     if any(one.severity is Severity.ERROR for one in found):
         raise KoordError(())
     return Fitted(whole, configuration, kinds, made, tuple(found))
 
 
-def _elaborated(request: FitRequest, chosen: Settings) -> Program:
+def elaborated(request: FitRequest, chosen: Settings) -> Program:
     """Elaborate the program with these values. Raises KoordError."""
     report = checked(request.source, chosen, request.properties)
     if report.program is None:
@@ -237,11 +248,17 @@ def _scene(
     """Robots and tasks in their world; None where the libraries are not installed."""
     if not can_be_placed():
         return None
-    from koord.sim.bounds import moves, places_of
     from koord.sim.scene import scene
 
-    landmarks = tuple(places_of(program)) if moves(program) else None
+    landmarks = landmarks_of(program)
     return scene(configuration, request.seed, request.robots, landmarks, located=request.located)
+
+
+def landmarks_of(program: core.Program) -> tuple[Point, ...] | None:
+    """The places that a program names; None if it moves nobody."""
+    from koord.sim.bounds import moves, places_of
+
+    return tuple(places_of(program)) if moves(program) else None
 
 
 def _default(program: core.Program, robots: int | None) -> RunConfiguration:

@@ -6,6 +6,8 @@ from collections.abc import Callable
 from fractions import Fraction
 from typing import TYPE_CHECKING, TypeVar
 
+from msgspec import Struct
+
 import koord.api.sim_libraries  # noqa: F401
 from koord.api.fitting import NO_FILE, Fitted, is_placed, slack_of
 from koord.runtime.compile import compiled
@@ -24,7 +26,7 @@ from koord.syntax.source import whole_file
 from koord.syntax.walk import nodes
 
 if TYPE_CHECKING:
-    from koord.runtime.robot import Host
+    from koord.runtime.robot import Host, Robot
 
 Run = TypeVar("Run", bound=Simulation)
 
@@ -35,11 +37,24 @@ _LONG_S, _ENDLESS_S = 600.0, 120.0
 _MOST_TOLD = 10
 
 
-def cast(fitted: Fitted) -> Cast:
-    """The program, compiled."""
+def cast(fitted: Fitted, classes: tuple[type[Robot], ...] | None = None) -> Cast:
+    """The program, compiled: to these classes, if it is known already."""
     program, source = fitted.program.core, fitted.program.source
     differing = fitted.problem.differing
-    return Cast(source.name, source.text, loaded(compiled(program)), fitted.kinds, differing)
+    classes = loaded(compiled(program)) if classes is None else classes
+    return Cast(source.name, source.text, classes, fitted.kinds, differing)
+
+
+class Built(Struct, frozen=True):
+    """A program and its claims, compiled."""
+
+    cast: Cast
+    claims: Watched
+
+
+def build(fitted: Fitted) -> Built:
+    """Compile a program and its claims, as :func:`simulation` needs them."""
+    return Built(cast(fitted), watched(fitted.program.core, slack_of(fitted)))
 
 
 def fallback(fitted: Fitted) -> Callable[[Host], Host] | None:
@@ -64,13 +79,14 @@ def simulation(
     keep_going: bool = False,
     check_summaries: bool = False,
     tracing: Callable[[Host, Host], Host] | None = None,
+    built: Built | None = None,
 ) -> Run:
     """Make the simulation of a program in its scene, with monitors; of summaries if requested.
 
     ``kind`` is a Simulation, or one that other processes make; ``tracing`` makes of the host of the
-    program, and of the world's, the one that is to be heard instead. Raises KoordError.
+    program, and of the world's, the one that is to be heard instead. ``built`` is what
+    :func:`build` makes, if it is known already. Raises KoordError.
     """
-    program = fitted.program.core
     checked: list[Checked] = []
 
     def heard(world: Host) -> Host:
@@ -80,9 +96,10 @@ def simulation(
             host = checked[0]
         return host if tracing is None else tracing(host, world)
 
-    supplied = fallback(fitted)
-    made = kind(cast(fitted), fitted.scene, keep_going=keep_going, heard=heard, supplied=supplied)
-    claims = watch(made, program, slack_of(fitted))
+    built = build(fitted) if built is None else built
+    supplied, claims = fallback(fitted), built.claims
+    made = kind(built.cast, fitted.scene, keep_going=keep_going, heard=heard, supplied=supplied)
+    made.claims.append(Watching(claims, made))
     for one in checked:
         one.hold(claims, made)
         made.claims.append(one)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import lru_cache
 from itertools import chain, compress, product
 from operator import is_not
 from typing import Any
@@ -52,9 +53,16 @@ class KnownAnswers(Forwarding):
 
 def watch_type(watched: Watched, host: AnsweringHost) -> type[Watch]:
     """The class that judges claims, whose questions a host answers from now on."""
-    (made,) = loaded(watched.text)
-    assert issubclass(made, Watch)
+    made = _watch_class(watched.text)
     host.also_answer(made)
+    return made
+
+
+@lru_cache(maxsize=8)
+def _watch_class(text: str) -> type[Watch]:
+    """The class of a text; runs that follow each other have the same one."""
+    (made,) = loaded(text)
+    assert issubclass(made, Watch)
     return made
 
 

@@ -77,7 +77,7 @@ DEPLOYED = (
     ),
     Mutant(
         "no model may fault",
-        "runtime.compile.program._ProgramModule.may_fault",
+        "runtime.compile.program.ProgramModule.may_fault",
         'len(re.findall(r\'"[^"\\n]*\\d+:\\d+"\', "\\n".join(text))) > sure',
         'len(re.findall(r\'"[^"\\n]*\\d+:\\d+"\', "\\n".join(text))) < 0',
         (JUDGED,),

@@ -7,6 +7,7 @@ from tests.mutants.mutant import Mutant
 STANDING = "tests/cli/test_standing.py"
 CONFIG = "tests/cli/test_config.py"
 CAMPAIGNS = "tests/cli/test_campaigns.py"
+RESEEDED = "tests/api/test_reseeding.py"
 PARTS = "tests/traces/test_unfinished.py"
 RECORDS = "tests/runtime/test_records_parts.py"
 
@@ -45,6 +46,27 @@ SIMULATED = (
         "campaign != self._campaign",
         "campaign is None",
         (CAMPAIGNS,),
+    ),
+    Mutant(
+        "runs of a campaign begin with the tasks of the first",
+        "api.reseeding.Reseeding.run",
+        "self._compiler.classes(fitted.program.core)",
+        "self._compiler.classes(self._first.program.core)",
+        (RESEEDED,),
+    ),
+    Mutant(
+        "runs of a campaign are told of as the first",
+        "api.reseeding.Reseeding._fitted",
+        "replace(first, program=program, configuration=configuration, placed=placed)",
+        "replace(first, configuration=configuration, placed=placed)",
+        (RESEEDED,),
+    ),
+    Mutant(
+        "a list that starts with tasks keeps the length that is assumed",
+        "syntax.elaboration.starts.with_tasks",
+        "replace(declaration, initial=found, length=None)",
+        "replace(declaration, initial=found)",
+        (RESEEDED,),
     ),
     Mutant(
         "a round that was torn is read",

@@ -180,7 +180,7 @@ class Module:
     def shared_methods(self) -> Lines:
         lines: Lines = []
         if any(e.initial is not Start.UNSET for e in self.program.allwrite):
-            lines += ["", *self.declare()]
+            lines += ["", *self.declare(self.program.allwrite)]
         for function in self.program.functions:
             if function.name in self.knowledge.used & self.knowledge.methods:
                 lines += ["", *self.function(function, in_method=True)]
@@ -188,11 +188,11 @@ class Module:
             lines += ["", *self.external(external)]
         return lines
 
-    def declare(self) -> Lines:
+    def declare(self, allwrite: Iterable[core.Declaration]) -> Lines:
         """Set the allwrite variables to their initial values. [INIT]"""
         scope = self.scope(None, sure=set())
         body: Lines = []
-        for entry in self.program.allwrite:
+        for entry in allwrite:
             if entry.initial is Start.UNSET:
                 continue
             name = self.names.attribute(entry.variable, None)

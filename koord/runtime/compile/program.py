@@ -26,10 +26,10 @@ def compiled(program: core.Program) -> str:
 
     Raises NotCompilableError for programs that the verifier has abstracted.
     """
-    return formatted(_ProgramModule(program).lines())
+    return formatted(ProgramModule(program).lines())
 
 
-class _ProgramModule(Module):
+class ProgramModule(Module):
     """The module of a program: a class for each kind of robot."""
 
     def lines(self) -> Lines:

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
+from functools import lru_cache
 
 import numpy as np
 from msgspec import Struct, field
@@ -23,7 +24,7 @@ from koord.runtime.motion import shapes
 from koord.runtime.motion.arrays import Floats
 from koord.runtime.motion.clearance import Clearance, Path
 from koord.runtime.motion.planning import Planner, Pose
-from koord.runtime.motion.world import Grid, Point, World
+from koord.runtime.motion.world import Grid, Obstacle, Point, World
 
 #: A beam that ends on the edge of an obstacle is taken to end so far inside of it.
 _INTO_M = 1e-3
@@ -83,9 +84,14 @@ def obstacle_points(grid: Grid, known: Mapping[int, bool], height_m: float) -> t
 
 def occupied(world: World) -> frozenset[int]:
     """The cells that contain an obstacle: the contents of a complete map."""
-    grid = world.grid
+    return _occupied(world.grid, world.obstacles)
+
+
+@lru_cache(maxsize=8)
+def _occupied(grid: Grid, obstacles: tuple[Obstacle, ...]) -> frozenset[int]:
+    """The cells of a grid that contain an obstacle; runs that follow each other have the same."""
     found = set()
-    footprints = [shapes.footprint(obstacle) for obstacle in world.obstacles]
+    footprints = [shapes.footprint(obstacle) for obstacle in obstacles]
     for cell in range(grid.cells):
         x, y = grid.centre(cell)
         if any(shapes.overlaps(where, (x, y), grid.cell_m) for where in footprints):

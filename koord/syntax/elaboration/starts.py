@@ -215,6 +215,27 @@ def tasks(variable: core.Variable, settings: Settings) -> core.Expr | None:
     return core.MakeList(found, variable.type) if len(found) == len(made) else None
 
 
+def with_tasks(program: core.Program, places: core.Places) -> core.Program:
+    """A program that was elaborated without places of tasks, with the world's tasks.
+
+    It is what elaborating its text with them gives, if as many as its arrays have elements.
+    """
+    settings = Settings(tasks=places)
+    started = []
+    for declaration in program.allwrite:
+        found = None
+        if isinstance(declaration.initial, core.Start):
+            found = tasks(declaration.variable, settings)
+        if found is not None:
+            declaration = replace(declaration, initial=found, length=None)
+        started.append((declaration, found is not None))
+    return replace(
+        program,
+        allwrite=tuple(declaration for declaration, _ in started),
+        tasks=places if any(is_started for _, is_started in started) else None,
+    )
+
+
 def _task(
     task: RecordType, number: int, place: tuple[Fraction, Fraction, Fraction]
 ) -> core.Expr | None:
