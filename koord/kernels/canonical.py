@@ -12,9 +12,10 @@ from __future__ import annotations
 from random import Random
 from typing import Any
 
-from koord.kernels.assembling import BYTES, I64, Cells, Code, Ir, word, words_of
+from koord.kernels.assembling import Cells
 from koord.kernels.layout import PackedCell
 from koord.kernels.terms import NoKernelError
+from koord.machine.code import BYTES, I64, Code, Ir, word, words_of
 from koord.syntax.analysis.symmetry import Names
 
 #: So many times looks are told apart by the looks of robots that they name.

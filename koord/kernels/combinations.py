@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from koord.kernels.assembling import BYTES, I64, Code, Ir, constant, word
 from koord.kernels.context import LEFT_TOO_MANY, Context
 from koord.kernels.module import RoundModule, either
 from koord.kernels.moves import MoveWriter, most_moves
 from koord.kernels.races import commit, masks_of, move_of
 from koord.kernels.terms import NoKernelError
+from koord.machine.code import BYTES, I64, Code, Ir, constant, word
 
 #: Robots have so many different moves in one state at most.
 _MOST_MOVES = 20_000

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from msgspec import Struct
 
-from koord.kernels.assembling import BYTES, I64, WORD_BYTES, Code, Ir, word
+from koord.machine.code import BYTES, I64, WORD_BYTES, Code, Ir, word
 from koord.syntax import core
 
 #: The words of a context, by position. ``STATES`` and the like are addresses of tables, ``…_MOST``

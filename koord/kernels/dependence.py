@@ -7,8 +7,9 @@ value is: whoever makes these choices alike, and any others as he likes, gets th
 
 from __future__ import annotations
 
-from koord.kernels.assembling import I1, Evaluation, Ir, word
+from koord.kernels.assembling import Evaluation
 from koord.kernels.terms import Scalar, Term
+from koord.machine.code import I1, Ir, word
 from koord.syntax.core import BinaryOp
 
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from koord.kernels.assembling import BYTES, I8, I32, I64, Code, Ir, constant, word
 from koord.kernels.context import (
     BEFORE,
     CURRENT,
@@ -22,6 +21,7 @@ from koord.kernels.context import (
     Context,
 )
 from koord.kernels.module import RoundModule
+from koord.machine.code import BYTES, I8, I32, I64, Code, Ir, constant, word
 
 #: So many states wait at most.
 MOST_WAITING = 128

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from koord.kernels.assembling import BYTES, I1, I64, Code, Ir, constant, word
 from koord.kernels.context import LEFT_TOO_LARGE, Context
 from koord.kernels.module import RoundModule, is_too_large, outcome
 from koord.kernels.terms import NoKernelError, Scalar, Term
 from koord.kernels.turn_code import FAULTS, POSSIBLE
 from koord.kernels.turns import TurnTerms
+from koord.machine.code import BYTES, I1, I64, Code, Ir, constant, word
 
 #: All robots' environments together have so many ways to take their turns at most.
 _MOST_WAYS = 1 << 22

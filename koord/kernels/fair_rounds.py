@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from itertools import chain
 
-from koord.kernels.assembling import BYTES, I1, I8, I32, I64, Code, Ir, constant, word
 from koord.kernels.canonical import canonical_code
 from koord.kernels.combinations import expand_one_code
 from koord.kernels.context import (
@@ -51,6 +50,7 @@ from koord.kernels.tables import STATE_TABLE, hash_code, insert_code, lookup_cod
 from koord.kernels.terms import Scalar
 from koord.kernels.turn_code import statement_code
 from koord.kernels.turns import TurnMaker
+from koord.machine.code import BYTES, I1, I8, I32, I64, Code, Ir, constant, word
 from koord.semantics.configurations import NO_EVENT
 from koord.syntax import core
 

@@ -11,9 +11,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from koord.kernels.assembling import BYTES, I8, I32, I64, Code, Ir, constant, word
 from koord.kernels.context import STATE_COUNT, Context
 from koord.kernels.fair_context import EDGE_LABELS, EDGE_TARGETS, FIRSTS, NODE_LABELS
+from koord.machine.code import BYTES, I8, I32, I64, Code, Ir, constant, word
 
 #: Set in the label of a component that has an edge inside.
 INNER = 1 << 61

@@ -7,12 +7,13 @@ from typing import Any
 
 from msgspec import Struct
 
-from koord.kernels.assembling import Cells, Code, Ir, word
+from koord.kernels.assembling import Cells
 from koord.kernels.context import Goals
 from koord.kernels.layout import Layout
 from koord.kernels.terms import Scalar
 from koord.kernels.turn_code import FAULTS, POSSIBLE, TOO_LARGE, Course
 from koord.kernels.turns import TurnTerms
+from koord.machine.code import Code, Ir, word
 
 
 class RoundModule(Struct, frozen=True):

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from koord.kernels.assembling import I64, Code, Ir, word
 from koord.kernels.context import LEFT_TOO_LARGE, Context
 from koord.kernels.module import RoundModule, either, is_too_large, outcome
 from koord.kernels.turn_code import FAULTS, FLAGS
+from koord.machine.code import I64, Code, Ir, word
 from koord.semantics.configurations import NO_EVENT
 from koord.syntax.system import Status
 

@@ -4,9 +4,9 @@
 
 from __future__ import annotations
 
-from koord.kernels.assembling import BYTES, I1, I64, Code, Ir, word
 from koord.kernels.context import Context
 from koord.kernels.module import RoundModule, either
+from koord.machine.code import BYTES, I1, I64, Code, Ir, word
 
 
 def races_code(of: RoundModule, middle: Ir) -> Ir:

@@ -11,18 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from koord.kernels.assembling import (
-    BYTES,
-    I1,
-    I64,
-    Cells,
-    Code,
-    Ir,
-    Loaded,
-    constant,
-    new_module,
-    word,
-)
+from koord.kernels.assembling import Cells
 from koord.kernels.canonical import canonical_code
 from koord.kernels.combinations import expand_one_code
 from koord.kernels.context import (
@@ -54,6 +43,18 @@ from koord.kernels.tables import (
 from koord.kernels.terms import NoKernelError
 from koord.kernels.turn_code import course, environment_code, event_code, statement_code
 from koord.kernels.turns import TurnMaker
+from koord.machine.code import (
+    BYTES,
+    I1,
+    I64,
+    Code,
+    Ir,
+    Loaded,
+    TooMuchCodeError,
+    constant,
+    new_module,
+    word,
+)
 from koord.syntax.analysis.footprint import rewritten
 from koord.syntax.system import Status
 
@@ -70,7 +71,10 @@ class Rounds:
         maker = TurnMaker(layout, bits)
         self.of = round_module(self.cells, goals, maker)
         self._write(maker)
-        self._loaded = Loaded(self.of.module)
+        try:
+            self._loaded = Loaded(self.of.module)
+        except TooMuchCodeError as error:
+            raise NoKernelError(str(error)) from None
         self.expand = self._loaded.function("expand", 3)
         self.enter = self._loaded.function("enter", 2)
         self.lookup = self._loaded.function("lookup", 2)

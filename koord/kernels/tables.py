@@ -12,8 +12,9 @@ from typing import Any
 from msgspec import Struct
 
 from koord.kernels import context as fields
-from koord.kernels.assembling import BYTES, I32, I64, Cells, Code, Ir, constant, word
+from koord.kernels.assembling import Cells
 from koord.kernels.context import Context
+from koord.machine.code import BYTES, I32, I64, Code, Ir, constant, word
 
 _FIRST, _SECOND = -7046029254386353131, -4417276706812531889
 

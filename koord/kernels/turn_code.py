@@ -12,10 +12,11 @@ from typing import Any
 
 from msgspec import Struct
 
-from koord.kernels.assembling import BYTES, I1, I64, Cells, Code, Evaluation, Ir, word
+from koord.kernels.assembling import Cells, Evaluation
 from koord.kernels.dependence import Dependence
 from koord.kernels.terms import Scalar
 from koord.kernels.turns import TurnTerms
+from koord.machine.code import BYTES, I1, I64, Code, Ir, word
 
 #: The turn is possible: the event may be selected and the answers are legal.
 POSSIBLE = 1

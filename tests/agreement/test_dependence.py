@@ -20,12 +20,13 @@ pytest.importorskip("llvmlite")
 
 from llvmlite import ir
 
-from koord.kernels.assembling import BYTES, I1, I64, Cells, Code, Evaluation, Loaded, word
+from koord.kernels.assembling import Cells, Evaluation
 from koord.kernels.dependence import Dependence
 from koord.kernels.layout import Layout
 from koord.kernels.terms import Scalar, TermDomain
 from koord.kernels.turn_code import FLAGS, choices_of, to_next
 from koord.kernels.turns import TurnTerms
+from koord.machine.code import BYTES, I1, I64, Code, Loaded, word
 
 #: The letters b, c and q of expressions are what is chosen, from so many options.
 COUNTS = (3, 4, 2)

@@ -34,7 +34,6 @@ from tests.environments import ROOT
 pytest.importorskip("llvmlite")
 
 from koord.kernels import fair_exploration
-from koord.kernels.assembling import Loaded, new_module
 from koord.kernels.context import STATE_COUNT
 from koord.kernels.exploration import Block
 from koord.kernels.fair_context import (
@@ -47,6 +46,7 @@ from koord.kernels.fair_context import (
 from koord.kernels.fair_exploration import FairExploration, Parts
 from koord.kernels.fair_labels import LabelBits
 from koord.kernels.fair_sets import INNER, FairSetCode, fair_set_code
+from koord.machine.code import Loaded, new_module
 from tests.agreement.test_kernels import is_packable
 
 

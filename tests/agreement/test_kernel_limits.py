@@ -23,9 +23,10 @@ from tests.agreement.test_search import EVERYTHING
 
 pytest.importorskip("llvmlite")
 
-from koord.kernels import assembling, combinations, exploration, rounds, terms, turn_code
+from koord.kernels import combinations, exploration, rounds, terms, turn_code
 from koord.kernels.exploration import Exploration
 from koord.kernels.layout import Layout
+from koord.machine import code
 from koord.verify.engines.explicit.second_look import DisagreementError, SecondLook
 
 COUNTING = (
@@ -81,7 +82,7 @@ def test_what_does_not_fit_is_no_result_though_nobody_looks_again(
     ("module", "name", "why"),
     [
         (terms, "_MOST_TERMS", "terms"),
-        (assembling, "_MOST_TEXT", "too much to compile"),
+        (code, "_MOST_TEXT", "too much to compile"),
         (combinations, "_MOST_SUCCESSORS", "successors"),
         (combinations, "_MOST_MOVES", "moves"),
         (rounds, "_MOST_ROBOTS", "robots"),

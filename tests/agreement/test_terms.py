@@ -23,9 +23,10 @@ pytest.importorskip("llvmlite")
 
 from llvmlite import ir
 
-from koord.kernels.assembling import BYTES, I1, I64, Cells, Code, Evaluation, Loaded
+from koord.kernels.assembling import Cells, Evaluation
 from koord.kernels.layout import Layout
 from koord.kernels.terms import Scalar, Term, TermDomain
+from koord.machine.code import BYTES, I1, I64, Code, Loaded
 
 #: An operator with what it is applied to; a constant; or a letter of a cell.
 Recipe = Any

@@ -1,0 +1,1 @@
+"""Machine code by LLVM, and how it is loaded."""
