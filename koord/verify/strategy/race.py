@@ -50,7 +50,7 @@ class RaceTurn(Struct, frozen=True):
     The answers of ``first`` count first, who are asked in turn in one process; then those of
     ``beside``, each from a process of its own. Once others have answers, ``first`` are waited for
     with ``patience`` (None: to the end). It goes on while claims are ``wanted``. What is done
-    ``meanwhile`` is begun as soon as they alone are waited for: there are cores for it.
+    ``meanwhile`` is begun as soon as they alone are waited for, or are done: a core is free for it.
     """
 
     first: Sequence[Runner]
@@ -128,6 +128,7 @@ class RaceTurn(Struct, frozen=True):
 
             def is_told(job: Job[Extract] = job, said: Ledger = said) -> bool:
                 beside.look()
+                self._use_core(first, beside)
                 return job.is_done or (
                     first.is_done
                     and _worked(first) <= patience.of(beside.worked(job), _worked(job))
@@ -147,9 +148,7 @@ class RaceTurn(Struct, frozen=True):
                 beside.look()
                 if first.is_done or _worked(first) > most or self._is_hopeless(said, beside):
                     return True
-                if not (beside.is_left or self.wanted(beside.said[-1])):
-                    beside.is_left = True
-                    self.meanwhile()
+                self._use_core(first, beside)
                 # Of what is violated nobody can say more.
                 return not self.wanted(_with_notes(known, first, most, broken))
 
@@ -157,6 +156,12 @@ class RaceTurn(Struct, frozen=True):
             if not self.wanted(_with_notes(said, first, most)):
                 return most
         return None
+
+    def _use_core(self, first: Job[Extract], beside: _Beside) -> None:
+        """Begin other work once ``first`` alone are waited for, or no longer."""
+        if not beside.leaves_core and (first.is_done or not self.wanted(beside.said[-1])):
+            beside.leaves_core = True
+            self.meanwhile()
 
     def _is_hopeless(self, said: Ledger, beside: _Beside) -> bool:
         """Return whether something is wanted that is open, and violated, as others found by now.
@@ -218,7 +223,7 @@ class _Beside(Struct):
     said: list[Ledger]
     wanted: Callable[[Ledger], bool]
     pool: Pool
-    is_left: bool = False  #: others alone are waited for
+    leaves_core: bool = False  #: for other work, which was begun
 
     def look(self) -> None:
         """See who is done; once they have answers, nobody behind them is asked."""
