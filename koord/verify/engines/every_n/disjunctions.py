@@ -6,7 +6,8 @@ the union of its literals' bits is full.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from bisect import bisect_left
+from collections.abc import Callable, Iterable, Sequence
 from itertools import combinations
 from typing import TypeAlias
 
@@ -51,6 +52,10 @@ Disjunction = tuple[int, ...]
 
 #: What is said of the robots of a row, and not that there is one.
 Said: TypeAlias = Literal | ConditionLiteral | Between
+
+#: A disjunction to be grown, the samples that are left in which it does not hold, and which of the
+#: literals is the next that may be added.
+_Begun: TypeAlias = tuple[Disjunction, int, int]
 
 #: So many disjunctions, with each order of their literals, are looked at in a step of work.
 _PER_STEP = 6_000
@@ -126,8 +131,34 @@ class Samples(Struct):
     ) -> list[Disjunction]:
         """The smallest disjunctions of some literals that hold in some samples."""
         budget.spend(1 + len(open_) ** most // _PER_STEP)
-        found = set(self._grown((), without, open_, most))
-        return [x for x in found if not any(x[:k] + x[k + 1 :] in found for k in range(len(x)))]
+        lacks = {n: without & ~self.bits[n] for n in open_}
+        found: dict[Disjunction, None] = {(n,): None for n in open_ if not lacks[n]}
+        # What says nothing of these samples, or all by itself, is no part of what is smaller.
+        useful = [n for n in open_ if lacks[n] and lacks[n] != without]
+        begun: list[_Begun] = [((n,), lacks[n], k) for k, n in enumerate(useful, 1)]
+        holding: dict[int, list[int]] = {}
+        for size in range(2, most + 1):
+            is_last, longer, new = size == most, list[_Begun](), list[Disjunction]()
+            for x, lacking, following in begun:
+                after: Iterable[int] = range(following, len(useful))
+                if is_last:
+                    # What is missing holds in one of the samples that are left, as in all others.
+                    one = lacking & -lacking
+                    if one not in holding:
+                        holding[one] = [k for k, n in enumerate(useful) if not lacks[n] & one]
+                    after = holding[one][bisect_left(holding[one], following) :]
+                for k in after:
+                    n = useful[k]
+                    left = lacking & lacks[n]
+                    if not left:
+                        grown = (*x, n)
+                        if not any(grown[:k] + grown[k + 1 :] in found for k in range(size)):
+                            new.append(grown)
+                    elif not is_last and left != lacking:
+                        longer.append(((*x, n), left, k + 1))
+            found |= dict.fromkeys(new)
+            begun = longer
+        return list(found)
 
     def _holds(self, x: Disjunction) -> bool:
         """Return whether a disjunction held in all samples."""
@@ -135,21 +166,6 @@ class Samples(Struct):
         for n in x:
             held |= self.bits[n]
         return held == self.full
-
-    def _grown(
-        self, begun: Disjunction, without: int, rest: Sequence[int], most: int
-    ) -> Iterator[Disjunction]:
-        """Yield what a disjunction can be grown to, given the samples in which it does not hold."""
-        bits = self.bits
-        if most == 1:
-            yield from ((*begun, n) for n in rest if not without & ~bits[n])
-            return
-        for place, n in enumerate(rest, 1):
-            left = without & ~bits[n]
-            if not left:
-                yield (*begun, n)
-            elif left != without:
-                yield from self._grown((*begun, n), left, rest[place:], most - 1)
 
 
 def _says_there_is(x: AnyLiteral) -> bool:

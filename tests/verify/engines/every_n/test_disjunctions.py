@@ -1,0 +1,46 @@
+"""The smallest disjunctions that held in all samples, beside all that there are."""
+
+from __future__ import annotations
+
+from itertools import combinations
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from koord.syntax.budget import ENDLESS
+from koord.verify.engines.every_n.disjunctions import Disjunction, Samples
+from koord.verify.engines.every_n.language import Language
+from tests.loading import program_of, protocol_text
+
+LITERALS = 6
+ROWS = st.lists(st.integers(0, 2**LITERALS - 1), min_size=1, max_size=20, unique=True)
+
+
+def samples_of(rows: list[int]) -> Samples:
+    """Samples of which each row is the bits of what holds in it."""
+    bits = [
+        sum(1 << place for place, row in enumerate(rows) if row >> n & 1) for n in range(LITERALS)
+    ]
+    language = Language.of_program(program_of(protocol_text("lock_server")))
+    return Samples(language, bits, (1 << len(rows)) - 1)
+
+
+def smallest(rows: list[int], open_: list[int], most: int) -> set[Disjunction]:
+    """By definition: each row has one of the literals, and not with one of these less."""
+    found: set[Disjunction] = set()
+    for size in range(1, most + 1):
+        for x in combinations(open_, size):
+            if all(any(row >> n & 1 for n in x) for row in rows) and not any(
+                set(y) < set(x) for y in found
+            ):
+                found.add(x)
+    return found
+
+
+@given(ROWS, st.sets(st.integers(0, LITERALS - 1)), st.integers(2, 5))
+def test_they_are_the_smallest(rows: list[int], literals: set[int], most: int) -> None:
+    open_ = sorted(literals)
+    samples = samples_of(rows)
+    found = samples._smallest(samples.full, open_, most, ENDLESS)
+    assert len(found) == len(set(found))
+    assert set(found) == smallest(rows, open_, most)
