@@ -179,6 +179,9 @@ network: {transport: unicast, port: 5000, key: sixteen letters ok, run: monday}
     ("text", "line", "message", "hint"),
     [
         ("a: [1", 1, "not YAML", None),
+        ("a: !!bool b", 1, "`b` cannot be read", None),
+        ("a: !!int", 1, "`` cannot be read", None),
+        ("a: !!timestamp b", 1, "`b` cannot be read", None),
         ("- 1", 1, "no fields", "agents"),
         ("", 1, "no fields", "agents"),
         ("num_robots: 3\nnum_robts: 3", 2, "no field `num_robts`", "`num_robots`"),

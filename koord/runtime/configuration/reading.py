@@ -165,7 +165,7 @@ class _YamlReader:
     def _scalar(self, node: yaml.Node, span: Span) -> Any:
         try:
             value = self._scalars.construct_object(node, deep=True)
-        except (yaml.YAMLError, ValueError, OverflowError):
+        except (yaml.YAMLError, ArithmeticError, AttributeError, LookupError, ValueError):
             self.problems.append(problem(span, f"`{node.value}` cannot be read", code="K930"))
             return None
         return value
