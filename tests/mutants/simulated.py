@@ -10,6 +10,7 @@ CAMPAIGNS = "tests/cli/test_campaigns.py"
 RESEEDED = "tests/api/test_reseeding.py"
 PARTS = "tests/traces/test_unfinished.py"
 RECORDS = "tests/runtime/test_records_parts.py"
+LOADERS = "tests/runtime/test_yaml_loaders.py"
 
 SIMULATED = (
     Mutant(
@@ -95,5 +96,26 @@ SIMULATED = (
         "self._file.seek(end)",
         "pass",
         (RECORDS,),
+    ),
+    Mutant(
+        "texts that loaders of YAML take differently are left to libyaml",
+        "runtime.configuration.loaders.quick_loader",
+        "_ODD.search(text)",
+        "False",
+        (LOADERS,),
+    ),
+    Mutant(
+        "texts with characters that loaders of YAML take differently are left to libyaml",
+        "runtime.configuration.loaders.quick_loader",
+        "_PRINTABLE.fullmatch(text) is None",
+        "False",
+        (LOADERS,),
+    ),
+    Mutant(
+        "libyaml has the last word on what is wrong with a configuration",
+        "runtime.configuration.reading.read",
+        "suppress(KoordError)",
+        "suppress()",
+        (LOADERS,),
     ),
 )

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from typing import Any
 
 import yaml
 from msgspec import Struct, field
 
+from koord.runtime.configuration.loaders import quick_loader
 from koord.syntax.diagnostics import Diagnostic, KoordError, Severity
 from koord.syntax.source import Source, Span
 
@@ -52,9 +54,21 @@ def problem(span: Span, message: str, hint: str | None = None, code: str = "K931
 
 
 def read(source: Source) -> Document:
-    """Parse YAML. Raises KoordError if the text is not YAML, or no mapping."""
+    """Parse YAML. Raises KoordError if the text is not YAML, or no mapping.
+
+    What is wrong with a text the slow loader says alone, so that all machines say the same.
+    """
+    quick = quick_loader(source.text)
+    if quick is not None:
+        with suppress(KoordError):
+            return read_by(source, quick)
+    return read_by(source, yaml.SafeLoader)
+
+
+def read_by(source: Source, loader: type[yaml.SafeLoader | yaml.CSafeLoader]) -> Document:
+    """Parse YAML by one loader. Raises KoordError."""
     try:
-        node = yaml.compose(source.text, Loader=yaml.SafeLoader)
+        node = yaml.compose(source.text, Loader=loader)
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         line, column = (mark.line + 1, mark.column + 1) if mark is not None else (1, 1)
@@ -115,7 +129,7 @@ class _YamlReader:
         if self._values > MOST_VALUES:
             raise KoordError((problem(span, "the file has too many values", code="K930"),))
         if isinstance(node, yaml.ScalarNode):
-            if node.style is None:
+            if not node.style:  # libyaml says "" of plain words
                 self.document.words[path] = node.value
             return self._scalar(node, span)
         if id(node) in self._open:
