@@ -535,6 +535,13 @@ VERIFY = (
         (RACES,),
     ),
     Mutant(
+        "what holds as far as was asked is settled where it is told",
+        "verify.strategy.race._take_notes",
+        "outcome is Outcome.UNKNOWN or noted.rounds is not None",
+        "outcome is Outcome.UNKNOWN",
+        (RACES,),
+    ),
+    Mutant(
         "losers of a race go on",
         "verify.strategy.race.RaceTurn.work",
         "self.pool.drop(job)",

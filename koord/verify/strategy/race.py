@@ -353,7 +353,8 @@ def _take_notes(ledger: Ledger, job: Job[Extract], most: int | None = None) -> N
                 if most is not None and steps > most:
                     return
             case Verdict(outcome=outcome, claim=claim) if claim in ledger.open():
-                if outcome is Outcome.UNKNOWN:
+                # What holds as far as it was asked about is open for all rounds.
+                if outcome is Outcome.UNKNOWN or noted.rounds is not None:
                     ledger.leave([claim], reach_of(noted))
                 else:
                     ledger.settle({claim: noted})

@@ -470,6 +470,24 @@ def test_where_others_have_none_it_is_waited_for(system: System, jobs: int) -> N
     assert set(engines(found).values()) == {Engine.EVERY_N}
 
 
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_what_holds_as_far_as_was_asked_is_open_for_all_rounds(system: System, jobs: int) -> None:
+    """A search has seen that all claims hold for eight rounds; that proves none."""
+
+    def looking(ledger: Ledger) -> None:
+        ledger.leave(ledger.open(), Reach(Engine.SEARCH, 8, "", 0.0))
+
+    found = raced(
+        system,
+        [looking, working((9_000, EVERYTHING), engine=Engine.EVERY_N)],
+        [working((9_000, []), engine=Engine.INDUCTION)],
+        jobs,
+        patience=TWICE,
+    )
+    assert engines(found) == dict.fromkeys(EVERYTHING, Engine.EVERY_N)
+    assert found.open() == []
+
+
 # --- the table ------------------------------------------------------------------------------------
 
 
