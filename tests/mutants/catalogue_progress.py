@@ -8,6 +8,7 @@ PREMISES = "tests/verify/engines/every_n/test_progress.py"
 
 RACES = "tests/verify/strategy/test_liveness_race.py"
 
+FOUND = "tests/verify/strategy/test_found_lemmas.py"
 LEMMAS = "tests/verify/engines/every_n/test_progress_lemmas.py"
 
 LEAST = "tests/verify/engines/every_n/test_progress_least.py"
@@ -191,10 +192,24 @@ PROGRESS = (
     ),
     Mutant(
         "likely lemmas need no proof",
-        "verify.engines.every_n.liveness_engine._lemmas",
+        "verify.engines.every_n.liveness_engine._holding",
         "[claim for claim in likely if claim in shown.proved]",
-        "likely",
-        (PREMISES,),
+        "list(likely)",
+        (PREMISES, FOUND),
+    ),
+    Mutant(
+        "a slice has words for all that was found of others",
+        "verify.strategy.liveness._said_of",
+        "speaks_of(program, stated)",
+        "program",
+        (FOUND,),
+    ),
+    Mutant(
+        "what was found for claims about states is not handed on",
+        "verify.strategy.verification._Verification._of_runs",
+        "tuple(dict.fromkeys(x for v in everyone for x in v.lemmas))",
+        "()",
+        (FOUND,),
     ),
     Mutant(
         "proofs of progress do not say that they rest on fairness about locks",

@@ -53,6 +53,9 @@ class Task(Struct, frozen=True):
     candidates: int | None = None  #: likely invariants, the simplest ones: every_n
     named: frozenset[str] = frozenset()  #: only these claims; none: all that are open
     lemmas: tuple[Claim, ...] = ()  #: that hold in every round: bits, of whole runs
+    #: invariants that were found of other slices; to be proved before they count: every_n, of whole
+    #: runs
+    likely: tuple[Claim, ...] = ()
 
 
 class Tools(Struct):

@@ -25,13 +25,15 @@ from koord.syntax.core import Direction, Home, PropertyKind
 from koord.syntax.source import Span
 from koord.syntax.system import System
 from koord.syntax.types import BOOL, ArrayType, Robots, Type
-from koord.syntax.walk import reached, statements
+from koord.syntax.walk import nodes, reached, statements
 from koord.verify.claims import Claim, claims_of, liveness_of
 from koord.verify.reachability_goals import Aim, reachability_goals_of
 from koord.verify.reduction.influence import Answers, Cone, Happens, Influence, Matter, Part
 from koord.verify.reduction.problems import Identity, identity
 
 _FALSE = core.Const(False, BOOL)
+
+_DECLARED = (Home.ALLREAD, Home.ALLWRITE, Home.LOCAL, Home.PORT)
 
 _OF_WHOLE_RUNS = (PropertyKind.EVENTUALLY, PropertyKind.LEADS_TO)
 
@@ -209,6 +211,21 @@ def _with_functions(whole: core.Program, kept: core.Program, asked: set[str]) ->
         kept,
         functions=tuple(f for f in whole.functions if f.name in defined),
         externals=tuple(f for f in whole.externals if f.name in external),
+    )
+
+
+def speaks_of(program: core.Program, stated: core.Property) -> bool:
+    """Return whether a program has all that a statement about another slice of it speaks of."""
+    declared = {entry.variable for entry in (*program.allread, *program.allwrite)}
+    for agent in program.agents:
+        declared.update(entry.variable for entry in agent.locals)
+        declared.update(port.declaration.variable for port in agent.ports)
+    functions = {f.name for f in program.functions} | {f.name for f in program.externals}
+    asked = {n.function for n in nodes(stated) if isinstance(n, core.Call | core.ExternalCall)}
+    return asked <= functions and all(
+        node.variable in declared
+        for node in reached(program, stated)
+        if isinstance(node, core.Place) and node.variable.home in _DECLARED
     )
 
 

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from typing import assert_never
 
 from msgspec import Struct, field
 from msgspec.structs import replace
 
+from koord.syntax import core
 from koord.syntax.system import System
-from koord.verify.claims import Claim, claims_of, liveness_of
+from koord.verify.claims import Claim, ClaimKind, claims_of, liveness_of
 from koord.verify.effort import Deadline
 from koord.verify.engine_names import Engine
 from koord.verify.engines.engine import Workers
@@ -20,7 +21,7 @@ from koord.verify.obstacles import VACUITY, Failure, Unreplayed, WholeRuns
 from koord.verify.processes import Pool
 from koord.verify.reduction.influence import Cone, Part
 from koord.verify.reduction.problems import abstract_problem, identity, plain_problem
-from koord.verify.reduction.slicing import Slices
+from koord.verify.reduction.slicing import Slices, speaks_of
 from koord.verify.strategy.each_claim_turn import SpuriousViolations
 from koord.verify.strategy.race import RaceTurn, Runner
 from koord.verify.strategy.resumption import Steps
@@ -60,6 +61,7 @@ def settled(
     names: Sequence[str] = (),
     proved: Sequence[Claim] = (),
     everyone: Sequence[Claim] = (),
+    found: Sequence[core.Property] = (),
     seed: int = 0,
     pool: Pool | None = None,
     before: Mapping[str, float] | None = None,
@@ -70,7 +72,8 @@ def settled(
     """Run the engines of some rows on a system's liveness claims, or the named ones.
 
     ``proved`` are claims that hold in every round: proofs may rely on them, and on ``everyone``,
-    which hold of every number of robots, if they are for every number. ``before`` is what was
+    which hold of every number of robots, if they are for every number. What was ``found`` to
+    prove these is tried first where more is needed. ``before`` is what was
     spent on claims already, by their names; ``steps`` are told of what is known by and by.
     ``so_far`` is what rows before these found out; ``is_last``: there are no rows after them.
     """
@@ -91,7 +94,7 @@ def settled(
     if not rows and is_last and not so_far:
         ledger.in_the_way = (WholeRuns(),)
         ledger.stopped = WholeRuns().what
-    asking = _Asking(ledger, rows, proved, everyone, pool, steps, bool(so_far))
+    asking = _Asking(ledger, rows, proved, everyone, found, pool, steps, bool(so_far))
     parts = _parts(slices, {claim: slices.cone([claim]) for claim in claims})
     with ledger.stopping():
         asking.about(parts)
@@ -145,6 +148,7 @@ class _Asking(Struct):
     rows: Sequence[LivenessRow]
     proved: Sequence[Claim]
     everyone: Sequence[Claim]
+    found: Sequence[core.Property]
     pool: Pool
     steps: Steps
     late: bool  #: whether others were asked before
@@ -267,7 +271,9 @@ class _Asking(Struct):
         with ledger.waiting():
             try:
                 if of_everyone:
-                    replace(turn, task=replace(turn.task, lemmas=lemmas)).work(inner)
+                    likely = tuple(_said_of(problem.system.program, self.found))
+                    task = replace(turn.task, lemmas=lemmas, likely=likely)
+                    replace(turn, task=task).work(inner)
                 else:
                     _without_lemmas_first(inner, turn, lemmas, self.pool)
             finally:
@@ -275,6 +281,13 @@ class _Asking(Struct):
                     inner.noted(inner.verdict(claim))
                 for failure in inner.failures:
                     ledger.fail(failure)
+
+
+def _said_of(program: core.Program, found: Sequence[core.Property]) -> Iterator[Claim]:
+    """Yield the statements that a slice has words for, as claims about it."""
+    for k, stated in enumerate(found):
+        if speaks_of(program, stated):
+            yield Claim(f"found {k}", ClaimKind.PROPERTY, stated)
 
 
 def _raced(turn: RaceTurn, ledger: Ledger) -> None:

@@ -134,6 +134,9 @@ _LEMMAS_SOON = Task(Purpose.INFER, seconds=0.05, evaluations=10_000, candidates=
 #: many times what an engine alone takes, and some tenths of a second.
 _RULE = Patience(times=1.3, steps=6_000)
 
+#: What takes a second or two: lemmas of some ten questions.
+_OF_SOME_SECONDS = 100_000
+
 #: A search that ends soon, be it with all configurations or not.
 _SHORT_SEARCH = Task(states=FEW_STATES, evaluations=200_000)
 
@@ -260,8 +263,8 @@ _BITS_OF_RUNS = AskEngine(Engine.BITS, opaque=True)
 
 #: The same about whole runs: the other engines know nothing of them. A proof for every number of
 #: robots is one for this number; what it may cost is known, unlike what a search may. Lemmas for it
-#: are looked for beside a search and circuits: for some tenths of a second they are waited for, as
-#: they say more and with the same patience, and then only where nobody else has an answer soon.
+#: are looked for beside a search and circuits: for a second or two they are waited for, as they say
+#: more and with the same patience, and then only where nobody else has an answer.
 #: What circuits take for what never comes back to itself has no end in sight.
 LIVENESS: Mapping[Engine | None, tuple[LivenessRow, ...]] = {
     None: (
@@ -271,7 +274,7 @@ LIVENESS: Mapping[Engine | None, tuple[LivenessRow, ...]] = {
             first=(
                 AskEngine(
                     Engine.EVERY_N,
-                    Task(Purpose.INFER, seconds=SPARING_S, evaluations=15_000),
+                    Task(Purpose.INFER, seconds=SPARING_S, evaluations=_OF_SOME_SECONDS),
                     opaque=True,
                 ),
             ),
@@ -280,10 +283,10 @@ LIVENESS: Mapping[Engine | None, tuple[LivenessRow, ...]] = {
                 AskEngine(
                     Engine.BITS, Task(rounds=4, questions=QUESTIONS_OF_A_SECOND), opaque=True
                 ),
-                AskEngine(Engine.EVERY_N, Task(Purpose.INFER, seconds=SPARING_S), opaque=True),
             ),
             patience=_RULE,
         ),
+        AskEngine(Engine.EVERY_N, Task(Purpose.INFER, seconds=SPARING_S), opaque=True),
         AskEngine(Engine.BITS, Task(questions=FEW_QUESTIONS), opaque=True),
     ),
     Engine.EVERY_N: (

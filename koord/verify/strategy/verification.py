@@ -262,6 +262,7 @@ class _Verification(Struct, frozen=True):
         is_last: bool = True,
     ) -> LivenessVerdicts:
         """Verdicts on the claims about runs that are asked about, if there are any."""
+        everyone = [verdict for verdict in proved if verdict.engine is Engine.EVERY_N]
         live = settled(
             slices,
             self.bounds,
@@ -269,7 +270,8 @@ class _Verification(Struct, frozen=True):
             self.deadline,
             names=self.names,
             proved=[verdict.claim for verdict in proved],
-            everyone=[v.claim for v in proved if v.engine is Engine.EVERY_N],
+            everyone=[v.claim for v in everyone],
+            found=tuple(dict.fromkeys(x for v in everyone for x in v.lemmas)),
             seed=self.seed,
             pool=self.pool,
             before={v.claim.name: v.seconds for v in (*known, *so_far)},

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from functools import cache
 
 from msgspec import Struct
 from msgspec.structs import replace
 
 from koord.syntax import core
+from koord.syntax.system import System
 from koord.verify.claims import Claim, ClaimKind
 from koord.verify.effort import Effort
 from koord.verify.engine_names import Engine
@@ -39,6 +41,12 @@ class ProgressEngine(Struct, frozen=True):
         thrift = GENEROUS if task.seconds is None else replace(SPARING, seconds=task.seconds)
         system = ledger.system
         known: Sequence[Claim] | None = None
+
+        @cache
+        def more() -> Sequence[Claim]:
+            own = Means(ledger.deadline, Effort.of_seconds(thrift.seconds), thrift, ledger.seed)
+            return _holding(system, task.likely, task.lemmas, own)
+
         for claim in ledger.open():
             started = time.monotonic()
             ledger.progress("every N, measures that settle and help that is not refused")
@@ -47,7 +55,7 @@ class ProgressEngine(Struct, frozen=True):
                 known = [*task.lemmas, *_lemmas(ledger, task.lemmas, means)]
             assert claim.stated is not None
             infer = task.purpose is Purpose.INFER
-            found = progress(system, claim.stated, known, means, infer=infer)
+            found = progress(system, claim.stated, known, means, more=more, infer=infer)
             seconds = time.monotonic() - started
             if isinstance(found, ProgressProof):
                 under = fairness_of(system.program, found)
@@ -77,10 +85,17 @@ def _lemmas(ledger: Ledger, known: Sequence[Claim], means: Means) -> list[Claim]
         Claim(f"lemma {k}", ClaimKind.PROPERTY, stated)
         for k, stated in enumerate(lemmas_of(ledger.system.program))
     ]
+    return _holding(ledger.system, likely, known, means)
+
+
+def _holding(
+    system: System, likely: Sequence[Claim], known: Sequence[Claim], means: Means
+) -> list[Claim]:
+    """Those of some statements that are proved of every number of robots, here and now."""
     if not likely:
         return []
     budget = means.deadline, means.effort, means.thrift, means.seed
-    shown = prove(ledger.system, likely, *budget, known=known)
+    shown = prove(system, likely, *budget, known=known)
     return [claim for claim in likely if claim in shown.proved]
 
 

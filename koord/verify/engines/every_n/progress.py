@@ -8,7 +8,7 @@ round, in which the invariants that are given hold.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 from msgspec import Struct
@@ -72,15 +72,18 @@ def progress(
     known: Sequence[Claim],
     means: Means,
     *,
+    more: Callable[[], Sequence[Claim]] = tuple,
     infer: bool = False,
 ) -> ProgressProof | str:
     """Prove a claim about whole runs, or say why not. ``known`` holds in every round.
 
-    Asked to ``infer``, it looks for more that does.
+    Where that is too little it asks for ``more`` that does; asked to ``infer``, it looks for it.
     """
     try:
         search = _Search(system, stated, known, means)
         found = search.proof()
+        if found == _NO_HELP and (given := more()):
+            found = search.with_more(given)
         if infer and found == _NO_HELP:
             found = search.with_lemmas()
     except NotFiniteError as error:
@@ -110,6 +113,7 @@ class _Search:
         self.whole = system
         self.system = replace(system, program=without_promises(system.program))
         self.stated, self.known, self.means = stated, list(known), means
+        self.more: list[Claim] = []  #: what was found before and is known besides
         self.order: list[Measure | int] = []
         self.measures: list[Measure] = []
         self.help: list[Help] = []
@@ -136,6 +140,23 @@ class _Search:
                 return found
         return _NO_HELP
 
+    def with_more(self, more: Sequence[Claim]) -> ProgressProof | str:
+        """Find a proof where more is known, with all that was found without."""
+        self.more += more
+        self._know([*self.known, *more])
+        found = self.proof()
+        return self._resting_on(self.more, found) if isinstance(found, ProgressProof) else found
+
+    def _know(self, known: Sequence[Claim]) -> None:
+        """Suppose that more holds in every round."""
+        self.known = list(known)
+        self._may_help.clear()
+        self._state = None
+
+    def _resting_on(self, lemmas: Sequence[Claim], proof: ProgressProof) -> ProgressProof:
+        stated = (claim.stated for claim in lemmas)
+        return replace(proof, lemmas=tuple(x for x in stated if x is not None))
+
     def with_lemmas(self) -> ProgressProof | str:
         """Find lemmas against what is in the way, one after the other, and a proof with them."""
         from koord.verify.engines.every_n.progress_lemmas import Lemmas  # seldom needed
@@ -146,13 +167,10 @@ class _Search:
         for _ in range(_MOST_LEMMAS):
             if not self._more(search):
                 break
-            self.known = search.given
-            self._may_help.clear()
-            self._state = None
+            self._know(search.given)
             found = self._found(self.known, self.generations)
             if isinstance(found, ProgressProof):
-                stated = (claim.stated for claim in search.found)
-                return replace(found, lemmas=tuple(x for x in stated if x is not None))
+                return self._resting_on([*self.more, *search.found], found)
             if found is not None:
                 return found
         return _NO_HELP
