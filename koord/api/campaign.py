@@ -12,7 +12,8 @@ from statistics import fmean, stdev
 from msgspec import Struct, to_builtins
 from msgspec.structs import replace
 
-from koord.api.campaign_runs import Order, Row, RunFile, rows_of
+from koord.api.campaign_runs import Order, Row, RunFile
+from koord.api.campaign_workers import rows_of
 from koord.api.files import check_writable, file_name
 from koord.api.fitting import Configurable, FitRequest, fit, fit_request
 from koord.api.pictures import check_drawable, keep_figure

@@ -1,4 +1,4 @@
-"""The runs of a campaign, one after the other, in processes or on a cluster; and their file.
+"""The runs of a campaign, and their file.
 
 A campaign that was ended, however that was, can be resumed: what stands in its file is
 not done again. The first column says which campaign a line is of: none gets lines of another.
@@ -7,29 +7,24 @@ not done again. The first column says which campaign a line is of: none gets lin
 from __future__ import annotations
 
 import csv
+import errno
 import io
 import os
-import signal
 import threading
 import time
-from collections.abc import Callable, Collection, Generator, Sequence
-from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
-from contextlib import closing
-from multiprocessing import get_context
-from multiprocessing.connection import Connection
-from typing import BinaryIO, TypeAlias, get_type_hints
+from collections.abc import Callable, Collection, Sequence
+from typing import BinaryIO, get_type_hints
 
 import msgspec
 from msgspec import Struct
 from msgspec.structs import astuple, replace
 
-from koord.api.dask_cluster import connected, engine, unwanted
 from koord.api.files import read_written, write_atomically
 from koord.api.fitting import FitRequest
 from koord.api.reseeding import Reseeding
 from koord.api.sim_setup import check_begun, limit_s, simulation
 from koord.sim.running import Simulation, run
-from koord.syntax.diagnostics import Diagnostic, KoordError, refusal
+from koord.syntax.diagnostics import refusal
 
 _FAULT = "fault"
 
@@ -120,7 +115,11 @@ class RunFile:
         try:
             if self._file is None:
                 self._file = open(self._path, "ab", buffering=0)  # noqa: SIM115
-            self._file.write(_lines([self._cells(row)]))
+            line = _lines([self._cells(row)])
+            written = self._file.write(line)
+            if written != len(line):  # no line stands there in part
+                os.ftruncate(self._file.fileno(), os.fstat(self._file.fileno()).st_size - written)
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
         except OSError as error:
             raise refusal("K903", self._path, f"cannot be written: {error.strerror}") from None
 
@@ -173,10 +172,6 @@ def _row(cells: dict[str, str]) -> Row:
     return msgspec.convert(given, Row, strict=False)
 
 
-#: What is wrong with an order.
-Refusal: TypeAlias = tuple[Diagnostic, ...]
-
-
 class Order(Struct, frozen=True):
     """A run to make. ``swept`` is the value of the swept parameter."""
 
@@ -191,90 +186,6 @@ class Order(Struct, frozen=True):
         """The key of a run in its campaign."""
         assert self.request.seed is not None
         return self.swept, self.request.seed
-
-
-def rows_of(
-    orders: Sequence[Order], jobs: int, cluster: str | None, is_enough: Callable[[], bool]
-) -> Generator[Row, None, None]:
-    """Yield the rows of runs as they finish, with a number of workers, or a cluster's.
-
-    Raises KoordError.
-    """
-    outcomes: Generator[Row | Refusal | None, None, None]
-    if cluster is not None:
-        outcomes = _on_cluster(orders, cluster, is_enough)
-    elif jobs > 1 and len(orders) > 1:
-        outcomes = _in_processes(orders, jobs, is_enough)
-    else:
-        outcomes = (row_of(order, is_enough) for order in orders)
-    with closing(outcomes):
-        for outcome in outcomes:
-            if isinstance(outcome, tuple):
-                raise KoordError(outcome)
-            if outcome is None:
-                return
-            yield outcome
-
-
-def _in_processes(
-    orders: Sequence[Order], jobs: int, is_enough: Callable[[], bool]
-) -> Generator[Row | Refusal | None, None, None]:
-    """Make runs in processes of this machine, some at a time."""
-    # A fresh interpreter for each worker: libraries with threads do not survive a fork.
-    context = get_context("spawn")
-    line, ours = context.Pipe(duplex=False)
-    with ours, line:  # workers end when they hear that our end is closed
-        pool = ProcessPoolExecutor(
-            min(jobs, len(orders)), context, initializer=_begin_worker, initargs=(line,)
-        )
-        waiting = {pool.submit(_tried, order) for order in orders}
-        try:
-            while waiting:
-                done, waiting = wait(waiting, timeout=0.5, return_when=FIRST_COMPLETED)
-                for future in done:
-                    yield future.result()
-                if is_enough():
-                    return
-        finally:
-            # Nobody waits for what they are at.
-            pool.shutdown(wait=not waiting, cancel_futures=True)
-
-
-def _begin_worker(line: Connection) -> None:
-    """Set up a worker: it ignores Ctrl-C, and ends with the process that made it."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-
-    def end() -> None:
-        line.poll(None)
-        signal.raise_signal(signal.SIGTERM)
-
-    threading.Thread(target=end, name="line to who asks", daemon=True).start()
-
-
-def _on_cluster(
-    orders: Sequence[Order], address: str, is_enough: Callable[[], bool]
-) -> Generator[Row | Refusal | None, None, None]:
-    """Make runs on the workers of a Dask cluster. Raises KoordError."""
-    with connected(address) as client:
-        futures = client.map(_on_worker, orders, pure=False, retries=0)
-        for future in engine().as_completed(futures):
-            yield future.result()
-            if is_enough():
-                client.cancel(futures)
-                return
-
-
-def _on_worker(order: Order) -> Row | Refusal | None:
-    """As :func:`_tried`, on a Dask worker, until nobody waits for the run any more."""
-    return _tried(order, unwanted())
-
-
-def _tried(order: Order, is_enough: Callable[[], bool] = lambda: False) -> Row | Refusal | None:
-    """As :func:`row_of`; diagnostics are returned as data, which other processes can send."""
-    try:
-        return row_of(order, is_enough)
-    except KoordError as error:
-        return error.diagnostics
 
 
 #: What the last runs of each thread had in common. Runs of a campaign have one request for each

@@ -184,9 +184,9 @@ SHOWN = (
     ),
     Mutant(
         "a run on a cluster outlives who asked for it",
-        "api.campaign_runs._on_worker",
-        "_tried(order, unwanted())",
-        "_tried(order)",
+        "api.campaign_workers._on_worker",
+        "_made(orders, unwanted())",
+        "_made(orders)",
         ("tests/cli/test_campaigns.py",),
     ),
     Mutant(

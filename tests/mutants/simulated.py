@@ -8,6 +8,7 @@ STANDING = "tests/cli/test_standing.py"
 CONFIG = "tests/cli/test_config.py"
 CAMPAIGNS = "tests/cli/test_campaigns.py"
 RESEEDED = "tests/api/test_reseeding.py"
+WORKERS = "tests/api/test_campaign_workers.py"
 PARTS = "tests/traces/test_unfinished.py"
 RECORDS = "tests/runtime/test_records_parts.py"
 LOADERS = "tests/runtime/test_yaml_loaders.py"
@@ -68,6 +69,20 @@ SIMULATED = (
         "replace(declaration, initial=found, length=None)",
         "replace(declaration, initial=found)",
         (RESEEDED,),
+    ),
+    Mutant(
+        "what a dead worker was at is not made again",
+        "api.campaign_workers._by_team",
+        "left.extendleft(reversed(batch))",
+        "pass",
+        (WORKERS,),
+    ),
+    Mutant(
+        "who is blamed for a dead worker was beside others",
+        "api.campaign_workers._by_team",
+        "1 if alone else min(size, fair)",
+        "min(size, fair)",
+        (WORKERS,),
     ),
     Mutant(
         "a round that was torn is read",

@@ -1,0 +1,272 @@
+"""The workers of a campaign: processes of this machine, or those of a Dask cluster.
+
+Runs are handed out in batches, so that handing out costs little beside short runs, and only as many
+as are soon begun. Whichever worker makes a run, and whatever it has made before, the row is the
+same. Workers may die: what they were at is made by others.
+"""
+
+from __future__ import annotations
+
+import signal
+import threading
+import time
+from abc import ABC, abstractmethod
+from collections import Counter, deque
+from collections.abc import Callable, Generator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import closing
+from multiprocessing import get_context
+from multiprocessing.connection import Connection
+from queue import Empty, SimpleQueue
+from typing import Any, TypeAlias
+
+from msgspec import Struct
+
+from koord.api.campaign_runs import Order, Row, row_of
+from koord.api.dask_cluster import connected, unwanted
+from koord.syntax.diagnostics import Diagnostic, KoordError, refusal
+
+#: A batch is to take so long, in seconds: much longer than handing it out.
+_BATCH_S = 0.2
+
+#: So many batches of each worker are handed out: one that it is at, and one that is next.
+_AHEAD = 2
+
+#: How often it is looked whether the campaign is to end, in seconds.
+_LOOK_S = 0.25
+
+#: A run by which workers end is given to another so often.
+_MOST_TRIES = 3
+
+#: What is wrong with an order.
+Refusal: TypeAlias = tuple[Diagnostic, ...]
+
+#: What came of an order; None if it was cancelled.
+Outcome: TypeAlias = "Row | Refusal | None"
+
+
+class Made(Struct, frozen=True):
+    """What a worker made of a batch, and the seconds that it took."""
+
+    outcomes: tuple[Outcome, ...]
+    took_s: float
+
+
+class LostError(Exception):
+    """Raised where the workers ended that a batch was given to."""
+
+
+class Team(ABC):
+    """Workers that make batches of runs."""
+
+    @property
+    @abstractmethod
+    def workers(self) -> int:
+        """How many batches can be made at a time."""
+
+    @abstractmethod
+    def submit(self, orders: Sequence[Order]) -> Any:
+        """Hand out a batch: a future, which has ``add_done_callback``."""
+
+    @abstractmethod
+    def made(self, future: Any) -> Made:
+        """What came of a future that is done. Raises LostError, and KoordError."""
+
+    @abstractmethod
+    def close(self, unfinished: Sequence[Any]) -> None:
+        """End the workers, or what they are at for nobody."""
+
+
+def rows_of(
+    orders: Sequence[Order], jobs: int, cluster: str | None, is_enough: Callable[[], bool]
+) -> Generator[Row, None, None]:
+    """Yield the rows of runs as they finish, with a number of workers, or a cluster's.
+
+    Raises KoordError.
+    """
+    outcomes: Generator[Outcome, None, None]
+    if cluster is not None:
+        outcomes = _by_team(orders, _Cluster(cluster), is_enough)
+    elif jobs > 1 and len(orders) > 1:
+        outcomes = _by_team(orders, _Processes(min(jobs, len(orders))), is_enough)
+    else:
+        outcomes = (row_of(order, is_enough) for order in orders)
+    with closing(outcomes):
+        for outcome in outcomes:
+            if isinstance(outcome, tuple):
+                raise KoordError(outcome)
+            if outcome is None:
+                return
+            yield outcome
+
+
+def _by_team(
+    orders: Sequence[Order], team: Team, is_enough: Callable[[], bool]
+) -> Generator[Outcome, None, None]:
+    """Have runs made by a team; those whose worker ended again. Raises KoordError."""
+    left, waiting = deque(orders), dict[Any, list[Order]]()
+    done: SimpleQueue[Any] = SimpleQueue()
+    tries: Counter[tuple[str, int]] = Counter()
+    size, alone = 1, False
+    try:
+        while left or waiting:
+            most = _AHEAD * team.workers
+            while left and len(waiting) < most and not alone:
+                alone = tries[left[0].key] > 0
+                if alone and waiting:  # whose worker ended is made alone, so that who did it shows
+                    alone = False
+                    break
+                fair = -(-len(left) // most)  # at the end none has all that is left
+                batch = [left.popleft() for _ in range(1 if alone else min(size, fair))]
+                future = team.submit(batch)
+                waiting[future] = batch
+                future.add_done_callback(done.put)
+            try:
+                future = done.get(timeout=_LOOK_S)
+            except Empty:
+                if is_enough():
+                    return
+                continue
+            batch, alone = waiting.pop(future), False
+            try:
+                made = team.made(future)
+            except LostError as error:
+                _count(batch, tries, str(error))
+                left.extendleft(reversed(batch))
+                continue
+            yield from made.outcomes
+            each_s = made.took_s / len(batch)
+            size = max(1, min(2 * size, int(_BATCH_S / max(each_s, 1e-6))))
+            if is_enough():
+                return
+    finally:
+        team.close(list(waiting))
+
+
+def _count(batch: Sequence[Order], tries: Counter[tuple[str, int]], why: str) -> None:
+    """Note that workers ended at a batch. Raises KoordError if one run did it again and again."""
+    tries.update(order.key for order in batch)
+    often = [order for order in batch if tries[order.key] >= _MOST_TRIES]
+    if often and len(batch) == 1:
+        value = f", {often[0].swept}" if often[0].swept else ""
+        story = f"whoever makes the run with seed {often[0].request.seed}{value} ends: {why}"
+        raise refusal("K948", "<campaign>", story, "go on without it, or with more memory")
+
+
+# --- what workers do ------------------------------------------------------------------------------
+
+
+def _made(orders: Sequence[Order], is_enough: Callable[[], bool] = lambda: False) -> Made:
+    """Make a batch of runs, until one is cancelled or refused.
+
+    Diagnostics are returned as data, which other processes can send.
+    """
+    began, outcomes = time.perf_counter(), list[Outcome]()
+    for order in orders:
+        try:
+            outcome: Outcome = row_of(order, is_enough)
+        except KoordError as error:
+            outcome = error.diagnostics
+        outcomes.append(outcome)
+        if not isinstance(outcome, Row):
+            break
+    return Made(tuple(outcomes), time.perf_counter() - began)
+
+
+def _on_worker(orders: Sequence[Order]) -> Made:
+    """As :func:`_made`, on a Dask worker, until nobody waits for the runs any more."""
+    return _made(orders, unwanted())
+
+
+# --- processes of this machine --------------------------------------------------------------------
+
+
+class _Processes(Team):
+    """Fresh interpreters: libraries with threads do not survive a fork."""
+
+    def __init__(self, count: int) -> None:
+        self._count, self._context = count, get_context("spawn")
+        self._line, self._ours = self._context.Pipe(duplex=False)
+        self._pool = self._new()
+
+    @property
+    def workers(self) -> int:
+        return self._count
+
+    def submit(self, orders: Sequence[Order]) -> Any:
+        try:
+            return self._pool.submit(_made, orders)
+        except BrokenProcessPool:  # one has ended: so have the others
+            self._pool.shutdown(wait=True)
+            self._pool = self._new()
+            return self._pool.submit(_made, orders)
+
+    def made(self, future: Any) -> Made:
+        try:
+            made: Made = future.result()
+        except BrokenProcessPool:
+            raise LostError("its process ended each time, maybe for want of memory") from None
+        return made
+
+    def close(self, unfinished: Sequence[Any]) -> None:
+        # Nobody waits for what they are at. They end when they hear that our end is closed.
+        self._pool.shutdown(wait=not unfinished, cancel_futures=True)
+        self._ours.close()
+        self._line.close()
+
+    def _new(self) -> ProcessPoolExecutor:
+        return ProcessPoolExecutor(
+            self._count, self._context, initializer=_begin_worker, initargs=(self._line,)
+        )
+
+
+def _begin_worker(line: Connection) -> None:
+    """Set up a worker: it ignores Ctrl-C, and ends with the process that made it."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+    def end() -> None:
+        line.poll(None)
+        signal.raise_signal(signal.SIGTERM)
+
+    threading.Thread(target=end, name="line to who asks", daemon=True).start()
+
+
+# --- a cluster ------------------------------------------------------------------------------------
+
+
+class _Cluster(Team):
+    """The workers of a Dask cluster, which may come and go."""
+
+    def __init__(self, address: str) -> None:
+        """Connect to the scheduler at an address. Raises KoordError."""
+        self._client, self._address = connected(address), address
+        self._workers, self._looked_s = 1, -1.0
+
+    @property
+    def workers(self) -> int:
+        now_s = time.monotonic()
+        if now_s - self._looked_s > 1.0:
+            self._looked_s = now_s
+            found = self._client.nthreads()
+            self._workers = max(1, sum(found.values()))
+        return self._workers
+
+    def submit(self, orders: Sequence[Order]) -> Any:
+        return self._client.submit(_on_worker, orders, pure=False, retries=0)
+
+    def made(self, future: Any) -> Made:
+        if future.status in ("cancelled", "lost"):
+            story = f"there is no Dask scheduler at {self._address} any more"
+            hint = "the runs that were made are kept with `csv=`: go on with `resume=`"
+            raise refusal("K935", "<cluster>", story, hint)
+        error = future.exception()
+        if type(error).__name__ == "KilledWorker":
+            raise LostError(f"so did each of {error.allowed_failures + 1} workers of the cluster")
+        made: Made = future.result()
+        return made
+
+    def close(self, unfinished: Sequence[Any]) -> None:
+        if unfinished:
+            self._client.cancel(unfinished)
+        self._client.close()

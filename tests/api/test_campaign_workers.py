@@ -1,0 +1,149 @@
+"""Runs are handed out to workers, who may die; rows do not hang on who makes which."""
+
+from __future__ import annotations
+
+import os
+import signal
+from collections import Counter
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future
+from pathlib import Path
+from typing import Any
+
+import pytest
+from msgspec.structs import replace
+
+from koord.api import campaign_workers
+from koord.api.campaign_runs import Order, Row
+from koord.api.campaign_workers import LostError, Made, Team, rows_of
+from koord.api.fitting import fit_request
+from koord.syntax.diagnostics import KoordError
+from tests.clusters import local_cluster
+
+PROGRAM = Path(__file__).parents[2] / "specs" / "examples" / "follow_path.krd"
+
+
+def orders(count: int, time_s: float = 0.1) -> list[Order]:
+    request = fit_request(PROGRAM, None, None, None, 0, None)
+    return [Order(replace(request, seed=s), None, time_s, False, "") for s in range(count)]
+
+
+def timeless(rows: Sequence[Row]) -> list[Row]:
+    return sorted((replace(row, wall_s=0.0) for row in rows), key=lambda row: row.seed)
+
+
+class Deadly(Team):
+    """A worker of this process, which says that it died where it is told to."""
+
+    def __init__(self, dies: Callable[[Sequence[Order]], bool]) -> None:
+        self._dies = dies
+        self.given: list[list[int]] = []
+
+    @property
+    def workers(self) -> int:
+        return 2
+
+    def submit(self, orders: Sequence[Order]) -> Any:
+        self.given.append([order.key[1] for order in orders])
+        assert len(self.given) < 100, "the same again and again"
+        future: Future[Made | None] = Future()
+        future.set_result(None if self._dies(orders) else campaign_workers._made(orders))
+        return future
+
+    def made(self, future: Any) -> Made:
+        found = future.result()
+        if found is None:
+            raise LostError("it died")
+        assert isinstance(found, Made)
+        return found
+
+    def close(self, unfinished: Sequence[Any]) -> None:
+        pass
+
+
+def by(team: Team, count: int) -> list[Row]:
+    found = [*campaign_workers._by_team(orders(count), team, lambda: False)]
+    assert all(isinstance(row, Row) for row in found)
+    return timeless([row for row in found if isinstance(row, Row)])
+
+
+def test_what_a_dead_worker_was_at_is_made_once_by_others() -> None:
+    rows = timeless([*rows_of(orders(12), 1, None, lambda: False)])
+    times: Counter[int] = Counter()
+
+    def twice(batch: Sequence[Order]) -> bool:
+        seeds = {order.key[1] for order in batch}
+        times.update(seeds & {0, 5, 11})
+        return any(times[seed] <= 2 for seed in seeds & {0, 5, 11})
+
+    team = Deadly(twice)
+    assert by(team, 12) == rows
+    assert len(team.given) > 6
+
+
+def test_a_run_by_which_workers_die_is_told_and_the_others_are_made() -> None:
+    team = Deadly(lambda batch: any(order.key[1] == 20 for order in batch))
+    seeds = list[int]()
+
+    def make() -> None:
+        for row in campaign_workers._by_team(orders(40), team, lambda: False):
+            assert isinstance(row, Row)
+            seeds.append(row.seed)
+
+    with pytest.raises(
+        KoordError, match="whoever makes the run with seed 20 ends: it died"
+    ) as told:
+        make()
+    assert set(seeds) >= set(range(10))
+    assert [one.code for one in told.value.diagnostics] == ["K948"]
+    assert [batch for batch in team.given if 20 in batch][-2:] == [[20], [20]]
+
+
+def test_many_short_runs_are_handed_out_together() -> None:
+    team = Deadly(lambda batch: False)
+    by(team, 60)
+    assert len(team.given) < 30
+    assert len(team.given[-1]) <= len(team.given[-3])  # at the end none has all that is left
+
+
+@pytest.mark.slow
+def test_a_killed_process_is_replaced(monkeypatch: pytest.MonkeyPatch) -> None:
+    rows = timeless([*rows_of(orders(12, 2.0), 1, None, lambda: False)])
+    teams: list[campaign_workers._Processes] = []
+    made = campaign_workers._Processes
+
+    def noted(count: int) -> Team:
+        teams.append(made(count))
+        return teams[-1]
+
+    monkeypatch.setattr(campaign_workers, "_Processes", noted)
+    found = list[Row]()
+    for row in rows_of(orders(12, 2.0), 2, None, lambda: False):
+        if not found:
+            os.kill(next(iter(teams[0]._pool._processes)), signal.SIGKILL)
+        found.append(row)
+    assert timeless(found) == rows
+
+
+@pytest.mark.slow
+def test_a_killed_worker_of_a_cluster_is_not_missed() -> None:
+    distributed = pytest.importorskip("distributed")
+    rows = timeless([*rows_of(orders(12, 2.0), 1, None, lambda: False)])
+    with local_cluster(2) as (address, _), distributed.Client(address) as client:
+        found = list[Row]()
+        for row in rows_of(orders(12, 2.0), 1, address, lambda: False):
+            if not found:
+                os.kill(next(iter(client.run(os.getpid).values())), signal.SIGKILL)
+            found.append(row)
+    assert timeless(found) == rows
+
+
+@pytest.mark.slow
+def test_a_cluster_that_goes_away_is_told() -> None:
+    pytest.importorskip("distributed")
+    with local_cluster(1) as (address, process):
+        made = rows_of(orders(400, 2.0), 1, address, lambda: False)
+        next(made)
+        process.kill()
+        with pytest.raises(KoordError, match="any more"):
+            list(made)
