@@ -69,7 +69,7 @@ ALLOWED = {
         "koord.semantics",
         "koord.syntax",
     ),
-    "sim": ("koord.sim", "koord.runtime", "koord.syntax"),
+    "sim": ("koord.sim", "koord.runtime", "koord.machine", "koord.syntax"),
     # The other side of a wire shares nothing with the driver on this one.
     "testing": ("koord.testing",),
     # What tests drivers knows them, and other sides as processes alone.
@@ -216,7 +216,6 @@ GUARDED = (
     ("osqp", ("koord/runtime/motion/",), 1),
     ("shapely", ("koord/runtime/motion/",), 1),
     ("pymunk", ("koord/sim/",), 1),
-    ("numba", ("koord/sim/",), 1),
     ("llvmlite", ("koord/machine/",), 2),
     ("mujoco", ("koord/sim/",), 1),
     ("mcap", ("koord/runtime/",), 1),

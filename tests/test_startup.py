@@ -26,7 +26,7 @@ HEAVY = (
     "osqp",
     "shapely",
     "scipy",
-    "numba",
+    "llvmlite",
     "hypothesis",
     "koord.syntax",
     "koord.semantics",
@@ -98,7 +98,7 @@ def test_checking_a_program_loads_no_solver() -> None:
 UNUSED_BY_PROOFS = (
     "lark",
     "numpy",
-    "numba",
+    "llvmlite",
     "scipy",
     "rich",
     "koord.sim",

@@ -11,6 +11,7 @@ import llvmlite.binding as llvm
 from llvmlite import ir
 
 I1, I8, I32, I64 = ir.IntType(1), ir.IntType(8), ir.IntType(32), ir.IntType(64)
+F64 = ir.DoubleType()
 BYTES = I8.as_pointer()
 WORD_BYTES = 8
 
@@ -96,6 +97,44 @@ class Code:
         self.b.branch(head)
         self.b.position_at_end(after)
 
+    def repeated(
+        self, count: Ir, values: Sequence[Ir], body: Callable[[list[Ir]], Sequence[Ir]]
+    ) -> list[Ir]:
+        """What values are after so many passes of a body over them. They stay in registers."""
+        before = self.b.block
+        head = self.b.append_basic_block("head")
+        inside = self.b.append_basic_block("body")
+        after = self.b.append_basic_block("after")
+        self.b.branch(head)
+        self.b.position_at_end(head)
+        done = self.b.phi(I64)
+        done.add_incoming(word(0), before)
+        now = [self.b.phi(value.type) for value in values]
+        for phi, value in zip(now, values, strict=True):
+            phi.add_incoming(value, before)
+        self.b.cbranch(self.b.icmp_signed("<", done, count), inside, after)
+        self.b.position_at_end(inside)
+        for phi, value in zip(now, body(list(now)), strict=True):
+            phi.add_incoming(value, self.b.block)
+        done.add_incoming(self.b.add(done, word(1)), self.b.block)
+        self.b.branch(head)
+        self.b.position_at_end(after)
+        return now
+
+    @contextmanager
+    def only_if(self, condition: Ir) -> Iterator[None]:
+        """What is done only where a condition holds."""
+        with self.b.if_then(condition):
+            yield
+
+    def known(self, name: str, result: Ir, arguments: Sequence[Ir]) -> Ir:
+        """Call a function that LLVM knows by name."""
+        function = self.function.module.globals.get(name)
+        if function is None:
+            types = [argument.type for argument in arguments]
+            function = ir.Function(self.function.module, ir.FunctionType(result, types), name)
+        return self.b.call(function, arguments)
+
     # --- memory ---------------------------------------------------------------------------------
 
     def at(self, block: Ir, offset: Ir | int) -> Ir:
@@ -150,7 +189,10 @@ class Loaded:
         parsed = llvm.parse_assembly(text)
         parsed.verify()
         machine = llvm.Target.from_default_triple().create_target_machine(
-            cpu=llvm.get_host_cpu_name(), opt=1
+            cpu=llvm.get_host_cpu_name(),
+            # What a processor has by its name may be kept from this machine.
+            features=llvm.get_host_cpu_features().flatten(),
+            opt=1,
         )
         self._engine = llvm.create_mcjit_compiler(parsed, machine)
         self._engine.finalize_object()

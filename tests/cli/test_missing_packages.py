@@ -42,7 +42,7 @@ CASES = {
     ),
     "distributed": ("distributed", "cluster", (*SIM, "--runs", "2", "--cluster", "tcp://x:1")),
     "mujoco": ("mujoco", "mujoco", ("sim", PATH, "one.yaml", "--no-html", "--time", "0.2")),
-    "numba": ("numba", "fast", ("sim", PATH, "two.yaml", "--no-html", "--time", "0.2")),
+    "llvmlite": ("llvmlite", "fast", ("sim", PATH, "two.yaml", "--no-html", "--time", "0.2")),
     "cvc5": ("cvc5", "recheck", ("recheck", "cert.json")),
     "mcap of deploy": (
         "mcap",

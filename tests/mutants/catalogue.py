@@ -9,6 +9,7 @@ from tests.mutants.catalogue_certified import CERTIFIED
 from tests.mutants.catalogue_compiled import COMPILED
 from tests.mutants.catalogue_exported import EXPORTED
 from tests.mutants.catalogue_kernels import KERNELS
+from tests.mutants.catalogue_lanes import LANES
 from tests.mutants.catalogue_liveness import LIVENESS
 from tests.mutants.catalogue_progress import PROGRESS
 from tests.mutants.catalogue_runs import RUNS
@@ -967,6 +968,7 @@ MUTANTS = (
     *HORN,
     *BITS,
     *KERNELS,
+    *LANES,
     *RUNS,
     *CERTIFIED,
     *EXPORTED,

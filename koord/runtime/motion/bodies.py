@@ -37,7 +37,7 @@ class Level(Enum):
 
     SIMPLE = "simple"  #: kinematics with limits, in contact with nothing; a drone without attitude
     FULL = "full"  #: what drives on the ground pushes and blocks; drones are rigid bodies
-    FAST = "fast"  #: as ``full``, drones compiled by numba
+    FAST = "fast"  #: as ``full``, drones by machine code
     MUJOCO = "mujoco"  #: wheels, tyres, rotors, and contact of all with all, by MuJoCo
 
 

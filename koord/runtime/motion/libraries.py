@@ -9,7 +9,6 @@ from koord.syntax.source import NOWHERE
 
 #: The optional dependencies of motion and simulation, by the extra that has them.
 SIM = ("numpy", "ompl", "osqp", "pymunk", "scipy", "shapely")
-FAST = ("numba",)
 
 
 def missing(library: str, extra: str) -> KoordError:

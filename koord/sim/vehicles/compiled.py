@@ -1,13 +1,17 @@
-"""Compiled kernels of :mod:`.quadrotors`, drone by drone: the level ``fast``.
+"""Machine code of :mod:`.quadrotors`: the arithmetic of its steps, many drones at once.
 
-By numba, the one file that imports it. The arithmetic is the same, operation by operation; a test
-holds both to equal results.
+Operation by operation it is that of :class:`.Quadrotors`, in the same order; so states are equal to
+the last bit, and which of the two flies is no matter of a run. Tests hold them together. Drones lie
+side by side in the lanes of registers, whose width is the processor's.
 """
 
 from __future__ import annotations
 
+import ctypes
 import math
-from typing import Any
+from collections.abc import Callable, Sequence
+from functools import cache
+from operator import is_
 
 import numpy as np
 
@@ -15,154 +19,306 @@ from koord.runtime.motion.arrays import Floats
 from koord.runtime.motion.bodies import Drone
 from koord.runtime.motion.flying import GRAVITY, Gains, Reference
 from koord.runtime.motion.libraries import missing
-from koord.sim.vehicles.quadrotors import Quadrotors
+from koord.sim.vehicles.quadrotors import FlightState, Quadrotors
 
 try:
-    from numba import njit
+    from koord.machine.code import BYTES, F64, I64, Code, Ir, Loaded, new_module, word
+    from koord.machine.lanes import DOUBLE_BYTES, Lane, Lanes, widest
 except ImportError as error:
-    raise missing("numba", "fast") from error
+    raise missing("llvmlite", "fast") from error
+
+#: Rows of the state, as in `FlightState`; and of what is told: goal, pace, push and wind.
+_STATE_ROWS, _TOLD_ROWS = 17, 12
+
+#: Names of the constants, in the order in which they are passed.
+_CONSTANTS = (
+    *("kp", "kv", "ka", "kr", "ki_dt", "windup"),
+    *("most_accel", "tan_tilt", "most_thrust", "drag", "rise"),
+    *("jx", "jy", "jz", "tx", "ty", "tz"),
+    *("ground", "dt", "half_dt", "span"),
+)
+
+#: x, y and z; or p, q and r.
+_Three = tuple[Lane, Lane, Lane]
 
 
 class CompiledQuadrotors(Quadrotors):
-    """Drones with attitude, compiled when they first fly (some seconds; cached on disk)."""
+    """Drones with attitude, by machine code that is made once in a process (some 30 ms)."""
+
+    def __init__(
+        self, drone: Drone, start: Floats, ground_m: float = 0.0, gains: Gains | None = None
+    ) -> None:
+        """``start`` has shape ``(n, 3)``."""
+        super().__init__(drone, start, ground_m, gains)
+        self._fly = flight(widest())
+        self._told: Floats = np.empty((_TOLD_ROWS, len(start)))
+        self._told_at = address(self._told)
+        self._constants: Floats = np.empty(len(_CONSTANTS))
+        self._constants_at = address(self._constants)
+        self._steps: tuple[float, int] | None = None
+        self._known: tuple[Floats, ...] = ()
+        self._known_at = 0
 
     def advance(self, reference: Reference, wind: Floats, dt_s: float, steps: int) -> None:
         """Fly for some steps. The reference moves on at its velocity; ``wind`` is ``(n, 3)``."""
+        told = self._told
+        told[0:3] = reference.position.T
+        told[3:6] = reference.velocity.T
+        told[6:9] = reference.acceleration.T
+        told[9:12] = wind.T
+        if self._steps != (dt_s, steps):
+            self._steps = dt_s, steps
+            self._constants[:] = constants(self.drone, self.gains, self.ground_m, dt_s, steps)
+        count = told.shape[1]
+        if not self._is_known():
+            self._show(np.vstack(_parts(self.state)))
+        # As in the reference, arrays of before stay what they were.
+        after: Floats = np.empty((_STATE_ROWS, count))
+        self._fly(self._known_at, self._told_at, self._constants_at, address(after), count, steps)
+        self._show(after)
+
+    def _is_known(self) -> bool:
+        """Return whether the state is that of the last steps, and not one that somebody has set."""
+        known = self._known
+        return bool(known) and all(map(is_, _parts(self.state), known))
+
+    def _show(self, block: Floats) -> None:
+        """Let the state be what is in a block."""
         s = self.state
-        _fly(
-            s.position,
-            s.velocity,
-            s.attitude,
-            s.rates,
-            s.thrust,
-            s.steady,
-            reference.position,
-            reference.velocity,
-            reference.acceleration,
-            wind,
-            _constants(self.drone, self.gains),
-            self.ground_m,
-            dt_s,
-            steps,
+        s.position, s.velocity, s.attitude = block[0:3], block[3:6], block[6:10]
+        s.rates, s.thrust, s.steady = block[10:13], block[13], block[14:17]
+        self._known, self._known_at = _parts(s), address(block)
+
+
+def address(array: Floats) -> int:
+    """Where the numbers of an array are; quicker than NumPy says it."""
+    return ctypes.addressof(ctypes.c_char.from_buffer(array.data))
+
+
+def _parts(s: FlightState) -> tuple[Floats, ...]:
+    return s.position, s.velocity, s.attitude, s.rates, s.thrust, s.steady
+
+
+def constants(drone: Drone, gains: Gains, ground_m: float, dt_s: float, steps: int) -> list[float]:
+    """What the machine code is passed, in the order of its names."""
+    named = {
+        "kp": gains.position,
+        "kv": gains.velocity,
+        "ka": 2.0 * gains.attitude,
+        "kr": gains.rate,
+        "ki_dt": gains.integral * dt_s,
+        "windup": gains.windup_mps2,
+        "most_accel": drone.accel_mps2,
+        "tan_tilt": math.tan(drone.tilt_rad),
+        "most_thrust": drone.thrust_ratio * GRAVITY,
+        "drag": drone.drag_kgps / drone.mass_kg,
+        "rise": 1.0 - math.exp(-dt_s / drone.rotor_lag_s),
+        "ground": ground_m,
+        "dt": dt_s,
+        "half_dt": 0.5 * dt_s,
+        "span": dt_s * steps,
+        **dict(zip(("jx", "jy", "jz"), drone.inertia_kgm2, strict=True)),
+        **dict(zip(("tx", "ty", "tz"), drone.torque_nm, strict=True)),
+    }
+    return [named[name] for name in _CONSTANTS]
+
+
+# --- the machine code -----------------------------------------------------------------------------
+
+
+@cache
+def flight(width: int) -> Callable[[int, int, int, int, int, int], int]:
+    """Compile the steps of drones, ``width`` of them at a time.
+
+    The function takes the addresses of the state, shape ``(17, n)``, of what drones are told,
+    ``(12, n)``, of the constants, and of an array for the state that comes of it; then n, and the
+    number of steps.
+    """
+    module = new_module("flight")
+    block = _block_code(module, width)
+    code = Code(module, "fly", [BYTES] * 4 + [I64] * 2, I64)
+    before, told, given, after, count, steps = code.arguments
+    b = code.b
+    rest = b.urem(count, word(width))
+    whole = b.sub(count, rest)
+    pitch = b.mul(count, word(DOUBLE_BYTES))
+    with code.loop(word(0), b.udiv(whole, word(width))) as k:
+        shift = b.mul(k, word(width * DOUBLE_BYTES))
+        at = [code.at(rows, shift) for rows in (before, told)]
+        b.call(block, [*at, given, code.at(after, shift), pitch, steps])
+    # The last ones fly in a block of their own. What is left of its lanes flies as the last one.
+    with code.only_if(b.icmp_signed("!=", rest, word(0))):
+        narrow = width * DOUBLE_BYTES
+        states, orders = code.block(_STATE_ROWS * narrow), code.block(_TOLD_ROWS * narrow)
+        ends = code.block(_STATE_ROWS * narrow)
+        with code.loop(word(0), word(width)) as lane:
+            last = b.sub(rest, word(1))
+            inside = b.select(b.icmp_signed("<", lane, last), lane, last)
+            source = b.mul(b.add(whole, inside), word(DOUBLE_BYTES))
+            target = b.mul(lane, word(DOUBLE_BYTES))
+            _copied(code, (before, source, pitch), (states, target, word(narrow)), _STATE_ROWS)
+            _copied(code, (told, source, pitch), (orders, target, word(narrow)), _TOLD_ROWS)
+        b.call(block, [states, orders, given, ends, word(narrow), steps])
+        with code.loop(word(0), rest) as lane:
+            source = b.mul(lane, word(DOUBLE_BYTES))
+            target = b.mul(b.add(whole, lane), word(DOUBLE_BYTES))
+            _copied(code, (ends, source, word(narrow)), (after, target, pitch), _STATE_ROWS)
+    b.ret(word(0))
+    loaded = Loaded(module)
+    call = loaded.function("fly", 6)
+    _KEPT.append(loaded)
+    return call
+
+
+#: Machine code is there as long as what loaded it.
+_KEPT: list[Loaded] = []
+
+
+def _copied(code: Code, source: Sequence[Ir], target: Sequence[Ir], rows: int) -> None:
+    """Copy a column of doubles between blocks; each has a start, and a pitch of its rows."""
+    (one, first, step), (other, start, pace) = source, target
+    for row in range(rows):
+        value = code.get(one, code.b.add(first, code.b.mul(step, word(row))), F64)
+        code.put(other, code.b.add(start, code.b.mul(pace, word(row))), value)
+
+
+def _block_code(module: Ir, width: int) -> Ir:
+    """The function that flies one block of drones; rows are ``pitch`` bytes from each other."""
+    code = Code(module, "block", [BYTES] * 4 + [I64] * 2, I64)
+    code.function.linkage = "internal"
+    before, told, given, after, pitch, steps = code.arguments
+    lanes = Lanes(code, width)
+    numbers = {
+        name: lanes.spread(code.get(given, DOUBLE_BYTES * k, F64))
+        for k, name in enumerate(_CONSTANTS)
+    }
+    state = [lanes.get(before, code.b.mul(pitch, word(k))) for k in range(_STATE_ROWS)]
+    orders = [lanes.get(told, code.b.mul(pitch, word(k))) for k in range(_TOLD_ROWS)]
+    pace = orders[3:6]
+    # The reference is for the end of these steps.
+    goal = [orders[k] - pace[k] * numbers["span"] for k in range(3)]
+    step = _Step(numbers, orders)
+
+    def body(values: list[Ir]) -> list[Ir]:
+        now = [Lane(lanes, value) for value in values]
+        return [value.ir for value in step.after(now[:_STATE_ROWS], now[_STATE_ROWS:])]
+
+    ends = code.repeated(steps, [value.ir for value in (*state, *goal)], body)
+    for k in range(_STATE_ROWS):
+        lanes.put(after, code.b.mul(pitch, word(k)), Lane(lanes, ends[k]))
+    code.b.ret(word(0))
+    return code.function
+
+
+class _Step:
+    """A step of drones under what they are told."""
+
+    def __init__(self, numbers: dict[str, Lane], orders: Sequence[Lane]) -> None:
+        self.of = numbers
+        self.pace, self.push, self.wind = orders[3:6], orders[6:9], orders[9:12]
+
+    def after(self, state: Sequence[Lane], goal: Sequence[Lane]) -> list[Lane]:
+        """The state after a step, and the goal then."""
+        of = self.of
+        position, velocity, attitude = state[0:3], state[3:6], state[6:10]
+        rates, force, steady = state[10:13], state[13], state[14:17]
+        goal = [goal[k] + self.pace[k] * of["dt"] for k in range(3)]
+        gap = [goal[k] - position[k] for k in range(3)]
+        windup = of["windup"]
+        steady = [
+            (steady[k] + of["ki_dt"] * gap[k]).at_least(-windup).at_most(windup) for k in range(3)
+        ]
+        axis, asked = self.axis_and_thrust(self.acceleration(gap, velocity, steady))
+        rates = self.turning(rates, self.body_rates(axis, attitude))
+        attitude = self.turned(attitude, rates)
+        force = force + (asked - force) * of["rise"]
+        position, velocity = self.moved(position, velocity, self.pull(force, attitude))
+        return [*position, *velocity, *attitude, *rates, force, *steady, *goal]
+
+    def acceleration(
+        self, gap: Sequence[Lane], velocity: Sequence[Lane], steady: Sequence[Lane]
+    ) -> _Three:
+        of = self.of
+        x, y, z = (
+            of["kp"] * gap[k] + of["kv"] * (self.pace[k] - velocity[k]) + (steady[k] + self.push[k])
+            for k in range(3)
+        )
+        size = _size(x, y, z)
+        share = (of["most_accel"] / size.at_least(1e-9)).at_most(1.0)
+        return x * share, y * share, z * share
+
+    def axis_and_thrust(self, wanted: _Three) -> tuple[_Three, Lane]:
+        up = (wanted[2] + GRAVITY).at_least(1.0)
+        flat = (wanted[0] * wanted[0] + wanted[1] * wanted[1]).sqrt()
+        share = (up * self.of["tan_tilt"] / flat.at_least(1e-9)).at_most(1.0)
+        x, y = wanted[0] * share, wanted[1] * share
+        size = _size(x, y, up)
+        return (x / size, y / size, up / size), size.at_most(self.of["most_thrust"])
+
+    def body_rates(self, axis: _Three, attitude: Sequence[Lane]) -> _Three:
+        qw, qx, qy, qz = attitude
+        c = (0.5 * (1.0 + axis[2])).sqrt()
+        wx, wy = -axis[1] / (2.0 * c), axis[0] / (2.0 * c)
+        gain = self.of["ka"].signed_as(qw * c + qx * wx + qy * wy)
+        return (
+            gain * (qw * wx - qx * c + qz * wy),
+            gain * (qw * wy - qy * c - qz * wx),
+            0.4 * gain * (qy * wx - qx * wy - qz * c),
         )
 
+    def turning(self, rates: Sequence[Lane], asked: _Three) -> _Three:
+        """The rates after a step, under torques that are limited."""
+        of = self.of
+        inertia, torque = (of["jx"], of["jy"], of["jz"]), (of["tx"], of["ty"], of["tz"])
+        p, q, r = rates
+        x, y, z = (inertia[k] * rates[k] for k in range(3))
+        couple = q * z - r * y, r * x - p * z, p * y - q * x
+        found = []
+        for k in range(3):
+            wanted = inertia[k] * (of["kr"] * (asked[k] - rates[k])) + couple[k]
+            tau = wanted.at_least(-torque[k]).at_most(torque[k])
+            found.append(rates[k] + of["dt"] * (tau - couple[k]) / inertia[k])
+        p, q, r = found
+        return p, q, r
 
-def _constants(drone: Drone, gains: Gains) -> Floats:
-    """The constants in the order in which the kernel unpacks them."""
-    return np.array(
-        [
-            gains.position,
-            gains.velocity,
-            gains.attitude,
-            gains.rate,
-            gains.integral,
-            gains.windup_mps2,
-            drone.accel_mps2,
-            math.tan(drone.tilt_rad),
-            drone.thrust_ratio * GRAVITY,
-            drone.drag_kgps / drone.mass_kg,
-            drone.rotor_lag_s,
-            *drone.inertia_kgm2,
-            *drone.torque_nm,
-        ]
-    )
+    def turned(self, attitude: Sequence[Lane], rates: _Three) -> Sequence[Lane]:
+        qw, qx, qy, qz = attitude
+        p, q, r = (rate * self.of["half_dt"] for rate in rates)
+        w = qw - (qx * p + qy * q + qz * r)
+        x = qx + (qw * p + qy * r - qz * q)
+        y = qy + (qw * q + qz * p - qx * r)
+        z = qz + (qw * r + qx * q - qy * p)
+        size = (w * w + x * x + y * y + z * z).sqrt()
+        return w / size, x / size, y / size, z / size
 
+    def pull(self, force: Lane, attitude: Sequence[Lane]) -> _Three:
+        """The acceleration by thrust and gravity."""
+        qw, qx, qy, qz = attitude
+        return (
+            force * (2.0 * (qx * qz + qw * qy)),
+            force * (2.0 * (qy * qz - qw * qx)),
+            force * (1.0 - 2.0 * (qx * qx + qy * qy)) - GRAVITY,
+        )
 
-def _kernel(
-    position: Any,
-    velocity: Any,
-    attitude: Any,
-    rates: Any,
-    thrust: Any,
-    steady: Any,
-    goal: Any,
-    pace: Any,
-    push: Any,
-    wind: Any,
-    constants: Any,
-    ground: float,
-    dt: float,
-    steps: int,
-) -> None:
-    kp, kv, ka, kr, ki, windup, most_accel, most_tilt, most_thrust, drag, lag = constants[:11]
-    jx, jy, jz, tx, ty, tz = constants[11:17]
-    rise = 1.0 - math.exp(-dt / lag)
-    for n in range(thrust.shape[0]):
-        gx = goal[n, 0] - pace[n, 0] * (dt * steps)
-        gy = goal[n, 1] - pace[n, 1] * (dt * steps)
-        gz = goal[n, 2] - pace[n, 2] * (dt * steps)
-        px, py, pz = position[0, n], position[1, n], position[2, n]
-        vx, vy, vz = velocity[0, n], velocity[1, n], velocity[2, n]
-        qw, qx, qy, qz = attitude[0, n], attitude[1, n], attitude[2, n], attitude[3, n]
-        p, q, r = rates[0, n], rates[1, n], rates[2, n]
-        force = thrust[n]
-        ix, iy, iz = steady[0, n], steady[1, n], steady[2, n]
-        for _ in range(steps):
-            gx += pace[n, 0] * dt
-            gy += pace[n, 1] * dt
-            gz += pace[n, 2] * dt
-            # position control
-            dx, dy, dz = gx - px, gy - py, gz - pz
-            ix = min(max(ix + (ki * dt) * dx, -windup), windup)
-            iy = min(max(iy + (ki * dt) * dy, -windup), windup)
-            iz = min(max(iz + (ki * dt) * dz, -windup), windup)
-            ax = kp * dx + kv * (pace[n, 0] - vx) + (ix + push[n, 0])
-            ay = kp * dy + kv * (pace[n, 1] - vy) + (iy + push[n, 1])
-            az = kp * dz + kv * (pace[n, 2] - vz) + (iz + push[n, 2])
-            size = math.sqrt(ax * ax + ay * ay + az * az)
-            share = min(1.0, most_accel / max(size, 1e-9))
-            ax, ay, az = ax * share, ay * share, az * share
-            # axis and thrust
-            up = max(az + GRAVITY, 1.0)
-            flat = math.sqrt(ax * ax + ay * ay)
-            share = min(1.0, up * most_tilt / max(flat, 1e-9))
-            fx, fy = ax * share, ay * share
-            size = math.sqrt(fx * fx + fy * fy + up * up)
-            bx, by, bz = fx / size, fy / size, up / size
-            asked = min(size, most_thrust)
-            # attitude control
-            c = math.sqrt(0.5 * (1.0 + bz))
-            wx, wy = -by / (2 * c), bx / (2 * c)
-            ew = qw * c + qx * wx + qy * wy
-            gain = math.copysign(2.0 * ka, ew)
-            rp = gain * (qw * wx - qx * c + qz * wy)
-            rq = gain * (qw * wy - qy * c - qz * wx)
-            rr = 0.4 * gain * (qy * wx - qx * wy - qz * c)
-            # rate control and rotation
-            sx, sy, sz = jx * p, jy * q, jz * r
-            cx, cy, cz = q * sz - r * sy, r * sx - p * sz, p * sy - q * sx
-            ux = min(max(jx * (kr * (rp - p)) + cx, -tx), tx)
-            uy = min(max(jy * (kr * (rq - q)) + cy, -ty), ty)
-            uz = min(max(jz * (kr * (rr - r)) + cz, -tz), tz)
-            p += dt * (ux - cx) / jx
-            q += dt * (uy - cy) / jy
-            r += dt * (uz - cz) / jz
-            hp, hq, hr = p * (0.5 * dt), q * (0.5 * dt), r * (0.5 * dt)
-            aw = qw - (qx * hp + qy * hq + qz * hr)
-            ex = qx + (qw * hp + qy * hr - qz * hq)
-            ey = qy + (qw * hq + qz * hp - qx * hr)
-            ez = qz + (qw * hr + qx * hq - qy * hp)
-            size = math.sqrt(aw * aw + ex * ex + ey * ey + ez * ez)
-            qw, qx, qy, qz = aw / size, ex / size, ey / size, ez / size
-            # thrust and movement
-            force += (asked - force) * rise
-            lx = force * (2.0 * (qx * qz + qw * qy))
-            ly = force * (2.0 * (qy * qz - qw * qx))
-            lz = force * (1.0 - 2.0 * (qx * qx + qy * qy)) - GRAVITY
-            vx += dt * (lx - drag * (vx - wind[n, 0]))
-            vy += dt * (ly - drag * (vy - wind[n, 1]))
-            vz += dt * (lz - drag * (vz - wind[n, 2]))
-            px += dt * vx
-            py += dt * vy
-            pz += dt * vz
-            if pz <= ground:
-                pz, vx, vy, vz = ground, 0.0, 0.0, max(vz, 0.0)
-        position[0, n], position[1, n], position[2, n] = px, py, pz
-        velocity[0, n], velocity[1, n], velocity[2, n] = vx, vy, vz
-        attitude[0, n], attitude[1, n], attitude[2, n], attitude[3, n] = qw, qx, qy, qz
-        rates[0, n], rates[1, n], rates[2, n] = p, q, r
-        thrust[n] = force
-        steady[0, n], steady[1, n], steady[2, n] = ix, iy, iz
+    def moved(
+        self, position: Sequence[Lane], velocity: Sequence[Lane], pull: _Three
+    ) -> tuple[Sequence[Lane], Sequence[Lane]]:
+        of = self.of
+        vx, vy, vz = (
+            velocity[k] + of["dt"] * (pull[k] - of["drag"] * (velocity[k] - self.wind[k]))
+            for k in range(3)
+        )
+        x, y, z = (at + of["dt"] * v for at, v in zip(position, (vx, vy, vz), strict=True))
+        low = z.is_at_most(of["ground"])
+        # A zero that is added makes one zero of both.
+        still = vx.lanes.constant(0.0)
+        vx, vy, vz = (
+            still.where(low, vx),
+            still.where(low, vy),
+            (vz.at_least(0.0) + 0.0).where(low, vz),
+        )
+        return (x, y, of["ground"].where(low, z)), (vx, vy, vz)
 
 
-_fly = njit(cache=True)(_kernel)
+def _size(x: Lane, y: Lane, z: Lane) -> Lane:
+    return (x * x + y * y + z * z).sqrt()

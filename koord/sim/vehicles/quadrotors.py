@@ -90,7 +90,7 @@ class Quadrotors:
 
     def advance(self, reference: Reference, wind: Floats, dt_s: float, steps: int) -> None:
         """Fly for some steps. The reference moves on at its velocity; ``wind`` is ``(n, 3)``."""
-        position = np.ascontiguousarray(reference.position.T)
+        position = reference.position.T.copy()  # it moves
         velocity, air = np.ascontiguousarray(reference.velocity.T), np.ascontiguousarray(wind.T)
         gain = np.ascontiguousarray(reference.acceleration.T)
         # The reference is for the end of these steps.
@@ -172,4 +172,4 @@ def move(
     if below.any():
         s.position[2, below] = ground_m
         s.velocity[:2, below] = 0.0
-        s.velocity[2, below] = np.maximum(s.velocity[2, below], 0.0)
+        s.velocity[2, below] = np.maximum(s.velocity[2, below], 0.0) + 0.0

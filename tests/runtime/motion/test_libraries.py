@@ -10,7 +10,7 @@ import pytest
 from koord.runtime.motion.libraries import require
 from koord.syntax.diagnostics import KoordError
 
-HEAVY = ("ompl", "osqp", "pymunk", "shapely", "numba", "scipy", "numpy")
+HEAVY = ("ompl", "osqp", "pymunk", "shapely", "llvmlite", "scipy", "numpy")
 
 
 def loaded_after(statement: str) -> set[str]:
@@ -43,7 +43,7 @@ def test_a_library_is_loaded_only_where_it_is_used(statement: str, expected: set
         ("osqp", "koord.runtime.motion.predictive"),
         ("shapely", "koord.runtime.motion.shapes"),
         ("pymunk", "koord.sim.vehicles.contact"),
-        ("numba", "koord.sim.vehicles.compiled"),
+        ("llvmlite", "koord.sim.vehicles.compiled"),
     ],
 )
 def test_a_missing_library_is_named_with_its_cure(library: str, module: str) -> None:
