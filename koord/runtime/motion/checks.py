@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from enum import Enum
-from itertools import combinations
+from itertools import combinations, product
 
+import numpy as np
 from msgspec import Struct
 
 from koord.runtime.motion import shapes
@@ -17,6 +18,9 @@ from koord.runtime.motion.world import Box, Disc, Point, Polygon, World
 
 #: Up to so many robots all pairs are looked at.
 _FEW = 64
+
+#: Of each two opposite cells around a cell one.
+_HALF_AROUND = tuple(d for d in product((-1, 0, 1), repeat=3) if d > (0, 0, 0))
 
 #: A world with obstacles has so many cells at most: of each it is worked out what stands in it.
 MOST_CELLS = 1_000_000
@@ -105,11 +109,36 @@ def _near_pairs(robots: Sequence[tuple[Body, Point]], apart_m: float) -> Iterato
     if len(robots) <= _FEW:
         yield from combinations(range(len(robots)), 2)
         return
-    from scipy.spatial import cKDTree
+    reach_m = max(apart_m, 2 * max(body.inner_radius_m for body, _ in robots)) * (1 + 1e-9)
+    starts = [start for _, start in robots]
+    yield from sorted(near_pairs(starts, reach_m))
 
-    reach = max(apart_m, 2 * max(body.inner_radius_m for body, _ in robots))
-    tree = cKDTree([start for _, start in robots])
-    yield from sorted(tree.query_pairs(reach * (1 + 1e-9)))
+
+def near_pairs(points: Sequence[Point], reach_m: float) -> Iterator[tuple[int, int]]:
+    """Yield the pairs ``(i, k)``, i < k, of points that are at most so far from each other.
+
+    Each point is held against those of its own cell and of the cells around it, a little wider than
+    the reach: not against all.
+    """
+    cell_m = max(1.01 * reach_m, 1e-3)
+    cells: dict[tuple[float, float, float], list[int]] = {}
+    corners = np.floor(np.array(points, dtype=np.float64) / cell_m).tolist()
+    for k, (x, y, z) in enumerate(corners):
+        cells.setdefault((x, y, z), []).append(k)
+    for (x, y, z), members in cells.items():
+        yield from _within(combinations(members, 2), points, reach_m)
+        for dx, dy, dz in _HALF_AROUND:
+            others = cells.get((x + dx, y + dy, z + dz))
+            if others is not None and others is not members:
+                yield from _within(product(members, others), points, reach_m)
+
+
+def _within(
+    pairs: Iterable[tuple[int, int]], points: Sequence[Point], reach_m: float
+) -> Iterator[tuple[int, int]]:
+    for one, other in pairs:
+        if math.dist(points[one], points[other]) <= reach_m:
+            yield (one, other) if one < other else (other, one)
 
 
 def _shown(point: Point) -> str:
