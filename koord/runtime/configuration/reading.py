@@ -120,6 +120,7 @@ class _YamlReader:
         self.document = Document(source, None)
         self.problems: list[Diagnostic] = []
         self._scalars = yaml.SafeLoader("")
+        self._known: dict[tuple[str, str], Any] = {}  #: scalars by tag and text
         self._values = 0
         self._open: set[int] = set()  #: the nodes that the one that is read stands in
 
@@ -177,11 +178,15 @@ class _YamlReader:
         return fields
 
     def _scalar(self, node: yaml.Node, span: Span) -> Any:
+        if isinstance(node, yaml.ScalarNode) and (node.tag, node.value) in self._known:
+            return self._known[node.tag, node.value]
         try:
             value = self._scalars.construct_object(node, deep=True)
         except (yaml.YAMLError, ArithmeticError, AttributeError, LookupError, ValueError):
             self.problems.append(problem(span, f"`{node.value}` cannot be read", code="K930"))
             return None
+        if isinstance(node, yaml.ScalarNode):
+            self._known[node.tag, node.value] = value
         return value
 
     def _span(self, node: yaml.Node) -> Span:
