@@ -150,8 +150,8 @@ ROS = (
     ),
     Mutant(
         "topics of published configurations are those of all robots",
-        "runtime.configuration.checking._topics",
-        "driver == _PUBLISHED",
+        "runtime.configuration.topics.topics",
+        "driver == PUBLISHED",
         "driver == name",
         (CONFIGURATION,),
     ),

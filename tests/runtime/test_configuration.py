@@ -255,6 +255,17 @@ def test_a_mistake_is_told_with_its_line_and_its_cure(
         assert hint in cure
 
 
+def test_what_a_device_comes_to_is_worked_out_once_for_all_its_robots() -> None:
+    text = (
+        "agents:\n  - {pid: 0, on_device: a}\n  - {pid: 1, on_device: b}\n"
+        "  - {pid: 2, on_device: a}\n  - {pid: 3, on_device: a, motion_automaton: Fly}\n"
+        "devices: {a: {motion_automata: [Fly]}, b: {}}\n"
+    )
+    first, other, again, flying = (place.vehicle for place in loaded(text).robots)
+    assert again is first
+    assert (first.name, other.name, flying.name) == ("a", "b", "a")
+
+
 def test_all_mistakes_are_told_at_once() -> None:
     text = "agents:\n  - {pid: zero}\n  - {pid: 1, on: x}\ndelta: 0\nnothing: 1\n"
     assert [line for line, _, _ in wrong(text)] == [2, 3, 4, 5]

@@ -6,7 +6,6 @@ import math
 from collections.abc import Iterator, Mapping
 from difflib import get_close_matches
 from ipaddress import AddressValueError, IPv4Address
-from typing import Any
 
 import msgspec
 
@@ -31,8 +30,16 @@ from koord.runtime.configuration.model import (
     Vehicle,
 )
 from koord.runtime.configuration.plug_ins import plugged
-from koord.runtime.configuration.reading import Path, problem, read, with_site
+from koord.runtime.configuration.reading import Document, Path, problem, read, with_site
 from koord.runtime.configuration.safety import safety_flaws, stated_safety
+from koord.runtime.configuration.topics import (
+    PUBLISHED,
+    ROS_DRIVERS,
+    ROS_OPTIONS,
+    driver_of,
+    names_topics,
+    topics,
+)
 from koord.runtime.configuration.typed import FormReader
 from koord.runtime.guardian.limits import SafetyLimits
 from koord.runtime.motion.bodies import VEHICLES, PlannerName
@@ -46,16 +53,6 @@ DEFAULT_PORT = 61_820
 #: In the block of addresses that any organisation may use for itself.
 DEFAULT_GROUP = "239.255.75.1"
 
-#: Fields of a device in the published middleware that are options of drivers that speak ROS.
-_ROS = ("positioning_topic", "queue_size", "reached_topic", "ros_node_prefix", "waypoint_topic")
-
-#: The driver of a device that names topics and no driver, as the published middleware: which ROS
-#: that is, the environment says. (P-ROS-PUBLISHED)
-_PUBLISHED = "ros"
-
-#: The drivers that speak it.
-_ROS_DRIVERS = (_PUBLISHED, "ros1", "ros2")
-
 #: Planners by the names that the published middleware has for them too.
 _PLANNERS = {"SimplePlanner": PlannerName.STRAIGHT.value}
 
@@ -64,7 +61,7 @@ _IDLE: Mapping[str, str] = {
     "mutex_handler": "robots that enter one lock class are kept apart by the protocol",
     "nbr_pids": "every robot talks with all others",
     "plist": "a robot listens on the `port` of its device",
-} | dict.fromkeys(_ROS, "it is for drivers that speak ROS: `driver: ros1`, `ros2`")
+} | dict.fromkeys(ROS_OPTIONS, "it is for drivers that speak ROS: `driver: ros1`, `ros2`")
 
 
 #: Where a `safety:` block changes nothing either.
@@ -94,6 +91,11 @@ def load(source: Source, site: Source | None = None) -> RunConfiguration:
 
 class _Checker(FormReader):
     """Checks what types do not say, and makes the configuration."""
+
+    def __init__(self, document: Document) -> None:
+        super().__init__(document)
+        #: By name, place and motion automaton: robots on one device share one.
+        self._vehicles: dict[tuple[str, Path, str | None], Vehicle] = {}
 
     # --- sense ----------------------------------------------------------------------------------
 
@@ -130,7 +132,7 @@ class _Checker(FormReader):
         """Warn of each kind of field that has no effect, at its first place. (K938)"""
         places: dict[str, Span] = {}
         for path, span in self._document.names.items():
-            if path[-1] in _ROS and self._speaks_ros(path):
+            if path[-1] in ROS_OPTIONS and self._speaks_ros(path):
                 continue
             if path[0] != "params" and path[-1] in _IDLE:
                 places.setdefault(str(path[-1]), span)
@@ -164,8 +166,8 @@ class _Checker(FormReader):
             device = device.get(step) if isinstance(device, dict) else None
         if not isinstance(device, dict):
             return False
-        driver = device.get("driver", _PUBLISHED if _names_topics(device) else None)
-        return driver in _ROS_DRIVERS
+        driver = device.get("driver", PUBLISHED if names_topics(device) else None)
+        return driver in ROS_DRIVERS
 
     def _agents(self, form: Form) -> list[tuple[Agent, Path]]:
         """The robots by pid, and their places in the file."""
@@ -206,16 +208,11 @@ class _Checker(FormReader):
         self, form: Form, agent: Agent, path: Path, talk: Talk, world: World | None
     ) -> RobotPlace:
         name, device, where = self._device(form, agent, path)
-        safety = self._safety(form, device, where, world)
-        localiser = stated_localiser(form, device, where, driven=_driver(device) is not None)
-        for flawed, story, cure in localiser.flaws:
-            self._once(flawed, story, cure)
-        vehicle = msgspec.structs.replace(
-            self._vehicle(name, device, agent.motion_automaton, where),
-            safety=safety,
-            localiser=localiser.name,
-            localiser_options=msgspec.json.encode(localiser.options),
-        )
+        kind = (name, where, agent.motion_automaton)
+        vehicle = self._vehicles.get(kind)
+        if vehicle is None:
+            vehicle = self._driven(form, name, device, agent.motion_automaton, where, world)
+            self._vehicles[kind] = vehicle
         automaton = agent.motion_automaton
         if automaton is not None and vehicle.automata and automaton not in vehicle.automata:
             hint = f"{name} has {', '.join(vehicle.automata)}"
@@ -253,6 +250,27 @@ class _Checker(FormReader):
             return name, Device(), path
         return name, form.devices[name], ("devices", name)
 
+    def _driven(
+        self,
+        form: Form,
+        name: str,
+        device: Device,
+        automaton: str | None,
+        where: Path,
+        world: World | None,
+    ) -> Vehicle:
+        """Make the vehicle of a device, with its limits and its localiser."""
+        safety = self._safety(form, device, where, world)
+        localiser = stated_localiser(form, device, where, driven=driver_of(device) is not None)
+        for flawed, story, cure in localiser.flaws:
+            self._once(flawed, story, cure)
+        return msgspec.structs.replace(
+            self._vehicle(name, device, automaton, where),
+            safety=safety,
+            localiser=localiser.name,
+            localiser_options=msgspec.json.encode(localiser.options),
+        )
+
     def _vehicle(self, name: str, device: Device, automaton: str | None, path: Path) -> Vehicle:
         """Make the vehicle of a device; fields under ``motion`` count as the device's own."""
         motion = device.motion if device.motion is not None else Motion()
@@ -270,8 +288,8 @@ class _Checker(FormReader):
             tuple(device.motion_automata or motion.motion_automata),
             device.simulation,
             path,
-            driver=_driver(device),
-            options=msgspec.json.encode({**_topics(name, device, automaton), **device.options}),
+            driver=driver_of(device),
+            options=msgspec.json.encode({**topics(name, device, automaton), **device.options}),
             controller=found.controller,
             modules=found.modules,
         )
@@ -439,41 +457,3 @@ def _point(coordinates: Coordinates, z: float = 0.0) -> Point:
 
 def _height(height: float | None) -> float:
     return math.inf if height is None else height
-
-
-def _driver(device: Device) -> str | None:
-    """What drives a device."""
-    if device.driver is None and "positioning_topic" in _stated(device):
-        return _PUBLISHED
-    return device.driver
-
-
-def _names_topics(value: Mapping[Any, Any]) -> bool:
-    """Return whether the value of a device in a file says where its vehicle is heard."""
-    motion = value.get("motion")
-    return any(isinstance(one, dict) and "positioning_topic" in one for one in (value, motion))
-
-
-def _topics(name: str, device: Device, automaton: str | None) -> dict[str, Any]:
-    """The options that a device states as the published middleware has them."""
-    driver = _driver(device)
-    if driver not in _ROS_DRIVERS:
-        return {}
-    options = {key: msgspec.to_builtins(value) for key, value in _stated(device).items()}
-    if automaton is not None:
-        options["motion_automaton"] = automaton
-    if driver == _PUBLISHED:
-        prefix = options.get("ros_node_prefix", "")
-        if prefix.strip("/").partition("/")[0] != name:  # as its launcher writes it
-            options["ros_node_prefix"] = f"{name}/{prefix}"
-    return options
-
-
-def _stated(device: Device) -> dict[str, Any]:
-    """What a device states of topics; fields under ``motion`` count as its own."""
-    return {**_given(device.motion or Motion()), **_given(device)}
-
-
-def _given(form: Motion) -> dict[str, Any]:
-    values = {name: getattr(form, name) for name in _ROS}
-    return {name: value for name, value in values.items() if value is not None}
