@@ -8,26 +8,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from itertools import repeat
 
 import numpy as np
 from msgspec import Struct
 
 from koord.runtime.motion.arrays import Bools, Floats, Ints, lengths
-from koord.runtime.motion.automaton import MotionState
 from koord.runtime.motion.geometry import as_path
 from koord.runtime.motion.group import TAKEOFF_M, TICK_S
-from koord.runtime.motion.planning import Hindrance
+from koord.runtime.motion.planning import Hindrance, Plight
 from koord.runtime.motion.world import Point, World
-from koord.runtime.platform.sensors import MotionSensors
 from koord.runtime.plugins.calls import PlugInError
+from koord.sim.sensing import FleetSensors
 from koord.sim.squads import DeviceModel, Engines, Squad, squad
 from koord.sim.vehicles.points import PointSquad
 
 _HINDRANCES = tuple(Hindrance)
-
-#: By number; to look one up here is quicker than to make it.
-_STATES = tuple(MotionState)
 
 
 class Placed(Struct, frozen=True):
@@ -68,6 +63,8 @@ class Fleet:
             heading = np.array([robots[k].heading_rad for k in members], dtype=np.float64)
             made = squad(model, start, heading, [seeds[k] for k in members], engines)
             self._squads.append((made, np.array(members)))
+        asked = self.robots if only is None else (self.robots[only],) * len(self.robots)
+        self._planners = tuple(robot.model.planner for robot in asked)
 
     # --- time -----------------------------------------------------------------------------------
 
@@ -142,30 +139,25 @@ class Fleet:
 
     # --- what is seen ---------------------------------------------------------------------------
 
-    def sensed(self) -> tuple[MotionSensors, ...]:
+    def sensed(self) -> FleetSensors:
         """The motion sensors of all robots now."""
-        found: list[MotionSensors | None] = [None] * len(self.robots)
+        n = len(self.robots)
+        position, heading, short = np.empty((n, 3)), np.empty(n), np.empty(n)
+        reached, state = np.empty(n, np.bool_), np.empty(n, np.int64)
+        plights: dict[int, Plight] = {}
         for members, numbers in self._squads:
-            position, heading = members.fixes(self.now_s)
-            automata = members.group.automata
-            planner = self.robots[int(numbers[0])].model.planner
-            group = members.group
-            left = lengths(position - group.routes.end) - group.visit.epsilon_m
-            rows = zip(
-                map(tuple, position.tolist()),
-                heading.tolist(),
-                automata.reached.tolist(),
-                repeat(planner),
-                map(_STATES.__getitem__, automata.state.tolist()),
-                map(group.plights.get, range(len(numbers))),
-                np.maximum(left, 0.0).tolist(),
-            )
-            for number, sensed in zip(
-                numbers.tolist(), map(MotionSensors._make, rows), strict=True
-            ):
-                found[number] = sensed
-        known = tuple(sensed for sensed in found if sensed is not None)
-        return known if self._only is None else known * len(self.robots)
+            # Who is alone in its fleet answers for everybody.
+            rows = numbers if self._only is None else slice(None)
+            group, automata = members.group, members.group.automata
+            fix, heading[rows] = members.fixes(self.now_s)
+            position[rows], reached[rows], state[rows] = fix, automata.reached, automata.state
+            left = lengths(fix - group.routes.end) - group.visit.epsilon_m
+            short[rows] = np.maximum(left, 0.0)
+            if group.plights and self._only is None:
+                plights |= {int(numbers[row]): one for row, one in group.plights.items()}
+            elif group.plights:
+                plights = dict.fromkeys(range(n), group.plights[0])
+        return FleetSensors(position, heading, reached, state, short, self._planners, plights)
 
     def positions(self) -> Floats:
         """The positions of robots in metres, shape ``(n, 3)``."""

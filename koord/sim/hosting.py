@@ -19,6 +19,7 @@ from koord.runtime.platform.world_host import WorldHost
 from koord.runtime.robot import Robot
 from koord.sim.fleet import Fleet
 from koord.sim.lidar import Scanner
+from koord.sim.sensing import FleetSensors
 
 
 class Hosted(WorldHost):
@@ -41,7 +42,7 @@ class Hosted(WorldHost):
             for robot in self.scanners
         }
         #: what robots know of themselves
-        self.sensed: tuple[MotionSensors, ...] = fleet.sensed()
+        self.sensed: FleetSensors = fleet.sensed()
 
     def pass_time(
         self,

@@ -10,17 +10,17 @@ import numpy as np
 from msgspec import Struct
 
 from koord.runtime.engine import RoundEngine as Engine
-from koord.runtime.motion.arrays import Floats, Ints, lengths
+from koord.runtime.motion.arrays import Bools, Floats, Ints, lengths
 from koord.runtime.motion.automaton import MotionState
 from koord.runtime.motion.world import Point
-from koord.runtime.platform.sensors import MotionSensors
 from koord.runtime.proposals import Decision
-from koord.runtime.robot import Robot, Status
+from koord.runtime.robot import Robot
 from koord.runtime.shapes import Array, Record
 from koord.runtime.shapes import Sequence as ListOf
 from koord.sim.fleet import Fleet
 from koord.sim.run_log import Deeds, Idle, RunLogger, TaskState
 from koord.sim.scene import Scene
+from koord.sim.sensing import FleetSensors
 
 #: Up to so many robots all pairs are looked at; of more not.
 _FEW = 64
@@ -203,11 +203,9 @@ class Gauge:
         self._blocked[skipped] += deeds[skipped] == Idle.BLOCKED
         self._tasks.note_assigned(self.engine.store.values, self.engine.round * self.scene.delta_s)
 
-    def round(self, sensed: Sequence[MotionSensors]) -> None:
-        """Record the end of a round, with the robots' sensors."""
-        robots = zip(sensed, self.engine.robots, strict=True)
-        waits = [s.state is MotionState.IDLE and r.status is not Status.STOPPED for s, r in robots]
-        self._waited += np.array(waits, np.int64)
+    def round(self, sensed: FleetSensors, stopped: Bools) -> None:
+        """Record the end of a round, with the robots' sensors, and who has stopped."""
+        self._waited += (sensed.state == MotionState.IDLE) & ~stopped
         self._tasks.note_visits(self._last, self.fleet.now_s)
 
     def figures(self, digest: str) -> Figures:

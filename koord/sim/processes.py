@@ -31,6 +31,7 @@ from koord.runtime.robot import Host, Key, Robot, Turn
 from koord.sim.fleet import Fleet
 from koord.sim.running import Cast, Simulation, host_of
 from koord.sim.scene import Scene
+from koord.sim.sensing import FleetSensors
 
 
 class Tick(Struct, frozen=True):
@@ -238,7 +239,7 @@ class Followed(Simulation):
         for ticks in zip(*(delta.ticks for delta in deltas), strict=True):
             self._vehicles.place(ticks)
             self.tick(self._vehicles)
-        self.host.sensed = tuple(delta.sensed for delta in deltas)
+        self.host.sensed = FleetSensors.of([delta.sensed for delta in deltas])
 
 
 class _Memory:

@@ -14,19 +14,19 @@ from msgspec import Struct
 
 from koord.runtime.engine import Deployed, Ended, Schedule
 from koord.runtime.engine import RoundEngine as Engine
-from koord.runtime.motion.automaton import MotionState
+from koord.runtime.motion.arrays import Bools
 from koord.runtime.motion.planners import planner
 from koord.runtime.motion.world import Point
 from koord.runtime.plugins.loading import served_modules
 from koord.runtime.proposals import Decision
-from koord.runtime.robot import Host, Robot
+from koord.runtime.robot import Host, Robot, Status
 from koord.sim.digest import Digest, events_of
 from koord.sim.fleet import Fleet
 from koord.sim.hosting import Hosted
 from koord.sim.lidar import Scanner
 from koord.sim.measuring import Figures, Gauge
 from koord.sim.observing import Observer, deeds_of, header_of
-from koord.sim.run_log import Header, RunLog, RunLogger
+from koord.sim.run_log import Deeds, Header, Idle, RunLog, RunLogger
 from koord.sim.scene import Scene
 from koord.sim.scene_library import library_of
 from koord.sim.standing import StandingRobot, Watchman
@@ -197,9 +197,10 @@ class Simulation:
         if engine.ended is None and self.goes_on:
             self.pass_time()
             engine.environment_turn()
-            self.gauge.round(self.host.sensed)
+            stopped = self._stopped(decision, deeds)
+            self.gauge.round(self.host.sensed, stopped)
             if engine.ended is None:
-                self._watch_over()
+                self._watch_over(stopped)
                 self._look(WatchPoint.ROUND)
         self._conclude()
         return decision
@@ -253,13 +254,20 @@ class Simulation:
 
     # --- inside ---------------------------------------------------------------------------------
 
-    def _watch_over(self) -> None:
+    def _stopped(self, decision: Decision, deeds: Deeds) -> Bools:
+        """A mask of the robots that have stopped by the end of a round."""
+        stopped: Bools = deeds == Idle.STOPPED
+        for taken in decision.ran:
+            stopped[taken.robot] = self.engine.robots[taken.robot].status is Status.STOPPED
+        return stopped
+
+    def _watch_over(self, stopped: Bools) -> None:
         ended_s = self.time_s
         began_s = ended_s - self.scene.delta_s
-        robots = self.engine.robots
-        places = [(x, y, z) for x, y, z in self.fleet.positions().tolist()]
-        sensed, touched = self.host.sensed, self.fleet.touched
-        for one in self.watchman.round(began_s, ended_s, sensed, robots, places, touched):
+        places, touched = self.fleet.positions(), self.fleet.touched
+        for one in self.watchman.round(
+            began_s, ended_s, self.host.sensed, stopped, places, touched
+        ):
             self._notice(one)
 
     def _notice(self, one: StandingRobot) -> None:
@@ -300,7 +308,7 @@ class Simulation:
 
     def _is_still(self) -> bool:
         """Return whether nobody moves, and no variable but measurements has changed for a while."""
-        if any(s.state in (MotionState.MOVING, MotionState.PLANNING) for s in self.host.sensed):
+        if self.host.sensed.on_the_way.any():
             self._still, self._before = 0, None
             return False
         now = tuple((robot.status, _held(robot)) for robot in self.engine.robots)

@@ -12,16 +12,18 @@ from collections.abc import Callable, Iterator, Sequence
 from math import dist
 from typing import Any
 
+import numpy as np
 from msgspec import Struct
 
+from koord.runtime.motion.arrays import Bools, Floats, lengths
 from koord.runtime.motion.automaton import MotionState
 from koord.runtime.motion.bodies import Body
 from koord.runtime.motion.planning import Hindrance, Plight, hindrance
 from koord.runtime.motion.world import Point, World
-from koord.runtime.platform.sensors import MotionSensors
 from koord.runtime.platform.world_host import WAYS
 from koord.runtime.ports import plain_name
 from koord.runtime.robot import Forwarding, Host, Key, Robot, Status, Turn
+from koord.sim.sensing import FleetSensors
 
 #: A program that has not asked for so long does not ask any more.
 _ASKS_S = 1.0
@@ -46,10 +48,12 @@ class Watchman:
         self.now_s = self.still_s = 0.0
         self._world, self._bodies = world, tuple(bodies)
         self._stuck: dict[int, StandingRobot] = {}
-        self._wants: list[dict[Point, tuple[float, float]]] = [{} for _ in bodies]
-        self._unclear: list[tuple[float, float] | None] = [None] * len(bodies)
+        self._wants: dict[int, dict[Point, tuple[float, float]]] = {}
+        self._unclear: dict[int, tuple[float, float]] = {}
         #: Where robots that are on their way have been since when, but for a few centimetres.
-        self._lingers: list[tuple[Point, float] | None] = [None] * len(bodies)
+        #: Of those that are not, NaN.
+        self._linger_at: Floats = np.full((len(bodies), 3), np.nan)
+        self._linger_s: Floats = np.full(len(bodies), np.nan)
 
     def hear(self, host: Host) -> Host:
         """Wrap a host, so that its answers are observed."""
@@ -59,37 +63,42 @@ class Watchman:
         self,
         began_s: float,
         ended_s: float,
-        sensed: Sequence[MotionSensors],
-        robots: Sequence[Robot],
-        places: Sequence[Point],
+        sensed: FleetSensors,
+        stopped: Bools,
+        places: Floats,
         touched: Callable[[int], Sequence[tuple[Hindrance, int]]],
     ) -> Iterator[StandingRobot]:
         """Record the end of a round; yield the robots that stand still since then.
 
-        ``places`` are where robots truly are, and ``touched`` is what a robot's vehicle touches.
+        ``stopped`` is a mask of the robots whose programs have stopped. ``places``, shape
+        ``(n, 3)``, are where robots truly are, and ``touched`` is what a robot's vehicle touches.
         """
         self.now_s = ended_s
-        moves = False
-        for pid, (known, robot) in enumerate(zip(sensed, robots, strict=True)):
-            stands = None
+        moving: Bools = sensed.state == MotionState.MOVING
+        for pid in [pid for pid in {*self._wants, *self._unclear} if moving[pid]]:
+            self._wants.pop(pid, None)
+            self._unclear.pop(pid, None)
+        able: Bools = ~stopped
+        plights = {pid: one for pid, one in sensed.plights.items() if able[pid]}
+        able[list(plights)] = False
+        going = able & moving & ~(sensed.short_m < _BLOCKED_M)
+        self._linger_s[stopped | (able & ~going)] = np.nan
+        blocked = self._blocked(going, places, began_s)
+        stuck = {*plights, *np.flatnonzero(blocked).tolist()}
+        for pid in [pid for pid in self._stuck if pid not in stuck]:
+            del self._stuck[pid]
+        for pid in sorted(stuck):
             before = self._stuck.get(pid)
-            if known.state is MotionState.MOVING:
-                self._wants[pid], self._unclear[pid] = {}, None
-            if robot.status is Status.STOPPED:
-                self._lingers[pid] = None
-            elif known.plight is not None:
+            if pid in plights:
                 since_s = began_s if before is None else before.since_s
-                stands = _standing(pid, since_s, known.plight)
-            elif (since := self._lingers_since(pid, known, places[pid], began_s)) is not None:
-                stands = before or _standing(pid, since, _no_headway(touched(pid)))
+                stands = _standing(pid, since_s, plights[pid])
             else:
-                moves = moves or known.state in (MotionState.MOVING, MotionState.PLANNING)
-            if stands is None:
-                self._stuck.pop(pid, None)
-            else:
-                self._stuck[pid] = stands
-                if before is None:
-                    yield stands
+                since_s = float(self._linger_s[pid])
+                stands = before or _standing(pid, since_s, _no_headway(touched(pid)))
+            self._stuck[pid] = stands
+            if before is None:
+                yield stands
+        moves = (able & ~blocked & sensed.on_the_way).any()
         self.still_s = 0.0 if moves else self.still_s + (ended_s - began_s)
 
     def standing(self, robots: Sequence[Robot], still_s: float) -> tuple[StandingRobot, ...]:
@@ -109,26 +118,21 @@ class Watchman:
         if name in WAYS:
             self._way(robot, _goal(name, arguments), is_found=len(answer) > 0)
         elif name == "pathsClear" and not answer:
-            first = self._unclear[robot]
+            first = self._unclear.get(robot)
             self._unclear[robot] = (self.now_s if first is None else first[0], self.now_s)
 
     # --- inside ---------------------------------------------------------------------------------
 
-    def _lingers_since(
-        self, pid: int, sensed: MotionSensors, place: Point, began_s: float
-    ) -> float | None:
-        """The time since which a moving robot has made no progress; None if it has recently."""
-        known = self._lingers[pid]
-        if sensed.state is not MotionState.MOVING or sensed.short_m < _BLOCKED_M:
-            self._lingers[pid] = None
-        elif known is None or dist(known[0], place) > _BLOCKED_M:
-            self._lingers[pid] = (place, began_s)
-        elif self.now_s - known[1] >= _BLOCKED_S - 1e-9:
-            return known[1]
-        return None
+    def _blocked(self, going: Bools, places: Floats, began_s: float) -> Bools:
+        """A mask of the robots among those on their way that have made no progress for long."""
+        since_s = self._linger_s
+        fresh = going & (np.isnan(since_s) | _are_apart(self._linger_at, places))
+        self._linger_at[fresh], since_s[fresh] = places[fresh], began_s
+        blocked: Bools = going & ~fresh & (self.now_s - since_s >= _BLOCKED_S - 1e-9)
+        return blocked
 
     def _way(self, robot: int, goal: Point, *, is_found: bool) -> None:
-        wants = self._wants[robot]
+        wants = self._wants.setdefault(robot, {})
         if is_found:
             wants.pop(goal, None)
         else:
@@ -136,11 +140,12 @@ class Watchman:
 
     def _waiting(self, pid: int) -> Iterator[StandingRobot]:
         """Yield a robot that waits for a path: none is clear, or none is found."""
-        unclear, recently = self._unclear[pid], self.now_s - _ASKS_S - 1e-9
+        unclear, recently = self._unclear.get(pid), self.now_s - _ASKS_S - 1e-9
         if unclear is not None and unclear[1] >= recently:
             yield _standing(pid, unclear[0], Plight(Hindrance.NOT_CLEAR))
             return
-        wants = {g: since for g, (since, last) in self._wants[pid].items() if last >= recently}
+        asked = self._wants.get(pid, {})
+        wants = {g: since for g, (since, last) in asked.items() if last >= recently}
         if not wants:
             return
         goal = min(wants, key=lambda g: (wants[g], g))
@@ -167,6 +172,16 @@ class _Heard(Forwarding):
 
 def _standing(pid: int, since_s: float, plight: Plight, more: str = "") -> StandingRobot:
     return StandingRobot(pid, since_s, plight.hindrance, plight.words + more)
+
+
+def _are_apart(ones: Floats, others: Floats) -> Bools:
+    """A mask of the places, shape ``(n, 3)``, that are further from others than counts as one."""
+    apart_m = lengths(others - ones)
+    found: Bools = apart_m > _BLOCKED_M
+    # ``dist`` rounds once, and lengths several times.
+    for row in np.flatnonzero(np.abs(apart_m - _BLOCKED_M) < 1e-9).tolist():
+        found[row] = dist(ones[row].tolist(), others[row].tolist()) > _BLOCKED_M
+    return found
 
 
 def _no_headway(touched: Sequence[tuple[Hindrance, int]]) -> Plight:

@@ -3,22 +3,27 @@
 from __future__ import annotations
 
 import json
+import math
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any, cast
+from typing import Any
 
+import numpy as np
 import pytest
 
 from koord.cli.exits import Exit
 from koord.cli.main import main
+from koord.runtime.motion.arrays import Bools
 from koord.runtime.motion.automaton import MotionState
 from koord.runtime.motion.bodies import Car, PlannerName
-from koord.runtime.motion.planning import Hindrance
+from koord.runtime.motion.planning import Hindrance, Plight
 from koord.runtime.motion.world import World
 from koord.runtime.platform.sensors import MotionSensors
-from koord.runtime.robot import Robot, Status
-from koord.sim.standing import Watchman
+from koord.sim.sensing import FleetSensors
+from koord.sim.standing import StandingRobot, Watchman
 from tests.sampling import first
+
+NOBODY = np.zeros(2, np.bool_)
 
 EXAMPLES = Path(__file__).parents[2] / "specs" / "examples"
 
@@ -176,20 +181,61 @@ def test_where_nothing_is_touched_nothing_is_named() -> None:
     known = MotionSensors(
         (0.0, 0.0, 0.0), 0.0, False, PlannerName.STRAIGHT, MotionState.MOVING, None, 1.0
     )
-    robots = [cast(Robot, SimpleNamespace(status=Status.RUNNING))] * 2
-    places = [(0.0, 0.0, 0.0), (0.3, 0.0, 0.0)]
+    sensed = FleetSensors.of([known, known])
+    places = np.array([(0.0, 0.0, 0.0), (0.3, 0.0, 0.0)])
     told = [
         one
         for k in range(60)
-        for one in watchman.round(
-            k / 10, (k + 1) / 10, [known, known], robots, places, lambda robot: ()
-        )
+        for one in watchman.round(k / 10, (k + 1) / 10, sensed, NOBODY, places, lambda robot: ())
     ]
     assert [(one.robot, one.hindrance) for one in told] == [
         (0, Hindrance.NO_HEADWAY),
         (1, Hindrance.NO_HEADWAY),
     ]
     assert "robot" not in told[0].words
+
+
+def watched(
+    known: Sequence[MotionSensors], stopped: Bools, along: Callable[[int], float]
+) -> list[StandingRobot]:
+    """What is told in six seconds of two cars on an axis; the second stays where it is."""
+    watchman = Watchman(World(), [Car(), Car()])
+    told: list[StandingRobot] = []
+    for k in range(60):
+        places = np.array([(along(k), 0.0, 0.0), (9.0, 0.0, 0.0)])
+        seen = FleetSensors.of(known)
+        told += watchman.round(k / 10, (k + 1) / 10, seen, stopped, places, lambda robot: ())
+    return told
+
+
+def test_who_gets_on_is_not_stuck_and_who_has_stopped_is_not_either() -> None:
+    going = MotionSensors(
+        (0.0, 0.0, 0.0), 0.0, False, PlannerName.STRAIGHT, MotionState.MOVING, None, 1.0
+    )
+    creeps = watched([going, going], NOBODY, lambda k: k * 0.0125)
+    assert [(one.robot, one.since_s) for one in creeps] == [(1, 0.0)]
+    # Five centimetres to and fro are a place, and what is more is none.
+    sways = watched([going, going], NOBODY, lambda k: 0.05 * (k % 2))
+    assert [one.robot for one in sways] == [0, 1]
+    strays = watched([going, going], NOBODY, lambda k: math.nextafter(0.05, 1.0) * (k % 2))
+    assert [one.robot for one in strays] == [1]
+    assert not watched([going, going], ~NOBODY, lambda k: 0.0)
+    near, idle = going._replace(short_m=0.04), going._replace(state=MotionState.IDLE)
+    assert not watched([near, idle], NOBODY, lambda k: 0.0)
+
+
+def test_who_cannot_go_is_told_at_once_and_once() -> None:
+    lost = MotionSensors(
+        (0.0, 0.0, 0.0),
+        0.0,
+        False,
+        PlannerName.STRAIGHT,
+        MotionState.IDLE,
+        Plight(Hindrance.NO_WAY, (1.0, 2.0, 3.0)),
+    )
+    told = watched([lost, lost._replace(plight=None)], NOBODY, lambda k: 0.0)
+    assert [(one.robot, one.since_s, one.hindrance) for one in told] == [(0, 0.0, Hindrance.NO_WAY)]
+    assert not watched([lost, lost], ~NOBODY, lambda k: 0.0)
 
 
 def test_it_is_told_of_processes_as_well(

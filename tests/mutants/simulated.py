@@ -24,7 +24,7 @@ SIMULATED = (
     Mutant(
         "who was stuck once is stuck for ever",
         "sim.standing.Watchman.round",
-        "self._stuck.pop(pid, None)",
+        "del self._stuck[pid]",
         "pass",
         (STANDING,),
     ),

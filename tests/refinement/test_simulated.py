@@ -8,7 +8,9 @@ import math
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+from msgspec import structs
 
 from koord.api.fitting import Fitted, fit, fit_request
 from koord.api.sim_setup import simulation
@@ -82,7 +84,8 @@ def test_vehicles_that_leave_their_paths_are_refused() -> None:
     original = made.fleet.sensed
 
     def elsewhere() -> Any:
-        return tuple(s._replace(psn=(s.psn[0] + 1.0, *s.psn[1:])) for s in original())
+        seen = original()
+        return structs.replace(seen, position=seen.position + np.array([1.0, 0.0, 0.0]))
 
     made.fleet.sensed = elsewhere  # type: ignore[method-assign]
     for decision in run(made, 1.0):

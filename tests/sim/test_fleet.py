@@ -28,6 +28,7 @@ from koord.runtime.motion.world import Point, World
 from koord.sim.disturbances import Disturbances, Positioning, Wind
 from koord.sim.fleet import Fleet, Placed
 from koord.sim.measuring import nearest
+from koord.sim.sensing import FleetSensors
 from koord.sim.squads import DeviceModel
 from tests.runtime.motion.worlds import CLUTTERED
 from tests.sampling import first
@@ -295,3 +296,25 @@ def test_robots_do_not_hang_on_each_other() -> None:
         fleet.go_to(0, (2, 2, 1))
         fleet.advance_to(4.0)
     assert alone.positions()[0] == pytest.approx(two.positions()[0], abs=1e-9)
+
+
+def test_what_was_sensed_stays_as_it_was() -> None:
+    """Columns say of each robot what it sensed then, whatever it is told and does since."""
+    straight = DeviceModel(Car(), PlannerName.STRAIGHT)
+    starts: list[Point] = [(-2, 0, 0), (-2, 2, 0)]
+    fleet = Fleet(World(), [Placed(straight, start) for start in starts])
+    fleet.go_to(1, (1e6, 0.0, 0.0))
+    fleet.advance_to(0.1)
+    seen = fleet.sensed()
+    before = list(seen)
+    assert before[1].plight is not None
+    assert list(FleetSensors.of(before)) == before
+    assert seen.on_the_way.tolist() == [False, False]
+    fleet.go_to(0, (0.0, 0.0, 0.0))
+    fleet.go_to(1, (0.0, 2.0, 0.0))
+    fleet.advance_to(0.5)
+    assert list(seen) == before
+    now = fleet.sensed()
+    assert now.on_the_way.tolist() == [True, True]
+    assert now[1].plight is None
+    assert now[0].psn != before[0].psn
