@@ -18,7 +18,7 @@ from koord.syntax.core import BinaryOp, Home, QuantifierKind
 from koord.syntax.printing.quoting import Quoting
 from koord.syntax.system import System
 from koord.syntax.types import BOOL, FLOAT, INT
-from koord.syntax.walk import nodes, reached, renamed
+from koord.syntax.walk import nodes, renamed
 from koord.verify import certificate_form as forms
 from koord.verify.claims import Claim, ClaimKind
 from koord.verify.effort import Deadline, Effort
@@ -100,13 +100,8 @@ class _Search(Struct, frozen=True):
         return reduced(self.system, claim, found, [*known, *lemmas], self._means())
 
     def known(self, holding: Sequence[Claim], known: Sequence[Claim]) -> list[Claim]:
-        """What is known, and what can be shown of every number of robots by itself.
-
-        Products of unknowns are left alone: no second solver would see it.
-        """
-        others = [
-            claim for claim in holding if claim not in known and not _multiplies(self.system, claim)
-        ]
+        """What is known, and what can be shown of every number of robots by itself."""
+        others = [claim for claim in holding if claim not in known]
         shown = self._proved(others, known)
         found = [*known, *(claim for claim in shown if claim.is_state_property)]
         likely = [
@@ -124,17 +119,6 @@ class _Search(Struct, frozen=True):
 
     def _means(self) -> Means:
         return Means(self.deadline, Effort.of_seconds(GENEROUS.seconds), GENEROUS, 0)
-
-
-def _multiplies(system: System, claim: Claim) -> bool:
-    """Return whether a claim multiplies numbers of which neither is a constant."""
-    return any(
-        isinstance(node, core.Binary)
-        and node.op is BinaryOp.MUL
-        and not isinstance(node.left, core.Const)
-        and not isinstance(node.right, core.Const)
-        for node in reached(system.program, claim.stated)
-    )
 
 
 # --- in Koord -------------------------------------------------------------------------------------
