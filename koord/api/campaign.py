@@ -6,12 +6,26 @@ import hashlib
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing
+from itertools import takewhile
 from os import PathLike
-from statistics import fmean, stdev
 
 from msgspec import Struct, to_builtins
 from msgspec.structs import replace
 
+from koord.api.campaign_course import Course
+from koord.api.campaign_figures import (
+    ALPHA,
+    Interval,
+    Metric,
+    Until,
+    alpha_of,
+    interval,
+    looks,
+    mean_and_reach,
+    mean_words,
+    settled,
+    until_of,
+)
 from koord.api.campaign_runs import Order, Row, RunFile
 from koord.api.campaign_workers import rows_of
 from koord.api.files import check_writable, file_name
@@ -26,14 +40,15 @@ from koord.runtime.motion.libraries import require
 from koord.syntax.literals import ParamValue, literal
 from koord.version import __version__
 
-#: How sure an interval is to have the mean in it.
-_CONFIDENCE = 0.95
+#: So many runs of a value are made at most where nobody says how many.
+MOST_RUNS = 1000
 
 
 class CampaignRequest(Struct, frozen=True):
     """The request for a campaign: its runs, how to make them, and the files to keep."""
 
-    runs: int = 1  #: of each value
+    runs: int = 1  #: of each value; with ``until`` the most
+    until: Until | None = None  #: ends the runs of a value sooner
     jobs: int = 1  #: at a time, in processes
     cluster: str | None = None  #: the address of a Dask scheduler
     swept: str | None = None  #: the param that has one value after the other; or ``robots``
@@ -68,6 +83,7 @@ class Campaign(Result, frozen=True, kw_only=True):
     swept: str  #: what differs between groups of runs
     runs: tuple[Row, ...]
     interrupted: bool
+    until: Until | None = None
 
     @property
     def ok(self) -> bool:
@@ -81,6 +97,27 @@ class Campaign(Result, frozen=True, kw_only=True):
             found.setdefault(row.swept or str(row.robots), []).append(row)
         return {value: tuple(rows) for value, rows in found.items()}
 
+    def alpha(self, group: Sequence[Row]) -> float:
+        """With which probability an interval of a group of runs may be wrong.
+
+        Where it was looked at more than once, each look has a part of what all together have.
+        """
+        if self.until is None:
+            return ALPHA
+        enough = settled(group, self.until)
+        last = sum(1 for _ in takewhile(lambda runs: runs < len(group), looks())) + 1
+        return alpha_of(last if enough is None else enough[1])
+
+    def precise(self) -> dict[str, Interval]:
+        """The interval of what the campaign was to be precise in, of each value that has one."""
+        found = dict[str, Interval]()
+        for value, group in self.groups().items():
+            metric = Metric.TIME if self.until is None else self.until.metric
+            numbers = [number for row in group if (number := metric.of(row)) is not None]
+            if len(numbers) > 1:
+                found[value] = interval(metric, numbers, self.alpha(group))
+        return found
+
     def common(self) -> str:
         """The settings that are the same for all runs: δ, and others that differ from the text."""
         values = {row.values for row in self.runs}
@@ -89,7 +126,11 @@ class Campaign(Result, frozen=True, kw_only=True):
     def to_dict(self) -> dict[str, object]:
         """The results as plain data, as ``koord sim --runs --json`` prints them."""
         runs = [to_builtins(row) for row in self.runs]
-        return {"format": "koord-campaign", "version": 1, "runs": runs}
+        document: dict[str, object] = {"format": "koord-campaign", "version": 1, "runs": runs}
+        if self.until is not None:
+            document["until"] = to_builtins(self.until)
+            document["intervals"] = to_builtins(self.precise())
+        return document
 
     def __repr__(self) -> str:
         bad = sum(row.is_bad for row in self.runs)
@@ -132,6 +173,7 @@ def campaign(
     *,
     runs: int = 1,
     sweep: Mapping[str, Iterable[Value]] | None = None,
+    until: Mapping[str, float] | None = None,
     jobs: int = 1,
     cluster: str | None = None,
     params: Mapping[str, Value] | None = None,
@@ -150,10 +192,13 @@ def campaign(
     """Simulate a program many times, with seeds that follow ``seed``.
 
     ``sweep`` names one param, or ``robots``, and its values: there are so many ``runs`` for each.
-    ``jobs`` are made at a time, in processes of this machine; or as many as the Dask ``cluster`` at
-    this address has workers. A line for each run is written to the file ``csv`` as it ends, from
-    which ``resume`` goes on; ``plot`` is the file of a picture. The other arguments are those of
-    :func:`koord.simulate`. ``progress`` hears :class:`RunOver`.
+    ``until`` names a figure (``time``, ``distance``, ``waited``, or ``broken``: the rate of runs in
+    which a claim was), and how far its interval of 95 % may reach to each side: the runs of a value
+    end when it does not reach further, and ``runs`` are the most. Such intervals hold although they
+    were looked at before. ``jobs`` are made at a time, in processes of this machine; or as many as
+    the Dask ``cluster`` at this address has workers. A line for each run is written to the file
+    ``csv`` as it ends, from which ``resume`` goes on; ``plot`` is the file of a picture. The other
+    arguments are those of :func:`koord.simulate`. ``progress`` hears :class:`RunOver`.
 
     Raises :class:`koord.KoordError` for what is wrong with the input.
 
@@ -164,6 +209,7 @@ def campaign(
     name, values = next(iter(sweep.items())) if sweep is not None else (None, ())
     request = CampaignRequest(
         runs=runs,
+        until=None if until is None else until_of(until),
         jobs=jobs,
         cluster=cluster,
         swept=name,
@@ -190,35 +236,39 @@ def make_campaign(
     """As :func:`campaign`, for a checked request with a seed. Raises KoordError."""
     tell, is_cancelled = heard_by(progress), asker(cancellation)
     orders = list(_orders(wanted, request))
-    numbers = {order.key: number for number, order in enumerate(orders)}
+    course = Course(orders, request.until)
     with ExitStack() as stack:
         kept = None
         if request.csv is not None:
             name = _identity(wanted, request)
             kept = stack.enter_context(RunFile(request.csv, name, resumes=request.resume))
-            kept.begin(numbers)
-        rows = [] if kept is None else list(kept.rows)
-        known = {row.key for row in rows}
-        said = f"{len(known)} of {len(orders)} runs are there already"
-        tell(CampaignBegun(said, known=len(known), runs=len(orders)))
-        left = [order for order in orders if order.key not in known]
-        _check_sweep(left)
-        tell(Progress(f"{len(rows)} of {len(orders)} runs"))
-        made = rows_of(left, request.jobs, request.cluster, is_cancelled)
+            kept.begin(course.numbers, course.is_whole)
+        for row in () if kept is None else kept.rows:
+            course.add(row)
+        known, most = course.made, len(orders)
+        of = f"of {most} runs" if request.until is None else f"of at most {most} runs"
+        tell(CampaignBegun(f"{known} {of} are there already", known=known, runs=most))
+        _check_sweep(course.missing())
+        tell(Progress(f"{known} {of}"))
+        left = len(course.missing())
+        made = rows_of(course.wanted(), request.jobs, request.cluster, is_cancelled, left)
         for row in stack.enter_context(closing(made)):
-            rows.append(row)
+            course.add(row)
             if kept is not None:
                 kept.add(row)
-            said = f"{len(rows)} of {len(orders)} runs"
-            tell(RunOver(said, row=row, done=len(rows), runs=len(orders)))
-        rows.sort(key=lambda row: numbers[row.key])
-        if kept is not None and len(rows) == len(orders):
+            done = course.made
+            tell(RunOver(f"{done} {of}", row=row, done=done, runs=most))
+            if course.is_over:
+                break
+        rows = course.rows()
+        if kept is not None and course.is_over:
             kept.finish(rows)
     found = Campaign(
         program=wanted.source.name,
         swept=request.swept or "robots",
         runs=tuple(rows),
-        interrupted=is_cancelled(),
+        interrupted=is_cancelled() and not course.is_over,
+        until=request.until,
     )
     if request.plot is not None and rows:
         _draw(request.plot, found)
@@ -286,25 +336,6 @@ def _robots(value: ParamValue) -> int:
 
 
 # --- figures --------------------------------------------------------------------------------------
-
-
-def mean_and_reach(values: Sequence[float]) -> tuple[float, float]:
-    """The mean, and half the width of its confidence interval (Student's t)."""
-    n = len(values)
-    if n < 2:
-        return fmean(values), math.nan
-    from scipy.special import stdtrit
-
-    quantile = float(stdtrit(n - 1, (1 + _CONFIDENCE) / 2))
-    return fmean(values), quantile * stdev(values) / math.sqrt(n)
-
-
-def mean_words(values: Sequence[float]) -> str:
-    """The mean in words, with an interval of 95 % if there are several values."""
-    if not values:
-        return "-"
-    mean, reach = mean_and_reach(values)
-    return f"{mean:.1f}" if math.isnan(reach) else f"{mean:.1f} ± {reach:.1f}"
 
 
 def _draw(path: str, campaign: Campaign) -> None:

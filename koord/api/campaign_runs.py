@@ -94,14 +94,19 @@ class RunFile:
         if self._file is not None:
             self._file.close()
 
-    def begin(self, wanted: Collection[tuple[str, int]]) -> None:
-        """Read the finished runs among the wanted ones. Writes nothing yet. Raises KoordError."""
+    def begin(
+        self, wanted: Collection[tuple[str, int]], is_whole: Callable[[Sequence[Row]], bool]
+    ) -> None:
+        """Read the finished runs among the wanted ones. Writes nothing yet.
+
+        ``is_whole`` says of runs whether the campaign is over with them. Raises KoordError.
+        """
         there = self._there()
         self.rows = tuple(row for row in there or () if row.key in wanted)
         if self._resumes and there is None:
             hint = "leave out `resume=`, or name another file"
             raise refusal("K937", self._path, "its runs are not of this campaign", hint)
-        if not self._resumes and 0 < len(self.rows) < len(wanted):
+        if not self._resumes and self.rows and not is_whole(self.rows):
             story = f"it has {len(self.rows)} of the {len(wanted)} runs of this campaign"
             hint = "go on with `resume=`, or remove the file"
             raise refusal("K937", self._path, story, hint)

@@ -12,10 +12,11 @@ import threading
 import time
 from abc import ABC, abstractmethod
 from collections import Counter, deque
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import closing
+from itertools import islice
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from queue import Empty, SimpleQueue
@@ -79,17 +80,25 @@ class Team(ABC):
 
 
 def rows_of(
-    orders: Sequence[Order], jobs: int, cluster: str | None, is_enough: Callable[[], bool]
+    orders: Iterable[Order],
+    jobs: int,
+    cluster: str | None,
+    is_enough: Callable[[], bool],
+    most: int | None = None,
 ) -> Generator[Row, None, None]:
     """Yield the rows of runs as they finish, with a number of workers, or a cluster's.
 
-    Raises KoordError.
+    Orders are asked for when workers are free: what comes may hang on the rows before. ``most`` is
+    how many there are at most (as many as there are). Raises KoordError.
     """
+    if most is None:
+        orders = list(orders)
+        most = len(orders)
     outcomes: Generator[Outcome, None, None]
     if cluster is not None:
-        outcomes = _by_team(orders, _Cluster(cluster), is_enough)
-    elif jobs > 1 and len(orders) > 1:
-        outcomes = _by_team(orders, _Processes(min(jobs, len(orders))), is_enough)
+        outcomes = _by_team(iter(orders), _Cluster(cluster), is_enough, most)
+    elif jobs > 1 and most > 1:
+        outcomes = _by_team(iter(orders), _Processes(min(jobs, most)), is_enough, most)
     else:
         outcomes = (row_of(order, is_enough) for order in orders)
     with closing(outcomes):
@@ -102,26 +111,30 @@ def rows_of(
 
 
 def _by_team(
-    orders: Sequence[Order], team: Team, is_enough: Callable[[], bool]
+    orders: Iterator[Order], team: Team, is_enough: Callable[[], bool], most: int
 ) -> Generator[Outcome, None, None]:
     """Have runs made by a team; those whose worker ended again. Raises KoordError."""
-    left, waiting = deque(orders), dict[Any, list[Order]]()
+    again, waiting = deque[Order](), dict[Any, list[Order]]()
     done: SimpleQueue[Any] = SimpleQueue()
     tries: Counter[tuple[str, int]] = Counter()
     size, alone = 1, False
     try:
-        while left or waiting:
-            most = _AHEAD * team.workers
-            while left and len(waiting) < most and not alone:
-                alone = tries[left[0].key] > 0
-                if alone and waiting:  # whose worker ended is made alone, so that who did it shows
-                    alone = False
+        while True:
+            ahead = _AHEAD * team.workers
+            while len(waiting) < ahead and not alone:
+                if again and waiting:  # what a worker ended at is made alone: so it shows which
                     break
-                fair = -(-len(left) // most)  # at the end none has all that is left
-                batch = [left.popleft() for _ in range(1 if alone else min(size, fair))]
+                fair = -(-most // ahead)  # at the end none has all that is left
+                alone = bool(again)
+                batch = [again.popleft()] if again else [*islice(orders, max(1, min(size, fair)))]
+                if not batch:
+                    break
+                most -= 0 if alone else len(batch)
                 future = team.submit(batch)
                 waiting[future] = batch
                 future.add_done_callback(done.put)
+            if not waiting:
+                return
             try:
                 future = done.get(timeout=_LOOK_S)
             except Empty:
@@ -133,7 +146,7 @@ def _by_team(
                 made = team.made(future)
             except LostError as error:
                 _count(batch, tries, str(error))
-                left.extendleft(reversed(batch))
+                again.extend(batch)
                 continue
             yield from made.outcomes
             each_s = made.took_s / len(batch)

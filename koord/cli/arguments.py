@@ -241,6 +241,15 @@ def sweep(text: str) -> tuple[str, tuple[ParamValue, ...]]:
     return left, values
 
 
+def until(text: str) -> tuple[str, float]:
+    """Parse ``time=0.5``: a figure of runs, and how far its interval may reach."""
+    name, equals, right = text.partition("=")
+    reach = _number(right) if equals else None
+    if reach is None or reach <= 0:
+        raise ArgumentTypeError(f"{text!r} is no precision; write time=0.5")
+    return name, float(reach)
+
+
 def settings(pairs: Iterable[tuple[str, ParamValue]]) -> Mapping[str, ParamValue]:
     """The values of all ``--set``. Raises ArgumentTypeError if one name is given two values."""
     chosen: dict[str, ParamValue] = {}

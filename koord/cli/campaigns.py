@@ -10,12 +10,13 @@ from collections.abc import Iterator
 from msgspec.structs import replace
 
 from koord.api.campaign import (
+    MOST_RUNS,
     Campaign,
     CampaignBegun,
     CampaignRequest,
     make_campaign,
-    mean_words,
 )
+from koord.api.campaign_figures import mean_words, rate_words, until_of
 from koord.api.fitting import FitRequest
 from koord.api.progress import Progress
 from koord.api.sim_report import still_words
@@ -35,9 +36,11 @@ def campaign_request(arguments: argparse.Namespace) -> CampaignRequest:
         )
     if arguments.resume and arguments.csv is None:
         raise ArgumentTypeError("--resume goes on with the runs in a file: say --csv FILE")
+    until = None if arguments.until is None else until_of(dict([arguments.until]))
     swept, values = (None, ()) if arguments.sweep is None else arguments.sweep
     request = CampaignRequest(
-        runs=1 if arguments.runs is None else arguments.runs,
+        runs=(1 if until is None else MOST_RUNS) if arguments.runs is None else arguments.runs,
+        until=until,
         jobs=arguments.jobs,
         cluster=arguments.cluster,
         swept=swept,
@@ -93,12 +96,14 @@ def _table(campaign: Campaign) -> Iterator[str]:
         "waited s",
         "nearest m",
         "broken",
+        "broken %",
         "×",
     ]
     lines = [heads]
     for value, group in campaign.groups().items():
-        times = [row.taken_s for row in group]
+        times, alpha = [row.taken_s for row in group], campaign.alpha(group)
         near = [row.separation_m for row in group if row.separation_m is not None]
+        broken = sum(row.is_bad for row in group)
         done = sum(row.is_done for row in group)
         speed = sum(row.time_s for row in group) / max(sum(row.wall_s for row in group), 1e-9)
         lines.append(
@@ -106,11 +111,12 @@ def _table(campaign: Campaign) -> Iterator[str]:
                 value,
                 str(len(group)),
                 str(done),
-                mean_words([time for time in times if time is not None]),
-                mean_words([row.distance_m for row in group]),
-                mean_words([row.waited_s for row in group]),
+                mean_words([time for time in times if time is not None], alpha),
+                mean_words([row.distance_m for row in group], alpha),
+                mean_words([row.waited_s for row in group], alpha),
                 f"{min(near):.2f}" if near else "-",
-                str(sum(row.is_bad for row in group)),
+                str(broken),
+                rate_words(broken, len(group), alpha),
                 f"{speed:.0f}",
             ]
         )

@@ -24,6 +24,7 @@ from koord.cli.arguments import (
     seconds,
     seed,
     sweep,
+    until,
 )
 from koord.cli.diagnostics import DiagnosticReport
 from koord.cli.exits import Exit
@@ -105,6 +106,14 @@ def configure(parser: argparse.ArgumentParser) -> None:
         metavar="NAME=VALUES",
         type=sweep,
         help="so many runs for each value of a param or of `robots`: robots=2..8, speed=0.5,1",
+    )
+    parser.add_argument(
+        "--until",
+        metavar="NAME=REACH",
+        type=until,
+        help="end the runs of a value as soon as the 95 %% interval of time, distance, waited, or "
+        "broken (the rate of runs in which a claim was) reaches no further than so much to each "
+        "side; --runs are the most (1000)",
     )
     parser.add_argument(
         "--csv",
@@ -206,7 +215,7 @@ def main(arguments: argparse.Namespace) -> int:
     if arguments.schedule is not None:
         return _rehearse(arguments)
     check_files(read_by(arguments))
-    is_campaign = arguments.runs is not None or arguments.sweep is not None
+    is_campaign = any(x is not None for x in (arguments.runs, arguments.sweep, arguments.until))
     request = _request(arguments)
     if is_campaign:
         from koord.cli.campaigns import campaign, campaign_request
@@ -276,6 +285,7 @@ def _rehearse(arguments: argparse.Namespace) -> int:
         "--delta": arguments.delta is not None,
         "--set": bool(arguments.settings),
         "--runs": arguments.runs is not None,
+        "--until": arguments.until is not None,
         "--sweep": arguments.sweep is not None,
         "--trace": arguments.trace is not None,
         "--processes": arguments.processes,

@@ -62,7 +62,7 @@ class Deadly(Team):
 
 
 def by(team: Team, count: int) -> list[Row]:
-    found = [*campaign_workers._by_team(orders(count), team, lambda: False)]
+    found = [*campaign_workers._by_team(iter(orders(count)), team, lambda: False, count)]
     assert all(isinstance(row, Row) for row in found)
     return timeless([row for row in found if isinstance(row, Row)])
 
@@ -86,7 +86,7 @@ def test_a_run_by_which_workers_die_is_told_and_the_others_are_made() -> None:
     seeds = list[int]()
 
     def make() -> None:
-        for row in campaign_workers._by_team(orders(40), team, lambda: False):
+        for row in campaign_workers._by_team(iter(orders(40)), team, lambda: False, 40):
             assert isinstance(row, Row)
             seeds.append(row.seed)
 

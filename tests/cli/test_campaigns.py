@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from koord.api.campaign import mean_and_reach
+from koord.api.campaign_figures import mean_and_reach
 from koord.cli.exits import Exit
 from koord.cli.main import main
 from tests.clusters import worker_of_this_process
@@ -257,3 +257,48 @@ def test_no_run_on_a_cluster_outlives_who_asked_for_it(
             given_up.set()
             asking.kill()
             asking.wait()
+
+
+# --- campaigns that end when their intervals are narrow -------------------------------------------
+
+UNTIL = ["sim", *TASK[:1], "--robots", "1", "--time", "0.5", "--until", "distance=0.1"]
+
+
+def test_a_campaign_ends_when_its_interval_is_narrow(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    table = tmp_path / "runs.csv"
+    assert main([*UNTIL, "--csv", str(table), "--json"]) == Exit.OK
+    document = json.loads(capsys.readouterr().out)
+    assert 20 <= len(document["runs"]) < 100
+    assert document["until"] == {"metric": "distance", "reach": 0.1}
+    (interval,) = document["intervals"].values()
+    assert interval["high"] - interval["low"] <= 0.2
+    assert [row["seed"] for row in lines(table)] == [str(run["seed"]) for run in document["runs"]]
+    assert main([*UNTIL, "--csv", str(table), "--resume"]) == Exit.OK
+    out = capsys.readouterr().out
+    assert f"{len(document['runs'])} of at most 1000 runs are there already" in out
+    assert "broken %" in out
+
+
+@pytest.mark.slow
+def test_rows_and_end_do_not_hang_on_the_number_of_jobs(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    found = []
+    for jobs in ("1", "2", "3"):
+        table = tmp_path / f"{jobs}.csv"
+        assert main([*UNTIL, "--sweep", "robots=2..3", "--jobs", jobs, "--csv", str(table)]) == 0
+        found.append(without_times(lines(table)))
+    assert found[0] == found[1] == found[2]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("jobs", ["1", "2"])
+def test_what_ctrl_c_leaves_are_whole_rows(jobs: str, tmp_path: Path) -> None:
+    table = tmp_path / "runs.csv"
+    words = ["sim", *PATH[:1], "--time", "2", "--runs", "100", "--jobs", jobs, "--csv", str(table)]
+    assert ended(tmp_path, 3, signal.SIGINT, *words) == Exit.INTERRUPTED
+    assert table.read_bytes().endswith(b"\n")
+    assert 3 <= len(lines(table)) < 100
+    assert all(None not in row.values() for row in lines(table))

@@ -9,6 +9,7 @@ CONFIG = "tests/cli/test_config.py"
 CAMPAIGNS = "tests/cli/test_campaigns.py"
 RESEEDED = "tests/api/test_reseeding.py"
 WORKERS = "tests/api/test_campaign_workers.py"
+FIGURES = "tests/api/test_campaign_figures.py"
 PARTS = "tests/traces/test_unfinished.py"
 RECORDS = "tests/runtime/test_records_parts.py"
 LOADERS = "tests/runtime/test_yaml_loaders.py"
@@ -73,16 +74,44 @@ SIMULATED = (
     Mutant(
         "what a dead worker was at is not made again",
         "api.campaign_workers._by_team",
-        "left.extendleft(reversed(batch))",
+        "again.extend(batch)",
         "pass",
         (WORKERS,),
     ),
     Mutant(
         "who is blamed for a dead worker was beside others",
         "api.campaign_workers._by_team",
-        "1 if alone else min(size, fair)",
-        "min(size, fair)",
+        "[again.popleft()]",
+        "[again.popleft() for _ in range(min(2, len(again)))]",
         (WORKERS,),
+    ),
+    Mutant(
+        "each look at an interval may be wrong as often as all together",
+        "api.campaign_figures.alpha_of",
+        "ALPHA / (look * (look + 1))",
+        "ALPHA",
+        (FIGURES,),
+    ),
+    Mutant(
+        "equal values end a campaign",
+        "api.campaign_figures.Until.is_met",
+        "len(values) < FIRST_LOOK or len({*values}) == 1",
+        "len(values) < FIRST_LOOK",
+        (FIGURES,),
+    ),
+    Mutant(
+        "intervals of rates reach as far on each side as they may on both",
+        "api.campaign_figures.rate",
+        "1 - alpha / 2",
+        "1 - alpha",
+        (FIGURES,),
+    ),
+    Mutant(
+        "a campaign ends by the order in which its runs come",
+        "api.campaign_course.Course.add",
+        "group.rows.get(group.orders[len(group.first)].key)",
+        "row if len(group.first) < len(group.rows) else None",
+        (FIGURES,),
     ),
     Mutant(
         "a round that was torn is read",
