@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from typing import Any
 
 import numpy as np
@@ -11,8 +12,12 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from koord.runtime.motion.arrays import Floats
-from koord.runtime.motion.bodies import Drone
+from koord.runtime.motion.bodies import Drone, PlannerName
 from koord.runtime.motion.flying import Gains, Reference
+from koord.runtime.motion.world import World
+from koord.sim.disturbances import Disturbances, Positioning, Wind
+from koord.sim.fleet import Fleet, Placed
+from koord.sim.squads import DeviceModel
 from koord.sim.vehicles.compiled import CompiledQuadrotors, flight
 from koord.sim.vehicles.quadrotors import FlightState, Quadrotors
 
@@ -129,6 +134,27 @@ def test_what_stands_on_the_ground_has_one_zero() -> None:
         assert drones.state.velocity.tolist() == [[0.0]] * 3
         assert not np.signbit(drones.state.velocity).any()
     same(one, other)
+
+
+def test_fleets_fly_the_same_without_llvmlite(monkeypatch: pytest.MonkeyPatch) -> None:
+    rough = Disturbances(Positioning(0.01, 0.01, 20.0), 0.1, Wind((0.5, 0, 0), 0.5))
+    model = DeviceModel(Drone(), PlannerName.STRAIGHT, disturbances=rough)
+    places = [(2.0 * k, 0.0, 0.5 * (k % 3)) for k in range(5)]
+
+    def ways() -> tuple[type, list[bytes]]:
+        fleet = Fleet(World((-9, -9, 0), (19, 9, 5)), [Placed(model, at) for at in places], 7)
+        for k, (x, y, z) in enumerate(places):
+            fleet.go_to(k, (x + 0.5, y + 1.0, z + 0.5))
+        seen: list[bytes] = []
+        fleet.advance_to(2.0, lambda f: seen.append(f.positions().tobytes()))
+        (squad, _), *_ = fleet._squads
+        return type(squad.vehicles), [*seen, fleet.attitudes().tobytes()]
+
+    compiled, flown = ways()
+    monkeypatch.setitem(sys.modules, "llvmlite", None)
+    plain, other = ways()
+    assert (compiled, plain) == (CompiledQuadrotors, Quadrotors)
+    assert flown == other
 
 
 @pytest.mark.parametrize("kind", [Quadrotors, CompiledQuadrotors])

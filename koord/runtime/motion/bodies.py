@@ -37,7 +37,7 @@ class Level(Enum):
 
     SIMPLE = "simple"  #: kinematics with limits, in contact with nothing; a drone without attitude
     FULL = "full"  #: what drives on the ground pushes and blocks; drones are rigid bodies
-    FAST = "fast"  #: as ``full``, drones by machine code
+    FAST = "fast"  #: as ``full``, and drones by machine code or not at all
     MUJOCO = "mujoco"  #: wheels, tyres, rotors, and contact of all with all, by MuJoCo
 
 

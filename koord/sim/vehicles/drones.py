@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any, assert_never
 
 import numpy as np
@@ -26,12 +27,17 @@ if TYPE_CHECKING:
 
 
 def squad(setup: SquadSetup) -> DroneSquad:
-    """Make a squad of drones that stand, or hover."""
+    """Make a squad of drones that stand, or hover.
+
+    At level ``full`` they fly by machine code where there is llvmlite, and the same without.
+    """
+    if setup.model.level is Level.FULL and find_spec("llvmlite") is not None:
+        return DroneSquad(setup, _compiled(setup))
     return DroneSquad(setup, vehicles(setup))
 
 
 def vehicles(setup: VehicleSetup) -> Quadrotors:
-    """Make drones that stand, or hover."""
+    """Make drones that stand, or hover; by machine code at level ``fast`` alone."""
     drone, start, engines = setup.model.body, setup.start, setup.engines
     assert isinstance(drone, Drone)
     match setup.model.level:
@@ -40,13 +46,19 @@ def vehicles(setup: VehicleSetup) -> Quadrotors:
         case Level.FULL:
             return Quadrotors(drone, start, engines.world.ground)
         case Level.FAST:
-            from koord.sim.vehicles.compiled import CompiledQuadrotors
-
-            return CompiledQuadrotors(drone, start, engines.world.ground)
+            return _compiled(setup)
         case Level.MUJOCO:
             return PhysicalDrones(drone, start, engines.arena)
         case _:
             assert_never(setup.model.level)
+
+
+def _compiled(setup: VehicleSetup) -> Quadrotors:
+    from koord.sim.vehicles.compiled import CompiledQuadrotors
+
+    drone = setup.model.body
+    assert isinstance(drone, Drone)
+    return CompiledQuadrotors(drone, setup.start, setup.engines.world.ground)
 
 
 class DroneSquad:
