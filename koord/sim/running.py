@@ -26,6 +26,7 @@ from koord.sim.hosting import Hosted
 from koord.sim.lidar import Scanner
 from koord.sim.measuring import Figures, Gauge
 from koord.sim.observing import Observer, deeds_of, header_of
+from koord.sim.reading import Reader
 from koord.sim.run_log import Deeds, Header, Idle, RunLog, RunLogger
 from koord.sim.scene import Scene
 from koord.sim.scene_library import library_of
@@ -147,8 +148,9 @@ class Simulation:
         self.claims_host = world  #: whom claims ask
         host = world if heard is None else heard(world)
         self.watchman = Watchman(scene.world, [placed.model.body for placed in scene.robots])
-        host = self.watchman.hear(host)
-        self.engine = Engine(cast.classes, cast.kinds, scene.delta_s, host)
+        self.engine = Engine(cast.classes, cast.kinds, scene.delta_s, self.watchman.hear(host))
+        if host is self.host:
+            self.engine.reader = Reader(self.host).read
         self.recorder = RunLogger(header_in(cast, scene))
         self.observer = Observer(self.recorder, self.engine, self.fleet)
         self.gauge = Gauge(self.fleet, self.engine, self.recorder, scene)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from tests.mutants.mutant import Mutant
 
+COLUMNS = "tests/sim/test_columns.py"
 STANDING = "tests/cli/test_standing.py"
 CONFIG = "tests/cli/test_config.py"
 CAMPAIGNS = "tests/cli/test_campaigns.py"
@@ -28,6 +29,27 @@ SIMULATED = (
         "del self._stuck[pid]",
         "pass",
         (STANDING,),
+    ),
+    Mutant(
+        "of sensors that are read at once only the first coordinates count",
+        "sim.reading.Reader.read",
+        "differ[3] = differ[2] | moved[:, 2]",
+        "differ[3] = differ[1]",
+        (COLUMNS,),
+    ),
+    Mutant(
+        "who scans is read once and never again",
+        "sim.reading.Reader.read",
+        "[robots[pid] for pid in self._alone]",
+        "[]",
+        (COLUMNS,),
+    ),
+    Mutant(
+        "models have no turn where sensors are read at once",
+        "runtime.engine.RoundEngine.environment_turn",
+        "self.reader is not None and not self.has_models",
+        "self.reader is not None",
+        (COLUMNS,),
     ),
     Mutant(
         "who stands still ends a run as well as who arrives",

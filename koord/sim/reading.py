@@ -1,0 +1,113 @@
+"""The sensors of a fleet's robots, read at once: only what is another value than before is written.
+
+It comes to the same as asking the host for the readings of each robot, and letting each take them.
+Who listens to what robots read asks one by one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from itertools import repeat
+from typing import Any, TypeAlias
+
+import numpy as np
+from msgspec import Struct
+
+from koord.runtime.motion.arrays import Ints
+from koord.runtime.ports import DONE, PLACES, port_name
+from koord.runtime.robot import Robot
+from koord.runtime.shapes import BOOL, FLOAT, Record, Shape
+from koord.sim.hosting import Hosted
+from koord.sim.sensing import FleetSensors
+
+#: What makes values of rows of a column: positions, shape ``(k, 3)``, or Booleans.
+_Convert: TypeAlias = Callable[[Any], Iterable[Any]]
+
+
+class _Column(Struct, frozen=True):
+    """A sensor of robots of one kind, and how many coordinates it has; of ``reached``, none."""
+
+    name: str
+    robots: Ints
+    width: int
+    convert: _Convert
+
+
+class Reader:
+    """A reader of the sensors of all robots of a run, at the end of each round.
+
+    The robots whose readings are more than where they are, and whether they have arrived, are
+    asked one by one: those that scan, and those with modules that plug-ins serve. In the first
+    round all are: what never changes is not looked at again.
+    """
+
+    def __init__(self, host: Hosted) -> None:
+        self._host = host
+        kinds = np.array(host.kinds)
+        alone = [
+            robot in host.modules or (robot in host.scanners and _has_scans(host.classes[kind]))
+            for robot, kind in enumerate(host.kinds)
+        ]
+        self._columns: list[_Column] = []
+        for kind, program in enumerate(host.classes):
+            found = _columns(program, np.flatnonzero((kinds == kind) & ~np.array(alone)))
+            if found is None:
+                alone = [one or kind == of for one, of in zip(alone, host.kinds, strict=True)]
+            else:
+                self._columns += found
+        self._alone = np.flatnonzero(alone).tolist()
+        self._last: FleetSensors | None = None
+
+    def read(self, robots: Sequence[Robot]) -> None:
+        """Let all robots take the environment's turn, without models. [ENV-TRANS]"""
+        sensed, last = self._host.sensed, self._last
+        asked = robots if last is None else [robots[pid] for pid in self._alone]
+        readings = [self._host.read(robot) for robot in asked]
+        for robot, of_robot in zip(asked, readings, strict=True):
+            robot.evolve(of_robot)
+        self._last = sensed
+        if last is None:
+            return
+        moved = sensed.position != last.position
+        arrived = sensed.reached != last.reached
+        # Robots that differ in so many of their first coordinates.
+        differ = {0: arrived, 1: moved[:, 0], 2: moved[:, 0] | moved[:, 1]}
+        differ[3] = differ[2] | moved[:, 2]
+        for column in self._columns:
+            changed = column.robots[differ[column.width][column.robots]]
+            source = sensed.position if column.width else sensed.reached
+            values = column.convert(source[changed])
+            for pid, value in zip(changed.tolist(), values, strict=True):
+                vars(robots[pid])[column.name] = value
+
+
+def _has_scans(program: type[Robot]) -> bool:
+    return any(port_name(name) == "pscan" for name in program.SENSORS)
+
+
+def _columns(program: type[Robot], robots: Ints) -> list[_Column] | None:
+    """The sensors of a program whose values change; None if some have shapes of their own."""
+    found = []
+    for name in program.SENSORS:
+        shape, port = program.PORTS[name], port_name(name)
+        if port in PLACES:
+            known = _place(shape)
+        elif port in DONE:
+            known = (0, np.ndarray.tolist) if shape == BOOL else None
+        else:
+            continue
+        if known is None:
+            return None
+        found.append(_Column(name, robots, *known))
+    return found
+
+
+def _place(shape: Shape) -> tuple[int, _Convert] | None:
+    """How many coordinates a position of a shape has, and what makes one; None for odd ones."""
+    if shape == FLOAT:
+        return 1, lambda rows: rows[:, 0].tolist()
+    types = shape.types if isinstance(shape, Record) else None
+    if not isinstance(shape, Record) or types is None or types != (float,) * len(types[:3]):
+        return None
+    make, width = shape.make, len(types)
+    return width, lambda rows: map(tuple.__new__, repeat(make), rows[:, :width].tolist())

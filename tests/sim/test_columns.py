@@ -1,0 +1,123 @@
+"""What is done for all robots at once comes to what is done for one after the other."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from koord.api.fitting import FitRequest, fit
+from koord.api.sim_setup import simulation
+from koord.runtime.configuration.checking import load
+from koord.runtime.robot import Forwarding, Host
+from koord.sim.running import Simulation, run
+from koord.syntax.source import Source
+
+EXAMPLES = Path(__file__).parents[2] / "specs" / "examples"
+
+#: Robots of two kinds, which drive to and fro; one knows a coordinate only, the other a model.
+LINES = """\
+using Rail:
+    sensors:
+        float position
+        bool done
+    actuators:
+        float goal
+{model}local:
+    int k = 0
+    float home
+init:
+    home = Rail.position
+Go:
+    pre: Rail.done and k < 4
+    eff:
+        k = k + 1
+        if k < 4:
+            Rail.goal = home + 0.3 * k
+        else:
+            stop
+invariant Counted: k <= 4
+"""
+MODEL = """\
+using Clock:
+    sensors:
+        int rounds = 0
+    environment:
+        rounds = rounds + 1
+"""
+MANY = """\
+num_robots: 3
+positions: {0: [0, 0, 0], 1: [0, 2, 0], 2: [0, 4, 0]}
+world: {bounds: {low: [-4, -4, 0], high: [9, 9, 3]}}
+"""
+POINTS = MANY + "device: {bot_type: IDEAL, planner: STRAIGHT}\n"
+DRONES = MANY + (
+    "device: {bot_type: QUAD, planner: STRAIGHT, "
+    "simulation: {noise: {position: 0.01, rate: 5}, wind: {mean: [0.1, 0, 0], gust: 0.2}}}\n"
+)
+
+#: The same in space, straight up.
+UP = (
+    LINES.replace("float position", "pos psn")
+    .replace("float goal", "pos target")
+    .replace("float home", "pos home")
+    .replace("Rail.position", "Rail.psn")
+    .replace("Rail.goal = home + 0.3 * k", "Rail.target = home + pos(0.0, 0.0, 0.3 * k)")
+)
+
+CASES = {
+    "up": (UP.format(model=""), POINTS, 6.0),
+    "points": (LINES.format(model=""), POINTS, 6.0),
+    "drones": (LINES.format(model=""), DRONES, 6.0),
+    "modelled": (LINES.format(model=MODEL), POINTS, 2.0),
+    **{
+        name: (
+            (EXAMPLES / f"{name}.krd").read_text("utf-8"),
+            (EXAMPLES / f"{name}.yaml").read_text("utf-8"),
+            1.5,
+        )
+        for name in ("mapping", "cars_and_drones")
+    },
+}
+
+
+def made(name: str, kind: type[Simulation], hears: bool) -> Simulation:
+    """A run, whose readings somebody hears or nobody."""
+    program, configuration, _ = CASES[name]
+    request = FitRequest(
+        Source(f"{name}.krd", program), load(Source("fleet.yaml", configuration)), (), {}
+    )
+
+    def heard(host: Host, world: Host) -> Host:
+        return Forwarding(host)
+
+    return simulation(fit(request), kind, tracing=heard if hears else None)
+
+
+def states(of: Simulation, seconds: float) -> list[Any]:
+    """After each round: the robots' variables, and which of them are other objects than before."""
+    of.begin()
+    found, before = [], [dict(vars(robot)) for robot in of.engine.robots]
+    for _ in run(of, seconds):
+        now = [dict(vars(robot)) for robot in of.engine.robots]
+        ports = [robot.PORTS for robot in of.engine.robots]
+        kept = [
+            [one[p] is was[p] for p in named]
+            for one, was, named in zip(now, before, ports, strict=True)
+        ]
+        found.append((now, kept))
+        before = now
+    return found
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_sensors_are_read_at_once_as_one_by_one(name: str) -> None:
+    """[ENV-FREE] [ENV-TRANS]: equal values, and the old objects where nothing has changed."""
+    seconds = CASES[name][2]
+    at_once, one_by_one = (made(name, Simulation, hears) for hears in (False, True))
+    assert states(at_once, seconds) == states(one_by_one, seconds)
+    assert at_once.engine.round > 10
+    assert (at_once.engine.reader is None, one_by_one.engine.reader is None) == (False, True)
+    assert at_once.figures() == one_by_one.figures()
+    assert at_once.ending is one_by_one.ending
