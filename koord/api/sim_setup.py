@@ -126,7 +126,11 @@ def limit_s(fitted: Fitted, rounds: int | None, time_s: float | None) -> float:
 
 def _served(fitted: Fitted) -> list[frozenset[tuple[str, str]]]:
     """The modules and ports of each robot that plug-ins serve. Raises KoordError."""
-    return [served_ports(robot.model.modules) for robot in fitted.scene.robots]
+    of: dict[int, frozenset[tuple[str, str]]] = {}
+    for robot in fitted.scene.robots:
+        if id(robot.model) not in of:
+            of[id(robot.model)] = served_ports(robot.model.modules)
+    return [of[id(robot.model)] for robot in fitted.scene.robots]
 
 
 def unanswered(fitted: Fitted) -> tuple[str, ...]:

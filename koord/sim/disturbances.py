@@ -7,6 +7,7 @@ depend on how many others there are.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from msgspec import Struct
@@ -47,10 +48,17 @@ class Disturbances(Struct, frozen=True):
     wind: Wind = Wind()
 
 
+def spawned(seed: np.random.SeedSequence, number: int) -> np.random.SeedSequence:
+    """The seed that is the ``number``-th of those that a seed spawns first, without the others."""
+    return np.random.SeedSequence(
+        seed.entropy, spawn_key=(*seed.spawn_key, number), pool_size=seed.pool_size
+    )
+
+
 class Normals:
     """Generators of standard normal numbers for ``len(seeds)`` robots, ``width`` per step."""
 
-    def __init__(self, seeds: list[np.random.SeedSequence], width: int) -> None:
+    def __init__(self, seeds: Sequence[np.random.SeedSequence], width: int) -> None:
         self._sources = [np.random.default_rng(seed) for seed in seeds]
         self._block: Floats = np.empty((len(seeds), _BLOCK, width))
         self._next = _BLOCK
@@ -69,7 +77,7 @@ class Normals:
 class Gusts:
     """The gusts of wind at ``n`` robots."""
 
-    def __init__(self, wind: Wind, seeds: list[np.random.SeedSequence]) -> None:
+    def __init__(self, wind: Wind, seeds: Sequence[np.random.SeedSequence]) -> None:
         self.wind = wind
         self._mean = np.array(wind.mean_mps)
         self._gust: Floats = np.zeros((len(seeds), 3))
@@ -90,7 +98,7 @@ class Fixes:
     def __init__(
         self,
         positioning: Positioning,
-        seeds: list[np.random.SeedSequence],
+        seeds: Sequence[np.random.SeedSequence],
         flat: bool,
     ) -> None:
         noisy = positioning.noise_m > 0 or positioning.heading_noise_rad > 0

@@ -8,18 +8,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
 from msgspec import Struct
 
+from koord.runtime.lazily import Lazily
 from koord.runtime.motion.arrays import Bools, Floats, Ints, lengths
 from koord.runtime.motion.geometry import as_path
 from koord.runtime.motion.group import TAKEOFF_M, TICK_S
 from koord.runtime.motion.planning import Hindrance, Plight
 from koord.runtime.motion.world import Point, World
 from koord.runtime.plugins.calls import PlugInError
+from koord.sim.disturbances import spawned
 from koord.sim.sensing import FleetSensors
-from koord.sim.squads import DeviceModel, Engines, Squad, squad
+from koord.sim.squads import DeviceModel, Engines, Seed, Squad, squad
 from koord.sim.vehicles.points import PointSquad
 
 _HINDRANCES = tuple(Hindrance)
@@ -45,7 +48,7 @@ class Fleet:
     ) -> None:
         self.world, self.robots, self.ticks = world, tuple(robots), 0
         self._only = only
-        seeds = np.random.SeedSequence(seed).spawn(len(robots))
+        whole = np.random.SeedSequence(seed)
         engines = Engines(world)
         self._squads: list[tuple[Squad, Floats]] = []
         self._where: list[tuple[int, int]] = [(0, 0)] * len(robots)
@@ -61,7 +64,8 @@ class Fleet:
             if model.body.ON_GROUND:
                 start[:, 2] = world.ground
             heading = np.array([robots[k].heading_rad for k in members], dtype=np.float64)
-            made = squad(model, start, heading, [seeds[k] for k in members], engines)
+            seeds = Lazily(len(members), partial(_seed, whole, members))
+            made = squad(model, start, heading, seeds, engines)
             self._squads.append((made, np.array(members)))
         asked = self.robots if only is None else (self.robots[only],) * len(self.robots)
         self._planners = tuple(robot.model.planner for robot in asked)
@@ -212,3 +216,8 @@ class Fleet:
         for members, numbers in self._squads:
             found[numbers] = read(members)
         return found
+
+
+def _seed(whole: Seed, members: Sequence[int], row: int) -> Seed:
+    """The seed of the robot in a row: that of its number, whatever squad it is in."""
+    return spawned(whole, members[row])

@@ -6,7 +6,7 @@ its controller take a step, and its vehicle moves under the command in smaller s
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cached_property
 from importlib import import_module
 from typing import TYPE_CHECKING, Protocol, TypeAlias, assert_never
@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Protocol, TypeAlias, assert_never
 import numpy as np
 from msgspec import Struct, field
 
+from koord.runtime.lazily import Lazily
 from koord.runtime.motion.arrays import Floats
 from koord.runtime.motion.automaton import Visit
 from koord.runtime.motion.bodies import Body, Level, PlannerName, Steering, type_of
@@ -23,7 +24,7 @@ from koord.runtime.motion.planners import planner
 from koord.runtime.motion.planning import PlanningEffort, Touched
 from koord.runtime.motion.world import World
 from koord.runtime.plugins.calls import PlugIn
-from koord.sim.disturbances import Delay, Disturbances, Fixes
+from koord.sim.disturbances import Delay, Disturbances, Fixes, spawned
 from koord.sim.vehicles.wheels import Hull, Rolling
 
 if TYPE_CHECKING:
@@ -93,8 +94,8 @@ class SquadSetup(VehicleSetup, frozen=True):
     """The parameters of a squad."""
 
     group: Group
-    noise: list[Seed]  #: of each robot
-    wind: list[Seed]  #: of each robot
+    noise: Sequence[Seed]  #: of each robot
+    wind: Sequence[Seed]  #: of each robot
 
     def delay(self, at_first: Floats) -> Delay:
         """The delay line of commands, filled with initial ones."""
@@ -138,7 +139,7 @@ class Squad(Protocol):
 
 
 def squad(
-    model: DeviceModel, start: Floats, heading_rad: Floats, seeds: list[Seed], engines: Engines
+    model: DeviceModel, start: Floats, heading_rad: Floats, seeds: Sequence[Seed], engines: Engines
 ) -> Squad:
     """A squad at rest at positions ``(n, 3)``, of a type in the table of vehicles.
 
@@ -151,10 +152,11 @@ def squad(
         world,
         planner(model.planner, world, body, model.effort),
         model.visit,
-        [int(seed.generate_state(1)[0]) for seed in seeds],
+        Lazily(len(seeds), lambda row: int(seeds[row].generate_state(1)[0])),
     )
-    noise, wind = zip(*(seed.spawn(2) for seed in seeds), strict=True)
-    setup = SquadSetup(model, start, heading_rad, engines, group, list(noise), list(wind))
+    noise = Lazily(len(seeds), lambda row: spawned(seeds[row], 0))
+    wind = Lazily(len(seeds), lambda row: spawned(seeds[row], 1))
+    setup = SquadSetup(model, start, heading_rad, engines, group, noise, wind)
     made: Squad = import_module(type_of(body).simulator).squad(setup)
     return made
 

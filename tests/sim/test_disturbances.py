@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from koord.sim.disturbances import Delay, Fixes, Gusts, Normals, Positioning, Wind
+from koord.sim.disturbances import Delay, Fixes, Gusts, Normals, Positioning, Wind, spawned
 
 ZERO = np.zeros((2, 3))
 
@@ -18,6 +18,15 @@ def test_a_robots_numbers_do_not_hang_on_how_many_others_there_are() -> None:
     few, many = Normals(seeds(2), 3), Normals(seeds(5), 3)
     for _ in range(150):
         assert np.array_equal(few.draw(), many.draw()[:2])
+
+
+def test_a_spawned_seed_is_that_which_numpy_spawns() -> None:
+    whole = np.random.SeedSequence(7)
+    for number, child in enumerate(seeds(3, 7)):
+        mine = spawned(whole, number)
+        assert mine.generate_state(4).tolist() == child.generate_state(4).tolist()
+        again, theirs = spawned(mine, 1), child.spawn(2)[1]
+        assert again.generate_state(4).tolist() == theirs.generate_state(4).tolist()
 
 
 def test_exact_positioning_is_exact() -> None:

@@ -71,7 +71,7 @@ class Group:
         self._orders = automaton.no_orders(count)
         self._field = field(world, flat=body.ON_GROUND)
         self._reach_m = max(body.radius_m, room.wide_m)
-        self._seeds = [0] * count if seeds is None else list(seeds)
+        self._seeds: Sequence[int] = [0] * count if seeds is None else seeds
         self._plans = np.zeros(count, np.int64)
 
     # --- orders ---------------------------------------------------------------------------------

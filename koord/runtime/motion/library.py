@@ -189,22 +189,17 @@ class Library:
     ) -> None:
         self.pose, self.clearance, self.chart = pose, clearance, chart
         self.plans_per_round, self.keep_rounds = plans_per_round, keep_rounds
-        self._robots = {
-            robot: _Memory(made, int(np.random.SeedSequence((seed, robot)).generate_state(1)[0]))
-            for robot, made in planners.items()
-        }
-        self._draw = {
-            robot: np.random.default_rng(np.random.SeedSequence((seed, robot, 1)))
-            for robot in planners
-        }
+        self._planners, self._seed = planners, seed
+        self._memories: dict[int, _Memory] = {}  #: of robots that have planned
+        self._draw: dict[int, np.random.Generator] = {}  #: of robots that have drawn
         self._round = 0
         self.begin_round()
 
     def begin_round(self) -> None:
         """Begin a round, in which every robot may plan again."""
         self._round += 1
-        for robot in self._robots.values():
-            robot.left = self.plans_per_round
+        for memory in self._memories.values():
+            memory.left = self.plans_per_round
 
     # --- paths ----------------------------------------------------------------------------------
 
@@ -218,7 +213,7 @@ class Library:
         """Answer ``findPath(start, goal, obstacles)``: a path around the points as well."""
         if not obstacles:
             return self.find_path(robot, start, goal)
-        return self._plan(self._robots[robot], self._pose_at(robot, start), goal, obstacles) or ()
+        return self._plan(self._memory(robot), self._pose_at(robot, start), goal, obstacles) or ()
 
     def path_from_task(self, robot: int, target: Point) -> Path:
         """Answer ``getPathFromTask(task)``: a path from the robot's position to the task."""
@@ -236,6 +231,9 @@ class Library:
 
     def pick_frontier(self, robot: int, known: Mapping[int, bool], near: Point) -> Point:
         """Answer ``pickFrontierPos(known, near)``."""
+        if robot not in self._draw:
+            seed = np.random.SeedSequence((self._seed, robot, 1))
+            self._draw[robot] = np.random.default_rng(seed)
         return frontier(self.chart.grid, known, near, self._draw[robot])
 
     def find_obstacles(self, known: Mapping[int, bool]) -> tuple[Point, ...]:
@@ -244,11 +242,18 @@ class Library:
 
     # --- inside ---------------------------------------------------------------------------------
 
+    def _memory(self, robot: int) -> _Memory:
+        """What is known of a robot's plans; it may plan as often as any in this round."""
+        if robot not in self._memories:
+            seed = int(np.random.SeedSequence((self._seed, robot)).generate_state(1)[0])
+            self._memories[robot] = _Memory(self._planners[robot], seed, left=self.plans_per_round)
+        return self._memories[robot]
+
     def _pose_at(self, robot: int, start: Point) -> Pose:
         return Pose(start, self.pose(robot).heading_rad)
 
     def _planned(self, robot: int, start: Point, goal: Point) -> Path | None:
-        known, pose = self._robots[robot], self._pose_at(robot, start)
+        known, pose = self._memory(robot), self._pose_at(robot, start)
         before = known.kept.get(goal)
         if before is not None and not _alike(before.pose, pose):
             before = None

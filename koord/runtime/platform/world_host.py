@@ -15,6 +15,7 @@ from typing import Any
 
 from koord.runtime.drivers.frames import turned
 from koord.runtime.drivers.setpoints import Sensed
+from koord.runtime.lazily import Lazily
 from koord.runtime.motion.library import Library, occupied
 from koord.runtime.motion.world import Point, World
 from koord.runtime.platform.sensors import MotionSensors
@@ -77,7 +78,7 @@ class WorldHost(ABC):
         self.modules: dict[int, ServedModules] = {}  #: of robots, that plug-ins serve (P-OWN)
         self.library = library
         self._world = world
-        self._draw = {robot: Random(f"{seed} {robot}") for robot in range(len(kinds))}
+        self._draw = Lazily(len(kinds), lambda robot: Random(f"{seed} {robot}"))
         self._goals = [list(_goals(one)) for one in self.classes]
         self._sensors = [
             [(name, one.PORTS[name], port_name(name)) for name in one.SENSORS]
