@@ -145,7 +145,7 @@ def put(value: T, new: Any, path: tuple[Any, ...], *places: str) -> T:
     nothing can go wrong.
     [LOCATION] [S-ASSIGN]
     """
-    _check(value, path, places)
+    check(value, path, places)
     return _put(value, new, path)  # type: ignore[no-any-return]
 
 
@@ -163,7 +163,7 @@ def _put(value: Any, new: Any, path: tuple[Any, ...]) -> Any:
     return tuple.__new__(type(value), parts)
 
 
-def _check(value: Any, path: tuple[Any, ...], places: tuple[str, ...]) -> None:
+def check(value: Any, path: tuple[Any, ...], places: tuple[str, ...]) -> None:
     """Raise the fault of the first step of a path that does not exist."""
     if not places:
         return

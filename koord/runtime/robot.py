@@ -8,8 +8,9 @@ event runs on a copy of the attributes: until a decision lets it through, nothin
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from enum import Enum
-from typing import Any, ClassVar, Protocol
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
 from koord.runtime import shapes
 from koord.runtime.buffers import Buffer, Event, Written
@@ -58,6 +59,7 @@ from koord.runtime.shapes import (
 from koord.runtime.shapes import Mapping as MapOf
 from koord.runtime.shapes import Sequence as ListOf
 from koord.runtime.store import Layout, Shared
+from koord.runtime.unput import Unput
 from koord.syntax.faults import FaultKind
 
 #: Names one evaluation of ``choose`` or of an external function within one turn. [RECORDING]
@@ -170,6 +172,7 @@ class Robot:
         "_buffers",
         "_in_summary",
         "_turn",
+        "_unput",
         "delta",
         "host",
         "kinds",
@@ -199,6 +202,7 @@ class Robot:
         self._in_summary = False
         self._answers: dict[Key, Any] = {}
         self._buffer = Buffer(None)
+        self._unput: Unput | None = None  #: while an event runs
         self._buffers: dict[int | None, Buffer] = {}
         self.__dict__.update(self._blank(self.numAgents))
 
@@ -223,14 +227,25 @@ class Robot:
 
     def set(self, name: str, value: Any, path: tuple[Any, ...] = (), *places: str) -> None:
         """Write a shared variable or a part of it. [SHARED-ASSIGN] [ALLREAD]"""
-        state = self.__dict__
-        if path:
-            changed = state[name] = put(state[name], value, path, *places)
+        state, unput = self.__dict__, self._unput
+        if not path:
+            state[name] = value
+        elif unput is None or not unput.put(state, name, value, path, places):
+            changed = state[name] = put(getattr(self, name), value, path, *places)
             if len(path) > 1:
                 path, value = _to_first_key(changed, path, value)
-        else:
-            state[name] = value
         self._buffer.writes.append((name, path, value))
+
+    if not TYPE_CHECKING:  # to a type checker every name would be an attribute
+
+        def __getattr__(self, name: str) -> Any:
+            """The value of an array that the event has put something into."""
+            unput = None if name == "_unput" else self._unput
+            if unput is not None:
+                with suppress(KeyError):
+                    return unput.make(self.__dict__, name)
+            story = f"{type(self).__name__!r} object has no attribute {name!r}"
+            raise AttributeError(story, name=name, obj=self)
 
     def enter(self, lock_class: int) -> None:
         """Enter an atomic block; the decision says later whether the robot may. [ATOMIC]"""
@@ -264,6 +279,8 @@ class Robot:
     def ask(self, function: str, key: Key, *arguments: Any) -> Any:
         """Ask an external function; the same query has the same answer. [EXTERNAL]"""
         if key not in self._answers:
+            if self._unput is not None:
+                self._unput.make_all(self.__dict__)  # who is asked may look at the robot
             answer = self.host.ask(self._turn, self.pid, key, function, arguments)
             self._answers[key] = from_plain(self.EXTERNALS[function], answer, self.numAgents)
         return self._answers[key]
@@ -273,6 +290,8 @@ class Robot:
         if not low <= high:
             no_choice(place)
         if key not in self._answers:
+            if self._unput is not None:
+                self._unput.make_all(self.__dict__)
             self._answers[key] = self.host.choose(self._turn, self.pid, key, low, high)
         return self._answers[key]
 
@@ -426,7 +445,7 @@ class Robot:
         """Run a body on a copy of the attributes."""
         before = self.__dict__
         self.__dict__ = before.copy()
-        self._buffer, self._turn = buffer, turn
+        self._buffer, self._turn, self._unput = buffer, turn, Unput()
         try:
             body(self)
         except FaultError as error:
@@ -434,6 +453,7 @@ class Robot:
         finally:
             buffer.state = self.__dict__
             self.__dict__ = before
+            self._unput = None
         # A decision that lets it through says what became of these; until then a copy of an array
         # over all robots would be kept for each of them.
         for name, _, _ in buffer.writes:

@@ -12,6 +12,7 @@ JUDGING = "tests/refinement/test_judging.py"
 STORE = "tests/runtime/test_store.py"
 DECIDING = "tests/runtime/test_deciding.py"
 TEXT = "tests/runtime/compile/test_text.py"
+UNPUT = "tests/runtime/test_unput.py"
 
 COMPILER = (
     Mutant(
@@ -173,7 +174,7 @@ VALUES = (
     ),
     Mutant(
         "a write below nothing is no fault",
-        "runtime.operations._check",
+        "runtime.operations.check",
         "raise FaultError(FaultKind.KEY, places[position + 1])",
         "return",
         (FAULTS,),
@@ -324,6 +325,34 @@ ENGINE = (
         "str(fault.span) == place",
         "str(fault.span) != place[:0]",
         (JUDGING,),
+    ),
+    Mutant(
+        "what an event put into a long array is not there when it reads it",
+        "runtime.unput.Unput.make",
+        "items[index] = new",
+        "pass",
+        (UNPUT,),
+    ),
+    Mutant(
+        "of two writes to an element of a long array the first counts",
+        "runtime.unput.Unput.put",
+        "elements[path[0]] = new",
+        "elements.setdefault(path[0], new)",
+        (UNPUT,),
+    ),
+    Mutant(
+        "a long array that was set as a whole is what it was before",
+        "runtime.unput.Unput.put",
+        "name in state",
+        "name not in self._noted",
+        (UNPUT,),
+    ),
+    Mutant(
+        "whoever is asked sees a robot without its long arrays",
+        "runtime.unput.Unput.make_all",
+        "self.make(state, name)",
+        "pass",
+        (UNPUT,),
     ),
 )
 
