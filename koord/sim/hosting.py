@@ -50,7 +50,10 @@ class Hosted(WorldHost):
         time_s: float,
         watch: Callable[[Fleet], None] | None = None,
     ) -> None:
-        """Pass new orders of robots to the fleet, then advance to ``time_s`` seconds."""
+        """Pass new orders of robots to the fleet, then advance to ``time_s`` seconds.
+
+        Robots whose actuators are as they were may be left out.
+        """
         for robot in robots:
             self.order(robot)
         self.library.begin_round()

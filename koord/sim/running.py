@@ -163,6 +163,8 @@ class Simulation:
             StandingRobot, ...
         ] = ()  #: those that stand still when the run has ended
         self._told: set[tuple[str, tuple[int, ...]]] = set()
+        #: Who has run an event since orders were carried out; of others actuators are as before.
+        self._acted = set(range(len(cast.kinds)))
         self._digest = Digest()
         self._before: tuple[Any, ...] | None = None
         self._still = 0
@@ -190,6 +192,7 @@ class Simulation:
         """Run a round: the robots' events, then the environment's turn, δ long."""
         engine = self.engine
         decision = engine.program_turns(self.schedule)
+        self._acted.update([taken.robot for taken in decision.ran])
         deeds = deeds_of(decision, engine.robots)
         self.observer.round(decision.round, deeds)
         self.gauge.events(decision, deeds)
@@ -214,8 +217,11 @@ class Simulation:
 
     def pass_time(self) -> None:
         """Let δ pass in the world, under the robots' orders."""
-        until_s = (self.engine.round + 1) * self.scene.delta_s
-        self.host.pass_time(self.engine.robots, until_s, self.tick)
+        robots, until_s = self.engine.robots, (self.engine.round + 1) * self.scene.delta_s
+        if not (self.engine.has_models or self.host.modules):
+            robots = [robots[pid] for pid in sorted(self._acted)]
+        self._acted.clear()
+        self.host.pass_time(robots, until_s, self.tick)
 
     def end(self, ending: Ending) -> None:
         """End the run; nothing comes after this."""

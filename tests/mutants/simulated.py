@@ -52,6 +52,20 @@ SIMULATED = (
         (COLUMNS,),
     ),
     Mutant(
+        "orders are carried out of who runs events, not of who ran them before",
+        "sim.running.Simulation.__init__",
+        "set(range(len(cast.kinds)))",
+        "set()",
+        (COLUMNS,),
+    ),
+    Mutant(
+        "orders that models give are not carried out",
+        "sim.running.Simulation.pass_time",
+        "self.engine.has_models or self.host.modules",
+        "self.host.modules",
+        (COLUMNS,),
+    ),
+    Mutant(
         "who stands still ends a run as well as who arrives",
         "cli.sim._concluded",
         "simulated.standing",

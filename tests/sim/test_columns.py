@@ -66,7 +66,26 @@ UP = (
     .replace("Rail.goal = home + 0.3 * k", "Rail.target = home + pos(0.0, 0.0, 0.3 * k)")
 )
 
+#: A model of the environment orders the robot to go where it is to go.
+DRIVEN = """\
+using Rail:
+    sensors:
+        float position
+    actuators:
+        float goal = 0.0
+    environment:
+        goal = 0.5
+Never:
+    pre: Rail.position > 9
+    eff: Rail.goal = 0.0
+"""
+
+#: INIT says it, and no event runs.
+SENT = DRIVEN.replace("    environment:\n        goal = 0.5\n", "init:\n    Rail.goal = 0.5\n")
+
 CASES = {
+    "sent": (SENT, POINTS, 2.0),
+    "driven": (DRIVEN, POINTS, 2.0),
     "up": (UP.format(model=""), POINTS, 6.0),
     "points": (LINES.format(model=""), POINTS, 6.0),
     "drones": (LINES.format(model=""), DRONES, 6.0),
@@ -80,6 +99,14 @@ CASES = {
         for name in ("mapping", "cars_and_drones")
     },
 }
+
+
+class AsksEverybody(Simulation):
+    """A run in which every robot's actuators are looked at in every round."""
+
+    def pass_time(self) -> None:
+        until_s = (self.engine.round + 1) * self.scene.delta_s
+        self.host.pass_time(self.engine.robots, until_s, self.tick)
 
 
 def made(name: str, kind: type[Simulation], hears: bool) -> Simulation:
@@ -121,3 +148,20 @@ def test_sensors_are_read_at_once_as_one_by_one(name: str) -> None:
     assert (at_once.engine.reader is None, one_by_one.engine.reader is None) == (False, True)
     assert at_once.figures() == one_by_one.figures()
     assert at_once.ending is one_by_one.ending
+
+
+@pytest.mark.parametrize("name", ["up", "drones", "modelled", "mapping"])
+def test_orders_of_who_ran_are_the_orders_of_all(name: str) -> None:
+    seconds = CASES[name][2]
+    some, all_ = (made(name, kind, hears=False) for kind in (Simulation, AsksEverybody))
+    assert states(some, seconds) == states(all_, seconds)
+    assert some.figures() == all_.figures()
+    assert some.figures().distance_m > 0
+
+
+@pytest.mark.parametrize("name", ["sent", "driven"])
+def test_init_and_models_that_write_actuators_give_orders(name: str) -> None:
+    """What they write is an order too, though no event has run."""
+    of = made(name, Simulation, hears=False)
+    states(of, CASES[name][2])
+    assert all(robot.distance_m > 0.2 for robot in of.figures().robots)
