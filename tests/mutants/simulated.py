@@ -66,6 +66,13 @@ SIMULATED = (
         (COLUMNS,),
     ),
     Mutant(
+        "what changes is known of the name before",
+        "runtime.monitors._Changes._columns",
+        "range(1, len(self.own) + 1)",
+        "range(len(self.own))",
+        (COLUMNS,),
+    ),
+    Mutant(
         "who stands still ends a run as well as who arrives",
         "cli.sim._concluded",
         "simulated.standing",

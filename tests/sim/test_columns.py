@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from koord.api.fitting import FitRequest, fit
+from koord.api.fitting import FitRequest, Fitted, fit
 from koord.api.sim_setup import simulation
 from koord.runtime.configuration.checking import load
 from koord.runtime.robot import Forwarding, Host
@@ -112,14 +112,16 @@ class AsksEverybody(Simulation):
 def made(name: str, kind: type[Simulation], hears: bool) -> Simulation:
     """A run, whose readings somebody hears or nobody."""
     program, configuration, _ = CASES[name]
-    request = FitRequest(
-        Source(f"{name}.krd", program), load(Source("fleet.yaml", configuration)), (), {}
-    )
 
     def heard(host: Host, world: Host) -> Host:
         return Forwarding(host)
 
-    return simulation(fit(request), kind, tracing=heard if hears else None)
+    return simulation(fitted(program, configuration), kind, tracing=heard if hears else None)
+
+
+def fitted(program: str, configuration: str) -> Fitted:
+    sources = Source("one.krd", program), load(Source("fleet.yaml", configuration))
+    return fit(FitRequest(*sources, (), {}))
 
 
 def states(of: Simulation, seconds: float) -> list[Any]:
@@ -165,3 +167,17 @@ def test_init_and_models_that_write_actuators_give_orders(name: str) -> None:
     of = made(name, Simulation, hears=False)
     states(of, CASES[name][2])
     assert all(robot.distance_m > 0.2 for robot in of.figures().robots)
+
+
+@pytest.mark.parametrize(
+    "more",
+    ["", "invariant Home: home <= 100\n", "invariant At: home <= k + 100\n"],
+    ids=["one", "two", "both"],
+)
+def test_what_changes_is_held_against_claims(more: str) -> None:
+    """[PROP-INVARIANT]: by however many names; each robot is told of when it breaks a claim."""
+    program = LINES.format(model="") + "invariant Few: k <= 2\n" + more
+    of = simulation(fitted(program, POINTS), Simulation, keep_going=True)
+    states(of, 6.0)
+    broken = [one for one in of.broken if one.claim == "invariant Few"]
+    assert [one.robots for one in broken] == [(0,), (1,), (2,)]
