@@ -197,10 +197,16 @@ class Gauge:
 
     def events(self, decision: Decision, deeds: Deeds) -> None:
         """Record the end of the robots' events of a round; ``deeds`` are their events."""
-        self._events[[taken.robot for taken in decision.ran]] += 1
-        skipped = list(decision.skipped)
-        self._skips[skipped] += deeds[skipped] != Idle.STOPPED
-        self._blocked[skipped] += deeds[skipped] == Idle.BLOCKED
+        if decision.fault is None:  # everybody ran or skipped
+            ran = deeds >= 0
+            self._events += ran
+            self._skips += ~ran & (deeds != Idle.STOPPED)
+            self._blocked += deeds == Idle.BLOCKED
+        else:
+            self._events[[taken.robot for taken in decision.ran]] += 1
+            skipped = list(decision.skipped)
+            self._skips[skipped] += deeds[skipped] != Idle.STOPPED
+            self._blocked[skipped] += deeds[skipped] == Idle.BLOCKED
         self._tasks.note_assigned(self.engine.store.values, self.engine.round * self.scene.delta_s)
 
     def round(self, sensed: FleetSensors, stopped: Bools) -> None:

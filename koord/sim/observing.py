@@ -232,8 +232,14 @@ def deeds_of(decision: Decision, robots: Sequence[Robot]) -> Deeds:
     deeds = np.full(len(robots), int(Idle.SKIPPED), np.int16)
     if decision.round == INIT_ROUND:
         return deeds
-    deeds[[k for k in decision.skipped if robots[k].had_an_event]] = Idle.BLOCKED
-    deeds[[k for k in decision.skipped if robots[k].status is Status.STOPPED]] = Idle.STOPPED
+    blocked, stopped = [], []
+    for k in decision.skipped:
+        robot = robots[k]
+        if robot.status is Status.STOPPED:
+            stopped.append(k)
+        elif robot.had_an_event:
+            blocked.append(k)
+    deeds[blocked], deeds[stopped] = Idle.BLOCKED, Idle.STOPPED
     for taken in decision.ran:
         if taken.event is not None:
             deeds[taken.robot] = taken.event

@@ -207,7 +207,7 @@ class Simulation:
             if engine.ended is None:
                 self._watch_over(stopped)
                 self._look(WatchPoint.ROUND)
-        self._conclude()
+        self._conclude(ran=bool(decision.ran))
         return decision
 
     @property
@@ -302,7 +302,8 @@ class Simulation:
         self._digest.note(decision.round, events_of(decision, len(self.cast.kinds)))
         self._digest.place(self.fleet.positions())
 
-    def _conclude(self) -> None:
+    def _conclude(self, *, ran: bool = True) -> None:
+        """End the run if it is over; ``ran`` says whether a robot has run an event."""
         if self.ending is not None:
             return
         if self.engine.ended is not None:
@@ -311,17 +312,20 @@ class Simulation:
             self.end(Ending.VIOLATED)
         elif self.engine.all_stopped:
             self.end(Ending.STOPPED)
-        elif self._is_still():
+        elif self._is_still(ran):
             self.end(Ending.STILL)
 
-    def _is_still(self) -> bool:
+    def _is_still(self, ran: bool) -> bool:
         """Return whether nobody moves, and no variable but measurements has changed for a while."""
         if self.host.sensed.on_the_way.any():
             self._still, self._before = 0, None
             return False
-        now = tuple((robot.status, _held(robot)) for robot in self.engine.robots)
-        self._still = self._still + 1 if now == self._before else 0
-        self._before = now
+        if self._before is not None and not (ran or self.engine.has_models):
+            self._still += 1
+        else:
+            now = tuple((robot.status, _held(robot)) for robot in self.engine.robots)
+            self._still = self._still + 1 if now == self._before else 0
+            self._before = now
         return self._still * self.scene.delta_s >= _STILL_S
 
 

@@ -73,6 +73,20 @@ SIMULATED = (
         (COLUMNS,),
     ),
     Mutant(
+        "a run is still while models change what they write",
+        "sim.running.Simulation._is_still",
+        "ran or self.engine.has_models",
+        "ran",
+        (COLUMNS,),
+    ),
+    Mutant(
+        "a run is still while events change variables",
+        "sim.running.Simulation.round",
+        "bool(decision.ran)",
+        "False",
+        (COLUMNS,),
+    ),
+    Mutant(
         "who stands still ends a run as well as who arrives",
         "cli.sim._concluded",
         "simulated.standing",

@@ -11,7 +11,8 @@ from koord.api.fitting import FitRequest, Fitted, fit
 from koord.api.sim_setup import simulation
 from koord.runtime.configuration.checking import load
 from koord.runtime.robot import Forwarding, Host
-from koord.sim.running import Simulation, run
+from koord.sim.run_log import Idle
+from koord.sim.running import Ending, Simulation, run
 from koord.syntax.source import Source
 
 EXAMPLES = Path(__file__).parents[2] / "specs" / "examples"
@@ -181,3 +182,42 @@ def test_what_changes_is_held_against_claims(more: str) -> None:
     states(of, 6.0)
     broken = [one for one in of.broken if one.claim == "invariant Few"]
     assert [one.robots for one in broken] == [(0,), (1,), (2,)]
+
+
+COUNTS = "local:\n    int k = 0\nCount:\n    pre: k < 45\n    eff: k = k + 1\n"
+RESTS = "local:\n    int k = 0\nNever:\n    pre: k > 0\n    eff: k = 1\n"
+
+
+@pytest.mark.parametrize(
+    ("program", "ending", "rounds"),
+    [(COUNTS, Ending.STILL, 75), (RESTS, Ending.STILL, 30), (MODEL + RESTS, Ending.LIMIT, 90)],
+    ids=["counts", "rests", "modelled"],
+)
+def test_a_run_is_still_when_neither_events_nor_models_change_anything(
+    program: str, ending: Ending, rounds: int
+) -> None:
+    of = simulation(fitted(program, POINTS), Simulation)
+    states(of, 9.0)
+    assert of.ending is ending
+    assert of.engine.round == pytest.approx(rounds, abs=1)
+
+
+def test_deeds_of_a_round_are_counted_by_robot() -> None:
+    """[ATOMIC] [SKIP]: one of three enters in each round; who has stopped is not counted."""
+    program = (
+        "allwrite:\n    int total = 0\nlocal:\n    int k = 0\n"
+        "Enter:\n    pre: k < 2\n    eff:\n        atomic:\n            total = total + 1\n"
+        "        k = k + 1\n        if k == 2:\n            stop\n"
+    )
+    of = simulation(fitted(program, POINTS), Simulation)
+    states(of, 2.0)
+    assert of.ending is Ending.STOPPED
+    found = of.figures().robots
+    assert [one.events for one in found] == [2, 2, 2]
+    deeds = [one.deeds.tolist() for one in of.recording.rounds if one.number >= 0]
+    assert sum(deed == Idle.BLOCKED for row in deeds for deed in row) > 0
+    for robot, one in enumerate(found):
+        own = [row[robot] for row in deeds]
+        assert one.blocked == own.count(Idle.BLOCKED)
+        assert one.skips == own.count(Idle.BLOCKED) + own.count(Idle.SKIPPED)
+        assert Idle.STOPPED not in own[: 1 + max(k for k, deed in enumerate(own) if deed >= 0)]
