@@ -111,6 +111,20 @@ class Lane:
         """
         return self._chosen(">", bound)
 
+    def lesser(self, other: Number) -> Lane:
+        """The lesser of two, as ``np.minimum``: a NaN stays one; of zeros it is the other."""
+        end = self._lifted(other)
+        return self.where(self.lanes.code.b.fcmp_unordered("<", self.ir, end.ir), end)
+
+    def greater(self, other: Number) -> Lane:
+        """The greater of two, as ``np.maximum``: a NaN stays one; of zeros it is the other."""
+        end = self._lifted(other)
+        return self.where(self.lanes.code.b.fcmp_unordered(">", self.ir, end.ir), end)
+
+    def is_below(self, other: Number) -> Ir:
+        """Whether this is less, as a mask; a NaN is not."""
+        return self.lanes.code.b.fcmp_ordered("<", self.ir, self._lifted(other).ir)
+
     def is_at_most(self, other: Number) -> Ir:
         """Whether this is less or equal, as a mask; a NaN is not."""
         return self.lanes.code.b.fcmp_ordered("<=", self.ir, self._lifted(other).ir)

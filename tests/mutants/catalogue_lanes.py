@@ -5,6 +5,7 @@ from __future__ import annotations
 from tests.mutants.mutant import Mutant
 
 DRONES = "tests/sim/test_compiled_quadrotors.py"
+FLYING = "tests/sim/test_compiled_flying.py"
 
 LANES = (
     Mutant(
@@ -62,5 +63,54 @@ LANES = (
         "reference.position.T.copy()",
         "np.ascontiguousarray(reference.position.T)",
         (DRONES,),
+    ),
+    Mutant(
+        "orders wait for the machine code of automata",
+        "sim.vehicles.compiled_flying.CompiledFlying.step",
+        "group.is_told()",
+        "False",
+        (FLYING,),
+    ),
+    Mutant(
+        "arrays of before are read",
+        "sim.vehicles.compiled_flying.CompiledFlying._point_to",
+        "known is not array",
+        "known is None",
+        (FLYING,),
+    ),
+    Mutant(
+        "who is near its end has been there for long",
+        "sim.vehicles.compiled_flying._Drone.step_automaton",
+        "b.and_(inside, dwelt)",
+        "inside",
+        (FLYING,),
+    ),
+    Mutant(
+        "who has been pushed away stays away",
+        "sim.vehicles.compiled_flying._Drone.step_automaton",
+        "self.flag(distance.is_at_most(of['leave_m']))",
+        "has_route",
+        (FLYING,),
+    ),
+    Mutant(
+        "references do not wait for drones",
+        "sim.vehicles.compiled_flying._Drone.command",
+        "faster * (2.0 - 2.0 * lag / LAG_M).greater(0.0).lesser(1.0)",
+        "faster",
+        (FLYING,),
+    ),
+    Mutant(
+        "who holds goes on in machine code",
+        "sim.vehicles.compiled_flying._Drone.command",
+        "self.either(on, faster, slower)",
+        "faster",
+        (FLYING,),
+    ),
+    Mutant(
+        "references go on behind the end",
+        "sim.vehicles.compiled_flying._Drone.command",
+        "(s + wanted * of['dt_s']).lesser(length)",
+        "s + wanted * of['dt_s']",
+        (FLYING,),
     ),
 )

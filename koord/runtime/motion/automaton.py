@@ -16,7 +16,7 @@ from msgspec import Struct
 from koord.runtime.motion.arrays import Bools, Floats, Ints, lengths
 
 #: Times are sums of steps; what is missing by rounding does not count.
-_ROUNDING_S = 1e-9
+ROUNDING_S = 1e-9
 
 
 class MotionState(IntEnum):
@@ -111,7 +111,7 @@ def step(
     distance, runs = lengths(psn - end), state != MotionState.STOPPED
     inside = has_route & (distance <= visit.epsilon_m) & runs
     since = np.where(inside, np.where(np.isnan(since), now_s, since), np.nan)
-    dwelt = inside & (now_s - since >= visit.dwell_s - _ROUNDING_S)
+    dwelt = inside & (now_s - since >= visit.dwell_s - ROUNDING_S)
     here = ~has_route | (distance <= visit.leave_m)
     reached = (reached | dwelt) & here & runs
     state[(state == MotionState.MOVING) & reached] = MotionState.IDLE

@@ -96,13 +96,13 @@ def _sizes(vectors: Floats) -> Floats:
 
 #: The end of a route is approached in proportion to what is left of it, over this time: robots that
 #: aim at each other's positions would swing about them if they came as fast as brakes allow.
-_APPROACH_S = 0.5
+APPROACH_S = 0.5
 
 #: So slowly a reference need not go.
-_CREEP_MPS = 0.05
+CREEP_MPS = 0.05
 
 #: A reference waits for a drone that is this far behind it.
-_LAG_M = 0.5
+LAG_M = 0.5
 
 
 class Reference(Struct, frozen=True):
@@ -128,8 +128,16 @@ class Flying:
 
         A robot that has been pushed away starts where it is measured to be.
         """
-        near = lengths(self.rest - position) < _LAG_M
+        near = lengths(self.rest - position) < LAG_M
         return np.where(near[:, None], self.rest, position)
+
+    def step(self, position: Floats, now_s: float, dt_s: float) -> Floats:
+        """Step the automata, and then the references; in one array of shape ``(n, 9)``."""
+        self.group.update(position, now_s)
+        reference = self.command(position, dt_s)
+        return np.concatenate(
+            [reference.position, reference.velocity, reference.acceleration], axis=1
+        )
 
     def command(self, position: Floats, dt_s: float) -> Reference:
         """The reference at the end of the next step, for robots measured at positions."""
@@ -141,8 +149,8 @@ class Flying:
         speed = np.minimum(group.speed + accel * dt_s, here.speed_mps)
         if self.waits:
             lag = lengths(here.position - position)
-            speed = speed * bounded(2.0 - 2.0 * lag / _LAG_M, 0.0, 1.0)
-            speed = np.minimum(speed, _CREEP_MPS + (routes.length - group.s) / _APPROACH_S)
+            speed = speed * bounded(2.0 - 2.0 * lag / LAG_M, 0.0, 1.0)
+            speed = np.minimum(speed, CREEP_MPS + (routes.length - group.s) / APPROACH_S)
         speed = np.where(on, speed, np.maximum(group.speed - accel * dt_s, 0.0))
         speed = np.where(routed & (group.s < routes.length), speed, 0.0)
         gain = (speed - group.speed) / dt_s

@@ -12,8 +12,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from koord.runtime.motion import automaton
-from koord.runtime.motion.arrays import Floats, Ints
-from koord.runtime.motion.automaton import MotionState, Visit
+from koord.runtime.motion.arrays import Bools, Floats, Ints
+from koord.runtime.motion.automaton import MotionState, Orders, Visit
 from koord.runtime.motion.bodies import Body
 from koord.runtime.motion.field import field
 from koord.runtime.motion.planning import (
@@ -68,7 +68,8 @@ class Group:
         self.targets: dict[int, Point] = {}  #: for which there is no path yet
         self.plights: dict[int, Plight] = {}  #: of robots that cannot do what they were told last
         self._beside_m = 1e-9 if body.IS_EXACT else _BESIDE_M
-        self._orders = automaton.no_orders(count)
+        self._told: Bools = np.zeros((len(Orders.__struct_fields__), count), np.bool_)
+        self._orders = Orders(*self._told)  # its masks are the rows
         self._field = field(world, flat=body.ON_GROUND)
         self._reach_m = max(body.radius_m, room.wide_m)
         self._seeds: Sequence[int] = [0] * count if seeds is None else seeds
@@ -147,10 +148,11 @@ class Group:
         """Step the automata on orders and measured positions, shape ``(count, 3)``."""
         end = self.routes.end
         self.automata = automaton.step(self.automata, self._orders, psn, end, now_s, self.visit)
-        for mask in (self._orders.asked, self._orders.routed, self._orders.failed):
-            mask[:] = False
-        for mask in (self._orders.held, self._orders.released, self._orders.stopped):
-            mask[:] = False
+        self._told[:] = False
+
+    def is_told(self) -> bool:
+        """Return whether orders came since the automata were stepped."""
+        return bool(self._told.any())
 
     def replan(self, robots: Sequence[int]) -> None:
         """Find new ways to the ends of routes, for robots that have missed them."""

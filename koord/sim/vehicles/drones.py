@@ -31,9 +31,12 @@ def squad(setup: SquadSetup) -> DroneSquad:
 
     At level ``full`` they fly by machine code where there is llvmlite, and the same without.
     """
-    if setup.model.level is Level.FULL and find_spec("llvmlite") is not None:
-        return DroneSquad(setup, _compiled(setup))
-    return DroneSquad(setup, vehicles(setup))
+    level = setup.model.level
+    if level is Level.FAST or (level is Level.FULL and find_spec("llvmlite") is not None):
+        from koord.sim.vehicles.compiled_flying import CompiledFlying
+
+        return DroneSquad(setup, _compiled(setup), CompiledFlying(setup.group, setup.start))
+    return DroneSquad(setup, vehicles(setup), Flying(setup.group, setup.start))
 
 
 def vehicles(setup: VehicleSetup) -> Quadrotors:
@@ -64,10 +67,9 @@ def _compiled(setup: VehicleSetup) -> Quadrotors:
 class DroneSquad:
     """A squad of drones that follow a reference."""
 
-    def __init__(self, setup: SquadSetup, vehicles: Quadrotors) -> None:
-        self.group, self.vehicles = setup.group, vehicles
+    def __init__(self, setup: SquadSetup, vehicles: Quadrotors, flying: Flying) -> None:
+        self.group, self.vehicles, self.flying = setup.group, vehicles, flying
         start, disturbances = setup.start, setup.model.disturbances
-        self.flying = Flying(setup.group, start)
         self._fixes = Fixes(disturbances.positioning, setup.noise, flat=False)
         self._gusts = Gusts(disturbances.wind, setup.wind)
         self._delay = setup.delay(np.concatenate([start, 0 * start, 0 * start], axis=1))
@@ -75,13 +77,9 @@ class DroneSquad:
 
     def tick(self, now_s: float) -> None:
         position, heading = self.fixes(now_s)
-        self.group.plan(self.flying.origin(position), heading, PLAN_MOST)
-        self.group.update(position, now_s)
-        reference = self.flying.command(position, STEPS * STEP_S)
-        sent = np.concatenate(
-            [reference.position, reference.velocity, reference.acceleration], axis=1
-        )
-        due = self._delay.pass_on(sent)
+        if self.group.targets:
+            self.group.plan(self.flying.origin(position), heading, PLAN_MOST)
+        due = self._delay.pass_on(self.flying.step(position, now_s, STEPS * STEP_S))
         # What the drone is told may be off or late: its controller aims beside by as much.
         aim = due[:, :3] - (position - self.truth()[0])
         wind = self._gusts.blow(STEPS * STEP_S)
