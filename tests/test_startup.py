@@ -123,6 +123,31 @@ UNUSED_BY_PROOFS = (
 )
 
 
+#: What a simulated fleet of drones has no use for, whose configuration names no plug-ins.
+UNUSED_BY_DRONES = ("scipy", "osqp", "pymunk", "importlib.metadata", "email", "rich")
+
+
+def test_simulating_loads_only_what_the_fleet_uses(tmp_path: Path) -> None:
+    agents = "\n".join(f"  - {{pid: {k}, position: [{k}, 0, 1]}}" for k in range(70))
+    config = tmp_path / "many.yaml"
+    config.write_text(
+        f"agents:\n{agents.replace('pid', 'on_device: drone, pid')}\n"
+        "devices: {drone: {bot_type: QUAD, planner: RRT_DRONE}}\n"
+        "world: {bounds: {low: [-2, -2, 0], high: [72, 2, 3]}}\n"
+    )
+    program = tmp_path / "still.krd"
+    program.write_text(
+        "local:\n    int told = 0\n\nSay:\n    pre: told < 1\n    eff:\n        told = 1\n"
+    )
+    arguments = ["sim", str(program), str(config), "--rounds", "2", "--no-html", "--json"]
+    loaded = modules_after(COMMAND.format(arguments=arguments))
+    assert "koord.sim.fleet" in loaded
+    heavy = {
+        name for name in loaded for root in UNUSED_BY_DRONES if (name + ".").startswith(f"{root}.")
+    }
+    assert heavy == set()
+
+
 #: What a check has no use for besides: solvers, and what loads them.
 SOLVING = ("koord.verify", "z3", "ctypes", "pathlib", "shutil", "tempfile")
 

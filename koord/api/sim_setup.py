@@ -14,7 +14,6 @@ from koord.runtime.compile import compiled
 from koord.runtime.compile.loading import loaded
 from koord.runtime.compile.watching import Watched, WatchedKind, watched
 from koord.runtime.platform.world_host import ANSWERED
-from koord.runtime.plugins.names import served_ports
 from koord.runtime.ports import SENSED, plain_name
 from koord.sim.claims import Checked, Watching
 from koord.sim.running import Cast, Simulation
@@ -26,6 +25,7 @@ from koord.syntax.source import whole_file
 from koord.syntax.walk import nodes
 
 if TYPE_CHECKING:
+    from koord.runtime.plugins.calls import PlugIn
     from koord.runtime.robot import Host, Robot
 
 Run = TypeVar("Run", bound=Simulation)
@@ -129,8 +129,16 @@ def _served(fitted: Fitted) -> list[frozenset[tuple[str, str]]]:
     of: dict[int, frozenset[tuple[str, str]]] = {}
     for robot in fitted.scene.robots:
         if id(robot.model) not in of:
-            of[id(robot.model)] = served_ports(robot.model.modules)
+            of[id(robot.model)] = _ports(robot.model.modules)
     return [of[id(robot.model)] for robot in fitted.scene.robots]
+
+
+def _ports(named: tuple[tuple[str, PlugIn], ...]) -> frozenset[tuple[str, str]]:
+    if not named:
+        return frozenset()
+    from koord.runtime.plugins.names import served_ports  # it asks what is installed
+
+    return served_ports(named)
 
 
 def unanswered(fitted: Fitted) -> tuple[str, ...]:

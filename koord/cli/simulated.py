@@ -9,9 +9,6 @@ from collections.abc import Iterator
 from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
-from rich.console import Console
-from rich.table import Table
-
 from koord.api.deployed import FleetHeard
 from koord.api.progress import Progress
 from koord.api.served_page import PageServed
@@ -32,6 +29,8 @@ from koord.cli.terminal import Paint, style_of, visible
 from koord.syntax.source import counted
 
 if TYPE_CHECKING:
+    from rich.table import Table
+
     from koord.cli.deployed import Board
 
 #: More robots, tasks and broken claims than this are summed up in a line.
@@ -77,6 +76,8 @@ def report(simulated: Simulated) -> Iterator[str]:
 
 
 def _drawn(one: Table) -> list[str]:
+    from rich.console import Console
+
     text = io.StringIO()
     Console(file=text, width=max(60, style_of(sys.stdout).width), no_color=True).print(one)
     return [line.rstrip() for line in text.getvalue().splitlines()]
@@ -84,6 +85,8 @@ def _drawn(one: Table) -> list[str]:
 
 def _robots(simulated: Simulated) -> Table:
     figures = simulated.figures
+    from rich.table import Table
+
     made = Table(box=None, pad_edge=False)
     made.add_column("robot", justify="right")
     made.add_column("device")
@@ -103,6 +106,8 @@ def _robots(simulated: Simulated) -> Table:
 
 def _together(simulated: Simulated) -> Table:
     figures, safety_m = simulated.figures, simulated.setup.safety_m
+    from rich.table import Table
+
     made = Table(box=None, pad_edge=False, show_header=False)
     made.add_column()
     made.add_column()

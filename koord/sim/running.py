@@ -17,7 +17,6 @@ from koord.runtime.engine import RoundEngine as Engine
 from koord.runtime.motion.arrays import Bools
 from koord.runtime.motion.planners import planner
 from koord.runtime.motion.world import Point
-from koord.runtime.plugins.loading import served_modules
 from koord.runtime.proposals import Decision
 from koord.runtime.robot import Host, Robot, Status
 from koord.sim.digest import Digest, events_of
@@ -367,6 +366,8 @@ def host_of(cast: Cast, scene: Scene, fleet: Fleet) -> Hosted:
     for pid, placed in enumerate(scene.robots):
         model = placed.model
         if model.modules:
+            from koord.runtime.plugins.loading import served_modules
+
             host.modules[pid] = served_modules(
                 model.modules, pid, scene.world, model.body, scene.seed, is_simulated=True
             )
