@@ -219,7 +219,8 @@ class _Checker(FormReader):
             self._say((*path, "motion_automaton"), f"{name} has no {automaton}", hint)
         position = form.positions.get(agent.pid, agent.position)
         ip = device.ip or "127.0.0.1"
-        self._check_ip(ip, (*where, "ip"))
+        if device.ip:
+            self._check_ip(ip, (*where, "ip"))
         port = device.port or talk.port
         if device.ip is None and device.port is None:
             port = talk.port + 1 + agent.pid  # one port per robot on this machine
