@@ -260,9 +260,10 @@ def _scattered(
     clear = clearance.safety_m + clearance.tracking_m + clearance.resting_m
     low = min(ground + max(_HIGH_M, clear + _ROUNDING_M), top)
     found: list[Point] = []
+    fields = {flat: field(world, flat=flat) for flat in {body.ON_GROUND for body in bodies}}
     for number in range(count):
         flat = bodies[number % len(bodies)].ON_GROUND
-        free = field(world, flat=flat)
+        free = fields[flat]
         best, widest = (0.0, 0.0, low), -math.inf
         for _ in range(_DRAWS):
             x, y = draw.uniform((x0, y0), (x1, y1)).tolist()
