@@ -5,9 +5,13 @@ milliseconds, after the first run of the process. *Anew* is the same with nothin
 before: text elaborated, program and claims compiled. Rows of the two have to be equal, with rounds,
 too.
 
-A campaign with several jobs has to tell the rows of one job. Its speed-up is of wall seconds, with
-the start of interpreters and workers, and says little on a machine that others use: the CPU
-seconds say how much of it is more work.
+A campaign with two jobs has to tell the rows of one job. Its speed-up is of wall seconds, with the
+start of interpreters and workers. What the machine has to give just then is measured beside: two
+campaigns of one job at the same time, each with half of the runs. On a machine that others use no
+speed-up says much by itself; two jobs beside two campaigns do.
+
+Campaigns that end when an interval is narrow enough have to end after the same runs with one job
+and with two.
 """
 
 from __future__ import annotations
@@ -17,9 +21,24 @@ import os
 import sys
 import tempfile
 import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import NamedTuple
 
-from harness import EXAMPLES, LIMITS, Cell, Column, Report, in_child, koord, limited, main, note
+from harness import (
+    EXAMPLES,
+    LIMITS,
+    Cell,
+    Column,
+    Measured,
+    Report,
+    in_child,
+    koord,
+    limited,
+    main,
+    note,
+)
 
 #: Program and configuration.
 FIXED = (
@@ -37,7 +56,7 @@ FIXED = (
 FIXED_MS = 5.0
 
 #: Program, configuration, runs, simulated seconds, and the least speed-up by two jobs.
-JOBS = (("task.krd", "task.yaml", 60, "60"), ("follow_path.krd", "", 200, "20"))
+JOBS = (("task.krd", "task.yaml", 48, "30"), ("follow_path.krd", "", 240, "10"))
 SPEED_UP = 1.8
 
 
@@ -88,13 +107,15 @@ def campaigns(report: Report) -> None:
         limits = limited(kept_ms, FIXED_MS, "ms CPU")
         table.rows.append({"program": name, "kept_ms": kept_ms, "anew_ms": anew_ms, **limits})
     _jobs(report)
+    _until(report)
 
 
 def _jobs(report: Report) -> None:
     table = report.table(
         "Campaigns with --jobs",
         Column("campaign", "campaign"),
-        Column("jobs", "jobs"),
+        Column("how", "how"),
+        Column("runs", "runs"),
         Column("wall_s", "wall s"),
         Column("cpu_s", "CPU s"),
         Column("speed_up", "speed-up"),
@@ -103,30 +124,94 @@ def _jobs(report: Report) -> None:
     )
     for program, configuration, runs, time_s in JOBS:
         runs = runs // 6 if report.quick else runs
-        name = " ".join(filter(None, (program, configuration, f"× {runs}")))
-        told, walls = [], []
-        for jobs in (1, 2):
-            note(f"{name}, {jobs} jobs")
-            load = os.getloadavg()[0]
-            with tempfile.TemporaryDirectory() as folder:
-                file = Path(folder) / "runs.csv"
-                files = [str(EXAMPLES / one) for one in (program, configuration) if one]
-                words = ["--runs", str(runs), "--time", time_s, "--jobs", str(jobs)]
-                done = koord("sim", *files, *words, "--csv", str(file), timeout_s=900)
-                if not report.expect(done.code in (0, 1, 5), f"{name}: {done.errors[-300:]}"):
-                    return
-                told.append(_rows(file))
-            walls.append(done.wall_s)
-            row: dict[str, Cell] = {
-                "campaign": name,
-                "jobs": jobs,
-                "wall_s": round(done.wall_s, 2),
-                "cpu_s": round(done.cpu_s, 2),
-                "load": round(load, 1),
+        files = [str(EXAMPLES / one) for one in (program, configuration) if one]
+        name = " ".join(filter(None, (program, configuration)))
+
+        def made(*words: str, files: Sequence[str] = files, time_s: str = time_s) -> Made:
+            return _campaign(*files, "--time", time_s, *words)
+
+        half, rest = str(runs // 2), str(runs - runs // 2)
+        with ThreadPoolExecutor(2) as two:
+            tries: dict[str, Callable[[], list[Made]]] = {
+                "one job": lambda: [made("--runs", str(runs))],  # noqa: B023
+                "two jobs": lambda: [made("--runs", str(runs), "--jobs", "2")],  # noqa: B023
+                "two campaigns": lambda: [
+                    *two.map(
+                        lambda words: made(*words),
+                        [("--runs", half), ("--runs", rest, "--seed", half)],  # noqa: B023
+                    )
+                ],
             }
-            more = {"speed_up": round(walls[0] / done.wall_s, 2), "least": SPEED_UP}
-            table.rows.append(row | (more if jobs > 1 else {}))
-        report.expect(told[0] == told[1], f"{name}: rows hang on the number of jobs")
+            walls, told = dict[str, float](), dict[str, list[dict[str, str]]]()
+            for how, make in tries.items():
+                note(f"{name}, {how}")
+                load = os.getloadavg()[0]
+                parts = make()
+                if not report.expect(all(part.done.code in (0, 1, 5) for part in parts), how):
+                    return
+                walls[how] = max(part.done.wall_s for part in parts)
+                told[how] = [row for part in parts for row in part.rows]
+                table.rows.append(
+                    {
+                        "campaign": name,
+                        "how": how,
+                        "runs": runs,
+                        "wall_s": round(walls[how], 2),
+                        "cpu_s": round(sum(part.done.cpu_s for part in parts), 2),
+                        "speed_up": round(walls["one job"] / walls[how], 2),
+                        "least": SPEED_UP if how == "two jobs" else None,
+                        "load": round(load, 1),
+                    }
+                )
+        first = _nameless(told["one job"])
+        same = all(_nameless(rows) == first for rows in told.values())
+        report.expect(same, f"{name}: rows hang on who makes them")
+
+
+def _until(report: Report) -> None:
+    table = report.table(
+        "Campaigns that end when an interval is narrow enough",
+        Column("until", "until"),
+        Column("jobs", "jobs"),
+        Column("runs", "runs"),
+        Column("low", "from", places=3),
+        Column("high", "to", places=3),
+        Column("cpu_s", "CPU s"),
+    )
+    files = [str(EXAMPLES / "task.krd"), str(EXAMPLES / "task.yaml"), "--time", "3"]
+    for until in ("distance=0.2", "broken=0.08"):
+        ends = set()
+        for jobs in ("1", "2"):
+            made = _campaign(*files, "--until", until, "--jobs", jobs, "--json")
+            if not report.expect(
+                made.done.code in (0, 1, 5), f"{until}: {made.done.errors[-300:]}"
+            ):
+                return
+            (found,) = made.done.json()["intervals"].values()
+            ends.add((len(made.rows), found["low"], found["high"]))
+            bounds = {"low": found["low"], "high": found["high"]}
+            cells: dict[str, Cell] = {"until": until, "jobs": int(jobs), "runs": len(made.rows)}
+            table.rows.append(cells | bounds | {"cpu_s": round(made.done.cpu_s, 2)})
+        report.expect(len(ends) == 1, f"{until}: the end hangs on the number of jobs")
+
+
+class Made(NamedTuple):
+    """A campaign that was made, and its rows without what hangs on the clock."""
+
+    done: Measured
+    rows: list[dict[str, str]]
+
+
+def _campaign(*words: str) -> Made:
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "runs.csv"
+        done = koord("sim", *words, "--csv", str(file), timeout_s=900)
+        return Made(done, _rows(file) if file.exists() else [])
+
+
+def _nameless(rows: list[dict[str, str]]) -> list[dict[str, str]]:
+    """Rows without the name of their campaign, which hangs on the first seed."""
+    return [{k: v for k, v in row.items() if k != "campaign"} for row in rows]
 
 
 def _rows(path: Path) -> list[dict[str, str]]:
