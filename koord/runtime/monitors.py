@@ -116,12 +116,29 @@ class _Changes:
         self.look += 1
         for name, column in zip(self.own, self._columns(held), strict=True):
             self._note(name, column)
+        self._note_shared(values)
+
+    def note_some(self, held: Mapping[int, Mapping[str, Any]], values: Mapping[str, Any]) -> None:
+        """The same where all others have what they had before."""
+        self.look += 1
+        for name in self.own:
+            column, changed = self._last[name], set[int]()
+            assert isinstance(column, list)
+            for pid, of_robot in held.items():
+                value = of_robot.get(name)
+                if value is not column[pid]:
+                    column[pid] = value
+                    changed.add(pid)
+            self._changed[name].append(changed)
+        self._note_shared(values)
+
+    def _note_shared(self, values: Mapping[str, Any]) -> None:
         for name in self.entries:
             self._note(f"{name}[]", values[name])
         for name in self.shared:
             self._note(f"{name}.", (values[name],))
 
-    def _columns(self, held: Sequence[Mapping[str, Any]]) -> Iterable[Sequence[Any]]:
+    def _columns(self, held: Sequence[Mapping[str, Any]]) -> list[list[Any]]:
         """The values of each name; None of robots that have none of it.
 
         Each robot is visited once: of thousands most of the time goes into fetching what they have.
@@ -186,9 +203,20 @@ class StateMonitor:
     def unknown(self) -> set[str]:
         return self._unknown - self._judged
 
-    def see(self, robots: Sequence[Robot | UnknownRobot], values: Mapping[str, Any]) -> None:
-        """Take the present state: of the robots, and the values that they share."""
+    def see(
+        self,
+        robots: Sequence[Robot | UnknownRobot],
+        values: Mapping[str, Any],
+        only: Iterable[int] | None = None,
+    ) -> None:
+        """Take the present state: of the robots, and the values that they share.
+
+        ``only`` are those whose variables may have changed since, if that is known.
+        """
         self.watch.look(robots, values)
+        if only is not None and self._changes.look:
+            self._changes.note_some({pid: vars(robots[pid]) for pid in only}, values)
+            return
         try:
             held = [*map(vars, robots)]
         except UnknownError:

@@ -51,7 +51,9 @@ class Watching:
         engine = run.engine
         if engine.ended is not None:
             return
-        self._states.see(engine.robots, engine.store.values)
+        # Between the environment's turn and this moment only events change variables of robots.
+        only = run.acted if moment is WatchPoint.EVENTS else None
+        self._states.see(engine.robots, engine.store.values, only)
         time_s = run.fleet.now_s
         for claim, robots in self._states.broken(_SORTS[moment]):
             place = _place(run, robots[0]) if robots else None

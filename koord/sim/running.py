@@ -162,8 +162,8 @@ class Simulation:
             StandingRobot, ...
         ] = ()  #: those that stand still when the run has ended
         self._told: set[tuple[str, tuple[int, ...]]] = set()
-        #: Who has run an event since orders were carried out; of others actuators are as before.
-        self._acted = set(range(len(cast.kinds)))
+        #: Robots that have run an event since the environment's turn; others are as they were then.
+        self.acted = set(range(len(cast.kinds)))
         self._digest = Digest()
         self._before: tuple[Any, ...] | None = None
         self._still = 0
@@ -191,7 +191,7 @@ class Simulation:
         """Run a round: the robots' events, then the environment's turn, δ long."""
         engine = self.engine
         decision = engine.program_turns(self.schedule)
-        self._acted.update([taken.robot for taken in decision.ran])
+        self.acted.update([taken.robot for taken in decision.ran])
         deeds = deeds_of(decision, engine.robots)
         self.observer.round(decision.round, deeds)
         self.gauge.events(decision, deeds)
@@ -218,8 +218,8 @@ class Simulation:
         """Let δ pass in the world, under the robots' orders."""
         robots, until_s = self.engine.robots, (self.engine.round + 1) * self.scene.delta_s
         if not (self.engine.has_models or self.host.modules):
-            robots = [robots[pid] for pid in sorted(self._acted)]
-        self._acted.clear()
+            robots = [robots[pid] for pid in sorted(self.acted)]
+        self.acted.clear()
         self.host.pass_time(robots, until_s, self.tick)
 
     def end(self, ending: Ending) -> None:

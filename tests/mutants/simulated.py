@@ -87,6 +87,20 @@ SIMULATED = (
         (COLUMNS,),
     ),
     Mutant(
+        "claims hear of what events change at the end of the round",
+        "sim.claims.Watching.look",
+        "run.acted if moment is WatchPoint.EVENTS else None",
+        "() if moment is WatchPoint.EVENTS else None",
+        (COLUMNS,),
+    ),
+    Mutant(
+        "claims hear of what events change, and not of what is sensed",
+        "sim.claims.Watching.look",
+        "run.acted if moment is WatchPoint.EVENTS else None",
+        "run.acted",
+        (COLUMNS,),
+    ),
+    Mutant(
         "who stands still ends a run as well as who arrives",
         "cli.sim._concluded",
         "simulated.standing",

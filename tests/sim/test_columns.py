@@ -103,9 +103,10 @@ CASES = {
 
 
 class AsksEverybody(Simulation):
-    """A run in which every robot's actuators are looked at in every round."""
+    """A run in which all that robots have is looked at in every round."""
 
     def pass_time(self) -> None:
+        self.acted.update(range(len(self.engine.robots)))
         until_s = (self.engine.round + 1) * self.scene.delta_s
         self.host.pass_time(self.engine.robots, until_s, self.tick)
 
@@ -182,6 +183,19 @@ def test_what_changes_is_held_against_claims(more: str) -> None:
     states(of, 6.0)
     broken = [one for one in of.broken if one.claim == "invariant Few"]
     assert [one.robots for one in broken] == [(0,), (1,), (2,)]
+    # At once, not when the round is over.
+    thirds = [
+        one.time_s for one in of.recording.rounds for change in one.changes if change.value == 3
+    ]
+    assert [one.time_s for one in broken] == pytest.approx(thirds)
+
+
+def test_what_is_sensed_is_held_against_claims() -> None:
+    program = LINES.format(model="") + "invariant Near: Rail.position <= home + 0.35\n"
+    of = simulation(fitted(program, POINTS), Simulation, keep_going=True)
+    states(of, 6.0)
+    broken = [one.robots for one in of.broken if one.claim == "invariant Near"]
+    assert broken == [(0,), (1,), (2,)]
 
 
 COUNTS = "local:\n    int k = 0\nCount:\n    pre: k < 45\n    eff: k = k + 1\n"
