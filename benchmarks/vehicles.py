@@ -27,7 +27,6 @@ KINDS: tuple[tuple[str, str, str, str, float | None], ...] = (
     ("differential drive", "DIFF", "full", "", 5.0),
     ("differential drive, no contact", "DIFF", "simple", "", None),
     ("drone", "DRONE", "full", "", 5.0),
-    ("drone, compiled", "DRONE", "fast", "", None),
     ("drone without attitude", "DRONE", "simple", "", None),
     ("ideal point", "POINT", "full", "", 20.0),
 )
