@@ -16,8 +16,10 @@ from koord.api.sim_report import Simulated
 from koord.api.sim_run import SimulationRequest, play
 from koord.api.sim_setup import check_can_begin, simulation
 from koord.sim.running import Simulation
+from koord.syntax.collector import uncollected as uncollected
 
 
+@uncollected()
 def simulate(
     program: Loadable,
     config: Configurable = None,

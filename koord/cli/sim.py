@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -208,7 +209,7 @@ def _of_a_form(text: str, endings: tuple[str, ...]) -> str:
 
 def main(arguments: argparse.Namespace) -> int:
     # What simulating needs is loaded here: `koord sim --help` is as light as any other.
-    from koord.api.simulation import simulate_fitted
+    from koord.api.simulation import simulate_fitted, uncollected
     from koord.cli.fitting import fit_request, fitted
     from koord.cli.simulated import Shown
 
@@ -225,17 +226,18 @@ def main(arguments: argparse.Namespace) -> int:
         _check_single(arguments)
         request.outputs.check()
     report = DiagnosticReport()
-    wanted = fit_request(arguments, report, arguments.robots, arguments.seed)
-    found = None if wanted is None else fitted(wanted, report)
-    out = sys.stdout if report.errors and arguments.json else sys.stderr
-    report.print(out, as_json=arguments.json and out is sys.stdout)
-    if wanted is None or found is None:
-        return Exit.BAD_INPUT
-    if is_campaign:
-        return campaign(arguments, wanted, many, found.scene.seed)
-    with Shown(arguments) as shown:
-        simulated = simulate_fitted(found, request, shown.hear, shown.cancellation)
-    return _concluded(arguments, simulated)
+    with nullcontext() if is_campaign else uncollected():  # many runs leave cycles behind
+        wanted = fit_request(arguments, report, arguments.robots, arguments.seed)
+        found = None if wanted is None else fitted(wanted, report)
+        out = sys.stdout if report.errors and arguments.json else sys.stderr
+        report.print(out, as_json=arguments.json and out is sys.stdout)
+        if wanted is None or found is None:
+            return Exit.BAD_INPUT
+        if is_campaign:
+            return campaign(arguments, wanted, many, found.scene.seed)
+        with Shown(arguments) as shown:
+            simulated = simulate_fitted(found, request, shown.hear, shown.cancellation)
+        return _concluded(arguments, simulated)
 
 
 def _request(arguments: argparse.Namespace) -> SimulationRequest:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import json
 import threading
 from concurrent.futures import ThreadPoolExecutor
@@ -55,6 +56,16 @@ def test_a_program_and_its_configuration_need_no_file() -> None:
     assert [one.claim for one in broken.broken] == ["invariant Low"]
     assert not broken.ok
     assert "broken: invariant Low" in repr(broken)
+
+
+def test_nobody_looks_for_cycles_while_a_simulation_is_made_and_runs() -> None:
+    collects: list[bool] = []
+    assert gc.isenabled()
+    config = koord.read_configuration(koord.Source("two.yaml", "num_robots: 2\n"))
+    koord.simulate(COUNT, config, duration_s=1, progress=lambda _: collects.append(gc.isenabled()))
+    assert not any(collects)
+    assert len(collects) > 2
+    assert gc.isenabled()
 
 
 def test_progress_is_heard_in_order_and_files_are_kept(tmp_path: Path) -> None:
