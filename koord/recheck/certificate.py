@@ -26,8 +26,9 @@ K = TypeVar("K", bound=Enum)
 
 FORMAT = "koord certificate"
 
-#: The versions that are read; proofs about whole runs came with the last.
-VERSIONS = (3, 4)
+#: The versions that are read: proofs about whole runs came with the second, and what they say of
+#: who is the first, and of what nothing moves, with the last.
+VERSIONS = (3, 4, 5)
 
 #: The cure for all that is wrong with a certificate.
 REWRITE = "write the certificate anew with `koord verify --certificate`"
@@ -73,12 +74,23 @@ class SettlingText(Struct, frozen=True):
 
 
 class HelpText(Struct, frozen=True):
-    """A way to help, as an invariant; ``assumption`` and ``falls`` are empty if it needs none."""
+    """A way to help, as an invariant; ``assumption`` and ``falls`` are empty if it needs none.
+
+    ``unmoved``: it lasts as nothing that it reads changes.
+    """
 
     kind: HelpKind
     state: str
     assumption: str
     falls: str
+    unmoved: bool = False
+
+
+class FirstText(Struct, frozen=True):
+    """Robots of whom one is the first: a state as an invariant, and a number behind zero."""
+
+    state: str
+    number: str
 
 
 class ProgressText(Struct, frozen=True):
@@ -88,6 +100,7 @@ class ProgressText(Struct, frozen=True):
     lasting: tuple[str, ...]
     order: tuple[SettlingText, ...]
     help: tuple[HelpText, ...]
+    first: tuple[FirstText, ...] = ()
 
 
 class IncludedScript(Struct, frozen=True):
@@ -190,7 +203,7 @@ def read(raw: bytes, name: str) -> Certificate:
         raise top.field("format").wrong(repr(FORMAT))
     version = top.field("version")
     if version.value not in VERSIONS:
-        raise version.wrong(f"{VERSIONS[0]} or {VERSIONS[-1]}, the versions that this koord reads")
+        raise version.wrong(f"{VERSIONS[0]} to {VERSIONS[-1]}, the versions that this koord reads")
     program = _source(top.field("program"))
     properties = tuple(_source(part) for part in top.field("properties").items())
     delta = top.field("delta").fraction()
@@ -217,7 +230,9 @@ def read(raw: bytes, name: str) -> Certificate:
             (part.field("name").text(), part.field("reason").text())
             for part in top.field("not_covered").items()
         ),
-        () if version.value == VERSIONS[0] else _progress(top.field("progress")),
+        ()
+        if version.value == 3
+        else _progress(top.field("progress"), version.value == VERSIONS[-1]),
     )
 
 
@@ -290,16 +305,22 @@ def _claim(reader: _Reader) -> Claimed:
     )
 
 
-def _progress(reader: _Reader) -> tuple[ProgressText, ...]:
+def _progress(reader: _Reader, is_new: bool) -> tuple[ProgressText, ...]:
+    """The proofs about whole runs; of who is the first only new ones speak."""
     return tuple(
         ProgressText(
             part.field("claim").text(),
             part.field("lasting").names(),
             tuple(_settling(one) for one in part.field("order").items()),
-            tuple(_help(one) for one in part.field("help").items()),
+            tuple(_help(one, is_new) for one in part.field("help").items()),
+            tuple(_first(one) for one in part.field("first").items()) if is_new else (),
         )
         for part in reader.items()
     )
+
+
+def _first(reader: _Reader) -> FirstText:
+    return FirstText(reader.field("state").text(), reader.field("number").text())
 
 
 def _settling(reader: _Reader) -> SettlingText:
@@ -312,12 +333,13 @@ def _settling(reader: _Reader) -> SettlingText:
     )
 
 
-def _help(reader: _Reader) -> HelpText:
+def _help(reader: _Reader, is_new: bool) -> HelpText:
     return HelpText(
         reader.field("kind").kind(HelpKind),
         reader.field("state").text(),
         reader.field("assumption").text(),
         reader.field("falls").text(),
+        reader.field("unmoved").truth() if is_new else False,
     )
 
 

@@ -16,9 +16,18 @@ from msgspec.structs import replace
 from koord.recheck.claims import Claim, Entailment, Goal, Obligation, as_facts, stated
 from koord.recheck.every_n_rounds import Moves
 from koord.recheck.every_number import EveryNumber, StepObligations
-from koord.recheck.progress_argument import Help, HelpKind, LockClass, Phrase, ProgressArgument
+from koord.recheck.progress_argument import (
+    First,
+    Help,
+    HelpKind,
+    LockClass,
+    Phrase,
+    ProgressArgument,
+)
+from koord.recheck.reading import parts_read
 from koord.recheck.sorts import Value
 from koord.recheck.storage import Cell, ParameterisedState
+from koord.recheck.terms import BOOL as BOOLEAN
 from koord.recheck.terms import INT, REAL, Term
 from koord.recheck.values import Values
 from koord.syntax import core
@@ -63,6 +72,9 @@ class ProgressObligations:
                 yield Obligation(what, (partial(self._settles, part.phrase, known),))
                 given.append(self._same(part.phrase))
         for number, help_ in enumerate(self.argument.help, start=1):
+            if help_.unmoved:
+                what = f"{name}: nothing moves that help {number} reads"
+                yield Obligation(what, (partial(self._unmoved, help_, tuple(given)),))
             what = f"{name}: help {number} is not refused"
             yield Obligation(what, (partial(self._helps, help_, tuple(given)),))
         yield Obligation(f"{name}: somebody helps", (self._somebody,))
@@ -251,8 +263,9 @@ class ProgressObligations:
         t, j = self.t, self.robot
         now, legal = self._holds(help_.state, self.before, j)
         facts = [*given, self._is_one(j, help_.state.kind), now, legal]
-        later, answers = self._holds(help_.state, self.after, j)
-        goals = [*self._goal("it lasts", (later, answers))]
+        goals: list[Goal] = []
+        if not help_.unmoved:
+            goals += self._goal("it lasts", self._holds(help_.state, self.after, j))
         idle = self.step.gathering.ran_none(j)
         ready = self._goal("it is ready", (self._ready(self.before, j), t.truth(True)))
         match help_.kind:
@@ -269,6 +282,25 @@ class ProgressObligations:
             case _:
                 assert_never(help_.kind)
         return self._of_round(facts, tuple(goals), j)
+
+    def _unmoved(self, help_: Help, given: Sequence[Term]) -> Entailment:
+        """The obligation that what help reads is the same at both ends of rounds that are still.
+
+        It is asked of each robot by itself, whoever helps.
+        """
+        goals: list[Goal] = []
+        for part in parts_read(self.program, help_.state.said):
+            goals += self._goal("it is as it was", self._is_as_it_was(part))
+        return self._of_round([*given, self.v.is_robot(self.robot)], tuple(goals), self.robot)
+
+    def _is_as_it_was(self, part: Phrase) -> tuple[Term, Term]:
+        """The condition that a variable has one value at both ends, and the legality of answers."""
+        t = self.t
+        (old, faulty, known), (new, fails, legal) = (
+            self._number(part, state) for state in (self.before, self.after)
+        )
+        told = t.both(t.negation(faulty), t.negation(fails))
+        return t.both(told, t.equal(old, new)), t.both(known, legal)
 
     def _missed(self, help_: Help) -> tuple[Goal, ...]:
         """The goal that what is expected is not so behind the round."""
@@ -319,6 +351,11 @@ class ProgressObligations:
         facts = [*self.facts, *self._open(state), *self._lasting(state)]
         locks = [part.index for part in self.argument.order if isinstance(part, LockClass)]
         facts += [self._unasked(state, lock) for lock in locks]
+        names = [*self._names, *self._shared_numbers()]
+        for one in self.argument.first:
+            first, known = self._first(one, state)
+            names.append(first)
+            facts += known
         nobody = []
         for help_ in self.argument.help:
             with self.v.within() as robot:
@@ -327,7 +364,29 @@ class ProgressObligations:
                 facts.append(t.for_all([robot], t.implies(is_one, legal)))
                 nobody.append(t.for_all([robot], t.negation(t.both(is_one, holds))))
         goals = self._goal("somebody helps", (t.negation(t.conjunction(nobody)), t.truth(True)))
-        return Entailment(tuple(facts), goals, names=(*self._names, *self._shared_numbers()))
+        return Entailment(tuple(facts), goals, names=tuple(names))
+
+    def _first(self, one: First, state: ParameterisedState) -> tuple[Term, list[Term]]:
+        """The first of some robots, with the facts that it is, if there are any of them.
+
+        Robots are finitely many, no two have one number, and what is compared is a function of
+        robots: it stands in variables alone.
+        """
+        t, there = self.t, self.v.symbol("there are some", BOOLEAN)
+        first = self.v.symbol("the first of them", INT)
+
+        def is_one(robot: Term) -> Term:
+            holds, _ = self._holds(one.state, state, robot)
+            return t.both(self._is_one(robot, one.state.kind), holds)
+
+        with self.v.within() as robot:
+            (lowest, _, _), (its, _, _) = (
+                self._number(one.number, state, each) for each in (first, robot)
+            )
+            tie = t.both(t.equal(lowest, its), t.at_most(first, robot))
+            later = t.either(t.less(lowest, its), tie)
+            others = t.for_all([robot], t.implies(is_one(robot), t.both(there, later)))
+        return first, [t.implies(there, is_one(first)), others]
 
     def _shared_numbers(self) -> Iterator[Term]:
         """Yield the shared integers: of the robots one may have each number."""

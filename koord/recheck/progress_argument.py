@@ -49,13 +49,22 @@ class HelpKind(Enum):
 class Help(Struct, frozen=True):
     """A way to help: robots of which ``state`` holds. ``falls`` is a real number that time lowers.
 
-    ``expected`` is the assumption about whole runs that it rests on.
+    ``expected`` is the assumption about whole runs that it rests on. ``unmoved``: it lasts where
+    nothing that it reads changes, of any robot.
     """
 
     kind: HelpKind
     state: Phrase
     expected: core.Property | None = None
     falls: Phrase | None = None
+    unmoved: bool = False
+
+
+class First(Struct, frozen=True):
+    """Robots of whom one is the first, if there are any: by a number, and then by its own."""
+
+    state: Phrase
+    number: Phrase
 
 
 class ProgressArgument(Struct, frozen=True):
@@ -65,3 +74,4 @@ class ProgressArgument(Struct, frozen=True):
     lasting: tuple[Phrase, ...]
     order: tuple[Measure | LockClass, ...]
     help: tuple[Help, ...]
+    first: tuple[First, ...] = ()

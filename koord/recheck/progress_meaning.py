@@ -21,6 +21,7 @@ from koord.recheck.meaning import (
     one_invariant,
 )
 from koord.recheck.progress_argument import (
+    First,
     Help,
     HelpKind,
     LockClass,
@@ -28,6 +29,7 @@ from koord.recheck.progress_argument import (
     Phrase,
     ProgressArgument,
 )
+from koord.recheck.reading import is_plain
 from koord.recheck.world import Instance
 from koord.syntax import ast, core
 from koord.syntax.core import BinaryOp, QuantifierKind, UnaryOp
@@ -97,6 +99,9 @@ def _texts(proof: ProgressText) -> Iterator[tuple[str, str]]:
         yield _called(proof, "help", k), way.state
         if way.falls:
             yield _called(proof, "what falls", k), way.falls
+    for k, first in enumerate(proof.first, start=1):
+        yield _called(proof, "who is first", k), first.state
+        yield _called(proof, "what number is first", k), first.number
 
 
 def _called(proof: ProgressText, what: str, number: int) -> str:
@@ -121,6 +126,7 @@ class _Reading(Struct):
             ),
             tuple(self.order(stated)),
             tuple(self.help(stated, k, way) for k, way in enumerate(self.proof.help, start=1)),
+            tuple(self.first(stated, k) for k, _ in enumerate(self.proof.first, start=1)),
         )
 
     def stated(self) -> core.Property:
@@ -157,7 +163,19 @@ class _Reading(Struct):
             falls = self.phrase("what falls", k, stated, each=True, number=FLOAT)
             if falls.kind != state.kind:
                 raise self.damage(f"help {k} is of other robots than what falls")
-        return Help(way.kind, state, expected, falls)
+        if way.unmoved and way.kind is not HelpKind.ROBOT:
+            raise self.damage(f"help {k} rests on more than that nothing moves")
+        return Help(way.kind, state, expected, falls, way.unmoved)
+
+    def first(self, stated: core.Property, k: int) -> First:
+        """Who is the first: of robots of one kind, by what stands in variables alone."""
+        state = self.phrase("who is first", k, stated, each=True)
+        number = self.phrase("what number is first", k, stated, each=True, number=INT)
+        if number.kind != state.kind:
+            raise self.damage(f"the first {k} are other robots than those that have a number")
+        if not (is_plain(state.said) and is_plain(number.said)):
+            raise self.damage(f"who is first {k} hangs on more than variables")
+        return First(state, number)
 
     def expected(self, name: str, kind: int | None) -> core.Property:
         """An assumption about whole runs, of each robot of a kind at least."""

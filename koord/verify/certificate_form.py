@@ -9,7 +9,7 @@ from msgspec import Meta
 from koord.syntax.forms import Digest, Exact, Form, Natural, NotCovered, Tasks, Text, Value, words
 
 FORMAT: Final = "koord certificate"
-VERSION: Final = 4
+VERSION: Final = 5
 
 
 class Claim(Form):
@@ -71,6 +71,17 @@ class Help(Form):
     state: Annotated[str, Meta(description="An invariant: the robots of which it holds help.")]
     assumption: Annotated[str, Meta(description="What it rests on; empty if nothing is expected.")]
     falls: Annotated[str, Meta(description="The number that time lowers, behind `0 <=`; or empty.")]
+    unmoved: Annotated[
+        bool,
+        Meta(description="Whether it lasts as nothing that it reads changes, of any robot."),
+    ]
+
+
+class First(Form):
+    state: Annotated[
+        str, Meta(description="An invariant: of the robots of which it holds one is the first.")
+    ]
+    number: Annotated[str, Meta(description="The number by which it is, behind `0 <=`.")]
 
 
 class Progress(Form):
@@ -84,15 +95,19 @@ class Progress(Form):
         list[Settling], Meta(description="What settles, one after the other: measures and locks.")
     ]
     help: Annotated[list[Help], Meta(description="The ways in which somebody helps.")]
+    first: Annotated[
+        list[First],
+        Meta(description="Those of whom one is the first, by a number and then by its own."),
+    ]
 
 
 class CertificateForm(Form):
-    """What a proof for all rounds consists of, version 4. What it says:
+    """What a proof for all rounds consists of, version 5. What it says:
     specs/certificates/README.md.
     """
 
     format: Literal["koord certificate"]
-    version: Literal[4]
+    version: Literal[5]
     made_by: Annotated[str, Meta(description="The tool and its version.")]
     program: Text
     properties: Annotated[

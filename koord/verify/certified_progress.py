@@ -23,6 +23,7 @@ from koord.verify import certificate_form as forms
 from koord.verify.claims import Claim, ClaimKind
 from koord.verify.effort import Deadline, Effort
 from koord.verify.engines.every_n.progress import ProgressProof, progress
+from koord.verify.engines.every_n.progress_least import Least
 from koord.verify.engines.every_n.progress_parts import (
     MEANT,
     ROBOT,
@@ -145,7 +146,8 @@ class _Writing(Struct, frozen=True):
                 else self._measure(part)
                 for part in proof.order
             ],
-            help=[self._help(way) for way in proof.help],
+            help=[self._help(way, unmoved=way in proof.unmoved) for way in proof.help],
+            first=[self._first(least) for least in proof.least],
         )
 
     def _lasting(self, said: core.Expr) -> str:
@@ -162,7 +164,14 @@ class _Writing(Struct, frozen=True):
             text=text, every_robot=measure.each is not None, number=number, lock_class=None
         )
 
-    def _help(self, way: Help) -> forms.Help:
+    def _first(self, least: Least) -> forms.First:
+        robots = core.RobotRange()
+        return forms.First(
+            state=self._text(least.state.said, robots),
+            number=self._text(_behind_zero(least.number.said), robots),
+        )
+
+    def _help(self, way: Help, *, unmoved: bool) -> forms.Help:
         expectations = self.program.expectations
         return forms.Help(
             kind=way.kind.value,
@@ -171,6 +180,7 @@ class _Writing(Struct, frozen=True):
             falls=""
             if way.falls is None
             else self._text(_behind_zero(self._of_robot(way.falls)), way.each),
+            unmoved=unmoved,
         )
 
     def _of_robot(self, phrase: Phrase) -> core.Expr:

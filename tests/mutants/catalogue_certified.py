@@ -12,6 +12,7 @@ DAMAGE = "tests/recheck/test_damage.py"
 EDITS = "tests/recheck/test_edits.py"
 OF_EVERYBODY = "tests/recheck/test_every_number.py"
 PROGRESS = "tests/recheck/test_progress.py"
+FIRST = "tests/recheck/test_first.py"
 WRITTEN = "tests/recheck/test_written.py"
 SAID = "tests/cli/test_recheck.py"
 PROBLEM = "tests/cli/test_problem.py"
@@ -221,7 +222,7 @@ CERTIFIED = (
     Mutant(
         "certified help is lost",
         "recheck.progress.ProgressObligations._helps",
-        'self._goal("it lasts", (later, answers))',
+        'self._goal("it lasts", self._holds(help_.state, self.after, j))',
         "()",
         (PROGRESS,),
     ),
@@ -287,6 +288,76 @@ CERTIFIED = (
         "[part.index for part in self.argument.order if isinstance(part, LockClass)]",
         "[lock.index for lock in self.program.lock_classes]",
         (PROGRESS,),
+    ),
+    Mutant(
+        "what certified help reads may move",
+        "recheck.progress.ProgressObligations._unmoved",
+        'self._goal("it is as it was", self._is_as_it_was(part))',
+        "()",
+        (FIRST,),
+    ),
+    Mutant(
+        "what certified help reads is as it was where it is another",
+        "recheck.progress.ProgressObligations._is_as_it_was",
+        "t.equal(old, new)",
+        "t.truth(True)",
+        (FIRST,),
+    ),
+    Mutant(
+        "help reads what is its own alone",
+        "recheck.reading.parts_read",
+        "node.variable.home is not Home.BOUND",
+        "node.variable.home is Home.LOCAL",
+        (FIRST,),
+    ),
+    Mutant(
+        "sensors are as they were",
+        "recheck.reading.parts_read",
+        "node.primed or node.variable.home is Home.PORT",
+        "node.primed",
+        (FIRST,),
+    ),
+    Mutant(
+        "who ran stays who ran",
+        "recheck.reading.parts_read",
+        "isinstance(node, _BEYOND)",
+        "node in _BEYOND",
+        (FIRST,),
+    ),
+    Mutant(
+        "the first of some robots is before itself",
+        "recheck.progress.ProgressObligations._first",
+        "t.at_most(first, robot)",
+        "t.less(first, robot)",
+        (FIRST,),
+    ),
+    Mutant(
+        "somebody is the first where there is nobody",
+        "recheck.progress.ProgressObligations._first",
+        "t.implies(there, is_one(first))",
+        "is_one(first)",
+        (FIRST,),
+    ),
+    Mutant(
+        "who is first hangs on anything",
+        "recheck.progress_meaning._Reading.first",
+        "is_plain(state.said) and is_plain(number.said)",
+        "state and number",
+        (FIRST,),
+    ),
+    Mutant(
+        "what is left of a division is plain",
+        "recheck.reading.is_plain",
+        "node.op in _DIVISIONS",
+        "node.op is None",
+        (FIRST,),
+    ),
+    Mutant(
+        "what is expected need not come where nothing moves",
+        "recheck.progress_meaning._Reading.help",
+        "way.unmoved and way.kind is not HelpKind.ROBOT",
+        "False",
+        (FIRST,),
     ),
     Mutant(
         "proofs about whole runs are for these robots",

@@ -63,8 +63,8 @@ PROGRESS = (
     Mutant(
         "the first of those who wait is the first of all",
         f"{_QUESTIONS}.StateQuestion._suppose_least",
-        "book.implied(is_one(other), conjunction(d, [there, later]))",
-        "book.implied(said.is_one(other, core.RobotRange()), conjunction(d, [there, later]))",
+        "conjunction(d, [when, is_one(other)])",
+        "conjunction(d, [when, said.is_one(other, core.RobotRange())])",
         (LEAST,),
     ),
     Mutant(

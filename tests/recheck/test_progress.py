@@ -10,17 +10,7 @@ from functools import cache
 
 import pytest
 
-from koord.recheck import instances
-from koord.recheck.certificate import read
 from koord.recheck.checking import RecheckOutcome
-from koord.recheck.every_number import EveryNumber
-from koord.recheck.meaning import meant
-from koord.recheck.obligations import Settling
-from koord.recheck.progress import ProgressObligations
-from koord.recheck.progress_meaning import progress_arguments
-from koord.recheck.solving import SolverAnswer, SolverSession
-from koord.recheck.terms import Terms
-from koord.recheck.values import Values
 from koord.syntax.diagnostics import KoordError
 from koord.syntax.elaboration.settings import Settings
 from koord.syntax.load import load
@@ -30,6 +20,7 @@ from koord.verify.certificates import ProvedClaims, Texts, certificate
 from koord.verify.claims import claims_of, liveness_of
 from koord.verify.effort import Deadline
 from tests.loading import PROTOCOLS, protocol_text
+from tests.recheck.by_hand import by_hand, measure, unmet, way
 from tests.recheck.certificates import EXAMPLES, Document, rechecked, with_text
 from tests.sampling import but_slow, first
 
@@ -77,6 +68,7 @@ FAST = {"lock_server", "leader_elect"}
 ALL = sorted(
     {
         *FAST,
+        "bakery",
         "decentralized_lock",
         "fischer_enters",
         "gate",
@@ -105,23 +97,6 @@ def test_progress_of_every_number_is_confirmed(name: str) -> None:
 
 
 # --- proofs that are none -------------------------------------------------------------------------
-
-
-def _unmet(document: Document, seconds: float = 0.5) -> str:
-    """The first premise about whole runs that is not met; empty if all are."""
-    made = read(json.dumps(document).encode(), "certificate.json")
-    proofs = progress_arguments(made, meant(made))
-    assert proofs is not None
-    for proof in proofs.proofs:
-        values = Values(Terms(), None, proofs.world.sealed)
-        everyone = EveryNumber(proofs.world, proofs.claims, values)
-        with SolverSession.start() as session:
-            settling = Settling(values, session, lambda: seconds)
-            for obligation in ProgressObligations(everyone, proof):
-                one = instances.settled(settling, obligation)
-                if one.answer is not SolverAnswer.UNSAT:
-                    return one.claim
-    return ""
 
 
 def _order(document: Document) -> list[Document]:
@@ -201,20 +176,10 @@ def test_what_was_tampered_with_is_not_confirmed(
     name, change = case
     document = document_of(name)
     change(document)
-    assert _unmet(document)
+    assert unmet(document)
 
 
 # --- premises, one by one -------------------------------------------------------------------------
-
-
-def _said(said: str, *, number: bool = False, every: bool = True) -> Document:
-    head = "invariant It: forall i: " if every else "invariant It: "
-    text = f"{head}0 <= {said}" if number else f"{head}{said}"
-    return {"text": text, "every_robot": every, "number": number, "lock_class": None}
-
-
-def _way(said: str, kind: str = "robot", **more: str) -> Document:
-    return {"kind": kind, "state": said, "assumption": "", "falls": "", **more}
 
 
 _LOCK: Document = {"text": "", "every_robot": False, "number": False, "lock_class": 0}
@@ -303,14 +268,14 @@ PREMISES: dict[str, tuple[str, list[str], list[Document], list[Document], str]] 
         _step("not done", "done = done"),
         [],
         [],
-        [_way(f"{_EVERY}not done@i")],
+        [way(f"{_EVERY}not done@i")],
         "it runs nothing",
     ),
     "is not ready": (
         _step("not done and b", "done = true"),
         [],
-        [_said("not done@i")],
-        [_way(f"{_EVERY}not done@i")],
+        [measure("not done@i")],
+        [way(f"{_EVERY}not done@i")],
         "it is ready",
     ),
     "is lost": (
@@ -325,30 +290,30 @@ PREMISES: dict[str, tuple[str, list[str], list[Document], list[Document], str]] 
             }
         ],
         [
-            _way("invariant It: forall Stepper i: flag and not done@i"),
-            _way("invariant It: forall Stepper i: not flag and not done@i"),
+            way("invariant It: forall Stepper i: flag and not done@i"),
+            way("invariant It: forall Stepper i: not flag and not done@i"),
         ],
         "it lasts",
     ),
     "falls for ever": (
         _step("not done", "x = x - 1").replace("invariant Nat: forall i: x@i >= 0\n", ""),
         [],
-        [_said("x@i", number=True)],
-        [_way(f"{_EVERY}not done@i")],
+        [measure("x@i", number=True)],
+        [way(f"{_EVERY}not done@i")],
         "it does not grow",
     ),
     "grows": (
         _step("not done", "x = x + 1"),
         [],
-        [_said("x@i", number=True)],
-        [_way(f"{_EVERY}not done@i")],
+        [measure("x@i", number=True)],
+        [way(f"{_EVERY}not done@i")],
         "it does not grow",
     ),
     "comes again": (
         _step("not done", "b = not b"),
         [],
-        [_said("b@i")],
-        [_way(f"{_EVERY}not done@i")],
+        [measure("b@i")],
+        [way(f"{_EVERY}not done@i")],
         "it falls only",
     ),
     "is no class of the order": (IN_VAIN, [], [], [], "somebody helps"),
@@ -356,69 +321,47 @@ PREMISES: dict[str, tuple[str, list[str], list[Document], list[Document], str]] 
     "does not last": (
         LOST,
         ["invariant It: forall me: a@me"],
-        [{**_said("a@i"), "text": f"{_BOTH}a@i"}],
-        [_way(f"{_BOTH}a@i")],
+        [{**measure("a@i"), "text": f"{_BOTH}a@i"}],
+        [way(f"{_BOTH}a@i")],
         "what lasts",
     ),
     "does not follow": (LOST, ["invariant It: forall me: false"], [], [], "what lasts"),
     "nobody": (
         _step("not done", "done = true"),
         [],
-        [_said("not done@i")],
-        [_way(f"{_EVERY}not done@i and b@i")],
+        [measure("not done@i")],
+        [way(f"{_EVERY}not done@i and b@i")],
         "somebody helps",
     ),
     "no time passes": (
         _step("b and not done", "done = true"),
         [],
         [],
-        [_way(f"{_EVERY}not done@i and not b@i", "time", falls=f"{_EVERY}0.0 <= y@i")],
+        [way(f"{_EVERY}not done@i and not b@i", "time", falls=f"{_EVERY}0.0 <= y@i")],
         "time passes",
     ),
     "nothing is owed": (
         _step("b and not done", "done = true") + EXPECTED,
         [],
-        [_said("not done@i")],
-        [_way(f"{_EVERY}not done@i", "expected", assumption="Arrives")],
+        [measure("not done@i")],
+        [way(f"{_EVERY}not done@i", "expected", assumption="Arrives")],
         "what is expected is owed",
     ),
     "what is owed is so": (
         _step("not done", "x = x + 1") + "assume Arrives: x >= 1 leadsto x >= 2\n",
         [],
         [],
-        [_way(f"{_EVERY}x@i >= 1", "expected", assumption="Arrives")],
+        [way(f"{_EVERY}x@i >= 1", "expected", assumption="Arrives")],
         "what is expected is not so",
     ),
     "is owed after no run": (
         _step("not done", "x = x") + EXPECTED,
         [],
         [],
-        [_way(f"{_EVERY}not done@i", "after a run", assumption="Arrives")],
+        [way(f"{_EVERY}not done@i", "after a run", assumption="Arrives")],
         "what is expected is owed",
     ),
 }
-
-
-def _by_hand(
-    text: str, lasting: list[str], order: list[Document], ways: list[Document]
-) -> Document:
-    """The certificate of a program, with a proof of its claim about whole runs by hand."""
-    source = Source("it.krd", text)
-    read_ = load(source, Settings({}))
-    assert read_.program is not None, read_.diagnostics
-    system = dealt(read_.program, 2, Fraction(1, 10))
-    names = tuple(claim.name for claim in claims_of(system))
-    shown = ProvedClaims(names, frozenset(names))
-    made = certificate(system, Texts(source, (), Settings({})), shown, Deadline.after(60), "test")
-    assert made is not None
-    document: Document = json.loads(json.dumps(made.document))
-    (claim,) = liveness_of(system)
-    document["claims"].append(
-        {"name": claim.name, "kind": "liveness", "subject": "", "every_number": True}
-    )
-    proof = {"claim": claim.name, "lasting": lasting, "order": order, "help": ways}
-    document["progress"] = [proof]
-    return document
 
 
 @pytest.mark.parametrize("case", PREMISES.values(), ids=_ids(PREMISES))
@@ -426,7 +369,7 @@ def test_each_premise_counts(
     case: tuple[str, list[str], list[Document], list[Document], str],
 ) -> None:
     text, lasting, order, ways, premise = case
-    assert _unmet(_by_hand(text, lasting, order, ways)).endswith(f": {premise}")
+    assert unmet(by_hand(text, lasting, order, ways)).endswith(f": {premise}")
 
 
 # --- proofs that mean nothing ---------------------------------------------------------------------
@@ -449,7 +392,7 @@ def _no_such_lock(document: Document) -> None:
 
 
 def _no_number(document: Document) -> None:
-    said = {**_said("free", number=True), "text": "invariant It: forall i, me: free"}
+    said = {**measure("free", number=True), "text": "invariant It: forall i, me: free"}
     _order(document).append(said)
 
 
@@ -492,7 +435,7 @@ def test_what_means_no_proof_is_damage(change: Callable[[Document], None]) -> No
     document = document_of("lock_server")
     change(document)
     with pytest.raises(KoordError) as caught:
-        _unmet(document)
+        unmet(document)
     assert [d.code for d in caught.value.diagnostics] == ["K941"]
 
 
@@ -500,4 +443,4 @@ def test_locks_are_granted_to_nobody_where_nobody_is_meant() -> None:
     document = document_of("leader_elect")
     _order(document)[0].update(text="", lock_class=0)
     with pytest.raises(KoordError, match="no robot is meant"):
-        _unmet(document)
+        unmet(document)

@@ -23,6 +23,7 @@ from koord.syntax.walk import nodes, reached, renamed
 from koord.verify.claims import Claim
 from koord.verify.engines.every_n.candidates import binary, negated
 from koord.verify.engines.every_n.progress_least import (
+    Least,
     outnumbered,
     states_of_numbers,
     who_draws,
@@ -52,13 +53,17 @@ class ProgressProof(Struct, frozen=True):
     ``order`` has measures, and lock classes by their index: the robot that is meant does not enter
     them once what is before has settled, and so does not ask for them again and again. ``lasting``
     follows from what leads to the goal, and lasts until that is reached. It rests on ``lemmas``
-    that were found for it, besides what was known.
+    that were found for it, besides what was known. Nothing that the ``unmoved`` ways to help read
+    changes once all has settled; ``least`` are those of whom one is the first, as far as that is
+    known to be needed.
     """
 
     order: tuple[Measure | int, ...]
     help: tuple[Help, ...]
     lasting: tuple[core.Expr, ...]
     lemmas: tuple[core.Property, ...] = ()
+    unmoved: tuple[Help, ...] = ()
+    least: tuple[Least, ...] = ()
 
     @property
     def locks(self) -> tuple[int, ...]:
@@ -117,6 +122,7 @@ class _Search:
         self.order: list[Measure | int] = []
         self.measures: list[Measure] = []
         self.help: list[Help] = []
+        self.unmoved: list[Help] = []
         self.lasting: tuple[core.Expr, ...] = ()
         self.locks: list[int] = []
         program = self.system.program
@@ -259,7 +265,8 @@ class _Search:
             return f"not covered: {'; '.join(sorted(set(limits)))}"
         if not is_proof:
             return None
-        return ProgressProof(tuple(self.order), tuple(self.help), self.lasting)
+        unmoved = tuple(self.unmoved)
+        return ProgressProof(tuple(self.order), tuple(self.help), self.lasting, unmoved=unmoved)
 
     def _is_proof(
         self, questions: RoundQuestions, known: Sequence[Claim], all_generations: Sequence[int]
@@ -285,6 +292,7 @@ class _Search:
             unmoved = questions.helping_unmoved([each for each in waiting if each not in found])
             waiting = [each for each in waiting if each not in unmoved]
             found += unmoved
+            self.unmoved += unmoved
             self.help += found
             if found and self._is_enough():
                 return True

@@ -59,12 +59,20 @@ class Premise(Struct, frozen=True):
     part: Measure | Help | None = None
 
 
+class StateCore(Struct, frozen=True):
+    """What it takes that somebody helps: ways by position, lock classes, invariants, the first."""
+
+    ways: list[int]
+    locks: list[int]
+    known: list[Claim]
+    least: list[Least]
+
+
 class StateQuestion:
     """The premise about one configuration: as long as the claim is pending, somebody helps.
 
-    What is known is known together, or ``apart``: then it is told what of it the premise takes.
-    That one of those who wait is the first is known in the first case only: certificates do not
-    say it.
+    What is known is known together, or ``apart``: then it is told what of it the premise takes. So
+    is that one of those who wait is the first.
     """
 
     def __init__(
@@ -93,11 +101,12 @@ class StateQuestion:
             self._known[claim] = when
             universal(claim).suppose(world, self.configuration, when)
         self._denied: dict[Help, Term] = {}
-        if not apart:
-            for least in least_of(world.program):
-                self._suppose_least(least)
+        self._least: dict[Least, Term] = {}
+        for least in least_of(world.program):
+            self._least[least] = world.d.fresh("suppose who is first", BOOL) if apart else True
+            self._suppose_least(least, self._least[least])
 
-    def _suppose_least(self, least: Least) -> None:
+    def _suppose_least(self, least: Least, when: Term) -> None:
         """Suppose that of the robots in a state one is the first, if there are any.
 
         There are finitely many, and two robots differ in who they are.
@@ -120,7 +129,8 @@ class StateQuestion:
             same = d.binary(BinaryOp.EQ, lowest, number)
             tie = conjunction(d, [same, d.binary(BinaryOp.LE, one, other)])
             later = disjunction(d, [d.binary(BinaryOp.LT, lowest, number), tie])
-            return book.implied(is_one(other), conjunction(d, [there, later]))
+            waits = conjunction(d, [when, is_one(other)])
+            return book.implied(waits, conjunction(d, [there, later]))
 
         book.note(book.implied(there, is_one(one)))
         book.state(1, not_before)
@@ -148,24 +158,23 @@ class StateQuestion:
 
     def taken(
         self, ways: Sequence[Help], lasting: Sequence[core.Expr], locks: Sequence[int]
-    ) -> tuple[list[int], list[int], list[Claim]] | None:
-        """What it takes that somebody helps: positions of ways, lock classes, and invariants.
-
-        None if it is not seen that somebody does.
-        """
+    ) -> StateCore | None:
+        """What it takes that somebody helps; None if it is not seen that somebody does."""
         said = self.statements
         denied = [self._nobody_in_this(each) for each in ways]
         unasked = [said.unasked(said.meant, self._state.robot, [lock])[0] for lock in locks]
         pending = said.pending(self.configuration, lasting)
-        goal = [*self._known.values(), *denied, *unasked, *pending]
-        core_ = self.asking.fewest(goal, len(self._known))
+        given = [*self._known.values(), *self._least.values()]
+        goal = [*given, *denied, *unasked, *pending]
+        core_ = self.asking.fewest(goal, len(given))
         if core_ is None or self.asking.limits:
             return None
-        known, beyond = len(self._known), len(self._known) + len(ways)
-        return (
+        known, beyond = len(given), len(given) + len(ways)
+        return StateCore(
             [k for k in range(len(ways)) if known + k in core_],
             [lock for k, lock in enumerate(locks) if beyond + k in core_],
             [claim for k, claim in enumerate(self._known) if k in core_],
+            [least for k, least in enumerate(self._least, len(self._known)) if k in core_],
         )
 
     def where_nobody(
@@ -314,17 +323,18 @@ class RoundQuestions:
             if reads is not None:
                 moving[way] = reads
         parts = dict.fromkeys(part for reads in moving.values() for part in reads)
-        asked = [(Premise("is as it was", part), [self._differs(part)]) for part in parts]
+        asked = [(Premise("is as it was", part), [self.differs(part)]) for part in parts]
         met = {premise.part for premise in self.step.asking.sift(asked, self._given)}
         still = [way for way, reads in moving.items() if not met.intersection(reads)]
-        vain = [
-            (Premise("helps", way), [self._of_some(partial(self._refuses, way, lasts=True))])
-            for way in still
-        ]
+        vain = [(Premise("helps", way), [self.refused_unmoved(way)]) for way in still]
         refused = {premise.part for premise in self.step.asking.sift(vain, self._given)}
         return [way for way in still if way not in refused]
 
-    def _differs(self, part: Measure) -> Term:
+    def refused_unmoved(self, way: Help) -> Term:
+        """The condition that a robot helps in vain, if it is known that it still does."""
+        return self._of_some(partial(self._refuses, way, lasts=True))
+
+    def differs(self, part: Measure) -> Term:
         """The condition that what a robot has is another after the round, or cannot be told."""
         d = self.d
 

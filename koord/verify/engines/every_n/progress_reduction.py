@@ -17,6 +17,8 @@ from koord.syntax.system import System
 from koord.verify.claims import Claim
 from koord.verify.encoding.terms import Term
 from koord.verify.engines.every_n.progress import ProgressProof, without_promises
+from koord.verify.engines.every_n.progress_least import read_by
+from koord.verify.engines.every_n.progress_parts import Help
 from koord.verify.engines.every_n.progress_questions import RoundQuestions, StateQuestion
 from koord.verify.engines.every_n.proving import prove
 from koord.verify.engines.every_n.questions import Means, Step
@@ -44,8 +46,8 @@ def reduced(
         found = state.taken(proof.help, proof.lasting, proof.locks)
         if found is None:
             return None
-        ways, locks, invariants = found
-        taken |= set(invariants)
+        ways, locks = found.ways, found.locks
+        taken |= set(found.known)
         rounds = _Rounds(RoundQuestions(bare, claim.stated, known, means), known)
         order = rounds.order(proof, ways, locks, taken)
         if order is None:
@@ -60,6 +62,8 @@ def reduced(
         proof,
         order=tuple(proof.order[k] for k in sorted(order)),
         help=tuple(proof.help[k] for k in sorted(ways)),
+        unmoved=tuple(proof.help[k] for k in ways if proof.help[k] in proof.unmoved),
+        least=tuple(found.least),
     )
     return ReducedProof(small, tuple(kept))
 
@@ -102,7 +106,7 @@ class _Rounds:
         needed = {k for k, part in enumerate(proof.order) if part in locks}
         all_taken = set[int]()
         for k in ways:
-            positions = self._taken(questions.given, questions.refused(proof.help[k]))
+            positions = self._taken_to_help(proof.help[k], unmoved=proof.help[k] in proof.unmoved)
             if positions is None:
                 return None
             all_taken |= positions
@@ -113,6 +117,20 @@ class _Rounds:
                 needed |= parts_of(before[k])
         taken |= {self.known[p] for p in all_taken if p < len(self.known)}
         return needed
+
+    def _taken_to_help(self, way: Help, *, unmoved: bool) -> frozenset[int] | None:
+        """The positions in what is given by which help is not refused."""
+        questions = self.questions
+        goals = [questions.refused(way)] if not unmoved else [questions.refused_unmoved(way)]
+        if unmoved:
+            goals += [questions.differs(part) for part in read_by(questions.program, way) or ()]
+        found: set[int] = set()
+        for goal in goals:
+            positions = self._taken(questions.given, goal)
+            if positions is None:
+                return None
+            found |= positions
+        return frozenset(found)
 
     def _taken(self, given: Sequence[Term], goal: Term) -> frozenset[int] | None:
         """The positions in what is given that refute a goal; None if nothing does."""
