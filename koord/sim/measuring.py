@@ -76,7 +76,9 @@ def nearest(positions: Floats) -> Nearest | None:
 
 
 def _neighbours(positions: Floats, room_m: float) -> Ints:
-    """Pairs, shape ``(k, 2)``, that are at most a margin further apart than the nearest one.
+    """Pairs, shape ``(2, k)``, that are at most a margin further apart than the nearest one.
+
+    Each has its lesser robot first, and they are in the order of their robots.
 
     Each robot is held against the next, the one after that, and so on, along the axis on which
     they are spread the most.
@@ -91,15 +93,18 @@ def _neighbours(positions: Floats, room_m: float) -> Ints:
         apart = lengths(gap)
         least_m = min(least_m, float(apart.min()))
         near = np.flatnonzero(apart <= least_m + room_m)
-        found.append(np.column_stack([order[near], order[near + step]]))
-    return np.concatenate(found)
+        found.append(np.stack([order[near], order[near + step]]))
+    pairs: Ints = np.sort(np.concatenate(found, axis=1), axis=0)
+    return pairs.take(np.lexsort(pairs[::-1]), 1)
 
 
 def _nearest_of(positions: Floats, pairs: Ints) -> Nearest:
-    gap = positions[pairs[:, 0]] - positions[pairs[:, 1]]
+    gap = positions.take(pairs[0], 0)
+    gap -= positions.take(pairs[1], 0)
     square = np.einsum("ij,ij->i", gap, gap)
-    one, other = min(map(sorted, pairs[square == square.min()].tolist()))
-    return Nearest(float(np.sqrt(square.min())), one, other)
+    first = int(square.argmin())
+    one, other = pairs[:, first].tolist()
+    return Nearest(float(np.sqrt(square[first])), one, other)
 
 
 #: What the field of a task is called that says which robot has it.
