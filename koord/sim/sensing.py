@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from functools import cached_property
 
 import numpy as np
 from msgspec import Struct
@@ -18,7 +19,7 @@ from koord.runtime.plugins.calls import PlugIn
 _STATES = tuple(MotionState)
 
 
-class FleetSensors(Struct, frozen=True):
+class FleetSensors(Struct, frozen=True, dict=True):
     """The motion sensors of a fleet at one time; those of a robot are made when somebody asks.
 
     The arrays are nobody else's, so that what was sensed stays as it was.
@@ -63,7 +64,7 @@ class FleetSensors(Struct, frozen=True):
     def __iter__(self) -> Iterator[MotionSensors]:
         return map(self.__getitem__, range(len(self)))
 
-    @property
+    @cached_property
     def on_the_way(self) -> Bools:
         """A mask of the robots that move, or plan how to."""
         found: Bools = (self.state == MotionState.MOVING) | (self.state == MotionState.PLANNING)

@@ -8,14 +8,14 @@ move that may change, and so it counts once nobody has moved for a while.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from math import dist
 from typing import Any
 
 import numpy as np
 from msgspec import Struct
 
-from koord.runtime.motion.arrays import Bools, Floats, lengths
+from koord.runtime.motion.arrays import Bools, Floats
 from koord.runtime.motion.automaton import MotionState
 from koord.runtime.motion.bodies import Body
 from koord.runtime.motion.planning import Hindrance, Plight, hindrance
@@ -75,31 +75,21 @@ class Watchman:
         """
         self.now_s = ended_s
         moving: Bools = sensed.state == MotionState.MOVING
-        for pid in [pid for pid in {*self._wants, *self._unclear} if moving[pid]]:
-            self._wants.pop(pid, None)
-            self._unclear.pop(pid, None)
-        able: Bools = ~stopped
-        plights = {pid: one for pid, one in sensed.plights.items() if able[pid]}
-        able[list(plights)] = False
-        going = able & moving & ~(sensed.short_m < _BLOCKED_M)
-        self._linger_s[stopped | (able & ~going)] = np.nan
-        blocked = self._blocked(going, places, began_s)
-        stuck = {*plights, *np.flatnonzero(blocked).tolist()}
-        for pid in [pid for pid in self._stuck if pid not in stuck]:
-            del self._stuck[pid]
-        for pid in sorted(stuck):
-            before = self._stuck.get(pid)
-            if pid in plights:
-                since_s = began_s if before is None else before.since_s
-                stands = _standing(pid, since_s, plights[pid])
-            else:
-                since_s = float(self._linger_s[pid])
-                stands = before or _standing(pid, since_s, _no_headway(touched(pid)))
-            self._stuck[pid] = stands
-            if before is None:
-                yield stands
-        moves = (able & ~blocked & sensed.on_the_way).any()
-        self.still_s = 0.0 if moves else self.still_s + (ended_s - began_s)
+        if self._wants or self._unclear:
+            for pid in [pid for pid in {*self._wants, *self._unclear} if moving[pid]]:
+                self._wants.pop(pid, None)
+                self._unclear.pop(pid, None)
+        plights = {pid: one for pid, one in sensed.plights.items() if not stopped[pid]}
+        # Of masks, ``a > b`` says: a and not b.
+        going: Bools = (moving > stopped) > (sensed.short_m < _BLOCKED_M)
+        on_the_way: Bools = sensed.on_the_way > stopped
+        if plights:
+            going[list(plights)] = on_the_way[list(plights)] = False
+        blocked = self._blocked(going, plights, places, began_s)
+        if plights or self._stuck or blocked.any():
+            yield from self._noted(began_s, plights, blocked, touched)
+            on_the_way = on_the_way > blocked
+        self.still_s = 0.0 if on_the_way.any() else self.still_s + (ended_s - began_s)
 
     def standing(self, robots: Sequence[Robot], still_s: float) -> tuple[StandingRobot, ...]:
         """All robots that stand still by now; those that wait for paths only if all have for
@@ -123,12 +113,40 @@ class Watchman:
 
     # --- inside ---------------------------------------------------------------------------------
 
-    def _blocked(self, going: Bools, places: Floats, began_s: float) -> Bools:
+    def _noted(
+        self,
+        began_s: float,
+        plights: Mapping[int, Plight],
+        blocked: Bools,
+        touched: Callable[[int], Sequence[tuple[Hindrance, int]]],
+    ) -> Iterator[StandingRobot]:
+        """Note who is stuck now; yield those who were not before."""
+        stuck = {*plights, *np.flatnonzero(blocked).tolist()}
+        for pid in [pid for pid in self._stuck if pid not in stuck]:
+            del self._stuck[pid]
+        for pid in sorted(stuck):
+            before = self._stuck.get(pid)
+            if pid in plights:
+                since_s = began_s if before is None else before.since_s
+                stands = _standing(pid, since_s, plights[pid])
+            else:
+                since_s = float(self._linger_s[pid])
+                stands = before or _standing(pid, since_s, _no_headway(touched(pid)))
+            self._stuck[pid] = stands
+            if before is None:
+                yield stands
+
+    def _blocked(
+        self, going: Bools, plights: Mapping[int, Plight], places: Floats, began_s: float
+    ) -> Bools:
         """A mask of the robots among those on their way that have made no progress for long."""
         since_s = self._linger_s
-        fresh = going & (np.isnan(since_s) | _are_apart(self._linger_at, places))
-        self._linger_at[fresh], since_s[fresh] = places[fresh], began_s
-        blocked: Bools = going & ~fresh & (self.now_s - since_s >= _BLOCKED_S - 1e-9)
+        fresh = going & (_are_apart(self._linger_at, places) | np.isnan(since_s))
+        blocked: Bools = (going & ~fresh) & (self.now_s - since_s >= _BLOCKED_S - 1e-9)
+        np.copyto(self._linger_at, places, where=fresh[:, None])
+        self._linger_s = np.where(going, np.where(fresh, began_s, since_s), np.nan)
+        for pid in plights:  # whose way is another matter
+            self._linger_s[pid] = since_s[pid]
         return blocked
 
     def _way(self, robot: int, goal: Point, *, is_found: bool) -> None:
@@ -176,11 +194,14 @@ def _standing(pid: int, since_s: float, plight: Plight, more: str = "") -> Stand
 
 def _are_apart(ones: Floats, others: Floats) -> Bools:
     """A mask of the places, shape ``(n, 3)``, that are further from others than counts as one."""
-    apart_m = lengths(others - ones)
-    found: Bools = apart_m > _BLOCKED_M
-    # ``dist`` rounds once, and lengths several times.
-    for row in np.flatnonzero(np.abs(apart_m - _BLOCKED_M) < 1e-9).tolist():
-        found[row] = dist(ones[row].tolist(), others[row].tolist()) > _BLOCKED_M
+    gap = others - ones
+    square = np.einsum("ij,ij->i", gap, gap)
+    found: Bools = square > _BLOCKED_M**2 + 1e-9
+    # ``dist`` rounds once, and sums of squares several times.
+    maybe = square > _BLOCKED_M**2 - 1e-9
+    if np.count_nonzero(found) != np.count_nonzero(maybe):
+        for row in np.flatnonzero(maybe > found).tolist():
+            found[row] = dist(ones[row].tolist(), others[row].tolist()) > _BLOCKED_M
     return found
 
 

@@ -25,7 +25,7 @@ SIMULATED = (
     ),
     Mutant(
         "who was stuck once is stuck for ever",
-        "sim.standing.Watchman.round",
+        "sim.standing.Watchman._noted",
         "del self._stuck[pid]",
         "pass",
         (STANDING,),
