@@ -135,14 +135,14 @@ _LEMMAS_SOON = Task(Purpose.INFER, seconds=0.05, evaluations=10_000, candidates=
 _RULE = Patience(times=1.3, steps=6_000)
 
 #: What takes a second or two: lemmas of some ten questions.
-_OF_SOME_SECONDS = 100_000
+_OF_SOME_SECONDS = 200_000
 
 #: A search that ends soon, be it with all configurations or not.
-_SHORT_SEARCH = Task(states=FEW_STATES, evaluations=200_000)
+_SHORT_SEARCH = Task(states=FEW_STATES, evaluations=120_000)
 
 #: Circuits that are small, and have an invariant in about a second: what a search of some seconds
 #: would find behind them.
-_SHORT_CIRCUITS = Task(questions=QUESTIONS_OF_A_SECOND, evaluations=4_000)
+_SHORT_CIRCUITS = Task(questions=5_500, evaluations=4_000)
 
 #: Bounded model checking, as far as it gets in so many seconds.
 _FIRST_ROUNDS = AskEngine(Engine.BMC, Task(seconds=3.0))
@@ -188,8 +188,8 @@ _ALL_ENGINES: Rows = (
         beside=(
             AskEngine(Engine.INDUCTION, Task(seconds=0.5, rounds=1)),
             AskEngine(Engine.SEARCH, Task(states=HANDFUL, evaluations=9_000)),
-            AskEngine(Engine.BITS, _SHORT_CIRCUITS, fleet=Fleet.FEW),
             AskEngine(Engine.BMC, Task(seconds=0.2, rounds=4, evaluations=6_000)),
+            AskEngine(Engine.BITS, _SHORT_CIRCUITS, fleet=Fleet.FEW),
             AskEngine(Engine.SEARCH, _SHORT_SEARCH, fleet=Fleet.FEW),
             AskEngine(Engine.BMC, Task(seconds=0.5, rounds=8)),
         ),
@@ -268,8 +268,8 @@ _BITS_OF_RUNS = AskEngine(Engine.BITS, opaque=True)
 #: What circuits take for what never comes back to itself has no end in sight.
 LIVENESS: Mapping[Engine | None, tuple[LivenessRow, ...]] = {
     None: (
-        AskEngine(Engine.EVERY_N, Task(seconds=0.2), opaque=True),
-        AskEngine(Engine.SEARCH, Task(states=HANDFUL, edges=FEW_EDGES)),
+        AskEngine(Engine.EVERY_N, Task(seconds=0.2, evaluations=30_000), opaque=True),
+        AskEngine(Engine.SEARCH, Task(states=HANDFUL, edges=FEW_EDGES, evaluations=20_000)),
         AskAtOnce(
             first=(
                 AskEngine(
