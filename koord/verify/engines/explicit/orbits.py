@@ -270,7 +270,7 @@ def _is_moved(of: Shape, symmetry: Symmetry) -> bool:
 ORDERS_TRIED = 24
 
 #: What each of them costs, in steps of evaluation.
-_PER_ORDER = 6
+_PER_ORDER = 2
 
 
 class Orbits:

@@ -64,6 +64,10 @@ _STARTS_PER_STATE = 20
 #: Where machine code is held against Python, so many ways to go on are.
 _MOST_SHOWN = 400
 
+#: What it takes to begin with what robots do together, in steps of evaluation, and how many of the
+#: ways to go on from there one takes.
+_PER_JOINT, _WAYS_PER_STEP = 2, 16
+
 #: Told now and then: states seen, rounds finished, states waiting in this round.
 Progress = Callable[[int, int, int], None]
 
@@ -447,14 +451,15 @@ class Search:
         for joint in self._joints.joints(state, menus):
             if self._is_due():
                 return
-            self._system.budget.spend()
+            self._system.budget.spend(_PER_JOINT)
             self._cost.joints += 1
             yield from self._looked_inside(state, joint)
             if not joint.is_whole:
                 continue
             yield from self._evolved(state, joint)
-            for robots, shared in joint.successors():
-                self._system.budget.spend()
+            for number, (robots, shared) in enumerate(joint.successors()):
+                if number % _WAYS_PER_STEP == 0:
+                    self._system.budget.spend()
                 self._cost.ways += 1
                 after = representative(robots, shared)
                 if after not in seen:
