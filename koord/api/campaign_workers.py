@@ -13,9 +13,9 @@ import time
 from abc import ABC, abstractmethod
 from collections import Counter, deque
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import CancelledError, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import closing
+from contextlib import closing, contextmanager, suppress
 from itertools import islice
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
@@ -261,25 +261,39 @@ class _Cluster(Team):
         now_s = time.monotonic()
         if now_s - self._looked_s > 1.0:
             self._looked_s = now_s
-            found = self._client.nthreads()
+            with self._reached():
+                found = self._client.nthreads()
             self._workers = max(1, sum(found.values()))
         return self._workers
 
     def submit(self, orders: Sequence[Order]) -> Any:
-        return self._client.submit(_on_worker, orders, pure=False, retries=0)
+        with self._reached():
+            return self._client.submit(_on_worker, orders, pure=False, retries=0)
 
     def made(self, future: Any) -> Made:
-        if future.status in ("cancelled", "lost"):
-            story = f"there is no Dask scheduler at {self._address} any more"
-            hint = "the runs that were made are kept with `csv=`: go on with `resume=`"
-            raise refusal("K935", "<cluster>", story, hint)
-        error = future.exception()
+        with self._reached():
+            if future.status in ("cancelled", "lost"):
+                raise CancelledError
+            error = future.exception()
+            made: Made | None = future.result() if error is None else None
         if type(error).__name__ == "KilledWorker":
             raise LostError(f"so did each of {error.allowed_failures + 1} workers of the cluster")
-        made: Made = future.result()
+        if made is None:
+            raise error
         return made
 
     def close(self, unfinished: Sequence[Any]) -> None:
-        if unfinished:
-            self._client.cancel(unfinished)
-        self._client.close()
+        with suppress(OSError):  # it may be gone
+            if unfinished:
+                self._client.cancel(unfinished)
+            self._client.close()
+
+    @contextmanager
+    def _reached(self) -> Iterator[None]:
+        """Within the context, a scheduler that goes away is told. Raises KoordError."""
+        try:
+            yield
+        except (CancelledError, OSError):  # a connection that ends is one of the latter
+            story = f"there is no Dask scheduler at {self._address} any more"
+            hint = "the runs that were made are kept with `csv=`: go on with `resume=`"
+            raise refusal("K935", "<cluster>", story, hint) from None

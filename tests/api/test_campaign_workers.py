@@ -6,7 +6,7 @@ import os
 import signal
 from collections import Counter
 from collections.abc import Callable, Sequence
-from concurrent.futures import Future
+from concurrent.futures import CancelledError, Future
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +15,7 @@ from msgspec.structs import replace
 
 from koord.api import campaign_workers
 from koord.api.campaign_runs import Order, Row
-from koord.api.campaign_workers import LostError, Made, Team, rows_of
+from koord.api.campaign_workers import LostError, Made, Team, _Cluster, rows_of
 from koord.api.fitting import fit_request
 from koord.syntax.diagnostics import KoordError
 from tests.clusters import local_cluster
@@ -147,3 +147,37 @@ def test_a_cluster_that_goes_away_is_told() -> None:
         process.kill()
         with pytest.raises(KoordError, match="any more"):
             list(made)
+
+
+class Asked:
+    """A future of a cluster: what comes of asking it for its exception."""
+
+    status = "finished"
+
+    def __init__(self, raised: Exception | None, told: Exception | None) -> None:
+        self.raised, self.told = raised, told
+
+    def exception(self) -> Exception | None:
+        if self.raised is not None:
+            raise self.raised
+        return self.told
+
+
+def cluster() -> _Cluster:
+    """A cluster that nobody has connected to."""
+    found = _Cluster.__new__(_Cluster)
+    found._address = "tcp://127.0.0.1:8786"
+    return found
+
+
+@pytest.mark.parametrize(
+    "raised", [ConnectionResetError("by peer"), TimeoutError("no answer"), CancelledError()]
+)
+def test_a_connection_that_ends_while_it_is_asked_is_told(raised: Exception) -> None:
+    with pytest.raises(KoordError, match="any more"):
+        cluster().made(Asked(raised, None))
+
+
+def test_what_a_run_raises_is_not_said_of_the_cluster() -> None:
+    with pytest.raises(OSError, match="no space"):
+        cluster().made(Asked(None, OSError("no space")))
