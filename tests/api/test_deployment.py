@@ -18,6 +18,7 @@ from koord.cli import deploy
 from koord.cli.exits import Exit
 from koord.runtime.deploy.recording import DeploymentRecord
 from koord.syntax.diagnostics import refusal
+from tests.deployed.fleet import free_port
 
 COUNT = koord.Source("count.krd", "local:\n  int x = 0\nUp:\n  pre: x < 3\n  eff: x = x + 1\n")
 TWO = koord.read_configuration(koord.Source("two.yaml", "num_robots: 2\ndelta: 0.05\n"))
@@ -117,7 +118,11 @@ def test_what_robots_told_outlives_a_trace_that_cannot_be_written(tmp_path: Path
 
 
 def test_a_robot_keeps_its_part(tmp_path: Path) -> None:
-    text = "num_robots: 1\ndelta: 0.05\nnetwork: {key: 00112233445566778899aabbccddeeff}\n"
+    # The port that robots have if nobody states one may be another test's.
+    text = (
+        f"num_robots: 1\ndelta: 0.05\nudp_port: {free_port()}\n"
+        "network: {key: 00112233445566778899aabbccddeeff}\n"
+    )
     alone = koord.read_configuration(koord.Source("one.yaml", text))
     part, state = tmp_path / "part.jsonl", tmp_path / "state"
     assert koord.deploy(COUNT, alone, pid=0, rounds=4, state=state, trace=part).ok
@@ -167,7 +172,11 @@ def test_several_deployments_go_on_at_a_time() -> None:
 
 
 def test_one_robot_runs_in_this_process(tmp_path: object) -> None:
-    text = "num_robots: 1\ndelta: 0.05\nnetwork: {key: 00112233445566778899aabbccddeeff}\n"
+    # The port that robots have if nobody states one may be another test's.
+    text = (
+        f"num_robots: 1\ndelta: 0.05\nudp_port: {free_port()}\n"
+        "network: {key: 00112233445566778899aabbccddeeff}\n"
+    )
     alone = koord.read_configuration(koord.Source("one.yaml", text))
     found: list[koord.Deployed] = []
 
