@@ -16,12 +16,22 @@ import koord
 from koord.api.deployed import FleetHeard
 from koord.cli import deploy
 from koord.cli.exits import Exit
+from koord.runtime.configuration.model import RunConfiguration
 from koord.runtime.deploy.recording import DeploymentRecord
 from koord.syntax.diagnostics import refusal
 from tests.deployed.fleet import free_port
 
 COUNT = koord.Source("count.krd", "local:\n  int x = 0\nUp:\n  pre: x < 3\n  eff: x = x + 1\n")
 TWO = koord.read_configuration(koord.Source("two.yaml", "num_robots: 2\ndelta: 0.05\n"))
+
+
+def one_robot() -> RunConfiguration:
+    """A fleet of one, at a port of its own: the one that nobody states may be another test's."""
+    text = (
+        f"num_robots: 1\ndelta: 0.05\nudp_port: {free_port()}\n"
+        "network: {key: 00112233445566778899aabbccddeeff}\n"
+    )
+    return koord.read_configuration(koord.Source("one.yaml", text))
 
 
 def test_all_robots_run_as_processes(capfd: pytest.CaptureFixture[str]) -> None:
@@ -118,12 +128,7 @@ def test_what_robots_told_outlives_a_trace_that_cannot_be_written(tmp_path: Path
 
 
 def test_a_robot_keeps_its_part(tmp_path: Path) -> None:
-    # The port that robots have if nobody states one may be another test's.
-    text = (
-        f"num_robots: 1\ndelta: 0.05\nudp_port: {free_port()}\n"
-        "network: {key: 00112233445566778899aabbccddeeff}\n"
-    )
-    alone = koord.read_configuration(koord.Source("one.yaml", text))
+    alone = one_robot()
     part, state = tmp_path / "part.jsonl", tmp_path / "state"
     assert koord.deploy(COUNT, alone, pid=0, rounds=4, state=state, trace=part).ok
     merged = koord.merge([part])
@@ -172,12 +177,7 @@ def test_several_deployments_go_on_at_a_time() -> None:
 
 
 def test_one_robot_runs_in_this_process(tmp_path: object) -> None:
-    # The port that robots have if nobody states one may be another test's.
-    text = (
-        f"num_robots: 1\ndelta: 0.05\nudp_port: {free_port()}\n"
-        "network: {key: 00112233445566778899aabbccddeeff}\n"
-    )
-    alone = koord.read_configuration(koord.Source("one.yaml", text))
+    alone = one_robot()
     found: list[koord.Deployed] = []
 
     def deploy() -> None:
