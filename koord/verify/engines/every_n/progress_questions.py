@@ -294,7 +294,7 @@ class RoundQuestions:
     def settling(self, measures: Sequence[Measure]) -> list[Measure]:
         """The measures of natural numbers and Booleans that do not grow in the round."""
         asked = [(Premise("settles", m), [self.grows(m)]) for m in measures]
-        met = {premise.part for premise in self.step.asking.sift_halves(asked, self._given)}
+        met = {premise.part for premise in self.step.asking.sift(asked, self._given, halves=True)}
         return [measure for measure in measures if measure not in met]
 
     def changing(self, measures: Sequence[Measure]) -> list[Measure]:
@@ -312,7 +312,7 @@ class RoundQuestions:
     def helping(self, ways: Sequence[Help]) -> list[Help]:
         """The ways to help that cannot be refused for ever while no measure changes."""
         asked = [(Premise("helps", each), [self.refused(each)]) for each in ways]
-        met = {premise.part for premise in self.step.asking.sift_halves(asked, self._given)}
+        met = {premise.part for premise in self.step.asking.sift(asked, self._given, halves=True)}
         return [each for each in ways if each not in met]
 
     def helping_unmoved(self, ways: Sequence[Help]) -> list[Help]:

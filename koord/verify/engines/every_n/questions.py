@@ -119,28 +119,15 @@ class Asking:
         goals: Sequence[tuple[G, list[Term]]],
         given: Sequence[Term],
         at_most: int | None = None,
+        *,
+        halves: bool = False,
     ) -> set[G]:
         """The claims (or premises) with satisfiable goals, as far as the solver tells: one query.
 
         ``given`` holds besides. Where the solver gives up, all claims that are left are met; that
-        is when it has done ``at_most`` units of work, or four times the usual.
-        """
-        met: set[G] = set()
-        pending = self._pending(goals, given)
-        while pending:
-            hit = self._hit(pending, given, at_most or 4 * self._most)
-            if hit is None:
-                return met | set(pending)
-            if not hit:
-                return met
-            met |= hit
-            pending = {claim: goal for claim, goal in pending.items() if claim not in hit}
-        return met
-
-    def sift_halves(self, goals: Sequence[tuple[G, list[Term]]], given: Sequence[Term]) -> set[G]:
-        """As ``sift``, but where the solver gives up it is asked of each half by itself.
-
-        So that one goal is hard to meet says nothing of the others.
+        is when it has done ``at_most`` units of work, or four times the usual. Or it gives up
+        sooner on several, and is asked of each of their ``halves`` by itself: so that one goal is
+        hard to meet says nothing of the others.
         """
         met: set[G] = set()
         parts = [self._pending(goals, given)]
@@ -148,20 +135,17 @@ class Asking:
             pending = parts.pop()
             if not pending:
                 continue
-            is_one = len(pending) == 1
-            hit = self._hit(pending, given, 4 * self._most if is_one else self._most)
-            if hit is None and not is_one:
-                claims = list(pending)
-                half = len(claims) // 2
-                parts += [
-                    {c: pending[c] for c in claims[half:]},
-                    {c: pending[c] for c in claims[:half]},
-                ]
+            divides = halves and len(pending) > 1
+            most = at_most or (self._most if divides else 4 * self._most)
+            hit = self._hit(pending, given, most)
+            if hit is None and divides:
+                half, items = len(pending) // 2, list(pending.items())
+                parts += [dict(items[half:]), dict(items[:half])]
             elif hit is None:
                 met |= set(pending)
             elif hit:
                 met |= hit
-                parts.append({c: goal for c, goal in pending.items() if c not in hit})
+                parts.append({claim: goal for claim, goal in pending.items() if claim not in hit})
         return met
 
     def _pending(

@@ -65,8 +65,8 @@ def test_what_can_be_met_is_told_in_both_ways(asking: Asking) -> None:
     goals = goals_of(asking)
     can_be = {k for k in range(GOALS) if k % 2}
     assert asking.sift(goals, []) == can_be
-    assert asking.sift_halves(goals, []) == can_be
-    assert asking.sift_halves([], []) == set()
+    assert asking.sift(goals, [], halves=True) == can_be
+    assert asking.sift([], [], halves=True) == set()
 
 
 def test_one_hard_goal_leaves_answers_about_the_others(
@@ -76,7 +76,7 @@ def test_one_hard_goal_leaves_answers_about_the_others(
     hard = 4  # which cannot be met: nobody knows that now
     asked = giving_up(monkeypatch, goals[hard][1])
     assert asking.sift(goals, []) == set(range(GOALS))
-    assert asking.sift_halves(goals, []) == {1, 3, 5, 7, hard}
+    assert asking.sift(goals, [], halves=True) == {1, 3, 5, 7, hard}
     # By itself it may take all that it could together with others.
     assert max(asked) == asked[0] == 4 * GENEROUS.question
     assert len(asked) < 2 * GOALS
