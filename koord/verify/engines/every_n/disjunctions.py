@@ -7,7 +7,8 @@ the union of its literals' bits is full.
 from __future__ import annotations
 
 from bisect import bisect_left
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Container, Iterable, Sequence
+from functools import cache
 from itertools import combinations
 from typing import TypeAlias
 
@@ -136,27 +137,27 @@ class Samples(Struct):
         # What says nothing of these samples, or all by itself, is no part of what is smaller.
         useful = [n for n in open_ if lacks[n] and lacks[n] != without]
         begun: list[_Begun] = [((n,), lacks[n], k) for k, n in enumerate(useful, 1)]
-        holding: dict[int, list[int]] = {}
+
+        @cache
+        def holding(sample: int) -> list[int]:
+            return [k for k, n in enumerate(useful) if not lacks[n] & sample]
+
+        def completing(lacking: int, following: int) -> list[int]:
+            # What is missing holds in one of the samples that are left, as in all others.
+            places = holding(lacking & -lacking)
+            return places[bisect_left(places, following) :]
+
         for size in range(2, most + 1):
-            is_last, longer, new = size == most, list[_Begun](), list[Disjunction]()
+            is_last, longer, whole = size == most, list[_Begun](), list[Disjunction]()
             for x, lacking, following in begun:
-                after: Iterable[int] = range(following, len(useful))
-                if is_last:
-                    # What is missing holds in one of the samples that are left, as in all others.
-                    one = lacking & -lacking
-                    if one not in holding:
-                        holding[one] = [k for k, n in enumerate(useful) if not lacks[n] & one]
-                    after = holding[one][bisect_left(holding[one], following) :]
+                after = completing(lacking, following) if is_last else range(following, len(useful))
                 for k in after:
-                    n = useful[k]
-                    left = lacking & lacks[n]
+                    left = lacking & lacks[useful[k]]
                     if not left:
-                        grown = (*x, n)
-                        if not any(grown[:k] + grown[k + 1 :] in found for k in range(size)):
-                            new.append(grown)
+                        whole.append((*x, useful[k]))
                     elif not is_last and left != lacking:
-                        longer.append(((*x, n), left, k + 1))
-            found |= dict.fromkeys(new)
+                        longer.append(((*x, useful[k]), left, k + 1))
+            found |= {x: None for x in whole if not _has_smaller(x, found)}
             begun = longer
         return list(found)
 
@@ -166,6 +167,11 @@ class Samples(Struct):
         for n in x:
             held |= self.bits[n]
         return held == self.full
+
+
+def _has_smaller(x: Disjunction, found: Container[Disjunction]) -> bool:
+    """Return whether a disjunction with one literal less was found."""
+    return any(x[:k] + x[k + 1 :] in found for k in range(len(x)))
 
 
 def _says_there_is(x: AnyLiteral) -> bool:
