@@ -5,7 +5,7 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, cast
 
 import llvmlite.binding as llvm
 from llvmlite import ir
@@ -174,7 +174,7 @@ class TooMuchCodeError(Exception):
 
 
 class Loaded:
-    """Machine code in this process. It lives as long as this object.
+    """Machine code in this process. It lives as long as this object, or a function of it.
 
     Raises TooMuchCodeError if there is too much of it. None of LLVM's passes over its intermediate
     form is made: they took two thirds of the time and made searches no quicker (record 0082).
@@ -201,4 +201,6 @@ class Loaded:
         """A function of 64-bit numbers and addresses with a 64-bit result."""
         address = self._engine.get_function_address(name)
         type_ = ctypes.CFUNCTYPE(ctypes.c_int64, *[ctypes.c_int64] * arguments)
-        return type_(address)
+        found: Any = type_(address)
+        found.engine = self._engine  # whose code it is: it is there as long as the function
+        return cast("Callable[..., int]", found)

@@ -164,14 +164,7 @@ def flight(width: int) -> Callable[[int, int, int, int, int, int], int]:
             target = b.mul(b.add(whole, lane), word(DOUBLE_BYTES))
             _copied(code, (ends, source, word(narrow)), (after, target, pitch), _STATE_ROWS)
     b.ret(word(0))
-    loaded = Loaded(module)
-    call = loaded.function("fly", 6)
-    _KEPT.append(loaded)
-    return call
-
-
-#: Machine code is there as long as what loaded it.
-_KEPT: list[Loaded] = []
+    return Loaded(module).function("fly", 6)
 
 
 def _copied(code: Code, source: Sequence[Ir], target: Sequence[Ir], rows: int) -> None:

@@ -125,14 +125,7 @@ def flying_code() -> Callable[[int, int, int, int], int]:
             one.keep_automaton()
         one.command()
     b.ret(word(0))
-    loaded = Loaded(module)
-    call = loaded.function("step", 4)
-    _KEPT.append(loaded)
-    return call
-
-
-#: Machine code is there as long as what loaded it.
-_KEPT: list[Loaded] = []
+    return Loaded(module).function("step", 4)
 
 
 class _Spot(Struct, frozen=True):
