@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 
 from msgspec import Struct, field
 
-from koord.api.campaign_figures import Until, looks
+from koord.api.campaign_figures import Until, is_look, settled
 from koord.api.campaign_runs import Order, Row
 
 
@@ -19,11 +19,8 @@ class _Group(Struct):
     """The runs of one value: ``orders`` in the order of seeds, of which ``enough`` are enough."""
 
     orders: list[Order]
-    looks: Iterator[int]
     rows: dict[tuple[str, int], Row] = field(default_factory=dict)
     first: list[Row] = field(default_factory=list)  #: without a gap
-    look: int = 1
-    next_look: int = 0
     enough: int | None = None
 
 
@@ -35,9 +32,7 @@ class Course:
         self._until = until
         self._groups: dict[str, _Group] = {}
         for order in orders:
-            self._groups.setdefault(order.swept, _Group([], looks())).orders.append(order)
-        for group in self._groups.values():
-            group.next_look = next(group.looks)
+            self._groups.setdefault(order.swept, _Group([])).orders.append(order)
 
     def add(self, row: Row) -> None:
         """Note a run that was made; one of no order is left out."""
@@ -53,10 +48,9 @@ class Course:
             if following is None:
                 return
             group.first.append(following)
-            if self._until is not None and len(group.first) == group.next_look:
-                if self._until.is_met(group.first, group.look):
-                    group.enough = len(group.first)
-                group.look, group.next_look = group.look + 1, next(group.looks)
+            if self._until is not None and is_look(len(group.first)):
+                enough = settled(group.first, self._until)
+                group.enough = None if enough is None else enough[0]
 
     @property
     def made(self) -> int:

@@ -16,6 +16,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from enum import Enum
+from itertools import dropwhile
 from statistics import fmean, stdev
 
 from msgspec import Struct
@@ -95,6 +96,11 @@ def looks() -> Iterator[int]:
     while True:
         yield runs
         runs += runs // 2
+
+
+def is_look(runs: int) -> bool:
+    """Return whether it is looked after so many runs."""
+    return next(dropwhile(lambda look: look < runs, looks())) == runs
 
 
 def alpha_of(look: int) -> float:
