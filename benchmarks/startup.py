@@ -14,7 +14,19 @@ import tempfile
 from functools import partial
 from pathlib import Path
 
-from harness import EXAMPLES, LIMITS, Column, Report, best, limited, main, measure, note
+from harness import (
+    EXAMPLES,
+    LIMITS,
+    Cell,
+    Column,
+    Measured,
+    Report,
+    best,
+    limited,
+    main,
+    measure,
+    note,
+)
 from simulated import SQUARES, squares
 
 LIMIT_S = 0.15
@@ -59,6 +71,25 @@ FLEETS = (
 )
 
 
+#: What all that is started costs.
+COSTS = (
+    Column("cpu_s", "CPU s", 3),
+    Column("wall_s", "wall s", 3),
+    Column("peak_mib", "MiB", 0),
+    *LIMITS,
+)
+
+
+def costs(done: Measured, limit_s: float | None) -> dict[str, Cell]:
+    """The cells of these columns."""
+    return {
+        "cpu_s": round(done.cpu_s, 4),
+        "wall_s": round(done.wall_s, 4),
+        "peak_mib": round(done.peak_mib, 1),
+        **limited(done.cpu_s, limit_s, "s CPU"),
+    }
+
+
 def startup(report: Report) -> None:
     """Commands, then fleets."""
     commands(report)
@@ -72,10 +103,7 @@ def fleets(report: Report) -> None:
         f"Until the first round, best of {runs}",
         Column("device", "robots of kind"),
         Column("count", "robots", 0),
-        Column("cpu_s", "CPU s", 3),
-        Column("wall_s", "wall s", 3),
-        Column("peak_mib", "MiB", 0),
-        *LIMITS,
+        *COSTS,
     )
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -93,10 +121,7 @@ def fleets(report: Report) -> None:
                 {
                     "device": device,
                     "count": count,
-                    "cpu_s": round(done.cpu_s, 4),
-                    "wall_s": round(done.wall_s, 4),
-                    "peak_mib": round(done.peak_mib, 1),
-                    **limited(done.cpu_s, limit_s, "s CPU"),
+                    **costs(done, limit_s),
                 }
             )
 
@@ -107,10 +132,7 @@ def commands(report: Report) -> None:
     table = report.table(
         f"Starting, best of {runs}",
         Column("what", "what"),
-        Column("cpu_s", "CPU s", 3),
-        Column("wall_s", "wall s", 3),
-        Column("peak_mib", "MiB", 0),
-        *LIMITS,
+        *COSTS,
     )
     for what, words, limit_s in PROGRAMS:
         note(what)
@@ -119,10 +141,7 @@ def commands(report: Report) -> None:
         table.rows.append(
             {
                 "what": what,
-                "cpu_s": round(done.cpu_s, 4),
-                "wall_s": round(done.wall_s, 4),
-                "peak_mib": round(done.peak_mib, 1),
-                **limited(done.cpu_s, limit_s, "s CPU"),
+                **costs(done, limit_s),
             }
         )
 
