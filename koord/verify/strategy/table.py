@@ -134,7 +134,7 @@ _LEMMAS_SOON = Task(Purpose.INFER, seconds=0.05, evaluations=10_000, candidates=
 #: many times what an engine alone takes, and some tenths of a second.
 _RULE = Patience(times=1.3, steps=6_000)
 
-#: What takes a second or two: lemmas of some ten questions.
+#: What takes some seconds: lemmas of some ten questions.
 _OF_SOME_SECONDS = 200_000
 
 #: A search that ends soon, be it with all configurations or not.
@@ -263,7 +263,7 @@ _BITS_OF_RUNS = AskEngine(Engine.BITS, opaque=True)
 
 #: The same about whole runs: the other engines know nothing of them. A proof for every number of
 #: robots is one for this number; what it may cost is known, unlike what a search may. Lemmas for it
-#: are looked for beside a search and circuits: for a second or two they are waited for, as they say
+#: are looked for beside a search and circuits: for some seconds they are waited for, as they say
 #: more and with the same patience, and then only where nobody else has an answer.
 #: What circuits take for what never comes back to itself has no end in sight.
 LIVENESS: Mapping[Engine | None, tuple[LivenessRow, ...]] = {

@@ -151,17 +151,13 @@ class _Search:
         self.more += more
         self._know([*self.known, *more])
         found = self.proof()
-        return self._resting_on(self.more, found) if isinstance(found, ProgressProof) else found
+        return _resting_on(self.more, found) if isinstance(found, ProgressProof) else found
 
     def _know(self, known: Sequence[Claim]) -> None:
         """Suppose that more holds in every round."""
         self.known = list(known)
         self._may_help.clear()
         self._state = None
-
-    def _resting_on(self, lemmas: Sequence[Claim], proof: ProgressProof) -> ProgressProof:
-        stated = (claim.stated for claim in lemmas)
-        return replace(proof, lemmas=tuple(x for x in stated if x is not None))
 
     def with_lemmas(self) -> ProgressProof | str:
         """Find lemmas against what is in the way, one after the other, and a proof with them."""
@@ -176,7 +172,7 @@ class _Search:
             self._know(search.given)
             found = self._found(self.known, self.generations)
             if isinstance(found, ProgressProof):
-                return self._resting_on([*self.more, *search.found], found)
+                return _resting_on([*self.more, *search.found], found)
             if found is not None:
                 return found
         return _NO_HELP
@@ -402,6 +398,11 @@ _AROUND = 2
 
 #: The same where no invariant is known.
 _FIRST = (1,)
+
+
+def _resting_on(lemmas: Sequence[Claim], proof: ProgressProof) -> ProgressProof:
+    stated = (claim.stated for claim in lemmas)
+    return replace(proof, lemmas=tuple(x for x in stated if x is not None))
 
 
 def without_promises(program: core.Program) -> core.Program:

@@ -121,9 +121,10 @@ class _Rounds:
     def _taken_to_help(self, way: Help, *, unmoved: bool) -> frozenset[int] | None:
         """The positions in what is given by which help is not refused."""
         questions = self.questions
-        goals = [questions.refused(way)] if not unmoved else [questions.refused_unmoved(way)]
+        goals = [questions.refused(way)]
         if unmoved:
-            goals += [questions.differs(part) for part in read_by(questions.program, way) or ()]
+            reads = read_by(questions.program, way) or ()
+            goals = [questions.refused_unmoved(way), *map(questions.differs, reads)]
         found: set[int] = set()
         for goal in goals:
             positions = self._taken(questions.given, goal)
