@@ -37,6 +37,9 @@ _AHEAD = 2
 #: How often it is looked whether the campaign is to end, in seconds.
 _LOOK_S = 0.25
 
+#: For so long a scheduler may say nothing when it is asked whether it is there, in seconds.
+_ANSWERS_S = 5.0
+
 #: A run by which workers end is given to another so often.
 _MOST_TRIES = 3
 
@@ -271,11 +274,15 @@ class _Cluster(Team):
             return self._client.submit(_on_worker, orders, pure=False, retries=0)
 
     def made(self, future: Any) -> Made:
-        with self._reached():
+        try:
             if future.status in ("cancelled", "lost"):
                 raise CancelledError
             error = future.exception()
             made: Made | None = future.result() if error is None else None
+        except (CancelledError, OSError):  # a connection that ends is one of the latter
+            if self._is_there():
+                raise LostError("what a worker of the cluster had made was lost with it") from None
+            raise self._gone() from None
         if type(error).__name__ == "KilledWorker":
             raise LostError(f"so did each of {error.allowed_failures + 1} workers of the cluster")
         if made is None:
@@ -293,7 +300,18 @@ class _Cluster(Team):
         """Within the context, a scheduler that goes away is told. Raises KoordError."""
         try:
             yield
-        except (CancelledError, OSError):  # a connection that ends is one of the latter
-            story = f"there is no Dask scheduler at {self._address} any more"
-            hint = "the runs that were made are kept with `csv=`: go on with `resume=`"
-            raise refusal("K935", "<cluster>", story, hint) from None
+        except OSError:
+            raise self._gone() from None
+
+    def _is_there(self) -> bool:
+        """Return whether the scheduler answers: else it was a worker that went away."""
+        try:
+            self._client.sync(self._client.scheduler.identity, callback_timeout=_ANSWERS_S)
+        except OSError:  # a timeout is one, too
+            return False
+        return True
+
+    def _gone(self) -> KoordError:
+        story = f"there is no Dask scheduler at {self._address} any more"
+        hint = "the runs that were made are kept with `csv=`: go on with `resume=`"
+        return refusal("K935", "<cluster>", story, hint)

@@ -163,19 +163,49 @@ class Asked:
         return self.told
 
 
-def cluster() -> _Cluster:
+class Connected:
+    """A client of a cluster whose scheduler answers, or not."""
+
+    def __init__(self, *, answers: bool) -> None:
+        self.answers, self.scheduler = answers, self
+
+    def identity(self) -> None:
+        pass
+
+    def sync(self, asked: Callable[[], None], callback_timeout: float) -> None:
+        if not self.answers:
+            raise TimeoutError(f"no answer in {callback_timeout} s")
+        asked()
+
+
+def cluster(*, answers: bool = False) -> _Cluster:
     """A cluster that nobody has connected to."""
     found = _Cluster.__new__(_Cluster)
     found._address = "tcp://127.0.0.1:8786"
+    found._client = Connected(answers=answers)
     return found
 
 
-@pytest.mark.parametrize(
-    "raised", [ConnectionResetError("by peer"), TimeoutError("no answer"), CancelledError()]
-)
+ENDED = [ConnectionResetError("by peer"), TimeoutError("no answer"), CancelledError()]
+
+
+@pytest.mark.parametrize("raised", ENDED)
 def test_a_connection_that_ends_while_it_is_asked_is_told(raised: Exception) -> None:
     with pytest.raises(KoordError, match="any more"):
         cluster().made(Asked(raised, None))
+
+
+@pytest.mark.parametrize("raised", ENDED)
+def test_what_is_lost_while_the_scheduler_is_there_is_made_again(raised: Exception) -> None:
+    """A worker ended, and with it what it had made and had not handed over."""
+    with pytest.raises(LostError):
+        cluster(answers=True).made(Asked(raised, None))
+    lost = Asked(None, None)
+    lost.status = "lost"
+    with pytest.raises(LostError):
+        cluster(answers=True).made(lost)
+    with pytest.raises(KoordError, match="any more"):
+        cluster().made(lost)
 
 
 def test_what_a_run_raises_is_not_said_of_the_cluster() -> None:
