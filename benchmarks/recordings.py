@@ -1,7 +1,7 @@
 """Recordings: what keeping a run costs, how large its files are, how smoothly its page plays.
 
 Runs are LineForm with 16 drones, where every robot changes its variables in every round: nothing is
-dearer to record. Times are CPU seconds in a child process. Frames are those that a headless
+dearer to record; and *Squares* with 1,000, of which files are large. Times are CPU seconds in a child process. Frames are those that a headless
 Chromium draws without a graphics card while the page plays.
 """
 
@@ -20,6 +20,9 @@ ROBOTS = (3, 100, 1_000)
 MOST_SHARE = 0.10
 MOST_MIB = {"run.mcap": 1.0, "run.html": 2.0}
 LEAST_FRAMES = 20.0
+
+#: A run of many robots, and how long its MCAP file may take to make.
+MANY, MANY_S, MOST_MCAP_S = 1_000, 60.0, 1.0
 
 
 def cost(rounds: int) -> dict[str, Any]:
@@ -65,6 +68,23 @@ def sizes(rounds: int) -> dict[str, Any]:
         begun = time.process_time()
         found[name] = {"bytes": len(make(recording)), "cpu_s": time.process_time() - begun}
     return found
+
+
+def of_many(robots: int, seconds: float) -> dict[str, Any]:
+    """CPU seconds of the MCAP file of a run of drones on squares, the least of three."""
+    from koord.sim.files.mcap import mcap_of
+    from koord.sim.running import run
+    from simulated import begun
+
+    simulation = begun("squares", "drone", robots)
+    for _ in run(simulation, seconds):
+        pass
+    took = []
+    for _ in range(3):
+        began = time.process_time()
+        file = mcap_of(simulation.recording)
+        took.append(time.process_time() - began)
+    return {"mib": len(file) / 2**20, "cpu_s": min(took), "time_s": simulation.time_s}
 
 
 def frames(robots: int, seconds: float) -> dict[str, Any]:
@@ -132,6 +152,19 @@ def recordings(report: Report) -> None:
         mib = of["bytes"] / 2**20
         row = {"file": name, "mib": mib, "cpu_s": of["cpu_s"]}
         files.rows.append(row | limited(mib, MOST_MIB[name], "MiB"))
+    many = report.table(
+        "MCAP of many robots",
+        Column("robots", "robots", 0),
+        Column("time_s", "s of simulation", 0),
+        Column("mib", "MiB"),
+        Column("cpu_s", "CPU s to make"),
+        Column("limit", "limit"),
+        Column("met", "met"),
+    )
+    note(f"a file of {MANY} robots")
+    found = in_child(of_many, MANY, 6.0 if report.quick else MANY_S, timeout_s=300.0)
+    shown = {} if report.quick else limited(found["cpu_s"], MOST_MCAP_S, "CPU s")
+    many.rows.append({"robots": MANY, **found, **shown})
     pages = report.table(
         "Its page in a browser, 60 s of robots on circles",
         Column("robots", "robots", 0),

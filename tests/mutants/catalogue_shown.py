@@ -176,6 +176,27 @@ SHOWN = (
         ("tests/refinement/test_rerunning.py",),
     ),
     Mutant(
+        "numbers in rows of text have no sign",
+        "sim.files.rows.to_parts",
+        "whole[parts < 0] += _WHOLE",
+        "whole[parts < 0] += 0",
+        ("tests/sim/test_rows.py",),
+    ),
+    Mutant(
+        "numbers in rows of text are cut",
+        "sim.files.rows.to_parts",
+        "np.rint(values.astype(np.float64) * _PARTS)",
+        "np.trunc(values.astype(np.float64) * _PARTS)",
+        ("tests/sim/test_rows.py",),
+    ),
+    Mutant(
+        "straight paths of a file that grows are drawn in every part",
+        "sim.files.mcap._Messages._seldom",
+        "last = self._planned_s",
+        "last: dict[int, float] = {}",
+        ("tests/sim/test_mcap.py",),
+    ),
+    Mutant(
         "a bag is committed at its end only",
         "sim.files.rosbag._Open.close",
         "self._storage.conn.commit()",

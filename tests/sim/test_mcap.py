@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from koord.runtime.motion.world import Box, Disc, Polygon, World
-from koord.sim.files.mcap import mcap_of
+from koord.sim.files.mcap import PartRecord, mcap_of
 from koord.sim.run_log import SHARED, Header, RunLog, RunLogger, turns_of
 from tests.sampling import first
 from tests.sim.recorded import lineform, task
@@ -60,6 +60,56 @@ def test_transforms_are_the_poses(recording: RunLog, read: Read) -> None:
             turn = transform["rotation"]
             told = [turn[axis] for axis in "wxyz"]
             assert np.allclose(told, turns_of(poses)[robot], atol=6e-4)
+
+
+def test_transforms_are_rounded_as_numbers_are(recording: RunLog, read: Read) -> None:
+    """All of every message, to the last digit."""
+    for time_s, poses, (_, message) in zip(
+        recording.times_s, recording.poses, read.topics["/tf"], strict=True
+    ):
+        at = {"sec": round(time_s * 1e9) // 10**9, "nsec": round(time_s * 1e9) % 10**9}
+        told = [
+            {
+                "timestamp": at,
+                "parent_frame_id": "world",
+                "child_frame_id": f"robot {robot}",
+                "translation": {a: round(v, 3) for a, v in zip("xyz", pose, strict=False)},
+                "rotation": {a: round(v, 3) for a, v in zip("wxyz", turn, strict=True)},
+            }
+            for robot, (pose, turn) in enumerate(
+                zip(poses.tolist(), turns_of(poses).tolist(), strict=True)
+            )
+        ]
+        assert message == {"transforms": told}
+
+
+def test_paths_are_lines_of_their_robots(recording: RunLog, read: Read) -> None:
+    curved = [path for path in recording.paths if len(path.points) > 2]
+    assert curved
+    told = [scene["entities"][0] for _, scene in read.topics["/paths"]]
+    for path in curved:
+        (entity,) = (
+            one
+            for one in told
+            if one["id"] == f"path {path.robot}"
+            and one["timestamp"]["sec"] + one["timestamp"]["nsec"] / 1e9
+            == pytest.approx(path.time_s)
+        )
+        (line,) = entity["lines"]
+        points = [[round(v, 3) for v in point] for point in path.points.tolist()]
+        assert [[point[axis] for axis in "xyz"] for point in line["points"]] == points
+
+
+def test_a_file_that_grows_says_the_same(recording: RunLog, read: Read) -> None:
+    file, grown = io.BytesIO(), RunLogger(recording.header).recording
+    part = PartRecord(grown, file)
+    for share in (0.3, 0.31, 1.0):
+        for name in ("times_s", "poses", "separations_m", "rounds", "paths", "tasks", "still"):
+            every = getattr(recording, name)
+            setattr(grown, name, every[: int(share * len(every))])
+        part.grow()
+    found = Read(file.getvalue()).topics
+    assert found == read.topics
 
 
 def test_rounds_say_who_ran_what(recording: RunLog, read: Read) -> None:

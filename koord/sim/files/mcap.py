@@ -10,8 +10,10 @@ from __future__ import annotations
 import io
 import math
 from collections.abc import Iterable, Iterator
+from operator import itemgetter
 from typing import IO
 
+import msgspec
 import numpy as np
 
 from koord.runtime.motion.world import Obstacle, Polygon
@@ -25,11 +27,20 @@ from koord.sim.files.drawing import (
     body_of,
     fractions,
     hue,
-    ran,
     rings,
     solid_of,
 )
-from koord.sim.files.schemas import CHANGES, LOG, ROUND, SCENE, TRANSFORMS, Message, named
+from koord.sim.files.rows import Pattern, hole, texts, to_parts
+from koord.sim.files.schemas import (
+    CHANGES,
+    LOG,
+    ROUND,
+    SCENE,
+    TRANSFORMS,
+    Message,
+    Naming,
+    naming,
+)
 from koord.sim.run_log import (
     SHARED,
     WHOLE,
@@ -51,12 +62,16 @@ _WORLD = "world"
 #: Straight paths are drawn at most so often; some programs give a new one in every round.
 _STRAIGHT_S = 1.0
 
+#: So many transforms are made at once, or those of one time.
+_AT_ONCE = 4_096
+
 
 def mcap_of(recording: RunLog) -> bytes:
     """Export a run as an MCAP file."""
     raw = io.BytesIO()
     file = _begun(recording, raw)
-    _add(file, [*_scenery(recording.header), *_messages(recording)])
+    messages = _Messages(recording.header)
+    _add(file, [*_scenery(recording.header), *messages.of(recording)])
     file.close()
     return raw.getvalue()
 
@@ -66,13 +81,13 @@ class PartRecord:
 
     def __init__(self, recording: RunLog, file: IO[bytes]) -> None:
         self._recording, self._kept = recording, LogSizes()
-        self._file = _begun(recording, file)
+        self._file, self._messages = _begun(recording, file), _Messages(recording.header)
         _add(self._file, _scenery(recording.header))
 
     def grow(self) -> None:
         """Write the new part of the run."""
         now = self._recording.sizes
-        _add(self._file, _messages(self._recording.since(self._kept)))
+        _add(self._file, self._messages.of(self._recording.since(self._kept)))
         self._kept = now
         self._file.flush()
 
@@ -94,12 +109,14 @@ def _begun(recording: RunLog, raw: IO[bytes]) -> RecordFile:
 
 
 def _add(file: RecordFile, messages: Iterable[_Timed]) -> None:
-    for time_s, topic, schema, message, sequence in sorted(messages, key=lambda one: one[0]):
+    for time_s, topic, schema, message, sequence in sorted(messages, key=_time_of):
         file.add(topic, schema, message, round(time_s * 1e9), sequence)
 
 
 #: Time, topic, schema, message, round.
-_Timed = tuple[float, str, tuple[str, Message], Message, int]
+_Timed = tuple[float, str, tuple[str, Message], Message | bytes, int]
+
+_time_of = itemgetter(0)
 
 
 def _scenery(header: Header) -> Iterator[_Timed]:
@@ -108,64 +125,138 @@ def _scenery(header: Header) -> Iterator[_Timed]:
     yield 0.0, "/scene", SCENE, _scene(entities), 0
 
 
-def _messages(recording: RunLog) -> Iterator[_Timed]:
-    header = recording.header
-    for time_s, poses in zip(recording.times_s, recording.poses, strict=True):
-        stamp = _stamp(time_s)
-        turns = turns_of(poses).tolist()
-        transforms = [
-            _transform(k, stamp, pose[:3], turn)
-            for k, (pose, turn) in enumerate(zip(poses.tolist(), turns, strict=True))
-        ]
-        yield time_s, "/tf", TRANSFORMS, {"transforms": transforms}, 0
-    for done in recording.rounds:
-        yield from _round(header, done)
-    for change in recording.tasks:
-        entity = _task(header, change.task, change.state, change.time_s)
-        yield change.time_s, "/scene", SCENE, _scene([entity]), 0
-        verb = "is done by" if change.state is TaskState.DONE else "is assigned to"
-        words = f"task {change.task} {verb} robot {change.robot}"
-        yield _log(header, change.time_s, "tasks", _INFO, words)
-    for violation in recording.violations:
-        words = f"{violation.claim}: {violation.words}"
-        yield _log(header, violation.time_s, "claims", _ERROR, words)
-    for one in recording.still:
-        words = f"robot {one.robot} stands still since {one.since_s:.1f} s: {one.words}"
-        yield _log(header, one.time_s, "standing still", _ERROR, words)
-    for planned in _seldom(recording.paths):
-        entity = _path(planned)
-        yield planned.time_s, "/paths", SCENE, _scene([entity]), 0
+class _Messages:
+    """The messages about what a run adds to its recording.
+
+    What there are many of is text already: transforms, paths, who ran what.
+    """
+
+    def __init__(self, header: Header) -> None:
+        self._header = header
+        self._frames = texts(msgspec.json.encode(_frame(k)) for k in range(len(header.robots)))
+        self._ran = [_ran(k, header.agents[r.agent].events) for k, r in enumerate(header.robots)]
+        self._namings: dict[tuple[int, int, bool], tuple[str, Naming]] = {}
+        self._paths: dict[int, tuple[bytes, bytes, bytes]] = {}
+        self._planned_s: dict[int, float] = {}  #: when the last path of a robot was drawn
+
+    def of(self, recording: RunLog) -> Iterator[_Timed]:
+        """Yield the messages of a part of a recording."""
+        header = self._header
+        yield from self._transforms(recording)
+        for done in recording.rounds:
+            yield from self._round(done)
+        for change in recording.tasks:
+            entity = _task(header, change.task, change.state, change.time_s)
+            yield change.time_s, "/scene", SCENE, _scene([entity]), 0
+            verb = "is done by" if change.state is TaskState.DONE else "is assigned to"
+            words = f"task {change.task} {verb} robot {change.robot}"
+            yield _log(header, change.time_s, "tasks", _INFO, words)
+        for violation in recording.violations:
+            words = f"{violation.claim}: {violation.words}"
+            yield _log(header, violation.time_s, "claims", _ERROR, words)
+        for one in recording.still:
+            words = f"robot {one.robot} stands still since {one.since_s:.1f} s: {one.words}"
+            yield _log(header, one.time_s, "standing still", _ERROR, words)
+        yield from self._planned([*self._seldom(recording.paths)])
+
+    def _transforms(self, recording: RunLog) -> Iterator[_Timed]:
+        robots, times = len(self._header.robots), recording.times_s
+        step = max(1, _AT_ONCE // max(robots, 1))
+        for first in range(0, len(times), step):
+            some = times[first : first + step]
+            poses = np.concatenate(recording.poses[first : first + step])
+            stamps = texts(msgspec.json.encode(_stamp(time_s)) for time_s in some)
+            numbers = [*poses[:, :3].T, *turns_of(poses).T]
+            rows = _TRANSFORM.filled(
+                stamp=stamps.repeat(robots),
+                frame=np.tile(self._frames, len(some)),
+                **dict(zip(_PLACED, map(to_parts, numbers), strict=True)),
+            )
+            for k, time_s in enumerate(some):
+                transforms = rows.between(k * robots, (k + 1) * robots)
+                message = b'{"transforms":[' + transforms + b"]}"
+                yield time_s, "/tf", TRANSFORMS, message, 0
+
+    def _round(self, done: LoggedRound) -> Iterator[_Timed]:
+        deeds, ran = done.deeds, np.flatnonzero(done.deeds >= 0).tolist()
+        did = [self._ran[k][deed] for k, deed in zip(ran, deeds[ran].tolist(), strict=True)]
+        message = {
+            "round": done.number,
+            "ran": msgspec.Raw(b"[" + b",".join(did) + b"]"),
+            "blocked": np.flatnonzero(deeds == Idle.BLOCKED).tolist(),
+            "stopped": np.flatnonzero(deeds == Idle.STOPPED).tolist(),
+        }
+        yield done.time_s, "/rounds", ROUND, message, done.number
+        shared = [self._change(c) for c in done.changes if c.robot == SHARED]
+        local = [self._change(c) for c in done.changes if c.robot != SHARED]
+        for topic, changes in (("/shared", shared), ("/local", local)):
+            if changes:
+                message = {"round": done.number, "changes": changes}
+                yield done.time_s, topic, CHANGES, message, done.number
+        for said in done.said:
+            name = f"robot {said.robot} {said.stream}"
+            yield _log(self._header, done.time_s, name, _INFO, said.text)
+
+    def _change(self, change: LoggedChange) -> Message:
+        robot, variable, part, value = change
+        agent = SHARED if robot == SHARED else self._header.robots[robot].agent
+        key = agent, variable, part == WHOLE
+        if key not in self._namings:
+            self._namings[key] = self._naming(*key)
+        name, of = self._namings[key]
+        whose = {} if robot == SHARED else {"robot": robot}
+        if part != WHOLE:
+            whose["index"] = part
+        return {**whose, "variable": name, "value": of(value)}
+
+    def _naming(self, agent: int, number: int, is_whole: bool) -> tuple[str, Naming]:
+        header = self._header
+        own = header.shared if agent == SHARED else header.agents[agent].variables
+        shape = own[number].shape
+        if not is_whole:
+            assert isinstance(shape, Array | PerRobot | Sequence)
+            shape = element_of(shape)
+        return own[number].name, naming(shape)
+
+    def _seldom(self, paths: list[LoggedPath]) -> Iterator[LoggedPath]:
+        """Drop straight paths that come soon after the last."""
+        last = self._planned_s
+        for planned in paths:
+            since = planned.time_s - last.get(planned.robot, -math.inf)
+            if len(planned.points) > 2 or since > _STRAIGHT_S - 1e-9:
+                last[planned.robot] = planned.time_s
+                yield planned
+
+    def _planned(self, paths: list[LoggedPath]) -> Iterator[_Timed]:
+        if not paths:
+            return
+        every = np.concatenate([planned.points for planned in paths]).reshape(-1, 3)
+        rows = _POINT.filled(**dict(zip("xyz", map(to_parts, every.T), strict=True)))
+        first = 0
+        for planned in paths:
+            last = first + len(planned.points)
+            begin, middle, end = self._path(planned.robot)
+            stamp = msgspec.json.encode(_stamp(planned.time_s))
+            points = b"[" + rows.between(first, last) + b"]"
+            message = b"".join([begin, stamp, middle, points, end])
+            yield planned.time_s, "/paths", SCENE, message, 0
+            first = last
+
+    def _path(self, robot: int) -> tuple[bytes, bytes, bytes]:
+        """The text of a scene with a path: before its stamp, between it and the points, behind."""
+        if robot not in self._paths:
+            line = _lines([], hue(robot)) | {"points": hole("points")}
+            entity = _entity(f"path {robot}", lines=[line]) | {"timestamp": hole("stamp")}
+            text = msgspec.json.encode(_scene([entity]))
+            begin, _, rest = text.partition(b'"@stamp"')
+            middle, _, end = rest.partition(b'"@points"')
+            self._paths[robot] = begin, middle, end
+        return self._paths[robot]
 
 
-def _round(header: Header, done: LoggedRound) -> Iterator[_Timed]:
-    message = {
-        "round": done.number,
-        "ran": [{"robot": k, "event": event} for k, event in ran(header, done)],
-        "blocked": np.flatnonzero(done.deeds == Idle.BLOCKED).tolist(),
-        "stopped": np.flatnonzero(done.deeds == Idle.STOPPED).tolist(),
-    }
-    yield done.time_s, "/rounds", ROUND, message, done.number
-    for topic, is_shared in (("/shared", True), ("/local", False)):
-        changes = [_change(header, c) for c in done.changes if (c.robot == SHARED) is is_shared]
-        if changes:
-            message = {"round": done.number, "changes": changes}
-            yield done.time_s, topic, CHANGES, message, done.number
-    for said in done.said:
-        name = f"robot {said.robot} {said.stream}"
-        yield _log(header, done.time_s, name, _INFO, said.text)
-
-
-def _change(header: Header, change: LoggedChange) -> Message:
-    if change.robot == SHARED:
-        variable, whose = header.shared[change.variable], {}
-    else:
-        agent = header.agents[header.robots[change.robot].agent]
-        variable, whose = agent.variables[change.variable], {"robot": change.robot}
-    shape = variable.shape
-    if change.part != WHOLE:
-        assert isinstance(shape, Array | PerRobot | Sequence)
-        shape, whose = element_of(shape), {**whose, "index": change.part}
-    return {**whose, "variable": variable.name, "value": named(shape, change.value)}
+def _ran(robot: int, events: tuple[str, ...]) -> list[bytes]:
+    """For each event: that a robot ran it."""
+    return [msgspec.json.encode({"robot": robot, "event": event}) for event in events]
 
 
 def _log(header: Header, time_s: float, name: str, level: int, words: str) -> _Timed:
@@ -183,15 +274,23 @@ def _log(header: Header, time_s: float, name: str, level: int, words: str) -> _T
 # --- geometry -------------------------------------------------------------------------------------
 
 
-def _transform(robot: int, stamp: Message, place: list[float], turn: list[float]) -> Message:
-    w, x, y, z = turn
-    return {
-        "timestamp": stamp,
+def _frame(robot: int) -> str:
+    return f"robot {robot}"
+
+
+#: Place and turn, as poses have them.
+_PLACED = ("x", "y", "z", "rw", "rx", "ry", "rz")
+
+_POINT = Pattern({axis: hole(axis) for axis in "xyz"})
+_TRANSFORM = Pattern(
+    {
+        "timestamp": hole("stamp"),
         "parent_frame_id": _WORLD,
-        "child_frame_id": f"robot {robot}",
-        "translation": _vector(*place),
-        "rotation": {"x": _fine(x), "y": _fine(y), "z": _fine(z), "w": _fine(w)},
+        "child_frame_id": hole("frame"),
+        "translation": {axis: hole(axis) for axis in "xyz"},
+        "rotation": {axis: hole(f"r{axis}") for axis in "xyzw"},
     }
+)
 
 
 def _world(header: Header) -> Iterator[Message]:
@@ -234,9 +333,7 @@ def _vehicle(k: int, robot: LoggedRobot) -> Message:
         "color": _colour((255, 255, 255)),
         "text": str(k),
     }
-    return _entity(
-        f"robot {k}", f"robot {k}", texts=[text], **_body(body_of(robot), _colour(hue(k)))
-    )
+    return _entity(_frame(k), _frame(k), texts=[text], **_body(body_of(robot), _colour(hue(k))))
 
 
 def _tasks(header: Header) -> Iterator[Message]:
@@ -252,22 +349,6 @@ def _task(header: Header, number: int, state: TaskState, time_s: float) -> Messa
     }
     state_words = {"key": "state", "value": state.name.lower()}
     return _entity(f"task {number}", time_s=time_s, spheres=[sphere], metadata=[state_words])
-
-
-def _path(planned: LoggedPath) -> Message:
-    points = [_vector(*point) for point in planned.points.tolist()]
-    line = _lines(points, hue(planned.robot))
-    return _entity(f"path {planned.robot}", time_s=planned.time_s, lines=[line])
-
-
-def _seldom(paths: list[LoggedPath]) -> Iterator[LoggedPath]:
-    """Drop straight paths that come soon after the last."""
-    last: dict[int, float] = {}
-    for planned in paths:
-        since = planned.time_s - last.get(planned.robot, -math.inf)
-        if len(planned.points) > 2 or since > _STRAIGHT_S - 1e-9:
-            last[planned.robot] = planned.time_s
-            yield planned
 
 
 # --- parts of messages ----------------------------------------------------------------------------
@@ -311,11 +392,6 @@ def _placed(x: float, y: float, z: float) -> Message:
 
 def _vector(x: float, y: float, z: float) -> Message:
     return {"x": round(x, 3), "y": round(y, 3), "z": round(z, 3)}
-
-
-def _fine(value: float) -> float:
-    """Round a number to visible digits: a turn to a tenth of a degree."""
-    return round(value, 3) or 0
 
 
 def _colour(shade: Colour, alpha: float = 1.0) -> Message:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any, assert_never
 
 from koord.runtime.shapes import (
@@ -12,6 +13,7 @@ from koord.runtime.shapes import (
     PerRobot,
     Record,
     Scalar,
+    ScalarKind,
     Sequence,
     Shape,
 )
@@ -132,22 +134,35 @@ CHANGES = (
 _DIGITS = 4
 
 
-def named(shape: Shape, plain: Any) -> Any:
-    """Convert a plain value to JSON that is readable without the program."""
-    if plain is None:
-        return None
+#: From a plain value to JSON that is readable without the program.
+Naming = Callable[[Any], Any]
+
+
+def naming(shape: Shape) -> Naming:
+    """How plain values of a shape become JSON that is readable without the program."""
+    of = _naming(shape)
+    return lambda plain: None if plain is None else of(plain)
+
+
+def _naming(shape: Shape) -> Naming:
+    """The same of values that are set."""
     match shape:
+        case Scalar(kind=ScalarKind.FLOAT):
+            return rounded
         case Scalar():
-            return rounded(plain) if isinstance(plain, float) else plain
+            return lambda plain: plain
         case Enumeration(members=members):
-            return members[plain]
+            return members.__getitem__
         case Record(make=make, fields=fields):
             names: tuple[str, ...] = getattr(make, "_fields", ())
-            return {n: named(f, p) for n, f, p in zip(names, fields, plain, strict=True)}
+            parts = [*zip(names, map(naming, fields), strict=True)]
+            return lambda plain: {n: part(p) for (n, part), p in zip(parts, plain, strict=True)}
         case Array(element=element) | PerRobot(element=element) | Sequence(element=element):
-            return [named(element, item) for item in plain]
+            of = naming(element)
+            return lambda plain: [of(item) for item in plain]
         case Mapping(key=key, value=value):
-            return [{"key": named(key, k), "value": named(value, v)} for k, v in plain]
+            of_key, of_value = naming(key), naming(value)
+            return lambda plain: [{"key": of_key(k), "value": of_value(v)} for k, v in plain]
     assert_never(shape)
 
 
