@@ -115,12 +115,13 @@ class Node:
         """Expire every timer that is due."""
         if self._kept_back and not self._try_again(now):
             return
-        while not self._kept_back:
-            due = [(at, i, timer) for i, (timer, at) in enumerate(self._due.items()) if at <= now]
-            if not due:
+        due = self._due
+        while not self._kept_back and due:
+            # Of those that are due at the same moment the one that was armed first.
+            timer = min(due, key=due.__getitem__)
+            if due[timer] > now:
                 return
-            timer = min(due, key=lambda one: one[:2])[2]
-            del self._due[timer]
+            del due[timer]
             if isinstance(timer, Timer):
                 self._do(Expired(now, timer))
             else:
@@ -133,7 +134,7 @@ class Node:
         """The time at which to wake the node next, or None."""
         if self._kept_back:
             return self._write_at
-        return min(self._due.values(), default=None)
+        return min(self._due.values()) if self._due else None
 
     @property
     def is_unwritable(self) -> bool:

@@ -158,6 +158,7 @@ class Robot:
     EXTERNALS: ClassVar[Mapping[str, Shape]] = {}
     EVENTS: ClassVar[tuple[Event, ...]] = ()
 
+    _own: ClassVar[Mapping[str, Shape]] = {}  #: of variables and ports
     _numbers: ClassVar[dict[str, int]] = {}
     _urgent: ClassVar[tuple[int, ...]] = ()
     _modelled: ClassVar[bool] = False
@@ -183,6 +184,7 @@ class Robot:
     )
 
     def __init_subclass__(cls) -> None:
+        cls._own = {**cls.LOCALS, **cls.PORTS}
         cls._numbers = {v.name: k for k, v in enumerate(cls.SHARED.variables)}
         cls._urgent = tuple(k for k, event in enumerate(cls.EVENTS) if event.urgent)
         cls._modelled = cls.environment is not Robot.environment

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from hashlib import blake2b
+from operator import is_not
 from typing import Any
 
 from msgspec import Struct
@@ -54,12 +55,17 @@ class Layout(Struct, frozen=True):
 class AgreedStore:
     """The agreed store. ``values`` is for reading; :meth:`apply` alone changes it."""
 
-    __slots__ = ("layout", "robots", "values")
+    __slots__ = ("_digest", "_digested", "_texts", "layout", "robots", "values")
 
     def __init__(self, layout: Layout, robots: int) -> None:
         self.layout = layout
         self.robots = robots
         self.values: dict[str, Any] = {v.name: blank(v.shape, robots) for v in layout.variables}
+        #: What was digested last, variable by variable, and how it is written. Values never change
+        #: (decision record 0012): what is the same object is not written again.
+        self._digested: list[Any] = []
+        self._texts: list[str] = []
+        self._digest = b""
 
     def declare(self, values: Mapping[str, Any]) -> None:
         """Set the variables to their values before any robot's INIT. [INIT]"""
@@ -109,7 +115,30 @@ class AgreedStore:
 
     def digest(self) -> bytes:
         """A hash of all values: robots that agree on it agree on the store."""
-        return blake2b(repr(self.snapshot()).encode(), digest_size=DIGEST_BYTES).digest()
+        variables = self.layout.variables
+        values = [self.values[v.name] for v in variables]
+        known, texts = self._digested, self._texts
+        if not self._digest:
+            texts = [repr(to_plain(v.shape, one)) for v, one in zip(variables, values, strict=True)]
+        elif not any(map(is_not, values, known)):
+            return self._digest
+        else:
+            texts = [
+                text if one is before else repr(to_plain(v.shape, one))
+                for v, one, before, text in zip(variables, values, known, texts, strict=True)
+            ]
+        whole = f"({texts[0]},)" if len(texts) == 1 else f"({', '.join(texts)})"
+        self._digested, self._texts = values, texts
+        self._digest = blake2b(whole.encode(), digest_size=DIGEST_BYTES).digest()
+        return self._digest
+
+    def digest_after(self, writes: Iterable[Write]) -> bytes:
+        """The digest after writes, which are not applied. Raises ShapeError as :meth:`apply`."""
+        after = AgreedStore(self.layout, self.robots)
+        after.values = dict(self.values)
+        after._digested, after._texts, after._digest = self._digested, self._texts, self._digest
+        after.apply(writes)
+        return after.digest()
 
     def snapshot(self) -> tuple[Plain, ...]:
         """The whole store as plain data, variable by variable."""

@@ -308,8 +308,15 @@ ENGINE = (
     Mutant(
         "two stores look alike",
         "runtime.store.AgreedStore.digest",
-        "self.snapshot()",
-        "self.layout",
+        "whole.encode()",
+        "repr(self.layout).encode()",
+        (STORE,),
+    ),
+    Mutant(
+        "a variable is in the digest as it was first",
+        "runtime.store.AgreedStore.digest",
+        "text if one is before else repr(to_plain(v.shape, one))",
+        "text",
         (STORE,),
     ),
     Mutant(

@@ -33,6 +33,20 @@ DRIVEN = (
         (WATCHED,),
     ),
     Mutant(
+        "a robot looks once at what all share",
+        "runtime.deploy.watching.RobotMonitor.begun",
+        "not any(map(is_not, values, self._kept))",
+        "bool(values)",
+        (WATCHED,),
+    ),
+    Mutant(
+        "what did not hold of what all share is not told again while nobody writes",
+        "runtime.deploy.watching.RobotMonitor.begun",
+        "values if is_kept else []",
+        "values",
+        (WATCHED,),
+    ),
+    Mutant(
         "a robot that was lost is taken to be where it was",
         "runtime.deploy.watching.FleetMonitor._at",
         "return UnknownRobot()",

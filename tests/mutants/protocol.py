@@ -431,15 +431,15 @@ WIRE_MISTAKES = (
     Mutant(
         "datagrams grow with their message",
         "runtime.wire.codec.cut",
-        '[body[at : at + ROOM] for at in range(0, len(body), ROOM)] or [b""]',
-        "[body]",
+        "len(body) <= ROOM",
+        "len(body) >= 0",
         (WIRE,),
     ),
     Mutant(
         "robots that do not exist are believed in",
         "runtime.wire.bodies._fits",
-        "0 <= robot < robots",
-        "0 <= robot",
+        "0 <= taken.robot < robots",
+        "0 <= taken.robot",
         (WIRE,),
     ),
     Mutant(

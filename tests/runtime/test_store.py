@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from hashlib import blake2b
 from typing import Any, NamedTuple
 
 import pytest
@@ -137,6 +138,33 @@ def test_a_write_of_another_program_changes_nothing(write: Write) -> None:
 
 
 # --- digests and snapshots ------------------------------------------------------------------------
+
+
+def _digest(it: AgreedStore) -> bytes:
+    """What a digest is: of the whole store, written anew."""
+    return blake2b(repr(it.snapshot()).encode(), digest_size=16).digest()
+
+
+def test_digests_are_of_the_store_as_it_is() -> None:
+    it = store()
+    assert it.digest() == _digest(it) == it.digest()
+    steps: tuple[list[Write], ...] = (
+        [Write(1, (), 8)],
+        [],
+        [Write(1, (), 8)],  # another object, the same value
+        [Write(0, (2, 1), 5), Write(3, (), ((1, True),))],
+        [Write(4, (4,), (4, False))],
+    )
+    for writes in steps:
+        before, after = it.digest(), it.digest_after(writes)
+        assert it.digest() == before
+        it.apply(writes)
+        assert it.digest() == _digest(it) == after
+    it.restore(store().snapshot())
+    assert it.digest() == _digest(it) == store().digest()
+    for variables in ((), LAYOUT.variables[:1]):
+        small = AgreedStore(Layout(variables), ROBOTS)
+        assert small.digest() == _digest(small) != b""
 
 
 def test_stores_agree_if_and_only_if_their_digests_do() -> None:

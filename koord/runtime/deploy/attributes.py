@@ -10,11 +10,11 @@ from koord.runtime.robot import Robot
 from koord.runtime.shapes import Shape, to_plain
 
 
-def own_shapes(robot: Robot) -> dict[str, Shape]:
+def own_shapes(robot: Robot) -> Mapping[str, Shape]:
     """The shapes of a robot's variables and ports, by name."""
-    return {**robot.LOCALS, **robot.PORTS}
+    return robot._own
 
 
 def own_values(robot: Robot, state: Mapping[str, Any]) -> Attributes:
     """The values of these in a state of the robot, in their order."""
-    return tuple(to_plain(shape, state[name]) for name, shape in own_shapes(robot).items())
+    return tuple([to_plain(shape, state[name]) for name, shape in robot._own.items()])

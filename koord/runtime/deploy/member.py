@@ -335,11 +335,14 @@ class Member:
 
     def _note_statuses(self, decision: Decision) -> None:
         """Update the statuses of robots. [STOP] [END-PROG]"""
+        is_changed = False
         for taken in decision.ran:
-            asked = _STATUSES.get(taken.asked)
-            if asked is not None and self.statuses[taken.robot] is not Status.STOPPED:
-                self.statuses[taken.robot] = asked
-        if Status.RUNNING not in self.statuses:
+            if taken.asked is StopRequests.NOTHING:
+                continue
+            if self.statuses[taken.robot] is not Status.STOPPED:
+                self.statuses[taken.robot] = _STATUSES[taken.asked]
+                is_changed = True
+        if is_changed and Status.RUNNING not in self.statuses:
             self.statuses = [Status.STOPPED] * len(self.statuses)
 
     def has_proposed(self, round_: int) -> bool:
@@ -363,15 +366,11 @@ class Member:
         decision = decide(round_, there, rotating(max(round_, 0), robots))
         if round_ == INIT_ROUND or round_ % (1 + robots // 16) or decision.fault is not None:
             return decision
-        after = AgreedStore(self.store.layout, robots)
-        after.values = dict(self.store.values)
         try:
-            after.apply(decision.writes)
+            after = self.store.digest_after(decision.writes)
         except ShapeError:
             return decision  # told where it is applied
-        return Decision(
-            decision.round, decision.ran, decision.skipped, decision.writes, after.digest()
-        )
+        return Decision(decision.round, decision.ran, decision.skipped, decision.writes, after)
 
     # --- coming back ----------------------------------------------------------------------------
 

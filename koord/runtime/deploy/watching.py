@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import chain
+from operator import is_not
 from typing import Any
 
 from msgspec import Struct
@@ -118,10 +119,12 @@ class RobotMonitor:
         self.breaches = Breaches()
         self._robot = robot
         self._round = 0
+        self._kept: list[Any] = []  #: what robots shared when all of that was kept last
         claims, made, answers = watched.claims, watch_type(watched, host), KnownAnswers(host)
         watch, of_summaries = (made(robot.kinds, robot.delta, answers) for _ in range(2))
         self._contracts = ContractMonitor(watch, claims, kinds)
         self._states = StateMonitor(watch, filter(_is_of_store, claims), robot.kinds)
+        self._unknown = [UnknownRobot()] * robot.numAgents
         self._summaries = SummaryMonitor(robot.host)
         self._summaries.check(of_summaries, claims, self._broken_summary)
         robot.host = self._summaries
@@ -146,9 +149,15 @@ class RobotMonitor:
     def begun(self, round_: int, shared: Mapping[str, Any]) -> None:
         """Check what is about shared variables alone, when a round begins."""
         self._round = round_
-        self._states.see([UnknownRobot()] * self._robot.numAgents, shared)
+        values = [*shared.values()]
+        if len(values) == len(self._kept) and not any(map(is_not, values, self._kept)):
+            return  # values never change (decision record 0012): what held of these holds of them
+        self._states.see(self._unknown, shared)
+        is_kept = True
         for claim, robots in self._states.broken(_STATES):
             self.breaches.add(Breach.of(claim, robots, round_))
+            is_kept = False
+        self._kept = values if is_kept else []
 
     def _broken_summary(self, claim: WatchedClaim, robot: int, values: str) -> None:
         self.breaches.add(Breach.of(claim, (robot,), self._round, values))

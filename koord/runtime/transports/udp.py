@@ -7,7 +7,6 @@ import socket
 import struct
 import sys
 from collections import deque
-from contextlib import suppress
 from enum import Enum
 from functools import partial
 
@@ -115,10 +114,11 @@ class Udp:
             self._send(address, datagram)
 
     def _send(self, address: Address, datagram: bytes) -> None:
-        # Full buffers, no route, a port that is closed: to the protocol it is all loss.
-        with suppress(OSError):
+        try:
             self._socket.sendto(datagram, address)
-            self.sent += 1
+        except OSError:
+            return  # full buffers, no route, a port that is closed: to the protocol it is all loss
+        self.sent += 1
 
     def receive(self, timeout_s: float) -> list[bytes]:
         waiting = self._waiting
@@ -151,6 +151,8 @@ class Udp:
             self._send(address, datagram)
 
     def visits(self) -> list[Visit]:
+        if not self._visits:
+            return []
         came = list(self._visits)
         self._visits.clear()
         return came

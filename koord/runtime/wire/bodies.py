@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from enum import IntEnum
-from functools import cache
 from typing import Any, assert_never
 
 import msgspec
@@ -116,9 +115,16 @@ _KINDS: dict[type[AnyMessage], MessageKind] = {
 _TYPES = {kind: type_ for type_, kind in _KINDS.items()}
 
 
-@cache
-def _decoder(kind: MessageKind) -> msgspec.msgpack.Decoder[Any]:
-    return decoder(_TYPES[kind])
+#: The decoders of all kinds, by number, each made when it is first used.
+_DECODERS: list[msgspec.msgpack.Decoder[Any] | None] = [None] * (max(MessageKind) + 1)
+
+
+def _decoder(kind: int) -> msgspec.msgpack.Decoder[Any]:
+    """The decoder of a kind. Raises ValueError for the number of none."""
+    known = _DECODERS[kind] if 0 <= kind < len(_DECODERS) else None
+    if known is None:
+        known = _DECODERS[kind] = decoder(_TYPES[MessageKind(kind)])
+    return known
 
 
 def kind_and_body(message: AnyMessage) -> tuple[MessageKind, bytes]:
@@ -159,7 +165,7 @@ def _is_moment(stamp: Stamp | None) -> bool:
 
 def _decoded(kind: int, body: bytes) -> Any:
     try:
-        return _decoder(MessageKind(kind)).decode(body)
+        return _decoder(kind).decode(body)
     except (msgspec.MsgspecError, ValueError, RecursionError):
         return None
 
@@ -184,10 +190,13 @@ def _is_well_formed(message: HandshakeMessage) -> bool:
 def _fits(message: RunMessage, robots: int) -> bool:
     """Return whether the robots that a message names exist."""
     match message:
+        case Acknowledge():  # these first: a coordinator gets one from each robot in each round
+            return True
         case Decide(entry=entry) | History(entry=entry):
-            named = [taken.robot for taken in entry.decision.ran]
-            named += [admission.robot for admission in entry.admitted]
-            return all(0 <= robot < robots for robot in named)
+            for taken in entry.decision.ran:
+                if not 0 <= taken.robot < robots:
+                    return False
+            return all([0 <= admission.robot < robots for admission in entry.admitted])
         case Propose(proposal=proposal):
             return 0 <= proposal.robot < robots
         case RecoveryAnswer(tentative=Tentative(entry=entry)):

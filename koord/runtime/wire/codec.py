@@ -43,7 +43,9 @@ MOST_BYTES = 16 << 20
 
 def cut(body: bytes) -> list[bytes]:
     """Cut a message's body into pieces that fit. Raises ValueError if there would be too many."""
-    pieces = [body[at : at + ROOM] for at in range(0, len(body), ROOM)] or [b""]
+    if len(body) <= ROOM:
+        return [body]
+    pieces = [body[at : at + ROOM] for at in range(0, len(body), ROOM)]
     if len(pieces) > MOST_PIECES:
         raise ValueError(f"a message of {len(body)} bytes is too long to be sent")
     return pieces
@@ -241,7 +243,10 @@ class DatagramReader:
         if frame.round < self.round - LONG_PAST:
             self.drops[Drop.OLD] += 1
             return None
-        body = _whole(frame, self._assembly, self.drops)
+        if frame.pieces == 1 and frame.piece == 0:
+            body: bytes | None = frame.body
+        else:
+            body = _whole(frame, self._assembly, self.drops)
         if body is None:
             return None
         message = message_of(frame.kind, body, channel.robots)
