@@ -25,20 +25,25 @@ def widest() -> int:
 
 
 class Lanes:
-    """Values of ``width`` doubles in the body of a function."""
+    """Values of ``width`` doubles in the body of a function; one is a plain number."""
 
     def __init__(self, code: Code, width: int) -> None:
         self.code = code
         self.width = width
-        self.type = ir.VectorType(F64, width)
+        self.type = F64 if width == 1 else ir.VectorType(F64, width)
         self.bytes = DOUBLE_BYTES * width
 
     def constant(self, number: float) -> Lane:
         """A number in all lanes."""
-        return Lane(self, ir.Constant(self.type, [float(number)] * self.width))
+        value = float(number)
+        return Lane(
+            self, ir.Constant(self.type, value if self.width == 1 else [value] * self.width)
+        )
 
     def spread(self, number: Ir) -> Lane:
         """A double in all lanes."""
+        if self.width == 1:
+            return Lane(self, number)
         nothing = ir.Constant(self.type, ir.Undefined)
         first = self.code.b.insert_element(nothing, number, ir.Constant(I32, 0))
         zeros = ir.Constant(ir.VectorType(I32, self.width), [0] * self.width)
@@ -145,7 +150,8 @@ class Lane:
 
     def _called(self, name: str, *arguments: Lane) -> Lane:
         given = [argument.ir for argument in arguments]
-        mangled = f"llvm.{name}.v{self.lanes.width}f64"
+        width = self.lanes.width
+        mangled = f"llvm.{name}.f64" if width == 1 else f"llvm.{name}.v{width}f64"
         return Lane(self.lanes, self.lanes.code.known(mangled, self.lanes.type, given))
 
     def _lifted(self, number: Number) -> Lane:

@@ -22,7 +22,7 @@ from koord.runtime.motion.world import Point, World
 from koord.runtime.plugins.calls import PlugInError
 from koord.sim.disturbances import spawned
 from koord.sim.sensing import FleetSensors
-from koord.sim.squads import DeviceModel, Engines, Seed, Squad, squad
+from koord.sim.squads import DeviceModel, Engines, Seed, Squad, is_compiled, squad
 from koord.sim.vehicles.points import PointSquad
 
 _HINDRANCES = tuple(Hindrance)
@@ -67,6 +67,8 @@ class Fleet:
             seeds = Lazily(len(members), partial(_seed, whole, members))
             made = squad(model, start, heading, seeds, engines)
             self._squads.append((made, np.array(members)))
+        #: whether robots move by machine code, so that what is measured of them may be, too
+        self.is_compiled = any(is_compiled(robot.model) for robot in self.robots)
         asked = self.robots if only is None else (self.robots[only],) * len(self.robots)
         self._planners = tuple(robot.model.planner for robot in asked)
 

@@ -23,7 +23,7 @@ from koord.sim.scene import Scene
 from koord.sim.sensing import FleetSensors
 
 #: Up to so many robots all pairs are looked at; of more not.
-_FEW = 64
+FEW = 64
 
 #: So much further than to the nearest pair is looked, to know who may be nearest soon.
 _ROOM_M = 0.5
@@ -37,28 +37,38 @@ class Nearest(Struct, frozen=True):
     other: int
 
 
+class Listed(Struct, frozen=True):
+    """The pairs that may be nearest for a while, shape ``(2, k)``.
+
+    Others were at least ``reach_m`` from each other when robots were at ``since``.
+    """
+
+    pairs: Ints
+    since: Floats
+    reach_m: float
+
+    def is_sure(self, distance_m: float, moved_m: float) -> bool:
+        """True if none but these pairs can be so near, after nobody has moved further than that."""
+        return distance_m < self.reach_m - 2 * moved_m - 1e-9
+
+
 class Nearby:
     """An incremental search for the nearest pair, which skips most pairs of moving robots."""
 
     def __init__(self) -> None:
-        #: Where robots were when it was last seen who is near to whom, and how far was looked then.
-        self._seen: tuple[Floats, Ints, float] | None = None
+        self._listed: Listed | None = None
 
     def nearest(self, positions: Floats) -> Nearest | None:
         """The nearest pair, as :func:`nearest` finds it."""
-        if len(positions) <= _FEW:
+        if len(positions) <= FEW:
             return nearest(positions)
-        if self._seen is not None:
-            before, pairs, reach_m = self._seen
-            found = _nearest_of(positions, pairs)
-            moved_m = float(lengths(positions - before).max())
-            # Two that were further apart than was looked have come nearer by so much at most.
-            if found.distance_m < reach_m - 2 * moved_m - 1e-9:
+        if self._listed is not None:
+            found = _nearest_of(positions, self._listed.pairs)
+            moved_m = float(lengths(positions - self._listed.since).max())
+            if self._listed.is_sure(found.distance_m, moved_m):
                 return found
-        pairs = _neighbours(positions, _ROOM_M)
-        found = _nearest_of(positions, pairs)
-        self._seen = positions, pairs, found.distance_m + _ROOM_M
-        return found
+        self._listed = listed(positions)
+        return _nearest_of(positions, self._listed.pairs)
 
 
 def nearest(positions: Floats) -> Nearest | None:
@@ -66,17 +76,16 @@ def nearest(positions: Floats) -> Nearest | None:
     n = len(positions)
     if n < 2:
         return None
-    if n <= _FEW:
-        gap = positions[:, None] - positions[None]
-        square = np.einsum("ijk,ijk->ij", gap, gap)
+    if n <= FEW:
+        square = _squares(positions[:, None] - positions[None])
         square[np.diag_indices(n)] = np.inf
         one, other = divmod(int(square.argmin()), n)
         return Nearest(float(np.sqrt(square[one, other])), min(one, other), max(one, other))
-    return _nearest_of(positions, _neighbours(positions, 1e-9))
+    return _nearest_of(positions, listed(positions, 1e-9).pairs)
 
 
-def _neighbours(positions: Floats, room_m: float) -> Ints:
-    """Pairs, shape ``(2, k)``, that are at most a margin further apart than the nearest one.
+def listed(positions: Floats, room_m: float = _ROOM_M) -> Listed:
+    """Pairs that are at most a margin further apart than the nearest one.
 
     Each has its lesser robot first, and they are in the order of their robots.
 
@@ -95,16 +104,39 @@ def _neighbours(positions: Floats, room_m: float) -> Ints:
         near = np.flatnonzero(apart <= least_m + room_m)
         found.append(np.stack([order[near], order[near + step]]))
     pairs: Ints = np.sort(np.concatenate(found, axis=1), axis=0)
-    return pairs.take(np.lexsort(pairs[::-1]), 1)
+    in_order = np.ascontiguousarray(pairs.take(np.lexsort(pairs[::-1]), 1))
+    return Listed(in_order, positions, least_m + room_m)
 
 
 def _nearest_of(positions: Floats, pairs: Ints) -> Nearest:
     gap = positions.take(pairs[0], 0)
     gap -= positions.take(pairs[1], 0)
-    square = np.einsum("ij,ij->i", gap, gap)
+    square = _squares(gap)
     first = int(square.argmin())
     one, other = pairs[:, first].tolist()
     return Nearest(float(np.sqrt(square[first])), one, other)
+
+
+def _squares(gaps: Floats) -> Floats:
+    """The squares of lengths, shape ``(…, 3)``, added up in one order on every processor."""
+    square = gaps * gaps
+    found: Floats = square[..., 0] + square[..., 1] + square[..., 2]
+    return found
+
+
+class Going:
+    """How far robots have gone, and which two are nearest to each other, tick by tick."""
+
+    def __init__(self, start: Floats) -> None:
+        self.last = start  #: where they were at the last tick, shape ``(n, 3)``
+        self.ways_m: Floats = np.zeros(len(start))
+        self._nearby = Nearby()
+
+    def tick(self, here: Floats) -> Nearest | None:
+        """Note where robots are now, and return the nearest pair. The array stays as it is."""
+        self.ways_m += lengths(here - self.last)
+        self.last = here
+        return self._nearby.nearest(here)
 
 
 #: What the field of a task is called that says which robot has it.
@@ -170,12 +202,10 @@ class Gauge:
     def __init__(self, fleet: Fleet, engine: Engine, recorder: RunLogger, scene: Scene) -> None:
         self.fleet, self.engine, self.recorder, self.scene = fleet, engine, recorder, scene
         n = len(scene.robots)
-        self._last = fleet.positions()
-        self._distance: Floats = np.zeros(n)
+        self._going = _going(fleet.positions(), fleet.is_compiled)
         self._waited, self._events = np.zeros(n, np.int64), np.zeros(n, np.int64)
         self._skips, self._blocked = np.zeros(n, np.int64), np.zeros(n, np.int64)
         self._near: Near | None = None
-        self._nearby = Nearby()
         visit_m = [placed.model.visit.epsilon_m for placed in scene.robots]
         self._tasks = TaskGauge(type(engine.robots[0]), recorder, visit_m)
 
@@ -191,11 +221,7 @@ class Gauge:
 
     def tick(self) -> Nearest | None:
         """Record the end of a tick; return the pair of robots that is nearest now."""
-        here = self.fleet.positions()
-        gap = here - self._last
-        self._distance += np.sqrt(np.einsum("ij,ij->i", gap, gap))
-        self._last = here
-        near = self._nearby.nearest(here)
+        near = self._going.tick(self.fleet.positions())
         if near is not None and (self._near is None or near.distance_m < self._near.distance_m):
             self._near = Near(near.distance_m, (near.one, near.other), self.fleet.now_s)
         return near
@@ -217,14 +243,14 @@ class Gauge:
     def round(self, sensed: FleetSensors, stopped: Bools) -> None:
         """Record the end of a round, with the robots' sensors, and who has stopped."""
         self._waited += (sensed.state == MotionState.IDLE) & ~stopped
-        self._tasks.note_visits(self._last, self.fleet.now_s)
+        self._tasks.note_visits(self._going.last, self.fleet.now_s)
 
     def figures(self, digest: str) -> Figures:
         """The metrics of the run so far."""
         n, delta_s = len(self.scene.robots), self.scene.delta_s
         robots = tuple(
             OfRobot(
-                float(self._distance[k]),
+                float(self._going.ways_m[k]),
                 float(self._waited[k]) * delta_s,
                 int(self._events[k]),
                 int(self._skips[k]),
@@ -242,6 +268,14 @@ class Gauge:
         messages = (rounds + 1) * (2 * n + 2)
         time_s = rounds * delta_s
         return Figures(rounds, time_s, robots, tuple(tasks), self._near, messages, digest)
+
+
+def _going(start: Floats, compiled: bool) -> Going:
+    if not compiled:
+        return Going(start)
+    from koord.sim.gauge_kernel import CompiledGoing
+
+    return CompiledGoing(start)
 
 
 class TaskGauge:

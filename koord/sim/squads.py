@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from functools import cached_property
 from importlib import import_module
+from importlib.util import find_spec
 from typing import TYPE_CHECKING, Protocol, TypeAlias, assert_never
 
 import numpy as np
@@ -17,7 +18,7 @@ from msgspec import Struct, field
 from koord.runtime.lazily import Lazily
 from koord.runtime.motion.arrays import Floats
 from koord.runtime.motion.automaton import Visit
-from koord.runtime.motion.bodies import Body, Level, PlannerName, Steering, type_of
+from koord.runtime.motion.bodies import Body, Drone, Level, PlannerName, Steering, type_of
 from koord.runtime.motion.driving import Legs, Measured
 from koord.runtime.motion.group import TICK_S, Group
 from koord.runtime.motion.planners import planner
@@ -55,6 +56,14 @@ class DeviceModel(Struct, frozen=True):
     effort: PlanningEffort = field(default_factory=PlanningEffort)
     controller: PlugIn | None = None
     modules: tuple[tuple[str, PlugIn], ...] = ()  #: of the program, and what serves them
+
+
+def is_compiled(model: DeviceModel) -> bool:
+    """Return whether a model's robots move by machine code: drones do, where there is llvmlite."""
+    level = model.level
+    if not isinstance(model.body, Drone):
+        return False
+    return level is Level.FAST or (level is Level.FULL and find_spec("llvmlite") is not None)
 
 
 class Engines:

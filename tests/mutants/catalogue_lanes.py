@@ -6,6 +6,7 @@ from tests.mutants.mutant import Mutant
 
 DRONES = "tests/sim/test_compiled_quadrotors.py"
 FLYING = "tests/sim/test_compiled_flying.py"
+MEASURING = "tests/sim/test_compiled_measuring.py"
 
 LANES = (
     Mutant(
@@ -88,7 +89,7 @@ LANES = (
     Mutant(
         "who has been pushed away stays away",
         "sim.vehicles.compiled_flying._Drone.step_automaton",
-        "self.flag(distance.is_at_most(of['leave_m']))",
+        "distance.is_at_most(of['leave_m'])",
         "has_route",
         (FLYING,),
     ),
@@ -112,5 +113,40 @@ LANES = (
         "(s + wanted * of['dt_s']).lesser(length)",
         "s + wanted * of['dt_s']",
         (FLYING,),
+    ),
+    Mutant(
+        "of pairs that are equally near the last is named",
+        "sim.gauge_kernel._nearer",
+        "b.fcmp_unordered('<', square.ir, least)",
+        "b.fcmp_unordered('<=', square.ir, least)",
+        (MEASURING,),
+    ),
+    Mutant(
+        "what comes after no number is nearer",
+        "sim.gauge_kernel._nearer",
+        "is_less = b.and_(is_less, b.fcmp_ordered('ord', least, least))",
+        "pass",
+        (MEASURING,),
+    ),
+    Mutant(
+        "squares are added up in another order",
+        "sim.gauge_kernel._Places.square",
+        "x * x + y * y + z * z",
+        "x * x + (y * y + z * z)",
+        (MEASURING,),
+    ),
+    Mutant(
+        "who was near is nearest for ever",
+        "sim.gauge_kernel.CompiledGoing.tick",
+        "not self._listed.is_sure(math.sqrt(square), math.sqrt(moved2))",
+        "False",
+        (MEASURING,),
+    ),
+    Mutant(
+        "ways are gone twice where pairs are listed anew",
+        "sim.gauge_kernel.CompiledGoing.tick",
+        "self._measured(here_at, 0, count)",
+        "self._measured(here_at, self._ways_at, count)",
+        (MEASURING,),
     ),
 )

@@ -12,8 +12,10 @@ import math
 from collections.abc import Callable, Sequence
 from functools import cache
 from operator import is_
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from koord.runtime.motion.arrays import Floats
 from koord.runtime.motion.bodies import Drone
@@ -90,7 +92,7 @@ class CompiledQuadrotors(Quadrotors):
         self._known, self._known_at = _parts(s), address(block)
 
 
-def address(array: Floats) -> int:
+def address(array: NDArray[Any]) -> int:
     """Where the numbers of an array are; quicker than NumPy says it."""
     return ctypes.addressof(ctypes.c_char.from_buffer(array.data))
 

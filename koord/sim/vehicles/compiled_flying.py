@@ -185,15 +185,15 @@ class _Drone:
         end = self.three("points", b.add(b.mul(self.robot, self.room), size))
         distance = _size([self.position[k] - end[k] for k in range(3)])
         runs = b.not_(self.is_in(state, MotionState.STOPPED))
-        near = self.flag(distance.is_at_most(of["epsilon_m"]))
+        near = distance.is_at_most(of["epsilon_m"])
         inside = b.and_(b.and_(has_route, near), runs)
         before = self.number("since_s", self.robot)
         begun = before.where(before.is_at_most(math.inf), of["now_s"])
         none = self.lanes.constant(math.nan)
         since = Lane(self.lanes, b.select(inside, begun.ir, none.ir))
-        dwelt = self.flag(of["least_dwell_s"].is_at_most(of["now_s"] - since))
+        dwelt = of["least_dwell_s"].is_at_most(of["now_s"] - since)
         dwelt = b.and_(inside, dwelt)
-        here = b.or_(b.not_(has_route), self.flag(distance.is_at_most(of["leave_m"])))
+        here = b.or_(b.not_(has_route), distance.is_at_most(of["leave_m"]))
         reached = b.and_(b.and_(b.or_(self.truth("reached"), dwelt), here), runs)
         arrives = b.and_(self.is_in(state, MotionState.MOVING), reached)
         state = b.select(arrives, word(MotionState.IDLE), state)
@@ -212,10 +212,6 @@ class _Drone:
         self.put("next_since_s", self.robot, since)
         self.code.put(self.arrays["next_reached"], self.robot, reached)
 
-    def flag(self, mask: Ir) -> Ir:
-        """A mask of one lane as a truth value."""
-        return self.code.b.extract_element(mask, word(0))
-
     # --- the reference --------------------------------------------------------------------------
 
     def command(self) -> None:
@@ -233,7 +229,7 @@ class _Drone:
         slower = (speed - of["gain_mps"]).greater(0.0)
         wanted = self.either(on, faster, slower)
         zero = self.lanes.constant(0.0)
-        goes = b.and_(routed, self.flag(s.is_below(length)))
+        goes = b.and_(routed, s.is_below(length))
         wanted = self.either(goes, wanted, zero)
         gain = (wanted - speed) / of["dt_s"]
         s = (s + wanted * of["dt_s"]).lesser(length)
@@ -258,7 +254,7 @@ class _Drone:
 
         def passed(now: list[Ir]) -> list[Ir]:
             found, place = now
-            is_behind = self.flag(self.number("route_s", b.add(row, place)).is_at_most(s))
+            is_behind = self.number("route_s", b.add(row, place)).is_at_most(s)
             return [b.add(found, b.zext(is_behind, I64)), b.add(place, word(1))]
 
         found, _ = self.code.repeated(self.room, [word(0), word(0)], passed)

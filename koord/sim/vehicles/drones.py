@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any, assert_never
 
 import numpy as np
@@ -18,7 +17,7 @@ from koord.runtime.motion.flying import GRAVITY, Flying, Reference
 from koord.runtime.motion.planning import Touched
 from koord.runtime.motion.world import Point
 from koord.sim.disturbances import Fixes, Gusts
-from koord.sim.squads import PLAN_MOST, STEP_S, STEPS, SquadSetup, VehicleSetup
+from koord.sim.squads import PLAN_MOST, STEP_S, STEPS, SquadSetup, VehicleSetup, is_compiled
 from koord.sim.vehicles import mjcf
 from koord.sim.vehicles.quadrotors import PointDrones, Quadrotors
 
@@ -31,8 +30,7 @@ def squad(setup: SquadSetup) -> DroneSquad:
 
     At level ``full`` they fly by machine code where there is llvmlite, and the same without.
     """
-    level = setup.model.level
-    if level is Level.FAST or (level is Level.FULL and find_spec("llvmlite") is not None):
+    if is_compiled(setup.model):
         from koord.sim.vehicles.compiled_flying import CompiledFlying
 
         return DroneSquad(setup, _compiled(setup), CompiledFlying(setup.group, setup.start))
