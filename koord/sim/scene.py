@@ -156,6 +156,7 @@ def device_model(vehicle: Vehicle) -> DeviceModel:
             Wind(wind.mean, wind.gust, wind.calm),
         ),
         PlanningEffort(form.effort.steps, form.effort.star_steps),
+        form.planning.takes,
         vehicle.controller,
         vehicle.modules,
     )

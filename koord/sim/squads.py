@@ -40,9 +40,6 @@ STEP_S = 0.01
 #: So many steps make a tick of control.
 STEPS = round(TICK_S / STEP_S)
 
-#: So many robots of a squad plan their paths in one tick.
-PLAN_MOST = 4
-
 
 class DeviceModel(Struct, frozen=True):
     """The simulation model of a device, as in the configuration. Its robots make a squad."""
@@ -54,6 +51,7 @@ class DeviceModel(Struct, frozen=True):
     visit: Visit = field(default_factory=Visit)
     disturbances: Disturbances = field(default_factory=Disturbances)
     effort: PlanningEffort = field(default_factory=PlanningEffort)
+    plan_takes_s: float = 0.0  #: from asking a planner for a way until the way is there
     controller: PlugIn | None = None
     modules: tuple[tuple[str, PlugIn], ...] = ()  #: of the program, and what serves them
 
@@ -162,6 +160,7 @@ def squad(
         planner(model.planner, world, body, model.effort),
         model.visit,
         Lazily(len(seeds), lambda row: int(seeds[row].generate_state(1)[0])),
+        takes_s=model.plan_takes_s,
     )
     noise = Lazily(len(seeds), lambda row: spawned(seeds[row], 0))
     wind = Lazily(len(seeds), lambda row: spawned(seeds[row], 1))
@@ -241,7 +240,7 @@ class WheeledSquad:
 
     def tick(self, now_s: float) -> None:
         position, heading = self.fixes(now_s)
-        self.group.plan(position, heading, PLAN_MOST)
+        self.group.plan(position, heading, now_s)
         self.group.update(position, now_s)
         if self._ticks % self._every == 0:
             measured = Measured(position, heading, self.vehicles.speed)

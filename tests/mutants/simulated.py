@@ -13,15 +13,37 @@ WORKERS = "tests/api/test_campaign_workers.py"
 FIGURES = "tests/api/test_campaign_figures.py"
 PARTS = "tests/traces/test_unfinished.py"
 RECORDS = "tests/runtime/test_records_parts.py"
+PLANNING_TIME = "tests/sim/test_planning_time.py"
 LOADERS = "tests/runtime/test_yaml_loaders.py"
 
 SIMULATED = (
     Mutant(
         "a target without a way leaves no plight",
-        "runtime.motion.group.Group._plan_one",
+        "runtime.motion.group.Group._answer",
         "self.plights[robot] = Plight(why, target)",
         "self.plights.pop(robot, None)",
         (STANDING,),
+    ),
+    Mutant(
+        "planning takes no time, whatever a configuration says",
+        "runtime.motion.group.Group._ask",
+        "now_s + self._takes_s",
+        "now_s",
+        (PLANNING_TIME,),
+    ),
+    Mutant(
+        "a way to a target is followed although there is a newer one",
+        "runtime.motion.group.Group.go_to",
+        "del self._asked[robot]",
+        "pass",
+        (PLANNING_TIME,),
+    ),
+    Mutant(
+        "a way is made of where a robot is when it is there",
+        "runtime.motion.group.Group._answer",
+        "self.planner.plan(asked.start, target, asked.seed)",
+        "self.planner.plan(Pose(tuple(psn[robot].tolist())), target, asked.seed)",
+        (PLANNING_TIME,),
     ),
     Mutant(
         "who was stuck once is stuck for ever",

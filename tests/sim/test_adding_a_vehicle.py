@@ -25,7 +25,7 @@ from koord.runtime.motion.bodies import (
 from koord.runtime.motion.planning import Touched
 from koord.sim.fleet import Fleet
 from koord.sim.scene import scene
-from koord.sim.squads import PLAN_MOST, STEP_S, STEPS, SquadSetup, upright
+from koord.sim.squads import STEP_S, STEPS, SquadSetup, upright
 from koord.syntax.diagnostics import KoordError
 from koord.syntax.source import Source
 from tests.sim.unpacking import data_of, unpacked
@@ -63,7 +63,7 @@ class Trams:
 
     def tick(self, now_s: float) -> None:
         group, routes = self.group, self.group.routes
-        group.plan(self._position, self._heading, PLAN_MOST)
+        group.plan(self._position, self._heading, now_s)
         group.update(self._position, now_s)
         group.s = np.minimum(group.s + group.body.pace.cruise_mps * STEP_S * STEPS, routes.length)
         spot = routes.at(np.arange(group.count), group.s)

@@ -98,6 +98,12 @@ class EffortForm(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
     star_steps: Annotated[int, Meta(ge=1)] = 120
 
 
+class PlanningForm(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """The time that planning takes, whatever the computer that simulates it needs."""
+
+    takes: NotNegative = 0.0  #: s, from asking a planner for a way until the way is there
+
+
 class SimulationForm(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """The simulation settings of a device."""
 
@@ -108,6 +114,7 @@ class SimulationForm(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw
     wind: WindForm = WindForm()
     visit: VisitForm = VisitForm()
     effort: EffortForm = EffortForm()
+    planning: PlanningForm = PlanningForm()
     scanner: ScannerForm | None = None
 
 

@@ -10,10 +10,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from msgspec import Struct
 
 from koord.runtime.motion import automaton
 from koord.runtime.motion.arrays import Bools, Floats, Ints
-from koord.runtime.motion.automaton import MotionState, Orders, Visit
+from koord.runtime.motion.automaton import ROUNDING_S, MotionState, Orders, Visit
 from koord.runtime.motion.bodies import Body
 from koord.runtime.motion.field import field
 from koord.runtime.motion.planning import (
@@ -42,6 +43,15 @@ _BESIDE_M = 0.1
 _STILL: Floats = np.zeros(3)
 
 
+class _Asked(Struct, frozen=True):
+    """A plan that was asked for: what it is made of, and when it is followed."""
+
+    start: Pose
+    goal: Point
+    seed: int
+    due_s: float
+
+
 class Group:
     """Motion automata of ``count`` robots with one body, one planner and one world."""
 
@@ -54,10 +64,12 @@ class Group:
         visit: Visit,
         seeds: Sequence[int] | None = None,
         room: Room = CLOSE,
+        takes_s: float = 0.0,
     ) -> None:
         """Make a group; ``seeds`` are the planners', one for each robot.
 
-        ``room`` is what ways keep from walls and obstacles besides what the body needs.
+        ``room`` is what ways keep from walls and obstacles besides what the body needs, ``takes_s``
+        the time that passes from asking a planner for a way until the way is there.
         """
         self.body, self.world, self.planner, self.visit = body, world, planner, visit
         self.count = count
@@ -74,6 +86,8 @@ class Group:
         self._reach_m = max(body.radius_m, room.wide_m)
         self._seeds: Sequence[int] = [0] * count if seeds is None else seeds
         self._plans = np.zeros(count, np.int64)
+        self._takes_s = takes_s
+        self._asked: dict[int, _Asked] = {}  #: of robots that have targets
 
     # --- orders ---------------------------------------------------------------------------------
 
@@ -92,6 +106,7 @@ class Group:
         if self.state(robot) is MotionState.STOPPED:
             return
         self.targets.pop(robot, None)
+        self._asked.pop(robot, None)
         self.plights.pop(robot, None)
         if not len(path):
             self.plights[robot] = Plight(Hindrance.NO_POINTS)
@@ -108,9 +123,14 @@ class Group:
         self._orders.asked[robot] = False
 
     def go_to(self, robot: int, target: Point) -> None:
-        """Set a target: a path to it is planned and followed."""
+        """Set a target: a path to it is planned and followed.
+
+        A plan for another target is given up; one for the same goes on.
+        """
         if self.state(robot) is MotionState.STOPPED:
             return
+        if robot in self._asked and self._asked[robot].goal != target:
+            del self._asked[robot]
         self.targets[robot] = target
         self.plights.pop(robot, None)
         self._orders.asked[robot], self._orders.routed[robot] = True, False
@@ -130,19 +150,23 @@ class Group:
 
     # --- steps ----------------------------------------------------------------------------------
 
-    def plan(self, psn: Floats, heading_rad: Floats, most: int = 1_000_000) -> None:
+    def plan(self, psn: Floats, heading_rad: Floats, now_s: float = 0.0) -> None:
         """Plan paths to the targets from the robots' positions.
 
-        They are straight where a body that can move in any direction meets no obstacle, else the
-        planner's, for ``most`` robots at a time.
+        They are straight where a body that can move in any direction meets no obstacle, and there
+        at once. Else the planner is asked, and its paths are there when planning has taken its
+        time; what they are made of is that of the time of asking.
         """
         if not self.targets:
             return
-        robots = np.array(sorted(self.targets))
-        if self.body.turning_m == 0:
+        robots = np.array(sorted(self.targets.keys() - self._asked.keys()), np.int64)
+        if self.body.turning_m == 0 and len(robots):
             robots = self._plan_straight(robots, psn)
-        for robot in robots[:most].tolist():
-            self._plan_one(robot, psn, float(heading_rad[robot]))
+        for robot in robots.tolist():
+            self._ask(robot, psn, float(heading_rad[robot]), now_s)
+        late_s = now_s + ROUNDING_S
+        for robot in sorted(k for k, asked in self._asked.items() if asked.due_s <= late_s):
+            self._answer(robot, psn)
 
     def update(self, psn: Floats, now_s: float) -> None:
         """Step the automata on orders and measured positions, shape ``(count, 3)``."""
@@ -192,14 +216,21 @@ class Group:
             del self.targets[robot]
         return robots[~free]
 
-    def _plan_one(self, robot: int, psn: Floats, heading_rad: float) -> None:
+    def _ask(self, robot: int, psn: Floats, heading_rad: float, now_s: float) -> None:
         x, y, z = psn[robot].tolist()
         self._plans[robot] += 1
         source = np.random.SeedSequence((self._seeds[robot], int(self._plans[robot])))
         seed = int(source.generate_state(1)[0])
+        start = Pose((x, y, z), heading_rad)
+        due_s = now_s + self._takes_s
+        self._asked[robot] = _Asked(start, self.targets[robot], seed, due_s)
+
+    def _answer(self, robot: int, psn: Floats) -> None:
+        """Let a robot follow the path that was planned for it, if there is one."""
+        asked = self._asked.pop(robot)
         target = self.targets.pop(robot)
         try:
-            path = self.planner.plan(Pose((x, y, z), heading_rad), target, seed)
+            path = self.planner.plan(asked.start, target, asked.seed)
         except PlugInError as error:
             error.row = robot
             raise
@@ -207,5 +238,8 @@ class Group:
             self._orders.failed[robot] = True
             why = hindrance(self.body, self.world, target) or Hindrance.NO_WAY
             self.plights[robot] = Plight(why, target)
-        else:
-            self.follow(robot, path, heading_rad)
+            return
+        # Who moved on meanwhile goes to where its way begins. A car has its way beside it: it stops
+        # along the line that it was on.
+        here = psn[robot] if self.body.turning_m == 0 and self._takes_s > 0 else None
+        self.follow(robot, path, asked.start.heading_rad, here)

@@ -17,7 +17,7 @@ from koord.runtime.motion.flying import GRAVITY, Flying, Reference
 from koord.runtime.motion.planning import Touched
 from koord.runtime.motion.world import Point
 from koord.sim.disturbances import Fixes, Gusts
-from koord.sim.squads import PLAN_MOST, STEP_S, STEPS, SquadSetup, VehicleSetup, is_compiled
+from koord.sim.squads import STEP_S, STEPS, SquadSetup, VehicleSetup, is_compiled
 from koord.sim.vehicles import mjcf
 from koord.sim.vehicles.quadrotors import PointDrones, Quadrotors
 
@@ -76,7 +76,7 @@ class DroneSquad:
     def tick(self, now_s: float) -> None:
         position, heading = self.fixes(now_s)
         if self.group.targets:
-            self.group.plan(self.flying.origin(position), heading, PLAN_MOST)
+            self.group.plan(self.flying.origin(position), heading, now_s)
         due = self._delay.pass_on(self.flying.step(position, now_s, STEPS * STEP_S))
         # What the drone is told may be off or late: its controller aims beside by as much.
         aim = due[:, :3] - (position - self.truth()[0])

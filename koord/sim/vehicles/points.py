@@ -7,7 +7,7 @@ import numpy as np
 from koord.runtime.motion.arrays import Floats
 from koord.runtime.motion.flying import Flying
 from koord.runtime.motion.planning import Touched
-from koord.sim.squads import PLAN_MOST, STEP_S, STEPS, SquadSetup, upright
+from koord.sim.squads import STEP_S, STEPS, SquadSetup, upright
 
 
 def squad(setup: SquadSetup) -> PointSquad:
@@ -25,7 +25,7 @@ class PointSquad:
 
     def tick(self, now_s: float) -> None:
         position = self.flying.rest
-        self.group.plan(position, self._heading, PLAN_MOST)
+        self.group.plan(position, self._heading, now_s)
         self.group.update(position, now_s)
         velocity = self.flying.command(position, STEPS * STEP_S).velocity
         moving = (velocity[:, 0] != 0) | (velocity[:, 1] != 0)
