@@ -80,6 +80,8 @@ class Outbox(Protocol):
 class PendingWork(Enum):
     """The timers of the node itself, besides those of the machine."""
 
+    __hash__ = object.__hash__
+
     ROUND = "round"  #: the next round begins, and the program has to run
 
 
@@ -116,11 +118,12 @@ class Node:
         if self._kept_back and not self._try_again(now):
             return
         due = self._due
-        while not self._kept_back and due:
-            # Of those that are due at the same moment the one that was armed first.
-            timer = min(due, key=due.__getitem__)
-            if due[timer] > now:
+        while due and not self._kept_back:
+            soonest = min(due.values())
+            if soonest > now:
                 return
+            # Of those that are due at the same moment the one that was armed first.
+            timer = next(one for one, at in due.items() if at == soonest)
             del due[timer]
             if isinstance(timer, Timer):
                 self._do(Expired(now, timer))
@@ -143,11 +146,19 @@ class Node:
 
     def _do(self, event: Event) -> None:
         self.state, effects = step(self.setup, self.state, event)
-        self._carry_out_all(effects, event.now)
+        if effects:
+            self._carry_out_all(effects, event.now)
 
     def _carry_out_all(self, effects: Sequence[Effect], now: float) -> None:
         for done, effect in enumerate(effects):
-            if isinstance(effect, Save):
+            # Most are of the first kinds: a few of them in each round for each other robot.
+            if type(effect) is Arm:
+                self._due[effect.timer] = now + effect.after_s
+            elif type(effect) is Disarm:
+                self._due.pop(effect.timer, None)
+            elif type(effect) is Send:
+                self._outbox.send(effect.to, effect.message)
+            elif type(effect) is Save:
                 if not self._robot.save(durable(self.state)):
                     self._kept_back = list(effects[done:])
                     self._write_at = now + _WRITE_AGAIN_S
@@ -169,14 +180,8 @@ class Node:
 
     def _carry_out(self, effect: Effect, now: float) -> None:
         match effect:
-            case Send(to=to, message=message):
-                self._outbox.send(to, message)
             case Tell(message=message):
                 self._outbox.tell(message)
-            case Arm(timer=timer, after_s=after_s):
-                self._due[timer] = now + after_s
-            case Disarm(timer=timer):
-                self._due.pop(timer, None)
             case Begin(round=round_, after_s=after_s):
                 self._work = round_
                 self._due[PendingWork.ROUND] = now + after_s
@@ -194,7 +199,7 @@ class Node:
                 self._robot.hold(None)
             case RunEnded():
                 self.over = True
-            case Save():
+            case Arm() | Disarm() | Send() | Save():
                 raise AssertionError("is carried out by whoever has the effects after it")
             case _:
                 assert_never(effect)
@@ -281,8 +286,10 @@ class Peer:
         """Expire due timers, wait at most ``most_s`` seconds for datagrams, and process them."""
         self.node.wake(self._clock())
         due = self.node.due
-        wait_s = most_s if due is None else min(most_s, max(0.0, due - self._clock()))
-        datagrams = self.transport.receive(wait_s)
+        if due is not None:
+            left_s = due - self._clock()
+            most_s = 0.0 if left_s <= 0.0 else min(most_s, left_s)
+        datagrams = self.transport.receive(most_s)
         if not datagrams:
             return
         self._reader.round = self.node.state.round

@@ -473,8 +473,8 @@ WIRE_MISTAKES = (
     Mutant(
         "entries are acknowledged before they are saved",
         "runtime.protocol.machine._with_save",
-        "next(sends, len(effects))",
-        "len(effects)",
+        "effects.insert(at, Save())",
+        "effects.append(Save())",
         (RECOVERY,),
     ),
     Mutant(

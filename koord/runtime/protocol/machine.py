@@ -60,9 +60,10 @@ def step(setup: Setup, state: State, event: Event) -> tuple[State, tuple[Effect,
         return state, ()
     turn = StepContext(setup, state, event.now)
     match event:
-        case Received(sender=sender, incarnation=incarnation, message=message):
+        case Received():
+            sender = event.sender
             if 0 <= sender < setup.robots and sender != state.pid:
-                _receive(turn, sender, incarnation, message)
+                _receive(turn, sender, event.incarnation, event.message)
         case Expired(timer=timer):
             _expire(turn, timer)
         case Proposed():
@@ -80,8 +81,12 @@ def _with_save(before: State, turn: StepContext) -> tuple[Effect, ...]:
     """The effects of a step; what has to be on the disk is, before a message leaves. (R-SAVE)"""
     effects = turn.effects
     if must_save(before, turn.state):
-        sends = (i for i, one in enumerate(effects) if isinstance(one, Send | Tell))
-        effects.insert(next(sends, len(effects)), Save())
+        at = len(effects)
+        for i, one in enumerate(effects):
+            if type(one) is Send or type(one) is Tell:
+                at = i
+                break
+        effects.insert(at, Save())
     return tuple(effects)
 
 

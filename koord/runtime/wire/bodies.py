@@ -190,8 +190,10 @@ def _is_well_formed(message: HandshakeMessage) -> bool:
 def _fits(message: RunMessage, robots: int) -> bool:
     """Return whether the robots that a message names exist."""
     match message:
-        case Acknowledge():  # these first: a coordinator gets one from each robot in each round
+        case Acknowledge():  # these first: there are some for each robot in each round
             return True
+        case Committed(pause_s=pause_s):
+            return 0.0 <= pause_s < 1e6
         case Decide(entry=entry) | History(entry=entry):
             for taken in entry.decision.ran:
                 if not 0 <= taken.robot < robots:
@@ -203,7 +205,5 @@ def _fits(message: RunMessage, robots: int) -> bool:
             return _fits(History(0, entry), robots)
         case Snapshot(roster=roster, last_ran=last_ran):
             return len(roster) == len(last_ran) == robots
-        case Committed(pause_s=pause_s):
-            return 0.0 <= pause_s < 1e6
         case _:
             return True
