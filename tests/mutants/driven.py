@@ -13,6 +13,7 @@ LAST_STOP = "tests/runtime/platform/test_last_stop.py"
 WATCHDOG = "tests/runtime/platform/test_watchdog.py"
 DRY_RUN = "tests/cli/test_dry_run.py"
 WATCHED = "tests/runtime/platform/test_watched.py"
+PLANNED = "tests/runtime/motion/test_planning.py"
 WAYS = "tests/runtime/platform/test_ways.py"
 ASKED = "tests/runtime/platform/test_asked_planners.py"
 
@@ -116,6 +117,20 @@ DRIVEN = (
         "keeps_m <= reach_m",
         "True",
         (WAYS,),
+    ),
+    Mutant(
+        "a curve is free where it begins",
+        "runtime.motion.curves.is_free",
+        "spare < 0",
+        "spare < 0 and along == 0",
+        (PLANNED,),
+    ),
+    Mutant(
+        "where a car turns about is looked for at points of its path only",
+        "runtime.motion.curves._pieces",
+        "arc_m - _ROUNDING_M",
+        "-1.0",
+        (PLANNED,),
     ),
     Mutant(
         "who is measured below the ground is led along there",

@@ -19,6 +19,8 @@ from msgspec.structs import replace
 
 from koord.runtime.motion.arrays import Floats
 from koord.runtime.motion.bodies import Body
+from koord.runtime.motion.curves import CHECK_M, SPACING_M, Curve, State, is_free
+from koord.runtime.motion.curves import points as points_of
 from koord.runtime.motion.field import Field
 from koord.runtime.motion.libraries import missing
 from koord.runtime.motion.planning import Ground, PlanningEffort, Pose, suits
@@ -34,17 +36,11 @@ util.setLogLevel(util.LOG_NONE)
 #: Paths keep this much more from obstacles than the body needs.
 MARGIN_M = 0.03
 
-#: States along a motion are checked at this distance.
-_CHECK_M = 0.05
-
 #: A car's paths have circles this much wider than its tightest, to leave its controller room.
 _WIDER = 1.15
 
 #: A car may arrive pointing in any of so many directions.
 _HEADINGS = 12
-
-#: The points of a car's path are this far apart at most.
-_SPACING_M = 0.15
 
 #: A goal so near is where the robot is.
 _HERE_M = 0.01
@@ -102,14 +98,15 @@ class TreePlanner(Struct, frozen=True):
         self, free: Field, start: Pose, goal: Point, keeps_m: float, seed: int
     ) -> Floats | None:
         """Find the points of a path whose positions keep so far from walls and obstacles."""
-        if self._is_direct(free, start, goal, keeps_m):
-            return np.array([start.position, goal])
+        direct = self._direct(free, start, goal, keeps_m)
+        if direct is not None:
+            return direct
         with _chance:
             util.RNG.setSeed(seed % 2**31 + 1)
             return self._grown(free, start, goal, keeps_m)
 
-    def _is_direct(self, free: Field, start: Pose, goal: Point, keeps_m: float) -> bool:
-        """Return whether the straight line does, without a tree."""
+    def _direct(self, free: Field, start: Pose, goal: Point, keeps_m: float) -> Floats | None:
+        """The points of a path that needs no tree, if there is one."""
         raise NotImplementedError
 
     def _grown(self, free: Field, start: Pose, goal: Point, keeps_m: float) -> Floats | None:
@@ -120,9 +117,9 @@ class TreePlanner(Struct, frozen=True):
 class SpacePlanner(TreePlanner, frozen=True):
     """A planner for bodies that set out in any direction: RRT in R³, or on the ground plane."""
 
-    def _is_direct(self, free: Field, start: Pose, goal: Point, keeps_m: float) -> bool:
-        reach_m = max(self.ground.body.radius_m, keeps_m)
-        return free.path_free(np.array([start.position, goal]), reach_m)
+    def _direct(self, free: Field, start: Pose, goal: Point, keeps_m: float) -> Floats | None:
+        line = np.array([start.position, goal])
+        return line if free.path_free(line, max(self.ground.body.radius_m, keeps_m)) else None
 
     def _grown(self, free: Field, start: Pose, goal: Point, keeps_m: float) -> Floats | None:
         body = self.ground.body
@@ -150,11 +147,31 @@ class SpacePlanner(TreePlanner, frozen=True):
 class CurvePlanner(TreePlanner, frozen=True):
     """A planner for cars, forwards and backwards: RRT on Reeds–Shepp curves.
 
+    Where a single curve is free it is the path; of those that end in some heading the shortest.
     Points of a path are 0.15 m apart, with a point wherever the car reverses.
     """
 
-    def _is_direct(self, free: Field, start: Pose, goal: Point, keeps_m: float) -> bool:
-        return math.dist(start.position, goal) < _HERE_M
+    def _direct(self, free: Field, start: Pose, goal: Point, keeps_m: float) -> Floats | None:
+        if math.dist(start.position, goal) < _HERE_M:
+            return np.array([start.position, goal])
+        body, z = self.ground.body, start.position[2]
+        enough = _keeping(free, start.position, goal, self.ground.room.least_m, keeps_m)
+        fits = car_fits(free, body, start)
+        need_m = max(fits.far_m, keeps_m, self.ground.room.least_m)
+
+        def spare_m(state: State) -> float:
+            x, y, heading = state
+            spare = free.clearance(x, y, z) - need_m
+            if spare > 0:
+                return spare
+            return 0.0 if enough(x, y, z) and fits.at(x, y, heading) else -1.0
+
+        curves = _curves(start, goal, body.turning_m * _WIDER)
+        # A planner that goes on improving takes the shortest of all, or looks for it.
+        for curve in curves[:1] if self.optimal else curves:
+            if is_free(curve, spare_m):
+                return self._on_ground(points_of(curve))
+        return None
 
     def _grown(self, free: Field, start: Pose, goal: Point, keeps_m: float) -> Floats | None:
         body, world = self.ground.body, self.ground.world
@@ -164,15 +181,16 @@ class CurvePlanner(TreePlanner, frozen=True):
         z = start.position[2]
 
         def valid(state: Any) -> bool:
-            return enough(state.getX(), state.getY(), z) and fits(state)
+            x, y = state.getX(), state.getY()
+            return enough(x, y, z) and fits.at(x, y, state.getYaw())
 
         query = _Query(space, valid, self.effort, self.optimal, range_m=2.5)
         begin = query.state()
         _place(begin, start.position, start.heading_rad)
         ends = []
-        for k in range(_HEADINGS):
+        for heading in _headings():
             end = query.state()
-            _place(end, goal, 2 * math.pi * k / _HEADINGS - math.pi)
+            _place(end, goal, heading)
             ends.append(end)
         path = query.solve(begin, ends)
         if path is None:
@@ -180,8 +198,34 @@ class CurvePlanner(TreePlanner, frozen=True):
         geometric.PathSimplifier(query.information).partialShortcutPath(path, maxSteps=30)
         path.interpolate(max(8, math.ceil(path.length() / 0.02)))
         fine = np.array([(s.getX(), s.getY(), s.getYaw()) for s in path.getStates()])
-        flat = spaced(fine)
-        return np.column_stack([flat, np.full(len(flat), world.ground)])
+        return self._on_ground(spaced(fine))
+
+    def _on_ground(self, flat: Floats) -> Floats:
+        return np.column_stack([flat, np.full(len(flat), self.ground.world.ground)])
+
+
+def _headings() -> list[float]:
+    """The headings in which a car may arrive."""
+    return [2 * math.pi * k / _HEADINGS - math.pi for k in range(_HEADINGS)]
+
+
+def _curves(start: Pose, goal: Point, radius_m: float) -> list[Curve]:
+    """The curve to a goal in each heading, the shortest first."""
+    space = base.ReedsSheppStateSpace(radius_m)
+    begin, here = space.allocState(), space.allocState()
+    _place(begin, start.position, start.heading_rad)
+
+    def curve(heading_rad: float) -> Curve:
+        end = space.allocState()
+        _place(end, goal, heading_rad)
+
+        def at(share: float) -> State:
+            space.interpolate(begin, end, share, here)
+            return here.getX(), here.getY(), here.getYaw()
+
+        return Curve(space.distance(begin, end), radius_m, at)
+
+    return sorted(map(curve, _headings()), key=lambda one: one.length_m)
 
 
 def _bounded(space: Any, world: World, axes: int) -> Any:
@@ -207,9 +251,7 @@ class _Query(Struct):
     def __post_init__(self) -> None:
         self.information = base.SpaceInformation(self.space)
         self.information.setStateValidityChecker(self.valid)
-        self.information.setStateValidityCheckingResolution(
-            _CHECK_M / self.space.getMaximumExtent()
-        )
+        self.information.setStateValidityCheckingResolution(CHECK_M / self.space.getMaximumExtent())
         self.information.setup()
 
     def state(self) -> Any:
@@ -290,8 +332,15 @@ def _keeping(
     return enough
 
 
-def car_fits(free: Field, body: Body, start: Pose) -> Callable[[Any], bool]:
-    """A check that a car fits at a state: two discs cover it, half its length apart."""
+class Fits(Struct, frozen=True):
+    """Checks that a car fits: two discs cover it, half its length apart."""
+
+    at: Callable[[float, float, float], bool]  #: at x, y, pointing in a direction in rad
+    far_m: float  #: with more clearance it fits wherever it points
+
+
+def car_fits(free: Field, body: Body, start: Pose) -> Fits:
+    """Make checks that a car fits at places; where it starts it may be as near as it is."""
     length, width, middle = body.outline_m
     half = length / 4
     reach = math.hypot(half, width / 2) + MARGIN_M
@@ -302,17 +351,15 @@ def car_fits(free: Field, body: Body, start: Pose) -> Callable[[Any], bool]:
     back = _leaving(free, (x0 - behind_m * cos0, y0 - behind_m * sin0, z), reach)
     far = reach + max(abs(ahead_m), abs(behind_m)) + 1e-6
 
-    def valid(state: Any) -> bool:
-        x, y = state.getX(), state.getY()
-        if free.clearance(x, y, z) > far:  # wherever it points
+    def fits(x: float, y: float, yaw: float) -> bool:
+        if free.clearance(x, y, z) > far:
             return True
-        yaw = state.getYaw()
         cos, sin = math.cos(yaw), math.sin(yaw)
         return front(x + ahead_m * cos, y + ahead_m * sin, z) and back(
             x - behind_m * cos, y - behind_m * sin, z
         )
 
-    return valid
+    return Fits(fits, far)
 
 
 def _place(state: Any, position: Point, heading_rad: float) -> None:
@@ -338,7 +385,7 @@ def spaced(fine: Floats) -> Floats:
     for first, last in pairwise([0, *cusps.tolist(), len(x) - 1]):
         along = np.zeros(last - first + 1)
         length[first:last].cumsum(out=along[1:])
-        count = max(1, math.ceil(along[-1] / _SPACING_M))
+        count = max(1, math.ceil(along[-1] / SPACING_M))
         at = along[-1] * np.arange(1, count + 1) / count
         leg = slice(first, last + 1)
         parts.append(np.array([np.interp(at, along, x[leg]), np.interp(at, along, y[leg])]).T)

@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import math
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
+from ompl import base
 
 from koord.runtime.motion.arrays import Floats
 from koord.runtime.motion.bodies import Body, Car, Drone, IdealBody, PlannerName
+from koord.runtime.motion.curves import SPACING_M, Curve, is_free
+from koord.runtime.motion.curves import points as points_of
 from koord.runtime.motion.field import field
 from koord.runtime.motion.geometry import wrapped
 from koord.runtime.motion.planners import planner
 from koord.runtime.motion.planning import PlanningEffort, Pose, suits
-from koord.runtime.motion.rrt import MARGIN_M, car_fits, spaced
+from koord.runtime.motion.rrt import MARGIN_M, CurvePlanner, car_fits, spaced
 from koord.runtime.motion.world import Box, World
 from tests.runtime.motion.worlds import CLUTTERED, EMPTY, places
 
@@ -157,8 +160,7 @@ def test_a_car_fits_where_both_of_its_discs_do() -> None:
             free.clearance(x + at * math.cos(yaw), y + at * math.sin(yaw), 0.0)
             for at in (CAR.middle_m + half, CAR.middle_m - half)
         ]
-        state = SimpleNamespace(getX=lambda x=x: x, getY=lambda y=y: y, getYaw=lambda yaw=yaw: yaw)
-        answers.append(fits(state))
+        answers.append(fits.at(x, y, yaw))
         assert answers[-1] == (min(discs) > reach)
     assert 200 < sum(answers) < 1800
 
@@ -176,3 +178,99 @@ def test_a_goal_where_the_robot_is_needs_no_tree() -> None:
     path = planner(PlannerName.RRT_CAR, EMPTY, CAR).plan(Pose((1, 1, 0)), (1, 1, 0), 1)
     assert path is not None
     assert path.tolist() == [[1, 1, 0], [1, 1, 0]]
+
+
+@pytest.mark.parametrize("name", CARS)
+def test_a_car_takes_the_shortest_curve_where_it_is_free(
+    name: PlannerName, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made, goal = planner(name, EMPTY, CAR), (0.3, 1.4, 0.0)
+    monkeypatch.setattr(CurvePlanner, "_grown", lambda *_: pytest.fail("a tree was grown"))
+    paths = [made.plan(Pose((0, 0, 0), 0.2), goal, seed) for seed in (1, 2)]
+    assert paths[0] is not None
+    assert paths[1] is not None
+    assert np.array_equal(paths[0], paths[1])
+    length = np.linalg.norm(np.diff(paths[0], axis=0), axis=1)
+    assert length.max() <= SPACING_M + 1e-9
+    space = base.ReedsSheppStateSpace(CAR.turning_m * 1.15)
+    begin, end = space.allocState(), space.allocState()
+    for state, (x, y, yaw) in ((begin, (0.0, 0.0, 0.2)), (end, (*goal[:2], 0.0))):
+        state.setX(x)
+        state.setY(y)
+        state.setYaw(yaw)
+    shortest = math.inf
+    for k in range(12):
+        end.setYaw(math.remainder(math.tau * k / 12, math.tau))
+        shortest = min(shortest, space.distance(begin, end))
+    assert shortest * 0.99 < length.sum() <= shortest + 1e-9
+
+
+def test_a_car_does_not_take_a_curve_through_what_is_in_the_way() -> None:
+    """Nor the way round it, if it goes on improving, only because that is free as well."""
+    world = World(obstacles=(Box((0.9, -0.2, 0.0), (1.0, 0.2, 1.0)),))
+    made = planner(PlannerName.RRT_CAR, world, CAR, FEW)
+    free = field(world, flat=True)
+    path = made.plan(Pose((0, 0, 0)), (2.2, 0, 0), 1)
+    assert path is not None
+    assert free.path_free(path, CAR.width_m / 2)
+    start, goal = Pose((0.0, 0.0, 0.0)), (2.2, 0.0, 0.0)
+    assert isinstance(made, CurvePlanner)
+    assert replace(made, optimal=True)._direct(free, start, goal, 0.0) is None
+
+
+ONE = 0.8
+"""The radius of the arcs of curves below, in m."""
+
+
+def curve(*pieces: tuple[float, int]) -> Curve:
+    """A curve along an arc: of each piece its length, and whether it is driven forwards."""
+    length = sum(piece for piece, _ in pieces)
+
+    def at(share: float) -> tuple[float, float, float]:
+        left, angle = share * length, 0.0
+        for piece, way in pieces:
+            angle += way * min(left, piece) / ONE
+            left -= min(left, piece)
+        return ONE * math.sin(angle), ONE * (1 - math.cos(angle)), angle
+
+    return Curve(length, ONE, at)
+
+
+@pytest.mark.parametrize(
+    "pieces",
+    [
+        [(1.0, 1)],
+        [(0.4, 1), (0.3, -1)],
+        [(0.3, 1), (0.3, -1)],  # where it turns about is a point that is looked at
+        [(0.5, -1), (0.02, 1), (0.4, -1)],  # twice between two of those
+        [(0.013, -1), (0.9, 1), (0.004, -1)],
+    ],
+)
+def test_a_car_turns_about_at_points_of_its_path(pieces: list[tuple[float, int]]) -> None:
+    made = curve(*pieces)
+    path, along, corners = points_of(made), 0.0, []
+    for piece, _ in pieces:
+        corners.append(made.at(along / made.length_m)[:2])
+        along += piece
+    for corner in [*corners, made.at(1.0)[:2]]:
+        assert np.linalg.norm(path - corner, axis=1).min() < 1e-3
+    length = np.linalg.norm(np.diff(path, axis=0), axis=1)
+    assert length.max() <= SPACING_M
+    assert length.sum() == pytest.approx(made.length_m, rel=0.01)
+
+
+def test_a_curve_is_looked_at_no_further_apart_than_is_sure() -> None:
+    straight = Curve(2.0, ONE, lambda share: (2 * share, 0.0, 0.0))
+    seen: list[float] = []
+
+    def spare(state: tuple[float, float, float]) -> float:
+        seen.append(state[0])
+        return max(0.0, 0.7 - state[0])
+
+    assert is_free(straight, spare)
+    gaps = np.diff(seen)
+    assert gaps[0] == pytest.approx(0.7)
+    assert gaps[1:].max() <= 0.05 + 1e-9
+    assert seen[-1] == 2.0
+    assert not is_free(straight, lambda state: -1.0 if 1.2 < state[0] < 1.3 else 0.0)
+    assert not is_free(straight, lambda state: -1.0 if state[0] > 1.99 else 0.0)
