@@ -543,6 +543,27 @@ VERIFY = (
         (RACES,),
     ),
     Mutant(
+        "behind all answers of a race somebody is begun",
+        "verify.strategy.race._Beside.look",
+        "self._end_behind(place + 1)",
+        "pass",
+        (RACES,),
+    ),
+    Mutant(
+        "writers of different things count as writers of the same",
+        "verify.engines.explicit.commits.Commits._orders",
+        "first.setdefault(writes[position], position)",
+        "first.setdefault(writes[position] % 2, position)",
+        ("tests/verify/engines/explicit/test_commits.py",),
+    ),
+    Mutant(
+        "what is missing in other samples is missing in these",
+        "verify.engines.every_n.disjunctions.Samples._smallest",
+        "(without, most, tuple(open_))",
+        "(most, tuple(open_))",
+        ("tests/verify/engines/every_n/test_disjunctions.py",),
+    ),
+    Mutant(
         "losers of a race go on",
         "verify.strategy.race.RaceTurn.work",
         "self.pool.drop(job)",

@@ -2,14 +2,15 @@
 
 A context takes 17 MB, all of which Z3 writes to at once: that takes ten times as long as the rest
 of what makes one, or more where a machine has to find the memory. One that has the memory of
-another takes a millisecond.
+another takes a millisecond. Processes that are forked are given some that are made and not used:
+of their memory each writes to a small part.
 """
 
 from __future__ import annotations
 
 import gc
 from collections.abc import Callable
-from typing import TypeVar
+from typing import TypeVar, cast
 from weakref import WeakSet
 
 from koord.verify.job_process import depth
@@ -22,8 +23,27 @@ _FEW = 2
 _there: WeakSet[object] = WeakSet()
 _made_since = 0
 
+#: Contexts that were made ahead, and what made the last one.
+_ahead: list[object] = []
+_maker: Callable[[], object] | None = None
+
 
 def new_context(make: Callable[[], C]) -> C:
+    """Return a context that was made ahead, or make one."""
+    global _maker
+    if _ahead and _maker is make:
+        return cast("C", _ahead.pop())
+    _maker = make
+    return _made(make)
+
+
+def make_ahead() -> None:
+    """Make what each process that is forked from now on needs, if this one needed any."""
+    if _maker is not None:
+        _ahead.extend(_made(_maker) for _ in range(_FEW - len(_ahead)))
+
+
+def _made(make: Callable[[], C]) -> C:
     """Make a context, in the memory of one that nobody needs any more if there may be such.
 
     What questions are made of refers to itself, so that Python's garbage collector has to find it.

@@ -17,6 +17,7 @@ from msgspec import Struct, field
 
 from koord.syntax.budget import OutOfBudgetError
 from koord.verify.claims import Claim
+from koord.verify.encoding.contexts import make_ahead
 from koord.verify.job_process import JobChannel
 from koord.verify.ledger import Extract, Ledger, reach_of
 from koord.verify.obstacles import Failure
@@ -74,6 +75,8 @@ class RaceTurn(Struct, frozen=True):
         first = tuple(filter(self._is_open, self.first))
         beside = tuple(filter(self._is_open, self.beside))
         groups = [runners for runners in (first, *((each,) for each in beside)) if runners]
+        if can_fork():
+            make_ahead()
         jobs = {
             runners: self._started(known, claims, runners, PastVerification())
             for runners in self._in_turn(groups, first)
@@ -224,19 +227,35 @@ class _Beside(Struct):
     wanted: Callable[[Ledger], bool]
     pool: Pool
     leaves_core: bool = False  #: for other work, which was begun
+    seen: set[int] = field(default_factory=set)  #: those who are done, and were looked at
+    ends: int | None = None  #: so many of them are asked at most
 
     def look(self) -> None:
-        """See who is done; once they have answers, nobody behind them is asked."""
+        """See who is done. Behind one who has all answers nobody is asked, before that some are."""
         while len(self.said) <= len(self.jobs) and self.jobs[len(self.said) - 1].is_done:
-            before, job = self.said[-1], self.jobs[len(self.said) - 1]
-            said = before.of(before.open(), _unheard)
-            if job.found is not None:
-                said.take(job.found)
+            said = self._and_by(self.said[-1], self.jobs[len(self.said) - 1])
             self.said.append(said)
             if not self.wanted(said):
-                for behind in self.jobs[len(self.said) - 1 :]:
-                    self.pool.drop(behind)
+                self._end_behind(len(self.said) - 1)
                 return
+        for place, job in enumerate(self.jobs[: self.ends]):
+            if job.is_done and place not in self.seen:
+                self.seen.add(place)
+                if not self.wanted(self._and_by(self.said[0], job)):
+                    self._end_behind(place + 1)
+                    return
+
+    def _and_by(self, before: Ledger, job: Job[Extract]) -> Ledger:
+        """What is said with the answer of a job."""
+        said = before.of(before.open(), _unheard)
+        if job.found is not None:
+            said.take(job.found)
+        return said
+
+    def _end_behind(self, place: int) -> None:
+        for behind in self.jobs[place : self.ends]:
+            self.pool.drop(behind)
+        self.ends = place
 
     def worked(self, job: Job[Extract]) -> int:
         """The work of a job and of those before it."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from enum import Enum
-from typing import Protocol, TypeAlias
+from typing import TYPE_CHECKING, Protocol, TypeAlias
 
 from msgspec import Struct
 
@@ -17,6 +17,9 @@ from koord.verify.engines.engine import Purpose, Task, Workers
 from koord.verify.engines.every_n.candidates import FEW
 from koord.verify.engines.explicit.limits import FEW_EDGES, FEW_STATES, HANDFUL
 from koord.verify.ledger import Ledger
+
+if TYPE_CHECKING:
+    from koord.syntax.system import System
 
 #: How many questions IC3 may ask where other engines wait for their turn.
 FEW_QUESTIONS = 30_000
@@ -47,10 +50,21 @@ class AskEngine(Struct, frozen=True):
     task: Task = Task()
     quick: bool = False  #: it seldom takes longer than a process takes to start
     fleet: Fleet = Fleet.ANY  #: of what the system has to be for it
+    endless: bool = False  #: only where inputs have infinitely many values, as no search is there
     named: bool = False  #: only where claims are named, and about those alone
     again: Task | None = None  #: instead, where it proved the same of a program like this one
     #: values that merely flow are left out for it, and lemmas are given (of whole runs)
     opaque: bool = False
+
+    def suits(self, system: System) -> bool:
+        """Return whether the row is for such a system."""
+        if not self.fleet.has(system.robots):
+            return False
+        if not self.endless:
+            return True
+        from koord.verify.engines.explicit.finiteness import not_finite
+
+        return not_finite(system, ()) is not None
 
 
 class AskOnSlices(Struct, frozen=True):
@@ -132,7 +146,7 @@ _LEMMAS_SOON = Task(Purpose.INFER, seconds=0.05, evaluations=10_000, candidates=
 
 #: All of that is waited for only as long as it may be seen in the end: `auto` is to take at most so
 #: many times what an engine alone takes, and some tenths of a second.
-_RULE = Patience(times=1.3, steps=6_000)
+_RULE = Patience(times=1.3, steps=6_500)
 
 #: What takes some seconds: lemmas of some ten questions.
 _OF_SOME_SECONDS = 200_000
@@ -143,6 +157,9 @@ _SHORT_SEARCH = Task(states=FEW_STATES, evaluations=120_000)
 #: Circuits that are small, and have an invariant in about a second: what a search of some seconds
 #: would find behind them.
 _SHORT_CIRCUITS = Task(questions=5_500, evaluations=4_000)
+
+#: The first rounds, where no search has looked at them.
+_SHORT_ROUNDS = Task(seconds=0.2, rounds=4, evaluations=6_000)
 
 #: Bounded model checking, as far as it gets in so many seconds.
 _FIRST_ROUNDS = AskEngine(Engine.BMC, Task(seconds=3.0))
@@ -188,7 +205,7 @@ _ALL_ENGINES: Rows = (
         beside=(
             AskEngine(Engine.INDUCTION, Task(seconds=0.5, rounds=1)),
             AskEngine(Engine.SEARCH, Task(states=HANDFUL, evaluations=9_000)),
-            AskEngine(Engine.BMC, Task(seconds=0.2, rounds=4, evaluations=6_000)),
+            AskEngine(Engine.BMC, _SHORT_ROUNDS, endless=True),
             AskEngine(Engine.BITS, _SHORT_CIRCUITS, fleet=Fleet.FEW),
             AskEngine(Engine.SEARCH, _SHORT_SEARCH, fleet=Fleet.FEW),
             AskEngine(Engine.BMC, Task(seconds=0.5, rounds=8)),

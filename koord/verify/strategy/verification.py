@@ -310,10 +310,9 @@ class _Verification(Struct, frozen=True):
         asked = ledger.open()
         names = self._names_of_states()
         stage = "plain" if slices is None else "slice"
-        robots = self.system.robots
         workers = Workers(self.pool)
         again = self.steps.past.speaks_for_every_n([claim.name for claim in claims])
-        asking = _Asking(self.pool, names, self.steps, workers, slices, stage, robots, again)
+        asking = _Asking(self.pool, names, self.steps, workers, slices, stage, self.system, again)
         unroller = asking.workers.tools.unroller
         with ledger.stopping():
             suspected = known.suspected if known is not None else None
@@ -609,7 +608,7 @@ class _Asking(Struct, frozen=True):
     workers: Workers
     slices: Slices | None
     stage: str
-    robots: int
+    system: System
     again: bool  #: whether such claims were proved for every number of robots before
 
     def turns(self, rows: Rows) -> Iterator[AnyTurn]:
@@ -620,8 +619,7 @@ class _Asking(Struct, frozen=True):
                     task = row.again if self.again and row.again is not None else row.task
                     if row.named:
                         task = replace(task, named=self.names)
-                    suits = row.fleet.has(self.robots)
-                    if suits and (self.names or not row.named):
+                    if row.suits(self.system) and (self.names or not row.named):
                         yield EngineTurn(row.engine, task, self.workers, row.quick)
                 case AskOnSlices():
                     if self.slices is not None:

@@ -19,6 +19,10 @@ class Knot:
         self.context = contexts.new_context(z3.Context)
 
 
+class Bare:
+    """What is no context of Z3."""
+
+
 @pytest.fixture(autouse=True)
 def uncollected() -> Iterator[None]:
     """Let nothing be collected unless somebody asks for it."""
@@ -52,3 +56,28 @@ def test_contexts_that_are_needed_stay(monkeypatch: pytest.MonkeyPatch) -> None:
     kept = [Knot() for _ in range(6)]
     assert len({id(each.context) for each in kept}) == 6
     assert {each.context for each in kept} <= set(contexts._there)
+
+
+def test_processes_that_are_forked_have_what_was_made_ahead(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(contexts, "_ahead", [])
+    monkeypatch.setattr(contexts, "_maker", None)
+    contexts.make_ahead()
+    assert contexts._ahead == []  # nobody needed one so far
+    first = contexts.new_context(z3.Context)
+    contexts.make_ahead()
+    contexts.make_ahead()
+    ahead = list(contexts._ahead)
+    assert len(ahead) == 2
+    taken = [contexts.new_context(z3.Context) for _ in range(3)]
+    assert {id(each) for each in taken[:2]} == {id(each) for each in ahead}
+    assert len({id(each) for each in (first, *taken)}) == 4
+
+
+def test_what_was_made_ahead_is_for_who_makes_it_alike(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(contexts, "_ahead", [])
+    monkeypatch.setattr(contexts, "_maker", None)
+    contexts.new_context(z3.Context)
+    contexts.make_ahead()
+    assert isinstance(contexts.new_context(Bare), Bare)

@@ -12,6 +12,7 @@ import pytest
 from msgspec.structs import replace
 
 from koord.syntax.system import System, dealt
+from koord.verify import processes
 from koord.verify.claims import claims_of
 from koord.verify.effort import Deadline
 from koord.verify.engine_names import Engine
@@ -427,6 +428,38 @@ def test_other_work_is_begun_as_soon_as_one_alone_is_waited_for(
     assert len(calls) == 1
 
 
+def test_behind_all_answers_nobody_is_begun(
+    system: System, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whose answers count first is still at work, until the process of the other is gone."""
+    gate, begun = tmp_path / "gate", list[int]()
+    os.mkfifo(gate)
+    begin = processes._begin
+
+    def begins(job: processes.Job[object]) -> None:
+        begun.append(1)
+        begin(job)
+
+    monkeypatch.setattr(processes, "_begin", begins)
+    open_: list[int] = []
+
+    def slow(ledger: Ledger) -> None:
+        gate.read_bytes()
+
+    def everything(ledger: Ledger) -> None:
+        open_.append(os.open(gate, os.O_WRONLY))
+        working((1_000, EVERYTHING), engine=Engine.SEARCH)(ledger)
+
+    found = raced(
+        system,
+        [lambda ledger: None],
+        [slow, everything, lambda ledger: None],
+        patience=TWICE,
+    )
+    assert set(engines(found).values()) == {Engine.SEARCH}
+    assert len(begun) == 3
+
+
 def test_of_what_is_violated_nobody_is_waited_for(system: System) -> None:
     def hanging(ledger: Ledger) -> None:
         working((10, ["Alone", "Few", "no fault"]), engine=Engine.EVERY_N)(ledger)
@@ -508,6 +541,14 @@ def test_rows_are_for_fleets() -> None:
     assert (Fleet.MANY.has(few), Fleet.MANY.has(many)) == (False, True)
     assert Fleet.ANY.has(few)
     assert Fleet.ANY.has(many)
+
+
+def test_rows_are_for_inputs_without_end(system: System) -> None:
+    row = AskEngine(Engine.BMC, endless=True)
+    sensed = "using Motion:\n    sensors:\n        float level\nRead:\n    eff: pass\n"
+    assert not row.suits(system)
+    assert row.suits(dealt(program_of(sensed), 2))
+    assert AskEngine(Engine.BMC).suits(system)
 
 
 def test_circuits_are_asked_to_the_end_before_a_long_search() -> None:

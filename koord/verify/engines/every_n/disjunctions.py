@@ -12,7 +12,7 @@ from functools import cache
 from itertools import combinations
 from typing import TypeAlias
 
-from msgspec import Struct
+from msgspec import Struct, field
 
 from koord.syntax import core
 from koord.syntax.budget import ENDLESS, Budget
@@ -77,6 +77,7 @@ class Samples(Struct):
     language: Language
     bits: list[int]
     full: int
+    known: dict[tuple[int, int, tuple[int, ...]], list[Disjunction]] = field(default_factory=dict)
 
     @staticmethod
     def of(
@@ -130,7 +131,18 @@ class Samples(Struct):
     def _smallest(
         self, without: int, open_: Sequence[int], most: int, budget: Budget
     ) -> list[Disjunction]:
-        """The smallest disjunctions of some literals that hold in some samples."""
+        """The smallest disjunctions of some literals that hold in some samples.
+
+        Of many an element of an array the same is false: what is said then is known.
+        """
+        asked = without, most, tuple(open_)
+        if asked not in self.known:
+            self.known[asked] = self._looked_for(without, open_, most, budget)
+        return self.known[asked]
+
+    def _looked_for(
+        self, without: int, open_: Sequence[int], most: int, budget: Budget
+    ) -> list[Disjunction]:
         budget.spend(1 + len(open_) ** most // _PER_STEP)
         lacks = {n: without & ~self.bits[n] for n in open_}
         found: dict[Disjunction, None] = {(n,): None for n in open_ if not lacks[n]}

@@ -103,11 +103,8 @@ class Search(Struct):
         found: set[Disjunction] = set()
         rows = self.language.rows(here)
         for row in rows if most <= USUAL else islice(rows, _FEW_ROWS):
-            found.update(
-                canonical(self.language, x)
-                for x in self.samples.against(here, row, self.budget, most)
-            )
-        return self.sorted_(found)
+            found.update(self.samples.against(here, row, self.budget, most))
+        return self.sorted_({canonical(self.language, x) for x in found})
 
     def on_the_ring(self, here: Snapshot) -> list[Disjunction]:
         """The same about three robots of a ring, one of which stands between the others."""

@@ -130,10 +130,14 @@ class Commits:
         for _ in component:
             further: dict[tuple[frozenset[int], Shared], tuple[int, ...]] = {}
             for (done, now), order in reached.items():
+                # Whoever writes the same comes by number: any other order ends in the same store.
+                first: dict[int, int] = {}
                 for position in component:
                     if position not in done:
-                        after = self._commit(now, writes[position])
-                        further.setdefault((done | {position}, after), (*order, position))
+                        first.setdefault(writes[position], position)
+                for position in first.values():
+                    after = self._commit(now, writes[position])
+                    further.setdefault((done | {position}, after), (*order, position))
             reached = further
         return [StoreOutcome(after, order) for (_, after), order in reached.items()]
 

@@ -277,9 +277,11 @@ class _Step:
         """The reasons why claims fail at a moment, case by case, for all that one step breaks."""
         solver = self._unrolling.solver
         whole = [*extra, violated]
-        if solver.check(whole, deadline, self._effort, at_most=FIRST_TRY) is SolverAnswer.UNSAT:
+        first = solver.check(whole, deadline, self._effort, at_most=FIRST_TRY)
+        if first is SolverAnswer.UNSAT:
             return {}
-        for case in cases(self._d, violated):
+        parts = [violated] if first is SolverAnswer.SAT else cases(self._d, violated)
+        for case in parts:
             answer = solver.check([*extra, case], deadline, self._effort)
             if answer is SolverAnswer.UNKNOWN:
                 return {claim: "timeout" if deadline.is_near() else "too much for the solver"}

@@ -7,7 +7,7 @@ from itertools import combinations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from koord.syntax.budget import ENDLESS
+from koord.syntax.budget import ENDLESS, Budget
 from koord.verify.engines.every_n.disjunctions import Disjunction, Samples
 from koord.verify.engines.every_n.language import Language
 from tests.loading import program_of, protocol_text
@@ -44,3 +44,19 @@ def test_they_are_the_smallest(rows: list[int], literals: set[int], most: int) -
     found = samples._smallest(samples.full, open_, most, ENDLESS)
     assert len(found) == len(set(found))
     assert set(found) == smallest(rows, open_, most)
+
+
+def test_what_is_false_again_is_known() -> None:
+    """Of each of ten elements of an array the same is false: it is looked for once."""
+    spent: list[int] = []
+    budget, literals = Budget(lambda: False, heard=spent.append), list(range(LITERALS))
+    samples = samples_of([0b000111, 0b111000, 0b010101])
+
+    def found(without: int, most: int, times: int = 200) -> list[Disjunction]:
+        return [samples._smallest(without, literals, most, budget) for _ in range(times)][-1]
+
+    whole = found(samples.full, 3)
+    assert not spent
+    assert set(whole) == smallest([0b000111, 0b111000, 0b010101], literals, 3)
+    assert set(found(samples.full, 2)) == smallest([0b000111, 0b111000, 0b010101], literals, 2)
+    assert set(found(samples.full & 0b11, 3)) == smallest([0b000111, 0b111000], literals, 3)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from importlib import import_module
 from itertools import permutations
 
 import pytest
@@ -85,6 +86,14 @@ def test_the_claims_hold_before_and_one_breaks_at_the_end(
     for configuration in step.configurations[:-1]:
         assert not any(breaks(system, claim, configuration) for claim in stated)
     assert any(breaks(system, c, step.configurations[-1]) for c in stated if c.name == name)
+
+
+def test_what_the_solver_answers_at_once_is_not_split(monkeypatch: pytest.MonkeyPatch) -> None:
+    def split(*given: object) -> None:
+        pytest.fail("nobody asks for cases")
+
+    monkeypatch.setattr(import_module(prove.__module__), "cases", split)
+    assert step_of(dealt(racing(), 2), "Distinct", 1).phase is ClaimPhase.MIDDLE
 
 
 @pytest.mark.parametrize("program", [racing(), overwriting(), stale()], ids=lambda p: p.name)
