@@ -28,6 +28,7 @@ _SCRIPTS = (
     "glyphs",
     "ground",
     "side",
+    "crowd",
     "map",
     "timeline",
     "panels",

@@ -73,6 +73,17 @@ function drawRover(context, robot, unit, colour) {
 /** By the names of `Look`: how a robot is drawn, and whether its roll and pitch are recorded. */
 const GLYPHS = { car: { draw: drawCar }, drone: { draw: drawDrone, tilts: true }, rover: { draw: drawRover } };
 
+/** What the chosen robot stands on. */
+function drawHalo(context, x, y, radius) {
+  context.fillStyle = theme("--halo");
+  context.beginPath();
+  context.arc(x, y, radius, 0, 7);
+  context.fill();
+  context.strokeStyle = theme("--accent");
+  context.lineWidth = 1.5;
+  context.stroke();
+}
+
 function arrow(context, from, to, half) {
   context.beginPath();
   context.moveTo(to, 0);

@@ -6,21 +6,37 @@ class Ground {
     this.view = view; // says where things are on the screen
     this.picture = made("canvas"); // drawn once for each view
     this.key = "";
+    this.known = null; // its pixels, where they are wanted
   }
 
   draw(context, round, tasks) {
+    this.refresh(round, tasks);
+    context.drawImage(this.picture, 0, 0, this.view.width, this.view.height);
+  }
+
+  /** The same as pixels: {width, height, pixels}. */
+  read(round, tasks) {
+    if (this.refresh(round, tasks) || !this.known) {
+      const { width, height } = this.picture;
+      const { data } = this.picture.getContext("2d").getImageData(0, 0, width, height);
+      this.known = { width, height, pixels: new Uint32Array(data.buffer) };
+    }
+    return this.known;
+  }
+
+  /** Paint it if it has changed; whether it has. */
+  refresh(round, tasks) {
     const map = this.run.header.map;
     const cells = map ? this.run.shared[map.variable].at(round) : null;
     const known = cells ? JSON.stringify(cells) : "";
     const states = tasks.map((task) => `${task.state}${task.robot}`).join();
     const { scale, left, top, width, height, shown } = this.view;
-    const place = [scale, left, top, width, height, shown.side, shown.labels];
+    const place = [scale, left, top, width, height, shown.side, shown.labels, window.devicePixelRatio];
     const key = [place, states, known, document.documentElement.dataset.theme].join("|");
-    if (key !== this.key) {
-      this.key = key;
-      this.paint(fitted(this.picture, width, height), cells, tasks);
-    }
-    context.drawImage(this.picture, 0, 0, width, height);
+    if (key === this.key) return false;
+    this.key = key;
+    this.paint(fitted(this.picture, width, height, Boolean(this.view.crowd)), cells, tasks);
+    return true;
   }
 
   paint(pen, cells, tasks) {

@@ -14,6 +14,7 @@ class Page {
     this.isDirty = true;
     this.drawn = 0; // frames so far
     this.panelsAt = 0;
+    this.clock = ""; // what it says
     this.map = new WorldMap(run, byId("map"));
     this.timeline = new Timeline(run, byId("timeline"));
     this.panels = new Panels(run, this);
@@ -89,7 +90,7 @@ class Page {
   changedTheme() {
     themed.clear();
     hatching = null;
-    this.map.sprites.clear();
+    this.map.forget();
     this.map.ground.key = "";
     this.fillEvents();
     this.panels.paintIcons();
@@ -141,7 +142,9 @@ class Page {
 
   paintClock() {
     const { run, round } = this, number = run.rounds ? run.roundNumbers[round] : 0;
-    byId("clock").innerHTML = `<b>${clock(this.time)}</b> / ${clock(run.duration)} · round ${Math.max(number, 0)}`;
+    const words = `<b>${clock(this.time)}</b> / ${clock(run.duration)} · round ${Math.max(number, 0)}`;
+    if (words === this.clock) return; // a frame need not change the document
+    byId("clock").innerHTML = this.clock = words;
     const box = byId("timeline");
     box.setAttribute("aria-valuenow", this.time.toFixed(1));
     box.setAttribute("aria-valuemax", run.duration.toFixed(1));

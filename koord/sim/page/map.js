@@ -4,7 +4,6 @@ const TRAIL_S = 8; // how far back trails reach
 const FEW = 16; // of more robots only the chosen one's height is told
 const MANY = 60; // of more robots only the chosen one is labelled
 const CROWD = 200; // more robots are drawn more plainly, to be quick
-const TURNS = 64; // a crowd has so many headings
 const LAYERS = [
   ["trails", "Trails"], ["paths", "Paths"], ["safety", "Safety discs"], ["labels", "Labels"], ["side", "Side view"],
 ];
@@ -20,6 +19,9 @@ class WorldMap {
     this.top = 0;
     this.isFitted = true; // until it is moved
     this.ground = new Ground(run, this);
+    this.crowd = run.count > CROWD ? new Crowd(this) : null;
+    this.near = new Uint8Array(run.count); // whether a robot is too near to another
+    this.order = Uint32Array.from(run.robots, (_, k) => k); // of robots, from left to right
     this.sprites = new Map();
     this.spriteScale = 0;
     this.resize();
@@ -89,25 +91,44 @@ class WorldMap {
     const tasks = run.tasksAt(time);
     const round = run.roundAt(time);
     run.posesAt(time, this.now);
-    this.ground.draw(context, round, tasks);
+    this.rescale();
+    if (this.crowd) this.crowd.draw(context, this.ground.read(round, tasks), time, chosen);
+    else this.ground.draw(context, round, tasks);
     context.save();
     context.beginPath();
     context.rect(0, 0, this.width, this.planHeight);
     context.clip();
     if (this.shown.paths) this.drawPaths(context, time, chosen);
-    if (this.shown.trails) this.drawTrails(context, time, chosen);
-    this.drawShadows(context);
-    if (this.shown.safety && run.header.safety > 0) this.drawSafety(context);
-    this.drawRobots(context, chosen);
+    if (!this.crowd) {
+      if (this.shown.trails) this.drawTrails(context, time);
+      this.drawShadows(context);
+      if (this.shown.safety && run.header.safety > 0) this.drawSafety(context);
+      if (chosen >= 0) this.drawHalo(context, chosen);
+    }
+    this.drawRobots(context);
+    if (this.shown.labels) this.drawLabels(context, chosen);
     this.drawViolations(context, time);
     context.restore();
     if (this.shown.side) drawSide(context, this, time, tasks, chosen);
   }
 
+  /** Pictures are made for one scale. */
+  rescale() {
+    const ratio = window.devicePixelRatio || 1;
+    if (this.spriteScale !== this.scale * ratio) this.forget();
+    this.spriteScale = this.scale * ratio;
+  }
+
+  /** All pictures of robots are made again. */
+  forget() {
+    this.sprites.clear();
+    this.crowd?.forget();
+  }
+
   // --- what moves -------------------------------------------------------------------------------
 
   drawPaths(context, time, chosen) {
-    const few = this.run.count <= 200;
+    const few = this.run.count <= CROWD;
     context.lineWidth = 1.5;
     for (let robot = 0; robot < this.run.count; robot++) {
       if (!few && robot !== chosen) continue;
@@ -133,14 +154,13 @@ class WorldMap {
   }
 
   /** Trails in parts that fade; all of one colour at once, which is quick. */
-  drawTrails(context, time, chosen) {
+  drawTrails(context, time) {
     const { run } = this, robots = run.count;
-    const last = run.sampleAt(time), first = Math.max(run.sampleAt(time - TRAIL_S), 0);
+    const last = run.sampleAt(time), first = run.sampleAt(time - TRAIL_S);
     if (last <= first) return;
-    const points = Math.max(4, Math.min(40, Math.floor(6000 / robots)));
-    const parts = robots > CROWD ? [0.3] : [0.12, 0.25, 0.45];
+    const points = Math.min(40, Math.floor(6000 / robots)), parts = [0.12, 0.25, 0.45];
     const stride = Math.max(1, Math.ceil((last - first) / points));
-    context.lineWidth = robots > CROWD ? 1 : robots > MANY ? 1.2 : 2;
+    context.lineWidth = robots > MANY ? 1.2 : 2;
     context.lineJoin = "round";
     for (let part = 0; part < parts.length; part++) {
       const from = first + Math.floor(((last - first) * part) / parts.length);
@@ -192,14 +212,10 @@ class WorldMap {
   /** Discs of half the safety distance: robots are too near where two would meet, heights counted. */
   drawSafety(context) {
     const half = this.run.header.safety / 2, near = this.tooNear();
-    if (this.run.count > CROWD) {
-      this.stampSafety(context, half * this.scale, near);
-      return;
-    }
-    for (const bad of [false, true]) {
+    for (const bad of [0, 1]) {
       context.beginPath();
       for (let robot = 0; robot < this.run.count; robot++) {
-        if (near.has(robot) !== bad) continue;
+        if (near[robot] !== bad) continue;
         const x = this.x(this.now[4 * robot]), y = this.y(this.now[4 * robot + 1]);
         context.moveTo(x + half * this.scale, y);
         context.arc(x, y, half * this.scale, 0, 7);
@@ -212,103 +228,70 @@ class WorldMap {
     context.globalAlpha = 1;
   }
 
-  /** The same disc for all of a crowd, drawn once. */
-  stampSafety(context, radius, near) {
-    const half = Math.ceil(radius + 3);
-    const discs = [false, true].map((bad) => this.picture(`disc ${bad}`, half, (pen) => {
-      pen.strokeStyle = theme(bad ? "--bad" : "--faint");
-      pen.lineWidth = bad ? 3 : 1;
-      pen.globalAlpha = bad ? 1 : 0.7;
-      pen.arc(0, 0, radius, 0, 7);
-      pen.stroke();
-    }));
-    for (let robot = 0; robot < this.run.count; robot++) {
-      const disc = discs[Number(near.has(robot))];
-      this.stamp(context, disc, half, this.x(this.now[4 * robot]), this.y(this.now[4 * robot + 1]));
+  /** For each robot: 1 if it is nearer to another than the safety distance. A sweep to the right. */
+  tooNear() {
+    const { now, near, order } = this, apart = this.run.header.safety, robots = this.run.count;
+    near.fill(0);
+    // The order is nearly that of the last frame.
+    for (let k = 1; k < robots; k++) {
+      const robot = order[k], x = now[4 * robot];
+      let to = k;
+      for (; to > 0 && now[4 * order[to - 1]] > x; to--) order[to] = order[to - 1];
+      order[to] = robot;
     }
+    for (let k = 0; k < robots; k++) {
+      const one = order[k], a = 4 * one;
+      for (let m = k + 1; m < robots; m++) {
+        const b = 4 * order[m], dx = now[b] - now[a];
+        if (dx >= apart) break;
+        const dy = now[b + 1] - now[a + 1];
+        if (dy >= apart || dy <= -apart) continue;
+        const dz = now[b + 2] - now[a + 2];
+        if (dx * dx + dy * dy + dz * dz < apart * apart - 1e-4) near[one] = near[order[m]] = 1;
+      }
+    }
+    return near;
   }
 
-  /** A picture that is drawn once for each scale. */
-  picture(key, half, draw) {
-    if (!this.sprites.has(key)) this.sprites.set(key, drawnOnce(half, draw));
+  /** Robots one by one; of a crowd those that are large on the screen. */
+  drawRobots(context) {
+    const ratio = window.devicePixelRatio || 1, { now, run } = this;
+    for (let robot = 0; robot < run.count; robot++) {
+      if (this.crowd && !this.crowd.isLarge(robot)) continue;
+      const { half } = this.sizeOf(run.robots[robot]), middle = run.robots[robot].middle;
+      const yaw = now[4 * robot + 3], cos = Math.cos(yaw), sin = Math.sin(yaw);
+      const x = this.x(now[4 * robot] + cos * middle), y = this.y(now[4 * robot + 1] + sin * middle);
+      if (x < -half || y < -half || x > this.width + half || y > this.planHeight + half) continue;
+      context.setTransform(cos * ratio, -sin * ratio, sin * ratio, cos * ratio, x * ratio, y * ratio);
+      context.drawImage(this.spriteOf(robot), -half, -half, 2 * half, 2 * half);
+    }
+    context.setTransform(ratio, 0, 0, ratio, 0, 0);
+  }
+
+  /** The picture of a robot that points along x. */
+  spriteOf(robot) {
+    const look = this.run.robots[robot];
+    const key = `${look.device} ${look.look} ${look.radius} ${robot % HUES.length}`;
+    if (!this.sprites.has(key)) {
+      const { half, unit } = this.sizeOf(look);
+      this.sprites.set(key, drawnOnce(half, (pen) => drawRobot(pen, look, unit, colourOf(robot))));
+    }
     return this.sprites.get(key);
   }
 
-  /** A small picture about a point, on whole pixels, which is quick. */
-  stamp(context, picture, half, x, y) {
-    if (x < -half || y < -half || x > this.width + half || y > this.planHeight + half) return;
-    context.drawImage(picture, Math.round(x - half), Math.round(y - half), 2 * half, 2 * half);
-  }
-
-  /** Robots that are nearer to another than the safety distance; from left to right, as a sweep. */
-  tooNear() {
-    const { now } = this, apart = this.run.header.safety, found = new Set();
-    const order = Array.from({ length: this.run.count }, (_, k) => k);
-    order.sort((a, b) => now[4 * a] - now[4 * b]);
-    for (let k = 0; k < order.length; k++) {
-      const a = 4 * order[k];
-      for (let m = k + 1; m < order.length; m++) {
-        const b = 4 * order[m], dx = now[b] - now[a];
-        if (dx >= apart) break;
-        const dy = now[b + 1] - now[a + 1], dz = now[b + 2] - now[a + 2];
-        if (dx * dx + dy * dy + dz * dz < apart * apart - 1e-4) found.add(order[k]).add(order[m]);
-      }
-    }
-    return found;
-  }
-
-  drawRobots(context, chosen) {
-    const ratio = window.devicePixelRatio || 1, { now, run } = this;
-    if (this.spriteScale !== this.scale * ratio) {
-      this.spriteScale = this.scale * ratio;
-      this.sprites.clear();
-    }
-    if (chosen >= 0) this.drawHalo(context, chosen);
-    for (let robot = 0; run.count > CROWD && robot < run.count; robot++) this.stampRobot(context, robot);
-    for (let robot = 0; run.count <= CROWD && robot < run.count; robot++) {
-      const { sprite, half, middle } = this.spriteOf(robot);
-      const yaw = now[4 * robot + 3], cos = Math.cos(yaw), sin = Math.sin(yaw);
-      const x = this.x(now[4 * robot] + cos * middle), y = this.y(now[4 * robot + 1] + sin * middle);
-      if (x < -50 || y < -50 || x > this.width + 50 || y > this.planHeight + 50) continue;
-      context.setTransform(cos * ratio, -sin * ratio, sin * ratio, cos * ratio, x * ratio, y * ratio);
-      context.drawImage(sprite, -half, -half, 2 * half, 2 * half);
-    }
-    context.setTransform(ratio, 0, 0, ratio, 0, 0);
-    if (this.shown.labels) this.drawLabels(context, chosen);
-  }
-
-  /** One of a crowd: its heading is one of a few, so that no picture need be turned. */
-  stampRobot(context, robot) {
-    const yaw = this.now[4 * robot + 3], turn = Math.round((yaw / (2 * Math.PI)) * TURNS) & (TURNS - 1);
-    const { sprite, half, middle } = this.spriteOf(robot, turn);
-    const x = this.x(this.now[4 * robot] + Math.cos(yaw) * middle);
-    this.stamp(context, sprite, half, x, this.y(this.now[4 * robot + 1] + Math.sin(yaw) * middle));
-  }
-
-  /** The picture of a robot that points along x, or by so many parts of a turn elsewhere. */
-  spriteOf(robot, turn = 0) {
-    const look = this.run.robots[robot];
-    const key = `${look.device} ${look.look} ${look.radius} ${robot % HUES.length} ${turn}`;
+  /** How many pixels a robot's picture reaches from its middle, and how many a metre has in it. */
+  sizeOf(look) {
     const extent = Math.max(look.radius * 1.25, look.length * 0.62);
     const unit = Math.max(this.scale, 3.2 / look.radius); // never too small to be seen
-    const half = Math.ceil(Math.min(extent * unit + 1, 400));
-    const sprite = this.picture(key, half, (pen) => {
-      pen.rotate((-turn / TURNS) * 2 * Math.PI);
-      drawRobot(pen, look, unit, colourOf(robot));
-    });
-    return { sprite, half, middle: look.middle };
+    return { half: Math.ceil(Math.min(extent * unit + 1, 400)), unit };
+  }
+
+  haloOf(robot) {
+    return Math.max(this.run.robots[robot].radius * this.scale, 8) + 5;
   }
 
   drawHalo(context, robot) {
-    const x = this.x(this.now[4 * robot]), y = this.y(this.now[4 * robot + 1]);
-    const r = Math.max(this.run.robots[robot].radius * this.scale, 8) + 5;
-    context.fillStyle = theme("--halo");
-    context.beginPath();
-    context.arc(x, y, r, 0, 7);
-    context.fill();
-    context.strokeStyle = theme("--accent");
-    context.lineWidth = 1.5;
-    context.stroke();
+    drawHalo(context, this.x(this.now[4 * robot]), this.y(this.now[4 * robot + 1]), this.haloOf(robot));
   }
 
   drawLabels(context, chosen) {
@@ -373,9 +356,8 @@ class WorldMap {
 
   /** Where to look: the place of a violation, or its robots at that time. */
   placesOf(violation) {
-    if (violation.place) return [[this.x(violation.place[0]), this.y(violation.place[1])]];
-    const then = this.run.posesAt(violation.time, new Float32Array(4 * this.run.count));
-    return violation.robots.map((robot) => [this.x(then[4 * robot]), this.y(then[4 * robot + 1])]);
+    violation.places ??= violation.place ? [violation.place] : this.run.placesOf(violation);
+    return violation.places.map(([x, y]) => [this.x(x), this.y(y)]);
   }
 }
 

@@ -161,6 +161,12 @@ class Run {
     return into;
   }
 
+  /** Where the robots of a violation were at its time. */
+  placesOf(violation) {
+    const then = this.posesAt(violation.time, new Float32Array(4 * this.count));
+    return violation.robots.map((robot) => [then[4 * robot], then[4 * robot + 1]]);
+  }
+
   /** How far a robot is tilted at a time: its roll and its pitch. */
   tiltOf(robot, time) {
     const at = this.tilting.indexOf(robot);

@@ -43,11 +43,15 @@ function drawSide(context, map, time, tasks, chosen) {
     const half = Math.max(map.run.robots[robot].radius * map.scale * 0.6, small ? 2 : 5);
     const thick = small ? 2 : 5;
     context.fillStyle = colourOf(robot);
-    context.save();
-    context.translate(x, y);
-    if (!small) context.rotate(map.run.tiltOf(robot, time)[1]);
-    context.fillRect(-half, -thick, 2 * half, thick);
-    context.restore();
+    if (small) {
+      context.fillRect(x - half, y - thick, 2 * half, thick);
+    } else {
+      context.save();
+      context.translate(x, y);
+      context.rotate(map.run.tiltOf(robot, time)[1]);
+      context.fillRect(-half, -thick, 2 * half, thick);
+      context.restore();
+    }
     if (robot === chosen) {
       context.strokeStyle = theme("--accent");
       context.lineWidth = 1.5;

@@ -90,7 +90,7 @@ class Timeline {
     pen.font = `${strong ? "600 " : ""}${Math.min(12, height + 3)}px system-ui, sans-serif`;
     pen.textAlign = "right";
     pen.fillStyle = theme(strong ? "--ink" : "--soft");
-    pen.fillText(text, LANE_LEFT - 8, top + height / 2 + 4);
+    pen.fillText(text, LANE_LEFT - 8, top + height / 2 + 4, LANE_LEFT - 12);
   }
 
   paint_axis(pen, top, height) {

@@ -110,15 +110,15 @@ function made(tag, attributes = {}, ...children) {
 
 const byId = (id) => document.getElementById(id);
 
-/** A canvas that is as sharp as the screen; its context in units of CSS pixels. */
-function fitted(canvas, width, height) {
+/** A canvas that is as sharp as the screen; its context in units of CSS pixels. `isRead`: often. */
+function fitted(canvas, width, height, isRead = false) {
   const ratio = window.devicePixelRatio || 1;
   const w = Math.max(1, Math.round(width * ratio)), h = Math.max(1, Math.round(height * ratio));
   if (canvas.width !== w || canvas.height !== h) {
     canvas.width = w;
     canvas.height = h;
   }
-  const context = canvas.getContext("2d");
+  const context = canvas.getContext("2d", { willReadFrequently: isRead });
   context.setTransform(ratio, 0, 0, ratio, 0, 0);
   return context;
 }
