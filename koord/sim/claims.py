@@ -38,6 +38,8 @@ class Watching:
         self._contracts = ContractMonitor(watch, watched.claims, len(classes))
         self._measured = [list(_measured(one)) for one in classes]
         self._next = 0
+        #: whether there are contracts, which the world has to keep at every tick
+        self.glances = any(map(self._contracts.has_any, range(len(classes))))
 
     @property
     def looked(self) -> dict[str, int]:
@@ -63,7 +65,7 @@ class Watching:
 
     def glance(self, run: Simulation) -> Iterator[BrokenClaim]:
         """Yield the contracts that the world does not keep now. [PROP-CONTRACT]"""
-        if not any(map(self._contracts.has_any, range(len(run.cast.classes)))):
+        if not self.glances:
             return
         fleet = run.fleet
         positions, reached = fleet.positions().tolist(), fleet.reached().tolist()
@@ -96,6 +98,8 @@ class Watching:
 class Checked(SummaryMonitor):
     """The monitor of the summaries of a simulated run; :meth:`hold` says of which."""
 
+    glances = False  # summaries are not checked between rounds
+
     def __init__(self, host: Host) -> None:
         super().__init__(host)
         self._broken: list[BrokenClaim] = []
@@ -117,7 +121,7 @@ class Checked(SummaryMonitor):
         yield from broken
 
     def glance(self, run: Simulation) -> Iterator[BrokenClaim]:
-        """Yield nothing: summaries are not checked between rounds."""
+        """Yield nothing."""
         yield from ()
 
 

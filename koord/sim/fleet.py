@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from functools import partial
+from typing import Protocol
 
 import numpy as np
 from msgspec import Struct
@@ -22,7 +23,7 @@ from koord.runtime.motion.world import Point, World
 from koord.runtime.plugins.calls import PlugInError
 from koord.sim.disturbances import spawned
 from koord.sim.sensing import FleetSensors
-from koord.sim.squads import DeviceModel, Engines, Seed, Squad, is_compiled, squad
+from koord.sim.squads import DeviceModel, Engines, FusedSquad, Seed, Squad, is_compiled, squad
 from koord.sim.vehicles.points import PointSquad
 
 _HINDRANCES = tuple(Hindrance)
@@ -34,6 +35,18 @@ class Placed(Struct, frozen=True):
     model: DeviceModel
     start: Point
     heading_rad: float = 0.0
+
+
+class Passing(Protocol):
+    """Who may do without the fleet at ticks that nobody looks at."""
+
+    def is_looked_at(self, time_s: float) -> bool:
+        """Return whether somebody looks at the fleet itself at a tick."""
+        ...
+
+    def passed(self, time_s: float, positions: Floats) -> None:
+        """Note where robots were, shape ``(n, 3)``, at a tick that nobody looks at."""
+        ...
 
 
 class Fleet:
@@ -50,7 +63,7 @@ class Fleet:
         self._only = only
         whole = np.random.SeedSequence(seed)
         engines = Engines(world)
-        self._squads: list[tuple[Squad, Floats]] = []
+        self._squads: list[tuple[Squad, Ints]] = []
         self._where: list[tuple[int, int]] = [(0, 0)] * len(robots)
         for model in dict.fromkeys(robot.model for robot in robots):
             members = [
@@ -67,6 +80,14 @@ class Fleet:
             seeds = Lazily(len(members), partial(_seed, whole, members))
             made = squad(model, start, heading, seeds, engines)
             self._squads.append((made, np.array(members)))
+        #: Squads that make several ticks at once, if all do.
+        self._fused: list[tuple[FusedSquad, Ints]] = [
+            (made, numbers) for made, numbers in self._squads if isinstance(made, FusedSquad)
+        ]
+        if len(self._fused) < len(self._squads):
+            self._fused = []
+        #: Whether one of these has all robots, so that its arrays are the fleet's.
+        self._is_one = len(self._fused) == 1 and only is None
         #: whether robots move by machine code, so that what is measured of them may be, too
         self.is_compiled = any(is_compiled(robot.model) for robot in self.robots)
         asked = self.robots if only is None else (self.robots[only],) * len(self.robots)
@@ -78,18 +99,51 @@ class Fleet:
     def now_s(self) -> float:
         return self.ticks * TICK_S
 
-    def advance_to(self, time_s: float, watch: Callable[[Fleet], None] | None = None) -> None:
-        """Advance in whole ticks up to a time in seconds; ``watch`` is called after every tick."""
+    def advance_to(
+        self,
+        time_s: float,
+        watch: Callable[[Fleet], None] | None = None,
+        passing: Passing | None = None,
+    ) -> None:
+        """Advance in whole ticks up to a time in seconds; ``watch`` is called after every tick.
+
+        If somebody is ``passing``, and robots can make several ticks at once, ``watch`` is called
+        at the last and at those that are looked at; of others only positions are told.
+        """
         last = math.floor(time_s / TICK_S + 1e-6)
         while self.ticks < last:
-            for members, numbers in self._squads:
-                try:
-                    members.tick(self.now_s)
-                except PlugInError as error:
-                    raise error.of(int(numbers[error.row])) from error
-            self.ticks += 1
+            if passing is None or not self._fused:
+                self._tick()
+            else:
+                self._ticks_until(last, passing)
             if watch is not None:
                 watch(self)
+
+    def _tick(self) -> None:
+        for members, numbers in self._squads:
+            try:
+                members.tick(self.now_s)
+            except PlugInError as error:
+                raise error.of(int(numbers[error.row])) from error
+        self.ticks += 1
+
+    def _ticks_until(self, last: int, passing: Passing) -> None:
+        """Make ticks up to one that is looked at, or the last."""
+        times_s = [self.now_s]
+        while self.ticks + len(times_s) < last:
+            time_s = (self.ticks + len(times_s)) * TICK_S
+            if passing.is_looked_at(time_s):
+                break
+            times_s.append(time_s)
+        ways = []
+        for members, numbers in self._fused:
+            try:
+                ways.append(members.ticks(times_s))
+            except PlugInError as error:
+                raise error.of(int(numbers[error.row])) from error
+        for k, time_s in enumerate(times_s[1:]):
+            passing.passed(time_s, self._placed([of_squad[k] for of_squad in ways]))
+        self.ticks += len(times_s)
 
     def stage(
         self, time_s: float, place: Callable[[float], Floats], watch: Callable[[Fleet], None]
@@ -167,7 +221,7 @@ class Fleet:
 
     def positions(self) -> Floats:
         """The positions of robots in metres, shape ``(n, 3)``."""
-        return self._gathered(lambda members: members.truth()[0], 3)
+        return self._placed([members.truth()[0] for members, _ in self._squads])
 
     def headings(self) -> Floats:
         """The headings of robots in rad, shape ``(n,)``."""
@@ -212,6 +266,15 @@ class Fleet:
     def _at(self, robot: int) -> tuple[Squad, int]:
         index, row = self._where[robot]
         return self._squads[index][0], row
+
+    def _placed(self, places: Sequence[Floats]) -> Floats:
+        """The places of all robots, by those of squads. They are nobody else's to write to."""
+        if self._is_one:
+            return places[0]
+        found = np.empty((len(self.robots), 3))
+        for (_, numbers), of_squad in zip(self._squads, places, strict=True):
+            found[numbers] = of_squad
+        return found
 
     def _gathered(self, read: Callable[[Squad], Floats], width: int) -> Floats:
         found = np.empty((len(self.robots), width))

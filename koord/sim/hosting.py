@@ -17,7 +17,7 @@ from koord.runtime.motion.world import Point
 from koord.runtime.platform.sensors import MotionSensors
 from koord.runtime.platform.world_host import WorldHost
 from koord.runtime.robot import Robot
-from koord.sim.fleet import Fleet
+from koord.sim.fleet import Fleet, Passing
 from koord.sim.lidar import Scanner
 from koord.sim.sensing import FleetSensors
 
@@ -49,15 +49,17 @@ class Hosted(WorldHost):
         robots: Sequence[Robot],
         time_s: float,
         watch: Callable[[Fleet], None] | None = None,
+        passing: Passing | None = None,
     ) -> None:
         """Pass new orders of robots to the fleet, then advance to ``time_s`` seconds.
 
-        Robots whose actuators are as they were may be left out.
+        Robots whose actuators are as they were may be left out. ``watch`` and ``passing`` are as in
+        :meth:`.Fleet.advance_to`.
         """
         for robot in robots:
             self.order(robot)
         self.library.begin_round()
-        self.fleet.advance_to(time_s, watch)
+        self.fleet.advance_to(time_s, watch, passing)
         self.sensed = self.fleet.sensed()
 
     def sensors(self, robot: int) -> MotionSensors:

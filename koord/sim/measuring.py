@@ -219,11 +219,14 @@ class Gauge:
         """The number of visited tasks."""
         return sum(time is not None for time in self._tasks.visited)
 
-    def tick(self) -> Nearest | None:
-        """Record the end of a tick; return the pair of robots that is nearest now."""
-        near = self._going.tick(self.fleet.positions())
+    def tick(self, now_s: float, here: Floats) -> Nearest | None:
+        """Record where robots are at the end of a tick, shape ``(n, 3)``; return the nearest two.
+
+        The array stays as it is.
+        """
+        near = self._going.tick(here)
         if near is not None and (self._near is None or near.distance_m < self._near.distance_m):
-            self._near = Near(near.distance_m, (near.one, near.other), self.fleet.now_s)
+            self._near = Near(near.distance_m, (near.one, near.other), now_s)
         return near
 
     def events(self, decision: Decision, deeds: Deeds) -> None:

@@ -14,7 +14,7 @@ from msgspec import Struct
 
 from koord.runtime.engine import Deployed, Ended, Schedule
 from koord.runtime.engine import RoundEngine as Engine
-from koord.runtime.motion.arrays import Bools
+from koord.runtime.motion.arrays import Bools, Floats
 from koord.runtime.motion.planners import planner
 from koord.runtime.motion.world import Point
 from koord.runtime.proposals import Decision
@@ -23,7 +23,7 @@ from koord.sim.digest import Digest, events_of
 from koord.sim.fleet import Fleet
 from koord.sim.hosting import Hosted
 from koord.sim.lidar import Scanner
-from koord.sim.measuring import Figures, Gauge
+from koord.sim.measuring import Figures, Gauge, Nearest
 from koord.sim.observing import Observer, deeds_of, header_of
 from koord.sim.reading import Reader
 from koord.sim.run_log import Deeds, Header, Idle, RunLog, RunLogger
@@ -79,6 +79,11 @@ class Claims(Protocol):
     @property
     def looked(self) -> dict[str, int]:
         """The number of checks of each claim."""
+        ...
+
+    @property
+    def glances(self) -> bool:
+        """True if :meth:`glance` is to be called at every tick."""
         ...
 
     def look(self, moment: WatchPoint, run: Simulation) -> Iterator[BrokenClaim]:
@@ -220,7 +225,7 @@ class Simulation:
         if not (self.engine.has_models or self.host.modules):
             robots = [robots[pid] for pid in sorted(self.acted)]
         self.acted.clear()
-        self.host.pass_time(robots, until_s, self.tick)
+        self.host.pass_time(robots, until_s, self.tick, self)
 
     def end(self, ending: Ending) -> None:
         """End the run; nothing comes after this."""
@@ -248,18 +253,31 @@ class Simulation:
 
     def tick(self, fleet: Fleet) -> None:
         """Record the end of a tick of the fleet."""
-        near = self.gauge.tick()
+        here = fleet.positions()
+        near = self.gauge.tick(fleet.now_s, here)
         self.observer.tick(fleet, near.distance_m if near is not None else float("nan"))
-        if near is not None and near.distance_m < self.scene.safety_m:
-            words = f"{near.distance_m:.3f} m apart, less than {self.scene.safety_m:.3f} m"
-            place: Point = tuple(fleet.positions()[near.one].tolist())
-            pair = (near.one, near.other)
-            self._break(BrokenClaim("separation", fleet.now_s, pair, place, words))
+        self._hold_apart(near, fleet.now_s, here)
         for claims in self.claims:
             for broken in claims.glance(self):
                 self._break(broken)
 
+    def is_looked_at(self, time_s: float) -> bool:
+        """Return whether poses are recorded at a tick, or claims are checked."""
+        return self.recorder.is_due(time_s) or any(claims.glances for claims in self.claims)
+
+    def passed(self, time_s: float, positions: Floats) -> None:
+        """Record the end of a tick at which nothing but positions is of interest."""
+        self._hold_apart(self.gauge.tick(time_s, positions), time_s, positions)
+
     # --- inside ---------------------------------------------------------------------------------
+
+    def _hold_apart(self, near: Nearest | None, time_s: float, positions: Floats) -> None:
+        """Report robots that are nearer to each other than is safe."""
+        if near is not None and near.distance_m < self.scene.safety_m:
+            words = f"{near.distance_m:.3f} m apart, less than {self.scene.safety_m:.3f} m"
+            place: Point = tuple(positions[near.one].tolist())
+            pair = (near.one, near.other)
+            self._break(BrokenClaim("separation", time_s, pair, place, words))
 
     def _stopped(self, decision: Decision, deeds: Deeds) -> Bools:
         """A mask of the robots that have stopped by the end of a round."""

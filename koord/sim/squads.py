@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from functools import cached_property
 from importlib import import_module
 from importlib.util import find_spec
-from typing import TYPE_CHECKING, Protocol, TypeAlias, assert_never
+from typing import TYPE_CHECKING, Protocol, TypeAlias, assert_never, runtime_checkable
 
 import numpy as np
 from msgspec import Struct, field
@@ -142,6 +142,15 @@ class Squad(Protocol):
     @property
     def vehicles(self) -> Touching:
         """The vehicles of the robots."""
+        ...
+
+
+@runtime_checkable
+class FusedSquad(Squad, Protocol):
+    """A squad that can make several ticks in one call."""
+
+    def ticks(self, times_s: Sequence[float]) -> Sequence[Floats]:
+        """Make a tick at each time, and return where robots are after it, shape ``(n, 3)``."""
         ...
 
 

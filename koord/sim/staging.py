@@ -71,7 +71,7 @@ class Staged(Simulation):
 
     def tick(self, fleet: Fleet) -> None:
         """Observe a tick without checking claims: positions between rounds are not recorded."""
-        near = self.gauge.tick()
+        near = self.gauge.tick(fleet.now_s, fleet.positions())
         self.observer.tick(fleet, near.distance_m if near is not None else math.nan)
 
     def pass_time(self) -> None:

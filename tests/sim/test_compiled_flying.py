@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from koord.runtime.motion.arrays import Floats
-from koord.runtime.motion.automaton import MotionState, Visit
+from koord.runtime.motion.automaton import Automata, MotionState, Visit
 from koord.runtime.motion.bodies import Drone, PlannerName
 from koord.runtime.motion.flying import Flying
 from koord.runtime.motion.group import TICK_S, Group
@@ -146,3 +146,23 @@ def test_odd_measurements_are_no_difference(odd: float) -> None:
         position[1, 0] = odd if k == 5 else 3.0
         with np.errstate(all="ignore"):
             agree(one, other, position, k * TICK_S)
+
+
+def test_any_orders_come_to_the_same_in_any_state() -> None:
+    """Also those that a group refuses, or gives nobody."""
+    draw, count = np.random.default_rng(0), 4000
+    start = draw.uniform(0, 3, (count, 3))
+    one, other = Flown(Flying, start), Flown(CompiledFlying, start)
+    states = draw.integers(0, len(MotionState), (2, count))
+    since = np.where(draw.random(count) < 0.5, np.nan, draw.choice([0.0, 0.7, 0.9, 1.0], count))
+    masks = draw.random((2, count)) < 0.5
+    orders = draw.random((6, count)) < draw.choice([0.0, 0.3, 1.0], (6, count))
+    position = np.where(draw.random((count, 1)) < 0.5, 0.0, draw.uniform(-0.3, 0.3, (count, 3)))
+    for flown in (one, other):
+        flown.group.automata = Automata(states[0], since, masks[0], masks[1], states[1])
+        flown.group.orders[:] = orders
+        flown.flying.step(position, 1.0, TICK_S)
+        assert not flown.group.orders.any()
+    mine, its = seen(one), seen(other)
+    for name, value in mine.items():
+        assert np.array_equal(value, its[name], equal_nan=value.dtype == np.float64), name

@@ -136,8 +136,19 @@ def test_what_stands_on_the_ground_has_one_zero() -> None:
     same(one, other)
 
 
-def test_fleets_fly_the_same_without_llvmlite(monkeypatch: pytest.MonkeyPatch) -> None:
-    rough = Disturbances(Positioning(0.01, 0.01, 20.0), 0.1, Wind((0.5, 0, 0), 0.5))
+@pytest.mark.parametrize(
+    "rough",
+    [
+        Disturbances(Positioning(0.01, 0.01, 20.0), 0.1, Wind((0.5, 0, 0), 0.5)),
+        Disturbances(Positioning(0.01)),
+        Disturbances(Positioning(rate_hz=7.0)),
+        Disturbances(actuation_delay_s=0.1),
+        Disturbances(wind=Wind((0.5, 0, 0), 0.5)),
+    ],
+)
+def test_fleets_fly_the_same_without_llvmlite(
+    rough: Disturbances, monkeypatch: pytest.MonkeyPatch
+) -> None:
     model = DeviceModel(Drone(), PlannerName.STRAIGHT, disturbances=rough)
     places = [(2.0 * k, 0.0, 0.5 * (k % 3)) for k in range(5)]
 

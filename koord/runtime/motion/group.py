@@ -174,9 +174,10 @@ class Group:
         self.automata = automaton.step(self.automata, self._orders, psn, end, now_s, self.visit)
         self._told[:] = False
 
-    def is_told(self) -> bool:
-        """Return whether orders came since the automata were stepped."""
-        return bool(self._told.any())
+    @property
+    def orders(self) -> Bools:
+        """The orders since the automata were stepped: a row for each field of :class:`Orders`."""
+        return self._told
 
     def replan(self, robots: Sequence[int]) -> None:
         """Find new ways to the ends of routes, for robots that have missed them."""

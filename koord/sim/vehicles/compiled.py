@@ -30,7 +30,7 @@ except ImportError as error:
     raise missing("llvmlite", "fast") from error
 
 #: Rows of the state, as in `FlightState`; and of what is told: goal, pace, push and wind.
-_STATE_ROWS, _TOLD_ROWS = 17, 12
+STATE_ROWS, TOLD_ROWS = 17, 12
 
 #: Names of the constants, in the order in which they are passed.
 _CONSTANTS = (
@@ -53,7 +53,7 @@ class CompiledQuadrotors(Quadrotors):
         """``start`` has shape ``(n, 3)``."""
         super().__init__(drone, start, ground_m, gains)
         self._fly = flight(widest())
-        self._told: Floats = np.empty((_TOLD_ROWS, len(start)))
+        self._told: Floats = np.empty((TOLD_ROWS, len(start)))
         self._told_at = address(self._told)
         self._constants: Floats = np.empty(len(_CONSTANTS))
         self._constants_at = address(self._constants)
@@ -73,23 +73,23 @@ class CompiledQuadrotors(Quadrotors):
             self._constants[:] = constants(self.drone, self.gains, self.ground_m, dt_s, steps)
         count = told.shape[1]
         if not self._is_known():
-            self._show(np.vstack(_parts(self.state)))
+            self._show(np.vstack(parts(self.state)))
         # As in the reference, arrays of before stay what they were.
-        after: Floats = np.empty((_STATE_ROWS, count))
+        after: Floats = np.empty((STATE_ROWS, count))
         self._fly(self._known_at, self._told_at, self._constants_at, address(after), count, steps)
         self._show(after)
 
     def _is_known(self) -> bool:
         """Return whether the state is that of the last steps, and not one that somebody has set."""
         known = self._known
-        return bool(known) and all(map(is_, _parts(self.state), known))
+        return bool(known) and all(map(is_, parts(self.state), known))
 
     def _show(self, block: Floats) -> None:
         """Let the state be what is in a block."""
         s = self.state
         s.position, s.velocity, s.attitude = block[0:3], block[3:6], block[6:10]
         s.rates, s.thrust, s.steady = block[10:13], block[13], block[14:17]
-        self._known, self._known_at = _parts(s), address(block)
+        self._known, self._known_at = parts(s), address(block)
 
 
 def address(array: NDArray[Any]) -> int:
@@ -97,7 +97,8 @@ def address(array: NDArray[Any]) -> int:
     return ctypes.addressof(ctypes.c_char.from_buffer(array.data))
 
 
-def _parts(s: FlightState) -> tuple[Floats, ...]:
+def parts(s: FlightState) -> tuple[Floats, ...]:
+    """The rows of a state, in their order in a block of it."""
     return s.position, s.velocity, s.attitude, s.rates, s.thrust, s.steady
 
 
@@ -137,9 +138,19 @@ def flight(width: int) -> Callable[[int, int, int, int, int, int], int]:
     number of steps.
     """
     module = new_module("flight")
-    block = _block_code(module, width)
+    block = block_code(module, width)
     code = Code(module, "fly", [BYTES] * 4 + [I64] * 2, I64)
     before, told, given, after, count, steps = code.arguments
+    fly_all(code, block, width, (before, told, given, after), count, steps)
+    code.b.ret(word(0))
+    return Loaded(module).function("fly", 6)
+
+
+def fly_all(
+    code: Code, block: Ir, width: int, arrays: tuple[Ir, Ir, Ir, Ir], count: Ir, steps: Ir
+) -> None:
+    """Fly all drones, block by block: from the state, what is told and constants, to the state."""
+    before, told, given, after = arrays
     b = code.b
     rest = b.urem(count, word(width))
     whole = b.sub(count, rest)
@@ -151,22 +162,20 @@ def flight(width: int) -> Callable[[int, int, int, int, int, int], int]:
     # The last ones fly in a block of their own. What is left of its lanes flies as the last one.
     with code.only_if(b.icmp_signed("!=", rest, word(0))):
         narrow = width * DOUBLE_BYTES
-        states, orders = code.block(_STATE_ROWS * narrow), code.block(_TOLD_ROWS * narrow)
-        ends = code.block(_STATE_ROWS * narrow)
+        states, orders = code.block(STATE_ROWS * narrow), code.block(TOLD_ROWS * narrow)
+        ends = code.block(STATE_ROWS * narrow)
         with code.loop(word(0), word(width)) as lane:
             last = b.sub(rest, word(1))
             inside = b.select(b.icmp_signed("<", lane, last), lane, last)
             source = b.mul(b.add(whole, inside), word(DOUBLE_BYTES))
             target = b.mul(lane, word(DOUBLE_BYTES))
-            _copied(code, (before, source, pitch), (states, target, word(narrow)), _STATE_ROWS)
-            _copied(code, (told, source, pitch), (orders, target, word(narrow)), _TOLD_ROWS)
+            _copied(code, (before, source, pitch), (states, target, word(narrow)), STATE_ROWS)
+            _copied(code, (told, source, pitch), (orders, target, word(narrow)), TOLD_ROWS)
         b.call(block, [states, orders, given, ends, word(narrow), steps])
         with code.loop(word(0), rest) as lane:
             source = b.mul(lane, word(DOUBLE_BYTES))
             target = b.mul(b.add(whole, lane), word(DOUBLE_BYTES))
-            _copied(code, (ends, source, word(narrow)), (after, target, pitch), _STATE_ROWS)
-    b.ret(word(0))
-    return Loaded(module).function("fly", 6)
+            _copied(code, (ends, source, word(narrow)), (after, target, pitch), STATE_ROWS)
 
 
 def _copied(code: Code, source: Sequence[Ir], target: Sequence[Ir], rows: int) -> None:
@@ -177,7 +186,7 @@ def _copied(code: Code, source: Sequence[Ir], target: Sequence[Ir], rows: int) -
         code.put(other, code.b.add(start, code.b.mul(pace, word(row))), value)
 
 
-def _block_code(module: Ir, width: int) -> Ir:
+def block_code(module: Ir, width: int) -> Ir:
     """The function that flies one block of drones; rows are ``pitch`` bytes from each other."""
     code = Code(module, "block", [BYTES] * 4 + [I64] * 2, I64)
     code.function.linkage = "internal"
@@ -187,8 +196,8 @@ def _block_code(module: Ir, width: int) -> Ir:
         name: lanes.spread(code.get(given, DOUBLE_BYTES * k, F64))
         for k, name in enumerate(_CONSTANTS)
     }
-    state = [lanes.get(before, code.b.mul(pitch, word(k))) for k in range(_STATE_ROWS)]
-    orders = [lanes.get(told, code.b.mul(pitch, word(k))) for k in range(_TOLD_ROWS)]
+    state = [lanes.get(before, code.b.mul(pitch, word(k))) for k in range(STATE_ROWS)]
+    orders = [lanes.get(told, code.b.mul(pitch, word(k))) for k in range(TOLD_ROWS)]
     pace = orders[3:6]
     # The reference is for the end of these steps.
     goal = [orders[k] - pace[k] * numbers["span"] for k in range(3)]
@@ -196,10 +205,10 @@ def _block_code(module: Ir, width: int) -> Ir:
 
     def body(values: list[Ir]) -> list[Ir]:
         now = [Lane(lanes, value) for value in values]
-        return [value.ir for value in step.after(now[:_STATE_ROWS], now[_STATE_ROWS:])]
+        return [value.ir for value in step.after(now[:STATE_ROWS], now[STATE_ROWS:])]
 
     ends = code.repeated(steps, [value.ir for value in (*state, *goal)], body)
-    for k in range(_STATE_ROWS):
+    for k in range(STATE_ROWS):
         lanes.put(after, code.b.mul(pitch, word(k)), Lane(lanes, ends[k]))
     code.b.ret(word(0))
     return code.function

@@ -17,7 +17,7 @@ from koord.runtime.motion.flying import GRAVITY, Flying, Reference
 from koord.runtime.motion.planning import Touched
 from koord.runtime.motion.world import Point
 from koord.sim.disturbances import Fixes, Gusts
-from koord.sim.squads import STEP_S, STEPS, SquadSetup, VehicleSetup, is_compiled
+from koord.sim.squads import STEP_S, STEPS, Squad, SquadSetup, VehicleSetup, is_compiled
 from koord.sim.vehicles import mjcf
 from koord.sim.vehicles.quadrotors import PointDrones, Quadrotors
 
@@ -25,14 +25,17 @@ if TYPE_CHECKING:
     from koord.sim.vehicles.physics import Arena
 
 
-def squad(setup: SquadSetup) -> DroneSquad:
+def squad(setup: SquadSetup) -> Squad:
     """Make a squad of drones that stand, or hover.
 
     At level ``full`` they fly by machine code where there is llvmlite, and the same without.
     """
     if is_compiled(setup.model):
+        from koord.sim.squad_kernel import FusedDrones, is_undisturbed
         from koord.sim.vehicles.compiled_flying import CompiledFlying
 
+        if is_undisturbed(setup.model.disturbances):
+            return FusedDrones(setup)
         return DroneSquad(setup, _compiled(setup), CompiledFlying(setup.group, setup.start))
     return DroneSquad(setup, vehicles(setup), Flying(setup.group, setup.start))
 

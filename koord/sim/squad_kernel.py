@@ -1,0 +1,203 @@
+"""Machine code of whole ticks of a squad of drones: automata, references, control, flight.
+
+What :class:`.DroneSquad` does in one tick after the other, in one call for as many as nobody looks
+at in between. It is put together of the machine code of :mod:`.compiled_flying` and of
+:mod:`.compiled`, so that whatever comes of it is equal to the last bit. Tests hold them together.
+
+Squads whose measurements, commands or air are drawn or late are not of this kind: what happens to
+them comes from generators of NumPy.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import cache
+
+import numpy as np
+
+from koord.machine.code import BYTES, I64, Code, Ir, Loaded, new_module, word
+from koord.machine.lanes import DOUBLE_BYTES, Lane, Lanes, widest
+from koord.runtime.motion.arrays import Floats
+from koord.runtime.motion.bodies import Drone
+from koord.runtime.motion.group import TICK_S
+from koord.sim.disturbances import Disturbances
+from koord.sim.squads import STEP_S, STEPS, SquadSetup
+from koord.sim.vehicles.compiled import (
+    STATE_ROWS,
+    TOLD_ROWS,
+    block_code,
+    constants,
+    fly_all,
+    parts,
+)
+from koord.sim.vehicles.compiled_flying import (
+    ARRAYS,
+    CONSTANTS,
+    CompiledFlying,
+    OneDrone,
+    Table,
+    arrays_of,
+    numbers_of,
+)
+from koord.sim.vehicles.quadrotors import FlightState, Quadrotors
+
+#: What ticks are given besides what references are: times of ticks, and blocks of drones' states.
+_MORE = ("times", "places", "told", "flight", "one", "other")
+
+#: References are given their position and send what they ask for by arrays of this kernel.
+_TABLE = (*ARRAYS, *_MORE)
+
+
+def is_undisturbed(disturbances: Disturbances) -> bool:
+    """Return whether measurements are exact and at once, commands too, and the air moves evenly."""
+    positioning, wind = disturbances.positioning, disturbances.wind
+    return (
+        positioning.noise_m == positioning.heading_noise_rad == 0
+        and not positioning.rate_hz
+        and disturbances.actuation_delay_s == 0
+        and wind.gust_mps == 0
+    )
+
+
+class FusedDrones:
+    """A squad of drones whose ticks are made by machine code, several in one call."""
+
+    def __init__(self, setup: SquadSetup) -> None:
+        drone, start = setup.model.body, np.ascontiguousarray(setup.start)
+        assert isinstance(drone, Drone)
+        assert is_undisturbed(setup.model.disturbances)
+        count, ground_m = len(start), setup.engines.world.ground
+        self.group, self.flying = setup.group, CompiledFlying(setup.group, start)
+        self.vehicles = Quadrotors(drone, start, ground_m)
+        self.position = start.copy()  #: of drones, shape ``(n, 3)``; never written over
+        self._heading: Floats = np.zeros(count)  # drones keep their noses along x
+        self._constants: Floats = np.empty(len(CONSTANTS))
+        # What drones are told, and last the air; a zero that is added makes one zero of both.
+        told: Floats = np.empty((TOLD_ROWS, count))
+        told[-3:] = np.array(setup.model.disturbances.wind.mean_mps)[:, None] + 0.0
+        flight = np.array(
+            constants(drone, self.vehicles.gains, ground_m, STEP_S, STEPS), dtype=np.float64
+        )
+        #: States are in these in turn: that which counts comes first.
+        self._blocks = [np.empty((STATE_ROWS, count)) for _ in range(2)]
+        self._states = [_state(block) for block in self._blocks]
+        self._table = Table(len(_TABLE))
+        self._fixed = told, flight
+        self._fly = ticking_code(widest())
+
+    def tick(self, now_s: float) -> None:
+        self.ticks([now_s])
+
+    def ticks(self, times_s: Sequence[float]) -> list[Floats]:
+        """Make a tick at each time, and return where drones are after it, shape ``(n, 3)``."""
+        if not self.group.targets:
+            return self._flown(times_s)
+        found: list[Floats] = []
+        while len(found) < len(times_s):
+            left = times_s[len(found) :]
+            if self.group.targets:
+                origin = self.flying.origin(self.position)
+                self.group.plan(origin, self._heading, left[0])
+            found += self._flown(left[:1] if self.group.targets else left)
+        return found
+
+    def _flown(self, times_s: Sequence[float]) -> list[Floats]:
+        """Make ticks for which nothing is to be planned."""
+        vehicles, count = self.vehicles, len(self.position)
+        if vehicles.state is not self._states[0]:  # somebody has set it, or it is the first
+            self._blocks[0][:] = np.vstack(parts(vehicles.state))
+            vehicles.state = self._states[0]
+        self._constants[:] = self.flying.constants(times_s[0], TICK_S)
+        times, places = np.array(times_s), np.empty((len(times_s), count, 3))
+        rest, one, other = self.flying.rest, *self._blocks
+        self._table.point_to(0, self._constants, rest, rest, rest, *self.flying.arrays())
+        self._table.point_to(len(ARRAYS), times, places, *self._fixed, one, other)
+        self._fly(
+            *(self._table.address, count, self.group.routes.s.shape[1]),
+            *(len(times_s), STEPS),
+        )
+        if len(times_s) % 2:
+            self._blocks.reverse()
+            self._states.reverse()
+            vehicles.state = self._states[0]
+        self.position = places[-1]
+        return list(places)
+
+    def fixes(self, now_s: float) -> tuple[Floats, Floats]:
+        return self.position, self._heading
+
+    def truth(self) -> tuple[Floats, Floats]:
+        return self.position, self._heading
+
+    def attitude(self) -> Floats:
+        return self.vehicles.state.attitude.T.copy()
+
+
+def _state(block: Floats) -> FlightState:
+    return FlightState(
+        *(block[0:3], block[3:6], block[6:10], block[10:13], block[13], block[14:17])
+    )
+
+
+# --- the machine code -----------------------------------------------------------------------------
+
+
+@cache
+def ticking_code(width: int) -> Callable[..., int]:
+    """Compile ticks of a squad, ``width`` drones at a time.
+
+    The function takes the address of the table of arrays, the number of drones, how many points
+    there is room for in each route, and how many ticks there are, with how many steps in each.
+    After each tick the blocks of states change places.
+    """
+    module = new_module("ticks")
+    block = block_code(module, width)
+    code = Code(module, "ticks", [BYTES, *[I64] * 4], I64)
+    table, count, room, ticks, steps = code.arguments
+    b = code.b
+    arrays = arrays_of(code, table, _TABLE)
+    lanes = Lanes(code, 1)
+    pitch = b.mul(count, word(DOUBLE_BYTES))
+
+    def tick(values: list[Ir]) -> list[Ir]:
+        before, after, number, places = values
+        now = {**arrays, "before": before, "after": after}
+        numbers = numbers_of(lanes, arrays["constants"])
+        numbers["now_s"] = lanes.get(arrays["times"], b.mul(number, word(DOUBLE_BYTES)))
+        with code.loop(word(0), count) as robot:
+            one = _Told(lanes, now, numbers, robot, room, count)
+            one.step_automaton()
+            one.command()
+        fly_all(code, block, width, (before, now["told"], now["flight"], after), count, steps)
+        with code.loop(word(0), count) as robot:
+            first = b.mul(robot, word(3 * DOUBLE_BYTES))
+            for axis in range(3):
+                there = b.add(b.mul(pitch, word(axis)), b.mul(robot, word(DOUBLE_BYTES)))
+                lanes.put(places, b.add(first, word(axis * DOUBLE_BYTES)), lanes.get(after, there))
+        following = code.at(places, b.mul(pitch, word(3)))
+        return [after, before, b.add(number, word(1)), following]
+
+    code.repeated(ticks, [arrays["one"], arrays["other"], word(0), arrays["places"]], tick)
+    b.ret(word(0))
+    return Loaded(module).function("ticks", 5)
+
+
+class _Told(OneDrone):
+    """A drone that is measured to be where it is, and whose controller is told at once."""
+
+    def where(self) -> list[Lane]:
+        return [self.row("before", axis) for axis in range(3)]
+
+    def send(self, row: int, axis: int, value: Lane) -> None:
+        if row == 0:
+            # As in the reference, what is measured is off by nothing; or is no number.
+            value = value - (self.position[axis] - self.position[axis])
+        self.lanes.put(self.arrays["told"], self._place(3 * row + axis), value)
+
+    def row(self, name: str, row: int) -> Lane:
+        return self.lanes.get(self.arrays[name], self._place(row))
+
+    def _place(self, row: int) -> Ir:
+        b = self.code.b
+        index = b.add(b.mul(self.count, word(row)), self.robot)
+        return b.mul(index, word(DOUBLE_BYTES))
