@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import pytest
 
 from koord.syntax import core
@@ -13,7 +15,7 @@ from koord.verify.engines.every_n import progress_lemmas
 from koord.verify.reduction.slicing import Slices, speaks_of
 from koord.verify.strategy import verification
 from koord.verify.strategy.liveness import settled
-from koord.verify.strategy.table import LIVENESS
+from koord.verify.strategy.table import LIVENESS, LivenessRow
 from koord.verify.verdicts import Bounds, Outcome, Verdict
 from tests.loading import program_of, protocol_text
 
@@ -36,10 +38,21 @@ def said(text: str, *statements: str) -> list[core.Property]:
     return list(program.properties[-len(statements) :])
 
 
-def asked(text: str, found: list[core.Property], engine: Engine = Engine.EVERY_N) -> Verdict:
-    """The verdict on who asks enters by proofs that look for no lemmas."""
+@pytest.fixture(autouse=True)
+def no_others(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nobody finds other lemmas."""
+
+    def nothing(*given: object) -> None:
+        return None
+
+    monkeypatch.setattr(progress_lemmas.Lemmas, "of", nothing)
+
+
+def asked(
+    text: str, found: list[core.Property], rows: Sequence[LivenessRow] = LIVENESS[Engine.EVERY_N]
+) -> Verdict:
+    """The verdict on who asks enters."""
     slices = Slices(dealt(program_of(text), 2))
-    rows = LIVENESS[engine][:1]
     (verdict,) = settled(slices, Bounds(3), rows, Deadline(), found=found).verdicts
     return verdict
 
@@ -50,6 +63,12 @@ def test_what_was_found_is_enough_where_it_is() -> None:
     assert verdict.outcome is Outcome.HOLDS
     assert verdict.engine is Engine.EVERY_N
     assert len(verdict.lemmas) == 1
+
+
+def test_it_is_tried_where_lemmas_are_looked_for() -> None:
+    """Others are asked before who may have an answer in no time."""
+    first, *_ = LIVENESS[Engine.EVERY_N]
+    assert asked(LOCK, said(LOCK, HELD), [first]).outcome is Outcome.UNKNOWN
 
 
 def test_what_was_found_is_proved_anew() -> None:
@@ -83,7 +102,6 @@ def test_functions_that_a_slice_does_not_have_are_no_words_of_it() -> None:
 def test_claims_about_states_hand_on_what_was_found_for_them(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """Nobody looks for lemmas of the claim about whole runs."""
     (held,) = said(LOCK, HELD)
     whole = verification._Verification._of_states
 
@@ -94,11 +112,7 @@ def test_claims_about_states_hand_on_what_was_found_for_them(
         found = Verdict(first.claim, Outcome.HOLDS, Engine.EVERY_N, 0.0, lemmas=(held,))
         return ([found, *others], *ledgers)
 
-    def nothing(*given: object) -> None:
-        return None
-
     monkeypatch.setattr(verification._Verification, "_of_states", of_states)
-    monkeypatch.setattr(progress_lemmas.Lemmas, "of", nothing)
     system = dealt(program_of(LOCK), 2)
     report = verification.verify(system, Bounds(3), Engine.EVERY_N)
     outcomes = {verdict.claim.name: verdict.outcome for verdict in report.verdicts}

@@ -55,7 +55,9 @@ class ProgressEngine(Struct, frozen=True):
                 known = [*task.lemmas, *_lemmas(ledger, task.lemmas, means)]
             assert claim.stated is not None
             infer = task.purpose is Purpose.INFER
-            found = progress(system, claim.stated, known, means, more=more, infer=infer)
+            # Where no lemmas are looked for, others are asked who seldom take as long as a proof.
+            given = more if infer else tuple
+            found = progress(system, claim.stated, known, means, more=given, infer=infer)
             seconds = time.monotonic() - started
             if isinstance(found, ProgressProof):
                 under = fairness_of(system.program, found)
