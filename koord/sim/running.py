@@ -151,7 +151,8 @@ class Simulation:
         world: Host = self.host if supplied is None else supplied(self.host)
         self.claims_host = world  #: whom claims ask
         host = world if heard is None else heard(world)
-        self.watchman = Watchman(scene.world, [placed.model.body for placed in scene.robots])
+        bodies = [placed.model.body for placed in scene.robots]
+        self.watchman = _watchman(self.fleet)(scene.world, bodies)
         self.engine = Engine(cast.classes, cast.kinds, scene.delta_s, self.watchman.hear(host))
         if host is self.host:
             self.engine.reader = Reader(self.host).read
@@ -334,7 +335,7 @@ class Simulation:
 
     def _is_still(self, ran: bool) -> bool:
         """Return whether nobody moves, and no variable but measurements has changed for a while."""
-        if self.host.sensed.on_the_way.any():
+        if self.watchman.sees_some_go or self.host.sensed.on_the_way.any():
             self._still, self._before = 0, None
             return False
         if self._before is not None and not (ran or self.engine.has_models):
@@ -344,6 +345,14 @@ class Simulation:
             self._still = self._still + 1 if now == self._before else 0
             self._before = now
         return self._still * self.scene.delta_s >= _STILL_S
+
+
+def _watchman(fleet: Fleet) -> type[Watchman]:
+    if not fleet.is_compiled:
+        return Watchman
+    from koord.sim.standing_kernel import CompiledWatchman
+
+    return CompiledWatchman
 
 
 def still_words(count: int) -> str:

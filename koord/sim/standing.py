@@ -29,7 +29,10 @@ from koord.sim.sensing import FleetSensors
 _ASKS_S = 1.0
 
 #: Who is on its way, and for so long has moved no further than that, is blocked.
-_BLOCKED_S, _BLOCKED_M = 5.0, 0.05
+BLOCKED_S, BLOCKED_M = 5.0, 0.05
+
+#: Sums of squares of lengths that are so near to what counts may be either.
+DOUBTFUL_M2 = 1e-9
 
 
 class StandingRobot(Struct, frozen=True):
@@ -41,19 +44,28 @@ class StandingRobot(Struct, frozen=True):
     words: str
 
 
+class Lingering(Struct, frozen=True):
+    """Where robots that are on their way have been since when, but for a few centimetres.
+
+    Of those that are not, there is no time. Both are written over.
+    """
+
+    at: Floats  #: shape ``(n, 3)``
+    since_s: Floats
+
+
 class Watchman:
     """A detector of robots that stand still. ``still_s`` is how long nobody has moved by now."""
 
     def __init__(self, world: World, bodies: Sequence[Body]) -> None:
         self.now_s = self.still_s = 0.0
+        self.sees_some_go = False  #: whether somebody was on its way in the last round
         self._world, self._bodies = world, tuple(bodies)
         self._stuck: dict[int, StandingRobot] = {}
         self._wants: dict[int, dict[Point, tuple[float, float]]] = {}
         self._unclear: dict[int, tuple[float, float]] = {}
-        #: Where robots that are on their way have been since when, but for a few centimetres.
-        #: Of those that are not, NaN.
-        self._linger_at: Floats = np.full((len(bodies), 3), np.nan)
-        self._linger_s: Floats = np.full(len(bodies), np.nan)
+        count = len(bodies)
+        self._lingering = Lingering(np.full((count, 3), np.nan), np.full(count, np.nan))
 
     def hear(self, host: Host) -> Host:
         """Wrap a host, so that its answers are observed."""
@@ -74,22 +86,25 @@ class Watchman:
         ``(n, 3)``, are where robots truly are, and ``touched`` is what a robot's vehicle touches.
         """
         self.now_s = ended_s
-        moving: Bools = sensed.state == MotionState.MOVING
         if self._wants or self._unclear:
+            moving = sensed.state == MotionState.MOVING
             for pid in [pid for pid in {*self._wants, *self._unclear} if moving[pid]]:
                 self._wants.pop(pid, None)
                 self._unclear.pop(pid, None)
-        plights = {pid: one for pid, one in sensed.plights.items() if not stopped[pid]}
-        # Of masks, ``a > b`` says: a and not b.
-        going: Bools = (moving > stopped) > (sensed.short_m < _BLOCKED_M)
-        on_the_way: Bools = sensed.on_the_way > stopped
-        if plights:
-            going[list(plights)] = on_the_way[list(plights)] = False
-        blocked = self._blocked(going, plights, places, began_s)
-        if plights or self._stuck or blocked.any():
-            yield from self._noted(began_s, plights, blocked, touched)
-            on_the_way = on_the_way > blocked
-        self.still_s = 0.0 if on_the_way.any() else self.still_s + (ended_s - began_s)
+        is_on_the_way = None
+        if not (sensed.plights or self._stuck):
+            is_on_the_way = self._is_on_the_way(sensed, stopped, places, began_s)
+        if is_on_the_way is None:
+            on_the_way = sensed.on_the_way > stopped
+            blocked, plights = self._blocked(sensed, stopped, places, began_s)
+            if plights:
+                on_the_way[list(plights)] = False
+            if plights or self._stuck or blocked.any():
+                yield from self._noted(began_s, plights, blocked, touched)
+                on_the_way = on_the_way > blocked
+            is_on_the_way = bool(on_the_way.any())
+        self.sees_some_go = is_on_the_way
+        self.still_s = 0.0 if is_on_the_way else self.still_s + (ended_s - began_s)
 
     def standing(self, robots: Sequence[Robot], still_s: float) -> tuple[StandingRobot, ...]:
         """All robots that stand still by now; those that wait for paths only if all have for
@@ -130,24 +145,43 @@ class Watchman:
                 since_s = began_s if before is None else before.since_s
                 stands = _standing(pid, since_s, plights[pid])
             else:
-                since_s = float(self._linger_s[pid])
+                since_s = float(self._lingering.since_s[pid])
                 stands = before or _standing(pid, since_s, _no_headway(touched(pid)))
             self._stuck[pid] = stands
             if before is None:
                 yield stands
 
+    def _is_on_the_way(
+        self, sensed: FleetSensors, stopped: Bools, places: Floats, began_s: float
+    ) -> bool | None:
+        """Note where robots linger if nobody can be blocked, and say whether some go or plan.
+
+        None: somebody may be blocked, and nothing is noted.
+        """
+        return None
+
     def _blocked(
-        self, going: Bools, plights: Mapping[int, Plight], places: Floats, began_s: float
-    ) -> Bools:
-        """A mask of the robots among those on their way that have made no progress for long."""
-        since_s = self._linger_s
-        fresh = going & (_are_apart(self._linger_at, places) | np.isnan(since_s))
-        blocked: Bools = (going & ~fresh) & (self.now_s - since_s >= _BLOCKED_S - 1e-9)
-        np.copyto(self._linger_at, places, where=fresh[:, None])
-        self._linger_s = np.where(going, np.where(fresh, began_s, since_s), np.nan)
-        for pid in plights:  # whose way is another matter
-            self._linger_s[pid] = since_s[pid]
-        return blocked
+        self, sensed: FleetSensors, stopped: Bools, places: Floats, began_s: float
+    ) -> tuple[Bools, dict[int, Plight]]:
+        """A mask of the robots among those on their way that have made no progress for long.
+
+        And the plights of those that have not stopped.
+        """
+        plights = {pid: one for pid, one in sensed.plights.items() if not stopped[pid]}
+        # Of masks, ``a > b`` says: a and not b.
+        moving: Bools = sensed.state == MotionState.MOVING
+        going: Bools = (moving > stopped) > (sensed.short_m < BLOCKED_M)
+        if plights:
+            going[list(plights)] = False
+        at, since_s = self._lingering.at, self._lingering.since_s
+        before_s = {pid: since_s[pid] for pid in plights}
+        fresh = going & (_are_apart(at, places) | np.isnan(since_s))
+        blocked: Bools = (going & ~fresh) & (self.now_s - since_s >= BLOCKED_S - 1e-9)
+        np.copyto(at, places, where=fresh[:, None])
+        since_s[:] = np.where(going, np.where(fresh, began_s, since_s), np.nan)
+        for pid, time_s in before_s.items():  # whose way is another matter
+            since_s[pid] = time_s
+        return blocked, plights
 
     def _way(self, robot: int, goal: Point, *, is_found: bool) -> None:
         wants = self._wants.setdefault(robot, {})
@@ -196,12 +230,12 @@ def _are_apart(ones: Floats, others: Floats) -> Bools:
     """A mask of the places, shape ``(n, 3)``, that are further from others than counts as one."""
     gap = others - ones
     square = np.einsum("ij,ij->i", gap, gap)
-    found: Bools = square > _BLOCKED_M**2 + 1e-9
+    found: Bools = square > BLOCKED_M**2 + DOUBTFUL_M2
     # ``dist`` rounds once, and sums of squares several times.
-    maybe = square > _BLOCKED_M**2 - 1e-9
+    maybe = square > BLOCKED_M**2 - DOUBTFUL_M2
     if np.count_nonzero(found) != np.count_nonzero(maybe):
         for row in np.flatnonzero(maybe > found).tolist():
-            found[row] = dist(ones[row].tolist(), others[row].tolist()) > _BLOCKED_M
+            found[row] = dist(ones[row].tolist(), others[row].tolist()) > BLOCKED_M
     return found
 
 

@@ -7,6 +7,7 @@ from tests.mutants.mutant import Mutant
 DRONES = "tests/sim/test_compiled_quadrotors.py"
 FLYING = "tests/sim/test_compiled_flying.py"
 SQUADS = "tests/sim/test_squad_kernel.py"
+STANDING = "tests/sim/test_compiled_standing.py"
 MEASURING = "tests/sim/test_compiled_measuring.py"
 
 LANES = (
@@ -219,5 +220,33 @@ LANES = (
         "self._hold_apart(self.gauge.tick(time_s, positions), time_s, positions)",
         "self.gauge.tick(time_s, positions)",
         (SQUADS,),
+    ),
+    Mutant(
+        "who has moved by as much as counts has moved by less",
+        "sim.standing_kernel.watching_code",
+        "b.or_(one.in_doubt, b.and_(b.not_(one.is_fresh), long_ago))",
+        "b.and_(b.not_(one.is_fresh), long_ago)",
+        (STANDING,),
+    ),
+    Mutant(
+        "machine code is sure that nobody is blocked",
+        "sim.standing_kernel.watching_code",
+        "b.or_(one.in_doubt, b.and_(b.not_(one.is_fresh), long_ago))",
+        "one.in_doubt",
+        (STANDING,),
+    ),
+    Mutant(
+        "who has stopped is on the way",
+        "sim.standing_kernel._Robot",
+        "b.and_(b.or_(moves, plans), runs)",
+        "b.or_(moves, plans)",
+        (STANDING,),
+    ),
+    Mutant(
+        "who is told of a hindrance is looked at as the others are",
+        "sim.standing.Watchman.round",
+        "not (sensed.plights or self._stuck)",
+        "not self._stuck",
+        (STANDING,),
     ),
 )

@@ -213,7 +213,7 @@ SHOWN = (
     Mutant(
         "who is blocked on its way is not told",
         "sim.standing.Watchman._blocked",
-        "self.now_s - since_s >= _BLOCKED_S - 1e-9",
+        "self.now_s - since_s >= BLOCKED_S - 1e-9",
         "self.now_s < since_s",
         ("tests/cli/test_standing.py",),
     ),
