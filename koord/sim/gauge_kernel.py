@@ -18,7 +18,7 @@ import numpy as np
 from koord.machine.code import BYTES, F64, I64, Code, Ir, Loaded, new_module, word
 from koord.machine.lanes import DOUBLE_BYTES, Lane, Lanes
 from koord.runtime.motion.arrays import Floats
-from koord.sim.measuring import FEW, Going, Listed, Nearest, listed
+from koord.sim.separation import FEW, Going, Listed, Nearest, listed
 from koord.sim.vehicles.compiled import address
 
 

@@ -18,9 +18,10 @@ from koord.runtime.motion.arrays import Floats, Ints
 from koord.runtime.motion.geometry import as_path, headings_of
 from koord.runtime.robot import Robot
 from koord.runtime.store import AgreedStore
-from koord.sim.measuring import Nearby, TaskGauge
+from koord.sim.measuring import TaskGauge
 from koord.sim.observing import Observer
 from koord.sim.run_log import Deeds, Header, Idle, RunLog, RunLogger
+from koord.sim.separation import Nearby
 
 #: A robot that has told nothing for so long is shown where it was.
 _SILENT_S = 1.0

@@ -23,12 +23,13 @@ from koord.sim.digest import Digest, events_of
 from koord.sim.fleet import Fleet
 from koord.sim.hosting import Hosted
 from koord.sim.lidar import Scanner
-from koord.sim.measuring import Figures, Gauge, Nearest
+from koord.sim.measuring import Figures, Gauge
 from koord.sim.observing import Observer, deeds_of, header_of
 from koord.sim.reading import Reader
 from koord.sim.run_log import Deeds, Header, Idle, RunLog, RunLogger
 from koord.sim.scene import Scene
 from koord.sim.scene_library import library_of
+from koord.sim.separation import Nearest
 from koord.sim.standing import StandingRobot, Watchman
 from koord.syntax.collector import uncollected
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from koord.runtime.motion.arrays import Floats
 from koord.sim.gauge_kernel import CompiledGoing
-from koord.sim.measuring import FEW, Going, nearest
+from koord.sim.separation import FEW, Going, nearest
 
 COUNTS = (1, 2, 3, 10, FEW, FEW + 1, 150)
 

@@ -27,8 +27,8 @@ from koord.runtime.motion.group import TICK_S
 from koord.runtime.motion.world import Point, World
 from koord.sim.disturbances import Disturbances, Positioning, Wind
 from koord.sim.fleet import Fleet, Placed
-from koord.sim.measuring import nearest
 from koord.sim.sensing import FleetSensors
+from koord.sim.separation import nearest
 from koord.sim.squads import DeviceModel
 from tests.runtime.motion.worlds import CLUTTERED
 from tests.sampling import first

@@ -25,7 +25,7 @@ from koord.runtime.robot import Robot
 from koord.sim.fleet import Fleet, Placed
 from koord.sim.hosting import Hosted
 from koord.sim.lidar import Lidar, Scanner
-from koord.sim.measuring import nearest
+from koord.sim.separation import nearest
 from koord.sim.squads import DeviceModel
 from koord.syntax.elaboration.settings import ParamValue, Settings
 from koord.syntax.load import load

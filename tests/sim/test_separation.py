@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from koord.sim.measuring import Nearby, Nearest, nearest
+from koord.sim.separation import Nearby, Nearest, nearest
 
 
 @pytest.mark.parametrize("count", [2, 10, 64, 65, 300])
