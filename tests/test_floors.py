@@ -213,7 +213,6 @@ GUARDED = (
     ("lark", ("koord/syntax/parsing/",), 1),
     ("cvc5", ("koord/recheck/",), 1),
     ("ompl", ("koord/runtime/motion/",), 1),
-    ("osqp", ("koord/runtime/motion/",), 1),
     ("shapely", ("koord/runtime/motion/",), 1),
     ("pymunk", ("koord/sim/",), 1),
     ("llvmlite", ("koord/machine/",), 2),

@@ -22,7 +22,7 @@ SIM = ("sim", PATH, "--no-html", "--time", "0.2")
 CASES = {
     **{
         f"{library} of sim": (library, "sim", SIM)
-        for library in ("numpy", "ompl", "osqp", "pymunk", "scipy", "shapely")
+        for library in ("numpy", "ompl", "pymunk", "scipy", "shapely")
     },
     "mcap of sim": ("mcap", "sim", (*SIM, "--record", "run.mcap")),
     "sim of check-refinement": (

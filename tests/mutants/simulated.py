@@ -13,6 +13,8 @@ WORKERS = "tests/api/test_campaign_workers.py"
 FIGURES = "tests/api/test_campaign_figures.py"
 PARTS = "tests/traces/test_unfinished.py"
 RECORDS = "tests/runtime/test_records_parts.py"
+PREDICTIVE = "tests/runtime/motion/test_predictive.py"
+DRIVEN = "tests/sim/test_compiled_driving.py"
 PLANNING_TIME = "tests/sim/test_planning_time.py"
 LOADERS = "tests/runtime/test_yaml_loaders.py"
 
@@ -23,6 +25,34 @@ SIMULATED = (
         "self.plights[robot] = Plight(why, target)",
         "self.plights.pop(robot, None)",
         (STANDING,),
+    ),
+    Mutant(
+        "what leaves no room is held as what does",
+        "runtime.motion.predictive._solution",
+        "upper - lower < NO_ROOM",
+        "upper - lower < 0.0",
+        (PREDICTIVE,),
+    ),
+    Mutant(
+        "a car that has its answer goes on while others look for theirs",
+        "runtime.motion.predictive._solution",
+        "np.where(done, z, limited)",
+        "limited",
+        (PREDICTIVE,),
+    ),
+    Mutant(
+        "machine code drives cars that are done further",
+        "sim.vehicles.compiled_driving._Solver._move",
+        "z.where(done, limited)",
+        "limited",
+        (DRIVEN,),
+    ),
+    Mutant(
+        "sums of machine code leave out the last input",
+        "sim.vehicles.compiled_driving._Solver._multiply",
+        "word(n - 1)",
+        "word(n - 2)",
+        (DRIVEN,),
     ),
     Mutant(
         "planning takes no time, whatever a configuration says",

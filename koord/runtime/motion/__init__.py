@@ -2,6 +2,6 @@
 
 What a deployed robot and a simulated one have in common. Nothing here knows of simulated time or
 of vehicle models: measured positions come in, and what a vehicle is to do goes out. The heavy
-libraries stand behind one file each (OMPL: :mod:`.rrt`, OSQP: :mod:`.predictive`, shapely:
-:mod:`.shapes`) and are imported when they are used.
+libraries stand behind one file each (OMPL: :mod:`.rrt`, shapely: :mod:`.shapes`) and are
+imported when they are used.
 """

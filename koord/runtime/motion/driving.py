@@ -11,8 +11,6 @@ further to the left than the robot points e_θ.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from msgspec import Struct
 
@@ -21,11 +19,8 @@ from koord.runtime.motion.arrays import Bools, Floats, Ints, bounded
 from koord.runtime.motion.bodies import Car, DifferentialDrive, Steering
 from koord.runtime.motion.geometry import wrapped
 from koord.runtime.motion.group import Group
+from koord.runtime.motion.predictive import Predictive
 from koord.runtime.motion.pursuit import Course, Horizon
-
-if TYPE_CHECKING:
-    from koord.runtime.motion.predictive import Predictive
-
 
 #: Predictive controllers act at every so many ticks.
 PREDICTIVE_TICKS = 2
@@ -114,16 +109,21 @@ def stands(measured: Measured, robots: Ints) -> Bools:
 class Driving:
     """The motion law of a group of cars: speeds and steering angles."""
 
-    def __init__(self, group: Group, steering: Steering, horizon: Horizon = Horizon()) -> None:
+    def __init__(
+        self,
+        group: Group,
+        steering: Steering,
+        horizon: Horizon = Horizon(),
+        predictive: type[Predictive] = Predictive,
+    ) -> None:
+        """Make the law; ``predictive`` is the kind of controller that solves its problems."""
         assert isinstance(group.body, Car)
         self.group, self.car, self.horizon = group, group.body, horizon
         self.inputs: Floats = np.zeros((group.count, 2))  #: speed of travel and steering angle
         self.legs = Legs(group, self.car.accel_mps2)
         self._predictive: Predictive | None = None
         if steering is Steering.PREDICTIVE:
-            from koord.runtime.motion.predictive import Predictive
-
-            self._predictive = Predictive(group.count, self.car, horizon)
+            self._predictive = predictive(group.count, self.car, horizon)
 
     def command(self, measured: Measured, dt_s: float) -> Floats:
         """Speeds (negative: backwards) and steering angles, shape ``(n, 2)``, for the next step."""

@@ -8,7 +8,7 @@ from koord.syntax.diagnostics import Diagnostic, KoordError, Severity
 from koord.syntax.source import NOWHERE
 
 #: The optional dependencies of motion and simulation, by the extra that has them.
-SIM = ("numpy", "ompl", "osqp", "pymunk", "scipy", "shapely")
+SIM = ("numpy", "ompl", "pymunk", "scipy", "shapely")
 
 
 def missing(library: str, extra: str) -> KoordError:

@@ -1,4 +1,4 @@
-"""Model-predictive path following for cars, by OSQP: the one file that imports it. (paper, VI-A)
+"""Model-predictive path following for cars. (paper, VI-A)
 
 The kinematic bicycle is linearised about the path. The errors along it, across it and in heading,
 ``e = (e_s, e_l, e_θ)``, follow, with the speed of travel ``w``, the steering angle ``φ``, the
@@ -9,27 +9,21 @@ path's curvature ``κ`` and ``d = ±1`` for driving forwards or backwards::
     e_θ' = κ Δw + d w / (L cos² φ_ref) Δφ          with tan φ_ref = d L κ
 
 The inputs over the horizon are the unknowns of a quadratic program (the states are put in), with
-the limits of speed, steering, and how fast both change. The matrices of all cars are worked out at
-once; each car has its own solver, which starts from its last answer. (Kong et al. 2015)
+the limits of speed, steering, and how fast both change (Kong et al. 2015). It is solved by the
+alternating direction method of multipliers, as OSQP does it, with its settings, and for all cars
+side by side; each starts from its last answer (Stellato et al. 2020). Cars have no part in each
+other's numbers: each sum is added up in one order, and who is done stays as it is.
 """
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from msgspec import Struct
 
-from koord.runtime.motion.arrays import Floats, Ints
+from koord.runtime.motion.angles import arc_tangent
+from koord.runtime.motion.arrays import Bools, Floats, Ints, bounded
 from koord.runtime.motion.bodies import Car
-from koord.runtime.motion.libraries import missing
-from koord.runtime.motion.pursuit import Course, Horizon, steering
-
-try:
-    import osqp
-    from scipy import sparse
-except ImportError as error:
-    raise missing("osqp", "sim") from error
+from koord.runtime.motion.pursuit import Course, Horizon
 
 
 class Weights(Struct, frozen=True):
@@ -44,8 +38,65 @@ class Weights(Struct, frozen=True):
     steering_change: float = 0.15
 
 
+#: The step of the multipliers; σ, which keeps answers near to each other; and over-relaxation.
+STEP, SIGMA, ALPHA = 0.1, 1e-6, 1.6
+
+#: What leaves no room is held with a step so much larger, if its limits are as near.
+FIRMER, NO_ROOM = 1e3, 1e-4
+
+#: An answer is near enough at this, absolute and relative, which is looked at after so many steps.
+ENOUGH, LOOK_EVERY, LOOKS = 1e-3, 5, 20
+
+#: Rows of what a controller is told: errors, speeds, curvatures, the way, the inputs in effect.
+ERROR_ROWS, INPUT_ROWS = 3, 2
+
+
+class Problem(Struct, frozen=True):
+    """The constants of the problems of cars of one kind."""
+
+    car: Car
+    horizon: Horizon
+    weights: Weights
+
+    @property
+    def unknowns(self) -> int:
+        return INPUT_ROWS * self.horizon.steps
+
+    @property
+    def told_rows(self) -> int:
+        return ERROR_ROWS + 2 * self.horizon.steps + 1 + INPUT_ROWS
+
+    @property
+    def kept_rows(self) -> int:
+        """Rows of what a solver keeps: unknowns; limited inputs and changes; their multipliers."""
+        return 5 * self.unknowns
+
+    @property
+    def steepest(self) -> float:
+        """The tangent of the greatest steering angle."""
+        return float(np.tan(self.car.steering_rad))
+
+    @property
+    def error_weights(self) -> tuple[float, float, float]:
+        return self.weights.along, self.weights.across, self.weights.heading
+
+    @property
+    def cost(self) -> tuple[float, float]:
+        return self.weights.speed, self.weights.steering
+
+    @property
+    def steady(self) -> tuple[float, float]:
+        return self.weights.speed_change, self.weights.steering_change
+
+    @property
+    def fastest(self) -> tuple[float, float]:
+        """How much inputs change in a step at most."""
+        car, step_s = self.car, self.horizon.step_s
+        return car.accel_mps2 * step_s, car.steering_rate_radps * step_s
+
+
 class Predictive:
-    """The predictive controllers of ``count`` cars. A car's solver is made on first use."""
+    """The predictive controllers of ``count`` cars."""
 
     def __init__(
         self,
@@ -54,18 +105,9 @@ class Predictive:
         horizon: Horizon,
         weights: Weights = Weights(),
     ) -> None:
-        self.car, self.horizon, self.weights = car, horizon, weights
-        self.solvers: list[Any] = [None] * count
-        n = 2 * horizon.steps
-        self._upper = np.tril_indices(n)  # of the transpose: by columns, as OSQP has it
-        change = np.eye(n) - np.eye(n, k=-2)
-        self._limits = sparse.csc_matrix(np.vstack([np.eye(n), change]))
-        cost = np.tile([weights.speed, weights.steering], horizon.steps)
-        steady = np.tile([weights.speed_change, weights.steering_change], horizon.steps)
-        self._input_cost = np.diag(cost) + change.T @ np.diag(steady) @ change
-        self._change_cost = change.T @ np.diag(steady)
-        rates = np.array([car.accel_mps2, car.steering_rate_radps])
-        self._fastest = rates * horizon.step_s
+        self.problem = Problem(car, horizon, weights)
+        #: the last answers, and what belongs to them: shape ``(rows, count)``
+        self.kept: Floats = np.zeros((self.problem.kept_rows, count))
 
     def inputs(
         self, cars: Ints, error: Floats, course: Course, way: Floats, last: Floats
@@ -75,110 +117,177 @@ class Predictive:
         ``error`` is ``(m, 3)``, ``way`` is -1 for cars that drive backwards, ``last`` the inputs
         that are in effect, ``(m, 2)``.
         """
-        reference = self._reference(course, way)
-        free, forced = self._predicted(error, course, way, reference)
-        weigh = np.tile(
-            [self.weights.along, self.weights.across, self.weights.heading], self.horizon.steps
+        told = np.concatenate(
+            [error.T, course.speed_mps.T, course.curvature.T, way[None], last.T], axis=0
         )
-        quadratic = np.swapaxes(forced, 1, 2) @ (weigh[None, :, None] * forced)
-        quadratic += self._input_cost
-        flat = reference.reshape(len(cars), -1)
-        change = flat - np.concatenate([last, flat[:, :-2]], axis=1)
-        linear = np.einsum("mij,mi->mj", forced, weigh * free)
-        # Not `@`: its last bit hangs on how many robots there are.
-        linear += np.einsum("mi,ji->mj", change, self._change_cost)
-        highest = np.empty_like(reference)
-        highest[:, :, 0], highest[:, :, 1] = reference[:, :, 0], self.car.steering_rad
-        lowest = -highest
-        lowest[:, :, 0] = np.minimum(reference[:, :, 0], course.slowest_mps)
-        low, high = lowest.reshape(flat.shape), highest.reshape(flat.shape)
-        fastest = np.tile(self._fastest, self.horizon.steps)
-        lower = np.concatenate([low - flat, -fastest - change], axis=1)
-        upper = np.concatenate([high - flat, fastest - change], axis=1)
-        # OSQP reads memory as it lies, and such a selection may lie by columns.
-        packed = np.ascontiguousarray(quadratic[:, self._upper[1], self._upper[0]])
-        linear, lower, upper = (np.ascontiguousarray(a) for a in (linear, lower, upper))
-        answer = np.empty((len(cars), 2))
-        for row, car in enumerate(cars.tolist()):
-            answer[row] = self._solve(car, packed[row], linear[row], lower[row], upper[row])
-        return np.clip(answer + reference[:, 0], low[:, :2], high[:, :2])
+        found, self.kept[:, cars] = self.solved(told, self.kept[:, cars], course.slowest_mps)
+        return found.T
 
-    def _reference(self, course: Course, way: Floats) -> Floats:
-        angle = steering(course.curvature, way[:, None], self.car)
-        return np.stack([course.speed_mps, angle], axis=2)
-
-    def _predicted(
-        self, error: Floats, course: Course, way: Floats, reference: Floats
-    ) -> tuple[Floats, Floats]:
-        """Predicted errors at the ends of the steps: the free response, and the gain per input.
-
-        Shapes ``(m, 3 steps)`` and ``(m, 3 steps, 2 steps)``.
-        """
-        m, steps, dt = len(error), self.horizon.steps, self.horizon.step_s
-        free, forced = np.empty((m, steps, 3)), np.zeros((m, steps, 3, 2 * steps))
-        w, bend = course.speed_mps, course.curvature
-        swing = way[:, None] * w / (self.car.wheelbase_m * np.cos(reference[:, :, 1]) ** 2)
-        turn, advance = dt * bend * w, dt * w
-        e = error
-        for k in range(steps):
-            moved = np.empty((m, 3))
-            moved[:, 0] = e[:, 0] + turn[:, k] * e[:, 1]
-            moved[:, 1] = e[:, 1] - turn[:, k] * e[:, 0] + advance[:, k] * e[:, 2]
-            moved[:, 2] = e[:, 2]
-            free[:, k] = e = moved
-            if k:
-                g, known = forced[:, k - 1], slice(0, 2 * k)
-                forced[:, k, 0, known] = g[:, 0, known] + turn[:, k, None] * g[:, 1, known]
-                forced[:, k, 1, known] = (
-                    g[:, 1, known]
-                    - turn[:, k, None] * g[:, 0, known]
-                    + advance[:, k, None] * g[:, 2, known]
-                )
-                forced[:, k, 2, known] = g[:, 2, known]
-            forced[:, k, 0, 2 * k] = dt
-            forced[:, k, 1, 2 * k + 1] = advance[:, k] * dt * swing[:, k] / 2
-            forced[:, k, 2, 2 * k] = dt * bend[:, k]
-            forced[:, k, 2, 2 * k + 1] = dt * swing[:, k]
-        return free.reshape(m, -1), forced.reshape(m, 3 * steps, -1)
-
-    def _solve(
-        self, car: int, packed: Floats, linear: Floats, lower: Floats, upper: Floats
-    ) -> Floats:
-        solver = self.solvers[car]
-        if solver is None:
-            n = 2 * self.horizon.steps
-            matrix = np.zeros((n, n))
-            matrix[self._upper[1], self._upper[0]] = packed
-            solver = osqp.OSQP()
-            # The step size stays what it is: OSQP would adapt it by the clock.
-            solver.setup(
-                sparse.csc_matrix((packed, *_pattern(n)), shape=(n, n)),
-                linear,
-                self._limits,
-                lower,
-                upper,
-                verbose=False,
-                adaptive_rho=False,
-                rho=0.1,
-                eps_abs=1e-3,
-                eps_rel=1e-3,
-                max_iter=100,
-                check_termination=5,
-                polishing=False,
-                scaling=0,
-            )
-            # The extension itself: what Python wraps around it costs more than the solution.
-            solver = self.solvers[car] = solver._solver
-        else:
-            solver.update_data_vec(q=linear, l=lower, u=upper)
-            solver.update_data_mat(P_x=packed, P_i=None, A_x=None, A_i=None)
-        solver.solve()
-        answer: Floats = solver.solution.x[:2]
-        return answer
+    def solved(self, told: Floats, kept: Floats, slowest_mps: float) -> tuple[Floats, Floats]:
+        """The inputs ``(2, m)``, and what is kept now; arguments have a column for each car."""
+        problem = self.problem
+        task, reference = _task(problem, told, slowest_mps)
+        kept = _solution(task, kept)
+        highest = np.array([reference[0], np.full_like(reference[0], problem.car.steering_rad)])
+        lowest = np.array([np.minimum(reference[0], slowest_mps), -highest[1]])
+        return bounded(kept[:INPUT_ROWS] + reference[:INPUT_ROWS], lowest, highest), kept
 
 
-def _pattern(n: int) -> tuple[Ints, Ints]:
-    """Row numbers and column starts of a full upper triangle, by columns."""
-    rows = np.concatenate([np.arange(k + 1) for k in range(n)])
-    starts = np.append(0, np.cumsum(np.arange(1, n + 1)))
-    return rows, starts
+class _Task(Struct, frozen=True):
+    """Quadratic programs, with a column for each car: minimise ½xᵀPx + qᵀx, limits on inputs x.
+
+    And on their changes ``x[i] − x[i−2]``; limits of inputs come first.
+    """
+
+    quadratic: Floats  #: P, (n, n, m)
+    linear: Floats  #: q, (n, m)
+    lower: Floats  #: (2n, m)
+    upper: Floats
+
+
+def _task(problem: Problem, told: Floats, slowest_mps: float) -> tuple[_Task, Floats]:
+    """What is to be solved, and the inputs of the path, from which unknowns are measured."""
+    n, steps, dt = problem.unknowns, problem.horizon.steps, problem.horizon.step_s
+    error, way, last = told[0:3], told[-3], told[-2:]
+    speed, bend = told[3 : 3 + steps], told[3 + steps : 3 + 2 * steps]
+    base_m = problem.car.wheelbase_m
+    slope = bounded(way * base_m * bend, -problem.steepest, problem.steepest)
+    reference = np.empty((n, told.shape[1]))
+    reference[0::2], reference[1::2] = speed, arc_tangent(slope)
+    swing = way * speed / base_m * (1.0 + slope * slope)
+    turn, advance = dt * bend * speed, dt * speed
+
+    # Predicted errors at the ends of steps, and how they hang on the inputs until then.
+    gain = np.zeros((3, n, told.shape[1]))
+    quadratic, linear = np.zeros((n, n, told.shape[1])), np.zeros((n, told.shape[1]))
+    for k in range(steps):
+        error = np.array(
+            [
+                error[0] + turn[k] * error[1],
+                error[1] - turn[k] * error[0] + advance[k] * error[2],
+                error[2],
+            ]
+        )
+        gain = np.array(
+            [
+                gain[0] + turn[k] * gain[1],
+                gain[1] - turn[k] * gain[0] + advance[k] * gain[2],
+                gain[2],
+            ]
+        )
+        gain[0, 2 * k] = dt
+        gain[1, 2 * k + 1] = advance[k] * (dt / 2) * swing[k]
+        gain[2, 2 * k], gain[2, 2 * k + 1] = dt * bend[k], dt * swing[k]
+        for weight, g, e in zip(problem.error_weights, gain, error, strict=True):
+            weighed = weight * g
+            quadratic += weighed[:, None] * g
+            linear += weighed * e
+
+    change = reference - np.concatenate([last, reference[:-2]])
+    fastest = np.tile(problem.fastest, steps)[:, None]
+    highest = np.tile([0.0, problem.car.steering_rad], steps)[:, None]
+    low, high = -highest - reference, highest - reference
+    low[0::2], high[0::2] = np.minimum(speed, slowest_mps) - speed, 0.0
+    for k in range(n):
+        cost, steady = problem.cost[k % 2], problem.steady[k % 2]
+        more = k + 2 < n
+        quadratic[k, k] += cost + steady + (steady if more else 0.0)
+        pull = steady * change[k]
+        if more:
+            quadratic[k, k + 2] -= steady
+            quadratic[k + 2, k] -= steady
+            pull = pull - steady * change[k + 2]
+        linear[k] += pull
+    lower = np.concatenate([low, -fastest - change])
+    upper = np.concatenate([high, fastest - change])
+    return _Task(quadratic, linear, lower, upper), reference
+
+
+def _solution(task: _Task, kept: Floats) -> Floats:
+    """The answers and what belongs to them, from what was kept of the last ones."""
+    n, lower, upper = len(task.linear), task.lower, task.upper
+    x, z, y = kept[:n], kept[n : 3 * n], kept[3 * n :]
+    tight = upper - lower < NO_ROOM
+    step = np.where(tight, FIRMER * STEP, STEP)
+    back = np.where(tight, 1 / (FIRMER * STEP), 1 / STEP)
+    inverse = task.quadratic.copy()
+    for k in range(n):
+        more = step[n + k + 2] if k + 2 < n else 0.0
+        inverse[k, k] += SIGMA + step[k] + step[n + k] + more
+        if k + 2 < n:
+            inverse[k, k + 2] -= step[n + k + 2]
+            inverse[k + 2, k] -= step[n + k + 2]
+    _invert(inverse)
+    done = np.zeros(x.shape[1], np.bool_)
+    for _ in range(LOOKS):
+        for _ in range(LOOK_EVERY):
+            reached = _product(inverse, SIGMA * x - task.linear + _gathered(step * z - y))
+            between = ALPHA * _spread(reached) + (1 - ALPHA) * z
+            limited = bounded(between + back * y, lower, upper)
+            y = np.where(done, y, y + step * (between - limited))
+            x = np.where(done, x, ALPHA * reached + (1 - ALPHA) * x)
+            z = np.where(done, z, limited)
+        done = done | _is_near(task, x, z, y)
+        if done.all():
+            break
+    return np.concatenate([x, z, y])
+
+
+def _is_near(task: _Task, x: Floats, z: Floats, y: Floats) -> Bools:
+    """Where answers are near enough: in their limits, in what they cost, and in the gap of both."""
+    put, pulled, held = _spread(x), _product(task.quadratic, x), _gathered(y)
+    off = _most(put - z) < ENOUGH + ENOUGH * np.maximum(_most(put), _most(z))
+    slope = _most(pulled + task.linear + held)
+    sizes = np.maximum(np.maximum(_most(pulled), _most(held)), _most(task.linear))
+    flat = slope < ENOUGH + ENOUGH * sizes
+    cost, line = _sum(x * pulled), _sum(task.linear * x)
+    support = _sum(task.upper * np.maximum(y, 0.0) + task.lower * np.minimum(y, 0.0))
+    sizes = np.maximum(np.maximum(np.abs(cost), np.abs(line)), np.abs(support))
+    level = np.abs(cost + line + support) < ENOUGH + ENOUGH * sizes
+    found: Bools = off & flat & level
+    return found
+
+
+def _invert(matrix: Floats) -> None:
+    """Replace positive definite matrices ``(n, n, m)`` by their inverses (Gauss, Jordan)."""
+    for k in range(len(matrix)):
+        row = matrix[k].copy()
+        pivot = 1.0 / row[k]
+        row[k] = 1.0
+        row *= pivot
+        column = matrix[:, k].copy()
+        matrix[:, k] = 0.0
+        matrix -= column[:, None] * row
+        matrix[k] = row
+
+
+def _product(matrix: Floats, x: Floats) -> Floats:
+    """Products of matrices ``(n, n, m)`` and vectors ``(n, m)``, added up from left to right."""
+    found: Floats = np.add.accumulate(matrix * x, axis=1)[:, -1]
+    return found
+
+
+def _spread(x: Floats) -> Floats:
+    """Inputs, and their changes from each step to the next: shape ``(2n, m)``."""
+    found = np.concatenate([x, x])
+    found[len(x) + 2 :] -= x[:-2]
+    return found
+
+
+def _gathered(y: Floats) -> Floats:
+    """The transpose of ``_spread``."""
+    n = len(y) // 2
+    changed = y[n:].copy()
+    changed[:-2] -= y[n + 2 :]
+    return y[:n] + changed
+
+
+def _most(rows: Floats) -> Floats:
+    found: Floats = np.maximum.reduce(np.abs(rows))
+    return found
+
+
+def _sum(rows: Floats) -> Floats:
+    """Sums over rows, added up from the first to the last."""
+    found: Floats = np.add.accumulate(rows)[-1]
+    return found

@@ -7,6 +7,7 @@ Wheels of level ``mujoco`` are those of the F1TENTH vehicle.
 
 from __future__ import annotations
 
+from importlib.util import find_spec
 from typing import ClassVar
 
 import numpy as np
@@ -14,6 +15,7 @@ import numpy as np
 from koord.runtime.motion.arrays import Floats, bounded
 from koord.runtime.motion.bodies import Car, Steering
 from koord.runtime.motion.driving import PREDICTIVE_TICKS, Driving
+from koord.runtime.motion.predictive import Predictive
 from koord.runtime.motion.pursuit import Horizon
 from koord.runtime.motion.world import Point
 from koord.sim.squads import (
@@ -40,8 +42,17 @@ def squad(setup: SquadSetup) -> WheeledSquad:
     predicts = steering is Steering.PREDICTIVE and setup.model.controller is None
     every = PREDICTIVE_TICKS if predicts else 1
     horizon = Horizon(step_s=every * STEPS * STEP_S)
-    law = tracker(setup, lambda: Driving(setup.group, steering, horizon))
+    law = tracker(setup, lambda: Driving(setup.group, steering, horizon, _predictive()))
     return WheeledSquad(setup, vehicles(setup), law, every)
+
+
+def _predictive() -> type[Predictive]:
+    """The kind of controllers: by machine code where there is llvmlite, and the same without."""
+    if find_spec("llvmlite") is None:
+        return Predictive
+    from koord.sim.vehicles.compiled_driving import CompiledPredictive
+
+    return CompiledPredictive
 
 
 def vehicles(setup: VehicleSetup) -> Wheeled:

@@ -40,7 +40,6 @@ def test_a_library_is_loaded_only_where_it_is_used(statement: str, expected: set
     ("library", "module"),
     [
         ("ompl", "koord.runtime.motion.rrt"),
-        ("osqp", "koord.runtime.motion.predictive"),
         ("shapely", "koord.runtime.motion.shapes"),
         ("pymunk", "koord.sim.vehicles.contact"),
         ("llvmlite", "koord.sim.vehicles.compiled"),
