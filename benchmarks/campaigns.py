@@ -8,7 +8,10 @@ too.
 A campaign with two jobs has to tell the rows of one job. Its speed-up is of wall seconds, with the
 start of interpreters and workers. What the machine has to give just then is measured beside: two
 campaigns of one job at the same time, each with half of the runs. On a machine that others use no
-speed-up says much by itself; two jobs beside two campaigns do.
+speed-up says much by itself; two jobs beside two campaigns do. What is koord's own is the time in
+which a job is at no run: it starts, hands out, waits for the last run. Seconds in which nothing
+here went on at all (the machine did something else, or somebody stopped the processes) are told
+and left out: a campaign of two jobs that is stopped for 20 s is no slower for it.
 
 Campaigns that end when an interval is narrow enough have to end after the same runs with one job
 and with two.
@@ -20,6 +23,7 @@ import csv
 import os
 import sys
 import tempfile
+import threading
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -58,6 +62,10 @@ FIXED_MS = 5.0
 #: Program, configuration, runs, simulated seconds, and the least speed-up by two jobs.
 JOBS = (("task.krd", "task.yaml", 48, "30"), ("follow_path.krd", "", 240, "10"))
 SPEED_UP = 1.8
+
+#: It is looked so often whether anything goes on, and a look that is so late was kept from it, in
+#: seconds.
+_LOOK_S, _PAUSE_S = 0.05, 0.5
 
 
 def fixed(program: str, configuration: str, runs: int) -> list[Cell]:
@@ -118,6 +126,8 @@ def _jobs(report: Report) -> None:
         Column("runs", "runs"),
         Column("wall_s", "wall s"),
         Column("cpu_s", "CPU s"),
+        Column("beside_s", "s at no run"),
+        Column("stopped_s", "s stopped"),
         Column("speed_up", "speed-up"),
         Column("least", "least"),
         Column("load", "load before"),
@@ -146,10 +156,13 @@ def _jobs(report: Report) -> None:
             for how, make in tries.items():
                 note(f"{name}, {how}")
                 load = os.getloadavg()[0]
-                parts = make()
+                with Pauses() as pauses:
+                    parts = make()
                 if not report.expect(all(part.done.code in (0, 1, 5) for part in parts), how):
                     return
-                walls[how] = max(part.done.wall_s for part in parts)
+                walls[how] = max(part.done.wall_s for part in parts) - pauses.stopped_s
+                jobs = 1 if how == "one job" else 2
+                at_runs_s = sum(part.at_runs_s for part in parts) / jobs - pauses.stopped_s
                 told[how] = [row for part in parts for row in part.rows]
                 table.rows.append(
                     {
@@ -158,6 +171,8 @@ def _jobs(report: Report) -> None:
                         "runs": runs,
                         "wall_s": round(walls[how], 2),
                         "cpu_s": round(sum(part.done.cpu_s for part in parts), 2),
+                        "beside_s": round(walls[how] - at_runs_s, 2),
+                        "stopped_s": round(pauses.stopped_s, 1),
                         "speed_up": round(walls["one job"] / walls[how], 2),
                         "least": SPEED_UP if how == "two jobs" else None,
                         "load": round(load, 1),
@@ -200,13 +215,42 @@ class Made(NamedTuple):
 
     done: Measured
     rows: list[dict[str, str]]
+    at_runs_s: float  #: on the wall, of all jobs together
+
+
+class Pauses:
+    """How long nothing went on within the context: a thread that looks often has not looked."""
+
+    def __init__(self) -> None:
+        self.stopped_s = 0.0
+        self._over = threading.Event()
+        self._thread = threading.Thread(target=self._look, daemon=True)
+
+    def __enter__(self) -> Pauses:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._over.set()
+        self._thread.join()
+
+    def _look(self) -> None:
+        last_s = time.perf_counter()
+        while not self._over.wait(_LOOK_S):
+            now_s = time.perf_counter()
+            if now_s - last_s > _PAUSE_S:
+                self.stopped_s += now_s - last_s - _LOOK_S
+            last_s = now_s
 
 
 def _campaign(*words: str) -> Made:
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "runs.csv"
         done = koord("sim", *words, "--csv", str(file), timeout_s=900)
-        return Made(done, _rows(file) if file.exists() else [])
+        if not file.exists():
+            return Made(done, [], 0.0)
+        rows, at_runs_s = _rows(file)
+        return Made(done, rows, at_runs_s)
 
 
 def _nameless(rows: list[dict[str, str]]) -> list[dict[str, str]]:
@@ -214,10 +258,12 @@ def _nameless(rows: list[dict[str, str]]) -> list[dict[str, str]]:
     return [{k: v for k, v in row.items() if k != "campaign"} for row in rows]
 
 
-def _rows(path: Path) -> list[dict[str, str]]:
-    """The rows of a campaign, without what hangs on the clock."""
+def _rows(path: Path) -> tuple[list[dict[str, str]], float]:
+    """The rows of a campaign without what hangs on the clock, and the seconds that all took."""
     with path.open(encoding="utf-8", newline="") as file:
-        return [{k: v for k, v in row.items() if k != "wall_s"} for row in csv.DictReader(file)]
+        rows = list(csv.DictReader(file))
+    took_s = sum(float(row.pop("wall_s")) for row in rows)
+    return rows, took_s
 
 
 if __name__ == "__main__":

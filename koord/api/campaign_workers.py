@@ -7,6 +7,7 @@ same. Workers may die: what they were at is made by others.
 
 from __future__ import annotations
 
+import os
 import signal
 import threading
 import time
@@ -17,7 +18,7 @@ from concurrent.futures import CancelledError, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import closing, contextmanager, suppress
 from itertools import islice
-from multiprocessing import get_context
+from multiprocessing import get_context, util
 from multiprocessing.connection import Connection
 from queue import Empty, SimpleQueue
 from typing import Any, TypeAlias
@@ -240,6 +241,8 @@ class _Processes(Team):
 def _begin_worker(line: Connection) -> None:
     """Set up a worker: it ignores Ctrl-C, and ends with the process that made it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    # To free all that it has would take longer than to load it; who asks waits for that.
+    util.Finalize(None, os._exit, args=(0,), exitpriority=0)
 
     def end() -> None:
         line.poll(None)

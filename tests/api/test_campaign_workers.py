@@ -14,9 +14,11 @@ import pytest
 from msgspec.structs import replace
 
 from koord.api import campaign_workers
+from koord.api.campaign import CampaignBegun, RunOver, campaign
 from koord.api.campaign_runs import Order, Row
 from koord.api.campaign_workers import LostError, Made, Team, _Cluster, rows_of
 from koord.api.fitting import fit_request
+from koord.api.progress import Progress
 from koord.syntax.diagnostics import KoordError
 from tests.clusters import local_cluster
 
@@ -147,6 +149,40 @@ def test_a_cluster_that_goes_away_is_told() -> None:
         process.kill()
         with pytest.raises(KoordError, match="any more"):
             list(made)
+
+
+@pytest.mark.slow
+def test_a_campaign_goes_on_after_its_cluster_has_gone(tmp_path: Path) -> None:
+    """On another cluster, which goes away as well, and then without one; no run is made twice."""
+    pytest.importorskip("distributed")
+    table, whole, count = tmp_path / "runs.csv", tmp_path / "whole.csv", 30
+    wanted: dict[str, Any] = {"runs": count, "seed": 0, "duration_s": 2.0}
+    kept = list[list[str]]()
+    for resume in (False, True):
+        with local_cluster(2) as (address, process):
+
+            def fall(progress: Progress, process: Any = process) -> None:
+                if isinstance(progress, RunOver) and progress.done == 5 * (1 + len(kept)):
+                    process.kill()
+
+            with pytest.raises(KoordError, match="any more"):
+                campaign(
+                    PROGRAM, cluster=address, csv=table, resume=resume, progress=fall, **wanted
+                )
+        kept.append(table.read_text("utf-8").splitlines())
+        assert 5 * len(kept) < len(kept[-1]) < 1 + count
+    assert kept[1][: len(kept[0])] == kept[0]
+    heard = list[Progress]()
+    campaign(PROGRAM, csv=table, resume=True, progress=heard.append, **wanted)
+    (begun,) = (one for one in heard if isinstance(one, CampaignBegun))
+    assert begun.known == len(kept[1]) - 1
+    campaign(PROGRAM, csv=whole, **wanted)
+    assert set(kept[1]) <= set(table.read_text("utf-8").splitlines())
+    without_times = [
+        [line.rpartition(",")[0] for line in file.read_text("utf-8").splitlines()]
+        for file in (table, whole)
+    ]
+    assert without_times[0] == without_times[1]
 
 
 class Asked:
