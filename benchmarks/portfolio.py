@@ -3,8 +3,9 @@
 Each row is a program with its robots; each engine is asked alone, and `auto`, which asks them all,
 as is the default. An engine *settles* a row if it says as much of every claim as `auto` does: that
 it is violated, or that it holds for as many rounds. An engine alone gets as long as `auto` took:
-what is slower is not the best one. *Excess* is the time of `auto` beyond 1.3 times that of the best
-engine and 0.3 s, on the clock and of processors: it should not be above zero.
+what is slower is not the best one. Proofs for every number of robots, which `--robots any` asks
+alone, are an engine as well. *Excess* is the time of `auto` beyond 1.3 times that of the best engine
+and 0.3 s, on the clock and of processors: it should not be above zero.
 
 The second table is about the look for what makes verdicts say less than they seem to: its part of
 the CPU time that verdicts took, in one process. `KOORD_ROWS` names the rows that are wanted (a
@@ -41,7 +42,10 @@ from harness import (
     note,
 )
 
-ENGINES = ("search", "induction", "bits", "abc", "spacer", "bmc")
+#: The proofs for every number of robots, which are asked for by `--robots any`.
+EVERY_N = "every N"
+
+ENGINES = ("search", "induction", "bits", "abc", "spacer", "bmc", EVERY_N)
 
 #: How much slower than the best engine alone `auto` may be: so many times, and so many seconds.
 TIMES, SECONDS = 1.3, 0.3
@@ -147,7 +151,9 @@ def contradicts(
 
 
 def verified(row: Asked, engine: str, patience_s: float) -> Measured:
-    words = ("--engine", engine, "--json", "--timeout", f"{patience_s:.2f}")
+    # The last number of robots counts.
+    asked = ("--robots", "any") if engine == EVERY_N else ("--engine", engine)
+    words = (*asked, "--json", "--timeout", f"{patience_s:.2f}")
     return koord("verify", *row.words, *words, timeout_s=1.1 * patience_s + 5)
 
 

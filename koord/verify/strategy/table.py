@@ -151,8 +151,8 @@ _RULE = Patience(times=1.3, steps=6_500)
 #: What takes some seconds: lemmas of some ten questions.
 _OF_SOME_SECONDS = 200_000
 
-#: A search that ends soon, be it with all configurations or not.
-_SHORT_SEARCH = Task(states=FEW_STATES, evaluations=120_000)
+#: A search that ends in about a second, be it with all configurations or not.
+_SHORT_SEARCH = Task(states=FEW_STATES, evaluations=50_000)
 
 #: Circuits that are small, and have an invariant in about a second: what a search of some seconds
 #: would find behind them.
