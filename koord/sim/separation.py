@@ -11,7 +11,7 @@ from koord.runtime.motion.arrays import Floats, Ints, lengths
 FEW = 64
 
 #: So much further than to the nearest pair is looked, to know who may be nearest soon.
-_ROOM_M = 0.5
+ROOM_M = 0.5
 
 
 class Nearest(Struct, frozen=True):
@@ -69,7 +69,7 @@ def nearest(positions: Floats) -> Nearest | None:
     return _nearest_of(positions, listed(positions, 1e-9).pairs)
 
 
-def listed(positions: Floats, room_m: float = _ROOM_M) -> Listed:
+def listed(positions: Floats, room_m: float = ROOM_M) -> Listed:
     """Pairs that are at most a margin further apart than the nearest one.
 
     Each has its lesser robot first, and they are in the order of their robots.

@@ -145,6 +145,20 @@ LANES = (
         (MEASURING,),
     ),
     Mutant(
+        "of listed pairs that are equally near the first of the list is named",
+        "sim.gauge_kernel._nearer",
+        "b.and_(is_same, b.icmp_signed('<', pair, first))",
+        "b.and_(is_same, b.icmp_signed('<', pair, word(0)))",
+        (MEASURING,),
+    ),
+    Mutant(
+        "only pairs that are as near as the nearest are listed",
+        "sim.gauge_kernel._listing",
+        "square.sqrt() + further_m",
+        "square.sqrt()",
+        (MEASURING,),
+    ),
+    Mutant(
         "what comes after no number is nearer",
         "sim.gauge_kernel._nearer",
         "is_less = b.and_(is_less, b.fcmp_ordered('ord', least, least))",

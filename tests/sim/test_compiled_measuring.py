@@ -31,12 +31,15 @@ def agree(ticks: list[Floats]) -> None:
     st.sampled_from(COUNTS),
     st.sampled_from((0.0, 0.02, 0.3, 5.0)),
     st.sampled_from((None, 0, 1, 3)),
+    st.sampled_from((0.2, 9.0)),
     st.integers(0, 1 << 32),
 )
-def test_both_measure_the_same(count: int, step_m: float, digits: int | None, seed: int) -> None:
-    """With places on grids, where several pairs are equally near."""
+def test_both_measure_the_same(
+    count: int, step_m: float, digits: int | None, wide_m: float, seed: int
+) -> None:
+    """With places on grids, where several pairs are equally near, and in crowds."""
     draw = np.random.default_rng(seed)
-    here, ticks = draw.uniform(-9, 9, (count, 3)), []
+    here, ticks = draw.uniform(-wide_m, wide_m, (count, 3)), []
     for _ in range(12):
         ticks.append(here if digits is None else np.round(here, digits))
         here = here + draw.normal(0.0, step_m, (count, 3))
