@@ -276,21 +276,25 @@ class _Step:
     ) -> dict[Claim, str]:
         """The reasons why claims fail at a moment, case by case, for all that one step breaks."""
         solver = self._unrolling.solver
-        whole = [*extra, violated]
-        first = solver.check(whole, deadline, self._effort, at_most=FIRST_TRY)
-        if first is SolverAnswer.UNSAT:
-            return {}
-        parts = [violated] if first is SolverAnswer.SAT else cases(self._d, violated)
-        for case in parts:
+        whole = solver.check([*extra, violated], deadline, self._effort, at_most=FIRST_TRY)
+        if whole is SolverAnswer.SAT:
+            return self._seen(claim, pending, moment)
+        for case in cases(self._d, violated) if whole is SolverAnswer.UNKNOWN else ():
             answer = solver.check([*extra, case], deadline, self._effort)
             if answer is SolverAnswer.UNKNOWN:
                 return {claim: "timeout" if deadline.is_near() else "too much for the solver"}
             if answer is SolverAnswer.SAT:
-                model = self._unrolling.solver.model()
-                also = [other for other, term in pending.items() if model.truth(term)]
-                self._keep(model, moment, [claim, *also])
-                return dict.fromkeys([claim, *also], "not inductive")
+                return self._seen(claim, pending, moment)
         return {}
+
+    def _seen(
+        self, claim: Claim, pending: dict[Claim, Term], moment: SymbolicConfiguration
+    ) -> dict[Claim, str]:
+        """What the step breaks that the solver found."""
+        model = self._unrolling.solver.model()
+        also = [other for other, term in pending.items() if model.truth(term)]
+        self._keep(model, moment, [claim, *also])
+        return dict.fromkeys([claim, *also], "not inductive")
 
     def _keep(self, model: Model, moment: SymbolicConfiguration, claims: Sequence[Claim]) -> None:
         """Record the step that breaks claims. Assumed moments are middles and ends of rounds."""
