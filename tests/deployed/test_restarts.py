@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 
+from koord.runtime.deploy.slots import BLOCK_BYTES
 from tests.deployed.conftest import MakeFleet
 from tests.sampling import first
 
@@ -171,8 +172,13 @@ def test_a_robot_that_would_begin_afresh_alone_is_refused(fleet_of: MakeFleet) -
 # --- with damaged ones ----------------------------------------------------------------------------
 
 
+def _cut_at(content: bytes, share: float) -> int:
+    """A place within what was written of a journal."""
+    return BLOCK_BYTES + int((len(content.rstrip(b"\0")) - BLOCK_BYTES) * share)
+
+
 def _flipped(content: bytes, other: bytes) -> bytes:
-    at = len(content) // 2
+    at = _cut_at(content, 0.5)
     return content[:at] + bytes((content[at] ^ 0x10,)) + content[at + 1 :]
 
 
@@ -211,7 +217,7 @@ def test_a_journal_that_lacks_its_end_is_as_an_old_one(fleet_of: MakeFleet, kept
     fleet.until_round(15)
     fleet[2].kill()
     for path in (fleet.folder / "2" / "state").iterdir():
-        os.truncate(path, int(path.stat().st_size * kept))
+        os.truncate(path, _cut_at(path.read_bytes(), kept))
     fleet.again(2)
     fleet.until_further(10, within_s=5.0)
     fleet.stop()

@@ -23,6 +23,7 @@ from tests.mutants.flown import FLOWN
 from tests.mutants.guarded import GUARDED
 from tests.mutants.horn import HORN
 from tests.mutants.instants import INSTANTS
+from tests.mutants.journalled import JOURNALLED
 from tests.mutants.judged import JUDGED
 from tests.mutants.located import LOCATED
 from tests.mutants.mavlinked import MAVLINKED
@@ -995,6 +996,7 @@ MUTANTS = (
     *EXPORTED,
     *LIVENESS,
     *PROGRESS,
+    *JOURNALLED,
     *PROTOCOL,
     *WIRE_MISTAKES,
     *DEPLOYED,

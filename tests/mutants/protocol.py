@@ -14,7 +14,6 @@ KEYS = "tests/runtime/test_keys.py"
 ENCRYPTION = "tests/runtime/test_encryption.py"
 RECOVERY = "tests/runtime/test_recovery.py"
 HANDSHAKE = "tests/runtime/test_handshake.py"
-JOURNAL = "tests/runtime/test_journal.py"
 DEPLOY = "tests/runtime/test_deploy.py"
 PROOF = "tests/refinement/test_protocol_proof.py"
 CORRESPONDENCE = "tests/refinement/test_protocol_correspondence.py"
@@ -567,34 +566,6 @@ WIRE_MISTAKES = (
         "message.fingerprint != party.fingerprint",
         "len(message.fingerprint) != len(party.fingerprint)",
         (HANDSHAKE,),
-    ),
-    Mutant(
-        "a journal's records need not be whole",
-        "runtime.deploy.journal._record_at",
-        "len(body) < size",
-        "len(body) < 0",
-        (JOURNAL,),
-    ),
-    Mutant(
-        "a journal's damage is not seen",
-        "runtime.deploy.journal._record_at",
-        "crc32(data[at : at + _LENGTH] + body)",
-        'int.from_bytes(data[at + _LENGTH : at + _HEAD], "big")',
-        (JOURNAL,),
-    ),
-    Mutant(
-        "a write that failed is left in the journal",
-        "runtime.deploy.journal.Journal.add",
-        "if torn:\n    os.ftruncate(self._file, self._size)",
-        "self._size = os.fstat(self._file).st_size",
-        (JOURNAL,),
-    ),
-    Mutant(
-        "a journal is not on the disk",
-        "runtime.deploy.journal.Journal.add",
-        "if sync and self._syncs:\n    os.fdatasync(self._file)",
-        "pass",
-        (JOURNAL,),
     ),
     Mutant(
         "a robot that cannot write goes on",

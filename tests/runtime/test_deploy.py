@@ -17,7 +17,6 @@ from koord.cli.deployed import story
 from koord.runtime.compile import compiled
 from koord.runtime.compile.loading import loaded
 from koord.runtime.configuration.checking import load as load_configuration
-from koord.runtime.deploy import journal as journal_module
 from koord.runtime.deploy.ideal import IdealHost, unanswered
 from koord.runtime.deploy.job import CannotTakePartError, Job
 from koord.runtime.deploy.journal import AnyRecord, DamagedError, Entered, Journal
@@ -25,6 +24,7 @@ from koord.runtime.deploy.local import hears_itself, local_plan
 from koord.runtime.deploy.member import DivergedError, Member
 from koord.runtime.deploy.resuming import come_back, enter
 from koord.runtime.deploy.running import Runner
+from koord.runtime.deploy.slots import BLOCK_BYTES, SLOT_BYTES, SlotFile
 from koord.runtime.deploy.status import Tally, status_of
 from koord.runtime.engine import Deployed, RoundEngine
 from koord.runtime.motion.world import World
@@ -300,11 +300,20 @@ def test_a_journal_that_is_long_is_cut_down(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """(R-SNAPSHOT): to a checkpoint, from which the robot is the same."""
-    monkeypatch.setattr(journal_module, "CHECKPOINT_BYTES", 2_000)
+    begun: list[int] = []
+    begin = SlotFile.begin
+
+    def counted(file: SlotFile, body: bytes) -> None:
+        begun.append(len(body))
+        begin(file, body)
+
+    monkeypatch.setattr(SlotFile, "begin", counted)
+    monkeypatch.setattr(SlotFile, "is_long", property(lambda file: file._size > 2_000))
     deployment = Deployment("lineform", 3, tmp_path)
     deployment.run(until=60)
-    size = (tmp_path / "1.journal").stat().st_size
-    assert size < 8_000
+    assert len(begun) > 3 + 6
+    assert max(begun) < 1_000
+    assert (tmp_path / "1.journal").stat().st_size == BLOCK_BYTES + 2 * SLOT_BYTES
     before, was = deployment.values(1), deployment.peers[1].node.state
     deployment.off(1)
     deployment.back(1)

@@ -1,23 +1,24 @@
 """Journals: what a robot keeps on disk, so that a crash loses nothing it has told. (R-SAVE)
 
-A journal is a file of records, each with its length and a checksum, to which records are only
-added. Now and then, and after a snapshot, it is replaced whole by a checkpoint. The last record
-may be cut short, by a crash in mid-write: nothing was told of it. Any other damage makes the whole
-journal unusable, for what is missing may have been told.
+A journal is a file of records, to which records are only added. Now and then, and after a
+snapshot, it is begun anew with a checkpoint, in the other one of its two slots
+(:mod:`koord.runtime.deploy.slots`). What a crash has cut short is as if it had not been begun:
+nothing was told of it. Any other damage makes the whole journal unusable, for what is missing may
+have been told.
 """
 
 from __future__ import annotations
 
-import fcntl
 import os
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
-from zlib import crc32
 
 import msgspec
 from msgspec import Struct
 
+from koord.runtime.deploy.slots import SLOT_BYTES, SlotFile
+from koord.runtime.deploy.slots import DamagedError as DamagedError
+from koord.runtime.deploy.slots import InUseError as InUseError
 from koord.runtime.encoding import decoder, encode
 from koord.runtime.proposals import INIT_ROUND, Plain, Proposal
 from koord.runtime.protocol.committing import after_entry
@@ -32,12 +33,6 @@ from koord.runtime.protocol.messages import (
 )
 from koord.runtime.protocol.setup import Setup
 from koord.runtime.protocol.state import Durable
-
-#: The first bytes of a journal: a name and a version.
-_NAME = b"koord journal 2\n"
-
-#: A journal that has grown by so many bytes since its last checkpoint gets another.
-CHECKPOINT_BYTES = 1 << 20
 
 #: Attributes in the order of the program's locals and ports, each plain.
 Attributes = tuple[Plain, ...]
@@ -110,7 +105,7 @@ class Checkpoint(Record, frozen=True):
 
 AnyRecord = Entered | Start | Vow | Page | Committed | Checkpoint
 
-_DECODER = decoder(AnyRecord)
+_DECODER = decoder(list[AnyRecord])
 
 
 class Recollection(Struct):
@@ -165,14 +160,6 @@ class Recollection(Struct):
         )
 
 
-class DamagedError(Exception):
-    """Raised for a journal that cannot be used; the message says why."""
-
-
-class InUseError(Exception):
-    """Raised for a journal that another process writes."""
-
-
 class Journal:
     """The journal file of one robot. Adding to it raises OSError.
 
@@ -180,71 +167,41 @@ class Journal:
     processes of one machine, which forgets what they have done with it.
     """
 
-    def __init__(self, path: Path, *, syncs: bool = True) -> None:
+    def __init__(self, path: Path, *, syncs: bool = True, slot_bytes: int = SLOT_BYTES) -> None:
         self.path = path
-        self._syncs = syncs
-        self._file: int | None = None
-        self._size = 0  #: of what is known to be whole
-        self._is_torn = False  #: an attempt to add has left something behind it
-        self._checkpoint_at = 0
+        self._file = SlotFile(path, syncs=syncs, slot_bytes=slot_bytes)
 
     @property
     def is_long(self) -> bool:
-        """True if a checkpoint would make it shorter by much."""
-        return self._size - self._checkpoint_at > CHECKPOINT_BYTES
+        """True if it is time for a checkpoint."""
+        return self._file.is_long
+
+    @property
+    def written(self) -> int:
+        """The bytes that the disk was given: in whole blocks, as cards are written, if it syncs."""
+        return self._file.written
 
     def read(self) -> Recollection | None:
         """Read the journal; None if there is none. Raises DamagedError, InUseError, OSError."""
-        try:
-            file = os.open(self.path, os.O_RDWR | os.O_CLOEXEC)
-        except FileNotFoundError:
+        bodies = self._file.read()
+        if bodies is None:
             return None
         try:
-            _lock(file, self.path)
-            data = _whole(file)
-            recollection, size = _recollected(data)
+            return _recollected(bodies)
         except BaseException:
-            os.close(file)
+            self.close()
             raise
-        self._file, self._size, self._is_torn = file, size, True
-        return recollection
 
     def begin(self, *records: AnyRecord) -> None:
         """Begin the journal anew with these records, which are on the disk then."""
-        data = _NAME + b"".join(map(_encoded, records))
-        new = self.path.with_suffix(".new")
-        file = os.open(new, os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o600)
-        try:
-            _lock(file, self.path)
-            _write(file, data, 0)
-            if self._syncs:
-                os.fsync(file)
-            os.replace(new, self.path)
-            if self._syncs:
-                _sync_folder(self.path.parent)
-        except BaseException:
-            os.close(file)
-            with suppress(OSError):
-                new.unlink(missing_ok=True)
-            raise
-        self.close()
-        self._file, self._size, self._checkpoint_at = file, len(data), len(data)
+        self._file.begin(encode(records))
 
     def add(self, *records: AnyRecord, sync: bool = True) -> None:
         """Add records; with ``sync`` they and all before are on the disk then.
 
         What fails is as if it had not been begun, and may be tried again.
         """
-        assert self._file is not None
-        data = b"".join(map(_encoded, records))
-        torn, self._is_torn = self._is_torn, True
-        if torn:
-            os.ftruncate(self._file, self._size)
-        _write(self._file, data, self._size)
-        if sync and self._syncs:
-            os.fdatasync(self._file)
-        self._size += len(data)
-        self._is_torn = False
+        self._file.add(encode(records), sync=sync)
 
     def set_aside(self) -> None:
         """Keep the journal under another name: it is of a run that this robot is not in."""
@@ -260,90 +217,27 @@ class Journal:
 
     def close(self) -> None:
         """Close the file. Another process may use it then."""
-        if self._file is not None:
-            os.close(self._file)
-            self._file = None
+        self._file.close()
 
 
-def _lock(file: int, path: Path) -> None:
-    try:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        raise InUseError(str(path)) from None
-
-
-def _whole(file: int) -> bytes:
-    parts = []
-    while part := os.read(file, 1 << 20):
-        parts.append(part)
-    return b"".join(parts)
-
-
-def _write(file: int, data: bytes, at: int) -> None:
-    """Write all of ``data`` at a place."""
-    view = memoryview(data)
-    while view:
-        done = os.pwrite(file, view, at)
-        view, at = view[done:], at + done
-
-
-def _sync_folder(folder: Path) -> None:
-    """Make a new name in a folder outlast a loss of power."""
-    file = os.open(folder, os.O_RDONLY | os.O_CLOEXEC)
-    try:
-        os.fsync(file)
-    finally:
-        os.close(file)
-
-
-_LENGTH = 4
-_HEAD = 2 * _LENGTH
-
-
-def _encoded(record: AnyRecord) -> bytes:
-    body = encode(record)
-    size = len(body).to_bytes(_LENGTH, "big")
-    return size + crc32(size + body).to_bytes(_LENGTH, "big") + body
-
-
-def _recollected(data: bytes) -> tuple[Recollection, int]:
-    """Read records; return what they say and where the last whole one ends."""
-    if not data.startswith(_NAME):
-        raise DamagedError("it does not begin as a journal")
-    at, found = len(_NAME), None
-    while True:
-        record = _record_at(data, at)
-        if record is None:
-            break
-        one, at = record
-        if found is None:
-            if not isinstance(one, Entered):
+def _recollected(bodies: list[bytes]) -> Recollection:
+    """What records say. Raises DamagedError."""
+    found = None
+    for body in bodies:
+        try:
+            records = _DECODER.decode(body)
+        except (msgspec.MsgspecError, ValueError, RecursionError) as error:
+            raise DamagedError(f"it has a record that is none: {error}") from None
+        for one in records:
+            if found is not None:
+                _recollect(found, one)
+            elif isinstance(one, Entered):
+                found = Recollection(one)
+            else:
                 raise DamagedError("its first record is not that of a run")
-            found = Recollection(one)
-        else:
-            _recollect(found, one)
     if found is None:
         raise DamagedError("it has no whole record")
-    return found, at
-
-
-def _record_at(data: bytes, at: int) -> tuple[Any, int] | None:
-    """The record at a place, and where it ends; None if it was cut short, or is not there."""
-    head = data[at : at + _HEAD]
-    if len(head) < _HEAD or (not any(head) and not any(data[at:])):
-        return None  # a file may be longer than what was written to it before a loss of power
-    size = int.from_bytes(data[at : at + _LENGTH], "big")
-    body = data[at + _HEAD : at + _HEAD + size]
-    if len(body) < size:
-        return None
-    if crc32(data[at : at + _LENGTH] + body) != int.from_bytes(
-        data[at + _LENGTH : at + _HEAD], "big"
-    ):
-        raise DamagedError(f"the record at byte {at} is damaged")
-    try:
-        return _DECODER.decode(body), at + _HEAD + size
-    except (msgspec.MsgspecError, ValueError, RecursionError) as error:
-        raise DamagedError(f"the record at byte {at} is none: {error}") from None
+    return found
 
 
 def _recollect(found: Recollection, record: AnyRecord) -> None:
