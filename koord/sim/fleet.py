@@ -19,6 +19,7 @@ from koord.runtime.motion.arrays import Bools, Floats, Ints, lengths
 from koord.runtime.motion.geometry import as_path
 from koord.runtime.motion.group import TAKEOFF_M, TICK_S
 from koord.runtime.motion.planning import Hindrance, Plight
+from koord.runtime.motion.workers import wanted
 from koord.runtime.motion.world import Point, World
 from koord.runtime.plugins.calls import PlugInError
 from koord.sim.disturbances import spawned
@@ -53,16 +54,24 @@ class Fleet:
     """A fleet of robots in a world; those of one model run together. Robots are numbered in order.
 
     With ``only`` one of them is simulated, as it would be among the others, and nobody else is
-    there: so each process of a run simulates its own robot.
+    there: so each process of a run simulates its own robot. So many ``planners`` are processes that
+    plan meanwhile, as many as the environment asks for if nothing is said.
     """
 
     def __init__(
-        self, world: World, robots: Sequence[Placed], seed: int = 0, only: int | None = None
+        self,
+        world: World,
+        robots: Sequence[Placed],
+        seed: int = 0,
+        only: int | None = None,
+        planners: int | None = None,
     ) -> None:
         self.world, self.robots, self.ticks = world, tuple(robots), 0
         self._only = only
         whole = np.random.SeedSequence(seed)
-        engines = Engines(world)
+        if planners is None:
+            planners = wanted() if only is None else 0
+        engines = Engines(world, planners)
         self._squads: list[tuple[Squad, Ints]] = []
         self._where: list[tuple[int, int]] = [(0, 0)] * len(robots)
         for model in dict.fromkeys(robot.model for robot in robots):

@@ -23,6 +23,7 @@ from koord.runtime.motion.driving import Legs, Measured
 from koord.runtime.motion.group import TICK_S, Group
 from koord.runtime.motion.planners import planner
 from koord.runtime.motion.planning import PlanningEffort, Touched
+from koord.runtime.motion.workers import Workers
 from koord.runtime.motion.world import World
 from koord.runtime.plugins.calls import PlugIn
 from koord.sim.disturbances import Delay, Disturbances, Fixes, spawned
@@ -68,10 +69,11 @@ class Engines:
     """The physics engines that all vehicles of a run share, so that they can touch each other.
 
     An engine is made when the first vehicle wants it. Raises KoordError if its library is missing.
+    And the processes, ``planners`` of them, that plan for all robots.
     """
 
-    def __init__(self, world: World) -> None:
-        self.world = world
+    def __init__(self, world: World, planners: int = 0) -> None:
+        self.world, self.workers = world, Workers(planners)
 
     @cached_property
     def floor(self) -> Floor:
@@ -170,6 +172,8 @@ def squad(
         model.visit,
         Lazily(len(seeds), lambda row: int(seeds[row].generate_state(1)[0])),
         takes_s=model.plan_takes_s,
+        # A planner of a lab's own may remember what it did.
+        workers=None if isinstance(model.planner, PlugIn) else engines.workers,
     )
     noise = Lazily(len(seeds), lambda row: spawned(seeds[row], 0))
     wind = Lazily(len(seeds), lambda row: spawned(seeds[row], 1))

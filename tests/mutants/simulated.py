@@ -15,6 +15,7 @@ PARTS = "tests/traces/test_unfinished.py"
 RECORDS = "tests/runtime/test_records_parts.py"
 PREDICTIVE = "tests/runtime/motion/test_predictive.py"
 DRIVEN = "tests/sim/test_compiled_driving.py"
+PLANNERS = "tests/sim/test_planning_workers.py"
 PLANNING_TIME = "tests/sim/test_planning_time.py"
 LOADERS = "tests/runtime/test_yaml_loaders.py"
 
@@ -55,6 +56,20 @@ SIMULATED = (
         (DRIVEN,),
     ),
     Mutant(
+        "who plans for others takes another seed",
+        "runtime.motion.workers._work",
+        "planners[planner].plan(start, goal, seed)",
+        "planners[planner].plan(start, goal, seed + 1)",
+        (PLANNERS,),
+    ),
+    Mutant(
+        "who plans for others never sees that they are gone",
+        "runtime.motion.workers._work",
+        "other.close()",
+        "pass",
+        (PLANNERS,),
+    ),
+    Mutant(
         "planning takes no time, whatever a configuration says",
         "runtime.motion.group.Group._ask",
         "now_s + self._takes_s",
@@ -64,15 +79,15 @@ SIMULATED = (
     Mutant(
         "a way to a target is followed although there is a newer one",
         "runtime.motion.group.Group.go_to",
-        "del self._asked[robot]",
+        "self._give_up(robot)",
         "pass",
         (PLANNING_TIME,),
     ),
     Mutant(
         "a way is made of where a robot is when it is there",
         "runtime.motion.group.Group._answer",
-        "self.planner.plan(asked.start, target, asked.seed)",
-        "self.planner.plan(Pose(tuple(psn[robot].tolist())), target, asked.seed)",
+        "self._workers.answer(job)",
+        "self.planner.plan(Pose(tuple(psn[robot].tolist())), target, job.seed)",
         (PLANNING_TIME,),
     ),
     Mutant(

@@ -28,6 +28,7 @@ from koord.runtime.motion.planning import (
     suits,
 )
 from koord.runtime.motion.routes import Routes
+from koord.runtime.motion.workers import Job, Workers
 from koord.runtime.motion.world import Point, World
 from koord.runtime.plugins.calls import PlugInError
 
@@ -44,11 +45,9 @@ _STILL: Floats = np.zeros(3)
 
 
 class _Asked(Struct, frozen=True):
-    """A plan that was asked for: what it is made of, and when it is followed."""
+    """A plan that was asked for, and when it is followed."""
 
-    start: Pose
-    goal: Point
-    seed: int
+    job: Job
     due_s: float
 
 
@@ -65,11 +64,13 @@ class Group:
         seeds: Sequence[int] | None = None,
         room: Room = CLOSE,
         takes_s: float = 0.0,
+        workers: Workers | None = None,
     ) -> None:
         """Make a group; ``seeds`` are the planners', one for each robot.
 
         ``room`` is what ways keep from walls and obstacles besides what the body needs, ``takes_s``
-        the time that passes from asking a planner for a way until the way is there.
+        the time that passes from asking a planner for a way until the way is there. ``workers``
+        plan meanwhile.
         """
         self.body, self.world, self.planner, self.visit = body, world, planner, visit
         self.count = count
@@ -88,6 +89,8 @@ class Group:
         self._plans = np.zeros(count, np.int64)
         self._takes_s = takes_s
         self._asked: dict[int, _Asked] = {}  #: of robots that have targets
+        self._workers = Workers() if workers is None else workers
+        self._planner_number = self._workers.know(planner)
 
     # --- orders ---------------------------------------------------------------------------------
 
@@ -106,7 +109,7 @@ class Group:
         if self.state(robot) is MotionState.STOPPED:
             return
         self.targets.pop(robot, None)
-        self._asked.pop(robot, None)
+        self._give_up(robot)
         self.plights.pop(robot, None)
         if not len(path):
             self.plights[robot] = Plight(Hindrance.NO_POINTS)
@@ -129,8 +132,8 @@ class Group:
         """
         if self.state(robot) is MotionState.STOPPED:
             return
-        if robot in self._asked and self._asked[robot].goal != target:
-            del self._asked[robot]
+        if robot in self._asked and self._asked[robot].job.goal != target:
+            self._give_up(robot)
         self.targets[robot] = target
         self.plights.pop(robot, None)
         self._orders.asked[robot], self._orders.routed[robot] = True, False
@@ -223,15 +226,20 @@ class Group:
         source = np.random.SeedSequence((self._seeds[robot], int(self._plans[robot])))
         seed = int(source.generate_state(1)[0])
         start = Pose((x, y, z), heading_rad)
-        due_s = now_s + self._takes_s
-        self._asked[robot] = _Asked(start, self.targets[robot], seed, due_s)
+        job = self._workers.ask(self._planner_number, start, self.targets[robot], seed)
+        self._asked[robot] = _Asked(job, now_s + self._takes_s)
+
+    def _give_up(self, robot: int) -> None:
+        """Follow no plan that was asked for."""
+        if robot in self._asked:
+            self._workers.forget(self._asked.pop(robot).job)
 
     def _answer(self, robot: int, psn: Floats) -> None:
         """Let a robot follow the path that was planned for it, if there is one."""
-        asked = self._asked.pop(robot)
+        job = self._asked.pop(robot).job
         target = self.targets.pop(robot)
         try:
-            path = self.planner.plan(asked.start, target, asked.seed)
+            path = self._workers.answer(job)
         except PlugInError as error:
             error.row = robot
             raise
@@ -243,4 +251,4 @@ class Group:
         # Who moved on meanwhile goes to where its way begins. A car has its way beside it: it stops
         # along the line that it was on.
         here = psn[robot] if self.body.turning_m == 0 and self._takes_s > 0 else None
-        self.follow(robot, path, asked.start.heading_rad, here)
+        self.follow(robot, path, job.start.heading_rad, here)
