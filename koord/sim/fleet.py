@@ -23,6 +23,7 @@ from koord.runtime.motion.workers import wanted
 from koord.runtime.motion.world import Point, World
 from koord.runtime.plugins.calls import PlugInError
 from koord.sim.disturbances import spawned
+from koord.sim.run_log import tilts_of
 from koord.sim.sensing import FleetSensors
 from koord.sim.squads import DeviceModel, Engines, FusedSquad, Seed, Squad, is_compiled, squad
 from koord.sim.vehicles.points import PointSquad
@@ -210,6 +211,8 @@ class Fleet:
 
     def sensed(self) -> FleetSensors:
         """The motion sensors of all robots now."""
+        if self._is_one:
+            return self._sensed_of(self._fused[0][0])
         n = len(self.robots)
         position, heading, short = np.empty((n, 3)), np.empty(n), np.empty(n)
         reached, state = np.empty(n, np.bool_), np.empty(n, np.int64)
@@ -227,6 +230,13 @@ class Fleet:
             elif group.plights:
                 plights = dict.fromkeys(range(n), group.plights[0])
         return FleetSensors(position, heading, reached, state, short, self._planners, plights)
+
+    def _sensed_of(self, members: FusedSquad) -> FleetSensors:
+        """The same of a squad that has all robots."""
+        group, automata = members.group, members.group.automata
+        position, heading = members.fixes(self.now_s)
+        states = automata.reached.copy(), automata.state.copy(), members.short_m()
+        return FleetSensors(position, heading, *states, self._planners, dict(group.plights))
 
     def positions(self) -> Floats:
         """The positions of robots in metres, shape ``(n, 3)``."""
@@ -249,6 +259,13 @@ class Fleet:
     def attitudes(self) -> Floats:
         """The attitudes of robots as unit quaternions, w first, shape ``(n, 4)``."""
         return self._gathered(lambda members: members.attitude(), 4)
+
+    def tilts(self, robots: Ints) -> Floats:
+        """The roll and pitch of some robots in rad, shape ``(k, 2)``."""
+        if not self._is_one:
+            return tilts_of(self.attitudes()[robots])
+        found = self._fused[0][0].tilts()
+        return found if len(robots) == len(found) else found[robots]
 
     def path(self, robot: int) -> Floats:
         """The path that a robot follows, shape ``(k, 3)``."""

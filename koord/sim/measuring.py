@@ -10,7 +10,7 @@ import numpy as np
 from msgspec import Struct
 
 from koord.runtime.engine import RoundEngine as Engine
-from koord.runtime.motion.arrays import Bools, Floats
+from koord.runtime.motion.arrays import Bools, Floats, Ints
 from koord.runtime.motion.automaton import MotionState
 from koord.runtime.motion.world import Point
 from koord.runtime.proposals import Decision
@@ -89,6 +89,10 @@ class Gauge:
         self._going = _going(fleet.positions(), fleet.is_compiled)
         self._waited, self._events = np.zeros(n, np.int64), np.zeros(n, np.int64)
         self._skips, self._blocked = np.zeros(n, np.int64), np.zeros(n, np.int64)
+        #: What was done in the last rounds, and who waited: to be counted when they are many.
+        self._deeds: list[Deeds] = []
+        self._waits: list[tuple[Ints, Bools]] = []
+        self._most = max(1, _KEPT // max(n, 1))
         self._near: Near | None = None
         visit_m = [placed.model.visit.epsilon_m for placed in scene.robots]
         self._tasks = TaskGauge(type(engine.robots[0]), recorder, visit_m)
@@ -116,10 +120,9 @@ class Gauge:
     def events(self, decision: Decision, deeds: Deeds) -> None:
         """Record the end of the robots' events of a round; ``deeds`` are their events."""
         if decision.fault is None:  # everybody ran or skipped
-            ran = deeds >= 0
-            self._events += ran
-            self._skips += ~ran & (deeds != Idle.STOPPED)
-            self._blocked += deeds == Idle.BLOCKED
+            self._deeds.append(deeds)
+            if len(self._deeds) >= self._most:
+                self._count()
         else:
             self._events[[taken.robot for taken in decision.ran]] += 1
             skipped = list(decision.skipped)
@@ -129,11 +132,26 @@ class Gauge:
 
     def round(self, sensed: FleetSensors, stopped: Bools) -> None:
         """Record the end of a round, with the robots' sensors, and who has stopped."""
-        self._waited += (sensed.state == MotionState.IDLE) & ~stopped
+        self._waits.append((sensed.state, stopped))
         self._tasks.note_visits(self._going.last, self.fleet.now_s)
+
+    def _count(self) -> None:
+        """Count what is kept. The arrays are as they were."""
+        if self._deeds:
+            deeds = np.stack(self._deeds)
+            ran = deeds >= 0
+            self._events += ran.sum(0)
+            self._skips += (~ran & (deeds != Idle.STOPPED)).sum(0)
+            self._blocked += (deeds == Idle.BLOCKED).sum(0)
+        if self._waits:
+            states, stopped = (np.stack(rows) for rows in zip(*self._waits, strict=True))
+            self._waited += ((states == MotionState.IDLE) & ~stopped).sum(0)
+        self._deeds.clear()
+        self._waits.clear()
 
     def figures(self, digest: str) -> Figures:
         """The metrics of the run so far."""
+        self._count()
         n, delta_s = len(self.scene.robots), self.scene.delta_s
         robots = tuple(
             OfRobot(
@@ -155,6 +173,10 @@ class Gauge:
         messages = (rounds + 1) * (2 * n + 2)
         time_s = rounds * delta_s
         return Figures(rounds, time_s, robots, tuple(tasks), self._near, messages, digest)
+
+
+#: What so many robots did is kept until it is counted.
+_KEPT = 20_000
 
 
 def _going(start: Floats, compiled: bool) -> Going:

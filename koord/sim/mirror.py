@@ -20,7 +20,7 @@ from koord.runtime.robot import Robot
 from koord.runtime.store import AgreedStore
 from koord.sim.measuring import TaskGauge
 from koord.sim.observing import Observer
-from koord.sim.run_log import Deeds, Header, Idle, RunLog, RunLogger
+from koord.sim.run_log import Deeds, Header, Idle, RunLog, RunLogger, tilts_of
 from koord.sim.separation import Nearby
 
 #: A robot that has told nothing for so long is shown where it was.
@@ -53,8 +53,8 @@ class _Poses:
     def headings(self) -> Floats:
         return headings_of(self._attitudes)
 
-    def attitudes(self) -> Floats:
-        return self._attitudes
+    def tilts(self, robots: Ints) -> Floats:
+        return tilts_of(self._attitudes[robots])
 
     def paths_given(self) -> Ints:
         return self._given.copy()

@@ -118,7 +118,7 @@ class FleetView(Protocol):
     def now_s(self) -> float: ...
     def positions(self) -> Floats: ...
     def headings(self) -> Floats: ...
-    def attitudes(self) -> Floats: ...
+    def tilts(self, robots: Ints) -> Floats: ...
     def paths_given(self) -> Ints: ...
     def path(self, robot: int) -> Floats: ...
 
@@ -139,7 +139,7 @@ class Observer:
         self._paths_due_s = -math.inf
         self._values_s, self._values_due_s = header.values_s, -math.inf
         self._shown = 0
-        self._tilts = bool(header.tilting)
+        self._tilting = np.array(header.tilting, np.int64)
 
     def begun(self, decision: Decision) -> None:
         """Record the end of INIT."""
@@ -151,9 +151,9 @@ class Observer:
         now_s = fleet.now_s
         if not self.recorder.is_due(now_s):
             return
-        attitudes = fleet.attitudes() if self._tilts else None
+        tilts = fleet.tilts(self._tilting) if len(self._tilting) else None
         here = fleet.positions(), fleet.headings()
-        self.recorder.sample(now_s, *here, separation_m, attitudes)
+        self.recorder.sample(now_s, *here, separation_m, tilts)
         if now_s >= self._paths_due_s - 1e-9:
             self._paths_due_s = now_s + self._paths_s
             given = fleet.paths_given()

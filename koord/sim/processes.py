@@ -29,6 +29,7 @@ from koord.runtime.proposals import INIT_ROUND, Decision, Proposal, rotating
 from koord.runtime.protocol.messages import LogEntry
 from koord.runtime.robot import Host, Key, Robot, Turn
 from koord.sim.fleet import Fleet
+from koord.sim.run_log import tilts_of
 from koord.sim.running import Cast, Simulation, host_of
 from koord.sim.scene import Scene
 from koord.sim.sensing import FleetSensors
@@ -363,6 +364,9 @@ class _Vehicles(Fleet):
 
     def attitudes(self) -> Floats:
         return self._attitudes
+
+    def tilts(self, robots: Ints) -> Floats:
+        return tilts_of(self._attitudes[robots])
 
     def reached(self) -> Bools:
         return self._reached

@@ -316,17 +316,19 @@ class RunLogger:
         positions: Floats,
         yaw: Floats,
         separation_m: float = math.nan,
-        attitudes: Floats | None = None,
+        tilts: Floats | None = None,
     ) -> None:
         """Record positions ``(n, 3)``, yaw ``(n,)``, and the distance of the nearest two robots.
 
-        ``attitudes``, shape ``(n, 4)``, are wanted where robots tilt.
+        ``tilts``, shape ``(k, 2)``, are roll and pitch of the robots that tilt.
         """
         recording = self.recording
         pose = np.zeros((len(positions), 6), np.float32)
         pose[:, :3], pose[:, 3] = positions, yaw
-        if attitudes is not None and len(self._tilting):
-            pose[self._tilting, 4:] = tilts_of(attitudes[self._tilting])
+        if tilts is not None and len(tilts) == len(pose):
+            pose[:, 4:] = tilts
+        elif tilts is not None:
+            pose[self._tilting, 4:] = tilts
         recording.poses.append(pose)
         recording.separations_m.append(separation_m)
         recording.times_s.append(time_s)  # last: a reader goes by the number of times

@@ -17,10 +17,11 @@ import numpy as np
 
 from koord.machine.code import BYTES, I64, Code, Ir, Loaded, new_module, word
 from koord.machine.lanes import DOUBLE_BYTES, Lane, Lanes, widest
-from koord.runtime.motion.arrays import Floats
+from koord.runtime.motion.arrays import Floats, lengths
 from koord.runtime.motion.bodies import Drone
 from koord.runtime.motion.group import TICK_S
 from koord.sim.disturbances import Disturbances
+from koord.sim.run_log import tilts_of
 from koord.sim.squads import STEP_S, STEPS, SquadSetup
 from koord.sim.vehicles.compiled import (
     STATE_ROWS,
@@ -42,7 +43,7 @@ from koord.sim.vehicles.compiled_flying import (
 from koord.sim.vehicles.quadrotors import FlightState, Quadrotors
 
 #: What ticks are given besides what references are: times of ticks, and blocks of drones' states.
-_MORE = ("times", "places", "told", "flight", "one", "other")
+_MORE = ("times", "places", "short", "told", "flight", "tilts", "one", "other")
 
 #: References are given their position and send what they ask for by arrays of this kernel.
 _TABLE = (*ARRAYS, *_MORE)
@@ -82,7 +83,11 @@ class FusedDrones:
         self._blocks = [np.empty((STATE_ROWS, count)) for _ in range(2)]
         self._states = [_state(block) for block in self._blocks]
         self._table = Table(len(_TABLE))
-        self._fixed = told, flight
+        #: Of what roll and pitch are worked out: tangents, as quotients, and a sine.
+        self._tilts: Floats = np.empty((3, count))
+        self._fixed = told, flight, self._tilts
+        #: How far drones are from the ends of their routes, and how often these had changed then.
+        self._short: tuple[Floats, int] | None = None
         self._fly = ticking_code(widest())
 
     def tick(self, now_s: float) -> None:
@@ -109,9 +114,10 @@ class FusedDrones:
             vehicles.state = self._states[0]
         self._constants[:] = self.flying.constants(times_s[0], TICK_S)
         times, places = np.array(times_s), np.empty((len(times_s), count, 3))
+        short: Floats = np.empty(count)
         rest, one, other = self.flying.rest, *self._blocks
         self._table.point_to(0, self._constants, rest, rest, rest, *self.flying.arrays())
-        self._table.point_to(len(ARRAYS), times, places, *self._fixed, one, other)
+        self._table.point_to(len(ARRAYS), times, places, short, *self._fixed, one, other)
         self._fly(
             *(self._table.address, count, self.group.routes.s.shape[1]),
             *(len(times_s), STEPS),
@@ -120,7 +126,7 @@ class FusedDrones:
             self._blocks.reverse()
             self._states.reverse()
             vehicles.state = self._states[0]
-        self.position = places[-1]
+        self.position, self._short = places[-1], (short, self.group.routes.changes)
         return list(places)
 
     def fixes(self, now_s: float) -> tuple[Floats, Floats]:
@@ -131,6 +137,21 @@ class FusedDrones:
 
     def attitude(self) -> Floats:
         return self.vehicles.state.attitude.T.copy()
+
+    def tilts(self) -> Floats:
+        if self.vehicles.state is not self._states[0]:
+            return tilts_of(self.attitude())
+        rising, upright, sine = self._tilts
+        found: Floats = np.empty((len(sine), 2))
+        found[:, 0], found[:, 1] = np.arctan2(rising, upright), np.arcsin(sine)
+        return found
+
+    def short_m(self) -> Floats:
+        if self._short is not None and self._short[1] == self.group.routes.changes:
+            return self._short[0]
+        left = lengths(self.position - self.group.routes.end) - self.group.visit.epsilon_m
+        found: Floats = np.maximum(left, 0.0)
+        return found
 
 
 def _state(block: Floats) -> FlightState:
@@ -174,12 +195,36 @@ def ticking_code(width: int) -> Callable[..., int]:
             for axis in range(3):
                 there = b.add(b.mul(pitch, word(axis)), b.mul(robot, word(DOUBLE_BYTES)))
                 lanes.put(places, b.add(first, word(axis * DOUBLE_BYTES)), lanes.get(after, there))
+        with code.only_if(b.icmp_signed("==", b.add(number, word(1)), ticks)):
+            told = {**now, "position": places}
+            with code.loop(word(0), count) as robot:
+                _Seen(lanes, told, numbers, robot, room, count).show()
         following = code.at(places, b.mul(pitch, word(3)))
         return [after, before, b.add(number, word(1)), following]
 
     code.repeated(ticks, [arrays["one"], arrays["other"], word(0), arrays["places"]], tick)
     b.ret(word(0))
     return Loaded(module).function("ticks", 5)
+
+
+class _Seen(OneDrone):
+    """A drone at the end of the last tick."""
+
+    def show(self) -> None:
+        """Store how far it is from its goal, and how it tilts, as ``tilts_of`` works it out."""
+        b = self.code.b
+        end = self.three("points", b.add(b.mul(self.robot, self.room), self.whole("size")))
+        x, y, z = (here - there for here, there in zip(self.position, end, strict=True))
+        left = (x * x + y * y + z * z).sqrt() - self.of["epsilon_m"]
+        self.put("short", self.robot, left.greater(0.0))
+        qw, qx, qy, qz = (self.row("after", 6 + k) for k in range(4))
+        tilts = (
+            2.0 * (qw * qx + qy * qz),
+            1.0 - 2.0 * (qx * qx + qy * qy),
+            (2.0 * (qw * qy - qx * qz)).greater(-1.0).lesser(1.0),
+        )
+        for row, value in enumerate(tilts):
+            self.lanes.put(self.arrays["tilts"], self.place(row), value)
 
 
 class _Told(OneDrone):
@@ -192,12 +237,4 @@ class _Told(OneDrone):
         if row == 0:
             # As in the reference, what is measured is off by nothing; or is no number.
             value = value - (self.position[axis] - self.position[axis])
-        self.lanes.put(self.arrays["told"], self._place(3 * row + axis), value)
-
-    def row(self, name: str, row: int) -> Lane:
-        return self.lanes.get(self.arrays[name], self._place(row))
-
-    def _place(self, row: int) -> Ir:
-        b = self.code.b
-        index = b.add(b.mul(self.count, word(row)), self.robot)
-        return b.mul(index, word(DOUBLE_BYTES))
+        self.lanes.put(self.arrays["told"], self.place(3 * row + axis), value)

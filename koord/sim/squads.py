@@ -149,10 +149,21 @@ class Squad(Protocol):
 
 @runtime_checkable
 class FusedSquad(Squad, Protocol):
-    """A squad that can make several ticks in one call."""
+    """A squad that can make several ticks in one call.
+
+    Arrays that it gives stay as they are, and are nobody's to write to.
+    """
 
     def ticks(self, times_s: Sequence[float]) -> Sequence[Floats]:
         """Make a tick at each time, and return where robots are after it, shape ``(n, 3)``."""
+        ...
+
+    def tilts(self) -> Floats:
+        """The roll and pitch of robots, shape ``(n, 2)``."""
+        ...
+
+    def short_m(self) -> Floats:
+        """How far each robot is from where it would count as at the end of its route."""
         ...
 
 

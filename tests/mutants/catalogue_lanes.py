@@ -263,4 +263,32 @@ LANES = (
         "not self._stuck",
         (STANDING,),
     ),
+    Mutant(
+        "who was given another route is as near to its end as before",
+        "sim.squad_kernel.FusedDrones.short_m",
+        "self._short[1] == self.group.routes.changes",
+        "True",
+        (SQUADS,),
+    ),
+    Mutant(
+        "drones tilt as they did when somebody set their state",
+        "sim.squad_kernel.FusedDrones.tilts",
+        "self.vehicles.state is not self._states[0]",
+        "False",
+        (SQUADS,),
+    ),
+    Mutant(
+        "poses tilt as after the first tick of several",
+        "sim.squad_kernel.ticking_code",
+        "b.icmp_signed('==', b.add(number, word(1)), ticks)",
+        "b.icmp_signed('==', number, word(0))",
+        (SQUADS,),
+    ),
+    Mutant(
+        "what has been counted is counted again",
+        "sim.measuring.Gauge._count",
+        "self._deeds.clear()",
+        "pass",
+        ("tests/sim/test_columns.py",),
+    ),
 )

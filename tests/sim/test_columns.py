@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from koord.api.fitting import FitRequest, Fitted, fit
@@ -235,3 +236,18 @@ def test_deeds_of_a_round_are_counted_by_robot() -> None:
         assert one.blocked == own.count(Idle.BLOCKED)
         assert one.skips == own.count(Idle.BLOCKED) + own.count(Idle.SKIPPED)
         assert Idle.STOPPED not in own[: 1 + max(k for k, deed in enumerate(own) if deed >= 0)]
+
+
+def test_whoever_asks_before_the_end_is_told_what_was_by_then() -> None:
+    """And asking changes nothing: what robots did in some rounds is counted together."""
+    of, asked = made("points", Simulation, hears=False), []
+    of.begin()
+    for _ in run(of, 6.0):
+        asked.append([(one.events, one.skips, one.waited_s) for one in of.figures().robots])
+    deeds = np.stack([done.deeds for done in of.recording.rounds if done.number >= 0])
+    events = (deeds >= 0).cumsum(0)[: len(asked)]  # the end is recorded, too
+    assert [[count for count, *_ in row] for row in asked] == events.tolist()
+    once = made("points", Simulation, hears=False)
+    once.begin()
+    assert len(list(run(once, 6.0))) == len(asked)
+    assert [(one.events, one.skips, one.waited_s) for one in once.figures().robots] == asked[-1]

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from koord.api.fitting import FitRequest, fit
 from koord.api.sim_setup import simulation
 from koord.runtime.configuration.checking import load
-from koord.runtime.motion.arrays import Floats
+from koord.runtime.motion.arrays import Floats, lengths
 from koord.runtime.motion.automaton import Visit
 from koord.runtime.motion.bodies import Drone, PlannerName
 from koord.runtime.motion.flying import Flying
@@ -26,6 +26,7 @@ from koord.runtime.motion.world import World
 from koord.sim.disturbances import Disturbances, Wind, spawned
 from koord.sim.fleet import Fleet, Placed
 from koord.sim.measuring import Figures
+from koord.sim.run_log import tilts_of
 from koord.sim.running import Simulation, run
 from koord.sim.squad_kernel import FusedDrones
 from koord.sim.squads import DeviceModel, Engines, SquadSetup
@@ -75,6 +76,13 @@ def agree(slow: DroneSquad, quick: FusedDrones, now_s: float, ticks: int) -> Non
     for name, value in one.items():
         assert np.array_equal(value, other[name], equal_nan=value.dtype == np.float64), name
     assert slow.group.targets == quick.group.targets
+    assert np.array_equal(tilts_of(slow.attitude()), quick.tilts(), equal_nan=True)
+    assert np.array_equal(short_of(slow), quick.short_m(), equal_nan=True)
+
+
+def short_of(squad: DroneSquad) -> Floats:
+    left = lengths(squad.fixes(0.0)[0] - squad.group.routes.end) - squad.group.visit.epsilon_m
+    return np.maximum(left, 0.0)
 
 
 def seen(squad: DroneSquad | FusedDrones) -> dict[str, Any]:
@@ -156,6 +164,7 @@ def test_states_that_somebody_has_set_are_flown_from(odd: float) -> None:
         other = Quadrotors(Drone(), start + 1.0, WORLD.ground).state
         other.position[0, 1] = odd
         squad.vehicles.state = other
+    assert np.array_equal(tilts_of(slow.attitude()), quick.tilts())
     with np.errstate(all="ignore"):
         for k in range(2):
             agree(slow, quick, (3 + 3 * k) * TICK_S, 3)
@@ -169,6 +178,9 @@ def test_what_was_seen_stays_as_it_was() -> None:
     kept = [array.copy() for array in before]
     quick.ticks([TICK_S, 2 * TICK_S, 3 * TICK_S])
     assert all(map(np.array_equal, before, kept))
+    short_m = quick.short_m().copy()
+    quick.group.follow(1, np.array([[3.0, 3, 1], [9, 9, 9]]))  # further than it had to go
+    assert (quick.short_m() > short_m).tolist() == [False, True]
     assert not np.array_equal(quick.truth()[0], kept[0])
 
 

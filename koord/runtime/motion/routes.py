@@ -47,6 +47,7 @@ class Routes:
         self.way: Floats = np.ones((count, room))  #: of the segment: 1 forwards, -1 backwards
         self.length: Floats = np.zeros(count)
         self.given: Ints = np.zeros(count, np.int64)  #: how many paths robots were given
+        self.changes = 0  #: how often some were given paths
 
     @property
     def end(self) -> Floats:
@@ -59,6 +60,7 @@ class Routes:
         path = path if kept.all() else np.concatenate([path[:1], path[1:][kept]])
         segments = len(path) - 1
         self.given[robot] += 1
+        self.changes += 1
         self._grow(segments + 1)
         self.size[robot] = segments
         self.points[robot, : segments + 1] = path
@@ -75,6 +77,7 @@ class Routes:
         length = lengths(way)
         here = length > 1e-9
         self.given[robots] += 1
+        self.changes += 1
         unit = way / np.where(here, length, 1.0)[:, None]
         self.size[robots] = here
         self.points[robots] = goals[:, None]

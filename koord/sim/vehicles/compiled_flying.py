@@ -188,6 +188,16 @@ class OneDrone:
         first = self.code.b.mul(index, word(3))
         return [self.number(name, self.code.b.add(first, word(k))) for k in range(3)]
 
+    def row(self, name: str, row: int) -> Lane:
+        """What a row of an array says of the drone."""
+        return self.lanes.get(self.arrays[name], self.place(row))
+
+    def place(self, row: int) -> Ir:
+        """Where in an array a row says something of the drone."""
+        b = self.code.b
+        index = b.add(b.mul(self.count, word(row)), self.robot)
+        return b.mul(index, word(DOUBLE_BYTES))
+
     def put(self, name: str, index: Ir, value: Lane) -> None:
         self.lanes.put(self.arrays[name], self.code.b.mul(index, word(DOUBLE_BYTES)), value)
 
