@@ -59,7 +59,7 @@ ALLOWED = {
     ),
     # What is checked twice has to be thought of twice: neither the evaluator nor the encoding.
     "recheck": ("koord.recheck", "koord.syntax"),
-    "runtime": ("koord.runtime", "koord.syntax"),
+    "runtime": ("koord.runtime", "koord.machine", "koord.syntax"),
     # The judge of what runs knows both sides: the reference and the runtime.
     "refinement": (
         "koord.refinement",

@@ -56,6 +56,7 @@ class CampaignRequest(Struct, frozen=True):
     rounds: int | None = None
     duration_s: float | None = None
     check_summaries: bool = False
+    kernels: bool = True
     csv: str | None = None
     resume: bool = False
     plot: str | None = None
@@ -183,6 +184,7 @@ def campaign(
     rounds: int | None = None,
     duration_s: float | None = None,
     check_summaries: bool = False,
+    kernels: bool = True,
     csv: str | PathLike[str] | None = None,
     resume: bool = False,
     plot: str | PathLike[str] | None = None,
@@ -217,6 +219,7 @@ def campaign(
         rounds=rounds,
         duration_s=duration_s,
         check_summaries=check_summaries,
+        kernels=kernels,
         csv=file_name(csv),
         resume=resume,
         plot=file_name(plot),
@@ -325,6 +328,7 @@ def _orders(wanted: FitRequest, request: CampaignRequest) -> Iterator[Order]:
                 request.duration_s,
                 request.check_summaries,
                 "" if value is None else literal(value),
+                request.kernels,
             )
 
 

@@ -185,6 +185,7 @@ class Order(Struct, frozen=True):
     duration_s: float | None
     check_summaries: bool
     swept: str
+    kernels: bool = True
 
     @property
     def key(self) -> tuple[str, int]:
@@ -212,7 +213,12 @@ def row_of(order: Order, is_enough: Callable[[], bool] = lambda: False) -> Row |
     assert order.request.seed is not None
     fitted, built = _reseeding(order.request).run(order.request.seed)
     made = simulation(
-        fitted, Simulation, keep_going=True, check_summaries=order.check_summaries, built=built
+        fitted,
+        Simulation,
+        keep_going=True,
+        check_summaries=order.check_summaries,
+        built=built,
+        kernels=order.kernels,
     )
     began = time.perf_counter()
     made.begin()

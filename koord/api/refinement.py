@@ -34,6 +34,7 @@ from koord.refinement.cases import (
 from koord.refinement.cases import Target as Target
 from koord.refinement.running import Compiled, ready
 from koord.runtime.chaos.network import CALM, CHAOS, LOSS, Faults
+from koord.runtime.columns.counts import Counts
 from koord.syntax import core
 from koord.syntax.literals import literal, number
 from koord.syntax.source import Source, counted
@@ -46,7 +47,8 @@ NETWORKS: dict[Network, Faults] = {"none": CALM, "loss": LOSS, "chaos": CHAOS}
 #: So many robots, in turn.
 _ROBOTS = (1, 2, 3, 4)
 
-#: Of so many runs on the engine, one more on each of the others: they take longer.
+#: Of so many runs on the engine, one more on each of the others: they take longer. Machine code is
+#: not everywhere, so kernels are asked for.
 _SHARES = {Target.ENGINE: 1, Target.NETWORK: 10, Target.UDP: 50}
 
 #: Processes do not do the same thing twice, so that making a run smaller is soon a matter of luck.
@@ -56,8 +58,9 @@ _TRIES_OVER_UDP = 10
 class RefineRequest(Struct, frozen=True):
     """The request for refinement: runs to make of programs, or of generated ones.
 
-    ``target`` None: on all of them, on those that take long the fewer. ``case`` is the seed of the
-    one generated program that is to be run. ``save`` is the folder for a run that is refused.
+    ``target`` None: on all of them but kernels, on those that take long the fewer. ``case`` is the
+    seed of the one generated program that is to be run. ``save`` is the folder for a run that is
+    refused.
     """
 
     runs: int = 100
@@ -74,7 +77,7 @@ class RefineRequest(Struct, frozen=True):
         """The targets on which programs run; a kept generated case runs on the engine only."""
         if self.target is not None:
             return (self.target,)
-        return (Target.ENGINE,) if self.case is not None else tuple(Target)
+        return (Target.ENGINE,) if self.case is not None else tuple(_SHARES)
 
     def check(self) -> None:
         """Check that a refused run can be saved. Raises KoordError."""
@@ -92,12 +95,15 @@ class TargetRuns(Struct, frozen=True, rename="camel"):
     skips: int = 0
     faults: int = 0
     gave_up: int = 0
+    turns_by_code: int = 0  #: turns that machine code made; of ``kernels`` only
+    turns_by_robots: int = 0  #: and compiled robots, as it was in doubt or there was none
 
     def plus(self, one: Tried) -> TargetRuns:
         """The totals with one more run."""
         if one.judged is None or one.ran is None:
             return replace(self, runs=self.runs + 1)
         rounds = one.ran.trace.recording.rounds
+        counts = Counts() if one.ran.counts is None else one.ran.counts
         return TargetRuns(
             self.target,
             self.runs + 1,
@@ -106,6 +112,8 @@ class TargetRuns(Struct, frozen=True, rename="camel"):
             self.skips + sum(event is None for round_ in rounds for event in round_.events),
             self.faults + (one.ran.fault_place is not None),
             self.gave_up + (one.ran.gave_up is not None),
+            self.turns_by_code + counts.by_code,
+            self.turns_by_robots + counts.in_doubt + counts.by_robots,
         )
 
 
@@ -160,7 +168,7 @@ def refine(
     programs: Loadable | Iterable[Loadable] = (),
     *,
     runs: int = 100,
-    target: Target | Literal["engine", "network", "udp"] | None = None,
+    target: Target | Literal["engine", "kernels", "network", "udp"] | None = None,
     rounds: int = 8,
     delta_s: Seconds = None,
     faults: Network = "none",
@@ -174,8 +182,9 @@ def refine(
 
     ``programs`` are one program or several; without any, programs are generated, or the one of the
     seed ``case``. There are ``runs`` of each with up to so many ``rounds`` of ``delta_s`` seconds:
-    on the ``target`` ``"engine"`` (one process), ``"network"`` (a simulated network) or ``"udp"``
-    (processes), or without one on all, a tenth and a fiftieth as often on the latter. ``faults``
+    on the ``target`` ``"engine"`` (one process), ``"kernels"`` (the same by machine code),
+    ``"network"`` (a simulated network) or ``"udp"`` (processes), or without one on all but kernels,
+    a tenth and a fiftieth as often on the latter. ``faults``
     happen to messages. The first run that is refused ends it; it is made smaller, and kept in the
     folder ``save``. ``progress`` hears :class:`RunJudged` and :class:`RunRefused`.
 

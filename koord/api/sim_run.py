@@ -41,6 +41,7 @@ class SimulationRequest(Struct, frozen=True):
     check_summaries: bool = False
     processes: bool = False
     outputs: Outputs = Outputs()
+    kernels: bool = True
 
 
 def play(

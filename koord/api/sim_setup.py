@@ -7,11 +7,13 @@ from fractions import Fraction
 from typing import TYPE_CHECKING, TypeVar
 
 from msgspec import Struct
+from msgspec.structs import replace
 
 import koord.api.sim_libraries  # noqa: F401
 from koord.api.fitting import NO_FILE, Fitted, is_placed, slack_of
 from koord.runtime.compile import compiled
 from koord.runtime.compile.loading import loaded
+from koord.runtime.compile.machine.lazy import LazyTurns
 from koord.runtime.compile.watching import Watched, WatchedKind, watched
 from koord.runtime.platform.world_host import ANSWERED
 from koord.runtime.ports import SENSED, plain_name
@@ -42,7 +44,8 @@ def cast(fitted: Fitted, classes: tuple[type[Robot], ...] | None = None) -> Cast
     program, source = fitted.program.core, fitted.program.source
     differing = fitted.problem.differing
     classes = loaded(compiled(program)) if classes is None else classes
-    return Cast(source.name, source.text, classes, fitted.kinds, differing)
+    turns = LazyTurns(program)
+    return Cast(source.name, source.text, classes, fitted.kinds, differing, turns)
 
 
 class Built(Struct, frozen=True):
@@ -80,12 +83,14 @@ def simulation(
     check_summaries: bool = False,
     tracing: Callable[[Host, Host], Host] | None = None,
     built: Built | None = None,
+    kernels: bool = True,
 ) -> Run:
     """Make the simulation of a program in its scene, with monitors; of summaries if requested.
 
     ``kind`` is a Simulation, or one that other processes make; ``tracing`` makes of the host of the
     program, and of the world's, the one that is to be heard instead. ``built`` is what
-    :func:`build` makes, if it is known already. Raises KoordError.
+    :func:`build` makes, if it is known already. Without ``kernels`` compiled robots make all turns,
+    and no machine code does. Raises KoordError.
     """
     checked: list[Checked] = []
 
@@ -98,7 +103,8 @@ def simulation(
 
     built = build(fitted) if built is None else built
     supplied, claims = fallback(fitted), built.claims
-    made = kind(built.cast, fitted.scene, keep_going=keep_going, heard=heard, supplied=supplied)
+    cast = built.cast if kernels else replace(built.cast, turns=None)
+    made = kind(cast, fitted.scene, keep_going=keep_going, heard=heard, supplied=supplied)
     made.claims.append(Watching(claims, made))
     for one in checked:
         one.hold(claims, made)

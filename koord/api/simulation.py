@@ -33,6 +33,7 @@ def simulate(
     keep_going: bool = False,
     check_summaries: bool = False,
     processes: bool = False,
+    kernels: bool = True,
     schedule: str | PathLike[str] | None = None,
     html: str | PathLike[str] | None = None,
     view: View = "2d",
@@ -52,7 +53,8 @@ def simulate(
     simulated time: 600 s, 120 s if the program cannot stop. It ends where a claim is broken, unless
     it is to ``keep_going``. ``check_summaries`` holds every answer of an external function against
     the summary that is verified with. With ``processes`` each robot is a process of its own, over
-    UDP. ``schedule`` is a trace, such as a counterexample, that is played instead.
+    UDP. Long runs go over to machine code, which does the same, but not if ``kernels`` is False.
+    ``schedule`` is a trace, such as a counterexample, that is played instead.
 
     Files are written where they are named: ``html`` (a page that shows the run, from above or, with
     ``view="3d"``, in space), ``record`` (``.mcap``, ``.rrd``, ``.rosbag2``), ``plot`` (``.png``,
@@ -75,7 +77,9 @@ def simulate(
         pace=pace,
     )
     outputs.check()
-    request = SimulationRequest(rounds, duration_s, keep_going, check_summaries, processes, outputs)
+    request = SimulationRequest(
+        rounds, duration_s, keep_going, check_summaries, processes, outputs, kernels
+    )
     if schedule is None:
         fitted = fit(fit_request(program, config, params, robots, seed, delta_s))
         return simulate_fitted(fitted, request, progress, cancellation)
@@ -113,5 +117,6 @@ def simulate_fitted(
         keep_going=request.keep_going,
         check_summaries=request.check_summaries,
         tracing=None if tracing is None else tracing.hear,
+        kernels=request.kernels,
     )
     return play(fitted, made, request, tracing, progress, cancellation)

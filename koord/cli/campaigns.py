@@ -48,6 +48,7 @@ def campaign_request(arguments: argparse.Namespace) -> CampaignRequest:
         rounds=arguments.rounds,
         duration_s=arguments.time,
         check_summaries=arguments.check_summaries,
+        kernels=arguments.kernels == "on",
         csv=arguments.csv,
         resume=arguments.resume,
         plot=arguments.plot,

@@ -184,8 +184,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--target",
         choices=[*(target.value for target in Target), _SIMULATOR, _PROTOCOL, _GUARDIAN],
         help="where programs run: in one process, over a simulated network (K/10 runs), as "
-        "processes over UDP (K/50), or in a simulated world (K/50); or, without a program: check "
-        "the round-commit protocol, or the guardian",
+        "processes over UDP (K/50), in one process by machine code (if it is asked for), or in a "
+        "simulated world (K/50); or, without a program: check the round-commit protocol, or the "
+        "guardian",
     )
     parser.add_argument(
         "--for-every-number",
@@ -338,5 +339,7 @@ def _line(totals: TargetRuns, *, failed: bool) -> str:
     ends = f"{totals.faults} ended in a fault"
     if totals.gave_up:
         ends += f", {totals.gave_up} for want of values that the program allows"
+    if totals.target is Target.KERNELS:
+        done += f", {totals.turns_by_code:,} turns by kernels and {totals.turns_by_robots:,} not"
     found = "1 violation" if failed else "no violation"
     return f"{totals.target.value}: {done}: {found} ({ends})"

@@ -86,6 +86,13 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "by, else without waiting",
     )
     parser.add_argument(
+        "--kernels",
+        choices=("on", "off"),
+        default="on",
+        help="whether programs of long runs go over to machine code (koord[fast]), which does the "
+        "same more quickly (on)",
+    )
+    parser.add_argument(
         "--schedule",
         metavar="TRACE",
         help="play the run in a trace, such as a counterexample of `koord verify --trace`",
@@ -259,6 +266,7 @@ def _request(arguments: argparse.Namespace) -> SimulationRequest:
         check_summaries=arguments.check_summaries,
         processes=arguments.processes,
         outputs=outputs,
+        kernels=arguments.kernels == "on",
     )
 
 

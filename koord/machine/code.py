@@ -24,6 +24,11 @@ def word(number: int) -> Ir:
     return ir.Constant(I64, number)
 
 
+def real(number: float) -> Ir:
+    """A constant double."""
+    return ir.Constant(F64, number)
+
+
 def constant(type_: Ir, number: int) -> Ir:
     """A constant of some type of integers."""
     return ir.Constant(type_, number)

@@ -47,6 +47,7 @@ class Target(Enum):
     """The ways to run a compiled program."""
 
     ENGINE = "engine"  #: all robots in one process, without messages
+    KERNELS = "kernels"  #: the same, by machine code where it is sure of a turn
     NETWORK = "network"  #: deployed robots on a simulated network, in virtual time
     UDP = "udp"  #: deployed robots as processes that talk over UDP
 
@@ -108,12 +109,14 @@ def tried(case: Case, of: Compiled | None = None) -> Tried:
 
 
 def _run(case: Case, made: Compiled) -> CompiledRun:
-    if case.target is Target.ENGINE:
+    if case.target in (Target.ENGINE, Target.KERNELS):
         rng = Random(case.seed)
         schedule = case.policy.schedule(rng)
         if case.faults != CALM:
             schedule = Unheard(schedule, rng, case.faults.loss, case.faults.crashes_per_s > 0)
-        return run(made, case.system, case.sources, schedule, case.rounds, rng, case.largest)
+        kernels = case.target is Target.KERNELS
+        given = (made, case.system, case.sources, schedule, case.rounds, rng, case.largest)
+        return run(*given, kernels=kernels)
     expedition = Expedition(
         made, case.system, case.sources, case.rounds, case.seed, case.faults, case.largest
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from random import Random
 
 from msgspec import Struct, field
@@ -10,8 +11,10 @@ from msgspec.structs import replace
 
 from koord.refinement.sampling_hosts import SampledHost
 from koord.refinement.translation import Translation, to_fault, to_written
+from koord.runtime.columns.counts import Counts
 from koord.runtime.compile import compiled
 from koord.runtime.compile.loading import loaded
+from koord.runtime.compile.machine.lazy import LazyTurns
 from koord.runtime.compile.naming import PythonNames
 from koord.runtime.engine import AtRandom, Deployed, Ended, RoundEngine, Schedule, Shown
 from koord.runtime.proposals import INIT_ROUND, Decision
@@ -67,6 +70,7 @@ class CompiledRun(Struct, frozen=True):
     trace: Trace
     fault_place: str | None = None
     gave_up: KoordError | None = None
+    counts: Counts | None = None  #: of who made the turns, where machine code was to
 
 
 def schedule_of(decision: Decision, robots: int) -> tuple[tuple[int, ...], tuple[int | None, ...]]:
@@ -148,8 +152,12 @@ def run(
     rounds: int,
     rng: Random,
     largest: int | None = None,
+    *,
+    kernels: bool = False,
 ) -> CompiledRun:
     """Run a compiled program for so many rounds, or until it faults or stops.
+
+    With ``kernels`` its turns are made by machine code from the first round on, where there is any.
 
     A run ends, too, when a variable holds more than ``largest`` scalars, or digits of a number:
     programs that nobody wrote let lists double in every round.
@@ -160,7 +168,7 @@ def run(
     translation = Translation(system, made.names)
     host = SampledHost(translation, SampledInputs(Sampler(system, Numbers.DOUBLE, rng)))
     recorder = Recorder(made, translation)
-    fleet = RoundEngine(made.classes, system.kinds, float(system.delta_s), host)
+    fleet, counts = _engine(made, system, host, kernels=kernels)
     gave_up: KoordError | None = None
     try:
         _play(fleet, host, recorder, schedule, rounds, largest)
@@ -168,7 +176,22 @@ def run(
         gave_up = error
     recording = Recording(recorder.opening, tuple(recorder.rounds))
     trace = recorder.trace(sources, recording, fleet)
-    return ended_in(trace, fleet.ended) if gave_up is None else CompiledRun(trace, None, gave_up)
+    ran = ended_in(trace, fleet.ended) if gave_up is None else CompiledRun(trace, None, gave_up)
+    return replace(ran, counts=counts) if kernels else ran
+
+
+def _engine(
+    made: Compiled, system: System, host: SampledHost, *, kernels: bool
+) -> tuple[RoundEngine, Counts]:
+    """The engine of a run, by machine code where there is some; and who makes its turns."""
+    given = (made.classes, system.kinds, float(system.delta_s), host)
+    if kernels:
+        with suppress(ModuleNotFoundError):  # there is no NumPy without the extras of worlds
+            from koord.runtime.columns.engine import ColumnEngine
+
+            fleet = ColumnEngine(*given, LazyTurns(system.program), after=0)
+            return fleet, fleet.counts
+    return RoundEngine(*given), Counts()
 
 
 def _play(

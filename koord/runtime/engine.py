@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from random import Random
-from typing import Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from msgspec import Struct, field
 
@@ -18,6 +18,11 @@ from koord.runtime.operations import FaultError
 from koord.runtime.proposals import INIT_ROUND, Decision, EventFault, Proposal, decide, rotating
 from koord.runtime.robot import Host, Robot, Status
 from koord.runtime.store import AgreedStore
+
+if TYPE_CHECKING:  # NumPy is there where worlds are
+    from koord.runtime.motion.arrays import Bools, Floats, Ints
+else:
+    Bools = Floats = Ints = Any
 
 
 class Ended(Struct, frozen=True):
@@ -33,6 +38,24 @@ class Shown(Struct, frozen=True):
     round: int
     robot: int
     written: tuple[Written, ...]
+
+
+class Measured(Struct, frozen=True, eq=False):
+    """What a sensor of robots of one kind reads, where that is another value than before.
+
+    ``values`` are in the order of ``robots``: Booleans, or coordinates, shape ``(k, m)``.
+    """
+
+    name: str
+    robots: Ints
+    values: Floats | Bools
+
+
+class Measurement(Struct, frozen=True):
+    """What sensors read, and the robots that were asked one by one."""
+
+    changed: tuple[Measured, ...]
+    asked: tuple[int, ...]
 
 
 class RoundEngine:
@@ -54,7 +77,9 @@ class RoundEngine:
         self.has_models = any(robot.has_model for robot in self.robots)
         self.host = host
         #: Reads the sensors of all robots at once, where nobody listens to what each of them reads.
-        self.reader: Callable[[Sequence[Robot]], None] | None = None
+        self.reader: Callable[[Sequence[Robot]], Measurement] | None = None
+        #: What it has read in the last environment's turn.
+        self.measured: Measurement | None = None
         self.store = AgreedStore(classes[0].SHARED, len(kinds))
         self.round = 0  #: the one that is open or comes next
         self.ended: Ended | None = None
@@ -106,7 +131,7 @@ class RoundEngine:
         Where a model faults, no robot's ports change. [FAULT]
         """
         if self.reader is not None and not self.has_models:
-            self.reader(self.robots)
+            self.measured = self.reader(self.robots)
             self.round += 1
             return
         readings = [self.host.read(robot) for robot in self.robots]

@@ -136,6 +136,10 @@ class Forwarding:
         return self.host.choose(turn, robot, key, low, high)
 
 
+#: Instead of the buffer of an event that somebody else has run: it has no output.
+_ELSEWHERE = Buffer(None)
+
+
 class Robot:
     """A robot that runs a compiled program.
 
@@ -348,6 +352,19 @@ class Robot:
         attempts = tuple(map(self._attempt, chosen))
         return Proposal(self.pid, round_, attempts, urgent=bool(owed))
 
+    def rest(self) -> None:
+        """Have no event in this program turn: somebody else knows that none is enabled. [SKIP]"""
+        self._answers, self._buffers = {}, {}
+
+    def run_elsewhere(self, event: int) -> None:
+        """Have one event in this program turn, which somebody else has run. [SELECT]"""
+        self._answers, self._buffers = {}, {event: _ELSEWHERE}
+
+    def keep(self, event: int, asked: StopRequests, changes: Mapping[str, Any]) -> None:
+        """Commit an event that somebody else has run: keep its changes. [END-EVENT]"""
+        self.__dict__.update(changes)
+        self._end(event, asked)
+
     def try_event(self, position: int) -> Buffer | None:
         """Run an event into a buffer, once a round; None if it is not enabled."""
         if position in self._buffers:
@@ -377,12 +394,15 @@ class Robot:
         buffer = self._buffers[event]
         self.__dict__ = buffer.state
         self.__dict__.update(changed)
-        self.ran = event
-        if buffer.asked is StopRequests.TO_STOP:
-            self.status = Status.STOPPED
-        elif buffer.asked is StopRequests.TO_STOP_TOGETHER and self.status is Status.RUNNING:
-            self.status = Status.ASKED
+        self._end(event, buffer.asked)
         return buffer.output
+
+    def _end(self, event: int | None, asked: StopRequests) -> None:
+        self.ran = event
+        if asked is StopRequests.TO_STOP:
+            self.status = Status.STOPPED
+        elif asked is StopRequests.TO_STOP_TOGETHER and self.status is Status.RUNNING:
+            self.status = Status.ASKED
 
     def outcome(self, event: int | None) -> list[Written]:
         """The output of an event that was run."""

@@ -13,6 +13,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from msgspec import Struct
 
+from koord.runtime.engine import Measured, Measurement
 from koord.runtime.motion.arrays import Ints
 from koord.runtime.ports import DONE, PLACES, port_name
 from koord.runtime.robot import Robot
@@ -58,7 +59,7 @@ class Reader:
         self._alone = np.flatnonzero(alone).tolist()
         self._last: FleetSensors | None = None
 
-    def read(self, robots: Sequence[Robot]) -> None:
+    def read(self, robots: Sequence[Robot]) -> Measurement:
         """Let all robots take the environment's turn, without models. [ENV-TRANS]"""
         sensed, last = self._host.sensed, self._last
         asked = robots if last is None else [robots[pid] for pid in self._alone]
@@ -66,19 +67,23 @@ class Reader:
         for robot, of_robot in zip(asked, readings, strict=True):
             robot.evolve(of_robot)
         self._last = sensed
+        told = tuple(robot.pid for robot in asked)
         if last is None:
-            return
+            return Measurement((), told)
         moved = sensed.position != last.position
         arrived = sensed.reached != last.reached
         # Robots that differ in so many of their first coordinates.
         differ = {0: arrived, 1: moved[:, 0], 2: moved[:, 0] | moved[:, 1]}
         differ[3] = differ[2] | moved[:, 2]
+        measured = []
         for column in self._columns:
             changed = column.robots[differ[column.width][column.robots]]
             source = sensed.position if column.width else sensed.reached
-            values = column.convert(source[changed])
-            for pid, value in zip(changed.tolist(), values, strict=True):
+            rows = source[changed]
+            for pid, value in zip(changed.tolist(), column.convert(rows), strict=True):
                 vars(robots[pid])[column.name] = value
+            measured.append(Measured(column.name, changed, rows))
+        return Measurement(tuple(measured), told)
 
 
 def _has_scans(program: type[Robot]) -> bool:

@@ -12,6 +12,8 @@ from typing import Any, Protocol
 
 from msgspec import Struct
 
+from koord.runtime.columns.engine import ColumnEngine
+from koord.runtime.compile.machine.lazy import LazyTurns
 from koord.runtime.engine import Deployed, Ended, Schedule
 from koord.runtime.engine import RoundEngine as Engine
 from koord.runtime.motion.arrays import Bools, Floats
@@ -99,7 +101,8 @@ class Claims(Protocol):
 class Cast(Struct, frozen=True):
     """A compiled program, with the kind of each robot.
 
-    ``differing`` is each value that is not the text's, in words.
+    ``differing`` is each value that is not the text's, in words. ``turns`` is the machine code of
+    the program, by which long runs go on; None: they do not.
     """
 
     name: str
@@ -107,6 +110,7 @@ class Cast(Struct, frozen=True):
     classes: tuple[type[Robot], ...]
     kinds: tuple[int, ...]
     differing: tuple[str, ...] = ()
+    turns: LazyTurns | None = None
 
 
 def header_in(cast: Cast, scene: Scene) -> Header:
@@ -154,7 +158,7 @@ class Simulation:
         host = world if heard is None else heard(world)
         bodies = [placed.model.body for placed in scene.robots]
         self.watchman = _watchman(self.fleet)(scene.world, bodies)
-        self.engine = Engine(cast.classes, cast.kinds, scene.delta_s, self.watchman.hear(host))
+        self.engine = engine_of(cast, scene.delta_s, self.watchman.hear(host))
         if host is self.host:
             self.engine.reader = Reader(self.host).read
         self.recorder = RunLogger(header_in(cast, scene))
@@ -375,6 +379,13 @@ def run(simulation: Simulation, time_s: float) -> Iterator[Decision]:
                 simulation.end(Ending.LIMIT)
                 break
             yield simulation.round()
+
+
+def engine_of(cast: Cast, delta_s: float, host: Host) -> Engine:
+    """The engine of a run: by machine code, if there is to be some."""
+    if cast.turns is None:
+        return Engine(cast.classes, cast.kinds, delta_s, host)
+    return ColumnEngine(cast.classes, cast.kinds, delta_s, host, cast.turns)
 
 
 def host_of(cast: Cast, scene: Scene, fleet: Fleet) -> Hosted:

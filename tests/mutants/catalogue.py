@@ -6,6 +6,7 @@ from tests.mutants.bridged import BRIDGED
 from tests.mutants.cached import CACHED
 from tests.mutants.catalogue_bits import BITS
 from tests.mutants.catalogue_certified import CERTIFIED
+from tests.mutants.catalogue_columns import COLUMNS
 from tests.mutants.catalogue_compiled import COMPILED
 from tests.mutants.catalogue_exported import EXPORTED
 from tests.mutants.catalogue_kernels import KERNELS
@@ -990,6 +991,7 @@ MUTANTS = (
     *HORN,
     *BITS,
     *KERNELS,
+    *COLUMNS,
     *LANES,
     *RUNS,
     *CERTIFIED,

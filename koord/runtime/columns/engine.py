@@ -1,0 +1,332 @@
+"""The engine of fleets as columns: turns by machine code, and by compiled robots where it doubts.
+
+It has the face of :class:`.RoundEngine`, and every decision is the one that engine would make: of
+each robot machine code says that nothing is enabled, or which event is and what it writes, or that
+it is in doubt, and then the compiled robot makes the whole turn (decision record 0104).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from msgspec import Struct
+
+from koord.runtime.columns.columns import Columns
+from koord.runtime.columns.counts import Counts
+from koord.runtime.columns.deciding import decided
+from koord.runtime.columns.effects import Deed, EventCode
+from koord.runtime.compile.machine.layout import Column
+from koord.runtime.compile.machine.lazy import LazyTurns
+from koord.runtime.compile.machine.made import Effect, Turns
+from koord.runtime.engine import Deployed, RoundEngine, Schedule
+from koord.runtime.motion.arrays import Bools, Ints
+from koord.runtime.proposals import Decision, Proposal
+from koord.runtime.robot import Host, Robot, Status
+from koord.runtime.shapes import Shape, element_of
+from koord.syntax.core import Home
+
+#: Compiling takes as long as so many turns by compiled robots, and a run may be over before.
+WORTH_TURNS = 20_000
+
+#: Instead of an event that a robot runs: it is not known which, or it owes one or several.
+_IN_DOUBT, _OWED = -1, -2
+
+
+class _Round(Struct):
+    """What is proposed in a round: by all, and of it by machine code, whose rows these are."""
+
+    proposals: dict[int, Proposal]
+    rows: dict[int, tuple[Deed, int]]
+    deeds: list[tuple[EventCode, Deed]]
+
+
+class _Fleet:
+    """What machine code works on, of one run."""
+
+    def __init__(
+        self, turns: Turns, columns: Columns, classes: Sequence[type[Robot]], kinds: Sequence[int]
+    ) -> None:
+        count, of = len(kinds), np.array(kinds)
+        self.turns, self.columns = turns, columns
+        enabled: Ints = np.zeros(count, np.int64)
+        doubtful: Ints = np.zeros(count, np.int64)
+        some: Ints = np.zeros(count, np.int64)
+        #: Bits of events of each robot, where it has any that is enabled, or may be.
+        self.enabled, self.doubtful = enabled.data, doubtful.data
+        self._some = some.data
+        self._outs = tuple(array.ctypes.data for array in (enabled, doubtful, some))
+        self._kinds = [np.flatnonzero(of == kind) for kind in range(len(turns.kinds))]
+        self.is_stopped: Bools = np.zeros(count, np.bool_)
+        self.stopped = 0
+        self.codes = [
+            [None if e is None else _code(e, program) for e in (() if one is None else one.effects)]
+            for one, program in zip(turns.kinds, classes, strict=True)
+        ]
+        self.settle()
+
+    def settle(self) -> None:
+        """Take note of who has stopped, and has no turns any more."""
+        self.stopped = int(self.is_stopped.sum())
+        going = [pids[~self.is_stopped[pids]] for pids in self._kinds]
+        pairs = [*zip(self.turns.kinds, going, strict=True)]
+        self.alone = [pid for of, pids in pairs if of is None for pid in pids.tolist()]
+        self._going = [
+            (of.guards, pids, (pids.ctypes.data, len(pids)))
+            for of, pids in pairs
+            if of is not None and len(pids)
+        ]
+
+    def look(self) -> list[int]:
+        """Look at all guards; return the robots that have a turn to make, in order."""
+        state, found = self.columns.state, [*self.alone]
+        for guards, _, robots in self._going:
+            count = guards(*state, *robots, *self._outs)
+            found += self._some[:count].tolist()
+        if len(self._going) + bool(self.alone) > 1:
+            found.sort()
+        return found
+
+
+def _code(effect: Effect, program: type[Robot]) -> EventCode:
+    names = [variable.name for variable in program.SHARED.variables]
+    return EventCode(
+        effect,
+        [
+            (
+                column,
+                _shape(program, column),
+                names.index(column.name) if column.kind is None else -1,
+            )
+            for column in effect.columns
+        ],
+    )
+
+
+class ColumnEngine(RoundEngine):
+    """An engine that runs robots by machine code where it is sure of them.
+
+    ``turns`` makes it, if it is not made yet, when so many turns have gone by that it is worth its
+    time (``after``). Where there is none, compiled robots make all turns.
+    """
+
+    def __init__(
+        self,
+        classes: Sequence[type[Robot]],
+        kinds: Sequence[int],
+        delta_s: float,
+        host: Host,
+        turns: LazyTurns,
+        *,
+        after: int = WORTH_TURNS,
+    ) -> None:
+        super().__init__(classes, kinds, delta_s, host)
+        self.counts = Counts()
+        self._classes, self._kinds, self._delta_s = tuple(classes), tuple(kinds), delta_s
+        self._turns: LazyTurns | None = turns
+        self.after = after
+        self._gone = 0
+        self.fleet: _Fleet | None = None
+        #: Robots that have events in buffers, and those that ran one, since the last round.
+        self._had: list[int] = []
+        self._ran: list[int] = []
+        self._running = len(kinds)  #: robots that have not asked to stop, nor stopped
+        self._ranks: Ints = np.tile(np.arange(len(kinds)), 2)
+        self._names = [variable.name for variable in classes[0].SHARED.variables]
+
+    def program_turns(self, schedule: Schedule) -> Decision:
+        """Run every robot's program turn. [SELECT] [ATOMIC] [END-PROG]"""
+        fleet = self._ready()
+        if fleet is None:
+            return super().program_turns(schedule)
+        for pid in self._had:
+            self.robots[pid].rest()
+        round_ = _Round({}, {}, [])
+        plain = _is_plain(schedule)
+        ranks = self._rotated() if plain else schedule.order(self.round, len(self.robots))
+        self._proposals(fleet, schedule, round_)
+        proposals = heard = round_.proposals
+        self._had = [pid for pid in proposals if self.robots[pid].had_an_event]
+        if not plain:
+            heard = {i: p for i, p in proposals.items() if p.urgent or schedule.hears(p)}
+        decision = decided(self.round, heard, ranks)
+        self._conclude(fleet, round_, decision)
+        if self.ended is None and self._running == 0:
+            # [STOP]: everybody has asked, or stopped.
+            for robot in self.robots:
+                robot.status = Status.STOPPED
+            fleet.is_stopped[:] = True
+            fleet.settle()
+        return decision
+
+    def _rotated(self) -> Ints:
+        """The rotating order of the round, as :func:`.rotating` has it."""
+        count = len(self.robots)
+        first = self.round % count if count else 0
+        return self._ranks[first : first + count]
+
+    def environment_turn(self) -> None:
+        """Take the environment's turn: sensors and models; a new round begins. [ENV-TRANS]"""
+        super().environment_turn()
+        if self.fleet is None:
+            return
+        columns = self.fleet.columns
+        if self.measured is None:
+            for robot in self.robots:
+                columns.take(robot)
+            return
+        columns.measure(self.measured.changed)
+        for pid in self.measured.asked:
+            columns.take(self.robots[pid])
+
+    # --- going over to machine code ---------------------------------------------------------------
+
+    def _ready(self) -> _Fleet | None:
+        """What machine code works on, if it is time for it, and there is any."""
+        if self.fleet is None and self._turns is not None:
+            if self._gone < self.after and not self._turns.is_made:
+                self._gone += len(self.robots)
+                return None
+            turns, self._turns = self._turns(), None
+            if turns is not None:
+                self.fleet = self._made(turns)
+        return self.fleet
+
+    def _made(self, turns: Turns) -> _Fleet:
+        columns = Columns(turns.layout, self._kinds, self._delta_s)
+        columns.take_all(self.robots, self.store.values)
+        fleet = _Fleet(turns, columns, self._classes, self._kinds)
+        for robot in self.robots:
+            fleet.is_stopped[robot.pid] = robot.status is Status.STOPPED
+            self._running -= robot.status is not Status.RUNNING
+        fleet.settle()
+        self._had = self._ran = list(range(len(self.robots)))
+        return fleet
+
+    # --- proposing --------------------------------------------------------------------------------
+
+    def _proposals(self, fleet: _Fleet, schedule: Schedule, round_: _Round) -> None:
+        """Make the proposals of a round; with a plain schedule only of those who do something."""
+        found, robots = fleet.look(), self.robots
+        plain = _is_plain(schedule)
+        if plain:
+            self.counts.by_code += len(robots) - len(found) - fleet.stopped
+        chosen: dict[tuple[int, int], list[int]] = {}
+        orders: dict[int, tuple[int, ...] | None] = {}
+        for pid in found if plain else range(len(robots)):
+            robot, order, willing = robots[pid], None, True
+            if not plain:
+                asked = schedule.events(robot)
+                order = None if asked is None else tuple(asked)
+                willing = schedule.willing(robot)
+                round_.proposals[pid] = Proposal(pid, self.round)
+                if robot.status is Status.STOPPED:
+                    continue
+            kind = self._kinds[pid]
+            of_kind = fleet.turns.kinds[kind]
+            if of_kind is None:
+                self.counts.by_robots += 1
+                round_.proposals[pid] = robot.propose(self.round, order, willing=willing)
+                continue
+            yes, unsure = fleet.enabled[pid], fleet.doubtful[pid]
+            event = _chosen(yes, unsure, of_kind.urgent, order, willing=willing)
+            if event is None:
+                self.counts.by_code += 1
+            elif event >= 0 and fleet.codes[kind][event] is not None:
+                chosen.setdefault((kind, event), []).append(pid)
+                orders[pid] = order
+            else:
+                if event == _IN_DOUBT:
+                    self.counts.in_doubt += 1
+                else:
+                    self.counts.by_robots += 1
+                round_.proposals[pid] = robot.propose(self.round, order, willing=willing)
+        for (kind, event), pids in chosen.items():
+            code = fleet.codes[kind][event]
+            assert code is not None
+            deed, in_doubt = code.run(fleet.columns.state, pids, event, robots)
+            self._propose_deed(code, deed, round_)
+            for pid in in_doubt:
+                self.counts.in_doubt += 1
+                round_.proposals[pid] = robots[pid].propose(self.round, orders[pid])
+
+    def _propose_deed(self, code: EventCode, deed: Deed, round_: _Round) -> None:
+        self.counts.by_code += len(deed.pids)
+        round_.deeds.append((code, deed))
+        for row, (pid, attempt) in enumerate(zip(deed.pids, deed.attempts, strict=True)):
+            round_.proposals[pid] = Proposal(pid, self.round, (attempt,))
+            round_.rows[pid] = (deed, row)
+            self.robots[pid].run_elsewhere(deed.event)
+
+    # --- acting -----------------------------------------------------------------------------------
+
+    def _conclude(self, fleet: _Fleet, round_: _Round, decision: Decision) -> None:
+        """Act on a decision: commit or discard each robot's turn. [SHARED-ASSIGN] [SKIP]"""
+        if decision.fault is not None:
+            self._act(decision)
+            return
+        changed = self.store.apply(decision.writes)
+        robots, rows, columns = self.robots, round_.rows, fleet.columns
+        for name, value in changed.items():
+            for robot in robots:
+                robot.__dict__[name] = value
+        for pid in self._ran:
+            robots[pid].ran = None
+        self._ran = [taken.robot for taken in decision.ran]
+        settle = False
+        for taken in decision.ran:
+            pid = taken.robot
+            robot = robots[pid]
+            before = robot.status
+            if pid in rows:
+                deed, row = rows[pid]
+                robot.keep(deed.event, taken.asked, deed.changes[row])
+            else:
+                written = robot.commit(taken.event, changed)
+                self._show(decision.round, pid, written)
+                columns.take(robot)
+            if robot.status is not before:
+                self._running -= before is Status.RUNNING
+                if robot.status is Status.STOPPED:
+                    fleet.is_stopped[pid] = settle = True
+        ran = set(self._ran) if round_.deeds else set()
+        for code, deed in round_.deeds:
+            kept = [row for row, pid in enumerate(deed.pids) if pid in ran]
+            columns.take_deed(code.effect, deed, kept)
+        columns.take_writes(decision.writes, self._names, self.store.values, rows)
+        if settle:
+            fleet.settle()
+
+
+def _is_plain(schedule: Schedule) -> bool:
+    """Whether a schedule leaves all to the program: nobody skips, and all is heard."""
+    return type(schedule) is Deployed
+
+
+def _chosen(
+    enabled: int, doubtful: int, urgent: int, order: Sequence[int] | None, *, willing: bool
+) -> int | None:
+    """The event that a robot runs; None if it runs none. [SELECT]
+
+    Robots with urgent events that are enabled, or may be, choose themselves (``_OWED``).
+    """
+    some = enabled | doubtful
+    if some & urgent:
+        return _OWED
+    if not willing or not some:
+        return None
+    if order is None:
+        first = some & -some
+        return _IN_DOUBT if first & doubtful else first.bit_length() - 1
+    for event in order:
+        if some >> event & 1:
+            return _IN_DOUBT if doubtful >> event & 1 else event
+    return None
+
+
+def _shape(program: type[Robot], column: Column) -> Shape:
+    """The shape of what one robot has of a column."""
+    if column.home in (Home.LOCAL, Home.PORT):
+        return {**program.LOCALS, **program.PORTS}[column.name]
+    (shape,) = [v.shape for v in program.SHARED.variables if v.name == column.name]
+    return element_of(shape) if column.home is Home.ALLREAD else shape

@@ -1,0 +1,1 @@
+"""The compiler from core programs to machine code, for the turns of whole fleets."""

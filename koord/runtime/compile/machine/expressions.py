@@ -1,0 +1,377 @@
+"""Compilation of expressions to machine code, by the rules of chapter 2, or to doubt.
+
+Numbers are those of the compiled robot to the last bit: doubles are rounded once by each operation,
+and comparisons with a NaN come out as Python's do.
+"""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+from koord.machine.code import F64, I1, Ir, real, word
+from koord.runtime.compile.machine.body import Body, Cells, Frame, Position, Value
+from koord.runtime.compile.machine.layout import Leaf, NoCodeError, leaves, part_at
+from koord.syntax import core
+from koord.syntax.core import BinaryOp, Home, ListOp, UnaryOp
+from koord.syntax.types import ArrayType, BoolType, FloatType, Robots, Type, is_by_robot, show
+from koord.syntax.walk import nodes
+
+_LEAST, _GREATEST = -(2**63), 2**63 - 1
+
+_CHECKED = {BinaryOp.ADD: "sadd", BinaryOp.SUB: "ssub", BinaryOp.MUL: "smul"}
+_OF_FLOATS = {BinaryOp.ADD: "fadd", BinaryOp.SUB: "fsub", BinaryOp.MUL: "fmul"}
+
+
+def expression(body: Body, e: core.Expr) -> Value:
+    """Compile an expression. Raises NoCodeError for what has no machine code."""
+    body.count_node()
+    match e:
+        case core.Const():
+            return [_constant(body, e)]
+        case core.Read(place=place):
+            return read(body, place)
+        case core.Binary():
+            return [_binary(body, e)]
+        case core.Unary():
+            return [_unary(body, e)]
+        case core.Pid():
+            return [body.robot]
+        case core.NumAgents():
+            return [body.count]
+        case core.Delta():
+            return [body.delta]
+        case core.Select(base=base, step=core.FieldStep(position=position, type=type_)):
+            parts = expression(body, base)
+            first = part_at(base.type, position)
+            return parts[first : first + len(leaves(type_))]
+        case core.MakeRecord(fields=parts):
+            leaves(e.type)
+            return [leaf for part in parts for leaf in expression(body, part)]
+        case core.MakeList(items=parts, type=ArrayType(size=int())):
+            leaves(e.type)
+            return [leaf for part in parts for leaf in expression(body, part)]
+        case core.Builtin():
+            return [_builtin(body, e)]
+        case core.Call():
+            return _call(body, e)
+        case _:
+            raise NoCodeError(type(e).__name__)
+
+
+def truth(body: Body, e: core.Expr) -> Ir:
+    """Compile a condition."""
+    (found,) = expression(body, e)
+    return found
+
+
+def _constant(body: Body, e: core.Const) -> Ir:
+    match leaves(e.type)[0]:
+        case Leaf.FLOAT:
+            assert not isinstance(e.value, str)
+            return real(float(Fraction(e.value)))
+        case Leaf.BOOL:
+            return body.bit(bool(e.value))
+        case Leaf.INT:
+            assert isinstance(e.value, int)
+            if not _LEAST <= e.value <= _GREATEST:
+                raise NoCodeError("a number of more than 64 bits")
+            return word(e.value)
+
+
+# --- operators ------------------------------------------------------------------------------------
+
+
+def _binary(body: Body, e: core.Binary) -> Ir:
+    """Compile a binary operator. [E-ARITH] [E-SHORT]"""
+    match e.op:
+        case BinaryOp.AND:
+            return _if_needed(body, e, wanted=True, else_=False)
+        case BinaryOp.OR:
+            return _if_needed(body, e, wanted=False, else_=True)
+        case BinaryOp.IMPLIES:
+            return _if_needed(body, e, wanted=True, else_=True)
+        case BinaryOp.EQ:
+            return _equal(body, e)
+        case BinaryOp.NE:
+            return body.b.not_(_equal(body, e))
+    (left,), (right,) = expression(body, e.left), expression(body, e.right)
+    if isinstance(e.left.type, FloatType):
+        return _of_floats(body, e.op, left, right)
+    return _of_ints(body, e.op, left, right)
+
+
+def _if_needed(body: Body, e: core.Binary, *, wanted: bool, else_: bool) -> Ir:
+    """The right operand where the left is what is wanted, and elsewhere a constant. [E-SHORT]"""
+    left = truth(body, e.left)
+    found = body.code.slot(I1)
+    body.b.store(body.bit(else_), found)
+    with body.code.only_if(left if wanted else body.b.not_(left)):
+        body.b.store(truth(body, e.right), found)
+    return body.b.load(found)
+
+
+def _equal(body: Body, e: core.Binary) -> Ir:
+    """Compile an equality: of all leaves, and a NaN equals nothing. [E-EQUAL]"""
+    kinds = leaves(e.left.type)
+    if len(leaves(e.right.type)) != len(kinds):
+        raise NoCodeError("arrays of different lengths")
+    left, right = expression(body, e.left), expression(body, e.right)
+    found = body.bit(True)
+    for leaf, one, other in zip(kinds, left, right, strict=True):
+        if leaf is Leaf.FLOAT:
+            same = body.b.fcmp_ordered("==", one, other)
+        else:
+            same = body.b.icmp_signed("==", one, other)
+        found = body.b.and_(found, same)
+    return found
+
+
+def _of_floats(body: Body, op: BinaryOp, left: Ir, right: Ir) -> Ir:
+    b = body.b
+    match op:
+        case BinaryOp.ADD | BinaryOp.SUB | BinaryOp.MUL:
+            return getattr(b, _OF_FLOATS[op])(left, right)
+        case BinaryOp.DIV:
+            body.doubt_if(b.fcmp_ordered("==", right, real(0.0)))
+            return b.fdiv(left, right)
+        case BinaryOp.LT:
+            return b.fcmp_ordered("<", left, right)
+        case BinaryOp.LE:
+            return b.fcmp_ordered("<=", left, right)
+        case BinaryOp.MIN:  # of equal ones the first, as Python has it
+            return b.select(b.fcmp_ordered("<", right, left), right, left)
+        case BinaryOp.MAX:
+            return b.select(b.fcmp_ordered(">", right, left), right, left)
+        case _:
+            raise NoCodeError(op.value)
+
+
+def _of_ints(body: Body, op: BinaryOp, left: Ir, right: Ir) -> Ir:
+    b = body.b
+    match op:
+        case BinaryOp.ADD | BinaryOp.SUB | BinaryOp.MUL:
+            return checked(body, op, left, right)
+        case BinaryOp.DIV | BinaryOp.MOD:
+            return _divided(body, op, left, right)
+        case BinaryOp.LT:
+            return b.icmp_signed("<", left, right)
+        case BinaryOp.LE:
+            return b.icmp_signed("<=", left, right)
+        case BinaryOp.MIN:
+            return b.select(b.icmp_signed("<", right, left), right, left)
+        case BinaryOp.MAX:
+            return b.select(b.icmp_signed(">", right, left), right, left)
+        case _:
+            raise NoCodeError(op.value)
+
+
+def checked(body: Body, op: BinaryOp, left: Ir, right: Ir) -> Ir:
+    """Compute with whole numbers. In doubt where the result has more than 64 bits. [E-ARITH]"""
+    pair = getattr(body.b, f"{_CHECKED[op]}_with_overflow")(left, right)
+    body.doubt_if(body.b.extract_value(pair, 1))
+    return body.b.extract_value(pair, 0)
+
+
+def _divided(body: Body, op: BinaryOp, left: Ir, right: Ir) -> Ir:
+    """Divide whole numbers and round down; the remainder has the divisor's sign. [E-ARITH]"""
+    b = body.b
+    body.doubt_if(b.icmp_signed("==", right, word(0)))
+    too_large = b.and_(
+        b.icmp_signed("==", left, word(_LEAST)), b.icmp_signed("==", right, word(-1))
+    )
+    body.doubt_if(too_large)
+    rest = b.srem(left, right)
+    signs_differ = b.icmp_signed("<", b.xor(rest, right), word(0))
+    is_off = b.and_(b.icmp_signed("!=", rest, word(0)), signs_differ)
+    if op is BinaryOp.MOD:
+        return b.select(is_off, b.add(rest, right), rest)
+    whole = b.sdiv(left, right)
+    return b.select(is_off, b.sub(whole, word(1)), whole)
+
+
+def _unary(body: Body, e: core.Unary) -> Ir:
+    b = body.b
+    (operand,) = expression(body, e.operand)
+    of_floats = isinstance(e.type, FloatType)
+    match e.op:
+        case UnaryOp.NOT:
+            return b.not_(operand)
+        case UnaryOp.WIDEN:
+            return b.sitofp(operand, F64)
+        case UnaryOp.NEG:
+            return b.fneg(operand) if of_floats else checked(body, BinaryOp.SUB, word(0), operand)
+        case UnaryOp.ABS if of_floats:
+            return body.code.known("llvm.fabs.f64", F64, [operand])
+        case UnaryOp.ABS:
+            turned = checked(body, BinaryOp.SUB, word(0), operand)
+            return b.select(b.icmp_signed("<", operand, word(0)), turned, operand)
+
+
+# --- arrays over robots, and other arrays ---------------------------------------------------------
+
+
+def _builtin(body: Body, e: core.Builtin) -> Ir:
+    """Compile a function of arrays. [E-LIST]"""
+    first = e.arguments[0]
+    if not isinstance(first.type, ArrayType):
+        raise NoCodeError(e.op.value)
+    if e.op is ListOp.LENGTH:
+        size = first.type.size
+        return body.count if size is Robots.ALL else word(size)
+    if len(leaves(first.type.element)) != 1:
+        raise NoCodeError(e.op.value)
+    if e.op is ListOp.CONTAINS:
+        raise NoCodeError(e.op.value)
+    if is_by_robot(first.type):
+        return _over_robots(body, e.op, first)
+    items = expression(body, first)
+    if not items:
+        raise NoCodeError("an empty array")
+    found = items[0]
+    for item in items[1:]:
+        found = _joined(body, e.op, first.type.element, found, item)
+    return found
+
+
+def _joined(body: Body, op: ListOp, type_: Type, one: Ir, other: Ir) -> Ir:
+    match op:
+        case ListOp.ANY:
+            return body.b.or_(one, other)
+        case ListOp.ALL:
+            return body.b.and_(one, other)
+        case ListOp.MIN | ListOp.MAX:
+            each = BinaryOp.MIN if op is ListOp.MIN else BinaryOp.MAX
+            of = _of_floats if isinstance(type_, FloatType) else _of_ints
+            return of(body, each, one, other)
+        case _:
+            raise NoCodeError(op.value)
+
+
+def _over_robots(body: Body, op: ListOp, e: core.Expr) -> Ir:
+    """A function of all entries of an allread variable. In doubt if any is not known. [LOOKUP]"""
+    match e:
+        case core.Read(place=core.Place(variable=variable, steps=(), robot=None, primed=False)):
+            if variable.home is not Home.ALLREAD:
+                raise NoCodeError("an array over robots")
+        case _:
+            raise NoCodeError("an array over robots")
+    type_ = variable.own_type
+    if isinstance(type_, BoolType) is not (op in (ListOp.ANY, ListOp.ALL)):
+        raise NoCodeError(op.value)
+    b, code = body.b, body.code
+    body.doubt_if(b.icmp_signed("==", body.count, word(0)))
+    (start,) = body.load(entry_cells(body, variable, word(0)), 0, type_)
+    found = code.slot(start.type)
+    b.store(start, found)
+    with code.loop(word(1), body.count) as robot:
+        (item,) = body.load(entry_cells(body, variable, robot), 0, type_)
+        b.store(_joined(body, op, type_, b.load(found), item), found)
+    return b.load(found)
+
+
+# --- places ---------------------------------------------------------------------------------------
+
+
+def read(body: Body, place: core.Place) -> Value:
+    """Compile the read of a place. [LOOKUP]"""
+    if place.robot is not None or place.primed:
+        raise NoCodeError("another robot's")
+    cells, first, type_ = located(body, place)
+    return body.load(cells, first, type_)
+
+
+def located(body: Body, place: core.Place) -> tuple[Cells, Position, Type]:
+    """Where a place is: its cells, the first of its leaves, and its type. [LOCATION]"""
+    variable, steps = place.variable, place.steps
+    match variable.home:
+        case Home.BOUND:
+            cells, type_ = body.bound(variable), variable.type
+        case Home.ALLREAD:
+            if not steps or not isinstance(steps[0], core.IndexStep):
+                raise NoCodeError("a whole array over robots")
+            (robot,) = expression(body, steps[0].index)
+            if not isinstance(steps[0].index, core.Pid):
+                body.doubt_if(body.b.icmp_unsigned(">=", robot, body.count))
+            cells, type_ = entry_cells(body, variable, robot), variable.own_type
+            steps = steps[1:]
+        case _:
+            cells, type_ = variable_cells(body, variable), variable.type
+    first: Position = 0
+    for step in steps:
+        match step:
+            case core.FieldStep(position=position):
+                first = body.sum(first, part_at(type_, position))
+            case core.IndexStep(index=index):
+                if not isinstance(type_, ArrayType) or not isinstance(type_.size, int):
+                    raise NoCodeError("an index into a list")
+                (at,) = expression(body, index)
+                body.doubt_if(body.b.icmp_unsigned(">=", at, word(type_.size)))
+                size = len(leaves(type_.element))
+                first = body.sum(first, at if size == 1 else body.b.mul(at, word(size)))
+            case _:
+                raise NoCodeError("a key")
+        type_ = step.type
+    return cells, first, type_
+
+
+def variable_cells(body: Body, variable: core.Variable) -> Cells:
+    """The cells of a local, a port or an allwrite variable."""
+    column = body.layout.column(body.kind, variable)
+    banked = body.banked.get(id(column))
+    if banked is not None:
+        return banked
+    if variable.home is Home.ALLWRITE:
+        return body.cells_at(body.shared, body.shared_flags, column.first)
+    return body.cells_of(column, body.robot)
+
+
+def entry_cells(body: Body, variable: core.Variable, robot: Ir) -> Cells:
+    """The cells of a robot's entry of an allread variable: of its own, what the event wrote."""
+    column = body.layout.column(body.kind, variable)
+    theirs, own = body.cells_of(column, robot), body.banked.get(id(column))
+    if own is None:
+        return theirs
+    if robot is body.robot:
+        return own
+    b = body.b
+    is_own = b.icmp_signed("==", robot, body.robot)
+    return Cells(
+        b.select(is_own, own.words, theirs.words),
+        b.select(is_own, own.flags, theirs.flags),
+        lambda leaf: b.select(is_own, own.index(leaf), theirs.index(leaf)),
+    )
+
+
+# --- calls ----------------------------------------------------------------------------------------
+
+
+def _call(body: Body, e: core.Call) -> Value:
+    """Compile a call of a function: its body is written out. [E-CALL]"""
+    function = body.program.function(e.function)
+    if function.result is None:
+        raise NoCodeError("a function without a result")
+    arguments = [expression(body, argument) for argument in e.arguments]
+    b = body.b
+    result = body.local(function.result)
+    # What returns nothing gives zeros; loops come here again.
+    body.forget(result, function.result, flags=1)
+    after = b.append_basic_block("returned")
+    outer, outer_loops = body.frame, body.loops
+    body.frame, body.loops = Frame({}, result, function.result, after), []
+    for variable in _variables(function):
+        body.forget(body.bound(variable), variable.type, flags=0)
+    for parameter, value in zip(function.parameters, arguments, strict=True):
+        body.store(body.bound(parameter), 0, parameter.type, value)
+    body.block(body, function.body)
+    b.branch(after)
+    b.position_at_end(after)
+    body.frame, body.loops = outer, outer_loops
+    return body.load(result, 0, function.result)
+
+
+def _variables(function: core.Function) -> list[core.Variable]:
+    """The bound variables of a function; of those in one slot, one of each type."""
+    found = [*function.parameters]
+    found += [node for node in nodes(function.body) if isinstance(node, core.Variable)]
+    bound = [one for one in found if one.home is Home.BOUND]
+    return list({(one.slot, show(one.type)): one for one in bound}.values())

@@ -1,0 +1,48 @@
+"""The machine code of a program's turns, as data: whoever has it need not make it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from msgspec import Struct
+
+from koord.runtime.compile.machine.layout import Column, Layout
+
+#: What a turn says: no, or done; yes; in doubt.
+NO, YES, IN_DOUBT = 0, 1, 2
+
+#: Before the cells of what an event writes: its locks, and whether it asks to stop.
+HEAD_WORDS = 2
+
+
+class Effect(Struct, frozen=True, eq=False):
+    """The machine code of an event: what it may write, and the words that it takes a robot.
+
+    ``run`` is given the state, numbers of robots, how many, and the addresses of words, flags and
+    verdicts of each of these.
+    """
+
+    run: Callable[..., int]
+    columns: tuple[Column, ...]
+    words: int
+
+
+class KindTurns(Struct, frozen=True, eq=False):
+    """The machine code of a kind of robots.
+
+    ``guards`` is given the state, numbers of robots, how many, and the addresses of two words for
+    every robot of the fleet: bits of the events that are enabled, and of those that it is in doubt
+    of; then that of the numbers of robots that have any such bit, and it says how many these are.
+    Of events without an effect in code it says whether they are enabled all the same.
+    """
+
+    guards: Callable[..., int]
+    effects: tuple[Effect | None, ...]
+    urgent: int  #: bits of urgent events
+
+
+class Turns(Struct, frozen=True, eq=False):
+    """The machine code of a program's turns. None of a kind for which there is no use of it."""
+
+    layout: Layout
+    kinds: tuple[KindTurns | None, ...]
