@@ -4,8 +4,8 @@ Each row is a program with its robots; each engine is asked alone, and `auto`, w
 as is the default. An engine *settles* a row if it says as much of every claim as `auto` does: that
 it is violated, or that it holds for as many rounds. An engine alone gets as long as `auto` took:
 what is slower is not the best one. Proofs for every number of robots, which `--robots any` asks
-alone, are an engine as well. *Excess* is the time of `auto` beyond 1.3 times that of the best engine
-and 0.3 s, on the clock and of processors: it should not be above zero.
+alone, are an engine as well. *Excess* is the time of `auto` beyond 1.3 times that of the best
+engine and 0.3 s, on the clock and of processors: it should not be above zero.
 
 The second table is about the look for what makes verdicts say less than they seem to: its part of
 the CPU time that verdicts took, in one process. `KOORD_ROWS` names the rows that are wanted (a
