@@ -184,6 +184,15 @@ def test_what_is_sensed_may_be_in_doubt(a: float, n: int) -> None:
     assert engine.counts.by_code > 6
 
 
+def test_a_guard_without_code_leaves_its_robots_to_themselves() -> None:
+    text = "local:\n    int k = 0\n    int[] list = []\n"
+    text += "Listed:\n    pre: length(list) > 0\n    eff:\n        k = 0\n"
+    text += "Go:\n    eff:\n        k = k + 1\n"
+    engine = twins(text, 3, 4)
+    assert engine.counts.by_robots == 3 * 4
+    assert engine.counts.in_doubt == engine.counts.by_code == 0
+
+
 def test_what_asks_others_or_writes_to_streams_is_left_to_robots() -> None:
     text = "local:\n    int k = 0\n    int[] list = []\nOften:\n    pre: k % 2 == 0\n"
     text += "    eff:\n        k = k + 1\nOnce:\n    pre: k % 2 == 1\n"

@@ -236,7 +236,7 @@ class ColumnEngine(RoundEngine):
                 chosen.setdefault((kind, event), []).append(pid)
                 orders[pid] = order
             else:
-                if event == _IN_DOUBT:
+                if event == _IN_DOUBT and unsure & ~of_kind.without:
                     self.counts.in_doubt += 1
                 else:
                     self.counts.by_robots += 1

@@ -39,6 +39,7 @@ class KindTurns(Struct, frozen=True, eq=False):
     guards: Callable[..., int]
     effects: tuple[Effect | None, ...]
     urgent: int  #: bits of urgent events
+    without: int  #: bits of events whose guards have no code, which are in doubt at any time
 
 
 class Turns(Struct, frozen=True, eq=False):

@@ -10,6 +10,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import suppress
 
+from msgspec import Struct
+
 from koord.machine.code import (
     BYTES,
     I8,
@@ -49,6 +51,13 @@ def turns_of(program: core.Program) -> Turns | None:
     return _Making(program).turns()
 
 
+class _Written(Struct):
+    """The columns that events of a kind write, None without code; bits of guards without any."""
+
+    columns: list[tuple[Column, ...] | None]
+    without: int
+
+
 class _Making:
     def __init__(self, program: core.Program) -> None:
         self.program = program
@@ -66,16 +75,13 @@ class _Making:
         except TooMuchCodeError:
             return None
         kinds = tuple(
-            None if effects is None else self._found(loaded, kind, effects)
-            for kind, effects in enumerate(made)
+            None if one is None else self._found(loaded, kind, one) for kind, one in enumerate(made)
         )
         return Turns(self.layout, kinds)
 
-    def _found(
-        self, loaded: Loaded, kind: int, effects: Sequence[tuple[Column, ...] | None]
-    ) -> KindTurns:
+    def _found(self, loaded: Loaded, kind: int, written_: _Written) -> KindTurns:
         found: list[Effect | None] = []
-        for number, columns in enumerate(effects):
+        for number, columns in enumerate(written_.columns):
             if columns is None:
                 found.append(None)
                 continue
@@ -84,20 +90,22 @@ class _Making:
             found.append(Effect(run, columns, words))
         urgent = sum(1 << k for k, e in enumerate(self.program.agents[kind].events) if e.urgent)
         guards = loaded.function(f"guards_{kind}", len(STATE) + 5)
-        return KindTurns(guards, tuple(found), urgent)
+        return KindTurns(guards, tuple(found), urgent, written_.without)
 
-    def _kind(self, kind: int, agent: core.Agent) -> list[tuple[Column, ...] | None] | None:
-        """The columns that each event of a kind writes, of those that have code."""
+    def _kind(self, kind: int, agent: core.Agent) -> _Written | None:
+        """What the events of a kind write, of those that have code; None if no guard has."""
         if len(agent.events) > _MOST_BITS:
             return None
         guards = [self._guard(kind, k, event) for k, event in enumerate(agent.events)]
         if not any(guards):
             return None
-        self._all_guards(kind, guards)
-        return [
+        without = sum(1 << k for k, has_code in enumerate(guards) if not has_code)
+        self._all_guards(kind, guards, without)
+        effects = [
             self._effect(kind, k, event) if guards[k] else None
             for k, event in enumerate(agent.events)
         ]
+        return _Written(effects, without)
 
     # --- one robot --------------------------------------------------------------------------------
 
@@ -166,13 +174,12 @@ class _Making:
 
     # --- all robots -------------------------------------------------------------------------------
 
-    def _all_guards(self, kind: int, guards: Sequence[bool]) -> None:
+    def _all_guards(self, kind: int, guards: Sequence[bool], without: int) -> None:
         """Compile the look at all guards, of so many robots."""
         arguments = [*STATE, BYTES, I64, BYTES, BYTES, BYTES]
         code = Code(self.module, f"guards_{kind}", arguments, I64)
         *state, robots, count, enabled, doubtful, some = code.arguments
         b = code.b
-        without = sum(1 << k for k, has_code in enumerate(guards) if not has_code)
         found = code.slot(I64)
         b.store(word(0), found)
         with code.loop(word(0), count) as index:
