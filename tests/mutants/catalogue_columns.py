@@ -184,4 +184,18 @@ COLUMNS = (
         "pass",
         (TURNS,),
     ),
+    Mutant(
+        "machine code may be as long as it likes",
+        "runtime.compile.machine.body.Budget.spend",
+        "self.left < work",
+        "False",
+        (TURNS,),
+    ),
+    Mutant(
+        "turns without code count as doubt",
+        "runtime.columns.engine.ColumnEngine._proposals",
+        "event == _IN_DOUBT and unsure & ~of_kind.without",
+        "event == _IN_DOUBT",
+        (TURNS,),
+    ),
 )

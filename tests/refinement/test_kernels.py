@@ -44,7 +44,7 @@ def test_generated_programs_do_by_machine_code_what_the_rules_allow(seed: int, c
             by_code += found.ran.counts.by_code
             in_doubt += found.ran.counts.in_doubt
     assert by_code > count
-    assert in_doubt > count // 10
+    assert in_doubt > 0
 
 
 @pytest.mark.parametrize("name", but_slow([n for n in WHOLE if n > "g"], WHOLE))

@@ -193,6 +193,18 @@ def test_a_guard_without_code_leaves_its_robots_to_themselves() -> None:
     assert engine.counts.in_doubt == engine.counts.by_code == 0
 
 
+def test_what_is_too_long_is_left_to_robots() -> None:
+    """Calls are written out: twelve functions of which each calls the one before twice."""
+    text = "local:\n    int k = 0\ndef fun f0(int k) -> int:\n    return k % 2\n"
+    for level in range(1, 12):
+        text += f"def fun f{level}(int k) -> int:\n"
+        text += f"    return (f{level - 1}(k) + f{level - 1}(k + 1)) % 5\n"
+    text += "Short:\n    pre: k % 2 == 0\n    eff:\n        k = k + 1\n"
+    text += "Long:\n    pre: k % 2 == 1\n    eff:\n        k = k + 1 + 2 * f11(k)\n"
+    engine = twins(text, 2, 8)
+    assert engine.counts.by_robots == engine.counts.by_code == 2 * 4
+
+
 def test_what_asks_others_or_writes_to_streams_is_left_to_robots() -> None:
     text = "local:\n    int k = 0\n    int[] list = []\nOften:\n    pre: k % 2 == 0\n"
     text += "    eff:\n        k = k + 1\nOnce:\n    pre: k % 2 == 1\n"

@@ -31,8 +31,22 @@ Position: TypeAlias = int | Ir
 #: A value: its leaves, as 64-bit integers, doubles and bits.
 Value: TypeAlias = list[Ir]
 
-#: A turn that is longer than so many nodes, calls written out, is left to Python.
-_MOST_NODES = 4_000
+#: So much of a program is compiled: nodes, with what they call written out, and leaves that they
+#: load and store. A thousand take some 200 ms. What is left over is left to robots.
+_MOST_WORK = 2_000
+
+
+class Budget(Struct):
+    """How much more of a program may be compiled."""
+
+    left: int = _MOST_WORK
+
+    def spend(self, work: int) -> None:
+        """Take note of work. Raises NoCodeError if it is too much."""
+        if self.left < work:
+            raise NoCodeError("too long")
+        self.left -= work
+
 
 #: What every function of a turn is given: rows and cells, their flags, the number of robots, δ.
 STATE = (BYTES, BYTES, BYTES, BYTES, I64, I64)
@@ -75,6 +89,7 @@ class Body:
         robot: Ir,
         doubtful: Ir,
         block: Callable[[Body, core.Block], None],
+        budget: Budget,
     ) -> None:
         self.code, self.b = code, code.b
         self.program, self.layout, self.kind = program, layout, kind
@@ -89,15 +104,9 @@ class Body:
         self.banked: dict[int, Cells] = {}
         self.locks: Ir = None
         self.asked: Ir = None
-        self._nodes = 0
+        self.budget = budget
 
     # --- doubt ------------------------------------------------------------------------------------
-
-    def count_node(self) -> None:
-        """Count a node of the program. Raises NoCodeError if there are too many."""
-        self._nodes += 1
-        if self._nodes > _MOST_NODES:
-            raise NoCodeError("too long")
 
     def doubt_if(self, condition: Ir) -> None:
         """Be in doubt where a condition holds."""
@@ -158,6 +167,7 @@ class Body:
     def load(self, cells: Cells, first: Position, type_: Type) -> Value:
         """The leaves from one on. In doubt if any of them is not known. [LOOKUP] [ATOM]"""
         b, found = self.b, []
+        self.budget.spend(len(leaves(type_)))
         known = constant(I8, KNOWN)
         for number, leaf in enumerate(leaves(type_)):
             index = cells.index(self.sum(first, number))
@@ -170,6 +180,7 @@ class Body:
         """Store leaves from one on. In doubt if a NaN is to be kept."""
         b, kinds = self.b, leaves(type_)
         assert len(kinds) == len(value)
+        self.budget.spend(len(kinds))
         if cells.is_banked:
             for leaf, new in zip(kinds, value, strict=True):
                 if leaf is Leaf.FLOAT:

@@ -24,7 +24,7 @@ _OF_FLOATS = {BinaryOp.ADD: "fadd", BinaryOp.SUB: "fsub", BinaryOp.MUL: "fmul"}
 
 def expression(body: Body, e: core.Expr) -> Value:
     """Compile an expression. Raises NoCodeError for what has no machine code."""
-    body.count_node()
+    body.budget.spend(1)
     match e:
         case core.Const():
             return [_constant(body, e)]

@@ -27,7 +27,7 @@ def block(body: Body, statements: core.Block) -> None:
 
 def statement(body: Body, s: core.Stmt) -> None:
     """Compile one statement. Raises NoCodeError for what has no machine code."""
-    body.count_node()
+    body.budget.spend(1)
     match s:
         case core.Assign():
             _assign(body, s)

@@ -24,7 +24,7 @@ from koord.machine.code import (
     new_module,
     word,
 )
-from koord.runtime.compile.machine.body import STATE, Body
+from koord.runtime.compile.machine.body import STATE, Body, Budget
 from koord.runtime.compile.machine.expressions import truth
 from koord.runtime.compile.machine.layout import Column, Layout, NoCodeError
 from koord.runtime.compile.machine.made import (
@@ -63,6 +63,7 @@ class _Making:
         self.program = program
         self.module = new_module("turns")
         self.layout = Layout(PythonNames(program))
+        self.budget = Budget()
 
     def turns(self) -> Turns | None:
         if len(self.program.lock_classes) > _MOST_BITS:
@@ -116,7 +117,9 @@ class _Making:
         code.function.linkage = "internal"
         *state, robot = code.arguments
         doubtful = _ending(code, IN_DOUBT)
-        body = Body(code, self.program, self.layout, kind, state, robot, doubtful, block)
+        body = Body(
+            code, self.program, self.layout, kind, state, robot, doubtful, block, self.budget
+        )
         with suppress(NoCodeError):
             holds = truth(body, event.guard)
             code.b.ret(code.b.zext(holds, I64))
@@ -131,7 +134,9 @@ class _Making:
         code.function.linkage = "internal"
         *state, robot, words, flags = code.arguments
         doubtful = _ending(code, IN_DOUBT)
-        body = Body(code, self.program, self.layout, kind, state, robot, doubtful, block)
+        body = Body(
+            code, self.program, self.layout, kind, state, robot, doubtful, block, self.budget
+        )
         with suppress(NoCodeError):
             columns = self._banked(body, event, words, flags)
             block(body, event.effect)
