@@ -7,11 +7,15 @@ too.
 
 A campaign with two jobs has to tell the rows of one job. Its speed-up is of wall seconds, with the
 start of interpreters and workers. What the machine has to give just then is measured beside: two
-campaigns of one job at the same time, each with half of the runs. On a machine that others use no
-speed-up says much by itself; two jobs beside two campaigns do. What is koord's own is the time in
-which a job is at no run: it starts, hands out, waits for the last run. Seconds in which nothing
-here went on at all (the machine did something else, or somebody stopped the processes) are told
-and left out: a campaign of two jobs that is stopped for 20 s is no slower for it.
+campaigns of one job at the same time in one session, each with half of the runs. On a machine that
+others use no speed-up says much by itself; two jobs beside two campaigns do. Linux deals out cores
+by sessions (autogroups): beside others all processes of one session together are given what one
+would be, so that two jobs are no quicker than one there, and slower by what their start takes.
+What is koord's own is the time in
+which a job is at no run: it starts, hands out, waits for the last run. *Cores* are those that a
+campaign was given on average: two jobs that were given one core are no quicker than one job, and a
+campaign that was given 0.4 says nothing. Seconds in which nothing here went on at all (the machine
+did something else, or somebody stopped the processes) are told and left out.
 
 Campaigns that end when an interval is narrow enough have to end after the same runs with one job
 and with two.
@@ -20,13 +24,13 @@ and with two.
 from __future__ import annotations
 
 import csv
+import json
 import os
 import sys
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -38,9 +42,9 @@ from harness import (
     Measured,
     Report,
     in_child,
-    koord,
     limited,
     main,
+    measure,
     note,
 )
 
@@ -126,6 +130,7 @@ def _jobs(report: Report) -> None:
         Column("runs", "runs"),
         Column("wall_s", "wall s"),
         Column("cpu_s", "CPU s"),
+        Column("cores", "cores"),
         Column("beside_s", "s at no run"),
         Column("stopped_s", "s stopped"),
         Column("speed_up", "speed-up"),
@@ -137,47 +142,38 @@ def _jobs(report: Report) -> None:
         files = [str(EXAMPLES / one) for one in (program, configuration) if one]
         name = " ".join(filter(None, (program, configuration)))
 
-        def made(*words: str, files: Sequence[str] = files, time_s: str = time_s) -> Made:
-            return _campaign(*files, "--time", time_s, *words)
-
         half, rest = str(runs // 2), str(runs - runs // 2)
-        with ThreadPoolExecutor(2) as two:
-            tries: dict[str, Callable[[], list[Made]]] = {
-                "one job": lambda: [made("--runs", str(runs))],  # noqa: B023
-                "two jobs": lambda: [made("--runs", str(runs), "--jobs", "2")],  # noqa: B023
-                "two campaigns": lambda: [
-                    *two.map(
-                        lambda words: made(*words),
-                        [("--runs", half), ("--runs", rest, "--seed", half)],  # noqa: B023
-                    )
-                ],
-            }
-            walls, told = dict[str, float](), dict[str, list[dict[str, str]]]()
-            for how, make in tries.items():
-                note(f"{name}, {how}")
-                load = os.getloadavg()[0]
-                with Pauses() as pauses:
-                    parts = make()
-                if not report.expect(all(part.done.code in (0, 1, 5) for part in parts), how):
-                    return
-                walls[how] = max(part.done.wall_s for part in parts) - pauses.stopped_s
-                jobs = 1 if how == "one job" else 2
-                at_runs_s = sum(part.at_runs_s for part in parts) / jobs - pauses.stopped_s
-                told[how] = [row for part in parts for row in part.rows]
-                table.rows.append(
-                    {
-                        "campaign": name,
-                        "how": how,
-                        "runs": runs,
-                        "wall_s": round(walls[how], 2),
-                        "cpu_s": round(sum(part.done.cpu_s for part in parts), 2),
-                        "beside_s": round(walls[how] - at_runs_s, 2),
-                        "stopped_s": round(pauses.stopped_s, 1),
-                        "speed_up": round(walls["one job"] / walls[how], 2),
-                        "least": SPEED_UP if how == "two jobs" else None,
-                        "load": round(load, 1),
-                    }
-                )
+        tries: dict[str, list[list[str]]] = {
+            "one job": [["--runs", str(runs)]],
+            "two jobs": [["--runs", str(runs), "--jobs", "2"]],
+            "two campaigns": [["--runs", half], ["--runs", rest, "--seed", half]],
+        }
+        walls, told = dict[str, float](), dict[str, list[dict[str, str]]]()
+        for how, words in tries.items():
+            note(f"{name}, {how}")
+            load = os.getloadavg()[0]
+            with Pauses() as pauses:
+                made = _campaigns([[*files, "--time", time_s, *one] for one in words])
+            if not report.expect(made.done.code in (0, 1, 5), how):
+                return
+            wall_s, cpu_s, jobs = made.done.wall_s, made.done.cpu_s, 1 + (how != "one job")
+            walls[how] = wall_s - pauses.stopped_s
+            told[how] = made.rows
+            table.rows.append(
+                {
+                    "campaign": name,
+                    "how": how,
+                    "runs": runs,
+                    "wall_s": round(walls[how], 2),
+                    "cpu_s": round(cpu_s, 2),
+                    "cores": round(cpu_s / walls[how], 2),
+                    "beside_s": round(wall_s - made.at_runs_s / jobs, 2),
+                    "stopped_s": round(pauses.stopped_s, 1),
+                    "speed_up": round(walls["one job"] / walls[how], 2),
+                    "least": SPEED_UP if how == "two jobs" else None,
+                    "load": round(load, 1),
+                }
+            )
         first = _nameless(told["one job"])
         same = all(_nameless(rows) == first for rows in told.values())
         report.expect(same, f"{name}: rows hang on who makes them")
@@ -243,14 +239,34 @@ class Pauses:
             last_s = now_s
 
 
+#: Runs commands at the same time, in one session; its exit code is the last one.
+_TOGETHER = """
+import json, subprocess, sys
+begun = [subprocess.Popen(words) for words in json.loads(sys.argv[1])]
+sys.exit(max([one.wait() for one in begun], key=lambda code: (code not in (0, 1, 5), code)))
+"""
+
+
 def _campaign(*words: str) -> Made:
+    return _campaigns([words])
+
+
+def _campaigns(each: Sequence[Sequence[str]]) -> Made:
+    """Campaigns at the same time, and the rows of all."""
     with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / "runs.csv"
-        done = koord("sim", *words, "--csv", str(file), timeout_s=900)
-        if not file.exists():
-            return Made(done, [], 0.0)
-        rows, at_runs_s = _rows(file)
-        return Made(done, rows, at_runs_s)
+        files = [Path(folder) / f"runs{k}.csv" for k in range(len(each))]
+        commands = [
+            [sys.executable, "-m", "koord", "sim", *words, "--csv", str(file)]
+            for words, file in zip(each, files, strict=True)
+        ]
+        if len(commands) == 1:
+            done = measure(commands[0], timeout_s=900)
+        else:
+            together = [sys.executable, "-c", _TOGETHER, json.dumps(commands)]
+            done = measure(together, timeout_s=900)
+        found = [_rows(file) for file in files if file.exists()]
+        rows = [row for one, _ in found for row in one]
+        return Made(done, rows, sum(took_s for _, took_s in found))
 
 
 def _nameless(rows: list[dict[str, str]]) -> list[dict[str, str]]:

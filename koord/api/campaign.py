@@ -58,6 +58,7 @@ class CampaignRequest(Struct, frozen=True):
     check_summaries: bool = False
     kernels: bool = True
     csv: str | None = None
+    parquet: str | None = None
     resume: bool = False
     plot: str | None = None
 
@@ -68,10 +69,13 @@ class CampaignRequest(Struct, frozen=True):
         """
         if self.cluster is not None:
             require(("distributed",), "cluster")
-        if self.resume and self.csv is None:
+        if self.parquet is not None:
+            require(("pyarrow",), "parquet")
+        files = [path for path in (self.csv, self.parquet) if path is not None]
+        if self.resume and not files:
             raise ArgumentError("resume", "goes on with the runs in a file: name it with csv")
-        if self.csv is not None:
-            check_writable(self.csv)
+        for path in files:
+            check_writable(path)
         if self.plot is not None:
             check_drawable(self.plot)
             check_writable(self.plot)
@@ -186,6 +190,7 @@ def campaign(
     check_summaries: bool = False,
     kernels: bool = True,
     csv: str | PathLike[str] | None = None,
+    parquet: str | PathLike[str] | None = None,
     resume: bool = False,
     plot: str | PathLike[str] | None = None,
     progress: Listener | None = None,
@@ -199,8 +204,10 @@ def campaign(
     end when it does not reach further, and ``runs`` are the most. Such intervals hold although they
     were looked at before. ``jobs`` are made at a time, in processes of this machine; or as many as
     the Dask ``cluster`` at this address has workers. A line for each run is written to the file
-    ``csv`` as it ends, from which ``resume`` goes on; ``plot`` is the file of a picture. The other
-    arguments are those of :func:`koord.simulate`. ``progress`` hears :class:`RunOver`.
+    ``csv`` as it ends, and all are to the file ``parquet`` every few seconds (a table for data
+    frames; needs ``koord[parquet]``); from either ``resume`` goes on. ``plot`` is the file of a
+    picture. The other arguments are those of :func:`koord.simulate`. ``progress`` hears
+    :class:`RunOver`.
 
     Raises :class:`koord.KoordError` for what is wrong with the input.
 
@@ -221,6 +228,7 @@ def campaign(
         check_summaries=check_summaries,
         kernels=kernels,
         csv=file_name(csv),
+        parquet=file_name(parquet),
         resume=resume,
         plot=file_name(plot),
     )
@@ -241,13 +249,13 @@ def make_campaign(
     orders = list(_orders(wanted, request))
     course = Course(orders, request.until)
     with ExitStack() as stack:
-        kept = None
-        if request.csv is not None:
-            name = _identity(wanted, request)
-            kept = stack.enter_context(RunFile(request.csv, name, resumes=request.resume))
-            kept.begin(course.numbers, course.is_whole)
-        for row in () if kept is None else kept.rows:
-            course.add(row)
+        files = [stack.enter_context(file) for file in _files(wanted, request)]
+        for file in files:
+            file.begin(course.numbers, course.is_whole)
+            for row in file.rows:
+                course.add(row)
+        for file in files:  # what one of them has is known
+            file.rows = tuple(course.rows())
         known, most = course.made, len(orders)
         of = f"of {most} runs" if request.until is None else f"of at most {most} runs"
         tell(CampaignBegun(f"{known} {of} are there already", known=known, runs=most))
@@ -257,15 +265,15 @@ def make_campaign(
         made = rows_of(course.wanted(), request.jobs, request.cluster, is_cancelled, left)
         for row in stack.enter_context(closing(made)):
             course.add(row)
-            if kept is not None:
-                kept.add(row)
+            for file in files:
+                file.add(row)
             done = course.made
             tell(RunOver(f"{done} {of}", row=row, done=done, runs=most))
             if course.is_over:
                 break
         rows = course.rows()
-        if kept is not None and course.is_over:
-            kept.finish(rows)
+        for file in files if course.is_over else ():
+            file.finish(rows)
     found = Campaign(
         program=wanted.source.name,
         swept=request.swept or "robots",
@@ -276,6 +284,17 @@ def make_campaign(
     if request.plot is not None and rows:
         _draw(request.plot, found)
     return found
+
+
+def _files(wanted: FitRequest, request: CampaignRequest) -> Iterator[RunFile]:
+    """Yield the files of a campaign's runs."""
+    campaign, resumes = _identity(wanted, request), request.resume
+    if request.csv is not None:
+        yield RunFile(request.csv, campaign, resumes=resumes)
+    if request.parquet is not None:
+        from koord.api.campaign_parquet import ParquetFile
+
+        yield ParquetFile(request.parquet, campaign, resumes=resumes)
 
 
 def _check_sweep(orders: Sequence[Order]) -> None:

@@ -76,7 +76,8 @@ class Row(Struct, frozen=True):
 
 
 _HINTS = get_type_hints(Row)
-_COLUMNS = ["campaign", *Row.__struct_fields__]
+#: The columns of files; the first says which campaign a line is of.
+COLUMNS = ["campaign", *Row.__struct_fields__]
 
 
 class RunFile:
@@ -142,7 +143,7 @@ class RunFile:
         text = read_written(self._path).decode("utf-8", "replace")
         whole = text[: text.rfind("\n") + 1]  # the last line may have been cut off
         lines = csv.DictReader(io.StringIO(whole))
-        if text and lines.fieldnames != _COLUMNS:
+        if text and lines.fieldnames != COLUMNS:
             return None
         rows = []
         for cells in lines:
@@ -156,7 +157,7 @@ class RunFile:
         return rows
 
     def _written(self, rows: Sequence[Row]) -> bytes:
-        return _lines([_COLUMNS, *map(self._cells, rows)])
+        return _lines([COLUMNS, *map(self._cells, rows)])
 
     def _cells(self, row: Row) -> list[object]:
         return [self._campaign, *astuple(row)]

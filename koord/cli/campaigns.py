@@ -34,7 +34,7 @@ def campaign_request(arguments: argparse.Namespace) -> CampaignRequest:
         raise ArgumentTypeError(
             f"{those} {'is' if len(given) == 1 else 'are'} of one run: leave out --runs and --sweep"
         )
-    if arguments.resume and arguments.csv is None:
+    if arguments.resume and arguments.csv is None and arguments.parquet is None:
         raise ArgumentTypeError("--resume goes on with the runs in a file: say --csv FILE")
     until = None if arguments.until is None else until_of(dict([arguments.until]))
     swept, values = (None, ()) if arguments.sweep is None else arguments.sweep
@@ -50,6 +50,7 @@ def campaign_request(arguments: argparse.Namespace) -> CampaignRequest:
         check_summaries=arguments.check_summaries,
         kernels=arguments.kernels == "on",
         csv=arguments.csv,
+        parquet=arguments.parquet,
         resume=arguments.resume,
         plot=arguments.plot,
     )

@@ -129,10 +129,15 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="a line of figures for each of several runs, written as the run ends",
     )
     parser.add_argument(
+        "--parquet",
+        metavar="FILE",
+        help="the same as a table for data frames, written anew every few seconds",
+    )
+    parser.add_argument(
         "--resume",
         action="store_true",
-        help="go on with a campaign that was ended: runs that stand in the --csv file are not made "
-        "again",
+        help="go on with a campaign that was ended: runs that stand in the --csv or --parquet file "
+        "are not made again",
     )
     add_settings(parser)
     add_json(parser, "what the run came to")
@@ -274,6 +279,7 @@ def _check_single(arguments: argparse.Namespace) -> None:
     """Refuse flags that only campaigns have. Raises ArgumentTypeError."""
     given = {
         "--csv": arguments.csv is not None,
+        "--parquet": arguments.parquet is not None,
         "--resume": arguments.resume,
         "--cluster": arguments.cluster is not None,
         "--jobs": arguments.jobs != 1,

@@ -40,6 +40,7 @@ CASES = {
         "plot",
         ("verify", LEADER, "--robots", "2..3", "--plot", "a.svg"),
     ),
+    "pyarrow": ("pyarrow", "parquet", (*SIM, "--runs", "2", "--parquet", "runs.parquet")),
     "distributed": ("distributed", "cluster", (*SIM, "--runs", "2", "--cluster", "tcp://x:1")),
     "mujoco": ("mujoco", "mujoco", ("sim", PATH, "one.yaml", "--no-html", "--time", "0.2")),
     "llvmlite": ("llvmlite", "fast", ("sim", PATH, "two.yaml", "--no-html", "--time", "0.2")),
