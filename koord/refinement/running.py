@@ -18,7 +18,7 @@ from koord.runtime.compile.machine.lazy import LazyTurns
 from koord.runtime.compile.naming import PythonNames
 from koord.runtime.engine import AtRandom, Deployed, Ended, RoundEngine, Schedule, Shown
 from koord.runtime.proposals import INIT_ROUND, Decision
-from koord.runtime.robot import Robot
+from koord.runtime.robot import Host, Robot
 from koord.sampling.sampled_inputs import SampledInputs
 from koord.sampling.values import Sampler
 from koord.semantics.configurations import Configuration
@@ -168,7 +168,7 @@ def run(
     translation = Translation(system, made.names)
     host = SampledHost(translation, SampledInputs(Sampler(system, Numbers.DOUBLE, rng)))
     recorder = Recorder(made, translation)
-    fleet, counts = _engine(made, system, host, kernels=kernels)
+    fleet = engine_of(made, system, host, kernels=kernels)
     gave_up: KoordError | None = None
     try:
         _play(fleet, host, recorder, schedule, rounds, largest)
@@ -177,21 +177,22 @@ def run(
     recording = Recording(recorder.opening, tuple(recorder.rounds))
     trace = recorder.trace(sources, recording, fleet)
     ran = ended_in(trace, fleet.ended) if gave_up is None else CompiledRun(trace, None, gave_up)
-    return replace(ran, counts=counts) if kernels else ran
+    counts = getattr(fleet, "counts", Counts()) if kernels else None
+    return replace(ran, counts=counts)
 
 
-def _engine(
-    made: Compiled, system: System, host: SampledHost, *, kernels: bool
-) -> tuple[RoundEngine, Counts]:
-    """The engine of a run, by machine code where there is some; and who makes its turns."""
+def engine_of(made: Compiled, system: System, host: Host, *, kernels: bool) -> RoundEngine:
+    """The engine of a run; with ``kernels`` by machine code from the first round on, if it can be.
+
+    Without NumPy, which comes with the extras of worlds, it cannot.
+    """
     given = (made.classes, system.kinds, float(system.delta_s), host)
     if kernels:
-        with suppress(ModuleNotFoundError):  # there is no NumPy without the extras of worlds
+        with suppress(ModuleNotFoundError):
             from koord.runtime.columns.engine import ColumnEngine
 
-            fleet = ColumnEngine(*given, LazyTurns(system.program), after=0)
-            return fleet, fleet.counts
-    return RoundEngine(*given), Counts()
+            return ColumnEngine(*given, LazyTurns(system.program), after=0)
+    return RoundEngine(*given)
 
 
 def _play(

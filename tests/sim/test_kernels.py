@@ -27,6 +27,7 @@ RUNS = (
     ("follow_points", None, 12.0),
     ("lineform", None, 12.0),
     ("mapping", None, 6.0),
+    ("shapeform", None, 4.0),
     ("shapeform", "shapeform_9", 12.0),
     ("shapeform", "shapeform_36", 2.0),
     ("task", None, 8.0),
