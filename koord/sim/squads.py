@@ -220,15 +220,24 @@ def wheeled(setup: VehicleSetup, told: Rolling, hull: Hull) -> Wheeled:
         case Level.SIMPLE:
             return told
         case Level.FULL | Level.FAST:
-            from koord.sim.vehicles.contact import Colliding
-
-            return Colliding(told, hull, setup.engines.floor)
+            return in_contact(told, hull, setup.engines.floor)
         case Level.MUJOCO:
             from koord.sim.vehicles.physics import PhysicalWheels
 
             return PhysicalWheels(told, setup.engines.arena)
         case _:
             assert_never(setup.model.level)
+
+
+def in_contact(told: Rolling, hull: Hull, floor: Floor) -> Wheeled:
+    """Vehicles in contact in the plane, by machine code where there is llvmlite."""
+    if find_spec("llvmlite") is None:
+        from koord.sim.vehicles.contact import Colliding
+
+        return Colliding(told, hull, floor)
+    from koord.sim.vehicles.compiled_contact import compiled
+
+    return compiled(told, hull, floor)
 
 
 class Tracker(Protocol):

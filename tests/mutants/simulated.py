@@ -16,6 +16,7 @@ RECORDS = "tests/runtime/test_records_parts.py"
 PREDICTIVE = "tests/runtime/motion/test_predictive.py"
 DRIVEN = "tests/sim/test_compiled_driving.py"
 PLANNERS = "tests/sim/test_planning_workers.py"
+CONTACT = "tests/sim/test_compiled_contact.py"
 PLANNING_TIME = "tests/sim/test_planning_time.py"
 LOADERS = "tests/runtime/test_yaml_loaders.py"
 
@@ -68,6 +69,20 @@ SIMULATED = (
         "other.close()",
         "pass",
         (PLANNERS,),
+    ),
+    Mutant(
+        "machine code leaves out the last car in contact",
+        "sim.vehicles.compiled_contact._blocks",
+        "b.add(last, word(width))",
+        "last",
+        (CONTACT,),
+    ),
+    Mutant(
+        "speeds that others have seen change with cars in contact",
+        "sim.vehicles.compiled_contact.CompiledCars.push",
+        "cars.speed.copy()",
+        "cars.speed",
+        (CONTACT,),
     ),
     Mutant(
         "planning takes no time, whatever a configuration says",

@@ -63,6 +63,22 @@ def arc_tangent(slope: Numbers) -> Numbers:
     return float(2**_HALVINGS) * (slope + slope * series)
 
 
+def unwound(angle: Numbers) -> Numbers:
+    """Angles of these directions in [-π, π]."""
+    turns = (angle * (0.5 / math.pi) + _WHOLE) - _WHOLE
+    return ((angle - turns * (2 * _PI[0])) - turns * (2 * _PI[1])) - turns * (2 * _PI[2])
+
+
+def lesser(one: Numbers, other: Numbers) -> Numbers:
+    """The lesser of two numbers each."""
+    return np.minimum(one, other) if isinstance(one, np.ndarray) else one.lesser(other)
+
+
+def greater(one: Numbers, other: Numbers) -> Numbers:
+    """The greater of two numbers each."""
+    return np.maximum(one, other) if isinstance(one, np.ndarray) else one.greater(other)
+
+
 def root(square: Numbers) -> Numbers:
     """The square roots of numbers."""
     return np.sqrt(square) if isinstance(square, np.ndarray) else square.sqrt()

@@ -7,12 +7,14 @@ Wheels of level ``mujoco`` are those of the F1TENTH vehicle.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from importlib.util import find_spec
 from typing import ClassVar
 
 import numpy as np
 
-from koord.runtime.motion.arrays import Floats, bounded
+from koord.runtime.motion.angles import Numbers, greater, lesser, tangent
+from koord.runtime.motion.arrays import Floats
 from koord.runtime.motion.bodies import Car, Steering
 from koord.runtime.motion.driving import PREDICTIVE_TICKS, Driving
 from koord.runtime.motion.predictive import Predictive
@@ -79,17 +81,13 @@ class Bicycles(Rolling):
         self.speed = speed
 
     def turning(self) -> Floats:
-        rate: Floats = self.speed * np.tan(self.steering) / self.car.wheelbase_m
+        rate: Floats = bends(self.car, self.speed, self.steering)
         return rate
 
     def actuate(self, command: Floats, dt_s: float) -> None:
-        car = self.car
-        wanted = bounded(command[:, 0], -car.speed_mps, car.speed_mps)
-        most = car.accel_mps2 * dt_s
-        self.speed = self.speed + bounded(wanted - self.speed, -most, most)
-        turned = bounded(command[:, 1], -car.steering_rad, car.steering_rad)
-        most = car.steering_rate_radps * dt_s
-        self.steering = self.steering + bounded(turned - self.steering, -most, most)
+        self.speed, self.steering = actuated(
+            self.car, dt_s, list(command.T), self.speed, self.steering
+        )
 
     def described(self, name: str, at: Point, heading_rad: float) -> mjcf.Described:
         """The MJCF of a car. Its frame lies on the ground below the middle of its rear axle."""
@@ -121,6 +119,30 @@ class Bicycles(Rolling):
             for aside in (0.5, -0.5)
         ]
         return np.column_stack([self.speed / mjcf.WHEEL_M, *angles])
+
+
+# Of arrays, or of lanes of machine code, the same to the last bit.
+
+
+def actuated(
+    car: Car, dt_s: Numbers, command: Sequence[Numbers], speed: Numbers, steering: Numbers
+) -> tuple[Numbers, Numbers]:
+    """The speeds and steering angles after a step, as near to commands as the rates allow."""
+    wanted = _within(command[0], car.speed_mps)
+    turned = _within(command[1], car.steering_rad)
+    return (
+        speed + _within(wanted - speed, car.accel_mps2 * dt_s),
+        steering + _within(turned - steering, car.steering_rate_radps * dt_s),
+    )
+
+
+def bends(car: Car, speed: Numbers, steering: Numbers) -> Numbers:
+    """The yaw rates in rad/s."""
+    return speed * tangent(steering) / car.wheelbase_m
+
+
+def _within(values: Numbers, most: Numbers) -> Numbers:
+    return lesser(greater(values, -most), most)
 
 
 def track_m(car: Car) -> float:

@@ -9,10 +9,12 @@ much.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import assert_never
 
 import numpy as np
 
+from koord.runtime.motion.angles import Numbers, greater, lesser, root, sine_cosine, unwound
 from koord.runtime.motion.arrays import Floats
 from koord.runtime.motion.field import GROUND_ROBOT_M
 from koord.runtime.motion.libraries import missing
@@ -163,27 +165,25 @@ class Colliding:
         ``state`` has positions, angles, velocities and rates of the bodies: ``(n, 6)``.
         """
         # What a collision has taken away is gone: the engine starts from the speed there is.
-        self.model.take(_ahead(state), state[:, 5])
+        self.model.take(self._ahead(state), state[:, 5])
         self.model.actuate(self._command, dt_s)
-        speed, turn = self.model.speed, self.model.turning()
-        # The velocity that the wheels allow the middle of the body, where it points next.
-        cos, sin = np.cos(state[:, 2] + turn * dt_s), np.sin(state[:, 2] + turn * dt_s)
-        aside = turn * self._hull.middle_m
-        gain_x = speed * cos - aside * sin - state[:, 3]
-        gain_y = speed * sin + aside * cos - state[:, 4]
-        size = np.hypot(gain_x, gain_y)
-        held = np.minimum(1.0, _GRIP_MPS2 * dt_s / np.maximum(size, 1e-12))
-        pull = held * (self._hull.mass_kg / dt_s)
-        force[:, 0], force[:, 1] = pull * gain_x, pull * gain_y
-        force[:, 2] = held * (turn - state[:, 5]) * (self._inertia / dt_s)
+        self._pull(state, force, dt_s)
 
     def show(self, state: Floats) -> None:
         """Set the positions of the vehicles from the bodies' states."""
-        model, middle = self.model, self._hull.middle_m
-        model.position[:, 0] = state[:, 0] - middle * np.cos(state[:, 2])
-        model.position[:, 1] = state[:, 1] - middle * np.sin(state[:, 2])
-        model.heading = (state[:, 2] + np.pi) % (2 * np.pi) - np.pi
-        model.take(_ahead(state), state[:, 5])
+        model = self.model
+        x, y, model.heading = axle(self._hull, list(state.T))
+        model.position[:, 0], model.position[:, 1] = x, y
+        model.take(ahead(list(state.T)), state[:, 5])
+
+    def _ahead(self, state: Floats) -> Floats:
+        found: Floats = ahead(list(state.T))
+        return found
+
+    def _pull(self, state: Floats, force: Floats, dt_s: float) -> None:
+        """Write the forces that bring bodies to the velocities of the model."""
+        speed, turn = self.model.speed, self.model.turning()
+        force[:] = np.column_stack(tyres(self._hull, dt_s, list(state.T), speed, turn))
 
     def _add(self, floor: Floor, number: int) -> pymunk.Body:
         hull = self._hull
@@ -203,10 +203,36 @@ class Colliding:
         return body
 
 
-def _ahead(state: Floats) -> Floats:
+# Of arrays, or of lanes of machine code, the same to the last bit; a state is position, angle,
+# velocity and rate of a body: six columns.
+
+
+def ahead(state: Sequence[Numbers]) -> Numbers:
     """The component of velocities along the vehicles: the speed of their axles."""
-    speed: Floats = np.cos(state[:, 2]) * state[:, 3] + np.sin(state[:, 2]) * state[:, 4]
-    return speed
+    sine, cosine = sine_cosine(state[2])
+    return cosine * state[3] + sine * state[4]
+
+
+def tyres(
+    hull: Hull, dt_s: Numbers, state: Sequence[Numbers], speed: Numbers, turn: Numbers
+) -> tuple[Numbers, Numbers, Numbers]:
+    """The forces and the torque that bring bodies to a speed of the axle, and a rate."""
+    # The velocity that the wheels allow the middle of the body, where it points next.
+    sine, cosine = sine_cosine(state[2] + turn * dt_s)
+    aside = turn * hull.middle_m
+    gain_x = speed * cosine - aside * sine - state[3]
+    gain_y = speed * sine + aside * cosine - state[4]
+    size = root(gain_x * gain_x + gain_y * gain_y)
+    held = lesser(_GRIP_MPS2 * dt_s / greater(size, 1e-12), 1.0)
+    pull = held * (hull.mass_kg / dt_s)
+    return pull * gain_x, pull * gain_y, held * (turn - state[5]) * (hull.inertia_kgm2 / dt_s)
+
+
+def axle(hull: Hull, state: Sequence[Numbers]) -> tuple[Numbers, Numbers, Numbers]:
+    """Where the axles are, and their headings."""
+    sine, cosine = sine_cosine(state[2])
+    x, y = state[0] - hull.middle_m * cosine, state[1] - hull.middle_m * sine
+    return x, y, unwound(state[2])
 
 
 def _solid(obstacle: Obstacle, ground: pymunk.Body) -> list[pymunk.Shape]:

@@ -8,6 +8,7 @@ from typing import ClassVar
 import numpy as np
 from msgspec import Struct
 
+from koord.runtime.motion.angles import sine_cosine
 from koord.runtime.motion.arrays import Floats
 from koord.runtime.motion.geometry import wrapped
 from koord.runtime.motion.planning import Touched
@@ -36,8 +37,9 @@ class Rolling(ABC):
             self.actuate(command, dt_s)
             turn = self.turning()
             course = self.heading + turn * (dt_s / 2)
-            self.position[:, 0] += dt_s * self.speed * np.cos(course)
-            self.position[:, 1] += dt_s * self.speed * np.sin(course)
+            sine, cosine = sine_cosine(course)
+            self.position[:, 0] += dt_s * self.speed * cosine
+            self.position[:, 1] += dt_s * self.speed * sine
             self.heading += dt_s * turn
         self.heading = wrapped(self.heading)
 

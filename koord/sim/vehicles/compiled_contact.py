@@ -1,0 +1,192 @@
+"""Machine code of what engines and tyres do in contact: many vehicles side by side.
+
+It is the text of :mod:`.contact` and :mod:`.cars`, on lanes instead of arrays; so forces are equal
+to the last bit, and which of the two drives is no matter of a run. Tests hold them together. Bodies
+lie one after the other, as pymunk has them: lanes are gathered from there. Those that are left over
+are once more the last vehicle.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from functools import cache
+
+import numpy as np
+
+from koord.runtime.motion.arrays import Floats
+from koord.runtime.motion.bodies import Car
+from koord.runtime.motion.libraries import missing
+from koord.sim.vehicles.cars import Bicycles, actuated, bends
+from koord.sim.vehicles.contact import Colliding, Floor, ahead, axle, tyres
+from koord.sim.vehicles.wheels import Hull, Rolling
+
+try:
+    from koord.machine.code import BYTES, F64, I32, I64, Code, Ir, Loaded, new_module, word
+    from koord.machine.lanes import DOUBLE_BYTES, Lane, Lanes, widest
+except ImportError as error:
+    raise missing("llvmlite", "fast") from error
+
+#: Numbers of a body, of a command, of a force, and of what is shown.
+_BODY, _COMMAND, _FORCE, _SHOWN = 6, 2, 3, 4
+
+_width = cache(widest)
+
+
+class CompiledColliding(Colliding):
+    """Vehicles with bodies in contact, by machine code that is made once in a process."""
+
+    def __init__(self, model: Rolling, hull: Hull, floor: Floor) -> None:
+        super().__init__(model, hull, floor)
+        self._shows, self._pulls = _shower(hull, _width()), _puller(hull, _width())
+        self._dt: Floats = np.zeros(1)
+
+    def show(self, state: Floats) -> None:
+        model = self.model
+        shown = self._shown(state)
+        model.position[:, :2] = shown[:, :2]
+        model.heading = shown[:, 2].copy()
+        model.take(shown[:, 3].copy(), state[:, 5])
+
+    def _shown(self, state: Floats) -> Floats:
+        """Positions, headings and speeds, shape ``(n, 4)``."""
+        shown = np.empty((len(state), _SHOWN))
+        self._shows(_address(state), _address(shown), len(state))
+        return shown
+
+    def _ahead(self, state: Floats) -> Floats:
+        return self._shown(state)[:, 3].copy()
+
+    def _pull(self, state: Floats, force: Floats, dt_s: float) -> None:
+        self._dt[0] = dt_s
+        told = np.stack([self.model.speed, self.model.turning()])
+        arrays = (self._dt, state, told[0], told[1], force)
+        self._pulls(*map(_address, arrays), len(state))
+
+
+class CompiledCars(CompiledColliding):
+    """Cars, whose engine and steering are in the same machine code as their tyres."""
+
+    def __init__(self, model: Rolling, hull: Hull, floor: Floor) -> None:
+        super().__init__(model, hull, floor)
+        assert isinstance(model, Bicycles)
+        self._cars = model
+        self._pushes = _pusher(model.car, hull, _width())
+
+    def push(self, state: Floats, force: Floats, dt_s: float) -> None:
+        cars = self._cars
+        self._dt[0] = dt_s
+        command = np.ascontiguousarray(self._command)
+        # As in the reference, arrays of before stay what they were.
+        cars.speed, cars.steering = cars.speed.copy(), cars.steering.copy()
+        arrays = (self._dt, state, command, cars.speed, cars.steering, force)
+        self._pushes(*map(_address, arrays), len(state))
+
+
+def compiled(model: Rolling, hull: Hull, floor: Floor) -> CompiledColliding:
+    """Vehicles of a model, with as much of it in machine code as there is."""
+    kind = CompiledCars if isinstance(model, Bicycles) else CompiledColliding
+    return kind(model, hull, floor)
+
+
+def _address(array: Floats) -> int:
+    """Where the numbers of an array are, which lie one after the other."""
+    place: int = array.__array_interface__["data"][0]
+    return place
+
+
+@cache
+def _pusher(car: Car, hull: Hull, width: int) -> Callable[..., int]:
+    """Compile a step of engine and tyres, of ``width`` cars at a time.
+
+    The function takes the addresses of the time of a step, of states, ``(n, 6)``, and commands,
+    ``(n, 2)``, of speeds and steering angles, which it replaces, and of the forces, ``(n, 3)``;
+    and n.
+    """
+    module = new_module("contact")
+    code = Code(module, "push", [BYTES] * 6 + [I64], I64)
+    dt_at, state_at, command_at, speed_at, steering_at, force_at, count = code.arguments
+    dt_s = Lanes(code, width).spread(code.get(dt_at, 0, F64))
+    with _blocks(code, count, width) as block:
+        state, command = block.get(state_at, _BODY), block.get(command_at, _COMMAND)
+        (steering,) = block.get(steering_at, 1)
+        speed, steering = actuated(car, dt_s, command, ahead(state), steering)
+        forces = tyres(hull, dt_s, state, speed, bends(car, speed, steering))
+        block.put(speed_at, [speed])
+        block.put(steering_at, [steering])
+        block.put(force_at, forces)
+    code.b.ret(word(0))
+    return Loaded(module).function("push", 7)
+
+
+@cache
+def _puller(hull: Hull, width: int) -> Callable[..., int]:
+    """Compile what tyres do in a step, of ``width`` vehicles at a time.
+
+    The function takes the addresses of the time of a step, of states, ``(n, 6)``, of speeds and
+    rates, and of the forces, ``(n, 3)``; and n.
+    """
+    module = new_module("tyres")
+    code = Code(module, "pull", [BYTES] * 5 + [I64], I64)
+    dt_at, state_at, speed_at, turn_at, force_at, count = code.arguments
+    dt_s = Lanes(code, width).spread(code.get(dt_at, 0, F64))
+    with _blocks(code, count, width) as block:
+        (speed,), (turn,) = block.get(speed_at, 1), block.get(turn_at, 1)
+        block.put(force_at, tyres(hull, dt_s, block.get(state_at, _BODY), speed, turn))
+    code.b.ret(word(0))
+    return Loaded(module).function("pull", 6)
+
+
+@cache
+def _shower(hull: Hull, width: int) -> Callable[..., int]:
+    """Compile what bodies look like to programs: x, y, heading and speed, ``(n, 4)``, of states."""
+    module = new_module("axles")
+    code = Code(module, "show", [BYTES] * 2 + [I64], I64)
+    state_at, shown_at, count = code.arguments
+    with _blocks(code, count, width) as block:
+        state = block.get(state_at, _BODY)
+        block.put(shown_at, [*axle(hull, state), ahead(state)])
+    code.b.ret(word(0))
+    return Loaded(module).function("show", 3)
+
+
+class _Block:
+    """Cars side by side, by their numbers in each lane."""
+
+    def __init__(self, code: Code, lanes: Lanes, numbers: Sequence[Ir]) -> None:
+        self._code, self._lanes, self._numbers = code, lanes, numbers
+
+    def get(self, start: Ir, columns: int) -> list[Lane]:
+        """What they have in an array with so many columns."""
+        found = [self._lanes.constant(0.0).ir] * columns
+        for lane, number in enumerate(self._numbers):
+            for column in range(columns):
+                value = self._code.get(start, self._offset(number, columns, column), F64)
+                place = I32(lane)
+                found[column] = self._code.b.insert_element(found[column], value, place)
+        return [Lane(self._lanes, vector) for vector in found]
+
+    def put(self, start: Ir, values: Sequence[Lane]) -> None:
+        """Put numbers into an array that has as many columns."""
+        for lane, number in enumerate(self._numbers):
+            for column, value in enumerate(values):
+                single = self._code.b.extract_element(value.ir, I32(lane))
+                self._code.put(start, self._offset(number, len(values), column), single)
+
+    def _offset(self, number: Ir, columns: int, column: int) -> Ir:
+        row = self._code.b.mul(number, word(columns * DOUBLE_BYTES))
+        return self._code.b.add(row, word(column * DOUBLE_BYTES))
+
+
+@contextmanager
+def _blocks(code: Code, count: Ir, width: int) -> Iterator[_Block]:
+    """A loop over cars, so many at a time."""
+    b = code.b
+    last = b.sub(count, word(1))
+    with code.loop(word(0), b.udiv(b.add(last, word(width)), word(width))) as block:
+        first = b.mul(block, word(width))
+        numbers = []
+        for lane in range(width):
+            number = b.add(first, word(lane))
+            numbers.append(b.select(b.icmp_signed("<", number, last), number, last))
+        yield _Block(code, Lanes(code, width), numbers)
