@@ -272,6 +272,9 @@ def summary(deployed: Deployed) -> str:
         f"epoch {max(s.epoch for s in everyone)}; dropped: "
         + (", ".join(f"{n} {reason}" for reason, n in sorted(deployed.drops.items())) or "nothing"),
     ]
+    written = max(status.written for status in everyone)
+    if written:
+        lines.append(f"journals: at most {written / max(1, done + 1):,.0f} bytes a round and robot")
     if all(status.all_stopped for status in everyone):
         lines.append("all robots have stopped")
     elif behind:

@@ -23,7 +23,7 @@ from tests.sim.unpacking import data_of, unpacked
 #: digests of runs, which are of all digits of floats.
 LEFT_OUT = frozenset(
     {"seconds", "wall_s", "longest_s", "took_s", "late", "overdue", "behind"}
-    | {"sent", "received", "drops", "digest"}
+    | {"sent", "received", "drops", "digest", "written"}
 )
 
 #: Where text tells how long something took on this machine, with the blanks before it, of which

@@ -293,6 +293,9 @@ def test_all_robots_crash_and_go_on(tmp_path: Path) -> None:
     assert [peer.node.state.round for peer in deployment.peers.values()] == rounds
     deployment.run(until=60)
     assert deployment.members[0].store.values["sum"] == 4 * 3
+    # Two syncs a round are a block each, or two.
+    written = status_of(deployment.peers[0], deployment.members[0], Tally()).written
+    assert 2 * 4096 <= written / (60 - rounds[0]) <= 4 * 4096
     assert not any(made.mute for made in deployment.members.values())
 
 

@@ -454,6 +454,11 @@ class Member:
         """Keep a journal from now on, which says that the robot has entered a run."""
         self._journal, self._identity = journal, (entered, start)
 
+    @property
+    def written(self) -> int:
+        """The bytes that its disk was given for its journal."""
+        return 0 if self._journal is None else self._journal.written
+
     def save(self, kept: Durable) -> bool:
         """Write what messages may speak of; return whether it is on the disk. (R-SAVE)"""
         journal, identity = self._journal, self._identity

@@ -49,6 +49,7 @@ class RobotReport(Struct, frozen=True):
     run: str = ""  #: the beginning of the run's identity; empty: it is in no run yet
     checks: tuple[Check, ...] = ()  #: while it waits for people, before anything is armed
     start: int = 0  #: how often its process was started in this run
+    written: int = 0  #: bytes that its disk was given for its journal
 
 
 def unheard(pid: int) -> RobotReport:
@@ -97,6 +98,7 @@ def continued(before: RobotReport, now: RobotReport) -> RobotReport:
         took_s=before.took_s + now.took_s,
         sent=before.sent + now.sent,
         received=before.received + now.received,
+        written=before.written + now.written,
         drops=tuple(added(before.drops, now.drops).items()),
         breaches=breaches_continued(before.breaches, now.breaches),
         unwatched=tuple(sorted({*before.unwatched, *now.unwatched})),
@@ -146,6 +148,7 @@ def status_of(peer: Peer, member: Member, tally: Tally) -> RobotReport:
         is_voter=state.is_voter,
         fault=None if fault is None else f"{fault.place}: {fault.kind.value}",
         start=peer.start_number,
+        written=member.written,
         breaches=() if monitor is None else monitor.breaches.all,
         unwatched=() if monitor is None else tuple(sorted(monitor.unknown)),
     )
