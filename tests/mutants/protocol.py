@@ -45,7 +45,7 @@ PROTOCOL = (
     Mutant(
         "one robot is a majority",
         "runtime.protocol.coordinating._count",
-        "len(holders) < turn.setup.majority",
+        "holders.bit_count() < turn.setup.majority",
         "not holders",
         (ROUNDS, EXPLORATION),
     ),
@@ -115,7 +115,7 @@ PROTOCOL = (
     Mutant(
         "the last proposal of a robot counts, and not the first",
         "runtime.protocol.coordinating.gather",
-        "desk.proposals[proposal.robot] is None",
+        "desk.proposals.of(proposal.robot) is None",
         "proposal.robot >= 0",
         (ROUNDS,),
     ),
@@ -241,8 +241,8 @@ PROTOCOL = (
     Mutant(
         "a coordinator that hears nobody stays",
         "runtime.protocol.coordinating.check_majority",
-        "len(desk.heard | {state.pid}) < turn.setup.majority",
-        "not desk.heard | {state.pid}",
+        "(desk.heard | 1 << state.pid).bit_count() < turn.setup.majority",
+        "not desk.heard | 1 << state.pid",
         (ELECTIONS,),
     ),
     Mutant(

@@ -167,7 +167,7 @@ def _decides_again(turn: StepContext) -> None:
     setup, desk = turn.setup, turn.state.office
     if isinstance(desk, Coordinator) and not turn.state.ended:
         missing = coordinating.missing_in(desk)
-        decision = setup.decide(turn.state.round, desk.proposals)
+        decision = setup.decide(turn.state.round, desk.proposals.all)
         entry = LogEntry(decision, turn.state.chain, (), missing)
         coordinating._put_forward(turn, entry)
 

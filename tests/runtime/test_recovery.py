@@ -307,7 +307,7 @@ def test_a_proposal_in_the_journal_is_sent_as_it_was() -> None:
     robots.settle()
     office = robots.states[0].office
     assert isinstance(office, Coordinator)
-    assert office.proposals[2] == mine
+    assert office.proposals.of(2) == mine
 
 
 def test_init_is_proposed_after_a_crash_before_it() -> None:

@@ -21,7 +21,7 @@ from koord.runtime.protocol.messages import (
 )
 from koord.runtime.protocol.setup import Setup, Timing
 from koord.runtime.protocol.setup import decided as decide
-from koord.runtime.protocol.state import Coordinator, StepContext, fresh
+from koord.runtime.protocol.state import Coordinator, Gathered, StepContext, fresh
 from koord.syntax.faults import FaultKind
 from tests.runtime.fleet import Fleet, Parcel, begun, fleet
 
@@ -203,7 +203,7 @@ def test_a_proposal_that_comes_after_its_round_changes_nothing() -> None:
     after = robots.states[0]
     assert (after.round, after.chain) == (before.round, before.chain)
     assert isinstance(after.office, Coordinator)
-    assert after.office.proposals == (None, None, None)
+    assert after.office.proposals.all == (None, None, None)
     assert [type(p.message) for p in robots.mail] == [History]
 
 
@@ -222,13 +222,24 @@ def test_the_first_proposal_of_a_robot_counts() -> None:
     assert all(taken.event != 7 for taken in robots.acted[0][-1].decision.ran)
 
 
+@pytest.mark.parametrize("robots", [1, 31, 32, 33, 70, 128])
+def test_what_is_gathered_is_by_robot(robots: int) -> None:
+    gathered = Gathered.nothing(robots)
+    assert gathered.all == (None,) * robots
+    made = [Proposal(robot, 0) for robot in range(robots)]
+    for proposal in made[::2]:
+        gathered = gathered.having(proposal)
+    assert gathered.all == tuple(None if one.robot % 2 else one for one in made)
+    assert [gathered.of(robot) for robot in range(robots)] == [*gathered.all]
+
+
 def test_nobody_proposes_for_another() -> None:
     robots = begun()
     robots.mail = [Parcel(1, 0, 0, Propose(proposal_of(2, 0)))]
     robots.deliver()
     office = robots.states[0].office
     assert isinstance(office, Coordinator)
-    assert office.proposals == (None, None, None)
+    assert office.proposals.all == (None, None, None)
 
 
 def test_a_proposal_that_is_made_too_late_is_thrown_away() -> None:

@@ -415,7 +415,7 @@ class Explorer:
             state = replace(local.state, tries=0, holding=None)
             if isinstance(state.office, Coordinator):
                 # Being heard keeps a coordinator in office; so does a timer that does not expire.
-                state = replace(state, office=replace(state.office, heard=frozenset()))
+                state = replace(state, office=replace(state.office, heard=0))
             local = replace(local, state=state)
         number = self._local_numbers.get(local)
         if number is None:

@@ -11,7 +11,7 @@ from koord.runtime.protocol.messages import (
     LogEntry,
     incarnation_above,
 )
-from koord.runtime.protocol.state import Coordinator, Retired, StepContext
+from koord.runtime.protocol.state import Coordinator, Gathered, Retired, StepContext
 
 
 def commit(turn: StepContext, held: Held) -> None:
@@ -126,7 +126,7 @@ def _clear_desk(turn: StepContext, desk: Coordinator, pause_s: float) -> None:
     roster = turn.state.roster
     turn.take(
         Coordinator(
-            (None,) * setup.robots,
+            Gathered.nothing(setup.robots),
             heard=desk.heard,
             guests=tuple(guest for guest in desk.guests if roster[guest[0]] < guest[1]),
             began=turn.now + pause_s,

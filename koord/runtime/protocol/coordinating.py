@@ -20,13 +20,13 @@ from koord.runtime.protocol.messages import (
     Propose,
     digest,
 )
-from koord.runtime.protocol.state import Coordinator, State, StepContext, put
+from koord.runtime.protocol.state import Coordinator, Gathered, State, StepContext
 
 
 def take_office(turn: StepContext) -> None:
     """Take office after an election: resend the tentative entry, or open the round. (R-OFFICE)"""
     setup = turn.setup
-    desk = Coordinator((None,) * setup.robots, began=turn.now)
+    desk = Coordinator(Gathered.nothing(setup.robots), began=turn.now)
     turn.take(desk)
     turn.arm(Timer.DEADLINE, setup.timing.patience_s)
     turn.arm(Timer.SILENCE, setup.timing.silence_s)
@@ -44,8 +44,8 @@ def gather(turn: StepContext, proposal: Proposal) -> None:
     """Gather a proposal for the open round; the first of a robot counts. (R-OPEN)"""
     desk = turn.state.office
     assert isinstance(desk, Coordinator)
-    if desk.proposals[proposal.robot] is None:
-        proposals = put(desk.proposals, proposal.robot, proposal)
+    if desk.proposals.of(proposal.robot) is None:
+        proposals = desk.proposals.having(proposal)
         turn.take(replace(desk, proposals=proposals, gathered=desk.gathered + 1))
     decide_if_ready(turn)
 
@@ -76,7 +76,7 @@ def decide_if_ready(turn: StepContext) -> None:
     missing = missing_in(desk)
     if owed(turn) & frozenset(missing):
         return
-    decision = setup.decide(state.round, desk.proposals)
+    decision = setup.decide(state.round, desk.proposals.all)
     entry = LogEntry(decision, state.chain, _admissions(turn, desk), missing)
     _put_forward(turn, entry)
 
@@ -90,7 +90,7 @@ def overdue(turn: StepContext) -> None:
 
 
 def missing_in(desk: Coordinator) -> tuple[int, ...]:
-    return tuple(i for i, proposal in enumerate(desk.proposals) if proposal is None)
+    return tuple(i for i, proposal in enumerate(desk.proposals.all) if proposal is None)
 
 
 def owed(turn: StepContext) -> frozenset[int]:
@@ -148,9 +148,9 @@ def _count(turn: StepContext, robot: int, incarnation: int) -> None:
     assert held is not None
     if not state.counts(robot, incarnation):
         return
-    holders = desk.holders | {robot}
+    holders = desk.holders | 1 << robot
     turn.take(replace(desk, holders=holders))
-    if len(holders) < turn.setup.majority:
+    if holders.bit_count() < turn.setup.majority:
         return
     pause_s = _pause(turn, desk)
     turn.tell(Committed(held.epoch, held.round, held.digest, pause_s))
@@ -182,7 +182,8 @@ def resend(turn: StepContext) -> None:
     desk = state.office
     assert isinstance(desk, Coordinator)
     if state.tentative is not None:
-        silent = sorted(setup.everyone - desk.holders - {state.pid})
+        holders = desk.holders | 1 << state.pid
+        silent = [i for i in range(setup.robots) if not holders >> i & 1]
         _ask_again(turn, silent, Decide(state.promised, state.tentative.entry))
     elif not state.ended:
         missing = [i for i in missing_in(desk) if i != state.pid]
@@ -206,9 +207,9 @@ def check_majority(turn: StepContext) -> bool:
     state = turn.state
     desk = state.office
     assert isinstance(desk, Coordinator)
-    if len(desk.heard | {state.pid}) < turn.setup.majority:
+    if (desk.heard | 1 << state.pid).bit_count() < turn.setup.majority:
         return False
-    turn.take(replace(desk, heard=frozenset()))
+    turn.take(replace(desk, heard=0))
     turn.arm(Timer.SILENCE, turn.setup.timing.silence_s)
     return True
 
@@ -216,8 +217,8 @@ def check_majority(turn: StepContext) -> bool:
 def note(turn: StepContext, sender: int) -> None:
     """Note that a robot was heard."""
     desk = turn.state.office
-    if isinstance(desk, Coordinator) and sender not in desk.heard:
-        turn.take(replace(desk, heard=desk.heard | {sender}))
+    if isinstance(desk, Coordinator) and not desk.heard >> sender & 1:
+        turn.take(replace(desk, heard=desk.heard | 1 << sender))
 
 
 def waiting_for(state: State) -> tuple[int, ...]:

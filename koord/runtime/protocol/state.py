@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import chain
 from typing import Any, TypeVar
 
 import msgspec
@@ -52,18 +53,53 @@ class Candidate(msgspec.Struct, frozen=True):
     voters: frozenset[int]
 
 
+#: So many proposals are in a row.
+_ROW = 32
+
+
+class Gathered(msgspec.Struct, frozen=True):
+    """The proposals of a round by robot, None: not there.
+
+    They are in rows, so that for each that comes one row is made anew, and not as many places as
+    there are robots.
+    """
+
+    rows: tuple[tuple[Proposal | None, ...], ...]
+
+    @staticmethod
+    def nothing(robots: int) -> Gathered:
+        """What is gathered of so many robots at first."""
+        whole, rest = divmod(robots, _ROW)
+        return Gathered(((None,) * _ROW,) * whole + (((None,) * rest,) if rest else ()))
+
+    def of(self, robot: int) -> Proposal | None:
+        """The proposal of a robot."""
+        return self.rows[robot // _ROW][robot % _ROW]
+
+    def having(self, proposal: Proposal) -> Gathered:
+        """These, and the proposal of another robot."""
+        row, place = divmod(proposal.robot, _ROW)
+        return Gathered(put(self.rows, row, put(self.rows[row], place, proposal)))
+
+    @property
+    def all(self) -> tuple[Proposal | None, ...]:
+        """Those of all robots."""
+        return tuple(chain.from_iterable(self.rows))
+
+
 class Coordinator(msgspec.Struct, frozen=True):
     """Office: decides rounds in its epoch. (R-OPEN)
 
-    ``gathered`` counts the proposals that are there; ``heard`` since it was last asked whether a
-    majority is (R-SILENCE); ``overdue``: the deadline for proposals is over; ``guests`` are to be
+    ``gathered`` counts the proposals that are there; ``holders`` of its tentative entry, and who
+    was ``heard`` since it was last asked whether a majority is (R-SILENCE), are a bit for each
+    robot; ``overdue``: the deadline for proposals is over; ``guests`` are to be
     admitted; ``began``: when the round began.
     """
 
-    proposals: tuple[Proposal | None, ...]
+    proposals: Gathered
     gathered: int = 0
-    holders: frozenset[int] = frozenset()
-    heard: frozenset[int] = frozenset()
+    holders: int = 0
+    heard: int = 0
     overdue: bool = False
     guests: tuple[tuple[int, int], ...] = ()
     began: float = 0.0
@@ -155,7 +191,7 @@ def fresh(setup: Setup, pid: int) -> State:
     """The state of a robot that is switched on for the first time in this run. (R-ENTER)"""
     office: Office = Follower(setup.coordinator(0))
     if pid == setup.coordinator(0):
-        office = Coordinator((None,) * setup.robots)
+        office = Coordinator(Gathered.nothing(setup.robots))
     return _new(setup, pid, FIRST_INCARNATION, office)
 
 
