@@ -98,17 +98,17 @@ def test_what_one_of_two_files_has_is_not_made_again(tmp_path: Path) -> None:
     """`kill -9` takes the last rows of the table along, and none of the lines."""
     table, lines = tmp_path / "runs.parquet", tmp_path / "runs.csv"
     with pytest.raises(EndedError):
-        made(table, 4, after=3, csv=lines)
+        made(table, 5, after=3, csv=lines)
     kept = ParquetFile(str(table), rows(table)[0]["campaign"], resumes=True)
     kept.finish(kept._there()[:1])  # type: ignore[index]
     assert len(rows(table)) == 1
-    heard = made(table, 4, csv=lines, resume=True)
-    assert [one.known for one in heard if isinstance(one, CampaignBegun)] == [3]
+    with pytest.raises(EndedError):
+        made(table, 5, after=4, csv=lines, resume=True)
     assert [row["seed"] for row in rows(table)] == [0, 1, 2, 3]
     lines.unlink()
-    assert [one.known for one in made(table, 4, resume=True) if isinstance(one, CampaignBegun)] == [
-        4
-    ]
+    heard = made(table, 5, csv=lines, resume=True)
+    assert [one.known for one in heard if isinstance(one, CampaignBegun)] == [4]
+    assert len(lines.read_text("utf-8").splitlines()) == 1 + len(rows(table)) == 6
 
 
 @pytest.mark.parametrize("raw", [b"", b"PAR1", b"campaign,seed\n", "other", "renamed"])

@@ -197,6 +197,20 @@ SHOWN = (
         ("tests/sim/test_mcap.py",),
     ),
     Mutant(
+        "what one file of a campaign has is not known to the other",
+        "api.campaign.make_campaign",
+        "file.rows = tuple(course.rows())",
+        "file.rows = file.rows",
+        ("tests/api/test_campaign_parquet.py",),
+    ),
+    Mutant(
+        "a table of runs is not written when a campaign is cut off",
+        "api.campaign_parquet.ParquetFile.__exit__",
+        "self._is_behind",
+        "False",
+        ("tests/api/test_campaign_parquet.py",),
+    ),
+    Mutant(
         "a bag is committed at its end only",
         "sim.files.rosbag._Open.close",
         "self._storage.conn.commit()",
