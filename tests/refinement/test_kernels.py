@@ -38,8 +38,8 @@ LARGEST = 120
 
 #: Examples all of whose turns have machine code.
 WHOLE = (
-    *("allstop", "cars_and_drones", "fischer", "follow_path", "hvac", "leader_elect"),
-    *("lineform", "lineform_1d", "sum_of_ids", "traffic"),
+    *("allstop", "cars_and_drones", "fischer", "follow_path", "follow_points", "hvac"),
+    *("leader_elect", "lineform", "lineform_1d", "sum_of_ids", "traffic", "waypoints"),
 )
 
 
@@ -104,7 +104,7 @@ def test_generated_programs_run_the_same_with_and_without(first: int, count: int
             if here != there:
                 pytest.fail(f"case {seed}, round {round_}")  # to show both would take long
         by_code += counts.by_code
-    assert by_code > 5 * count
+    assert by_code > 3 * count
 
 
 @pytest.mark.parametrize("name", but_slow([n for n in WHOLE if n > "g"], WHOLE))

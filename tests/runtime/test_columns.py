@@ -144,6 +144,30 @@ def test_quotients_are_rounded_down() -> None:
     assert doubt(text, 1, 30) == 0
 
 
+def test_lists_that_are_written_there_are_elements() -> None:
+    text = "param int[] steps = [3, 1, 4, 1, 5]\nlocal:\n    int k = 0\n    int sum = 0\n"
+    text += "    float x = 0.5\n    bool known = false\n    int[3] a\n"
+    text += "    pos p = pos(1.0, 0.0, 0.0)\n    bool there = false\n"
+    text += "init:\n    a[0] = 4\n    a[1] = 2\n    a[2] = 7\n"
+    text += "Go:\n    pre: k < length(steps) + pid and not (k == 3 and contains(steps, k + 9))\n"
+    text += "    eff:\n        for step in steps:\n            if step > k:\n"
+    text += "                break\n            sum = sum + step\n"
+    text += "        known = contains([1.5, x, -x], 0.0 - x) and contains(a, k)\n"
+    text += "        x = max([x, 0.25 * k]) - min(a)\n"
+    text += "        sum = sum + steps[(k + pid) % 5] * steps[k % 4]\n"
+    text += "        there = contains([pos(0.25 * k, 0.0, 0.0)], p)\n"
+    text += "        a[k % 3] = sum\n        k = k + 1\n"
+    assert doubt(text, 3, 12) == 0
+
+
+def test_written_lists_end_where_they_end() -> None:
+    text = "local:\n    int k = 0\n    int m = 0\n"
+    text += "Go:\n    eff:\n        m = [7, k, 9][k - 1 + pid]\n        k = k + 1\n"
+    engine = twins(text, 2, 6)
+    assert engine.ended is not None
+    assert engine.counts.in_doubt > 0
+
+
 def test_a_function_forgets_what_it_has_stored() -> None:
     text = "local:\n    int k = 0\ndef fun f(int k) -> int:\n    int x\n    if k > 2:\n"
     text += "        x = 1\n    return x\n"
@@ -248,12 +272,39 @@ def test_locks_let_through_whom_they_should() -> None:
     assert engine.store.values["one"] > 5
 
 
-def test_urgent_events_are_run_by_robots() -> None:
-    text = LOCKS.replace("Single:", "urgent Single:")
-    if "urgent Single" in text:
-        engine = twins(text, 4, 30)
-        assert engine.counts.by_robots > 5
-        assert engine.counts.by_code > 30
+URGENT = """\
+allwrite:
+    int turn = 0
+local:
+    int k = 4611686018427387904
+    int m = 0
+urgent Late:
+    pre: m % 3 == 2 and (pid > 1 or k + k > 0)
+    eff:
+        m = m + 1
+Usual:
+    eff:
+        atomic:
+            turn = turn + 1
+        m = m + 1
+urgent Last:
+    pre: m % 4 == 1 and (pid != 2 or k + k > 0)
+    eff:
+        m = m + 2
+        k = k + 1
+"""
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_events_that_are_owed_are_run(seed: int) -> None:
+    """One alone by machine code; of several, and of one in doubt, robots make attempts."""
+
+    def schedule() -> Unheard:
+        return Unheard(AtRandom(Random(seed), 50), Random(seed), 0.3, crashes=False)
+
+    for engine in (twins(URGENT, 4, 25), twins(URGENT, 4, 25, schedules=schedule)):
+        assert engine.counts.by_robots > 0
+        assert engine.counts.by_code > 20
 
 
 @pytest.mark.parametrize("seed", range(30))

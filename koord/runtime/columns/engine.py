@@ -245,16 +245,21 @@ class ColumnEngine(RoundEngine):
             code = fleet.codes[kind][event]
             assert code is not None
             deed, in_doubt = code.run(fleet.columns.state, pids, event, robots)
-            self._propose_deed(code, deed, round_)
+            of_kind = fleet.turns.kinds[kind]
+            assert of_kind is not None
+            self._propose_deed(code, deed, round_, fleet.enabled, of_kind.urgent)
             for pid in in_doubt:
                 self.counts.in_doubt += 1
                 round_.proposals[pid] = robots[pid].propose(self.round, orders[pid])
 
-    def _propose_deed(self, code: EventCode, deed: Deed, round_: _Round) -> None:
+    def _propose_deed(
+        self, code: EventCode, deed: Deed, round_: _Round, enabled: memoryview, urgent: int
+    ) -> None:
         self.counts.by_code += len(deed.pids)
         round_.deeds.append((code, deed))
         for row, (pid, attempt) in enumerate(zip(deed.pids, deed.attempts, strict=True)):
-            round_.proposals[pid] = Proposal(pid, self.round, (attempt,))
+            owes = bool(enabled[pid] & urgent)
+            round_.proposals[pid] = Proposal(pid, self.round, (attempt,), owes)
             round_.rows[pid] = (deed, row)
             self.robots[pid].run_elsewhere(deed.event)
 
@@ -308,20 +313,22 @@ def _chosen(
 ) -> int | None:
     """The event that a robot runs; None if it runs none. [SELECT]
 
-    Robots with urgent events that are enabled, or may be, choose themselves (``_OWED``).
+    Robots that owe other events besides, or may owe some, choose themselves (``_OWED``).
     """
-    some = enabled | doubtful
-    if some & urgent:
+    some, owed = enabled | doubtful, enabled & urgent
+    if doubtful & urgent:
         return _OWED
-    if not willing or not some:
+    if not some or not (willing or owed):
         return None
     if order is None:
         first = some & -some
-        return _IN_DOUBT if first & doubtful else first.bit_length() - 1
-    for event in order:
-        if some >> event & 1:
-            return _IN_DOUBT if doubtful >> event & 1 else event
-    return None
+    else:
+        first = next((bit for event in order if some & (bit := 1 << event)), 0)
+    if not first:
+        return None
+    if first & doubtful:
+        return _IN_DOUBT
+    return _OWED if owed & ~first else first.bit_length() - 1
 
 
 def _shape(program: type[Robot], column: Column) -> Shape:

@@ -149,9 +149,9 @@ class Body:
             self.frame.bound[key] = self.local(variable.type)
         return self.frame.bound[key]
 
-    def local(self, type_: Type) -> Cells:
-        """Cells of this call, none of which is known at first."""
-        count = len(leaves(type_))
+    def local(self, type_: Type, several: int = 1) -> Cells:
+        """Cells of this call for some values of a type; the first is not known at first."""
+        count = len(leaves(type_)) * several
         cells = self.cells_at(self.code.slot(I64, count), self.code.slot(I8, count), 0)
         with self.b.goto_entry_block():
             self.forget(cells, type_, flags=0)

@@ -13,7 +13,15 @@ from koord.runtime.compile.machine.body import Body, Cells, Frame, Position, Val
 from koord.runtime.compile.machine.layout import Leaf, NoCodeError, leaves, part_at
 from koord.syntax import core
 from koord.syntax.core import BinaryOp, Home, ListOp, UnaryOp
-from koord.syntax.types import ArrayType, BoolType, FloatType, Robots, Type, is_by_robot, show
+from koord.syntax.types import (
+    ArrayType,
+    FloatType,
+    Robots,
+    SequenceType,
+    Type,
+    is_by_robot,
+    show,
+)
 from koord.syntax.walk import nodes
 
 _LEAST, _GREATEST = -(2**63), 2**63 - 1
@@ -44,6 +52,8 @@ def expression(body: Body, e: core.Expr) -> Value:
             parts = expression(body, base)
             first = part_at(base.type, position)
             return parts[first : first + len(leaves(type_))]
+        case core.Select(base=base, step=core.IndexStep(index=index, type=type_)):
+            return _element(body, base, index, type_)
         case core.MakeRecord(fields=parts):
             leaves(e.type)
             return [leaf for part in parts for leaf in expression(body, part)]
@@ -111,17 +121,21 @@ def _if_needed(body: Body, e: core.Binary, *, wanted: bool, else_: bool) -> Ir:
 
 
 def _equal(body: Body, e: core.Binary) -> Ir:
-    """Compile an equality: of all leaves, and a NaN equals nothing. [E-EQUAL]"""
+    """Compile an equality. [E-EQUAL]"""
     kinds = leaves(e.left.type)
     if len(leaves(e.right.type)) != len(kinds):
         raise NoCodeError("arrays of different lengths")
-    left, right = expression(body, e.left), expression(body, e.right)
+    return _same(body, e.left.type, expression(body, e.left), expression(body, e.right))
+
+
+def _same(body: Body, type_: Type, one: Value, other: Value) -> Ir:
+    """Whether values are equal: all their leaves are, and a NaN equals nothing. [E-EQUAL]"""
     found = body.bit(True)
-    for leaf, one, other in zip(kinds, left, right, strict=True):
+    for leaf, left, right in zip(leaves(type_), one, other, strict=True):
         if leaf is Leaf.FLOAT:
-            same = body.b.fcmp_ordered("==", one, other)
+            same = body.b.fcmp_ordered("==", left, right)
         else:
-            same = body.b.icmp_signed("==", one, other)
+            same = body.b.icmp_signed("==", left, right)
         found = body.b.and_(found, same)
     return found
 
@@ -211,26 +225,51 @@ def _unary(body: Body, e: core.Unary) -> Ir:
 
 
 def _builtin(body: Body, e: core.Builtin) -> Ir:
-    """Compile a function of arrays. [E-LIST]"""
+    """Compile a function of arrays, or of a list that is written there. [E-LIST]"""
     first = e.arguments[0]
-    if not isinstance(first.type, ArrayType):
-        raise NoCodeError(e.op.value)
-    if e.op is ListOp.LENGTH:
+    if e.op is ListOp.LENGTH and isinstance(first.type, ArrayType):
         size = first.type.size
         return body.count if size is Robots.ALL else word(size)
-    if len(leaves(first.type.element)) != 1:
-        raise NoCodeError(e.op.value)
-    if e.op is ListOp.CONTAINS:
-        raise NoCodeError(e.op.value)
     if is_by_robot(first.type):
         return _over_robots(body, e.op, first)
-    items = expression(body, first)
+    items, type_ = elements(body, first)
+    if e.op is ListOp.LENGTH:
+        return word(len(items))
+    if e.op is ListOp.CONTAINS:
+        wanted, found = expression(body, e.arguments[1]), body.bit(False)
+        for item in items:
+            found = body.b.or_(found, _same(body, type_, item, wanted))
+        return found
     if not items:
-        raise NoCodeError("an empty array")
-    found = items[0]
+        raise NoCodeError("an empty list")
+    found = items[0][0]
     for item in items[1:]:
-        found = _joined(body, e.op, first.type.element, found, item)
+        found = _joined(body, e.op, type_, found, item[0])
     return found
+
+
+def elements(body: Body, e: core.Expr) -> tuple[list[Value], Type]:
+    """The elements of a fixed array, or of a list that is written there, and their type."""
+    type_ = e.type
+    if isinstance(e, core.MakeList) and isinstance(type_, SequenceType):
+        leaves(type_.element)
+        return [expression(body, item) for item in e.items], type_.element
+    if not isinstance(type_, ArrayType):
+        raise NoCodeError("a list")
+    values, size = expression(body, e), len(leaves(type_.element))
+    return [values[k : k + size] for k in range(0, len(values), size)], type_.element
+
+
+def _element(body: Body, base: core.Expr, index: core.Expr, type_: Type) -> Value:
+    """An element of what :func:`elements` has. In doubt if there is none. [E-SELECT] [LOOKUP]"""
+    items, _ = elements(body, base)
+    (at,) = expression(body, index)
+    body.doubt_if(body.b.icmp_unsigned(">=", at, word(len(items))))
+    size = len(leaves(type_))
+    cells = body.local(type_, max(1, len(items)))
+    for number, item in enumerate(items):
+        body.store(cells, number * size, type_, item)
+    return body.load(cells, at if size == 1 else body.b.mul(at, word(size)), type_)
 
 
 def _joined(body: Body, op: ListOp, type_: Type, one: Ir, other: Ir) -> Ir:
@@ -256,7 +295,7 @@ def _over_robots(body: Body, op: ListOp, e: core.Expr) -> Ir:
         case _:
             raise NoCodeError("an array over robots")
     type_ = variable.own_type
-    if isinstance(type_, BoolType) is not (op in (ListOp.ANY, ListOp.ALL)):
+    if len(leaves(type_)) != 1:
         raise NoCodeError(op.value)
     b, code = body.b, body.code
     body.doubt_if(b.icmp_signed("==", body.count, word(0)))

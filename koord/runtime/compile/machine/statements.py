@@ -8,12 +8,11 @@ from __future__ import annotations
 
 from koord.machine.code import I64, Ir, word
 from koord.runtime.compile.machine.body import Body
-from koord.runtime.compile.machine.expressions import checked, expression, located, truth
+from koord.runtime.compile.machine.expressions import checked, elements, expression, located, truth
 from koord.runtime.compile.machine.layout import NoCodeError, leaves
 from koord.runtime.proposals import StopRequests
 from koord.syntax import core
 from koord.syntax.core import BinaryOp, Home
-from koord.syntax.types import ArrayType
 
 #: Loops over the elements of longer arrays are left to Python, as they are written out.
 _MOST_WRITTEN_OUT = 16
@@ -133,19 +132,14 @@ def _looped(body: Body, inner: core.Block, after: Ir) -> None:
 
 
 def _for_each(body: Body, s: core.ForEach) -> None:
-    """Compile a loop over the elements of an array, which is written out. [S-FOREACH]"""
-    type_ = s.sequence.type
-    if not isinstance(type_, ArrayType) or not isinstance(type_.size, int):
-        raise NoCodeError("a loop over a list")
-    if type_.size > _MOST_WRITTEN_OUT:
+    """Compile a loop over elements of an array or a written list: it is written out. [S-FOREACH]"""
+    items, _ = elements(body, s.sequence)
+    if len(items) > _MOST_WRITTEN_OUT:
         raise NoCodeError("a long array")
-    items = expression(body, s.sequence)
-    size = len(leaves(type_.element))
     after = body.b.append_basic_block("after")
-    for number in range(type_.size):
+    for number, item in enumerate(items):
         if s.key is not None:
             body.store(body.bound(s.key), 0, s.key.type, [word(number)])
-        item = items[number * size : (number + 1) * size]
         body.store(body.bound(s.value), 0, s.value.type, item)
         _looped(body, s.body, after)
     body.b.branch(after)
