@@ -28,7 +28,7 @@ from koord.api.campaign_figures import (
 )
 from koord.api.campaign_runs import Order, Row, RunFile
 from koord.api.campaign_workers import rows_of
-from koord.api.files import check_writable, file_name
+from koord.api.files import check_writable, file_name, same_file
 from koord.api.fitting import Configurable, FitRequest, fit, fit_request
 from koord.api.pictures import check_drawable, keep_figure
 from koord.api.programs import Loadable, Value, exact
@@ -76,6 +76,8 @@ class CampaignRequest(Struct, frozen=True):
             raise ArgumentError("resume", "goes on with the runs in a file: name it with csv")
         for path in files:
             check_writable(path)
+        if self.csv is not None and self.parquet is not None and same_file(*files):
+            raise ArgumentError("parquet", "is the file of the lines: name another one")
         if self.plot is not None:
             check_drawable(self.plot)
             check_writable(self.plot)

@@ -14,6 +14,7 @@ from koord.api.campaign import CampaignBegun, RunOver, campaign
 from koord.api.campaign_parquet import ParquetFile
 from koord.api.campaign_runs import COLUMNS, Row
 from koord.api.progress import Progress
+from koord.api.results import ArgumentError
 from koord.syntax.diagnostics import KoordError
 
 arrow: Any = pytest.importorskip("pyarrow")
@@ -128,6 +129,13 @@ def test_what_is_no_table_of_this_campaign_is_refused(raw: bytes | str, tmp_path
     with pytest.raises(KoordError, match="not of this campaign"):
         made(table, 2, resume=True)
     assert table.read_bytes() == kept
+
+
+def test_lines_and_table_are_two_files(tmp_path: Path) -> None:
+    table = tmp_path / "runs"
+    with pytest.raises(ArgumentError, match="is the file of the lines"):
+        made(table, 2, csv=tmp_path / "." / "runs")
+    assert not table.exists()
 
 
 def test_every_figure_of_a_run_has_its_column(tmp_path: Path) -> None:
