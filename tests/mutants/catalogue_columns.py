@@ -67,8 +67,8 @@ COLUMNS = (
     Mutant(
         "an event runs though one before it is in doubt",
         "runtime.columns.engine._chosen",
-        "_IN_DOUBT if first & doubtful else first.bit_length() - 1",
-        "first.bit_length() - 1 if enabled else _IN_DOUBT",
+        "first & doubtful",
+        "not enabled",
         (TURNS,),
     ),
     Mutant(
