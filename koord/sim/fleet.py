@@ -72,7 +72,7 @@ class Fleet:
         whole = np.random.SeedSequence(seed)
         if planners is None:
             planners = wanted() if only is None else 0
-        engines = Engines(world, planners)
+        engines = self._engines = Engines(world, planners)
         self._squads: list[tuple[Squad, Ints]] = []
         self._where: list[tuple[int, int]] = [(0, 0)] * len(robots)
         for model in dict.fromkeys(robot.model for robot in robots):
@@ -167,6 +167,10 @@ class Fleet:
                 assert isinstance(members, PointSquad)
                 members.put(where[numbers])
             watch(self)
+
+    def close(self) -> None:
+        """End the processes that plan; a fleet that goes on plans without."""
+        self._engines.workers.close()
 
     # --- orders ---------------------------------------------------------------------------------
 

@@ -236,6 +236,7 @@ class Simulation:
     def end(self, ending: Ending) -> None:
         """End the run; nothing comes after this."""
         self.ending = ending
+        self.fleet.close()
         if ending is not Ending.PLAYED:
             self.standing = self.watchman.standing(self.engine.robots, _STILL_S)
         for one in self.standing:

@@ -11,18 +11,24 @@ import sys
 import threading
 import time
 from collections.abc import Sequence
+from multiprocessing.process import BaseProcess
 
 import numpy as np
 import pytest
 from msgspec.structs import replace
 
+from koord.api.fitting import FitRequest, fit
+from koord.api.sim_setup import simulation
+from koord.runtime.configuration.checking import load
 from koord.runtime.motion.arrays import Floats
 from koord.runtime.motion.bodies import Car, Drone, PlannerName
 from koord.runtime.motion.planning import Pose
 from koord.runtime.motion.workers import VARIABLE, Workers, wanted
 from koord.runtime.motion.world import Point
 from koord.sim.fleet import Fleet, Placed
+from koord.sim.running import Ending, Simulation
 from koord.sim.squads import DeviceModel
+from koord.syntax.source import Source
 from tests.runtime.motion.worlds import CLUTTERED
 
 CAR = DeviceModel(Car(), PlannerName.RRT_CAR)
@@ -115,6 +121,62 @@ def test_nobody_is_left_behind() -> None:
     gc.collect()
     # They have seen that nobody asks any more; nobody had to kill them.
     assert [process.exitcode for process in processes] == [0, 0]
+
+
+def test_a_fleet_that_is_closed_goes_on_without() -> None:
+    """Plans that others were at are made when they are due."""
+    whole, closed = (Fleet(CLUTTERED, ROBOTS, 1, planners=2) for _ in range(2))
+    processes: tuple[BaseProcess, ...] = ()
+    for fleet in (whole, closed):
+        for k, robot in enumerate(ROBOTS):
+            x, y, z = robot.start
+            fleet.go_to(k, (-x, -y, z))
+        fleet.advance_to(0.05)
+        if fleet is closed:
+            processes = workers(fleet).processes
+            fleet.close()
+        fleet.advance_to(0.4)
+    assert len(processes) == 2
+    assert not any(process.is_alive() for process in processes)
+    assert np.array_equal(whole.positions(), closed.positions())
+    assert all(np.array_equal(whole.path(k), closed.path(k)) for k in range(len(ROBOTS)))
+
+
+PROGRAM_OF_ONE = """
+using Motion:
+    actuators:
+        pos target
+
+local:
+    bool told = false
+
+Go:
+    pre: not told
+    eff:
+        told = true
+        Motion.target = pos(1.5, 1.0, 0.0)
+"""
+
+ONE = """
+agents: [{pid: 0, on_device: car, position: [-2, 0]}]
+world: {bounds: {low: [-4, -4, 0], high: [4, 4, 3]}}
+devices: {car: {bot_type: CAR, planner: RRT_CAR}}
+"""
+
+
+@pytest.mark.parametrize("count", [0, 2])
+def test_the_end_of_a_run_ends_them(count: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(VARIABLE, str(count))
+    made = simulation(
+        fit(FitRequest(Source("one.krd", PROGRAM_OF_ONE), load(Source("one.yaml", ONE)), (), {})),
+        Simulation,
+    )
+    made.begin()
+    made.round()
+    processes = workers(made.fleet).processes
+    assert len(processes) == count
+    made.end(Ending.LIMIT)
+    assert not any(process.is_alive() for process in processes)
 
 
 def test_nothing_is_forked_beside_other_threads() -> None:

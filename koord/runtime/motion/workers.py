@@ -68,7 +68,7 @@ class Workers:
         self._begun: list[tuple[BaseProcess, Connection]] = []
         self._waiting: deque[Job] = deque()
         self._is_begun = False
-        weakref.finalize(self, _end, self._begun)
+        self._ends = weakref.finalize(self, _end, self._begun)
 
     @property
     def processes(self) -> tuple[BaseProcess, ...]:
@@ -111,6 +111,11 @@ class Workers:
             raise job.error
         return job.path
 
+    def close(self) -> None:
+        """End the processes. Plans that are still due are made here."""
+        self._ends()
+        self._workers.clear()
+
     # --- inside ---------------------------------------------------------------------------------
 
     def _begin(self) -> None:
@@ -127,9 +132,14 @@ class Workers:
             process = context.Process(
                 target=_work, args=(self._planners, theirs, others), name="planner", daemon=True
             )
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore", DeprecationWarning)  # of threads of libraries
-                process.start()
+            # Ctrl-C must not reach it before it is deaf to it.
+            before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+            try:
+                with warnings.catch_warnings():
+                    warnings.simplefilter("ignore", DeprecationWarning)  # of threads of libraries
+                    process.start()
+            finally:
+                signal.pthread_sigmask(signal.SIG_SETMASK, before)
             theirs.close()
             self._begun.append((process, ours))
             self._workers.append(_Worker(process, ours))
@@ -184,6 +194,7 @@ def _work(planners: list[Planner], wire: Connection, others: list[Connection]) -
     for other in others:
         other.close()  # else nobody would see that it is gone
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     while True:
         try:
