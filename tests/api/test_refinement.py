@@ -68,7 +68,7 @@ def test_refinement_is_cancelled() -> None:
     ("arguments", "said"),
     [
         ({"programs": COUNT, "case": 1}, "generated"),
-        ({"target": "moon"}, "none of engine, network, udp"),
+        ({"target": "moon"}, "none of engine, kernels, network, udp"),
         ({"faults": "rain"}, "none of none, loss, chaos"),
     ],
 )
