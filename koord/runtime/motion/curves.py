@@ -9,7 +9,7 @@ of the radius (Schur).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Sequence
 from itertools import pairwise
 from typing import TypeAlias
 
@@ -86,8 +86,8 @@ def _cusps(curve: Curve) -> list[float]:
 
 def _pieces(
     curve: Curve, first: tuple[float, State], last: tuple[float, State]
-) -> Iterator[tuple[float, float, int]]:
-    """Yield what of a piece has no cusp, with 1 where it is driven forwards, else -1."""
+) -> Sequence[tuple[float, float, int]]:
+    """What of a piece has no cusp, in order, with 1 where it is driven forwards, else -1."""
     (begin, (x, y, heading)), (end, (to_x, to_y, _)) = first, last
     length = (end - begin) * curve.length_m
     step_x, step_y = to_x - x, to_y - y
@@ -95,9 +95,9 @@ def _pieces(
     arc_m = 2 * radius * math.sin(min(length / (2 * radius), math.pi / 2))
     if math.hypot(step_x, step_y) >= arc_m - _ROUNDING_M:
         ahead = step_x * math.cos(heading) + step_y * math.sin(heading) > 0
-        yield begin, end, 1 if ahead else -1
-    elif length > _CUSP_M:
-        half = (begin + end) / 2
-        middle = half, curve.at(half)
-        yield from _pieces(curve, first, middle)
-        yield from _pieces(curve, middle, last)
+        return ((begin, end, 1 if ahead else -1),)
+    if length <= _CUSP_M:
+        return ()
+    half = (begin + end) / 2
+    middle = half, curve.at(half)
+    return *_pieces(curve, first, middle), *_pieces(curve, middle, last)

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from functools import cache
 from itertools import pairwise
 from threading import Lock
 from typing import Any
@@ -166,11 +167,11 @@ class CurvePlanner(TreePlanner, frozen=True):
                 return spare
             return 0.0 if enough(x, y, z) and fits.at(x, y, heading) else -1.0
 
-        curves = _curves(start, goal, body.turning_m * _WIDER)
-        # A planner that goes on improving takes the shortest of all, or looks for it.
-        for curve in curves[:1] if self.optimal else curves:
+        for curve in _curves(start, goal, body.turning_m * _WIDER):
             if is_free(curve, spare_m):
                 return self._on_ground(points_of(curve))
+            if self.optimal:  # it takes the shortest of all, or looks for it
+                break
         return None
 
     def _grown(self, free: Field, start: Pose, goal: Point, keeps_m: float) -> Floats | None:
@@ -204,28 +205,33 @@ class CurvePlanner(TreePlanner, frozen=True):
         return np.column_stack([flat, np.full(len(flat), self.ground.world.ground)])
 
 
-def _headings() -> list[float]:
+@cache
+def _headings() -> tuple[float, ...]:
     """The headings in which a car may arrive."""
-    return [2 * math.pi * k / _HEADINGS - math.pi for k in range(_HEADINGS)]
+    headings = (2 * math.pi * k / _HEADINGS - math.pi for k in range(_HEADINGS))
+    return tuple(math.remainder(heading, 2 * math.pi) for heading in headings)
 
 
-def _curves(start: Pose, goal: Point, radius_m: float) -> list[Curve]:
-    """The curve to a goal in each heading, the shortest first."""
+def _curves(start: Pose, goal: Point, radius_m: float) -> Iterator[Curve]:
+    """Yield the curve to a goal in each heading, the shortest first; each until the next one."""
     space = base.ReedsSheppStateSpace(radius_m)
-    begin, here = space.allocState(), space.allocState()
+    begin, here, end = (space.allocState() for _ in range(3))
     _place(begin, start.position, start.heading_rad)
+    _place(end, goal, 0.0)
+    interpolate, x, y, yaw = space.interpolate, here.getX, here.getY, here.getYaw
 
-    def curve(heading_rad: float) -> Curve:
-        end = space.allocState()
-        _place(end, goal, heading_rad)
+    def at(share: float) -> State:
+        interpolate(begin, end, share, here)
+        return x(), y(), yaw()
 
-        def at(share: float) -> State:
-            space.interpolate(begin, end, share, here)
-            return here.getX(), here.getY(), here.getYaw()
-
-        return Curve(space.distance(begin, end), radius_m, at)
-
-    return sorted(map(curve, _headings()), key=lambda one: one.length_m)
+    found = []
+    for heading in _headings():
+        end.setYaw(heading)
+        found.append((space.distance(begin, end), heading))
+    found.sort(key=lambda one: one[0])
+    for length_m, heading in found:
+        end.setYaw(heading)
+        yield Curve(length_m, radius_m, at)
 
 
 def _bounded(space: Any, world: World, axes: int) -> Any:
