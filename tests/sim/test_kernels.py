@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -10,6 +11,8 @@ pytest.importorskip("llvmlite")
 
 from koord.api.fitting import FitRequest, Fitted, fit, fit_request
 from koord.api.sim_setup import simulation
+from koord.cli.exits import Exit
+from koord.cli.main import main
 from koord.runtime.columns.engine import ColumnEngine
 from koord.runtime.configuration.checking import load
 from koord.sim.running import Simulation, run
@@ -131,3 +134,21 @@ def test_robots_that_stop_run_as_without(kind: str, count: int) -> None:
     assert engine.counts.by_code > 10 * count
     assert engine.counts.in_doubt == engine.counts.by_robots == 0
     assert made.engine.store.values["total"] == count
+
+
+@pytest.mark.parametrize("several", [(), ("--runs", "2")])
+def test_kernels_can_be_left_out(
+    several: tuple[str, ...], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    made = []
+
+    def counted(*given: Any, **named: Any) -> ColumnEngine:
+        made.append(given)
+        return ColumnEngine(*given, **named)
+
+    monkeypatch.setattr("koord.sim.running.ColumnEngine", counted)
+    words = ["sim", str(EXAMPLES / "lineform.krd"), "--time", "0.3", "--no-html", *several]
+    assert main([*words, "--kernels", "off"]) == Exit.OK
+    assert made == []
+    assert main(words) == Exit.OK
+    assert len(made) == max(1, len(several))
