@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from koord.runtime.motion.bodies import Car
-from koord.sim.vehicles.cars import Bicycles
+from koord.sim.vehicles.bicycles import Bicycles
 
 CAR = Car()
 COMMANDS = st.lists(st.tuples(st.floats(-9, 9), st.floats(-2, 2)), min_size=1, max_size=20)

@@ -10,7 +10,7 @@ import pytest
 from koord.runtime.motion.arrays import Floats
 from koord.runtime.motion.bodies import Car, DifferentialDrive
 from koord.runtime.motion.world import Box, World
-from koord.sim.vehicles.cars import Bicycles
+from koord.sim.vehicles.bicycles import Bicycles
 from koord.sim.vehicles.contact import Colliding, Floor
 from koord.sim.vehicles.differential import Differentials
 from koord.sim.vehicles.wheels import Hull, Rolling

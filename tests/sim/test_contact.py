@@ -13,7 +13,7 @@ from koord.runtime.motion.arrays import Floats
 from koord.runtime.motion.bodies import Car
 from koord.runtime.motion.planning import Hindrance, Touched
 from koord.runtime.motion.world import Box, Disc, Obstacle, Polygon, World
-from koord.sim.vehicles.cars import Bicycles
+from koord.sim.vehicles.bicycles import Bicycles
 from koord.sim.vehicles.contact import Colliding, Floor
 from koord.sim.vehicles.wheels import Hull
 

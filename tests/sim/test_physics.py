@@ -16,7 +16,7 @@ from koord.runtime.motion.world import Box, Disc, Obstacle, Point, Polygon, Worl
 from koord.sim.disturbances import Disturbances, Positioning, Wind
 from koord.sim.fleet import Fleet, Placed
 from koord.sim.squads import DeviceModel
-from koord.sim.vehicles.cars import Bicycles, track_m
+from koord.sim.vehicles.bicycles import Bicycles, track_m
 from koord.sim.vehicles.drones import PhysicalDrones, drone_described
 from koord.sim.vehicles.quadrotors import Quadrotors
 

@@ -17,7 +17,7 @@ import numpy as np
 from koord.runtime.motion.arrays import Floats
 from koord.runtime.motion.bodies import Car
 from koord.runtime.motion.libraries import missing
-from koord.sim.vehicles.cars import Bicycles, actuated, bends
+from koord.sim.vehicles.bicycles import Bicycles, actuated, bends
 from koord.sim.vehicles.contact import Colliding, Floor, ahead, axle, tyres
 from koord.sim.vehicles.wheels import Hull, Rolling
 

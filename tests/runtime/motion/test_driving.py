@@ -20,7 +20,7 @@ from koord.runtime.motion.group import Group
 from koord.runtime.motion.planners import planner
 from koord.runtime.motion.predictive import Predictive
 from koord.runtime.motion.pursuit import Course, Horizon
-from koord.sim.vehicles.cars import Bicycles
+from koord.sim.vehicles.bicycles import Bicycles
 from tests.runtime.motion.worlds import CLUTTERED, EMPTY, places
 
 CAR = Car()
