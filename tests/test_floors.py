@@ -243,6 +243,9 @@ TALKING = (
     "koord/testing/cars.py",
     "koord/testing/truth.py",
     "koord/verify/answering.py",
+    # Where processes of their own end at once, without freeing what they have.
+    "koord/api/campaign_workers.py",
+    "koord/runtime/motion/workers.py",
 )
 
 TALKING_NAMES = frozenset({"print", "input", "exit", "quit", "SystemExit", "breakpoint"})
