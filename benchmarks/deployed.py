@@ -31,6 +31,7 @@ class Case:
 
 CASES = (
     Case(8, 0.0, 3000),
+    Case(64, 0.0, 400),
     *(Case(robots, 0.1, 600) for robots in (4, 8, 16, 32, 64, 128)),
 )
 QUICK = (Case(4, 0.0, 50), Case(4, 0.05, 20))
