@@ -194,11 +194,12 @@ def test_nothing_is_forked_beside_other_threads() -> None:
 
 
 PROGRAM = """
-import sys, time
+import signal, time
 from koord.runtime.motion.planning import Pose
 from koord.runtime.motion.workers import Workers
 from tests.sim.test_planning_workers import Slow
 
+signal.signal(signal.SIGINT, signal.default_int_handler)  # also where who started this ignores it
 made = Workers(2)
 job = made.ask(made.know(Slow()), Pose((0, 0, 0)), (1, 1, 1), 1)
 print(*(process.pid for process in made.processes), flush=True)
@@ -217,14 +218,18 @@ def test_those_who_plan_end_with_who_asks(how: signal.Signals) -> None:
         text=True,
         start_new_session=True,
     )
-    assert asks.stdout is not None
-    planners = [int(pid) for pid in asks.stdout.readline().split()]
-    assert len(planners) == 2
-    if how is signal.SIGINT:
-        os.killpg(asks.pid, how)
-    else:
+    try:
+        assert asks.stdout is not None
+        planners = [int(pid) for pid in asks.stdout.readline().split()]
+        assert len(planners) == 2
+        if how is signal.SIGINT:
+            os.killpg(asks.pid, how)
+        else:
+            asks.kill()
+        _, errors = asks.communicate(timeout=20)
+    finally:
         asks.kill()
-    _, errors = asks.communicate(timeout=20)
+        asks.communicate()
     assert errors.count("Traceback") == (how is signal.SIGINT)
     until = time.monotonic() + 20
     while any(_is_there(pid) for pid in planners):

@@ -2,7 +2,7 @@
 
 It has the face of :class:`.RoundEngine`, and every decision is the one that engine would make: of
 each robot machine code says that nothing is enabled, or which event is and what it writes, or that
-it is in doubt, and then the compiled robot makes the whole turn (decision record 0104).
+it is in doubt, and then the compiled robot makes the whole turn (decision record 0102).
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """The body of a turn in machine code: cells, doubt, and what a value is there.
 
-Machine code of a turn is *sure, or in doubt* (decision record 0104): where something faults, is not
+Machine code of a turn is *sure, or in doubt* (decision record 0102): where something faults, is not
 set, is no number, or has more than 64 bits, it says that it is in doubt, and nothing else of it
 counts: the compiled robot makes the turn.
 """
