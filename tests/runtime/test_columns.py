@@ -10,7 +10,11 @@ import pytest
 
 pytest.importorskip("llvmlite")
 
-from koord.runtime.engine import AtRandom, Unheard
+from koord.runtime.columns.engine import ColumnEngine
+from koord.runtime.compile import compiled
+from koord.runtime.compile.loading import loaded
+from koord.runtime.compile.machine.lazy import LazyTurns
+from koord.runtime.engine import AtRandom, Deployed, Unheard
 from koord.runtime.proposals import Attempt, EventFault, Proposal, decide, rotating
 from koord.syntax.faults import FaultKind
 from tests.runtime.column_twins import PlainHost, program_of, twins
@@ -80,6 +84,14 @@ def doubt(text: str, robots: int = 3, rounds: int = 12) -> int:
     return engine.counts.in_doubt
 
 
+def ended_in_doubt(text: str, robots: int, rounds: int) -> ColumnEngine:
+    """The engine of a run that ends early, after turns that code was in doubt of."""
+    engine = twins(text, robots, rounds)
+    assert engine.ended is not None
+    assert engine.counts.in_doubt > 0
+    return engine
+
+
 @pytest.mark.parametrize(
     ("start", "change"),
     [
@@ -121,10 +133,7 @@ def test_faults_are_those_of_robots(fault: str, where: str) -> None:
         text += f"        if {read}:\n            told[pid] = 7\n"
     text += "Good:\n    pre: a[0] + a[1] + a[2] > 0\n"
     text += "    eff:\n        told[pid] = k\n        k = k + 1\n"
-    engine = twins(text, 3, 12)
-    assert engine.ended is not None
-    assert engine.counts.in_doubt > 0
-    assert engine.counts.by_code > 0
+    assert ended_in_doubt(text, 3, 12).counts.by_code > 0
 
 
 def test_a_doubtful_event_comes_before_one_that_is_enabled() -> None:
@@ -163,18 +172,14 @@ def test_lists_that_are_written_there_are_elements() -> None:
 def test_written_lists_end_where_they_end() -> None:
     text = "local:\n    int k = 0\n    int m = 0\n"
     text += "Go:\n    eff:\n        m = [7, k, 9][k - 1 + pid]\n        k = k + 1\n"
-    engine = twins(text, 2, 6)
-    assert engine.ended is not None
-    assert engine.counts.in_doubt > 0
+    ended_in_doubt(text, 2, 6)
 
 
 def test_a_function_forgets_what_it_has_stored() -> None:
     text = "local:\n    int k = 0\ndef fun f(int k) -> int:\n    int x\n    if k > 2:\n"
     text += "        x = 1\n    return x\n"
     text += "Go:\n    eff:\n        for i = 0, 2:\n            k = k + f(3 - i)\n"
-    engine = twins(text, 2, 4)
-    assert engine.ended is not None
-    assert engine.counts.in_doubt > 0
+    ended_in_doubt(text, 2, 4)
 
 
 def test_zeros_keep_their_signs() -> None:
@@ -334,12 +339,6 @@ def test_without_llvmlite_robots_make_all_turns(monkeypatch: pytest.MonkeyPatch)
 
 
 def test_short_runs_make_no_code() -> None:
-    from koord.runtime.columns.engine import ColumnEngine
-    from koord.runtime.compile import compiled
-    from koord.runtime.compile.loading import loaded
-    from koord.runtime.compile.machine.lazy import LazyTurns
-    from koord.runtime.engine import Deployed
-
     program = program_of(COUNTING)
     turns = LazyTurns(program)
     given = (loaded(compiled(program)), (0, 0), 0.1, PlainHost(lambda robot, round_: {}), turns)
