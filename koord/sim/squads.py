@@ -9,12 +9,12 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from functools import cached_property
 from importlib import import_module
-from importlib.util import find_spec
 from typing import TYPE_CHECKING, Protocol, TypeAlias, assert_never, runtime_checkable
 
 import numpy as np
 from msgspec import Struct, field
 
+from koord.machine import is_installed
 from koord.runtime.lazily import Lazily
 from koord.runtime.motion.arrays import Floats
 from koord.runtime.motion.automaton import Visit
@@ -62,7 +62,7 @@ def is_compiled(model: DeviceModel) -> bool:
     level = model.level
     if not isinstance(model.body, Drone):
         return False
-    return level is Level.FAST or (level is Level.FULL and find_spec("llvmlite") is not None)
+    return level is Level.FAST or (level is Level.FULL and is_installed())
 
 
 class Engines:
@@ -231,7 +231,7 @@ def wheeled(setup: VehicleSetup, told: Rolling, hull: Hull) -> Wheeled:
 
 def in_contact(told: Rolling, hull: Hull, floor: Floor) -> Wheeled:
     """Vehicles in contact in the plane, by machine code where there is llvmlite."""
-    if find_spec("llvmlite") is None:
+    if not is_installed():
         from koord.sim.vehicles.contact import Colliding
 
         return Colliding(told, hull, floor)

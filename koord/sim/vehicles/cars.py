@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from importlib.util import find_spec
-
+from koord.machine import is_installed
 from koord.runtime.motion.bodies import Car, Steering
 from koord.runtime.motion.driving import PREDICTIVE_TICKS, Driving
 from koord.runtime.motion.predictive import Predictive
@@ -35,7 +34,7 @@ def squad(setup: SquadSetup) -> WheeledSquad:
 
 def _predictive() -> type[Predictive]:
     """The kind of controllers: by machine code where there is llvmlite, and the same without."""
-    if find_spec("llvmlite") is None:
+    if not is_installed():
         return Predictive
     from koord.sim.vehicles.compiled_driving import CompiledPredictive
 
