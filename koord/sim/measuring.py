@@ -26,6 +26,9 @@ from koord.sim.separation import Going, Nearest
 #: What the field of a task is called that says which robot has it.
 _OWNERS = ("assignedTo", "assignId", "carrier")
 
+#: What so many robots did is kept until it is counted.
+_KEPT = 20_000
+
 
 class Near(Struct, frozen=True):
     """The least separation of a run, in metres, with its robots and time."""
@@ -173,10 +176,6 @@ class Gauge:
         messages = (rounds + 1) * (2 * n + 2)
         time_s = rounds * delta_s
         return Figures(rounds, time_s, robots, tuple(tasks), self._near, messages, digest)
-
-
-#: What so many robots did is kept until it is counted.
-_KEPT = 20_000
 
 
 def _going(start: Floats, compiled: bool) -> Going:
