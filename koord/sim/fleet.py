@@ -75,7 +75,8 @@ class Fleet:
         engines = self._engines = Engines(world, planners)
         self._squads: list[tuple[Squad, Ints]] = []
         self._where: list[tuple[int, int]] = [(0, 0)] * len(robots)
-        for model in dict.fromkeys(robot.model for robot in robots):
+        models = dict.fromkeys(robot.model for robot in robots)
+        for model in models:
             members = [
                 k for k, robot in enumerate(robots) if robot.model == model and only in (None, k)
             ]
@@ -98,8 +99,8 @@ class Fleet:
             self._fused = []
         #: Whether one of these has all robots, so that its arrays are the fleet's.
         self._is_one = len(self._fused) == 1 and only is None
-        #: whether robots move by machine code, so that what is measured of them may be, too
-        self.is_compiled = any(is_compiled(robot.model) for robot in self.robots)
+        #: Whether robots move by machine code, so that what is measured of them may be, too.
+        self.is_compiled = any(map(is_compiled, models))
         asked = self.robots if only is None else (self.robots[only],) * len(self.robots)
         self._planners = tuple(robot.model.planner for robot in asked)
 
@@ -299,17 +300,16 @@ class Fleet:
 
     def _placed(self, places: Sequence[Floats]) -> Floats:
         """The places of all robots, by those of squads. They are nobody else's to write to."""
-        if self._is_one:
-            return places[0]
-        found = np.empty((len(self.robots), 3))
-        for (_, numbers), of_squad in zip(self._squads, places, strict=True):
-            found[numbers] = of_squad
-        return found
+        return places[0] if self._is_one else self._joined(places, 3)
 
     def _gathered(self, read: Callable[[Squad], Floats], width: int) -> Floats:
+        return self._joined([read(members) for members, _ in self._squads], width)
+
+    def _joined(self, parts: Sequence[Floats], width: int) -> Floats:
+        """What squads have of each of their robots, for all robots in their order."""
         found = np.empty((len(self.robots), width))
-        for members, numbers in self._squads:
-            found[numbers] = read(members)
+        for (_, numbers), part in zip(self._squads, parts, strict=True):
+            found[numbers] = part
         return found
 
 
