@@ -11,7 +11,8 @@ from msgspec.structs import replace
 from koord.api.fitting import Fitted
 from koord.api.growing import remove_part
 from koord.api.outputs import Outputs, growing, keep
-from koord.api.progress import Cancellation, Listener, asker, heard_by
+from koord.api.progress import MOST_JOBS, Cancellation, Listener, asker, heard_by
+from koord.api.results import ArgumentError
 from koord.api.sim_report import (
     Simulated,
     SimulationBegun,
@@ -42,6 +43,14 @@ class SimulationRequest(Struct, frozen=True):
     processes: bool = False
     outputs: Outputs = Outputs()
     kernels: bool = True
+    planners: int = 0  #: so many processes plan meanwhile
+
+    def check(self) -> None:
+        """Check that processes plan where they can. Raises ArgumentError."""
+        if not 0 <= self.planners <= MOST_JOBS:
+            raise ArgumentError("planners", f"must be from 0 to {MOST_JOBS}, not {self.planners}")
+        if self.planners and self.processes:
+            raise ArgumentError("planners", "robots in processes of their own plan there")
 
 
 def play(

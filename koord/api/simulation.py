@@ -34,6 +34,7 @@ def simulate(
     check_summaries: bool = False,
     processes: bool = False,
     kernels: bool = True,
+    planners: int = 0,
     schedule: str | PathLike[str] | None = None,
     html: str | PathLike[str] | None = None,
     view: View = "2d",
@@ -54,6 +55,7 @@ def simulate(
     it is to ``keep_going``. ``check_summaries`` holds every answer of an external function against
     the summary that is verified with. With ``processes`` each robot is a process of its own, over
     UDP. Long runs go over to machine code, which does the same, but not if ``kernels`` is False.
+    So many processes as ``planners`` says look for robots' ways meanwhile, which changes no run.
     ``schedule`` is a trace, such as a counterexample, that is played instead.
 
     Files are written where they are named: ``html`` (a page that shows the run, from above or, with
@@ -78,13 +80,14 @@ def simulate(
     )
     outputs.check()
     request = SimulationRequest(
-        rounds, duration_s, keep_going, check_summaries, processes, outputs, kernels
+        rounds, duration_s, keep_going, check_summaries, processes, outputs, kernels, planners
     )
+    request.check()
     if schedule is None:
         fitted = fit(fit_request(program, config, params, robots, seed, delta_s))
         return simulate_fitted(fitted, request, progress, cancellation)
     given = (config, params, robots, seed, delta_s, trace)
-    if processes or any(one is not None for one in given):
+    if processes or planners or any(one is not None for one in given):
         story = "a recorded run is played as it is: only its end and its outputs can be chosen"
         raise ArgumentError("schedule", story)
     from koord.api.rehearsal import rehearse
@@ -119,4 +122,5 @@ def simulate_fitted(
         tracing=None if tracing is None else tracing.hear,
         kernels=request.kernels,
     )
+    made.fleet.plan_with(request.planners)
     return play(fitted, made, request, tracing, progress, cancellation)

@@ -96,6 +96,10 @@ def jobs(text: str) -> int:
     return _whole(text, "jobs", 1, MOST_JOBS)
 
 
+def planners(text: str) -> int:
+    return _whole(text, "planners", 0, MOST_JOBS)
+
+
 def seed(text: str) -> int:
     return _whole(text, "a seed", 0, 2**64 - 1)
 

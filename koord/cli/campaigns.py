@@ -27,7 +27,7 @@ from koord.cli.terminal import Paint, style_of, visible
 
 def campaign_request(arguments: argparse.Namespace) -> CampaignRequest:
     """Make the request of a campaign. Raises ArgumentTypeError and KoordError, before long work."""
-    of_one = ("trace", "record", "processes", "live", "pace")
+    of_one = ("trace", "record", "processes", "planners", "live", "pace")
     given = [f"--{name}" for name in of_one if getattr(arguments, name)]
     if given:
         those = " and ".join(given)

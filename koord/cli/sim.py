@@ -19,6 +19,7 @@ from koord.cli.arguments import (
     delta,
     jobs,
     pace,
+    planners,
     read_by,
     rounds,
     runs,
@@ -91,6 +92,13 @@ def configure(parser: argparse.ArgumentParser) -> None:
         default="on",
         help="whether programs of long runs go over to machine code (koord[fast]), which does the "
         "same more quickly (on)",
+    )
+    parser.add_argument(
+        "--planners",
+        metavar="N",
+        type=planners,
+        default=0,
+        help="so many processes look for robots' ways meanwhile; the run is the same (0)",
     )
     parser.add_argument(
         "--schedule",
@@ -230,6 +238,7 @@ def main(arguments: argparse.Namespace) -> int:
     check_files(read_by(arguments))
     is_campaign = any(x is not None for x in (arguments.runs, arguments.sweep, arguments.until))
     request = _request(arguments)
+    request.check()
     if is_campaign:
         from koord.cli.campaigns import campaign, campaign_request
 
@@ -272,6 +281,7 @@ def _request(arguments: argparse.Namespace) -> SimulationRequest:
         processes=arguments.processes,
         outputs=outputs,
         kernels=arguments.kernels == "on",
+        planners=arguments.planners,
     )
 
 
@@ -305,6 +315,7 @@ def _rehearse(arguments: argparse.Namespace) -> int:
         "--sweep": arguments.sweep is not None,
         "--trace": arguments.trace is not None,
         "--processes": arguments.processes,
+        "--planners": arguments.planners != 0,
     }
     for name, is_given in given.items():
         if is_given:

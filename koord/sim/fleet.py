@@ -19,7 +19,6 @@ from koord.runtime.motion.arrays import Bools, Floats, Ints, lengths
 from koord.runtime.motion.geometry import as_path
 from koord.runtime.motion.group import TAKEOFF_M, TICK_S
 from koord.runtime.motion.planning import Hindrance, Plight
-from koord.runtime.motion.workers import wanted
 from koord.runtime.motion.world import Point, World
 from koord.runtime.plugins.calls import PlugInError
 from koord.sim.disturbances import spawned
@@ -56,7 +55,7 @@ class Fleet:
 
     With ``only`` one of them is simulated, as it would be among the others, and nobody else is
     there: so each process of a run simulates its own robot. So many ``planners`` are processes that
-    plan meanwhile, as many as the environment asks for if nothing is said.
+    plan meanwhile.
     """
 
     def __init__(
@@ -65,13 +64,11 @@ class Fleet:
         robots: Sequence[Placed],
         seed: int = 0,
         only: int | None = None,
-        planners: int | None = None,
+        planners: int = 0,
     ) -> None:
         self.world, self.robots, self.ticks = world, tuple(robots), 0
         self._only = only
         whole = np.random.SeedSequence(seed)
-        if planners is None:
-            planners = wanted() if only is None else 0
         engines = self._engines = Engines(world, planners)
         self._squads: list[tuple[Squad, Ints]] = []
         self._where: list[tuple[int, int]] = [(0, 0)] * len(robots)
@@ -168,6 +165,10 @@ class Fleet:
                 assert isinstance(members, PointSquad)
                 members.put(where[numbers])
             watch(self)
+
+    def plan_with(self, planners: int) -> None:
+        """Let so many processes plan meanwhile, from the first plan on."""
+        self._engines.workers.count = planners
 
     def close(self) -> None:
         """End the processes that plan; a fleet that goes on plans without."""

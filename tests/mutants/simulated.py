@@ -57,6 +57,13 @@ SIMULATED = (
         (DRIVEN,),
     ),
     Mutant(
+        "who simulates does not hand on how many plan",
+        "api.simulation.simulate_fitted",
+        "request.planners",
+        "0",
+        (PLANNERS,),
+    ),
+    Mutant(
         "who plans for others takes another seed",
         "runtime.motion.workers._work",
         "planners[planner].plan(start, goal, seed)",

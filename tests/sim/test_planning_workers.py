@@ -17,13 +17,14 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
+import koord
 from koord.api.fitting import FitRequest, fit
 from koord.api.sim_setup import simulation
 from koord.runtime.configuration.checking import load
 from koord.runtime.motion.arrays import Floats
 from koord.runtime.motion.bodies import Car, Drone, PlannerName
 from koord.runtime.motion.planning import Pose
-from koord.runtime.motion.workers import VARIABLE, Workers, wanted
+from koord.runtime.motion.workers import Workers
 from koord.runtime.motion.world import Point
 from koord.sim.fleet import Fleet, Placed
 from koord.sim.running import Ending, Simulation
@@ -165,18 +166,39 @@ devices: {car: {bot_type: CAR, planner: RRT_CAR}}
 
 
 @pytest.mark.parametrize("count", [0, 2])
-def test_the_end_of_a_run_ends_them(count: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv(VARIABLE, str(count))
+def test_the_end_of_a_run_ends_them(count: int) -> None:
     made = simulation(
         fit(FitRequest(Source("one.krd", PROGRAM_OF_ONE), load(Source("one.yaml", ONE)), (), {})),
         Simulation,
     )
+    made.fleet.plan_with(count)
     made.begin()
     made.round()
     processes = workers(made.fleet).processes
     assert len(processes) == count
     made.end(Ending.LIMIT)
     assert not any(process.is_alive() for process in processes)
+
+
+@pytest.mark.parametrize("count", [0, 2])
+def test_who_simulates_says_how_many_plan(count: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    at_the_end = []
+
+    def close(fleet: Fleet) -> None:
+        at_the_end.append(len(workers(fleet).processes))
+        ended(fleet)
+
+    ended = Fleet.close
+    monkeypatch.setattr(Fleet, "close", close)
+    made = koord.simulate(
+        Source("one.krd", PROGRAM_OF_ONE), Source("one.yaml", ONE), duration_s=1.0, planners=count
+    )
+    assert at_the_end == [count]
+    alone = koord.simulate(
+        Source("one.krd", PROGRAM_OF_ONE), Source("one.yaml", ONE), duration_s=1.0
+    )
+    assert made.figures.digest == alone.figures.digest
+    assert made.figures.distance_m > 0
 
 
 def test_nothing_is_forked_beside_other_threads() -> None:
@@ -243,15 +265,3 @@ def _is_there(pid: int) -> bool:
             return file.read().rpartition(")")[2].split()[0] != "Z"
     except OSError:
         return False
-
-
-@pytest.mark.parametrize(
-    ("said", "count"), [(None, 0), ("", 0), ("2", 2), (" 1 ", 1), ("many", 0), ("-1", 0)]
-)
-def test_the_environment_says_how_many(
-    said: str | None, count: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.delenv(VARIABLE, raising=False)
-    if said is not None:
-        monkeypatch.setenv(VARIABLE, said)
-    assert wanted() == count

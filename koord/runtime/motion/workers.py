@@ -24,20 +24,11 @@ from koord.runtime.motion.arrays import Floats
 from koord.runtime.motion.planning import Planner, Pose
 from koord.runtime.motion.world import Point
 
-#: What says in the environment how many processes plan; none, if it is no whole number.
-VARIABLE = "KOORD_PLANNERS"
-
 #: So many plans are given to a process at a time, so that it never waits for more.
 _AHEAD = 2
 
 #: A process that does not end by itself within this time is killed.
 _PATIENCE_S = 1.0
-
-
-def wanted() -> int:
-    """The number of processes that the environment asks for."""
-    text = os.environ.get(VARIABLE, "").strip()
-    return int(text) if text.isascii() and text.isdigit() else 0
 
 
 class Job(Struct, eq=False):
@@ -59,10 +50,13 @@ class _Worker(Struct, eq=False):
 
 
 class Workers:
-    """So many processes that plan, or none: then each plan is made when it is due."""
+    """So many processes that plan, or none: then each plan is made when it is due.
+
+    ``count`` may be set until the first plan is asked for.
+    """
 
     def __init__(self, count: int = 0) -> None:
-        self._count = count
+        self.count = count
         self._planners: list[Planner] = []
         self._workers: list[_Worker] = []
         self._begun: list[tuple[BaseProcess, Connection]] = []
@@ -120,13 +114,13 @@ class Workers:
 
     def _begin(self) -> None:
         """Fork the processes, if that can be done without harm."""
-        if self._count == 0 or "fork" not in get_all_start_methods():
+        if self.count == 0 or "fork" not in get_all_start_methods():
             return
         # A fork has none of the other threads, and what they hold for ever.
         if threading.active_count() > 1 or current_process().daemon:
             return
         context = get_context("fork")
-        for _ in range(self._count):
+        for _ in range(self.count):
             ours, theirs = context.Pipe()
             others = [*(wire for _, wire in self._begun), ours]
             process = context.Process(
