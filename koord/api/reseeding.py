@@ -55,7 +55,7 @@ class Reseeding:
             fitted = fit(replace(self._request, seed=seed))
             return fitted, build(fitted)
         classes = self._compiler.classes(fitted.program.core)
-        return fitted, Built(cast(fitted, classes), self._claims)
+        return fitted, Built(cast(fitted, classes, self._claims), self._claims)
 
     def _fitted(self, seed: int) -> Fitted | None:
         first, request = self._first, self._request

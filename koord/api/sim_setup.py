@@ -39,12 +39,16 @@ _LONG_S, _ENDLESS_S = 600.0, 120.0
 _MOST_TOLD = 10
 
 
-def cast(fitted: Fitted, classes: tuple[type[Robot], ...] | None = None) -> Cast:
-    """The program, compiled: to these classes, if it is known already."""
+def cast(
+    fitted: Fitted,
+    classes: tuple[type[Robot], ...] | None = None,
+    claims: Watched | None = None,
+) -> Cast:
+    """The program, compiled: to these classes, if it is known already; and its claims with it."""
     program, source = fitted.program.core, fitted.program.source
     differing = fitted.problem.differing
     classes = loaded(compiled(program)) if classes is None else classes
-    turns = LazyTurns(program)
+    turns = LazyTurns(program, claims)
     return Cast(source.name, source.text, classes, fitted.kinds, differing, turns)
 
 
@@ -57,7 +61,8 @@ class Built(Struct, frozen=True):
 
 def build(fitted: Fitted) -> Built:
     """Compile a program and its claims, as :func:`simulation` needs them."""
-    return Built(cast(fitted), watched(fitted.program.core, slack_of(fitted)))
+    claims = watched(fitted.program.core, slack_of(fitted))
+    return Built(cast(fitted, claims=claims), claims)
 
 
 def fallback(fitted: Fitted) -> Callable[[Host], Host] | None:

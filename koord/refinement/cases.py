@@ -143,15 +143,17 @@ def generated(
 ) -> Case:
     """The case of a generated program, determined by the seed.
 
-    Properties and assumptions are left out: they say nothing to what runs, and looking for a start
-    that meets a random assumption would take most of the time.
+    Assumptions are left out: looking for a start that meets a random one would take most of the
+    time. Properties say nothing to what runs; machine code looks at them as it does at turns.
     """
     rng = Random(seed)
     sort = rng.choice(
         (ProgramFamily.CALM, ProgramFamily.CALM, ProgramFamily.GENERAL, ProgramFamily.WILD)
     )
     system = generated_system(rng, sort.profile)
-    system = replace(system, program=replace(system.program, assumptions=(), properties=()))
+    properties = system.program.properties if target is Target.KERNELS else ()
+    program = replace(system.program, assumptions=(), properties=properties)
+    system = replace(system, program=program)
     policy = rng.choice((SchedulePolicy.RANDOM, SchedulePolicy.RANDOM, SchedulePolicy.DEPLOYED))
     sources = Sources(Source("generated", ""))
     return Case(system, sources, policy, rounds, seed, _LARGEST, target, faults)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from random import Random
+from typing import TYPE_CHECKING
 
 from msgspec import Struct, field
 from msgspec.structs import replace
@@ -30,6 +31,9 @@ from koord.syntax.source import Span
 from koord.syntax.system import System
 from koord.syntax.walk import nodes
 from koord.traces.trace import Emitted, Numbers, Sources, Trace
+
+if TYPE_CHECKING:
+    from koord.refinement.sure_claims import SureClaims
 
 
 class Compiled(Struct, frozen=True):
@@ -157,7 +161,8 @@ def run(
 ) -> CompiledRun:
     """Run a compiled program for so many rounds, or until it faults or stops.
 
-    With ``kernels`` its turns are made by machine code from the first round on, where there is any.
+    With ``kernels`` its turns are made by machine code from the first round on, where there is any,
+    and of whatever properties code is sure of, the reference has to be.
 
     A run ends, too, when a variable holds more than ``largest`` scalars, or digits of a number:
     programs that nobody wrote let lists double in every round.
@@ -168,10 +173,12 @@ def run(
     translation = Translation(system, made.names)
     host = SampledHost(translation, SampledInputs(Sampler(system, Numbers.DOUBLE, rng)))
     recorder = Recorder(made, translation)
-    fleet = engine_of(made, system, host, kernels=kernels)
+    claims = _claims_of(system) if kernels else None
+    turns = None if claims is None else claims.turns
+    fleet = engine_of(made, system, host, kernels=kernels, turns=turns)
     gave_up: KoordError | None = None
     try:
-        _play(fleet, host, recorder, schedule, rounds, largest)
+        _play(fleet, host, recorder, schedule, rounds, largest, claims)
     except KoordError as error:
         gave_up = error
     recording = Recording(recorder.opening, tuple(recorder.rounds))
@@ -181,17 +188,35 @@ def run(
     return replace(ran, counts=counts)
 
 
-def engine_of(made: Compiled, system: System, host: Host, *, kernels: bool) -> RoundEngine:
+def _claims_of(system: System) -> SureClaims | None:
+    """The properties that machine code looks at; None where there is no NumPy."""
+    with suppress(ModuleNotFoundError):
+        from koord.refinement.sure_claims import SureClaims
+
+        return SureClaims(system)
+    return None
+
+
+def engine_of(
+    made: Compiled,
+    system: System,
+    host: Host,
+    *,
+    kernels: bool,
+    turns: LazyTurns | None = None,
+) -> RoundEngine:
     """The engine of a run; with ``kernels`` by machine code from the first round on, if it can be.
 
-    Without NumPy, which comes with the extras of worlds, it cannot.
+    ``turns`` is that code, if somebody has asked for more than turns. Without NumPy, which comes
+    with the extras of worlds, it cannot.
     """
     given = (made.classes, system.kinds, float(system.delta_s), host)
     if kernels:
         with suppress(ModuleNotFoundError):
             from koord.runtime.columns.engine import ColumnEngine
 
-            return ColumnEngine(*given, LazyTurns(system.program), after=0)
+            code = LazyTurns(system.program) if turns is None else turns
+            return ColumnEngine(*given, code, after=0)
     return RoundEngine(*given)
 
 
@@ -202,7 +227,12 @@ def _play(
     schedule: Schedule,
     rounds: int,
     largest: int | None,
+    claims: SureClaims | None,
 ) -> None:
+    def check(configuration: Configuration[Constant]) -> None:
+        if claims is not None:
+            claims.check(fleet, configuration, inputs)
+
     inputs = host.inputs
     order = schedule.order(INIT_ROUND, host.system.robots)
     host.settle_start(order)
@@ -216,9 +246,12 @@ def _play(
             return
         decision = fleet.program_turns(schedule)
         if decision.fault is None:
-            host.settle_readings(host.translation.configuration(fleet))
+            configuration = host.translation.configuration(fleet)
+            check(configuration)
+            host.settle_readings(configuration)
             fleet.environment_turn()
         recorder.round(decision, inputs.recorded_readings(), inputs.recorded_answers(), fleet)
+        check(recorder.configurations[-1])
 
 
 def size_of(robot: Robot) -> int:

@@ -7,10 +7,10 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from functools import lru_cache
+from functools import lru_cache, partial
 from itertools import chain, compress, product
 from operator import is_not, itemgetter
-from typing import Any
+from typing import Any, Protocol
 
 from msgspec import Struct, field
 
@@ -23,6 +23,9 @@ from koord.runtime.watch import Watch
 
 #: So many looks back it is known what has changed; a claim is looked at at least every other time.
 _LOOKS = 4
+
+#: The look of a claim of which nothing is known of what has changed since.
+_NEVER = -_LOOKS
 
 #: Of values, so much is shown.
 _LONGEST = 120
@@ -80,7 +83,7 @@ class _Stated(Struct):
     claim: WatchedClaim
     robots: tuple[Sequence[int], ...]
     broken: set[tuple[int, ...]] = field(default_factory=set)
-    looked: int = -1  #: when it was looked at last
+    looked: int = _NEVER  #: when it was looked at last
 
 
 class _Changes:
@@ -177,6 +180,14 @@ class _Changes:
         return found
 
 
+class Judge(Protocol):
+    """Who says of claims, without them, of whom it is sure that they hold."""
+
+    def unsure(self, method: str) -> Sequence[tuple[int, ...]] | None:
+        """The robots of which it is not sure that a claim holds; None: it may be any."""
+        ...
+
+
 class StateMonitor:
     """A monitor of invariants and assumptions.
 
@@ -198,6 +209,10 @@ class StateMonitor:
                 self._stated[claim.sort].append(_Stated(claim, whose))
                 chosen.append(claim)
         self._changes = _Changes(chosen)
+        self._judge: Judge | None = None
+        #: What is seen and not noted yet, as it may be that nobody asks what has changed.
+        self._seen: Callable[[], None] | None = None
+        self._is_noted = True  #: whether changes are those since the last look
 
     @property
     def unknown(self) -> set[str]:
@@ -208,12 +223,29 @@ class StateMonitor:
         robots: Sequence[Robot | UnknownRobot],
         values: Mapping[str, Any],
         only: Iterable[int] | None = None,
+        judge: Judge | None = None,
     ) -> None:
         """Take the present state: of the robots, and the values that they share.
 
-        ``only`` are those whose variables may have changed since, if that is known.
+        ``only`` are those whose variables may have changed since, if that is known. ``judge`` knows
+        the same state.
         """
         self.watch.look(robots, values)
+        self._judge = judge
+        note = partial(self._note, robots, values, only if self._is_noted else None)
+        if judge is None:
+            note()
+        else:
+            self._seen, self._is_noted = note, False
+
+    def _note(
+        self,
+        robots: Sequence[Robot | UnknownRobot],
+        values: Mapping[str, Any],
+        only: Iterable[int] | None,
+    ) -> None:
+        """Note what has changed since the last note."""
+        self._seen, self._is_noted = None, True
         if only is not None and self._changes.look:
             self._changes.note_some({pid: vars(robots[pid]) for pid in only}, values)
             return
@@ -240,10 +272,27 @@ class StateMonitor:
         What nothing has changed of since it was last looked at is as it was.
         """
         claim, broken = stated.claim, stated.broken
+        unsure = None if self._judge is None else self._judge.unsure(claim.method)
+        if unsure is not None:
+            stated.looked = _NEVER
+            broken.clear()
+            if not unsure:
+                self._judged.add(named(claim))
+                return []
+            self._hold(stated, unsure)
+            return sorted(broken)
+        if self._seen is not None:
+            self._seen()
         changed = self._changes.since(stated.looked, claim)
         stated.looked = self._changes.look
+        self._hold(stated, _tuples(stated.robots, changed))
+        return sorted(broken) if broken else []
+
+    def _hold(self, stated: _Stated, several: Iterable[tuple[int, ...]]) -> None:
+        """Look at a claim for some robots."""
+        claim, broken = stated.claim, stated.broken
         holds, is_judged = getattr(self.watch, claim.method), False
-        for robots in _tuples(stated.robots, changed):
+        for robots in several:
             try:
                 is_so = holds(*robots)
             except FaultError:  # [PROP-FAULT]
@@ -258,7 +307,6 @@ class StateMonitor:
                 broken.discard(robots)
         if is_judged:
             self._judged.add(named(claim))
-        return sorted(broken) if broken else []
 
 
 def _is_unknown(one: object) -> bool:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
+from koord.runtime.columns.engine import ColumnEngine
 from koord.runtime.compile.watching import Watched, WatchedClaim, WatchedKind
 from koord.runtime.monitors import ContractMonitor, StateMonitor, SummaryMonitor, named, watch_type
 from koord.runtime.motion.world import Point
@@ -34,6 +35,7 @@ class Watching:
 
     def __init__(self, watched: Watched, run: Simulation) -> None:
         classes, watch = run.cast.classes, watch_of(watched, run)
+        self._watched = watched
         self._states = StateMonitor(watch, watched.claims, run.cast.kinds)
         self._contracts = ContractMonitor(watch, watched.claims, len(classes))
         self._measured = [list(_measured(one)) for one in classes]
@@ -55,7 +57,8 @@ class Watching:
             return
         # Between the environment's turn and this moment only events change variables of robots.
         only = run.acted if moment is WatchPoint.EVENTS else None
-        self._states.see(engine.robots, engine.store.values, only)
+        judge = engine.judge(self._watched) if isinstance(engine, ColumnEngine) else None
+        self._states.see(engine.robots, engine.store.values, only, judge)
         time_s = run.fleet.now_s
         for claim, robots in self._states.broken(_SORTS[moment]):
             place = _place(run, robots[0]) if robots else None

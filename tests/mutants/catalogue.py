@@ -6,6 +6,7 @@ from tests.mutants.bridged import BRIDGED
 from tests.mutants.cached import CACHED
 from tests.mutants.catalogue_bits import BITS
 from tests.mutants.catalogue_certified import CERTIFIED
+from tests.mutants.catalogue_claims import JUDGING
 from tests.mutants.catalogue_columns import COLUMNS
 from tests.mutants.catalogue_compiled import COMPILED
 from tests.mutants.catalogue_exported import EXPORTED
@@ -991,6 +992,7 @@ MUTANTS = (
     *HORN,
     *BITS,
     *KERNELS,
+    *JUDGING,
     *COLUMNS,
     *LANES,
     *RUNS,

@@ -52,14 +52,16 @@ def generated(seed: int, count: int) -> Iterator[Tried]:
     ("seed", "count"), [(0, FEW), *(pytest.param(k, MANY, marks=pytest.mark.slow) for k in (1, 2))]
 )
 def test_generated_programs_do_by_machine_code_what_the_rules_allow(seed: int, count: int) -> None:
-    by_code = in_doubt = 0
+    by_code = in_doubt = sure = 0
     for found in generated(seed, count):
         assert not found.failed, (found.case.seed, found.refused, found.crash)
         if found.ran is not None and found.ran.counts is not None:
             by_code += found.ran.counts.by_code
             in_doubt += found.ran.counts.in_doubt
+            sure += found.ran.counts.claims_by_code
     assert by_code > count
     assert in_doubt > 0
+    assert sure > count // 2
 
 
 def history(case: Case, made: Compiled, *, by_code: bool) -> tuple[list[str], Counts]:

@@ -16,9 +16,11 @@ from koord.runtime.columns.columns import Columns
 from koord.runtime.columns.counts import Counts
 from koord.runtime.columns.deciding import decided
 from koord.runtime.columns.effects import Deed, EventCode
+from koord.runtime.columns.judging import CodeJudge
 from koord.runtime.compile.machine.layout import Column
 from koord.runtime.compile.machine.lazy import LazyTurns
 from koord.runtime.compile.machine.made import Effect, Turns
+from koord.runtime.compile.watching import Watched
 from koord.runtime.engine import Deployed, RoundEngine, Schedule
 from koord.runtime.motion.arrays import Bools, Ints
 from koord.runtime.proposals import Decision, Proposal
@@ -127,6 +129,7 @@ class ColumnEngine(RoundEngine):
         self.after = after
         self._gone = 0
         self.fleet: _Fleet | None = None
+        self._judge: tuple[Watched | None, CodeJudge] | None = None
         #: Robots that have events in buffers, and those that ran one, since the last round.
         self._had: list[int] = []
         self._ran: list[int] = []
@@ -179,6 +182,12 @@ class ColumnEngine(RoundEngine):
         for pid in self.measured.asked:
             columns.take(self.robots[pid])
 
+    def judge(self, watched: Watched) -> CodeJudge | None:
+        """A judge of claims about the state as it is now, if machine code has been made for it."""
+        if self._judge is None or self._judge[0] is not watched:
+            return None
+        return self._judge[1]
+
     # --- going over to machine code ---------------------------------------------------------------
 
     def _ready(self) -> _Fleet | None:
@@ -200,6 +209,8 @@ class ColumnEngine(RoundEngine):
             fleet.is_stopped[robot.pid] = robot.status is Status.STOPPED
             self._running -= robot.status is not Status.RUNNING
         fleet.settle()
+        judge = CodeJudge(turns.claims, self._kinds, columns.state)
+        self._judge = turns.watched, judge
         self._had = self._ran = list(range(len(self.robots)))
         return fleet
 

@@ -40,6 +40,7 @@ class WatchedClaim(Struct, frozen=True):
 
     An invariant is given robots, of the ``agents`` that it is about (None: of any); a contract is
     of the robots of one agent; a summary is given the arguments of ``function`` and its answer.
+    ``stated`` is the function of the core program that the method is compiled from.
     """
 
     name: str
@@ -49,6 +50,7 @@ class WatchedClaim(Struct, frozen=True):
     agents: tuple[int | None, ...] = ()
     function: str = ""
     looks: Looks | None = None
+    stated: str = ""
 
 
 class Looks(Struct, frozen=True):
@@ -64,10 +66,14 @@ class Looks(Struct, frozen=True):
 
 
 class Watched(Struct):
-    """The claims of a program, and the text of the module that checks them."""
+    """The claims of a program, the text of the module that checks them, and the core program of it.
+
+    That has the claims as functions.
+    """
 
     claims: tuple[WatchedClaim, ...]
     text: str
+    program: core.Program
 
 
 def watched(program: core.Program, slack: Fraction) -> Watched:
@@ -106,7 +112,7 @@ class _Gathering(Struct):
         made = replace(self.program, functions=functions)
         watching = _WatchModule(made, PythonNames(self.program), self.claims)
         claims = tuple(replace(c, method=watching.names.methods[c.method]) for c in self.claims)
-        return Watched(claims, watching.text())
+        return Watched(claims, watching.text(), made)
 
     def _of_robots(
         self, name: str, sort: WatchedKind, span: Span, e: core.Expr, bound: int
@@ -172,7 +178,7 @@ class _Gathering(Struct):
         made = core.Function(called, tuple(parameters), BOOL, body, bound, span=span)
         self.functions.append(made)
         looks = None if sort is WatchedKind.SUMMARY else _looks(self.program, e, parameters)
-        self.claims.append(WatchedClaim(name, sort, span, called, agents, function, looks))
+        self.claims.append(WatchedClaim(name, sort, span, called, agents, function, looks, called))
 
 
 def _all(conditions: tuple[core.Expr, ...]) -> core.Expr:

@@ -105,6 +105,9 @@ class Body:
         self.locks: Ir = None
         self.asked: Ir = None
         self.budget = budget
+        #: Of a claim, the robots that bound variables stand for, with their kinds, by slot; None of
+        #: a kind that is not known. None in turns.
+        self.watched: dict[int, tuple[Ir, int | None]] | None = None
 
     # --- doubt ------------------------------------------------------------------------------------
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from fractions import Fraction
 
-from koord.machine.code import F64, I1, Ir, real, word
+from koord.machine.code import F64, I1, I64, Ir, real, word
 from koord.runtime.compile.machine.body import Body, Cells, Frame, Position, Value
 from koord.runtime.compile.machine.layout import Leaf, NoCodeError, leaves, part_at
 from koord.syntax import core
@@ -42,7 +42,7 @@ def expression(body: Body, e: core.Expr) -> Value:
             return [_binary(body, e)]
         case core.Unary():
             return [_unary(body, e)]
-        case core.Pid():
+        case core.Pid() if body.watched is None:
             return [body.robot]
         case core.NumAgents():
             return [body.count]
@@ -64,6 +64,8 @@ def expression(body: Body, e: core.Expr) -> Value:
             return [_builtin(body, e)]
         case core.Call():
             return _call(body, e)
+        case core.Quantified():
+            return [_quantified(body, e)]
         case _:
             raise NoCodeError(type(e).__name__)
 
@@ -308,12 +310,55 @@ def _over_robots(body: Body, op: ListOp, e: core.Expr) -> Ir:
     return b.load(found)
 
 
+# --- quantifiers ----------------------------------------------------------------------------------
+
+
+def _quantified(body: Body, e: core.Quantified) -> Ir:
+    """Compile a quantifier of a claim over robots or numbers; in order, as Python. [E-QUANT]"""
+    watched, variable, b = body.watched, e.variable, body.b
+    if watched is None or variable.slot in watched or body.frame.result is not None:
+        raise NoCodeError("a quantifier")
+    kind: int | None = None
+    match e.domain:
+        case core.RobotRange(agent=agent) if agent is None or len(body.program.agents) == 1:
+            low, high = word(0), body.count
+            kind = 0 if len(body.program.agents) == 1 else None
+        case core.IntRange():
+            (low,), (high,) = expression(body, e.domain.low), expression(body, e.domain.high)
+        case _:
+            raise NoCodeError("values of many kinds")
+    is_forall = e.quantifier is core.QuantifierKind.FORALL
+    found, trip = body.code.slot(I1), body.code.slot(I64)
+    b.store(body.bit(is_forall), found)
+    b.store(low, trip)
+    head, inside, decided, after = (
+        b.append_basic_block(name) for name in ("head", "body", "decided", "after")
+    )
+    b.branch(head)
+    b.position_at_end(head)
+    now = b.load(trip)
+    b.cbranch(b.icmp_signed("<", now, high), inside, after)
+    b.position_at_end(inside)
+    body.store(body.bound(variable), 0, variable.type, [now])
+    is_robot = isinstance(e.domain, core.RobotRange)
+    watched[variable.slot] = (now if is_robot else None, kind)
+    holds = truth(body, e.body)
+    del watched[variable.slot]
+    b.store(b.add(now, word(1)), trip)
+    b.cbranch(holds, *((head, decided) if is_forall else (decided, head)))
+    b.position_at_end(decided)
+    b.store(body.bit(not is_forall), found)
+    b.branch(after)
+    b.position_at_end(after)
+    return b.load(found)
+
+
 # --- places ---------------------------------------------------------------------------------------
 
 
 def read(body: Body, place: core.Place) -> Value:
     """Compile the read of a place. [LOOKUP]"""
-    if place.robot is not None or place.primed:
+    if (place.robot is not None and body.watched is None) or place.primed:
         raise NoCodeError("another robot's")
     cells, first, type_ = located(body, place)
     return body.load(cells, first, type_)
@@ -333,6 +378,8 @@ def located(body: Body, place: core.Place) -> tuple[Cells, Position, Type]:
                 body.doubt_if(body.b.icmp_unsigned(">=", robot, body.count))
             cells, type_ = entry_cells(body, variable, robot), variable.own_type
             steps = steps[1:]
+        case Home.LOCAL | Home.PORT if body.watched is not None:
+            cells, type_ = _held_cells(body, place), variable.type
         case _:
             cells, type_ = variable_cells(body, variable), variable.type
     first: Position = 0
@@ -362,6 +409,36 @@ def variable_cells(body: Body, variable: core.Variable) -> Cells:
     if variable.home is Home.ALLWRITE:
         return body.cells_at(body.shared, body.shared_flags, column.first)
     return body.cells_of(column, body.robot)
+
+
+def _held_cells(body: Body, place: core.Place) -> Cells:
+    """The cells of a variable of a robot that a claim names. [PROP-READ]
+
+    In doubt if there is no such robot.
+    """
+    named, robot, kind = place.robot, None, None
+    # The slots of functions that are written out are others.
+    if body.watched is None or named is None or body.frame.result is not None:
+        raise NoCodeError("nobody's")
+    match named:
+        case core.Read(place=core.Place(variable=core.Variable(home=Home.BOUND) as v, steps=())):
+            robot, kind = body.watched.get(v.slot, (None, None))
+    if robot is None and len(body.program.agents) == 1:
+        kind = 0
+        (robot,) = expression(body, named)
+        body.doubt_if(body.b.icmp_unsigned(">=", robot, body.count))
+    if robot is None or kind is None:
+        raise NoCodeError("a robot of any kind")
+    return body.cells_of(body.layout.column(kind, _of_kind(body, kind, place.variable)), robot)
+
+
+def _of_kind(body: Body, kind: int, variable: core.Variable) -> core.Variable:
+    """What robots of a kind have of a name. [PROP-READ]"""
+    agent = body.program.agents[kind]
+    for one in (*agent.locals, *(port.declaration for port in agent.ports)):
+        if one.variable.name == variable.name and one.variable.type == variable.type:
+            return one.variable
+    raise NoCodeError("what robots of the kind do not have")
 
 
 def entry_cells(body: Body, variable: core.Variable, robot: Ir) -> Cells:

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 from koord.runtime.compile.machine.made import Turns
+from koord.runtime.compile.watching import Watched
 from koord.syntax import core
 
 
 class LazyTurns:
-    """The machine code of a program, made when it is asked for; None where there is none."""
+    """The machine code of a program, and of the claims that are watched, made when it is asked for.
 
-    def __init__(self, program: core.Program) -> None:
+    None where there is none.
+    """
+
+    def __init__(self, program: core.Program, watched: Watched | None = None) -> None:
         self.is_made = False
-        self._program = program
+        self._program, self._watched = program, watched
         self._turns: Turns | None = None
 
     def __call__(self) -> Turns | None:
@@ -22,5 +26,5 @@ class LazyTurns:
                 from koord.runtime.compile.machine.turns import turns_of
             except ModuleNotFoundError:
                 return None
-            self._turns = turns_of(self._program)
+            self._turns = turns_of(self._program, self._watched)
         return self._turns

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from msgspec import Struct
+from msgspec import Struct, field
 
 from koord.runtime.compile.machine.layout import Column, Layout
+from koord.runtime.compile.watching import Watched
 
 #: What a turn says: no, or done; yes; in doubt.
 NO, YES, IN_DOUBT = 0, 1, 2
@@ -42,8 +43,27 @@ class KindTurns(Struct, frozen=True, eq=False):
     without: int  #: bits of events whose guards have no code, which are in doubt at any time
 
 
+class ClaimCode(Struct, frozen=True, eq=False):
+    """The machine code of a claim about robots of some kinds: of none, one or two robots.
+
+    ``run`` is given the state; numbers of robots for the first, how many, and the same for the
+    second; the address of pairs of words, and how many have room there. It writes down the robots
+    of which it is not sure that the claim holds, and says how many these are; if they are more than
+    have room, it says so and no more of them. Where there is no such robot a list has one element.
+    """
+
+    run: Callable[..., int]
+    kinds: tuple[int, ...]
+
+
 class Turns(Struct, frozen=True, eq=False):
-    """The machine code of a program's turns. None of a kind for which there is no use of it."""
+    """The machine code of a program's turns. None of a kind for which there is no use of it.
+
+    And of the claims of ``watched``, by method; they have code for all kinds that they are about,
+    or none.
+    """
 
     layout: Layout
     kinds: tuple[KindTurns | None, ...]
+    watched: Watched | None = None
+    claims: dict[str, tuple[ClaimCode, ...]] = field(default_factory=dict)

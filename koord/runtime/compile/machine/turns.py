@@ -25,6 +25,7 @@ from koord.machine.code import (
     word,
 )
 from koord.runtime.compile.machine.body import STATE, Body, Budget
+from koord.runtime.compile.machine.claims import ClaimsCode
 from koord.runtime.compile.machine.expressions import truth
 from koord.runtime.compile.machine.layout import Column, Layout, NoCodeError
 from koord.runtime.compile.machine.made import (
@@ -38,6 +39,7 @@ from koord.runtime.compile.machine.made import (
 )
 from koord.runtime.compile.machine.statements import block
 from koord.runtime.compile.naming import PythonNames
+from koord.runtime.compile.watching import Watched
 from koord.syntax import core
 from koord.syntax.core import Home
 from koord.syntax.walk import reached, written
@@ -46,9 +48,9 @@ from koord.syntax.walk import reached, written
 _MOST_BITS = 63
 
 
-def turns_of(program: core.Program) -> Turns | None:
-    """Compile the turns of a program; None where there is no use of it."""
-    return _Making(program).turns()
+def turns_of(program: core.Program, watched: Watched | None = None) -> Turns | None:
+    """Compile the turns of a program, and its claims; None where there is no use of it."""
+    return _Making(program, watched).turns()
 
 
 class _Written(Struct):
@@ -59,8 +61,8 @@ class _Written(Struct):
 
 
 class _Making:
-    def __init__(self, program: core.Program) -> None:
-        self.program = program
+    def __init__(self, program: core.Program, watched: Watched | None) -> None:
+        self.program, self.watched = program, watched
         self.module = new_module("turns")
         self.layout = Layout(PythonNames(program))
         self.budget = Budget()
@@ -71,6 +73,9 @@ class _Making:
         made = [self._kind(kind, agent) for kind, agent in enumerate(self.program.agents)]
         if not any(one is not None for one in made):
             return None
+        claims: ClaimsCode | None = None
+        if self.watched is not None:
+            claims = ClaimsCode(self.module, self.watched, self.layout, self.budget)
         try:
             loaded = Loaded(self.module)
         except TooMuchCodeError:
@@ -78,7 +83,8 @@ class _Making:
         kinds = tuple(
             None if one is None else self._found(loaded, kind, one) for kind, one in enumerate(made)
         )
-        return Turns(self.layout, kinds)
+        of_claims = {} if claims is None else claims.found(loaded)
+        return Turns(self.layout, kinds, self.watched, of_claims)
 
     def _found(self, loaded: Loaded, kind: int, written_: _Written) -> KindTurns:
         found: list[Effect | None] = []

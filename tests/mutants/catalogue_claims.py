@@ -1,0 +1,88 @@
+"""Mistakes in the machine code of claims, and in who believes it."""
+
+from __future__ import annotations
+
+from tests.mutants.mutant import Mutant
+
+CLAIMS_BY_CODE = "tests/runtime/test_claims_by_code.py"
+REFINED = "tests/refinement/test_kernels.py"
+
+JUDGING = (
+    Mutant(
+        "machine code takes doubt about a claim for a yes",
+        "runtime.compile.machine.claims.ClaimsCode._look",
+        "b.icmp_unsigned('!=', said, word(YES))",
+        "b.icmp_unsigned('==', said, word(0))",
+        (CLAIMS_BY_CODE,),
+    ),
+    Mutant(
+        "machine code takes all claims to hold",
+        "runtime.compile.machine.claims.ClaimsCode._look",
+        "b.icmp_unsigned('!=', said, word(YES))",
+        "b.icmp_unsigned('>', said, word(IN_DOUBT))",
+        (REFINED,),
+    ),
+    Mutant(
+        "claims by code read what robots have that there are not",
+        "runtime.compile.machine.expressions._held_cells",
+        "body.doubt_if(body.b.icmp_unsigned('>=', robot, body.count))",
+        "robot = body.b.urem(robot, body.count)",
+        (CLAIMS_BY_CODE,),
+    ),
+    Mutant(
+        "claims about other robots read the first one's variables",
+        "runtime.compile.machine.claims.ClaimsCode._holds",
+        "(robot, kind)",
+        "(one, kind)",
+        (CLAIMS_BY_CODE,),
+    ),
+    Mutant(
+        "kinds of robots have the columns of the first",
+        "runtime.compile.machine.expressions._held_cells",
+        "body.layout.column(kind, _of_kind(body, kind, place.variable))",
+        "body.layout.column(0, _of_kind(body, 0, place.variable))",
+        (CLAIMS_BY_CODE,),
+    ),
+    Mutant(
+        "by code some is all",
+        "runtime.compile.machine.expressions._quantified",
+        "(head, decided) if is_forall else (decided, head)",
+        "(head, decided)",
+        (CLAIMS_BY_CODE,),
+    ),
+    Mutant(
+        "by code some of nobody is so",
+        "runtime.compile.machine.expressions._quantified",
+        "body.bit(is_forall)",
+        "body.bit(True)",
+        (CLAIMS_BY_CODE,),
+    ),
+    Mutant(
+        "robots that have no room are not told",
+        "runtime.columns.judging.CodeJudge.unsure",
+        "count > self._room",
+        "False",
+        (CLAIMS_BY_CODE,),
+    ),
+    Mutant(
+        "what was broken once is so for good by code",
+        "runtime.monitors.StateMonitor._broken",
+        "broken.clear()",
+        "pass",
+        (CLAIMS_BY_CODE,),
+    ),
+    Mutant(
+        "changes that nobody asked about are forgotten",
+        "runtime.monitors.StateMonitor.see",
+        "only if self._is_noted else None",
+        "only",
+        (CLAIMS_BY_CODE,),
+    ),
+    Mutant(
+        "claims are judged as other claims are",
+        "runtime.columns.engine.ColumnEngine.judge",
+        "self._judge is None or self._judge[0] is not watched",
+        "self._judge is None",
+        (CLAIMS_BY_CODE,),
+    ),
+)
