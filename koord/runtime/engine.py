@@ -52,10 +52,14 @@ class Measured(Struct, frozen=True, eq=False):
 
 
 class Measurement(Struct, frozen=True):
-    """What sensors read, and the robots that were asked one by one."""
+    """What sensors read, and the robots that were asked one by one.
+
+    ``write`` lets robots have what they have not got yet of all that has been measured so far.
+    """
 
     changed: tuple[Measured, ...]
     asked: tuple[int, ...]
+    write: Callable[[], None]
 
 
 class RoundEngine:
@@ -73,8 +77,8 @@ class RoundEngine:
         host: Host,
     ) -> None:
         """Make an engine; ``kinds[i]`` is the position of robot i's class in ``classes``."""
-        self.robots = [classes[kind](pid, kinds, delta_s, host) for pid, kind in enumerate(kinds)]
-        self.has_models = any(robot.has_model for robot in self.robots)
+        self._robots = [classes[kind](pid, kinds, delta_s, host) for pid, kind in enumerate(kinds)]
+        self.has_models = any(robot.has_model for robot in self._robots)
         self.host = host
         #: Reads the sensors of all robots at once, where nobody listens to what each of them reads.
         self.reader: Callable[[Sequence[Robot]], Measurement] | None = None
@@ -86,9 +90,19 @@ class RoundEngine:
         self.shown: list[Shown] = []
 
     @property
+    def robots(self) -> list[Robot]:
+        """The robots, with all that they hold now."""
+        return self._robots
+
+    @property
+    def told_robots(self) -> list[Robot]:
+        """The robots, with all but where they are, which they may not have been told."""
+        return self._robots
+
+    @property
     def all_stopped(self) -> bool:
         """True if all robots have stopped."""
-        return all(robot.status is Status.STOPPED for robot in self.robots)
+        return all(robot.status is Status.STOPPED for robot in self._robots)
 
     def begin(self, order: Sequence[int] | None = None) -> Decision:
         """Run INIT, with the robots' writes in an order. [INIT]"""
@@ -131,7 +145,8 @@ class RoundEngine:
         Where a model faults, no robot's ports change. [FAULT]
         """
         if self.reader is not None and not self.has_models:
-            self.measured = self.reader(self.robots)
+            self.measured = self.reader(self._robots)
+            self._hand_out(self.measured)
             self.round += 1
             return
         readings = [self.host.read(robot) for robot in self.robots]
@@ -145,6 +160,10 @@ class RoundEngine:
             return
         for robot, ports in zip(self.robots, before, strict=True):
             vars(robot).update(ports)  # values never change, so these are as they were
+
+    def _hand_out(self, measured: Measurement) -> None:
+        """Let robots have what was measured."""
+        measured.write()
 
     def _act(self, decision: Decision) -> None:
         """Act on a decision: commit or discard each robot's turn. [SHARED-ASSIGN] [SKIP]"""

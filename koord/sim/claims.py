@@ -58,7 +58,8 @@ class Watching:
         # Between the environment's turn and this moment only events change variables of robots.
         only = run.acted if moment is WatchPoint.EVENTS else None
         judge = engine.judge(self._watched) if isinstance(engine, ColumnEngine) else None
-        self._states.see(engine.robots, engine.store.values, only, judge)
+        held = engine.robots if judge is None else engine.told_robots
+        self._states.see(held, engine.store.values, only, judge)
         time_s = run.fleet.now_s
         for claim, robots in self._states.broken(_SORTS[moment]):
             place = _place(run, robots[0]) if robots else None

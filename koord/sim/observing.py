@@ -13,7 +13,8 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from koord.runtime.engine import Ended, Shown
+from koord.runtime.columns.engine import ColumnEngine
+from koord.runtime.engine import Ended, RoundEngine, Shown
 from koord.runtime.motion.arrays import Floats, Ints
 from koord.runtime.motion.bodies import Body
 from koord.runtime.motion.world import World
@@ -199,7 +200,14 @@ class Observer:
     def _own_changes(self) -> list[LoggedChange]:
         """The changed variables of a robot. Has to be fast: for each robot in each round."""
         changes = []
-        for robot, own, were in zip(self.engine.robots, self._own, self._were, strict=True):
+        engine, touched = self.engine, None
+        if isinstance(engine, ColumnEngine):
+            touched = engine.touched()
+            robots: Sequence[Robot] = engine.told_robots
+        else:
+            robots = engine.robots
+        for pid in range(len(robots)) if touched is None else touched:
+            robot, own, were = robots[pid], self._own[pid], self._were[pid]
             values = vars(robot)
             for number, (name, plain) in enumerate(own):
                 value = values[name]
@@ -225,6 +233,21 @@ class Observer:
                 whole = to_plain(variable.shape, value)
                 changes.append(LoggedChange(SHARED, number, WHOLE, whole))
         return changes
+
+
+def deeds_in(decision: Decision, engine: RoundEngine) -> Deeds:
+    """The same as :func:`deeds_of`, of what an engine knows of its robots."""
+    idle = engine.idle(decision) if isinstance(engine, ColumnEngine) else None
+    if idle is None:
+        return deeds_of(decision, engine.told_robots)
+    had_events, stopped = idle
+    deeds = np.full(len(stopped), int(Idle.SKIPPED), np.int16)
+    deeds[had_events] = Idle.BLOCKED
+    deeds[stopped] = Idle.STOPPED
+    for taken in decision.ran:
+        if taken.event is not None:
+            deeds[taken.robot] = taken.event
+    return deeds
 
 
 def deeds_of(decision: Decision, robots: Sequence[Robot]) -> Deeds:
@@ -311,4 +334,4 @@ def _said(shown: Sequence[Shown]) -> Iterator[LoggedOutput]:
             yield LoggedOutput(one.robot, written.stream, " ".join(map(str, written.values)))
 
 
-__all__ = ["Observer", "deeds_of", "header_of"]
+__all__ = ["Observer", "deeds_in", "deeds_of", "header_of"]

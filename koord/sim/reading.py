@@ -7,6 +7,7 @@ Who listens to what robots read asks one by one.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 from itertools import repeat
 from typing import Any, TypeAlias
 
@@ -14,7 +15,7 @@ import numpy as np
 from msgspec import Struct
 
 from koord.runtime.engine import Measured, Measurement
-from koord.runtime.motion.arrays import Ints
+from koord.runtime.motion.arrays import Bools, Floats, Ints
 from koord.runtime.ports import DONE, PLACES, port_name
 from koord.runtime.robot import Robot
 from koord.runtime.shapes import BOOL, FLOAT, Record, Shape
@@ -32,6 +33,10 @@ class _Column(Struct, frozen=True):
     robots: Ints
     width: int
     convert: _Convert
+    #: Of all robots of the fleet, where it is, and whether it has not been told so yet; of
+    #: ``reached``, of nobody.
+    places: Floats
+    is_late: Bools
 
 
 class Reader:
@@ -51,7 +56,8 @@ class Reader:
         ]
         self._columns: list[_Column] = []
         for kind, program in enumerate(host.classes):
-            found = _columns(program, np.flatnonzero((kinds == kind) & ~np.array(alone)))
+            of_kind = np.flatnonzero((kinds == kind) & ~np.array(alone))
+            found = _columns(program, of_kind, len(kinds))
             if found is None:
                 alone = [one or kind == of for one, of in zip(alone, host.kinds, strict=True)]
             else:
@@ -60,7 +66,10 @@ class Reader:
         self._last: FleetSensors | None = None
 
     def read(self, robots: Sequence[Robot]) -> Measurement:
-        """Let all robots take the environment's turn, without models. [ENV-TRANS]"""
+        """Let all robots take the environment's turn, without models. [ENV-TRANS]
+
+        Where they are they are told when it is written.
+        """
         sensed, last = self._host.sensed, self._last
         asked = robots if last is None else [robots[pid] for pid in self._alone]
         readings = [self._host.read(robot) for robot in asked]
@@ -69,7 +78,7 @@ class Reader:
         self._last = sensed
         told = tuple(robot.pid for robot in asked)
         if last is None:
-            return Measurement((), told)
+            return Measurement((), told, _written)
         moved = sensed.position != last.position
         arrived = sensed.reached != last.reached
         # Robots that differ in so many of their first coordinates.
@@ -80,17 +89,37 @@ class Reader:
             changed = column.robots[differ[column.width][column.robots]]
             source = sensed.position if column.width else sensed.reached
             rows = source[changed]
-            for pid, value in zip(changed.tolist(), column.convert(rows), strict=True):
-                vars(robots[pid])[column.name] = value
+            if column.width:
+                column.places[changed], column.is_late[changed] = rows, True
+            else:
+                _write(column, robots, changed, rows)
             measured.append(Measured(column.name, changed, rows))
-        return Measurement(tuple(measured), told)
+        return Measurement(tuple(measured), told, partial(self._write_places, robots))
+
+    def _write_places(self, robots: Sequence[Robot]) -> None:
+        """Tell robots where they are, where that is another value than what they have."""
+        for column in self._columns:
+            if column.width:
+                late = np.flatnonzero(column.is_late)
+                _write(column, robots, late, column.places[late])
+                column.is_late[:] = False
+
+
+def _write(column: _Column, robots: Sequence[Robot], pids: Ints, rows: Floats | Bools) -> None:
+    name = column.name
+    for pid, value in zip(pids.tolist(), column.convert(rows), strict=True):
+        vars(robots[pid])[name] = value
+
+
+def _written() -> None:
+    """Robots have everything."""
 
 
 def _has_scans(program: type[Robot]) -> bool:
     return any(port_name(name) == "pscan" for name in program.SENSORS)
 
 
-def _columns(program: type[Robot], robots: Ints) -> list[_Column] | None:
+def _columns(program: type[Robot], robots: Ints, count: int) -> list[_Column] | None:
     """The sensors of a program whose values change; None if some have shapes of their own."""
     found = []
     for name in program.SENSORS:
@@ -103,7 +132,8 @@ def _columns(program: type[Robot], robots: Ints) -> list[_Column] | None:
             continue
         if known is None:
             return None
-        found.append(_Column(name, robots, *known))
+        kept = count * (port in PLACES)
+        found.append(_Column(name, robots, *known, np.zeros((kept, 3)), np.zeros(kept, np.bool_)))
     return found
 
 

@@ -26,7 +26,7 @@ from koord.sim.fleet import Fleet
 from koord.sim.hosting import Hosted
 from koord.sim.lidar import Scanner
 from koord.sim.measuring import Figures, Gauge
-from koord.sim.observing import Observer, deeds_of, header_of
+from koord.sim.observing import Observer, deeds_in, header_of
 from koord.sim.reading import Reader
 from koord.sim.run_log import Deeds, Header, Idle, RunLog, RunLogger
 from koord.sim.scene import Scene
@@ -203,7 +203,7 @@ class Simulation:
         engine = self.engine
         decision = engine.program_turns(self.schedule)
         self.acted.update([taken.robot for taken in decision.ran])
-        deeds = deeds_of(decision, engine.robots)
+        deeds = deeds_in(decision, engine)
         self.observer.round(decision.round, deeds)
         self.gauge.events(decision, deeds)
         self._note(decision)
@@ -227,9 +227,11 @@ class Simulation:
 
     def pass_time(self) -> None:
         """Let δ pass in the world, under the robots' orders."""
-        robots, until_s = self.engine.robots, (self.engine.round + 1) * self.scene.delta_s
+        robots, until_s = self.engine.told_robots, (self.engine.round + 1) * self.scene.delta_s
         if not (self.engine.has_models or self.host.modules):
             robots = [robots[pid] for pid in sorted(self.acted)]
+        else:
+            robots = self.engine.robots
         self.acted.clear()
         self.host.pass_time(robots, until_s, self.tick, self)
 
@@ -290,7 +292,7 @@ class Simulation:
         """A mask of the robots that have stopped by the end of a round."""
         stopped: Bools = deeds == Idle.STOPPED
         for taken in decision.ran:
-            stopped[taken.robot] = self.engine.robots[taken.robot].status is Status.STOPPED
+            stopped[taken.robot] = self.engine.told_robots[taken.robot].status is Status.STOPPED
         return stopped
 
     def _watch_over(self, stopped: Bools) -> None:

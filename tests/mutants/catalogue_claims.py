@@ -6,6 +6,8 @@ from tests.mutants.mutant import Mutant
 
 CLAIMS_BY_CODE = "tests/runtime/test_claims_by_code.py"
 REFINED = "tests/refinement/test_kernels.py"
+LATE = "tests/sim/test_late_sensors.py"
+RUNS = "tests/sim/test_kernels.py"
 
 JUDGING = (
     Mutant(
@@ -84,5 +86,61 @@ JUDGING = (
         "self._judge is None or self._judge[0] is not watched",
         "self._judge is None",
         (CLAIMS_BY_CODE,),
+    ),
+    Mutant(
+        "robots that are looked at have not been told where they are",
+        "runtime.columns.engine.ColumnEngine.robots",
+        "self._tell()",
+        "pass",
+        (LATE,),
+    ),
+    Mutant(
+        "claims ask robots that do not know where they are",
+        "runtime.columns.judging.CodeJudge.unsure",
+        "self._tell()",
+        "pass",
+        (LATE,),
+    ),
+    Mutant(
+        "events in doubt run where the robot was",
+        "runtime.columns.engine.ColumnEngine._by_itself",
+        "self._tell()",
+        "pass",
+        (LATE,),
+    ),
+    Mutant(
+        "of two late places the last has its sign",
+        "sim.reading.Reader._write_places",
+        "column.places[late]",
+        "self._host.sensed.position[late]",
+        (LATE,),
+    ),
+    Mutant(
+        "recordings do not hear of what is sensed",
+        "runtime.columns.engine.ColumnEngine.environment_turn",
+        "one.values.ndim == 1",
+        "False",
+        (LATE,),
+    ),
+    Mutant(
+        "recordings do not hear of what events change",
+        "runtime.columns.engine.ColumnEngine._conclude",
+        "self._touched.update(self._ran)",
+        "pass",
+        (LATE,),
+    ),
+    Mutant(
+        "robots that were locked out seem to have skipped",
+        "sim.observing.deeds_in",
+        "deeds[had_events] = Idle.BLOCKED",
+        "pass",
+        (RUNS,),
+    ),
+    Mutant(
+        "robots that have stopped seem to skip",
+        "sim.observing.deeds_in",
+        "deeds[stopped] = Idle.STOPPED",
+        "pass",
+        (RUNS,),
     ),
 )

@@ -7,7 +7,7 @@ it is in doubt, and then the compiled robot makes the whole turn (decision recor
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from msgspec import Struct
@@ -21,15 +21,12 @@ from koord.runtime.compile.machine.layout import Column
 from koord.runtime.compile.machine.lazy import LazyTurns
 from koord.runtime.compile.machine.made import Effect, Turns
 from koord.runtime.compile.watching import Watched
-from koord.runtime.engine import Deployed, RoundEngine, Schedule
+from koord.runtime.engine import Deployed, Measurement, RoundEngine, Schedule
 from koord.runtime.motion.arrays import Bools, Ints
 from koord.runtime.proposals import Decision, Proposal
 from koord.runtime.robot import Host, Robot, Status
 from koord.runtime.shapes import Shape, element_of
 from koord.syntax.core import Home
-
-#: Compiling takes as long as so many turns by compiled robots, and a run may be over before.
-WORTH_TURNS = 20_000
 
 #: Instead of an event that a robot runs: it is not known which, or it owes one or several.
 _IN_DOUBT, _OWED = -1, -2
@@ -109,7 +106,8 @@ class ColumnEngine(RoundEngine):
     """An engine that runs robots by machine code where it is sure of them.
 
     ``turns`` makes it, if it is not made yet, when so many turns have gone by that it is worth its
-    time (``after``). Where there is none, compiled robots make all turns.
+    time (``after``; None: as many as it says itself). Where there is none, compiled robots make all
+    turns.
     """
 
     def __init__(
@@ -120,7 +118,7 @@ class ColumnEngine(RoundEngine):
         host: Host,
         turns: LazyTurns,
         *,
-        after: int = WORTH_TURNS,
+        after: int | None = None,
     ) -> None:
         super().__init__(classes, kinds, delta_s, host)
         self.counts = Counts()
@@ -130,6 +128,10 @@ class ColumnEngine(RoundEngine):
         self._gone = 0
         self.fleet: _Fleet | None = None
         self._judge: tuple[Watched | None, CodeJudge] | None = None
+        #: Lets robots have what was measured; None where they have it.
+        self._write: Callable[[], None] | None = None
+        self._touched: set[int] | None = None
+        self._decided: Decision | None = None
         #: Robots that have events in buffers, and those that ran one, since the last round.
         self._had: list[int] = []
         self._ran: list[int] = []
@@ -137,34 +139,48 @@ class ColumnEngine(RoundEngine):
         self._ranks: Ints = np.tile(np.arange(len(kinds)), 2)
         self._names = [variable.name for variable in classes[0].SHARED.variables]
 
+    @property
+    def robots(self) -> list[Robot]:
+        """The robots, with all that they hold now; where columns have more, they are told."""
+        self._tell()
+        return self._robots
+
+    def _tell(self) -> None:
+        if self._write is not None:
+            self._write()
+            self._write = None
+
     def program_turns(self, schedule: Schedule) -> Decision:
         """Run every robot's program turn. [SELECT] [ATOMIC] [END-PROG]"""
         fleet = self._ready()
         if fleet is None:
             return super().program_turns(schedule)
+        if not _is_plain(schedule):
+            self._tell()  # it may ask robots
         for pid in self._had:
-            self.robots[pid].rest()
+            self._robots[pid].rest()
         round_ = _Round({}, {}, [])
         plain = _is_plain(schedule)
-        ranks = self._rotated() if plain else schedule.order(self.round, len(self.robots))
+        ranks = self._rotated() if plain else schedule.order(self.round, len(self._robots))
         self._proposals(fleet, schedule, round_)
         proposals = heard = round_.proposals
-        self._had = [pid for pid in proposals if self.robots[pid].had_an_event]
+        self._had = [pid for pid in proposals if self._robots[pid].had_an_event]
         if not plain:
             heard = {i: p for i, p in proposals.items() if p.urgent or schedule.hears(p)}
         decision = decided(self.round, heard, ranks)
         self._conclude(fleet, round_, decision)
         if self.ended is None and self._running == 0:
             # [STOP]: everybody has asked, or stopped.
-            for robot in self.robots:
+            for robot in self._robots:
                 robot.status = Status.STOPPED
             fleet.is_stopped[:] = True
             fleet.settle()
+        self._decided = decision
         return decision
 
     def _rotated(self) -> Ints:
         """The rotating order of the round, as :func:`.rotating` has it."""
-        count = len(self.robots)
+        count = len(self._robots)
         first = self.round % count if count else 0
         return self._ranks[first : first + count]
 
@@ -173,14 +189,46 @@ class ColumnEngine(RoundEngine):
         super().environment_turn()
         if self.fleet is None:
             return
-        columns = self.fleet.columns
+        columns, touched = self.fleet.columns, self._touched
         if self.measured is None:
-            for robot in self.robots:
+            self._touched = None
+            for robot in self._robots:
                 columns.take(robot)
             return
         columns.measure(self.measured.changed)
         for pid in self.measured.asked:
-            columns.take(self.robots[pid])
+            columns.take(self._robots[pid])
+        if touched is not None:
+            touched.update(self.measured.asked)
+            for one in self.measured.changed:
+                if one.values.ndim == 1:
+                    touched.update(one.robots.tolist())
+
+    def _hand_out(self, measured: Measurement) -> None:
+        """Let robots have what was measured, or keep it until somebody looks at them."""
+        if self.fleet is None:
+            measured.write()
+        else:
+            self._write = measured.write
+
+    # --- what has changed -------------------------------------------------------------------------
+
+    def touched(self) -> list[int] | None:
+        """The robots of which more may have changed since the last call than where they are.
+
+        None: any. One observer may ask.
+        """
+        found, self._touched = self._touched, None if self.fleet is None else set()
+        return None if found is None else sorted(found)
+
+    def idle(self, decision: Decision) -> tuple[list[int], Bools] | None:
+        """The robots that had an event in the program turns of a decision, and who has stopped.
+
+        None where the robots have to be asked.
+        """
+        if self.fleet is None or decision is not self._decided or decision.fault is not None:
+            return None
+        return self._had, self.fleet.is_stopped
 
     def judge(self, watched: Watched) -> CodeJudge | None:
         """A judge of claims about the state as it is now, if machine code has been made for it."""
@@ -193,32 +241,35 @@ class ColumnEngine(RoundEngine):
     def _ready(self) -> _Fleet | None:
         """What machine code works on, if it is time for it, and there is any."""
         if self.fleet is None and self._turns is not None:
-            if self._gone < self.after and not self._turns.is_made:
-                self._gone += len(self.robots)
+            turns = self._turns
+            after = turns.worth_turns if self.after is None else self.after
+            if self._gone < after and not turns.is_made:
+                self._gone += len(self._robots)
                 return None
-            turns, self._turns = self._turns(), None
-            if turns is not None:
-                self.fleet = self._made(turns)
+            self._turns = None
+            made = turns()
+            if made is not None:
+                self.fleet = self._made(made)
         return self.fleet
 
     def _made(self, turns: Turns) -> _Fleet:
         columns = Columns(turns.layout, self._kinds, self._delta_s)
-        columns.take_all(self.robots, self.store.values)
+        columns.take_all(self._robots, self.store.values)
         fleet = _Fleet(turns, columns, self._classes, self._kinds)
-        for robot in self.robots:
+        for robot in self._robots:
             fleet.is_stopped[robot.pid] = robot.status is Status.STOPPED
             self._running -= robot.status is not Status.RUNNING
         fleet.settle()
-        judge = CodeJudge(turns.claims, self._kinds, columns.state)
+        judge = CodeJudge(turns.claims, self._kinds, columns.state, self._tell)
         self._judge = turns.watched, judge
-        self._had = self._ran = list(range(len(self.robots)))
+        self._had = self._ran = list(range(len(self._robots)))
         return fleet
 
     # --- proposing --------------------------------------------------------------------------------
 
     def _proposals(self, fleet: _Fleet, schedule: Schedule, round_: _Round) -> None:
         """Make the proposals of a round; with a plain schedule only of those who do something."""
-        found, robots = fleet.look(), self.robots
+        found, robots = fleet.look(), self._robots
         plain = _is_plain(schedule)
         if plain:
             self.counts.by_code += len(robots) - len(found) - fleet.stopped
@@ -237,7 +288,7 @@ class ColumnEngine(RoundEngine):
             of_kind = fleet.turns.kinds[kind]
             if of_kind is None:
                 self.counts.by_robots += 1
-                round_.proposals[pid] = robot.propose(self.round, order, willing=willing)
+                round_.proposals[pid] = self._by_itself(pid, order, willing=willing)
                 continue
             yes, unsure = fleet.enabled[pid], fleet.doubtful[pid]
             event = _chosen(yes, unsure, of_kind.urgent, order, willing=willing)
@@ -251,7 +302,7 @@ class ColumnEngine(RoundEngine):
                     self.counts.in_doubt += 1
                 else:
                     self.counts.by_robots += 1
-                round_.proposals[pid] = robot.propose(self.round, order, willing=willing)
+                round_.proposals[pid] = self._by_itself(pid, order, willing=willing)
         for (kind, event), pids in chosen.items():
             code = fleet.codes[kind][event]
             assert code is not None
@@ -261,7 +312,14 @@ class ColumnEngine(RoundEngine):
             self._propose_deed(code, deed, round_, fleet.enabled, of_kind.urgent)
             for pid in in_doubt:
                 self.counts.in_doubt += 1
-                round_.proposals[pid] = robots[pid].propose(self.round, orders[pid])
+                round_.proposals[pid] = self._by_itself(pid, orders[pid])
+
+    def _by_itself(
+        self, pid: int, order: Sequence[int] | None, *, willing: bool = True
+    ) -> Proposal:
+        """The proposal of a robot that makes its turn itself."""
+        self._tell()
+        return self._robots[pid].propose(self.round, order, willing=willing)
 
     def _propose_deed(
         self, code: EventCode, deed: Deed, round_: _Round, enabled: memoryview, urgent: int
@@ -272,23 +330,26 @@ class ColumnEngine(RoundEngine):
             owes = bool(enabled[pid] & urgent)
             round_.proposals[pid] = Proposal(pid, self.round, (attempt,), owes)
             round_.rows[pid] = (deed, row)
-            self.robots[pid].run_elsewhere(deed.event)
+            self._robots[pid].run_elsewhere(deed.event)
 
     # --- acting -----------------------------------------------------------------------------------
 
     def _conclude(self, fleet: _Fleet, round_: _Round, decision: Decision) -> None:
         """Act on a decision: commit or discard each robot's turn. [SHARED-ASSIGN] [SKIP]"""
         if decision.fault is not None:
+            self._touched = None
             self._act(decision)
             return
         changed = self.store.apply(decision.writes)
-        robots, rows, columns = self.robots, round_.rows, fleet.columns
+        robots, rows, columns = self._robots, round_.rows, fleet.columns
         for name, value in changed.items():
             for robot in robots:
                 robot.__dict__[name] = value
         for pid in self._ran:
             robots[pid].ran = None
         self._ran = [taken.robot for taken in decision.ran]
+        if self._touched is not None:
+            self._touched.update(self._ran)
         settle = False
         for taken in decision.ran:
             pid = taken.robot

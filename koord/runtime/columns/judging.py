@@ -27,16 +27,20 @@ class _Look(Struct, frozen=True, eq=False):
 
 
 class CodeJudge:
-    """A judge of claims by machine code. ``state`` are the columns, which follow the robots."""
+    """A judge of claims by machine code. ``state`` are the columns.
+
+    Robots follow these: where they are to be asked, it has them told (``tell``).
+    """
 
     def __init__(
         self,
         claims: Mapping[str, Sequence[ClaimCode]],
         kinds: Sequence[int],
         state: tuple[int, ...],
+        tell: Callable[[], None],
     ) -> None:
         of = np.array(kinds)
-        self._state = state
+        self._state, self._tell = state, tell
         room = _ROOM + _ROOM_EACH * len(kinds)
         self._found: Ints = np.zeros((room, 2), np.int64)
         self._to = (self._found.ctypes.data, room)
@@ -60,6 +64,12 @@ class CodeJudge:
 
         Or if it is sure of fewer than it can say.
         """
+        found = self._found_by(method)
+        if found is None or found:
+            self._tell()
+        return found
+
+    def _found_by(self, method: str) -> list[tuple[int, ...]] | None:
         known = self._looks.get(method)
         if known is None:
             return None

@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
+import sys
+
 from koord.runtime.compile.machine.made import Turns
 from koord.runtime.compile.watching import Watched
 from koord.syntax import core
+
+#: Compiling takes as long as so many turns by compiled robots, with what is looked at of them, and
+#: a run may be over before. And importing llvmlite, where nobody has done so.
+_WORTH_TURNS, _WORTH_TURNS_AND_IMPORT = 4_000, 20_000
 
 
 class LazyTurns:
@@ -17,6 +23,11 @@ class LazyTurns:
         self.is_made = False
         self._program, self._watched = program, watched
         self._turns: Turns | None = None
+
+    @property
+    def worth_turns(self) -> int:
+        """Making it takes as long as so many turns by compiled robots."""
+        return _WORTH_TURNS if "llvmlite" in sys.modules else _WORTH_TURNS_AND_IMPORT
 
     def __call__(self) -> Turns | None:
         """The machine code. It takes llvmlite (extra ``fast``); without it there is none."""

@@ -77,7 +77,7 @@ class _Making:
         if self.watched is not None:
             claims = ClaimsCode(self.module, self.watched, self.layout, self.budget)
         try:
-            loaded = Loaded(self.module)
+            loaded = Loaded(self.module, hasty=True)
         except TooMuchCodeError:
             return None
         kinds = tuple(
