@@ -27,6 +27,7 @@ from koord.runtime.motion.bodies import VEHICLES, PlannerName
 from koord.runtime.motion.world import Box, Disc, Polygon, World
 from koord.syntax.diagnostics import KoordError
 from koord.syntax.source import Source
+from tests.runtime.test_published_configurations import PUBLISHED
 from tests.sampling import examples
 
 #: The listing of the paper (fig. taskapp, right), with the dots left out.
@@ -195,7 +196,8 @@ network: {transport: unicast, port: 5000, key: sixteen letters ok, run: monday}
         ("seed: 1", 1, "how many robots", "num_robots"),
         ("num_robots: 2\nagents: [{pid: 0}]", 2, "two forms", None),
         ("agents:\n  - pid: 0\n  - pid: 0", 3, "two robots have pid 0", None),
-        ("agents:\n  - pid: 1\n  - pid: 2", 3, "leaves a gap", "0 to 1"),
+        ("agents:\n  - pid: 0\n  - pid: 2", 3, "pid 2 leaves a gap", "0 to 1"),
+        ("agents:\n  - pid: 1\n  - pid: 4", 3, "pid 4 leaves a gap", "1 to 2"),
         ("agents:\n  - {pid: 0, on_device: cat}\ndevices:\n  car: {}", 2, "no device cat", "car"),
         ("agents: [{}]", 1, "`pid` is missing", None),
         ("num_robots: 1\ndevice: {bot_type: CARR}", 2, "enum value", "CAR, QUAD, DIFF, IDEAL"),
@@ -209,13 +211,6 @@ network: {transport: unicast, port: 5000, key: sixteen letters ok, run: monday}
             6,
             "robots 0 and 1 both listen",
             None,
-        ),
-        (
-            "agents: [{pid: 0, on_device: a, motion_automaton: Fly}]\n"
-            "devices: {a: {motion_automata: [Drive]}}",
-            1,
-            "a has no Fly",
-            "Drive",
         ),
         ("num_robots: 1\nnetwork: {transport: broadcast}", 2, "where to broadcast", "udp_bcast_ip"),
         ("num_robots: 1\nnetwork: {group: 10.0.0.1}", 2, "no multicast address", "224"),
@@ -362,7 +357,7 @@ def test_the_json_schema_accepts_both_forms() -> None:
     schema = json_schema()
     jsonschema.Draft202012Validator.check_schema(schema)
     validator = jsonschema.Draft202012Validator(schema)
-    for text in (LISTING, SEVERAL):
+    for text in (LISTING, SEVERAL, *PUBLISHED):
         values: Any = json.loads(json.dumps(yaml.safe_load(text)))
         assert list(validator.iter_errors(values)) == []
     assert list(validator.iter_errors({"num_robots": 0}))

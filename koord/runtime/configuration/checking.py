@@ -29,7 +29,10 @@ from koord.runtime.configuration.model import (
     Talk,
     Vehicle,
 )
+from koord.runtime.configuration.other_files import misread
+from koord.runtime.configuration.planner_names import planner_named
 from koord.runtime.configuration.plug_ins import plugged
+from koord.runtime.configuration.published import adopted, automata_of, taken_otherwise
 from koord.runtime.configuration.reading import Document, Path, problem, read, with_site
 from koord.runtime.configuration.safety import safety_flaws, stated_safety
 from koord.runtime.configuration.topics import (
@@ -53,9 +56,6 @@ DEFAULT_PORT = 61_820
 #: In the block of addresses that any organisation may use for itself.
 DEFAULT_GROUP = "239.255.75.1"
 
-#: Planners by the names that the published middleware has for them too.
-_PLANNERS = {"SimplePlanner": PlannerName.STRAIGHT.value}
-
 #: Fields of the published middleware that are read, and change nothing; and what does.
 _IDLE: Mapping[str, str] = {
     "mutex_handler": "robots that enter one lock class are kept apart by the protocol",
@@ -76,9 +76,20 @@ def load(source: Source, site: Source | None = None) -> RunConfiguration:
 
     Raises KoordError with all mistakes.
     """
-    document = read(source)
-    if site is not None:
-        document = with_site(document, read(site))
+    try:
+        document = read(source)
+        if site is not None:
+            document = with_site(document, read(site))
+        return checked(document)
+    except KoordError:
+        told = [one for text in (source, site) if text is not None for one in misread(text)]
+        if told:
+            raise KoordError(tuple(told)) from None
+        raise
+
+
+def checked(document: Document) -> RunConfiguration:
+    """The configuration that a document is. Raises KoordError with all mistakes."""
     checker = _Checker(document)
     form = checker.form()
     if checker.problems:
@@ -96,22 +107,30 @@ class _Checker(FormReader):
         super().__init__(document)
         #: By name, place and motion automaton: robots on one device share one.
         self._vehicles: dict[tuple[str, Path, str | None], Vehicle] = {}
+        self._first = 0  #: the pid in the file of robot 0
+        self._places: dict[str, Path] = {}  #: of devices, by their names
+        self._warnings: list[Diagnostic] = []
 
     # --- sense ----------------------------------------------------------------------------------
 
     def configuration(self, form: Form) -> RunConfiguration | None:
-        agents = self._agents(form)
+        made = adopted(form, self._document)
+        form = made.form
+        self._first, self._places = made.first, made.devices
+        self._warnings += made.warnings
+        agents = self._agents(form, made.agents)
         world = None if form.world is None else self._world(form.world)
         talk = self._talk(form)
         if self.problems:
             return None
         robots = tuple(self._robot(form, agent, path, talk, world) for agent, path in agents)
         self._check_addresses(form, robots)
-        if form.leader_pid >= len(robots):
-            self._say(("leader_pid",), f"there is no robot {form.leader_pid}")
+        if not 0 <= form.leader_pid < len(robots):
+            self._say(("leader_pid",), f"there is no robot {form.leader_pid + made.first}")
         for pid in form.positions:
             if not 0 <= pid < len(robots):
-                self._say(("positions", pid), f"there is no robot {pid}")
+                written = pid + made.first
+                self._say(("positions", written), f"there is no robot {written}")
         return RunConfiguration(
             self._document.source.name,
             robots,
@@ -125,7 +144,7 @@ class _Checker(FormReader):
             form.world is not None and form.world.bounds is not None,
             form.monitor,
             self._document,
-            tuple(self._idle()),
+            (*self._warnings, *self._idle()),
         )
 
     def _idle(self) -> Iterator[Diagnostic]:
@@ -150,8 +169,10 @@ class _Checker(FormReader):
         """Return whether limits are of devices none of which has a driver."""
         at = self._document.value
         if path == ("safety",):
-            devices = [at.get("device"), *(at.get("devices") or {}).values()]
-        elif path[0] in ("device", "devices"):
+            listed = at.get("devices") or at.get("bots") or {}
+            listed = listed.values() if isinstance(listed, dict) else listed
+            devices = [at.get("device"), *listed]
+        elif path[0] in ("device", "devices", "bots"):
             for step in path[:-1]:
                 at = at[step]
             devices = [at]
@@ -163,20 +184,25 @@ class _Checker(FormReader):
         """Return whether a field belongs to a device whose driver speaks ROS."""
         device = self._document.value
         for step in path[: 1 if path[0] == "device" else 2]:
+            device = dict(enumerate(device)) if isinstance(device, list) else device
             device = device.get(step) if isinstance(device, dict) else None
         if not isinstance(device, dict):
             return False
         driver = device.get("driver", PUBLISHED if names_topics(device) else None)
         return driver in ROS_DRIVERS
 
-    def _agents(self, form: Form) -> list[tuple[Agent, Path]]:
+    def _agents(self, form: Form, places: tuple[Path, ...]) -> list[tuple[Agent, Path]]:
         """The robots by pid, and their places in the file."""
         if form.agents and (form.robot is not None or form.num_robots is not None):
             hint = "`robot`, `device` and `num_robots` are one form, `agents` and `devices` another"
             self._say(("agents",), "the robots are given in two forms", hint)
             return []
         if form.agents:
-            return self._numbered(form.agents)
+            return self._numbered(form.agents, places)
+        if form.num_robots is None and "agents" in self._document.value:
+            hint = "a run has at least one robot, as in agents: [{pid: 0}]"
+            self._say(("agents",), "there is no robot in this file: `agents` is empty", hint)
+            return []
         if form.num_robots is None:
             path: Path = ("robot",) if form.robot is not None else ()
             self._say(path, "it is not said how many robots there are", "write num_robots: 3")
@@ -190,16 +216,16 @@ class _Checker(FormReader):
         position = robot.position if robot.pid == pid else None
         return msgspec.structs.replace(robot, pid=pid, position=position)
 
-    def _numbered(self, agents: list[Agent]) -> list[tuple[Agent, Path]]:
+    def _numbered(self, agents: list[Agent], places: tuple[Path, ...]) -> list[tuple[Agent, Path]]:
         by_pid: dict[int, tuple[Agent, Path]] = {}
-        for k, agent in enumerate(agents):
-            path: Path = ("agents", k)
+        for agent, path in zip(agents, places, strict=True):
+            written = agent.pid + self._first
             if agent.pid in by_pid:
-                self._say((*path, "pid"), f"two robots have pid {agent.pid}")
+                self._say((*path, "pid"), f"two robots have pid {written}")
             elif agent.pid >= len(agents):
-                most = len(agents) - 1
-                hint = f"pids of {len(agents)} robots are 0 to {most}"
-                self._say((*path, "pid"), f"pid {agent.pid} leaves a gap", hint)
+                least, most = self._first, self._first + len(agents) - 1
+                hint = f"pids of {len(agents)} robots are {least} to {most}"
+                self._say((*path, "pid"), f"pid {written} leaves a gap", hint)
             else:
                 by_pid[agent.pid] = (agent, path)
         return [by_pid[pid] for pid in sorted(by_pid)]
@@ -208,29 +234,38 @@ class _Checker(FormReader):
         self, form: Form, agent: Agent, path: Path, talk: Talk, world: World | None
     ) -> RobotPlace:
         name, device, where = self._device(form, agent, path)
+        device, own = _addressed(device, agent)
+        agent = self._suiting(name, device, agent, path)
         kind = (name, where, agent.motion_automaton)
         vehicle = self._vehicles.get(kind)
         if vehicle is None:
             vehicle = self._driven(form, name, device, agent.motion_automaton, where, world)
             self._vehicles[kind] = vehicle
-        automaton = agent.motion_automaton
-        if automaton is not None and vehicle.automata and automaton not in vehicle.automata:
-            hint = f"{name} has {', '.join(vehicle.automata)}"
-            self._say((*path, "motion_automaton"), f"{name} has no {automaton}", hint)
         position = form.positions.get(agent.pid, agent.position)
         ip = device.ip or "127.0.0.1"
         if device.ip:
-            self._check_ip(ip, (*where, "ip"))
+            self._check_ip(ip, (*(path if own else where), "ip"))
         port = device.port or talk.port
         if device.ip is None and device.port is None:
             port = talk.port + 1 + agent.pid  # one port per robot on this machine
         place = None if position is None else _point(position)
         if agent.pid in form.positions:
-            path = ("positions", agent.pid)
+            path = ("positions", agent.pid + self._first)
         elif position is not None:
             path = (*path, "position")
         address = (ip, port)
         return RobotPlace(agent.pid, vehicle, agent.kind, place, address, agent.heading, path)
+
+    def _suiting(self, name: str, device: Device, agent: Agent, path: Path) -> Agent:
+        """The agent with a motion automaton that its device has. (P-ROS-PUBLISHED)"""
+        automata, automaton = automata_of(device), agent.motion_automaton
+        if automaton is None or not automata or automaton in automata:
+            return agent
+        hint = f"{name} has {', '.join(automata)}"
+        story = f"{name} has no {automaton}: {automata[0]} is taken instead"
+        where = (*path, "motion_automaton")
+        self._warnings.append(taken_otherwise(self._document, where, story, hint))
+        return msgspec.structs.replace(agent, motion_automaton=automata[0])
 
     def _device(self, form: Form, agent: Agent, path: Path) -> tuple[str, Device, Path]:
         """The device that a robot runs on, its name, and its place in the file."""
@@ -243,13 +278,14 @@ class _Checker(FormReader):
         name = agent.on_device or f"robot {agent.pid}"
         if agent.on_device is None:
             return name, Device(), path
+        assert isinstance(form.devices, dict)  # as adopted
         if name not in form.devices:
             near = get_close_matches(name, form.devices, n=1)
             known = ", ".join(form.devices) or "none"
             hint = f"did you mean {near[0]}?" if near else f"the devices are: {known}"
             self._say((*path, "on_device"), f"there is no device {name}", hint)
             return name, Device(), path
-        return name, form.devices[name], ("devices", name)
+        return name, form.devices[name], self._places[name]
 
     def _driven(
         self,
@@ -286,7 +322,7 @@ class _Checker(FormReader):
             device.bot_type,
             planner,
             device.speed,
-            tuple(device.motion_automata or motion.motion_automata),
+            automata_of(device),
             device.simulation,
             path,
             driver=driver_of(device),
@@ -306,7 +342,7 @@ class _Checker(FormReader):
         return stated.limits
 
     def _planner(self, name: str | None, type_name: str, path: Path) -> PlannerName | None:
-        found = None if name is None else _planner_named(name, type_name)
+        found = None if name is None else planner_named(name, type_name)
         if isinstance(found, tuple):
             self._once((*path, "planner"), *found)
             return None
@@ -437,18 +473,12 @@ class _Checker(FormReader):
         return None
 
 
-def _planner_named(name: str, type_name: str) -> PlannerName | tuple[str, str]:
-    """The planner of a name for a vehicle, or a message with the cure."""
-    name = _PLANNERS.get(name, name)
-    suitable = [one.value for one in VEHICLES[type_name].planners]
-    known = ", ".join(suitable)
-    if name not in [one.value for one in PlannerName]:
-        near = get_close_matches(name, suitable, n=1)
-        hint = f"did you mean {near[0]}?" if near else f"there are {known}"
-        return f"there is no planner {name}", hint
-    if name not in suitable:
-        return f"{name} is no planner for a {type_name}", f"there are {known}"
-    return PlannerName(name)
+def _addressed(device: Device, agent: Agent) -> tuple[Device, bool]:
+    """The device where its agent listens, and whether the agent says so itself."""
+    if agent.ip is None and agent.port is None:
+        return device, False
+    ip, port = agent.ip or device.ip, agent.port or device.port
+    return msgspec.structs.replace(device, ip=ip, port=port), agent.ip is not None
 
 
 def _point(coordinates: Coordinates, z: float = 0.0) -> Point:

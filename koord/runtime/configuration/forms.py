@@ -1,7 +1,8 @@
 """Forms of configuration files, from which their JSON Schema is generated.
 
-There are two published forms: ``robot``, ``device`` and ``num_robots`` (one kind of robot, from the
-paper's listing), and ``agents`` and ``devices``. All else may stand in either.
+There are three published forms: ``robot``, ``device`` and ``num_robots`` (one kind of robot, from
+the paper's listing), ``agents`` and ``devices``, and ``agent``, ``device`` and ``num_agents`` (of
+one agent, as the published launcher makes them). All else may stand in any.
 """
 
 from __future__ import annotations
@@ -51,7 +52,7 @@ class Topic(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
 class Motion(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """The motion fields of a device, in a form of their own that devices can share."""
 
-    motion_automata: list[Name] = []
+    motion_automata: list[Name] | Name = []
     planner: Name | None = None
     ros_node_prefix: str | None = None
     positioning_topic: Topic | None = None
@@ -186,6 +187,8 @@ class Agent(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
     heading: float = 0.0  #: rad, counter-clockwise from the x axis
     plist: list[Port] = []
     nbr_pids: list[Natural] = []
+    ip: str | None = None  #: instead of its device's
+    port: Port | None = None
 
 
 class Bounds(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -270,7 +273,10 @@ class Form(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
     device: Device | None = None
     num_robots: Annotated[int, Meta(ge=1, le=10_000)] | None = None
     agents: list[Agent] = []
-    devices: dict[Name, Device] = {}
+    devices: dict[Name, Device] | list[Device] = {}
+    bots: dict[Name, Device] | list[Device] = {}  #: an old name of ``devices``
+    agent: Agent | None = None  #: with ``num_agents``: the others are like it
+    num_agents: Annotated[int, Meta(ge=1, le=10_000)] | None = None
     leader_pid: Natural = 0
     mutex_handler: str | None = None  #: of the published middleware; lock classes need none
     udp_bcast_ip: str | None = None

@@ -51,8 +51,10 @@ class FormReader:
                 self._unknown(path, str(name), list(hints))
             elif name == "agents" and isinstance(value, list):
                 good[name] = [self._typed(a, Agent, (*path, k)) for k, a in enumerate(value)]
-            elif name == "devices" and isinstance(value, dict):
+            elif name in ("devices", "bots") and isinstance(value, dict):
                 good[name] = {d: self._typed_device(v, (*path, d)) for d, v in value.items()}
+            elif name in ("devices", "bots") and isinstance(value, list):
+                good[name] = [self._typed_device(v, (*path, k)) for k, v in enumerate(value)]
             elif name == "device":
                 good[name] = self._typed_device(value, path)
             else:

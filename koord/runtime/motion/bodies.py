@@ -21,6 +21,7 @@ class PlannerName(Enum):
     STRAIGHT = "STRAIGHT"
     RRT_CAR = "RRT_CAR"
     RRT_STAR_CAR = "RRT_STAR_CAR"
+    RRT_DUB_CAR = "RRT_DUB_CAR"  #: forwards alone (Dubins, 1957)
     RRT_DRONE = "RRT_DRONE"
     RRT_STAR_DRONE = "RRT_STAR_DRONE"
     RRT_DIFF = "RRT_DIFF"
@@ -272,7 +273,12 @@ class VehicleType(Struct, frozen=True):
 VEHICLES: dict[str, VehicleType] = {
     "CAR": VehicleType(
         Car(),
-        (PlannerName.RRT_CAR, PlannerName.RRT_STAR_CAR, PlannerName.STRAIGHT),
+        (
+            PlannerName.RRT_CAR,
+            PlannerName.RRT_STAR_CAR,
+            PlannerName.RRT_DUB_CAR,
+            PlannerName.STRAIGHT,
+        ),
         "koord.sim.vehicles.cars",
     ),
     "QUAD": VehicleType(

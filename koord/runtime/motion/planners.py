@@ -30,5 +30,6 @@ def planner(
         return Straight(ground)
     from koord.runtime.motion.rrt import CurvePlanner, SpacePlanner
 
-    made = CurvePlanner if body.turning_m > 0 else SpacePlanner
-    return made(ground, effort, name.optimal)
+    if body.turning_m > 0:
+        return CurvePlanner(ground, effort, name.optimal, name is PlannerName.RRT_DUB_CAR)
+    return SpacePlanner(ground, effort, name.optimal)

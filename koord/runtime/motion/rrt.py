@@ -146,11 +146,13 @@ class SpacePlanner(TreePlanner, frozen=True):
 
 
 class CurvePlanner(TreePlanner, frozen=True):
-    """A planner for cars, forwards and backwards: RRT on Reeds–Shepp curves.
+    """A planner for cars: RRT on Reeds–Shepp curves, or ``forwards`` alone on Dubins curves.
 
     Where a single curve is free it is the path; of those that end in some heading the shortest.
     Points of a path are 0.15 m apart, with a point wherever the car reverses.
     """
+
+    forwards: bool = False
 
     def _direct(self, free: Field, start: Pose, goal: Point, keeps_m: float) -> Floats | None:
         if math.dist(start.position, goal) < _HERE_M:
@@ -167,7 +169,7 @@ class CurvePlanner(TreePlanner, frozen=True):
                 return spare
             return 0.0 if enough(x, y, z) and fits.at(x, y, heading) else -1.0
 
-        for curve in _curves(start, goal, body.turning_m * _WIDER):
+        for curve in _curves(self._space(), start, goal, body.turning_m * _WIDER):
             if is_free(curve, spare_m):
                 return self._on_ground(points_of(curve))
             if self.optimal:  # it takes the shortest of all, or looks for it
@@ -176,7 +178,7 @@ class CurvePlanner(TreePlanner, frozen=True):
 
     def _grown(self, free: Field, start: Pose, goal: Point, keeps_m: float) -> Floats | None:
         body, world = self.ground.body, self.ground.world
-        space = _bounded(base.ReedsSheppStateSpace(body.turning_m * _WIDER), world, 2)
+        space = _bounded(self._space(), world, 2)
         fits = car_fits(free, body, start)
         enough = _keeping(free, start.position, goal, self.ground.room.least_m, keeps_m)
         z = start.position[2]
@@ -201,6 +203,11 @@ class CurvePlanner(TreePlanner, frozen=True):
         fine = np.array([(s.getX(), s.getY(), s.getYaw()) for s in path.getStates()])
         return self._on_ground(spaced(fine))
 
+    def _space(self) -> Any:
+        """The space of a car's poses, with the shortest curve between any two."""
+        made = base.DubinsStateSpace if self.forwards else base.ReedsSheppStateSpace
+        return made(self.ground.body.turning_m * _WIDER)
+
     def _on_ground(self, flat: Floats) -> Floats:
         return np.column_stack([flat, np.full(len(flat), self.ground.world.ground)])
 
@@ -212,9 +219,8 @@ def _headings() -> tuple[float, ...]:
     return tuple(math.remainder(heading, 2 * math.pi) for heading in headings)
 
 
-def _curves(start: Pose, goal: Point, radius_m: float) -> Iterator[Curve]:
+def _curves(space: Any, start: Pose, goal: Point, radius_m: float) -> Iterator[Curve]:
     """Yield the curve to a goal in each heading, the shortest first; each until the next one."""
-    space = base.ReedsSheppStateSpace(radius_m)
     begin, here, end = (space.allocState() for _ in range(3))
     _place(begin, start.position, start.heading_rad)
     _place(end, goal, 0.0)

@@ -40,7 +40,7 @@ def headings(path: Floats, start_rad: float) -> list[float]:
     return found
 
 
-@pytest.mark.parametrize("name", CARS)
+@pytest.mark.parametrize("name", [*CARS, PlannerName.RRT_DUB_CAR])
 def test_cars_get_paths_that_they_can_drive(name: PlannerName) -> None:
     made, free = planner(name, CLUTTERED, CAR, FEW), field(CLUTTERED, flat=True)
     there = places(free, 10, seed=3, height_m=0.0, room_m=0.65)
@@ -65,6 +65,35 @@ def test_cars_get_paths_that_they_can_drive(name: PlannerName) -> None:
                 at = x + ahead * math.cos(heading), y + ahead * math.sin(heading)
                 assert free.clearance(*at, 0.0) > CAR.width_m / 2 - 0.02
     assert found >= 3
+
+
+def test_a_planner_of_dubins_curves_drives_forwards_alone() -> None:
+    """Also where one of Reeds–Shepp curves would set out backwards, and between obstacles."""
+    behind = (-0.8, 0.1, 0.0)
+    either = planner(PlannerName.RRT_CAR, EMPTY, CAR, FEW).plan(Pose((0, 0, 0)), behind, seed=1)
+    assert either is not None
+    assert not _is_forwards(either, 0.0)
+    empty, cluttered = (
+        planner(PlannerName.RRT_DUB_CAR, world, CAR, FEW) for world in (EMPTY, CLUTTERED)
+    )
+    there = places(field(CLUTTERED, flat=True), 10, seed=3, height_m=0.0, room_m=0.65)
+    tried = [
+        cluttered.plan(Pose(start, 0.7), goal, seed=4)
+        for start, goal in zip(there[::2], there[1::2], strict=True)
+    ]
+    found = [path for path in tried if path is not None]
+    assert len(found) >= 3
+    assert all(_is_forwards(path, 0.7) for path in found)
+    path = empty.plan(Pose((0, 0, 0)), behind, seed=1)
+    assert path is not None
+    assert _is_forwards(path, 0.0)
+
+
+def _is_forwards(path: Floats, heading_rad: float) -> bool:
+    """Return whether a path sets out where the car points, and turns about nowhere."""
+    way = np.diff(path[:, :2], axis=0)
+    before = np.vstack([[math.cos(heading_rad), math.sin(heading_rad)], way[:-1]])
+    return bool((np.einsum("ij,ij->i", way, before) > 0).all())
 
 
 @pytest.mark.parametrize("name", DRONES)
