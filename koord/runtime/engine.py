@@ -96,7 +96,7 @@ class RoundEngine:
 
     @property
     def told_robots(self) -> list[Robot]:
-        """The robots, with all but where they are, which they may not have been told."""
+        """The robots, which may not have been told where they are, and what they share."""
         return self._robots
 
     @property

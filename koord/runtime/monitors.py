@@ -81,6 +81,7 @@ class _Stated(Struct):
     """A claim about robots, and the robots for which it is known not to hold."""
 
     claim: WatchedClaim
+    name: str
     robots: tuple[Sequence[int], ...]
     broken: set[tuple[int, ...]] = field(default_factory=set)
     looked: int = _NEVER  #: when it was looked at last
@@ -206,7 +207,7 @@ class StateMonitor:
         for claim in claims:
             if claim.sort not in (WatchedKind.CONTRACT, WatchedKind.SUMMARY):
                 whose = tuple(_robots(kinds, agent) for agent in claim.agents)
-                self._stated[claim.sort].append(_Stated(claim, whose))
+                self._stated[claim.sort].append(_Stated(claim, named(claim), whose))
                 chosen.append(claim)
         self._changes = _Changes(chosen)
         self._judge: Judge | None = None
@@ -261,7 +262,7 @@ class StateMonitor:
         """Yield the claims of some sorts that do not hold in the state, each with its robots."""
         for sort in sorts:
             for stated in self._stated[sort]:
-                name = named(stated.claim)
+                name = stated.name
                 self.looked[name] = self.looked.get(name, 0) + 1
                 for robots in self._broken(stated):
                     yield stated.claim, robots
@@ -277,7 +278,7 @@ class StateMonitor:
             stated.looked = _NEVER
             broken.clear()
             if not unsure:
-                self._judged.add(named(claim))
+                self._judged.add(stated.name)
                 return []
             self._hold(stated, unsure)
             return sorted(broken)
@@ -298,7 +299,7 @@ class StateMonitor:
             except FaultError:  # [PROP-FAULT]
                 is_so = False
             except UnknownError:
-                self._unknown.add(named(claim))
+                self._unknown.add(stated.name)
                 continue
             is_judged = True
             if not is_so:
@@ -306,7 +307,7 @@ class StateMonitor:
             elif broken:
                 broken.discard(robots)
         if is_judged:
-            self._judged.add(named(claim))
+            self._judged.add(stated.name)
 
 
 def _is_unknown(one: object) -> bool:

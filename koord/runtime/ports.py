@@ -53,7 +53,7 @@ def shape_of(program: type[Robot], name: str, *, shared: bool) -> Shape:
 
 def is_set(place: Any) -> bool:
     """Return whether a position has been given, with all its coordinates."""
-    return place is not None and not (isinstance(place, tuple) and any(c is None for c in place))
+    return place is not None and not (isinstance(place, tuple) and None in place)
 
 
 def placed(shape: Shape, point: Point) -> Any:

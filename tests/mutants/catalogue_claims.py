@@ -6,6 +6,7 @@ from tests.mutants.mutant import Mutant
 
 CLAIMS_BY_CODE = "tests/runtime/test_claims_by_code.py"
 REFINED = "tests/refinement/test_kernels.py"
+TURNS = "tests/runtime/test_columns.py"
 LATE = "tests/sim/test_late_sensors.py"
 RUNS = "tests/sim/test_kernels.py"
 
@@ -142,5 +143,26 @@ JUDGING = (
         "deeds[stopped] = Idle.STOPPED",
         "pass",
         (RUNS,),
+    ),
+    Mutant(
+        "what robots share they are never told",
+        "runtime.columns.engine.ColumnEngine._conclude",
+        "self._late |= changed",
+        "pass",
+        (TURNS,),
+    ),
+    Mutant(
+        "columns begin with integers of more than 64 bits",
+        "runtime.columns.columns._are_known",
+        "bool(min(parts) >= _LEAST and max(parts) <= _GREATEST)",
+        "True",
+        (TURNS,),
+    ),
+    Mutant(
+        "columns begin with what is not set",
+        "runtime.columns.columns._are_known",
+        "None in parts",
+        "False",
+        (TURNS,),
     ),
 )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from random import Random
+from textwrap import dedent
 from typing import Any
 
 import pytest
@@ -72,6 +73,37 @@ def test_so_they_are_under_any_schedule(seed: int) -> None:
         return Unheard(AtRandom(Random(seed)), Random(seed), 0.2, crashes=True)
 
     assert twins(COUNTING, 4, 40, schedules=schedule).counts.by_code > 60
+
+
+@pytest.mark.parametrize("robots", [1, 4])
+def test_columns_begin_as_robots_do(robots: int) -> None:
+    """With what is not set, and what has more than 64 bits, of some robots or of all."""
+    text = """\
+    allread:
+        int[] large
+    local:
+        int k = 0
+        int unset
+        int[2] both
+        float x = 1
+        bool b = true
+    init:
+        large[pid] = 9000000000000000000 * pid
+        k = 100000000000000000000 + pid
+        both[pid % 2] = pid
+    Step:
+        pre: b and x < 5.0
+        eff:
+            x = x + 1.0
+    Count:
+        pre: k > 0 and large[pid] >= 0
+        eff:
+            k = k / 100000000000
+            unset = pid
+    """
+    engine = twins(dedent(text), robots, 8)
+    assert engine.counts.by_code > 0
+    assert engine.counts.in_doubt > 0
 
 
 # --- doubt ----------------------------------------------------------------------------------------

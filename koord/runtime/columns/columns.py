@@ -58,11 +58,16 @@ class Columns:
 
     def take_all(self, robots: Iterable[Robot], values: Mapping[str, Any]) -> None:
         """Take over everything: of all robots, and of the values that they share."""
+        of_kinds: list[list[Robot]] = [[] for _ in self._own]
         for robot in robots:
-            self.take(robot)
+            of_kinds[self._kinds[robot.pid]].append(robot)
+        for columns, of_kind in zip(self._own, of_kinds, strict=True):
+            pids = [robot.pid for robot in of_kind]
+            for column in columns:
+                name = column.name
+                self._put_all(column, pids, [vars(robot)[name] for robot in of_kind])
         for name, column in self._entries.items():
-            for pid, value in enumerate(values[name]):
-                self._put(column, pid, value)
+            self._put_all(column, range(len(values[name])), values[name])
         for name in self._shared:
             self._take_shared(name, values)
 
@@ -136,6 +141,12 @@ class Columns:
 
     def _measure(self, column: Column, one: Measured) -> None:
         rows = one.values[:, None] if one.values.ndim == 1 else one.values
+        width = len(column.leaves)
+        if column.leaves == (Leaf.FLOAT,) * width and not np.isnan(rows[:, :width]).any():
+            at = slice(column.first, column.first + width)
+            self._floats[at, one.robots] = rows[:, :width].T
+            self.flags[at, one.robots] = KNOWN
+            return
         for number, leaf in enumerate(column.leaves):
             row, values = column.first + number, rows[:, number]
             if leaf is Leaf.FLOAT:
@@ -144,6 +155,19 @@ class Columns:
             else:
                 self.words[row, one.robots] = values
                 self.flags[row, one.robots] = KNOWN
+
+    def _put_all(self, column: Column, pids: Sequence[int], values: Sequence[Any]) -> None:
+        """Take over a variable of several robots: at once where machine code can have all of it."""
+        parts = [*zip(*map(column.flatten, values), strict=True)]
+        if not all(map(_are_known, column.leaves, parts)):
+            for pid, value in zip(pids, values, strict=True):
+                self._put(column, pid, value)
+            return
+        where = np.array(pids, np.int64)
+        for row, (leaf, of_all) in enumerate(zip(column.leaves, parts, strict=False), column.first):
+            words = self._floats if leaf is Leaf.FLOAT else self.words
+            words[row, where] = of_all
+            self.flags[row, where] = KNOWN
 
     def _put(self, column: Column, pid: int, value: Any) -> None:
         row = column.first
@@ -169,6 +193,19 @@ class Columns:
                 self._cells[cell] = part
             self._cell_flags[cell] = KNOWN if known else 0
             cell += 1
+
+
+def _are_known(leaf: Leaf, parts: Sequence[Any]) -> bool:
+    """Whether machine code can have a leaf of all robots."""
+    if None in parts:
+        return False
+    match leaf:
+        case Leaf.INT:
+            return bool(min(parts) >= _LEAST and max(parts) <= _GREATEST)
+        case Leaf.FLOAT:
+            return not any(map(math.isnan, parts))
+        case Leaf.BOOL:
+            return True
 
 
 def _is_known(leaf: Leaf, part: float | None) -> bool:

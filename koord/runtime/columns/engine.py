@@ -8,6 +8,7 @@ it is in doubt, and then the compiled robot makes the whole turn (decision recor
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 from msgspec import Struct
@@ -130,6 +131,8 @@ class ColumnEngine(RoundEngine):
         self._judge: tuple[Watched | None, CodeJudge] | None = None
         #: Lets robots have what was measured; None where they have it.
         self._write: Callable[[], None] | None = None
+        #: Shared variables that robots have not been told.
+        self._late: dict[str, Any] = {}
         self._touched: set[int] | None = None
         self._decided: Decision | None = None
         #: Robots that have events in buffers, and those that ran one, since the last round.
@@ -149,6 +152,10 @@ class ColumnEngine(RoundEngine):
         if self._write is not None:
             self._write()
             self._write = None
+        for name, value in self._late.items():
+            for robot in self._robots:
+                robot.__dict__[name] = value
+        self._late.clear()
 
     def program_turns(self, schedule: Schedule) -> Decision:
         """Run every robot's program turn. [SELECT] [ATOMIC] [END-PROG]"""
@@ -342,9 +349,7 @@ class ColumnEngine(RoundEngine):
             return
         changed = self.store.apply(decision.writes)
         robots, rows, columns = self._robots, round_.rows, fleet.columns
-        for name, value in changed.items():
-            for robot in robots:
-                robot.__dict__[name] = value
+        self._late |= changed
         for pid in self._ran:
             robots[pid].ran = None
         self._ran = [taken.robot for taken in decision.ran]

@@ -130,7 +130,7 @@ class Group:
 
         A plan for another target is given up; one for the same goes on.
         """
-        if self.state(robot) is MotionState.STOPPED:
+        if self.automata.state.item(robot) == MotionState.STOPPED:
             return
         if robot in self._asked and self._asked[robot].job.goal != target:
             self._give_up(robot)

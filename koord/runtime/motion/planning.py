@@ -91,11 +91,12 @@ class Planner(Protocol):
 
 def hindrance(body: Body, world: World, goal: Point) -> Hindrance | None:
     """The reason why robots of that kind may never go to a point; None if they may."""
-    if not all(a <= c <= b for a, c, b in zip(world.low, goal, world.high, strict=True)):
+    (x, y, z), (west, south, bottom), (east, north, top) = goal, world.low, world.high
+    if not (west <= x <= east and south <= y <= north and bottom <= z <= top):
         return Hindrance.OUTSIDE
     if body.ON_GROUND:
-        return Hindrance.ABOVE_GROUND if goal[2] > world.ground + _ON_PLANE_M else None
-    low = goal[2] < world.ground + body.above_ground_m
+        return Hindrance.ABOVE_GROUND if z > world.ground + _ON_PLANE_M else None
+    low = z < world.ground + body.above_ground_m
     return Hindrance.ON_GROUND if low else None
 
 
