@@ -62,7 +62,7 @@ JUDGING = (
     ),
     Mutant(
         "robots that have no room are not told",
-        "runtime.columns.judging.CodeJudge.unsure",
+        "runtime.columns.judging.CodeJudge._found_by",
         "count > self._room",
         "False",
         (CLAIMS_BY_CODE,),

@@ -201,7 +201,7 @@ COLUMNS = (
     Mutant(
         "robots that were blocked seem to have been so before",
         "runtime.columns.engine.ColumnEngine.program_turns",
-        "self.robots[pid].rest()",
+        "self._robots[pid].rest()",
         "pass",
         (TURNS,),
     ),
