@@ -116,11 +116,17 @@ def test_no_single_datagram_of_another_run_silences_a_robot(
     for number, one in enumerate(islice(kinds.values(), 200), 1):
         fleet.proxy.inject(one.to, one.data, one.sender)
         if number % 10 == 0:
-            fleet.until_further(2, within_s=5.0)
+            # Whoever is silenced is late in all rounds from then on, and runs none of them. How
+            # many rounds run in time says nothing: a machine that is loaded makes robots late.
+            before = [one.status["ran"] for one in fleet]
+            fleet.until(
+                lambda before=before: all(
+                    one.status["ran"] > ran for one, ran in zip(fleet, before, strict=True)
+                ),
+                "run by all robots",
+            )
     fleet.stop()
     assert fleet.disagreements() == []
-    # Whoever is silenced is late in all rounds from then on.
-    assert all(one.report["ran"] > 0.8 * one.report["round"] for one in fleet)
 
 
 @pytest.mark.slow
