@@ -326,6 +326,13 @@ class Note(Form):
     span: Span | None
 
 
+class Edit(Form):
+    """A replacement of the characters of a span by a text."""
+
+    span: Span
+    text: str
+
+
 class Diagnostic(Form):
     code: Annotated[
         str,
@@ -342,6 +349,10 @@ class Diagnostic(Form):
     ]
     span: Span | None
     notes: list[Note]
+    edits: Annotated[
+        list[Edit],
+        Meta(description="The cure as data, in `file`: made all together; none overlaps another."),
+    ]
 
 
 class Diagnostics(Form):

@@ -58,10 +58,11 @@ def diagnostics_dict(diagnostics: Sequence[Diagnostic]) -> dict[str, object]:
     """Diagnostics as plain data; the schema is ``diagnostics``."""
     from koord.api import forms
 
-    def span(one: Span) -> forms.Span | None:
-        if is_whole_file(one):
-            return None
+    def within(one: Span) -> forms.Span:
         return forms.Span(one.line, one.column, one.end_line, one.end_column)
+
+    def span(one: Span) -> forms.Span | None:
+        return None if is_whole_file(one) else within(one)
 
     errors = sum(d.severity is Severity.ERROR for d in diagnostics)
     made = forms.Diagnostics(
@@ -77,6 +78,7 @@ def diagnostics_dict(diagnostics: Sequence[Diagnostic]) -> dict[str, object]:
                 one.span.file,
                 span(one.span),
                 [forms.Note(note.message, note.span.file, span(note.span)) for note in one.notes],
+                [forms.Edit(within(edit.span), edit.text) for edit in one.edits],
             )
             for one in diagnostics
         ],

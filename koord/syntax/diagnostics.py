@@ -23,10 +23,18 @@ class Note(Struct, frozen=True):
     message: str
 
 
+class Edit(Struct, frozen=True):
+    """A replacement of the characters of ``span`` by ``text``; an empty span is an insertion."""
+
+    span: Span
+    text: str
+
+
 class Diagnostic(Struct, frozen=True):
     """A diagnostic: one problem at one place, with its cure where one is known.
 
-    ``code`` is stable (``K204``) and has a long story in :mod:`koord.syntax.catalogue`.
+    ``code`` is stable (``K204``) and has a long story in :mod:`koord.syntax.catalogue`. ``edits``
+    are the cure as data, to be made all together; none overlaps another.
     """
 
     code: str
@@ -35,6 +43,7 @@ class Diagnostic(Struct, frozen=True):
     message: str
     hint: str | None = None
     notes: tuple[Note, ...] = ()
+    edits: tuple[Edit, ...] = ()
 
 
 class KoordError(Exception):

@@ -78,6 +78,12 @@ class Source(ByContent, frozen=True):
         line = bisect_right(lines, offset)
         return line, offset - lines[line - 1] + 1
 
+    def offset(self, line: int, column: int) -> int:
+        """The character offset of a place, as :meth:`place` counts; the end of the text at most."""
+        lines = self._line_starts()
+        start = lines[line - 1] if line <= len(lines) else len(self.text)
+        return min(start + column - 1, len(self.text))
+
     def span(self, start: int, end: int) -> Span:
         """The span of the characters ``start`` up to and excluding ``end``."""
         line, column = self.place(start)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from itertools import cycle, islice
 from pathlib import Path
 
@@ -104,6 +105,11 @@ def test_a_robot_that_is_alone_begins_no_run_of_old_datagrams(
     assert fleet[2].rounds == []
 
 
+def _ran_since(fleet: Fleet, before: Sequence[int]) -> bool:
+    """Return whether every robot has run events since they had run so many."""
+    return all(one.status["ran"] > ran for one, ran in zip(fleet, before, strict=True))
+
+
 @pytest.mark.slow
 def test_no_single_datagram_of_another_run_silences_a_robot(
     fleet_of: MakeFleet, earlier: Sequence[Datagram]
@@ -119,12 +125,7 @@ def test_no_single_datagram_of_another_run_silences_a_robot(
             # Whoever is silenced is late in all rounds from then on, and runs none of them. How
             # many rounds run in time says nothing: a machine that is loaded makes robots late.
             before = [one.status["ran"] for one in fleet]
-            fleet.until(
-                lambda before=before: all(
-                    one.status["ran"] > ran for one, ran in zip(fleet, before, strict=True)
-                ),
-                "run by all robots",
-            )
+            fleet.until(partial(_ran_since, fleet, before), "run by all robots")
     fleet.stop()
     assert fleet.disagreements() == []
 

@@ -13,6 +13,7 @@ from tests.mutants.catalogue_exported import EXPORTED
 from tests.mutants.catalogue_kernels import KERNELS
 from tests.mutants.catalogue_lanes import LANES
 from tests.mutants.catalogue_liveness import LIVENESS
+from tests.mutants.catalogue_old_forms import OLD_FORMS
 from tests.mutants.catalogue_progress import PROGRESS
 from tests.mutants.catalogue_runs import RUNS
 from tests.mutants.catalogue_shown import SHOWN
@@ -1016,6 +1017,7 @@ MUTANTS = (
     *GUARDED,
     *JUDGED,
     *COMPILED,
+    *OLD_FORMS,
     *SHOWN,
     *SIMULATED,
 )

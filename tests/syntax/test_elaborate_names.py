@@ -139,7 +139,6 @@ def test_one_mistake_is_told_once() -> None:
 @pytest.mark.parametrize(
     ("declared", "cure"),
     [
-        ("int x", "write `int[] x`, and `x[pid]` for the own"),
         ("int[3] x", "write `int[] x`, or `int[3][] x`: one `int[3]` for each robot"),
         ("int[][3] x", "write `int[][3][] x`: one `int[][3]` for each robot"),
         ("int[Nsys][3] x", "write `int[3][numAgents] x`"),
@@ -187,7 +186,7 @@ def test_all_mistakes_of_a_file_are_told() -> None:
           int a = true
           float b = 0
         allread:
-          int level
+          int[3] level
         One:
           pre: c > 0
           eff: a = b

@@ -7,7 +7,8 @@ from functools import partial, reduce
 
 from koord.syntax import ast, core
 from koord.syntax.analysis.folding import folded
-from koord.syntax.elaboration.body import CLOSED, BodyScope, Where
+from koord.syntax.diagnostics import Edit
+from koord.syntax.elaboration.body import CLOSED, SEES_VARIABLES, BodyScope, Where
 from koord.syntax.elaboration.coercion import POISON, fit, widened
 from koord.syntax.elaboration.function_calls import call, candidates, is_named
 from koord.syntax.elaboration.library import library_names
@@ -15,8 +16,9 @@ from koord.syntax.elaboration.literals import construct, keys_of, list_of
 from koord.syntax.elaboration.phrases import a, did_you_mean, listed, mathematics, otherwise
 from koord.syntax.elaboration.quantifiers import ran
 from koord.syntax.elaboration.resolve_types import element_of, is_numeric
-from koord.syntax.elaboration.symbols import RecordInfo
-from koord.syntax.types import BOOL, FLOAT, INT, POS, ArrayType, ListType, MapType, Type
+from koord.syntax.elaboration.symbols import RecordInfo, VariableSymbol
+from koord.syntax.source import Span
+from koord.syntax.types import BOOL, FLOAT, INT, POS, ArrayType, ListType, MapType, Robots, Type
 
 Builtin = Callable[[BodyScope, ast.Call, Type | None], core.Expr | None]
 
@@ -233,8 +235,44 @@ def function_call(body: BodyScope, e: ast.Call, expected: Type | None) -> core.E
         return BUILTINS[name](body, e, expected)
     known = candidates(body, name)
     if known:
-        return call(body, e, known)
+        return call(body, _of_positions(body, e, expected), known)
     return _unknown(body, e)
+
+
+def _of_positions(body: BodyScope, e: ast.Call, expected: Type | None) -> ast.Call:
+    """Elaborate ``getNeighbors(i)`` where positions are wanted. [OLD-NEIGHBOURS]
+
+    It means the neighbours' entries of the one ``allread`` array of positions.
+    """
+    if e.function.name != "getNeighbors" or len(e.arguments) != 1 or expected != ListType(POS):
+        return e
+    if body.library or body.where not in SEES_VARIABLES:
+        return e
+    places = [
+        name
+        for name, symbol in body.session.shared.items()
+        if isinstance(symbol, VariableSymbol)
+        and symbol.variable.home is core.Home.ALLREAD
+        and symbol.variable.type == ArrayType(POS, Robots.ALL)
+    ]
+    if not places:
+        return e
+    shown = f"`getNeighbors(…, {places[0]})`"
+    if len(places) > 1:
+        message = f"the positions of neighbours may be those in {listed(places)}"
+        body.error("K210", e.span, message, f"write {shown}")
+    else:
+        end = e.span.end_column - 1
+        before = Span(e.span.file, e.span.end_line, end, e.span.end_line, end)
+        body.findings.old(
+            "getNeighbors",
+            e.span,
+            f"the positions of neighbours are those in `{places[0]}`",
+            f"write {shown}",
+            Edit(before, f", {places[0]}"),
+        )
+    place = ast.Name(places[0], span=e.span)
+    return ast.Call(e.function, (*e.arguments, ast.Argument(None, place, span=e.span)), span=e.span)
 
 
 #: Where statements may change lists.

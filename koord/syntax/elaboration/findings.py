@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from msgspec.structs import replace
 
-from koord.syntax.diagnostics import Diagnostic, Note, Severity
+from koord.syntax.diagnostics import Diagnostic, Edit, Note, Severity
 from koord.syntax.source import Span
 
 #: Of the other places of a mistake so many are named.
@@ -14,11 +14,13 @@ _MOST_LINES = 5
 class DiagnosticLog:
     """The errors and warnings found so far; duplicates at one place are kept once."""
 
-    __slots__ = ("_again", "_found", "errors")
+    __slots__ = ("_again", "_edits", "_found", "_old", "errors")
 
     def __init__(self) -> None:
         self._found: dict[tuple[str, Span], Diagnostic] = {}
         self._again: dict[tuple[str, Span], list[Span]] = {}
+        self._edits: dict[tuple[str, Span], dict[Span, Edit]] = {}
+        self._old: dict[tuple[str, str], Span] = {}
         self.errors = 0
 
     def error(
@@ -44,6 +46,19 @@ class DiagnosticLog:
         """Record a warning."""
         self._add(Diagnostic(code, Severity.WARNING, span, message, hint, notes))
 
+    def old(self, form: str, span: Span, message: str, hint: str, *edits: Edit) -> None:
+        """Warn of an old form, once in a file: other places add their edits. [OLD-FORM]
+
+        ``form`` is what makes places alike, ``edits`` what makes today's form of this place.
+        """
+        first = self._old.setdefault((form, span.file), span)
+        key = ("K407", first)
+        if first == span:
+            self._add(Diagnostic("K407", Severity.WARNING, span, message, hint))
+        else:
+            self._again.setdefault(key, []).append(span)
+        self._edits.setdefault(key, {}).update((edit.span, edit) for edit in edits)
+
     def again(self, code: str, first: Span, place: Span) -> None:
         """Record that the problem of a first place occurs in another."""
         self.errors += 1
@@ -67,6 +82,9 @@ class DiagnosticLog:
     def _with_others(self, key: tuple[str, Span], found: Diagnostic) -> Diagnostic:
         """A finding that lists the other lines with the same problem."""
         first = key[1]
+        edits = sorted(self._edits.get(key, {}).values(), key=_start)
+        if edits:
+            found = replace(found, edits=tuple(edits))
         lines = dict.fromkeys(
             place.line if place.file == first.file else f"{place.file}:{place.line}"
             for place in self._again.get(key, ())
@@ -79,3 +97,7 @@ class DiagnosticLog:
         plural = "s" if len(lines) > 1 else ""
         story = f"{found.message}; it stands in line{plural} {', '.join(shown)}{more} as well"
         return replace(found, message=story)
+
+
+def _start(edit: Edit) -> tuple[int, int]:
+    return edit.span.line, edit.span.column

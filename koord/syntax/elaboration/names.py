@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from koord.syntax import ast, core
+from koord.syntax.diagnostics import Edit
 from koord.syntax.elaboration.body import (
     CLOSED,
     CONTRACT,
@@ -234,6 +235,11 @@ def _special(body: BodyScope, e: ast.Name, expected: Type | None) -> Meaning:
         case "pid":
             return _pid(body, e)
         case "numAgents" | "Nsys":
+            return core.NumAgents(INT, span=e.span)
+        case "numBots" if not body.session.partial:  # [OLD-NAME]
+            was = "`numBots` is the old name of `numAgents`"
+            cure = "write `numAgents`"
+            body.findings.old("numBots", e.span, was, cure, Edit(e.span, "numAgents"))
             return core.NumAgents(INT, span=e.span)
         case "delta":
             return core.Delta(FLOAT, span=e.span)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from koord.syntax import ast, core
 from koord.syntax.analysis.folding import constant
+from koord.syntax.diagnostics import Edit
 from koord.syntax.elaboration.body import BodyScope, Where
 from koord.syntax.elaboration.phrases import did_you_mean
 from koord.syntax.types import (
@@ -87,6 +88,11 @@ def _named(body: BodyScope, written: ast.NamedType, depth: int) -> Type | None:
         meant = types.named[name]
     elif name in PREDEFINED:
         meant = PREDEFINED[name]
+    elif name == "ItemPosition" and not body.session.partial:  # [OLD-NAME]
+        was = "`ItemPosition` is the old name of `pos`"
+        edit = Edit(written.span, "pos")
+        body.findings.old("ItemPosition", written.span, was, "write `pos`", edit)
+        meant = POS
     else:
         if not body.session.partial:
             known = [*PREDEFINED, *GENERIC, *types.named]

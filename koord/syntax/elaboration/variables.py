@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from msgspec import Struct
 
 from koord.syntax import ast, core
-from koord.syntax.diagnostics import Note
+from koord.syntax.diagnostics import Edit, Note
 from koord.syntax.elaboration.body import BodyScope, Elaboration, Where
 from koord.syntax.elaboration.params import param_value, text_value
 from koord.syntax.elaboration.phrases import did_you_mean
@@ -23,7 +23,7 @@ from koord.syntax.elaboration.symbols import (
     VariableSymbol,
 )
 from koord.syntax.literals import ParamValue
-from koord.syntax.source import whole_file
+from koord.syntax.source import Span, whole_file
 from koord.syntax.types import STREAM, ArrayType, EnumType, ListType, Robots, Type, show
 
 
@@ -203,11 +203,17 @@ def _per_robot(session: Elaboration, decl: ast.VarDecl, type_: Type) -> Type | N
                 cure = (
                     f"write `{show(element)}[] {decl.name.name}`, or {cure.removeprefix('write ')}"
                 )
-        case _:
-            message = "an `allread` variable has one entry per robot: it is an array"
-            cure = (
-                f"write `{show(type_)}[] {decl.name.name}`, and `{decl.name.name}[pid]` for the own"
+        case _:  # one value is one for each robot [OLD-ALLREAD]
+            end = decl.type.span
+            place = Span(end.file, end.end_line, end.end_column, end.end_line, end.end_column)
+            session.findings.old(
+                "allread",
+                decl.span,
+                f"`{decl.name.name}` has one entry for each robot: it is an array",
+                f"write `{show(type_)}[] {decl.name.name}`",
+                Edit(place, "[]"),
             )
+            return ArrayType(type_, Robots.ALL)
     session.findings.error("K211", decl.span, message, cure)
     return None
 

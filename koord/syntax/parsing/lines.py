@@ -48,6 +48,8 @@ class LinePart(Struct):
     quantified: bool = False
     #: The first token behind a line break outside of brackets.
     joint: Token | None = None
+    #: The ``;`` behind a guard, as in the old ``pre (c);``.
+    semicolon: Token | None = None
 
     @property
     def first(self) -> str:
@@ -165,6 +167,9 @@ class _Cutter:
     def _scan(self, line: Line, tokens: list[Token]) -> None:
         sink = line.sink
         for token in tokens:
+            if token.type == "SEMICOLON" and token is tokens[-1] and _is_guard(line):
+                line.chain[0].semicolon = token
+                continue
             if token.type in _SPECIAL:
                 self._special(line, token)
                 sink = line.sink
@@ -294,6 +299,11 @@ class _Cutter:
                 return line.sibling(level)
         assert line.sink is not None
         return line.sink
+
+
+def _is_guard(line: Line) -> bool:
+    """Return whether a line so far is a whole guard on one line. [OLD-COLON]"""
+    return not line.brackets and bool(line.chain) and line.chain[0].first == "PRE"
 
 
 def _is_over(line: Line, following: TextLine) -> bool:

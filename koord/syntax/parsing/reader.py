@@ -6,13 +6,14 @@ from itertools import pairwise
 from typing import Any, cast
 
 from koord.syntax import ast
+from koord.syntax.diagnostics import Edit
 from koord.syntax.parsing.line_forms import MAX_DEPTH, UnexpectedError, parse_line
 from koord.syntax.parsing.line_kinds import LineKind
 from koord.syntax.parsing.lines import GOES_ON, UNFINISHED, LinePart
 from koord.syntax.parsing.messages import explain
 from koord.syntax.parsing.operands import MisplacedError
 from koord.syntax.parsing.report import ErrorLog
-from koord.syntax.parsing.tokens import BLOCKS, KEYWORDS, Token, shown, words
+from koord.syntax.parsing.tokens import ARMS, BLOCKS, KEYWORDS, Token, shown, words
 from koord.syntax.source import Span
 
 #: A line is mended and read again so often.
@@ -22,6 +23,12 @@ _MAX_REPAIRS = 10
 _OVER_LINES = frozenset([LineKind.EXPRESSION, LineKind.GOAL, LineKind.MEMBERS])
 #: Complaints that may as well mean a missing colon.
 _NO_COLON = frozenset(["K130", "K131", "K135"])
+#: Words that are the whole head of a block: without a colon its body begins behind them.
+_ONE_WORD = words(
+    "pre eff local allread allwrite init sensors actuators environment requires ensures"
+)
+#: First words of statements with a body: a missing colon there may as well be another mistake.
+_STATEMENTS = BLOCKS | ARMS
 #: First words of sections: nothing else begins so.
 _SECTIONS = words(
     "AGENT ALLREAD ALLWRITE ASSUME DEF ENUM EVENTUALLY INIT INVARIANT LOCAL PARAM URGENT USING"
@@ -128,6 +135,25 @@ class LineReader:
         part.told = code
         self.report.error(code, span, message, hint)
 
+    def old(self, part: LinePart, span: Span, message: str, hint: str, *edits: Edit) -> None:
+        """Warn of an old form in a part of which nothing else was told. [OLD-FORM]"""
+        if not part.broken and part.told is None:
+            self.report.old(span, message, hint, edits)
+
+    def _no_colon(self, part: LinePart, behind: Token, span: Span) -> None:
+        """Warn that a colon is missing behind a token, where that is an old form. [OLD-COLON]"""
+        word = shown(behind.text)
+        message, hint = (
+            f"`:` is missing behind `{word}`; it is read as if it were there",
+            "write `:`",
+        )
+        edits = [Edit(_behind(behind), ":")]
+        if part.semicolon:
+            message, hint = "a guard is written `pre: c`, without `;`", "write `:`, and no `;`"
+            edits.append(Edit(part.semicolon.span, ""))
+            part.semicolon = None
+        self.old(part, span, message, hint, *edits)
+
     def expression(self, part: LinePart) -> ast.Expr | None:
         """Parse a part that is an expression."""
         self.no_block(part)
@@ -205,9 +231,11 @@ class LineReader:
         token = part.tokens[at]
         if part.colon and token.type not in BLOCKS:
             return False
-        self.complain(
-            part, "K114", token.span, f"`:` is missing before `{shown(token.text)}`", "write `:`"
-        )
+        if at == 1 and not part.colon and part.tokens[0].text in _ONE_WORD:
+            self._no_colon(part, part.tokens[0], token.span)
+        else:
+            message = f"`:` is missing before `{shown(token.text)}`"
+            self.complain(part, "K114", token.span, message, "write `:`")
         rest = LinePart(part.tokens[at:], part.colon, quantified=part.quantified)
         rest.broken = part.broken
         if part.colon:
@@ -223,12 +251,22 @@ class LineReader:
         token = part.tokens[0]
         self.heads.append(ast.Ident(token.text, span=token.span))
 
+    def no_semicolon(self, part: LinePart) -> None:
+        """Warn of the ``;`` behind a guard. [OLD-COLON]"""
+        if part.semicolon:
+            span = part.semicolon.span
+            self.old(part, span, "no `;` ends a guard", "leave it out", Edit(span, ""))
+
     # --- bodies
 
     def body(self, part: LinePart) -> list[LinePart]:
         """Read the body of a part that must have one."""
         word = f"`{shown(part.tokens[-1].text)}`" if part.tokens else "this"
-        if part.colon is None:
+        if part.colon is None and part.body and part.first not in _STATEMENTS:
+            end = part.end
+            self._no_colon(part, part.tokens[-1], end.span)
+            part.colon = end
+        elif part.colon is None:
             self.complain(part, "K114", part.end.span, f"`:` is missing behind {word}", "write `:`")
         elif not part.body:
             first = f"`{shown(part.tokens[0].text)}`" if part.tokens else "this"
@@ -288,6 +326,11 @@ class LineReader:
             else:
                 lines.append(part)
         return lines
+
+
+def _behind(token: Token) -> Span:
+    """The place just behind a token."""
+    return Span(token.file, token.line, token.end_column, token.line, token.end_column)
 
 
 def _others(decl: ast.VarDecl, tokens: list[Token]) -> list[ast.VarDecl]:

@@ -1,8 +1,8 @@
-"""Error log: the errors of the phases that read a text."""
+"""Error log: the errors, and the old forms, that are found while a text is read."""
 
 from __future__ import annotations
 
-from koord.syntax.diagnostics import Diagnostic, Note, Severity
+from koord.syntax.diagnostics import Diagnostic, Edit, Note, Severity
 from koord.syntax.source import Span
 
 #: More errors than this in one file help nobody.
@@ -38,6 +38,13 @@ class ErrorLog:
             last = f"this is error number {MAX_ERRORS}: what comes after it is not shown"
             notes = (*notes, Note(span, last))
         self.diagnostics.append(Diagnostic(code, Severity.ERROR, span, message, hint, notes))
+
+    def old(self, span: Span, message: str, hint: str, edits: tuple[Edit, ...]) -> None:
+        """Warn of an old form; ``edits`` make today's of it. [OLD-FORM]"""
+        if not self.full:
+            self.diagnostics.append(
+                Diagnostic("K407", Severity.WARNING, span, message, hint, edits=edits)
+            )
 
     @property
     def full(self) -> bool:

@@ -116,6 +116,7 @@ def _event(reader: LineReader, part: LinePart, *, urgent: bool) -> ast.Event:
             case "PRE":
                 strays.once(line, seen)
                 reader.head(line)
+                reader.no_semicolon(line)
                 pre = reader.conjunction(line)
             case "EFF":
                 strays.once(line, seen)

@@ -14,7 +14,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from koord.syntax import ast
-from koord.syntax.diagnostics import Diagnostic
+from koord.syntax.diagnostics import Diagnostic, Severity
 from koord.syntax.parsing.parser import parse
 from koord.syntax.printing.conditions import conjuncts
 from koord.syntax.printing.expressions import print_expr, print_type
@@ -223,8 +223,9 @@ class Formatted(Struct, frozen=True):
 def format_source(source: Source) -> Formatted:
     """Format a text, unless it has syntax errors."""
     parsed = parse(source)
-    if parsed.diagnostics:
-        return Formatted(source.text, parsed.diagnostics)
+    errors = tuple(d for d in parsed.diagnostics if d.severity is Severity.ERROR)
+    if errors:
+        return Formatted(source.text, errors)
     return Formatted(print_program(parsed.program), ())
 
 
