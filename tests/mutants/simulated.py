@@ -17,6 +17,7 @@ PREDICTIVE = "tests/runtime/motion/test_predictive.py"
 DRIVEN = "tests/sim/test_compiled_driving.py"
 PLANNERS = "tests/sim/test_planning_workers.py"
 CONTACT = "tests/sim/test_compiled_contact.py"
+ROOM = "tests/sim/test_room.py"
 PLANNING_TIME = "tests/sim/test_planning_time.py"
 LOADERS = "tests/runtime/test_yaml_loaders.py"
 
@@ -90,6 +91,34 @@ SIMULATED = (
         "cars.speed.copy()",
         "cars.speed",
         (CONTACT,),
+    ),
+    Mutant(
+        "cars that touch nothing by machine code are pushed before they move",
+        "sim.vehicles.compiled_contact._write_roam",
+        "moved(hull, dt_s, state, forces)",
+        "moved(hull, dt_s, [*state[:3], *moved(hull, dt_s, state, forces)[3:]], forces)",
+        (CONTACT,),
+    ),
+    Mutant(
+        "two that come towards each other are as far apart as one from a wall",
+        "sim.vehicles.room.room_m",
+        "math.sqrt(apart2) / 2 - radius_m",
+        "math.sqrt(apart2) - 2 * radius_m",
+        (ROOM,),
+    ),
+    Mutant(
+        "room is not used up",
+        "sim.vehicles.room.Room.suffices",
+        "self._left_m -= most_m",
+        "self._left_m -= 0.0",
+        (ROOM,),
+    ),
+    Mutant(
+        "pymunk is not told where bodies have moved without it",
+        "sim.vehicles.contact.Floor.advance",
+        "self._is_behind = True",
+        "self._is_behind = False",
+        (ROOM,),
     ),
     Mutant(
         "planning takes no time, whatever a configuration says",

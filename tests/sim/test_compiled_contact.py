@@ -21,6 +21,8 @@ CAR = Car()
 ROVER = DifferentialDrive()
 WORLD = World((-4, -4, 0), (4, 4, 3), obstacles=(Box((-0.5, -0.5, 0), (0.5, 0.5, 1)),))
 
+WIDE = World((-400, -400, 0), (400, 400, 3))
+
 
 def bicycles(start: Floats, heading: Floats) -> Rolling:
     return Bicycles(CAR, start, heading)
@@ -48,23 +50,25 @@ def seen(cars: Colliding) -> bytes:
 @pytest.mark.parametrize("width", [2, 4, 8])
 @pytest.mark.parametrize("count", [1, 8, 13])
 @pytest.mark.parametrize("kind", [bicycles, differentials])
+@pytest.mark.parametrize("world", [WORLD, WIDE])
 def test_machine_code_pushes_as_numpy_does(
     width: int,
     count: int,
     kind: Kind,
+    world: World,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """Also where they touch each other and walls, and with more than one step of time."""
+    """Also where they touch each other and walls, or nothing; with more than one step of time."""
     if width > compiled_contact.widest():
         pytest.skip("this processor's registers hold less")
     monkeypatch.setattr(compiled_contact, "_width", lambda: width)
     draw = np.random.default_rng(count)
     start = np.zeros((count, 3))
-    start[:, :2] = draw.uniform(-3, 3, (count, 2))
+    start[:, :2] = draw.uniform(-3, 3, (count, 2)) * (1 if world is WORLD else 100)
     heading = draw.uniform(-3, 3, count)
     hull = HULLS[kind]
-    one = Colliding(kind(start, heading), hull, Floor(WORLD))
-    other = compiled_contact.compiled(kind(start, heading), hull, Floor(WORLD))
+    one = Colliding(kind(start, heading), hull, Floor(world))
+    other = compiled_contact.compiled(kind(start, heading), hull, Floor(world))
     assert isinstance(other, compiled_contact.CompiledCars) == (kind is bicycles)
     for k in range(60):
         command = np.column_stack([draw.uniform(-3, 3, count), draw.uniform(-0.6, 0.6, count)])

@@ -18,7 +18,8 @@ from koord.runtime.motion.arrays import Floats
 from koord.runtime.motion.bodies import Car
 from koord.runtime.motion.libraries import missing
 from koord.sim.vehicles.bicycles import Bicycles, actuated, bends
-from koord.sim.vehicles.contact import Colliding, Floor, ahead, axle, tyres
+from koord.sim.vehicles.compiled import address
+from koord.sim.vehicles.contact import Colliding, Floor, ahead, axle, moved, tyres
 from koord.sim.vehicles.wheels import Hull, Rolling
 
 try:
@@ -42,8 +43,11 @@ class CompiledColliding(Colliding):
         self._dt: Floats = np.zeros(1)
 
     def show(self, state: Floats) -> None:
+        self._see(self._shown(state), state)
+
+    def _see(self, shown: Floats, state: Floats) -> None:
+        """Let vehicles be where they are shown."""
         model = self.model
-        shown = self._shown(state)
         model.position[:, :2] = shown[:, :2]
         model.heading = shown[:, 2].copy()
         model.take(shown[:, 3].copy(), state[:, 5])
@@ -51,7 +55,7 @@ class CompiledColliding(Colliding):
     def _shown(self, state: Floats) -> Floats:
         """Positions, headings and speeds, shape ``(n, 4)``."""
         shown = np.empty((len(state), _SHOWN))
-        self._shows(_address(state), _address(shown), len(state))
+        self._shows(address(state), address(shown), len(state))
         return shown
 
     def _ahead(self, state: Floats) -> Floats:
@@ -61,7 +65,7 @@ class CompiledColliding(Colliding):
         self._dt[0] = dt_s
         told = np.stack([self.model.speed, self.model.turning()])
         arrays = (self._dt, state, told[0], told[1], force)
-        self._pulls(*map(_address, arrays), len(state))
+        self._pulls(*map(address, arrays), len(state))
 
 
 class CompiledCars(CompiledColliding):
@@ -71,7 +75,16 @@ class CompiledCars(CompiledColliding):
         super().__init__(model, hull, floor)
         assert isinstance(model, Bicycles)
         self._cars = model
-        self._pushes = _pusher(model.car, hull, _width())
+        self._pushes, self._roams = _pusher(model.car, hull, _width())
+
+    def roam(self, state: Floats, dt_s: float, steps: int) -> None:
+        cars = self._cars
+        self._dt[0] = dt_s
+        command = np.ascontiguousarray(self._command)
+        cars.steering, shown = cars.steering.copy(), np.empty((len(state), _SHOWN))
+        arrays = (self._dt, state, command, cars.steering, shown)
+        self._roams(*map(address, arrays), len(state), steps)
+        self._see(shown, state)
 
     def push(self, state: Floats, force: Floats, dt_s: float) -> None:
         cars = self._cars
@@ -80,7 +93,7 @@ class CompiledCars(CompiledColliding):
         # As in the reference, arrays of before stay what they were.
         cars.speed, cars.steering = cars.speed.copy(), cars.steering.copy()
         arrays = (self._dt, state, command, cars.speed, cars.steering, force)
-        self._pushes(*map(_address, arrays), len(state))
+        self._pushes(*map(address, arrays), len(state))
 
 
 def compiled(model: Rolling, hull: Hull, floor: Floor) -> CompiledColliding:
@@ -89,34 +102,67 @@ def compiled(model: Rolling, hull: Hull, floor: Floor) -> CompiledColliding:
     return kind(model, hull, floor)
 
 
-def _address(array: Floats) -> int:
-    """Where the numbers of an array are, which lie one after the other."""
-    place: int = array.__array_interface__["data"][0]
-    return place
-
-
 @cache
-def _pusher(car: Car, hull: Hull, width: int) -> Callable[..., int]:
-    """Compile a step of engine and tyres, of ``width`` cars at a time.
+def _pusher(car: Car, hull: Hull, width: int) -> tuple[Callable[..., int], Callable[..., int]]:
+    """Compile steps of engine and tyres, of ``width`` cars at a time.
 
-    The function takes the addresses of the time of a step, of states, ``(n, 6)``, and commands,
-    ``(n, 2)``, of speeds and steering angles, which it replaces, and of the forces, ``(n, 3)``;
-    and n.
+    The first function makes one. It takes the addresses of the time of a step, of states,
+    ``(n, 6)``, and commands, ``(n, 2)``, of speeds and steering angles, which it replaces, and of
+    the forces, ``(n, 3)``; and n.
+
+    The second makes several that nothing touches. It takes the addresses of the time of a step, of
+    states, commands and steering angles, and of what they look like then, ``(n, 4)``; n, and the
+    number of steps. It replaces states and steering angles.
     """
     module = new_module("contact")
+    _write_push(module, car, hull, width)
+    _write_roam(module, car, hull, width)
+    loaded = Loaded(module)
+    return loaded.function("push", 7), loaded.function("roam", 7)
+
+
+def _write_push(module: Ir, car: Car, hull: Hull, width: int) -> None:
     code = Code(module, "push", [BYTES] * 6 + [I64], I64)
     dt_at, state_at, command_at, speed_at, steering_at, force_at, count = code.arguments
     dt_s = Lanes(code, width).spread(code.get(dt_at, 0, F64))
     with _blocks(code, count, width) as block:
         state, command = block.get(state_at, _BODY), block.get(command_at, _COMMAND)
         (steering,) = block.get(steering_at, 1)
-        speed, steering = actuated(car, dt_s, command, ahead(state), steering)
-        forces = tyres(hull, dt_s, state, speed, bends(car, speed, steering))
+        speed, steering, forces = _pushed(car, hull, dt_s, state, command, steering)
         block.put(speed_at, [speed])
         block.put(steering_at, [steering])
         block.put(force_at, forces)
     code.b.ret(word(0))
-    return Loaded(module).function("push", 7)
+
+
+def _write_roam(module: Ir, car: Car, hull: Hull, width: int) -> None:
+    code = Code(module, "roam", [BYTES] * 5 + [I64] * 2, I64)
+    dt_at, state_at, command_at, steering_at, shown_at, count, steps = code.arguments
+    lanes = Lanes(code, width)
+    dt_s = lanes.spread(code.get(dt_at, 0, F64))
+    with _blocks(code, count, width) as block:
+        command = block.get(command_at, _COMMAND)
+
+        def step(values: list[Ir]) -> list[Ir]:
+            *state, steering = (Lane(lanes, value) for value in values)
+            _, steering, forces = _pushed(car, hull, dt_s, state, command, steering)
+            return [value.ir for value in (*moved(hull, dt_s, state, forces), steering)]
+
+        begun = [*block.get(state_at, _BODY), *block.get(steering_at, 1)]
+        ended = code.repeated(steps, [value.ir for value in begun], step)
+        *state, steering = (Lane(lanes, value) for value in ended)
+        block.put(state_at, state)
+        block.put(steering_at, [steering])
+        block.put(shown_at, [*axle(hull, state), ahead(state)])
+    code.b.ret(word(0))
+
+
+def _pushed(
+    car: Car, hull: Hull, dt_s: Lane, state: list[Lane], command: list[Lane], steering: Lane
+) -> tuple[Lane, Lane, tuple[Lane, Lane, Lane]]:
+    """Speeds and steering angles under commands, and the forces of engine and tyres."""
+    speed, steering = actuated(car, dt_s, command, ahead(state), steering)
+    return speed, steering, tyres(hull, dt_s, state, speed, bends(car, speed, steering))
 
 
 @cache

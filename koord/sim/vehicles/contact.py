@@ -3,7 +3,7 @@
 A kinematic model says which velocity a vehicle strives for; engine and tyres bring it there with
 limited force, pymunk solves the contacts. Velocities are read and forces written for all vehicles
 at once (pymunk's batch interface), because one call per vehicle and step would cost ten times as
-much.
+much. As long as nobody can touch anything pymunk is not asked: bodies move as it moves them.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from koord.runtime.motion.field import GROUND_ROBOT_M
 from koord.runtime.motion.libraries import missing
 from koord.runtime.motion.planning import Hindrance, Touched
 from koord.runtime.motion.world import Box, Disc, Flat, Obstacle, Polygon, World
+from koord.sim.vehicles.room import Room
 from koord.sim.vehicles.wheels import Hull, Rolling
 
 try:
@@ -37,8 +38,11 @@ _READ = (
 )
 _WRITE = batch.BodyFields.FORCE | batch.BodyFields.TORQUE
 
+#: Numbers of a body that are read: position, angle, velocity and rate.
+_NUMBERS = 6
+
 #: What tyres hold sideways, as an acceleration: dry rubber on a hall's floor, μ ≈ 0.9.
-_GRIP_MPS2 = 8.8
+GRIP_MPS2 = 8.8
 
 _WALL_M = 0.05
 
@@ -59,7 +63,12 @@ class Floor:
         self._known: dict[pymunk.Shape, Touched] = {}
         self._state, self._forces = batch.Buffer(), batch.Buffer()
         self._force: Floats = np.zeros((1, 3))
-        self._add_world(world)
+        #: States of bodies, shape ``(n, 6)``, and each group's part of them.
+        self._bodies: Floats = np.zeros((0, _NUMBERS))
+        self._views: list[tuple[Colliding, Floats]] = []
+        self._is_behind = False  #: pymunk has not been told where bodies are
+        self._radius_m = 0.0  #: of a circle about each body
+        self._room = Room(self._add_world(world))
 
     def join(self, vehicles: Colliding, bodies: list[int]) -> None:
         """Add vehicles, by the numbers of their bodies; not after time has begun to pass."""
@@ -68,6 +77,9 @@ class Floor:
         self._parts.append((vehicles, slice(first, len(self._numbers))))
         # pymunk lists the body of the world as well, behind the vehicles: no force acts on it.
         self._force = np.zeros((len(self._numbers) + 1, 3))
+        self._radius_m = max(self._radius_m, vehicles.hull.radius_m)
+        self._bodies = self._read()[:-1].copy()
+        self._views = [(members, self._bodies[rows]) for members, rows in self._parts]
 
     def advance(self, dt_s: float, steps: int) -> None:
         """Give commands to some vehicles; with the last ones the steps are made."""
@@ -75,6 +87,13 @@ class Floor:
         if self._told < len(self._parts):
             return
         self._told = 0
+        if self._room.suffices(self._bodies, self._radius_m, dt_s * steps, GRIP_MPS2):
+            for vehicles, state in self._views:
+                vehicles.roam(state, dt_s, steps)
+            self._is_behind = True
+            return
+        if self._is_behind:
+            self._write()
         for _ in range(steps):
             state = self._read()
             for vehicles, rows in self._parts:
@@ -82,9 +101,9 @@ class Floor:
             self._forces.set_float_buf(self._force)
             batch.set_space_bodies(self.space, _WRITE, self._forces)
             self.space.step(dt_s)
-        state = self._read()
-        for vehicles, rows in self._parts:
-            vehicles.show(state[rows])
+        self._bodies[:] = self._read()[:-1]
+        for vehicles, state in self._views:
+            vehicles.show(state)
 
     def touched(self, body: pymunk.Body) -> tuple[Touched, ...]:
         """The contacts of a vehicle."""
@@ -105,9 +124,18 @@ class Floor:
     def _read(self) -> Floats:
         self._state.clear()
         batch.get_space_bodies(self.space, _READ, self._state)
-        return np.frombuffer(self._state.float_buf(), dtype=np.float64).reshape(-1, 6)
+        return np.frombuffer(self._state.float_buf(), dtype=np.float64).reshape(-1, _NUMBERS)
 
-    def _add_world(self, world: World) -> None:
+    def _write(self) -> None:
+        """Tell pymunk where bodies are, and how they move."""
+        told: Floats = np.zeros((len(self._bodies) + 1, _NUMBERS))  # the world's stays at rest
+        told[:-1] = self._bodies
+        self._forces.set_float_buf(told)
+        batch.set_space_bodies(self.space, _READ, self._forces)
+        self._is_behind = False
+
+    def _add_world(self, world: World) -> Floats:
+        """Add what stands still, and return boxes around each part of it, shape ``(k, 4)``."""
         (x0, y0, _), (x1, y1, _) = world.low, world.high
         corners = [(x0, y0), (x1, y0), (x1, y1), (x0, y1)]
         ground = self.space.static_body
@@ -126,13 +154,15 @@ class Floor:
         for shape in shapes:
             shape.friction, shape.elasticity = 0.4, 0.1
         self.space.add(*shapes)
+        boxes = [shape.cache_bb() for shape in shapes]
+        return np.array([(box.left, box.bottom, box.right, box.top) for box in boxes])
 
 
 class Colliding:
     """Vehicles of one device with bodies in contact, on a floor shared with others."""
 
     def __init__(self, model: Rolling, hull: Hull, floor: Floor) -> None:
-        self.model, self._hull, self._floor = model, hull, floor
+        self.model, self.hull, self._floor = model, hull, floor
         self._command: Floats = np.zeros((len(model.heading), 2))
         self._inertia = hull.inertia_kgm2
         self._bodies = [self._add(floor, k) for k in range(len(model.heading))]
@@ -169,10 +199,18 @@ class Colliding:
         self.model.actuate(self._command, dt_s)
         self._pull(state, force, dt_s)
 
+    def roam(self, state: Floats, dt_s: float, steps: int) -> None:
+        """Make steps in which nothing is touched, and show where they end; writes to ``state``."""
+        force: Floats = np.empty((len(state), 3))
+        for _ in range(steps):
+            self.push(state, force, dt_s)
+            state[:] = np.column_stack(moved(self.hull, dt_s, list(state.T), list(force.T)))
+        self.show(state)
+
     def show(self, state: Floats) -> None:
         """Set the positions of the vehicles from the bodies' states."""
         model = self.model
-        x, y, model.heading = axle(self._hull, list(state.T))
+        x, y, model.heading = axle(self.hull, list(state.T))
         model.position[:, 0], model.position[:, 1] = x, y
         model.take(ahead(list(state.T)), state[:, 5])
 
@@ -183,10 +221,10 @@ class Colliding:
     def _pull(self, state: Floats, force: Floats, dt_s: float) -> None:
         """Write the forces that bring bodies to the velocities of the model."""
         speed, turn = self.model.speed, self.model.turning()
-        force[:] = np.column_stack(tyres(self._hull, dt_s, list(state.T), speed, turn))
+        force[:] = np.column_stack(tyres(self.hull, dt_s, list(state.T), speed, turn))
 
     def _add(self, floor: Floor, number: int) -> pymunk.Body:
-        hull = self._hull
+        hull = self.hull
         body = pymunk.Body(hull.mass_kg, self._inertia)
         x, y, _ = self.position[number].tolist()
         body.angle = heading = float(self.heading[number])
@@ -223,9 +261,21 @@ def tyres(
     gain_x = speed * cosine - aside * sine - state[3]
     gain_y = speed * sine + aside * cosine - state[4]
     size = root(gain_x * gain_x + gain_y * gain_y)
-    held = lesser(_GRIP_MPS2 * dt_s / greater(size, 1e-12), 1.0)
+    held = lesser(GRIP_MPS2 * dt_s / greater(size, 1e-12), 1.0)
     pull = held * (hull.mass_kg / dt_s)
     return pull * gain_x, pull * gain_y, held * (turn - state[5]) * (hull.inertia_kgm2 / dt_s)
+
+
+def moved(
+    hull: Hull, dt_s: Numbers, state: Sequence[Numbers], force: Sequence[Numbers]
+) -> list[Numbers]:
+    """States after a step that nothing touches, as pymunk makes it: they move, then are pushed."""
+    places = [place + rate * dt_s for place, rate in zip(state[:3], state[3:], strict=True)]
+    shares = 1.0 / hull.mass_kg, 1.0 / hull.mass_kg, 1.0 / hull.inertia_kgm2
+    # There is no gravity in the plane; but a zero that is added makes one zero of both.
+    gains = [(0.0 + share * push) * dt_s for share, push in zip(shares[:2], force[:2], strict=True)]
+    gains.append(force[2] * shares[2] * dt_s)
+    return [*places, *(rate + gain for rate, gain in zip(state[3:], gains, strict=True))]
 
 
 def axle(hull: Hull, state: Sequence[Numbers]) -> tuple[Numbers, Numbers, Numbers]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from math import hypot
 from typing import ClassVar
 
 import numpy as np
@@ -76,6 +77,11 @@ class Hull(Struct, frozen=True):
     width_m: float
     middle_m: float = 0.0  #: from the position forward to its middle
     is_disc: bool = False
+
+    @property
+    def radius_m(self) -> float:
+        """The radius of the circle about its middle that it stays within, however it turns."""
+        return (self.length_m if self.is_disc else hypot(self.length_m, self.width_m)) / 2
 
     @property
     def inertia_kgm2(self) -> float:
