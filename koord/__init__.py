@@ -46,6 +46,8 @@ if TYPE_CHECKING:
     from koord.api.guardian_check import check_guardian as check_guardian
     from koord.api.merge import Merged as Merged
     from koord.api.merge import merge as merge
+    from koord.api.migrate import Migration as Migration
+    from koord.api.migrate import migrate as migrate
     from koord.api.orders import OrderReport as OrderReport
     from koord.api.orders import estop as estop
     from koord.api.orders import heartbeat as heartbeat
@@ -114,6 +116,7 @@ _HOMES = {
     "koord.api.fitting": ("read_configuration",),
     "koord.api.guardian_check": ("GuardianCheck", "check_guardian"),
     "koord.api.merge": ("Merged", "merge"),
+    "koord.api.migrate": ("Migration", "migrate"),
     "koord.api.orders": ("OrderReport", "estop", "heartbeat", "order"),
     "koord.api.programs": ("CheckReport", "Program", "check", "load"),
     "koord.api.progress": ("Cancellation", "CancelledError", "Progress"),

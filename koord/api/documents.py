@@ -54,6 +54,7 @@ DOCUMENTS: Mapping[str, str] = {
     "configuration": "configuration files, for editors",
     "verdicts": "what `koord verify --json` prints",
     "diagnostics": "what `--json` prints of any command when its input has mistakes",
+    "migration": "what `koord migrate --json` prints",
     "trace": "traces, as `--trace FILE` and `koord run --json` write them",
     "part": "lines of parts, as `koord deploy --pid I --trace FILE` writes them",
     "certificate": "certificates, as `koord verify --certificate` writes them",
@@ -83,6 +84,7 @@ GENERATED = (
     "conformance",
     "diagnostics",
     "merged",
+    "migration",
     "part",
     "recheck",
     "replay",
@@ -109,6 +111,7 @@ def generated(document: str) -> dict[str, Any]:
         "conformance": ({"title": "Findings of koord on a driver"}, forms.Conformed, {}),
         "diagnostics": ({"title": "Diagnostics of koord"}, forms.Diagnostics, {}),
         "merged": ({"title": "Verdicts of koord on a deployed run"}, forms.Merged, VALUES),
+        "migration": ({"title": "Programs in today's forms"}, forms.Migrated, {}),
         "part": (
             {"$id": "koord-part-1", "title": "A line of a part of a deployed run"},
             part_form.AnyLine,
@@ -142,8 +145,8 @@ def generated(document: str) -> dict[str, Any]:
 def schema(document: str = "configuration") -> dict[str, Any]:
     """The JSON Schema of what koord reads and writes.
 
-    ``document`` is ``"configuration"``, ``"verdicts"``, ``"diagnostics"``, ``"trace"``,
-    ``"part"``, ``"certificate"``, ``"recheck"``, ``"replay"``, ``"merged"`` or
+    ``document`` is ``"configuration"``, ``"verdicts"``, ``"diagnostics"``, ``"migration"``,
+    ``"trace"``, ``"part"``, ``"certificate"``, ``"recheck"``, ``"replay"``, ``"merged"`` or
     ``"conformance"``. Raises :class:`koord.ArgumentError` for another one.
 
     >>> koord.schema("verdicts")["title"]

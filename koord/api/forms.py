@@ -364,6 +364,31 @@ class Diagnostics(Form):
     diagnostics: list[Diagnostic]
 
 
+class MigratedFile(Form):
+    """A program in today's forms."""
+
+    file: Annotated[
+        str, Meta(description="As named on the command line; <stdin> for standard input.")
+    ]
+    changed: Annotated[bool, Meta(description="Whether the text is another one than before.")]
+    text: Annotated[str, Meta(description="The whole text in today's forms.")]
+    steps: Annotated[
+        list[Diagnostic],
+        Meta(description="What was done, with places in the text as it was at that step."),
+    ]
+    left: Annotated[
+        list[Diagnostic],
+        Meta(description="What is told of `text`: errors are what only a person can mend."),
+    ]
+
+
+class Migrated(Form):
+    """The answer of `koord migrate --json`."""
+
+    version: Version
+    files: list[MigratedFile]
+
+
 # --- drivers --------------------------------------------------------------------------------------
 
 

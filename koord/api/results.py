@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from msgspec import Struct, to_builtins
 
 from koord.syntax.diagnostics import Diagnostic, KoordError, Severity
 from koord.syntax.source import Span, is_whole_file, whole_file
 
+if TYPE_CHECKING:
+    from koord.api import forms
+
 #: Raised when the JSON of diagnostics changes in a way that its readers must know of.
 DIAGNOSTICS_VERSION: Final = 1
+
+#: The same of what `koord migrate --json` prints.
+MIGRATION_VERSION: Final = 1
 
 
 class Result(Struct, frozen=True):
@@ -54,8 +60,8 @@ def html_table(heading: str, columns: Sequence[str], rows: Iterable[Sequence[obj
     return f"<p>{escape(heading)}</p>{table}"
 
 
-def diagnostics_dict(diagnostics: Sequence[Diagnostic]) -> dict[str, object]:
-    """Diagnostics as plain data; the schema is ``diagnostics``."""
+def diagnostic_form(one: Diagnostic) -> forms.Diagnostic:
+    """A diagnostic in the form that documents have it in."""
     from koord.api import forms
 
     def within(one: Span) -> forms.Span:
@@ -64,24 +70,28 @@ def diagnostics_dict(diagnostics: Sequence[Diagnostic]) -> dict[str, object]:
     def span(one: Span) -> forms.Span | None:
         return None if is_whole_file(one) else within(one)
 
+    return forms.Diagnostic(
+        one.code,
+        one.severity.value,
+        one.message,
+        one.hint,
+        one.span.file,
+        span(one.span),
+        [forms.Note(note.message, note.span.file, span(note.span)) for note in one.notes],
+        [forms.Edit(within(edit.span), edit.text) for edit in one.edits],
+    )
+
+
+def diagnostics_dict(diagnostics: Sequence[Diagnostic]) -> dict[str, object]:
+    """Diagnostics as plain data; the schema is ``diagnostics``."""
+    from koord.api import forms
+
     errors = sum(d.severity is Severity.ERROR for d in diagnostics)
     made = forms.Diagnostics(
         DIAGNOSTICS_VERSION,
         errors,
         len(diagnostics) - errors,
-        [
-            forms.Diagnostic(
-                one.code,
-                one.severity.value,
-                one.message,
-                one.hint,
-                one.span.file,
-                span(one.span),
-                [forms.Note(note.message, note.span.file, span(note.span)) for note in one.notes],
-                [forms.Edit(within(edit.span), edit.text) for edit in one.edits],
-            )
-            for one in diagnostics
-        ],
+        [diagnostic_form(one) for one in diagnostics],
     )
     found: dict[str, object] = to_builtins(made)
     return found

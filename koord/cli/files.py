@@ -47,6 +47,15 @@ def read_bytes(path: str) -> bytes:
         raise files.unreadable(STDIN_NAME, error) from None
 
 
+def write_out(text: str) -> None:
+    """Write a program to standard output in UTF-8, whatever the locale's encoding is."""
+    if sys.stdout is None:
+        return
+    sys.stdout.flush()
+    sys.stdout.buffer.write(text.encode("utf-8"))
+    sys.stdout.buffer.flush()
+
+
 def check_writable(path: str, read: Iterable[str] = ()) -> None:
     """Raise KoordError if ``path`` is evidently not writable, before long work is done.
 

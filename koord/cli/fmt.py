@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Iterator
-from difflib import unified_diff
 from enum import Enum
 
 from msgspec import Struct
@@ -14,9 +13,10 @@ from koord.api.documents import format
 from koord.api.files import InputFile, write_atomically
 from koord.cli.arguments import add_files, check_files
 from koord.cli.diagnostics import DiagnosticReport
+from koord.cli.differences import difference
 from koord.cli.exits import Exit, gravest
-from koord.cli.files import DASH, read_program
-from koord.cli.terminal import Paint, Style, style_of
+from koord.cli.files import DASH, read_program, write_out
+from koord.cli.terminal import Style, style_of
 from koord.syntax.diagnostics import KoordError
 
 
@@ -94,7 +94,7 @@ def _carry_out(task: FormatTask, laid_out: LaidOut) -> Exit:
     path = laid_out.file.path
     if task is FormatTask.WRITE:
         if path == DASH:
-            _write_bytes(laid_out.text)
+            write_out(laid_out.text)
         elif laid_out.changed:
             write_atomically(path, laid_out.text.encode("utf-8"))
             print(f"{laid_out.file.source.name}: laid out")
@@ -109,32 +109,10 @@ def _carry_out(task: FormatTask, laid_out: LaidOut) -> Exit:
     return Exit.OK if task is FormatTask.DIFF else Exit.VIOLATED
 
 
-def _write_bytes(text: str) -> None:
-    """Write programs in UTF-8, whatever the locale's encoding is."""
-    if sys.stdout is None:
-        return
-    sys.stdout.flush()
-    sys.stdout.buffer.write(text.encode("utf-8"))
-    sys.stdout.buffer.flush()
-
-
 def _diff(laid_out: LaidOut, style: Style) -> Iterator[str]:
     name = laid_out.file.source.name
     old = laid_out.file.source.text
     if old == laid_out.text:
         yield f"{name}: only line ends or a byte-order mark would change"
         return
-    before, after = old.split("\n"), laid_out.text.split("\n")
-    if before[-1] == "":
-        before.pop()
-    else:
-        before[-1] += "\n\\ No newline at end of file"
-    after.pop()
-    for line in unified_diff(before, after, name, f"{name} (laid out)", lineterm=""):
-        match line[:1]:
-            case "+":
-                yield style.paint(line, Paint.ADDED)
-            case "-":
-                yield style.paint(line, Paint.REMOVED)
-            case _:
-                yield line
+    yield from difference(name, old, laid_out.text, "laid out", style)

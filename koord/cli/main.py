@@ -121,6 +121,7 @@ class CommandEntry:
 COMMANDS = (
     CommandEntry("check", "find the mistakes in programs"),
     CommandEntry("fmt", "lay programs out"),
+    CommandEntry("migrate", "bring programs over to today's forms of the language"),
     CommandEntry("explain", "tell the long story of a diagnostic's code"),
     CommandEntry("verify", "verify the properties of programs, or find a violation"),
     CommandEntry("cache", "show or clear the verdicts that `koord verify --cache` keeps"),
@@ -235,7 +236,7 @@ def entry() -> NoReturn:
 
 #: The commands that leave nothing open: they end without freeing what they are made of, which takes
 #: Python as long as to check a program.
-_ENDED_AT_ONCE = frozenset({"check", "fmt", "explain", "verify"})
+_ENDED_AT_ONCE = frozenset({"check", "fmt", "migrate", "explain", "verify"})
 
 
 def _end_at_once(code: int) -> None:

@@ -145,6 +145,11 @@ def _diagnostics() -> Iterator[Command]:
     for entry in of_programs().values():
         yield Command(("check", "-"), stdin=entry.bad)
         yield Command(("check", "-", "--json"), stdin=entry.bad)
+    old = of_programs()["K407"].bad
+    yield Command(("migrate", "-"), stdin=old)
+    yield Command(("migrate", "-", "--write"), stdin=old)
+    yield Command(("migrate", "-", "--json"), stdin=old)
+    yield Command(("migrate", "-"), stdin=of_programs()["K201"].bad)
     for words in (
         ("unknown",),
         ("verify",),

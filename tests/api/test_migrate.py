@@ -1,0 +1,81 @@
+"""Programs are brought over to today's forms, mean what they did, and stay as they are then."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from jsonschema import Draft202012Validator
+
+import koord
+from koord.syntax.diagnostics import Severity
+from koord.syntax.load import load
+from koord.syntax.source import Source
+from tests.loading import example_files
+from tests.syntax.test_old_forms import FORMS
+
+
+def migrated(text: str) -> koord.Migration:
+    return koord.migrate(Source("old.krd", text))
+
+
+@pytest.mark.parametrize(("was", "now"), FORMS.values(), ids=FORMS)
+def test_old_forms_are_brought_over_with_their_comments(was: str, now: str) -> None:
+    found = migrated(was)
+    assert found.text == now
+    assert found.changed
+    assert found.errors == ()
+    assert [step.code for step in found.steps] == ["K407"] * len(found.steps)
+
+
+@pytest.mark.parametrize(("was", "now"), FORMS.values(), ids=FORMS)
+def test_a_migrated_program_means_the_same_and_stays(was: str, now: str) -> None:
+    """The law behind the command: elaborate(migrate(t)) = elaborate(t). [OLD-FORM]"""
+    once = migrated(was)
+    assert load(once.migrated).program == load(once.source).program
+    again = migrated(once.text)
+    assert (again.text, again.steps) == (once.text, ())
+
+
+@pytest.mark.parametrize("path", example_files(), ids=lambda path: path.stem)
+def test_programs_of_today_stay_as_they_are(path: Path) -> None:
+    found = koord.migrate(path)
+    assert not found.changed
+    assert found.steps == ()
+
+
+def test_what_is_left_is_told_of_the_text_that_comes_out() -> None:
+    found = migrated("local\n  int n = numBots\nE:\n  pre (n < 3);\n  eff: n = tsak\n")
+    assert found.text == "local:\n  int n = numAgents\nE:\n  pre: (n < 3)\n  eff: n = tsak\n"
+    assert [(d.code, d.span.line) for d in found.errors] == [("K201", 5)]
+    assert [d.severity for d in found.left] == [Severity.ERROR]
+
+
+def test_what_an_edit_brings_to_light_is_brought_over_too() -> None:
+    """Of two old forms one hides the other, where a line could not be read before."""
+    found = migrated(
+        "allread:\n  ItemPosition x\nE:\n  eff: x[pid] = midpoint(getNeighbors(pid))\n"
+    )
+    assert "  pos[] x\n" in found.text
+    assert "getNeighbors(pid, x)" in found.text
+
+
+def test_the_verdict_is_the_same_before_and_after() -> None:
+    text = "allwrite\n  int n = 0\nE:\n  pre (n < numBots);\n  eff: n = n + 1\ninvariant: n < 2\n"
+    found = migrated(text)
+    before, after = (
+        [(found.name, found.outcome) for found in koord.verify(source, robots=2, rounds=3).verdicts]
+        for source in (found.source, found.migrated)
+    )
+    assert before == after
+    assert len({outcome for _, outcome in before}) > 1  # some hold, and some do not
+
+
+def test_a_migration_as_data_follows_its_schema() -> None:
+    found = migrated(FORMS["guard as a statement"][0])
+    document = {"version": 1, "files": [found.to_dict()]}
+    Draft202012Validator(koord.schema("migration")).validate(document)
+    (step,) = document["files"][0]["steps"]  # type: ignore[index]
+    assert [edit["text"] for edit in step["edits"]] == [":", ""]
+    assert "1 old forms" in repr(found)
+    assert "old.krd" in found._repr_html_()
