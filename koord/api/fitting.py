@@ -30,6 +30,7 @@ from koord.api.results import ArgumentError
 from koord.api.robots import Seconds, delta_of, fleet_of, system_of
 from koord.runtime.configuration.checking import load as load_configuration
 from koord.runtime.configuration.model import RunConfiguration, Scatter, params
+from koord.runtime.configuration.scenes import in_scene, read_scene, run_of
 from koord.runtime.motion.libraries import SIM
 from koord.runtime.motion.world import Point, World
 from koord.runtime.ports import SENSED
@@ -136,13 +137,22 @@ def fit_request(
     return FitRequest(source, config, properties, chosen, length, robots, seed, located)
 
 
-def read_configuration(text: Text, site: Text | None = None) -> RunConfiguration:
+def read_configuration(
+    text: Text, site: Text | None = None, scene: Text | None = None
+) -> RunConfiguration:
     """Read a configuration from a file or a text. Raises KoordError with every mistake.
 
     What it does not say may be in another one, the ``site``: world, positions, network, safety, ...
-    of the place where robots are (P-SITE). So a configuration is used as it stands, anywhere.
+    of the place where robots are (P-SITE). So a configuration is used as it stands, anywhere. The
+    file of a ``scene`` of the published simulator says where robots begin (P-SCENE).
     """
-    return load_configuration(source_of(text), None if site is None else source_of(site))
+    read = load_configuration(source_of(text), None if site is None else source_of(site))
+    return read if scene is None else in_scene(read, read_scene(source_of(scene)))
+
+
+def configuration_of_scene(scene: Text) -> RunConfiguration:
+    """The configuration of a run with the robots of a scene, by itself. Raises KoordError."""
+    return run_of(read_scene(source_of(scene)))
 
 
 def beside(path: str, suffix: str) -> str | None:

@@ -7,7 +7,14 @@ from __future__ import annotations
 
 import argparse
 
-from koord.api.fitting import FitRequest, Fitted, beside, fit, read_configuration
+from koord.api.fitting import (
+    FitRequest,
+    Fitted,
+    beside,
+    configuration_of_scene,
+    fit,
+    read_configuration,
+)
 from koord.api.results import ArgumentError
 from koord.cli.arguments import settings
 from koord.cli.diagnostics import DiagnosticReport
@@ -22,8 +29,12 @@ def fit_request(
     seed: int | None = None,
     *,
     located: bool = False,
+    scene: str | None = None,
 ) -> FitRequest | None:
-    """Make the request from flags; diagnostics of the files go to the report."""
+    """Make the request from flags; diagnostics of the files go to the report.
+
+    ``scene`` is the file that says where robots begin, and which, without a configuration.
+    """
     path = arguments.config
     if path is None and arguments.file != DASH:
         path = beside(arguments.file, ".yaml")
@@ -31,11 +42,16 @@ def fit_request(
         source = read_program(arguments.file).source
         properties = tuple(read_program(name).source for name in arguments.properties)
         configuration = None
+        placed = None if scene is None else read_program(scene).source
+        if placed is not None:
+            report.add((), placed)
         if path is not None:
             text = read_program(path).source
             site = None if arguments.site is None else read_program(arguments.site).source
             report.add((), *(text, site) if site is not None else (text,))
-            configuration = read_configuration(text, site)
+            configuration = read_configuration(text, site, placed)
+        elif placed is not None and arguments.site is None:
+            configuration = configuration_of_scene(placed)
         elif arguments.site is not None:
             raise ArgumentError("site", "it adds to a configuration, and there is none")
     except KoordError as error:

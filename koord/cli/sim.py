@@ -52,6 +52,12 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )
     add_site(parser)
     parser.add_argument(
+        "--scene",
+        metavar="FILE",
+        help="where robots begin, as a scene of the published simulator says (.yml); without CONFIG "
+        "its robots are those of the run",
+    )
+    parser.add_argument(
         "--robots",
         metavar="N",
         type=_robots,
@@ -235,7 +241,7 @@ def main(arguments: argparse.Namespace) -> int:
 
     if arguments.schedule is not None:
         return _rehearse(arguments)
-    check_files(read_by(arguments))
+    check_files([*read_by(arguments), *filter(None, [arguments.scene])])
     is_campaign = any(x is not None for x in (arguments.runs, arguments.sweep, arguments.until))
     request = _request(arguments)
     request.check()
@@ -248,7 +254,9 @@ def main(arguments: argparse.Namespace) -> int:
         request.outputs.check()
     report = DiagnosticReport()
     with nullcontext() if is_campaign else uncollected():  # many runs leave cycles behind
-        wanted = fit_request(arguments, report, arguments.robots, arguments.seed)
+        wanted = fit_request(
+            arguments, report, arguments.robots, arguments.seed, scene=arguments.scene
+        )
         found = None if wanted is None else fitted(wanted, report)
         out = sys.stdout if report.errors and arguments.json else sys.stderr
         report.print(out, as_json=arguments.json and out is sys.stdout)
@@ -306,6 +314,7 @@ def _rehearse(arguments: argparse.Namespace) -> int:
 
     given = {
         "CONFIG": arguments.config is not None,
+        "--scene": arguments.scene is not None,
         "--robots": arguments.robots is not None,
         "--seed": arguments.seed is not None,
         "--delta": arguments.delta is not None,

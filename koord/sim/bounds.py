@@ -49,7 +49,8 @@ def world_of(
     if configuration.bounded:
         return world
     if landmarks is None:
-        return _with_room(world, robots)
+        room = _with_room(world, robots)
+        return widened(room, [*_outside(room, configuration)])
     lost = [
         robot.pid
         for robot in configuration.robots
@@ -65,6 +66,15 @@ def world_of(
         story = "it is not said how large the world is, and the program names no place in it"
         raise KoordError((problem(where, story, f"{hint}, here or in the file of a site"),))
     return around(world, places)
+
+
+def _outside(world: World, configuration: RunConfiguration) -> Iterator[Point]:
+    """The positions of robots that lie outside of a world."""
+    for robot in configuration.robots:
+        if (at := robot.position) is not None and not all(
+            a <= c <= b for a, c, b in zip(world.low, at, world.high, strict=True)
+        ):
+            yield at
 
 
 def _with_room(world: World, robots: int) -> World:

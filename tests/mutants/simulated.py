@@ -20,6 +20,7 @@ CONTACT = "tests/sim/test_compiled_contact.py"
 ROOM = "tests/sim/test_room.py"
 PLANNING_TIME = "tests/sim/test_planning_time.py"
 LOADERS = "tests/runtime/test_yaml_loaders.py"
+SCENES = "tests/runtime/test_scenes.py"
 
 SIMULATED = (
     Mutant(
@@ -346,9 +347,30 @@ SIMULATED = (
     ),
     Mutant(
         "libyaml has the last word on what is wrong with a configuration",
-        "runtime.configuration.reading.read",
+        "runtime.configuration.reading.read_any",
         "suppress(KoordError)",
         "suppress()",
         (LOADERS,),
+    ),
+    Mutant(
+        "a scene places robots by their order, whatever they are called",
+        "runtime.configuration.scenes._matched",
+        "not named or len(set(on)) < len(on)",
+        "True",
+        (SCENES,),
+    ),
+    Mutant(
+        "a car begins where a scene drops it",
+        "runtime.configuration.scenes._placed",
+        "robot.vehicle.body.ON_GROUND",
+        "False",
+        (SCENES,),
+    ),
+    Mutant(
+        "robots of a scene look along the x axis",
+        "runtime.configuration.scenes._placed",
+        "heading_rad=one.heading_rad",
+        "heading_rad=0.0",
+        (SCENES,),
     ),
 )

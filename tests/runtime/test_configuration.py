@@ -404,6 +404,28 @@ def test_a_device_that_names_topics_and_no_driver_is_of_the_published_middleware
     assert all(one["queue_size"] == 1 for one in told)
 
 
+def test_names_that_topics_cannot_have_are_made_such() -> None:
+    """(P-ROS-PUBLISHED)"""
+    made = loaded(
+        SEVERAL.replace("car", "my-car").replace("drone:", "2nd:").replace(": drone", ": 2nd")
+    )
+    told = [json.loads(robot.vehicle.options)["ros_node_prefix"] for robot in made.robots]
+    assert told == ["my_car/waypoint_node", "_2nd/waypoint_node"]
+    assert [d.message for d in made.warnings if d.code == "K949"] == [
+        "topics of my-car are those of my_car",
+        "topics of 2nd are those of _2nd",
+    ]
+
+
+def test_devices_do_not_share_topics_by_their_names() -> None:
+    found = wrong(
+        SEVERAL.replace("car", "a-b").replace("drone:", "a_b:").replace(": drone", ": a_b")
+    )
+    assert [message for _, message, _ in found] == [
+        "a-b and a_b would have the same topics, those of a_b"
+    ]
+
+
 def test_the_name_of_a_robot_stands_before_its_topics_once() -> None:
     (robot,) = loaded(ROS.replace("        DRIVER\n", "").replace("hotdec_car", "car/node")).robots
     assert json.loads(robot.vehicle.options)["ros_node_prefix"] == "car/node"

@@ -41,6 +41,7 @@ from koord.runtime.configuration.topics import (
     ROS_OPTIONS,
     driver_of,
     names_topics,
+    topic_word,
     topics,
 )
 from koord.runtime.configuration.typed import FormReader
@@ -125,6 +126,7 @@ class _Checker(FormReader):
             return None
         robots = tuple(self._robot(form, agent, path, talk, world) for agent, path in agents)
         self._check_addresses(form, robots)
+        self._check_topics(robots)
         if not 0 <= form.leader_pid < len(robots):
             self._say(("leader_pid",), f"there is no robot {form.leader_pid + made.first}")
         for pid in form.positions:
@@ -263,8 +265,9 @@ class _Checker(FormReader):
             return agent
         hint = f"{name} has {', '.join(automata)}"
         story = f"{name} has no {automaton}: {automata[0]} is taken instead"
-        where = (*path, "motion_automaton")
-        self._warnings.append(taken_otherwise(self._document, where, story, hint))
+        told = taken_otherwise(self._document, (*path, "motion_automaton"), story, hint)
+        if all(told.span != one.span for one in self._warnings):  # it may stand there for many
+            self._warnings.append(told)
         return msgspec.structs.replace(agent, motion_automaton=automata[0])
 
     def _device(self, form: Form, agent: Agent, path: Path) -> tuple[str, Device, Path]:
@@ -367,6 +370,23 @@ class _Checker(FormReader):
             ip, port = robot.address
             path: Path = ("devices", robot.vehicle.name)
             self._say(path, f"robots {other} and {robot.pid} both listen on {ip}:{port}")
+
+    def _check_topics(self, robots: tuple[RobotPlace, ...]) -> None:
+        """Warn of devices whose topics cannot have their names; two may not share topics."""
+        published = {r.vehicle.name: r.vehicle for r in robots if r.vehicle.driver == PUBLISHED}
+        taken: dict[str, str] = {}
+        warned = set[Path]()
+        for name, vehicle in published.items():
+            word = topic_word(name)
+            other = taken.setdefault(word, name)
+            if other != name:
+                story = f"{other} and {name} would have the same topics, those of {word}"
+                self._say(vehicle.path, story, "names of topics have letters, digits and `_` alone")
+            elif word != name and vehicle.path not in warned:
+                warned.add(vehicle.path)
+                story = f"topics of {name} are those of {word}"
+                hint = "names of topics have letters, digits and `_` alone"
+                self._warnings.append(taken_otherwise(self._document, vehicle.path, story, hint))
 
     # --- network --------------------------------------------------------------------------------
 

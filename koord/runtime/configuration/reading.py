@@ -31,11 +31,13 @@ class Document(Struct):
     names: dict[Path, Span] = field(default_factory=dict)  #: of fields: where the name stands
     words: dict[Path, str] = field(default_factory=dict)  #: what stands there without quotes
     site: Source | None = None  #: another file, some fields of which are from there (P-SITE)
+    scene: Source | None = None  #: the file that says where robots begin (P-SCENE)
 
     @property
     def sources(self) -> tuple[Source, ...]:
         """The files that it was read from."""
-        return (self.source,) if self.site is None else (self.source, self.site)
+        more = [one for one in (self.site, self.scene) if one not in (None, self.source)]
+        return (self.source, *filter(None, more))
 
     def place(self, path: Path) -> Span:
         """The place of a value, or of the nearest one around it that has one."""
@@ -54,7 +56,21 @@ def problem(span: Span, message: str, hint: str | None = None, code: str = "K931
 
 
 def read(source: Source) -> Document:
-    """Parse YAML. Raises KoordError if the text is not YAML, or no mapping.
+    """Parse YAML. Raises KoordError if the text is not YAML, or no mapping."""
+    document = read_any(source)
+    if not isinstance(document.value, dict):
+        raise KoordError((_no_fields(source),))
+    return document
+
+
+def _no_fields(source: Source) -> Diagnostic:
+    hint = "a configuration begins with fields such as `agents:` and `devices:`"
+    place = Span(source.name, 1, 1, 1, 1)
+    return problem(place, "there are no fields in this file", hint, "K930")
+
+
+def read_any(source: Source) -> Document:
+    """Parse YAML, whatever its outermost value is. Raises KoordError if the text is not YAML.
 
     What is wrong with a text the slow loader says alone, so that all machines say the same.
     """
@@ -78,10 +94,8 @@ def read_by(source: Source, loader: type[yaml.SafeLoader | yaml.CSafeLoader]) ->
         span = Span(source.name, 1, 1, 1, 1)
         story = " ".join(str(error).split())[:200]
         raise KoordError((problem(span, f"not YAML: {story}", code="K930"),)) from None
-    if not isinstance(node, yaml.MappingNode):
-        span = Span(source.name, 1, 1, 1, 1)
-        hint = "a configuration begins with fields such as `agents:` and `devices:`"
-        raise KoordError((problem(span, "there are no fields in this file", hint, "K930"),))
+    if node is None or isinstance(node, yaml.ScalarNode):
+        raise KoordError((_no_fields(source),))
     reader = _YamlReader(source)
     value = reader.value(node, ())
     if reader.problems:

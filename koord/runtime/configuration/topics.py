@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from typing import Any
 
@@ -49,9 +50,19 @@ def topics(name: str, device: Device, automaton: str | None) -> dict[str, Any]:
         options["motion_automaton"] = automaton
     if driver == PUBLISHED:
         prefix = options.get("ros_node_prefix", "")
-        if prefix.strip("/").partition("/")[0] != name:  # as its launcher writes it
-            options["ros_node_prefix"] = f"{name}/{prefix}"
+        own = topic_word(name)
+        if prefix.strip("/").partition("/")[0] not in (name, own):  # as its launcher writes it
+            options["ros_node_prefix"] = f"{own}/{prefix}"
     return options
+
+
+def topic_word(name: str) -> str:
+    """The name of a device as ROS can have it in the name of a topic: `my-car` is `my_car`.
+
+    Nodes that publish poses of what has another name do the same.
+    """
+    word = re.sub(r"\W", "_", name, flags=re.ASCII)
+    return f"_{word}" if word[0].isdigit() else word
 
 
 def _stated(device: Device) -> dict[str, Any]:

@@ -61,6 +61,10 @@ class FormReader:
                 good[name] = self._typed(value, hints[name], path)
         return Form() if self.problems else Form(**good)
 
+    def converted(self, value: Any, type_: Any, path: Path) -> Any:
+        """Convert one value; None if it has a mistake, which is added to the problems."""
+        return self._typed(value, type_, path)
+
     def _typed(self, value: Any, type_: Any, path: Path) -> Any:
         try:
             with _CONVERTING:

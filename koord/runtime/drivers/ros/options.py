@@ -14,6 +14,7 @@ from enum import Enum
 from msgspec import Struct
 
 from koord.runtime.configuration.forms import Natural, NotNegative, Positive, Topic
+from koord.runtime.configuration.topics import topic_word
 from koord.runtime.drivers.driver import DriverError
 
 #: Packages of the types that are known, by the types' names.
@@ -131,7 +132,7 @@ class Names(Struct, frozen=True):
         """The topic in the network. Raises DriverError for names and types that do not do."""
         path = topic.topic
         if use is Use.POSITIONING and path.endswith("/"):
-            path = f"/{path}{self.robot}/pose"  # of a node for all robots, not of this robot's
+            path = f"/{path}{topic_word(self.robot)}/pose"  # of a node for all robots, not of this robot's
         elif not path.startswith("/"):
             path = f"{self.prefix}/{path}"
         name = re.sub("/+", "/", path.replace("{pid}", str(self.pid))).strip("/")

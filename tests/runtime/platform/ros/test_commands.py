@@ -366,6 +366,13 @@ def test_names_of_topics_are_those_of_the_published_middleware(
     assert (wire.name, wire.told) == (expected, f"/{expected}")
 
 
+def test_a_motion_capture_has_robots_under_names_that_topics_can_have() -> None:
+    """(P-ROS-PUBLISHED)"""
+    topic = Topic(topic="/vrpn_client_node/", type="PoseStamped")
+    wire = Names("", "my-car", 2).wire(Use.POSITIONING, topic)
+    assert wire.name == "vrpn_client_node/my_car/pose"
+
+
 @pytest.mark.parametrize("text", ["PoseStamped", "geometry_msgs/PoseStamped"])
 def test_types_may_be_named_with_their_package(text: str) -> None:
     names = Names("", "car", 0)
