@@ -54,8 +54,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--scene",
         metavar="FILE",
-        help="where robots begin, as a scene of the published simulator says (.yml); without CONFIG "
-        "its robots are those of the run",
+        help="where robots begin, as a scene of the published simulator says (.yml); without "
+        "CONFIG, who they are, too",
     )
     parser.add_argument(
         "--robots",

@@ -132,7 +132,8 @@ class Names(Struct, frozen=True):
         """The topic in the network. Raises DriverError for names and types that do not do."""
         path = topic.topic
         if use is Use.POSITIONING and path.endswith("/"):
-            path = f"/{path}{topic_word(self.robot)}/pose"  # of a node for all robots, not of this robot's
+            word = topic_word(self.robot)
+            path = f"/{path}{word}/pose"  # of a node for all robots, not of this robot's
         elif not path.startswith("/"):
             path = f"{self.prefix}/{path}"
         name = re.sub("/+", "/", path.replace("{pid}", str(self.pid))).strip("/")
