@@ -369,8 +369,8 @@ SIMULATED = (
     Mutant(
         "robots of a scene look along the x axis",
         "runtime.configuration.scenes._placed",
-        "heading_rad=one.heading_rad",
-        "heading_rad=0.0",
+        "one.heading_rad",
+        "0.0",
         (SCENES,),
     ),
 )
