@@ -31,14 +31,12 @@ from koord.sim.vehicles.compiled import (
     fly_all,
     parts,
 )
+from koord.sim.vehicles.compiled_automata import Table, arrays_of, numbers_of
 from koord.sim.vehicles.compiled_flying import (
     ARRAYS,
     CONSTANTS,
     CompiledFlying,
     OneDrone,
-    Table,
-    arrays_of,
-    numbers_of,
 )
 from koord.sim.vehicles.quadrotors import FlightState, Quadrotors
 
@@ -183,7 +181,7 @@ def ticking_code(width: int) -> Callable[..., int]:
     def tick(values: list[Ir]) -> list[Ir]:
         before, after, number, places = values
         now = {**arrays, "before": before, "after": after}
-        numbers = numbers_of(lanes, arrays["constants"])
+        numbers = numbers_of(lanes, arrays["constants"], CONSTANTS)
         numbers["now_s"] = lanes.get(arrays["times"], b.mul(number, word(DOUBLE_BYTES)))
         with code.loop(word(0), count) as robot:
             one = _Told(lanes, now, numbers, robot, room, count)

@@ -274,13 +274,17 @@ class WheeledSquad:
     def tick(self, now_s: float) -> None:
         position, heading = self.fixes(now_s)
         self.group.plan(position, heading, now_s)
+        self._track(position, heading, now_s, acts=self._ticks % self._every == 0)
+        self._ticks += 1
+        self.vehicles.advance(self._delay.pass_on(self._command), STEP_S, STEPS)
+
+    def _track(self, position: Floats, heading: Floats, now_s: float, *, acts: bool) -> None:
+        """Step the automata, and let the tracker command if it acts now."""
         self.group.update(position, now_s)
-        if self._ticks % self._every == 0:
+        if acts:
             measured = Measured(position, heading, self.vehicles.speed)
             self._command = self.tracker.command(measured, self._every * STEPS * STEP_S)
             self.group.replan(np.flatnonzero(self.tracker.legs.missed).tolist())
-        self._ticks += 1
-        self.vehicles.advance(self._delay.pass_on(self._command), STEP_S, STEPS)
 
     def fixes(self, now_s: float) -> tuple[Floats, Floats]:
         return self._fixes.read(self.vehicles.position, self.vehicles.heading, now_s)

@@ -18,6 +18,7 @@ DRIVEN = "tests/sim/test_compiled_driving.py"
 PLANNERS = "tests/sim/test_planning_workers.py"
 CONTACT = "tests/sim/test_compiled_contact.py"
 ROOM = "tests/sim/test_room.py"
+TRACKED = "tests/sim/test_compiled_tracking.py"
 PLANNING_TIME = "tests/sim/test_planning_time.py"
 LOADERS = "tests/runtime/test_yaml_loaders.py"
 SCENES = "tests/runtime/test_scenes.py"
@@ -120,6 +121,48 @@ SIMULATED = (
         "self._is_behind = True",
         "self._is_behind = False",
         (ROOM,),
+    ),
+    Mutant(
+        "machine code lets cars set out before their wheels are turned",
+        "sim.vehicles.compiled_tracking._OneCar._turns_wheels",
+        "b.and_(b.and_(first, still), wrong)",
+        "b.and_(b.and_(b.and_(first, still), wrong), constant(I1, 0))",
+        (TRACKED,),
+    ),
+    Mutant(
+        "machine code lets cars go back along their routes",
+        "sim.vehicles.compiled_tracking._OneCar.decide",
+        "self._nearest(s).greater(s)",
+        "self._nearest(s)",
+        (TRACKED,),
+    ),
+    Mutant(
+        "answers of cars beside each other are kept for others",
+        "sim.vehicles.compiled_tracking._OneCar.take",
+        "self._beside('held', row, column)",
+        "self._beside('held', row, word(0))",
+        (TRACKED,),
+    ),
+    Mutant(
+        "who has missed the end in machine code waits on",
+        "sim.vehicles.compiled_tracking._OneCar.send",
+        "self.either(missed, zero, waited)",
+        "waited",
+        (TRACKED,),
+    ),
+    Mutant(
+        "cars that are not steered go on in machine code",
+        "sim.vehicles.compiled_tracking._OneCar.send",
+        "self.either(going, speed, slowest.greater(0.0))",
+        "speed",
+        (TRACKED,),
+    ),
+    Mutant(
+        "machine code tells cars the bends of one step further on",
+        "sim.vehicles.compiled_tracking._OneCar._predict",
+        "word(ERROR_ROWS + steps + 1)",
+        "word(ERROR_ROWS + steps)",
+        (TRACKED,),
     ),
     Mutant(
         "planning takes no time, whatever a configuration says",

@@ -15,6 +15,7 @@ import numpy as np
 from msgspec import Struct
 
 from koord.runtime.motion import automaton, pursuit
+from koord.runtime.motion.angles import sine_cosine, unwound
 from koord.runtime.motion.arrays import Bools, Floats, Ints, bounded
 from koord.runtime.motion.bodies import Car, DifferentialDrive, Steering
 from koord.runtime.motion.geometry import wrapped
@@ -25,17 +26,20 @@ from koord.runtime.motion.pursuit import Course, Horizon
 #: Predictive controllers act at every so many ticks.
 PREDICTIVE_TICKS = 2
 
-#: A leg of a route is driven when no more than this is left of it.
-_DONE_M = 0.03
+#: A leg is driven when no more than this is left of it. Who drives it is so little before its end.
+DONE_M, LEAST_M = 0.03, 1e-9
 
 #: What is left of a leg is driven at this speed at least.
 CREEP_MPS = 0.08
 
-#: A car begins a leg when its wheels are turned so, to this.
-_WHEELS_RAD = 0.03
+#: A car begins a leg when its wheels are turned so, to this. It has not begun it so near its start.
+WHEELS_RAD, BEGUN_M = 0.03, 0.01
+
+#: Predicted lengths stay so much before the end of the leg.
+SHORT_M = 1e-6
 
 #: Who stands at the end of its route for so long and has not reached it has missed it.
-_MISSED_S = 1.0
+MISSED_S = 1.0
 
 
 class Measured(Struct, frozen=True):
@@ -54,7 +58,7 @@ class Legs:
         self.way: Floats = np.ones(group.count)
         #: who stands at the end of its route and has not reached it
         self.missed: Bools = np.zeros(group.count, np.bool_)
-        self._waited: Floats = np.zeros(group.count)
+        self.waited: Floats = np.zeros(group.count)
 
     def advance(self, robots: Ints, measured: Measured) -> tuple[Ints, Ints, Floats]:
         """Advance ``s`` to the robots' positions, and to the next leg.
@@ -69,12 +73,12 @@ class Legs:
         k = routes.segment(robots, s)
         end = routes.leg_end[robots, k]
         slow = stands(measured, robots)
-        done = (end - s <= _DONE_M) & (end < routes.length[robots]) & slow
-        s = np.where(done, end, np.minimum(s, end - 1e-9))
+        done = (end - s <= DONE_M) & (end < routes.length[robots]) & slow
+        s = np.where(done, end, np.minimum(s, end - LEAST_M))
         k = routes.segment(robots, s)
         group.s[robots], self.way[robots] = s, routes.way[robots, k]
         left = routes.leg_end[robots, k] - s
-        goes = left > _DONE_M
+        goes = left > DONE_M
         return robots[goes], k[goes], left[goes]
 
     def pace(self, robots: Ints, last: Floats, left: Floats, dt_s: float) -> Floats:
@@ -95,9 +99,9 @@ class Legs:
         group = self.group
         there = group.automata.reached | ~np.isnan(group.automata.since_s)
         stuck = wanted & ~going & ~there & (group.routes.size > 0)
-        self._waited = np.where(stuck, self._waited + dt_s, 0.0)
-        self.missed = self._waited >= _MISSED_S
-        self._waited[self.missed] = 0.0
+        self.waited = np.where(stuck, self.waited + dt_s, 0.0)
+        self.missed = self.waited >= MISSED_S
+        self.waited[self.missed] = 0.0
 
 
 def stands(measured: Measured, robots: Ints) -> Bools:
@@ -121,9 +125,9 @@ class Driving:
         self.group, self.car, self.horizon = group, group.body, horizon
         self.inputs: Floats = np.zeros((group.count, 2))  #: speed of travel and steering angle
         self.legs = Legs(group, self.car.accel_mps2)
-        self._predictive: Predictive | None = None
+        self.controller: Predictive | None = None
         if steering is Steering.PREDICTIVE:
-            self._predictive = predictive(group.count, self.car, horizon)
+            self.controller = predictive(group.count, self.car, horizon)
 
     def command(self, measured: Measured, dt_s: float) -> Floats:
         """Speeds (negative: backwards) and steering angles, shape ``(n, 2)``, for the next step."""
@@ -135,7 +139,8 @@ class Driving:
         going = np.zeros(group.count, np.bool_)
         if len(cars):
             cars, k, left = self.legs.advance(cars, measured)
-            inputs[cars, 1], turning = self._turn_wheels(cars, k, measured)
+            right, turning = self._turn_wheels(cars, k, measured)
+            inputs[cars[turning], 1] = right[turning]
             cars, left = cars[~turning], left[~turning]
             going[cars] = True
             if len(cars):
@@ -146,20 +151,26 @@ class Driving:
         return np.column_stack([self.legs.way * inputs[:, 0], inputs[:, 1]])
 
     def _turn_wheels(self, cars: Ints, k: Ints, measured: Measured) -> tuple[Floats, Bools]:
-        """The wheel angles of cars at starts of legs, and the cars that have to turn them first."""
+        """The wheel angles of cars at starts of legs, and the cars that have to turn them first.
+
+        Of others there is no angle.
+        """
         routes, s = self.group.routes, self.group.s[cars]
         first = (k == 0) | (routes.leg_end[cars, np.maximum(k - 1, 0)] < routes.leg_end[cars, k])
-        bend = routes.at(cars, s, k).curvature
-        right = pursuit.steering(bend, self.legs.way[cars], self.car)
-        still = stands(measured, cars) & (s - routes.s[cars, k] < 0.01)
-        wrong = np.abs(self.inputs[cars, 1] - right) > _WHEELS_RAD
-        turning: Bools = first & still & wrong
+        still = stands(measured, cars) & (s - routes.s[cars, k] < BEGUN_M)
+        right, begins = np.zeros(len(cars)), first & still
+        turning: Bools = np.zeros(len(cars), np.bool_)
+        if begins.any():
+            some = cars[begins]
+            bend = routes.at(some, s[begins], k[begins]).curvature
+            right[begins] = pursuit.steering(bend, self.legs.way[some], self.car)
+            turning[begins] = np.abs(self.inputs[some, 1] - right[begins]) > WHEELS_RAD
         return right, turning
 
     def _steer(self, cars: Ints, left: Floats, measured: Measured, dt_s: float) -> Floats:
-        if self._predictive is None:
+        if self.controller is None:
             return self._pursue(cars, left, measured, dt_s)
-        return self._predict(cars, left, measured, self._predictive)
+        return self._predict(cars, left, measured, self.controller)
 
     def _pursue(self, cars: Ints, left: Floats, measured: Measured, dt_s: float) -> Floats:
         routes, s = self.group.routes, self.group.s[cars]
@@ -187,7 +198,7 @@ class Driving:
             stop = np.sqrt(2 * accel * rest + (accel * dt / 2) ** 2) - accel * dt / 2
             last = np.minimum(np.minimum(last + accel * dt, stop), routes.pace.cruise_mps)
             speed[:, step] = last
-            at[:, step + 1] = np.minimum(at[:, step] + dt * last, left - 1e-6)
+            at[:, step + 1] = np.minimum(at[:, step] + dt * last, left - SHORT_M)
         spots = routes.at(np.repeat(cars, steps + 1), (s[:, None] + at).ravel())
         allowed = spots.speed_mps.reshape(at.shape)[:, 1:]
         speed = np.minimum(speed, allowed)
@@ -196,9 +207,10 @@ class Driving:
         here = spots.position.reshape(*at.shape, 3)[:, 0, :2]
         course = spots.course_rad.reshape(at.shape)[:, 0]
         gap = measured.position[cars, :2] - here
-        across = np.cos(course) * gap[:, 1] - np.sin(course) * gap[:, 0]
+        sine, cosine = sine_cosine(course)
+        across = cosine * gap[:, 1] - sine * gap[:, 0]
         pointing = course + np.where(way < 0, np.pi, 0.0)
-        turned = wrapped(measured.heading_rad[cars] - pointing)
+        turned = unwound(measured.heading_rad[cars] - pointing)
         error = np.column_stack([np.zeros(len(cars)), across, turned])
         return controller.inputs(
             cars, error, Course(speed, bends, CREEP_MPS), way, self.inputs[cars]

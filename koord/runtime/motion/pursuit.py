@@ -5,12 +5,14 @@ It steers along the circle to a point further on. All arrays have one entry for 
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from msgspec import Struct
 
+from koord.runtime.motion.angles import arc_tangent, sine_cosine
 from koord.runtime.motion.arrays import Floats, bounded
 from koord.runtime.motion.bodies import Car
-from koord.runtime.motion.geometry import wrapped
 
 #: How far ahead a car looks, in time, and at least.
 _AHEAD_S = 0.5
@@ -27,17 +29,20 @@ def curvature_towards(aim: Floats, position: Floats, course_rad: Floats) -> Floa
 
     ``course_rad`` is where the car is going, which is backwards if it drives backwards.
     """
-    gap = aim - position
-    distance = np.maximum(np.hypot(gap[:, 0], gap[:, 1]), 1e-6)
-    aside = wrapped(np.arctan2(gap[:, 1], gap[:, 0]) - course_rad)
+    x, y = aim[:, 0] - position[:, 0], aim[:, 1] - position[:, 1]
+    distance = np.maximum(np.sqrt(x * x + y * y), 1e-6)
+    sine, cosine = sine_cosine(course_rad)
+    ahead, aside = cosine * x + sine * y, cosine * y - sine * x
     # What lies behind is turned to as tightly as what lies abeam.
-    bend: Floats = 2 * np.sin(bounded(aside, -np.pi / 2, np.pi / 2)) / distance
+    share = np.where(ahead >= 0, aside / distance, np.where(aside < 0, -1.0, 1.0))
+    bend: Floats = 2 * share / distance
     return bend
 
 
 def steering(curvature: Floats, way: Floats, car: Car) -> Floats:
     """The steering angles for curvatures of the path, within the limits; ``way`` is ±1."""
-    angle = np.arctan(way * car.wheelbase_m * curvature)
+    most = math.tan(car.steering_rad)
+    angle = arc_tangent(bounded(way * car.wheelbase_m * curvature, -most, most))
     return bounded(angle, -car.steering_rad, car.steering_rad)
 
 

@@ -20,6 +20,10 @@ from koord.runtime.motion.geometry import wrapped
 _CORNER_RAD = np.radians(25.0)
 
 
+#: So many segments about the one that a robot is on are looked at for the one that is nearest.
+WINDOW = 12
+
+
 class Spot(Struct, frozen=True):
     """Points on robots' routes: arrays with one entry per robot."""
 
@@ -120,7 +124,7 @@ class Routes:
             np.minimum(np.sqrt(ahead), self.pace.cruise_mps),
         )
 
-    def nearest(self, robots: Ints, s: Floats, position: Floats, window: int = 12) -> Floats:
+    def nearest(self, robots: Ints, s: Floats, position: Floats, window: int = WINDOW) -> Floats:
         """The lengths at which routes are nearest to positions, on the leg of ``s``."""
         here, rows = self.segment(robots, s), robots[:, None]
         size = self.size[rows]
@@ -130,11 +134,11 @@ class Routes:
         same_leg = self.leg_end[rows, k] == self.leg_end[robots, here][:, None]
         a, b = self.points[rows, k], self.points[rows, np.minimum(k + 1, size)]
         along = b - a
-        square = np.einsum("mki,mki->mk", along, along)
-        share = np.einsum("mki,mki->mk", position[:, None] - a, along)
+        square = _dot(along, along)
+        share = _dot(position[:, None] - a, along)
         share = bounded(share / np.where(square > 0, square, 1.0), 0.0, 1.0)
         gap = position[:, None] - a - share[..., None] * along
-        apart = np.where(same_leg, np.einsum("mki,mki->mk", gap, gap), np.inf)
+        apart = np.where(same_leg, _dot(gap, gap), np.inf)
         best = apart.argmin(1)
         row = np.arange(len(robots))
         chosen = k[row, best]
@@ -201,6 +205,13 @@ class Routes:
         for name in names:
             old = getattr(self, name)
             setattr(self, name, np.concatenate([old, np.repeat(old[:, -1:], short, 1)], axis=1))
+
+
+def _dot(one: Floats, other: Floats) -> Floats:
+    """Products of vectors ``(…, 3)``, added up from the first to the last."""
+    parts = one * other
+    found: Floats = parts[..., 0] + parts[..., 1] + parts[..., 2]
+    return found
 
 
 class _Bends(Struct, frozen=True):

@@ -59,7 +59,8 @@ class CompiledPredictive(Predictive):
         found = np.empty((INPUT_ROWS, len(wide)))
         slowest = np.array([slowest_mps])
         told_at, kept_at = orders.ctypes.data, after.ctypes.data
-        self._solve(slowest.ctypes.data, told_at, kept_at, found.ctypes.data, len(wide))
+        sizes = len(wide), len(wide)
+        self._solve(slowest.ctypes.data, told_at, kept_at, found.ctypes.data, *sizes)
         return found[:, :count], after[:, :count]
 
 
@@ -67,25 +68,31 @@ _width = cache(widest)
 
 
 @cache
-def _solver(problem: Problem, width: int) -> Callable[[int, int, int, int, int], int]:
-    """Compile the solver of problems of a kind, ``width`` of them at a time.
+def _solver(problem: Problem, width: int) -> Callable[..., int]:
+    """Compile the solver of problems of a kind, ``width`` of them at a time."""
+    module = new_module("driving")
+    write_solver(module, problem, width)
+    return Loaded(module).function("solve", 6)
+
+
+def write_solver(module: Ir, problem: Problem, width: int) -> Ir:
+    """Write the solver of problems of a kind, ``width`` of them at a time.
 
     The function takes the addresses of the slowest speed, of what cars are told, of what is kept of
     their last answers, which it replaces, and of an array for their inputs; then their number, a
-    multiple of ``width``.
+    multiple of ``width``, and the columns of the arrays, of which it takes the first ones.
     """
-    module = new_module("driving")
-    code = Code(module, "solve", [BYTES] * 4 + [I64], I64)
-    slowest, told, kept, found, count = code.arguments
+    code = Code(module, "solve", [BYTES] * 4 + [I64] * 2, I64)
+    slowest, told, kept, found, count, columns = code.arguments
     b, lanes = code.b, Lanes(code, width)
-    pitch = b.mul(count, word(DOUBLE_BYTES))
+    pitch = b.mul(columns, word(DOUBLE_BYTES))
     made = _Solver(code, lanes, problem, lanes.spread(code.get(slowest, 0, F64)))
     with code.loop(word(0), b.udiv(count, word(width))) as block:
         shift = b.mul(block, word(width * DOUBLE_BYTES))
         rows = [_Rows(code, lanes, code.at(part, shift), pitch) for part in (told, kept, found)]
         made.solve(*rows)
     b.ret(word(0))
-    return Loaded(module).function("solve", 5)
+    return code.function
 
 
 class _Rows:

@@ -1,0 +1,468 @@
+"""Machine code of the law by which cars under predictive control follow routes, automata and all.
+
+What :func:`.automaton.step`, :class:`.Legs` and :class:`.Driving` compute, car by car and in the
+same order of operations, so that commands are equal to the last bit; who is to be steered is put
+to the solver of :mod:`.compiled_driving`, many side by side. So a tick of a squad is one call.
+Tests hold the two together.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from functools import cache
+from typing import Any
+
+import numpy as np
+from msgspec import Struct
+
+from koord.machine.code import BYTES, F64, I1, I64, Code, Ir, Loaded, constant, new_module, word
+from koord.machine.lanes import DOUBLE_BYTES, Lane, Lanes, widest
+from koord.runtime.motion.angles import arc_tangent, sine_cosine, unwound
+from koord.runtime.motion.arrays import Bools, Floats
+from koord.runtime.motion.bodies import Car, Pace
+from koord.runtime.motion.driving import (
+    BEGUN_M,
+    CREEP_MPS,
+    DONE_M,
+    LEAST_M,
+    MISSED_S,
+    PREDICTIVE_TICKS,
+    SHORT_M,
+    WHEELS_RAD,
+    Driving,
+)
+from koord.runtime.motion.predictive import ERROR_ROWS, INPUT_ROWS, Problem
+from koord.runtime.motion.routes import WINDOW
+from koord.sim.squads import STEP_S, STEPS, SquadSetup, Wheeled, WheeledSquad
+from koord.sim.vehicles.compiled_automata import (
+    AUTOMATA,
+    VISIT,
+    OneRobot,
+    OwnAutomata,
+    Table,
+    arrays_of,
+    numbers_of,
+)
+from koord.sim.vehicles.compiled_driving import CompiledPredictive, write_solver
+
+#: What the machine code is given the addresses of, in this order.
+_ARRAYS = (
+    *("constants", "position", "heading", "velocity", "command", "inputs", "kept"),
+    *("legs_way", "waited", "missed", "s", "speed", *AUTOMATA),
+    *("length", "size", "route_s", "speed2", "points", "course", "turn"),
+    *("curvature", "leg_end", "way", "going", "told", "held", "found", "who"),
+)
+
+#: Numbers that it is given, in this order; the last is the solver's.
+_CONSTANTS = (*VISIT, "slowest")
+_SLOWEST_AT = DOUBLE_BYTES * (len(_CONSTANTS) - 1)
+
+#: The law acts so often.
+_EVERY_S = PREDICTIVE_TICKS * STEPS * STEP_S
+
+
+class TrackedSquad(WheeledSquad):
+    """A squad of cars under predictive control, by machine code that is made once in a process.
+
+    It writes over the states of automata and controllers, which are the squad's and nobody else's.
+    """
+
+    def __init__(self, setup: SquadSetup, vehicles: Wheeled, law: Driving) -> None:
+        super().__init__(setup, vehicles, law, PREDICTIVE_TICKS)
+        controller = law.controller
+        assert isinstance(controller, CompiledPredictive)
+        count, width, problem = len(setup.start), widest(), controller.problem
+        self._law, self._kept = law, controller.kept
+        self._own = OwnAutomata(setup.group)
+        self._step = tracking_code(_Kind(law.car, problem, setup.group.routes.pace), width)
+        self._table = Table(len(_ARRAYS))
+        self._constants: Floats = np.full(len(_CONSTANTS), CREEP_MPS)
+        self._missed: Bools = np.zeros(count, np.bool_)
+        self._going: Bools = np.zeros(count, np.bool_)
+        # Of those who are steered, side by side; lanes of the last register may be left over.
+        self._room = room = -(-count // width) * width
+        self._steered = (
+            *(np.empty((problem.told_rows, room)), np.empty((problem.kept_rows, room))),
+            *(np.empty((INPUT_ROWS, room)), np.empty(room, np.int64)),
+        )
+
+    def _track(self, position: Floats, heading: Floats, now_s: float, *, acts: bool) -> None:
+        group = self.group
+        self._constants[: len(VISIT)] = self._own.visit(now_s)
+        self._table.point_to(0, self._constants, *map(np.ascontiguousarray, (position, heading)))
+        self._table.point_to(3, np.ascontiguousarray(self.vehicles.speed), *self._arrays())
+        sizes = group.count, group.routes.s.shape[1], self._room
+        missed = self._step(self._table.address, *sizes, acts)
+        if missed:
+            group.replan(np.flatnonzero(self._missed).tolist())
+
+    def _arrays(self) -> tuple[Any, ...]:
+        """The arrays of the squad, in the order of their names from commands on."""
+        group, routes, law = self.group, self.group.routes, self._law
+        legs = law.legs
+        return (
+            *(self._command, law.inputs, self._kept, legs.way, legs.waited, self._missed),
+            *(group.s, group.speed, *self._own.arrays()),
+            *(routes.length, routes.size, routes.s, routes.speed2, routes.points),
+            *(routes.course, routes.turn, routes.curvature, routes.leg_end, routes.way),
+            *(self._going, *self._steered),
+        )
+
+
+# --- the machine code -----------------------------------------------------------------------------
+
+
+class _Kind(Struct, frozen=True):
+    """The constants of cars of one kind, and of their routes."""
+
+    car: Car
+    problem: Problem
+    pace: Pace
+
+
+@cache
+def tracking_code(kind: _Kind, width: int) -> Callable[..., int]:
+    """Compile a tick of a squad of cars, of which ``width`` are steered at a time.
+
+    The function takes the address of the table of arrays, the number of cars, how many points there
+    is room for in each route, for how many cars there is room side by side, and whether the law
+    acts at this tick. It returns how many have missed the ends of their routes.
+    """
+    module = new_module("tracking")
+    solver = write_solver(module, kind.problem, width)
+    code = Code(module, "track", [BYTES, *[I64] * 4], I64)
+    table, count, room, columns, acts = code.arguments
+    b = code.b
+    arrays = arrays_of(code, table, _ARRAYS)
+    lanes = Lanes(code, 1)
+    numbers = numbers_of(lanes, arrays["constants"], _CONSTANTS)
+    acts = b.icmp_signed("!=", acts, word(0))
+    steered, missed = code.slot(I64), code.slot(I64)
+    b.store(word(0), steered)
+    b.store(word(0), missed)
+
+    def one(robot: Ir) -> _OneCar:
+        made = _OneCar(lanes, arrays, numbers, robot, room, count)
+        made.kind, made.columns = kind, columns
+        return made
+
+    with code.loop(word(0), count) as robot:
+        now = one(robot)
+        now.step_automaton()
+        with code.only_if(acts):
+            now.decide(steered)
+    with code.only_if(acts):
+        some = b.load(steered)
+        with code.only_if(b.icmp_signed(">", some, word(0))):
+            last = b.sub(some, word(1))
+            wide = b.mul(b.udiv(b.add(last, word(width)), word(width)), word(width))
+            with code.loop(some, wide) as column:  # lanes that are left over are the first car's
+                for name in ("told", "held"):
+                    _copy_first(code, arrays[name], columns, column, _rows(kind.problem, name))
+            blocks = (arrays[name] for name in ("told", "held", "found"))
+            slowest = code.at(arrays["constants"], _SLOWEST_AT)
+            b.call(solver, [slowest, *blocks, wide, columns])
+        with code.loop(word(0), some) as column:
+            who = code.get(arrays["who"], b.mul(column, word(DOUBLE_BYTES)), I64)
+            one(who).take(column)
+        with code.loop(word(0), count) as robot:
+            b.store(b.add(b.load(missed), one(robot).send()), missed)
+    b.ret(b.load(missed))
+    return Loaded(module).function("track", 5)
+
+
+def _rows(problem: Problem, name: str) -> int:
+    return problem.told_rows if name == "told" else problem.kept_rows
+
+
+def _copy_first(code: Code, block: Ir, columns: Ir, column: Ir, rows: int) -> None:
+    """Copy the first column of an array to another."""
+    b = code.b
+    with code.loop(word(0), word(rows)) as row:
+        first = b.mul(row, columns)
+        value = code.get(block, b.mul(first, word(DOUBLE_BYTES)), F64)
+        code.put(block, b.mul(b.add(first, column), word(DOUBLE_BYTES)), value)
+
+
+class _Spot(Struct, frozen=True):
+    """A point of a route, as ``Routes.at`` has it, in the plane."""
+
+    x: Lane
+    y: Lane
+    course: Lane
+    curvature: Lane
+    speed_mps: Lane
+
+
+class _OneCar(OneRobot):
+    """What is computed for one car; ``columns`` are those of arrays of cars side by side."""
+
+    kind: _Kind
+    columns: Ir
+
+    # --- what it does ---------------------------------------------------------------------------
+
+    def decide(self, steered: Ir) -> None:
+        """Advance along the route, as ``Legs.advance``, and say whether wheels turn first."""
+        b = self.code.b
+        self.keep("going", constant(I1, 0))
+        with self.code.only_if(self._drives()):
+            s = self.number("s", self.robot)
+            # As in ``np.maximum``, neither need be a number; the difference is 0, or none.
+            s = self._nearest(s).greater(s) + (s - s)
+            k = self._segment(s, word(0))
+            end, slow = self._of("leg_end", k), self._stands()
+            near = (end - s).is_at_most(DONE_M)
+            done = b.and_(b.and_(near, end.is_below(self.number("length", self.robot))), slow)
+            s = end.where(done, s.lesser(end - LEAST_M))
+            k = self._segment(s, word(0))
+            self.put("s", self.robot, s)
+            self.put("legs_way", self.robot, self._of("way", k))
+            left = self._of("leg_end", k) - s
+            with self.code.only_if(self.lanes.constant(DONE_M).is_below(left)):
+                turning, right = self._turns_wheels(s, k)
+                with self.code.only_if(turning):
+                    self.put("inputs", self._input(1), right)
+                with self.code.only_if(b.not_(turning)):
+                    self.keep("going", constant(I1, 1))
+                    column = b.load(steered)
+                    b.store(b.add(column, word(1)), steered)
+                    self._put_beside(column)
+                    self._predict(column, s, k, left)
+
+    def take(self, column: Ir) -> None:
+        """Take the inputs that the solver has found, and keep what belongs to them."""
+        for row in range(INPUT_ROWS):
+            self.put("inputs", self._input(row), self._beside("found", word(row), column))
+        with self.code.loop(word(0), word(self.kind.problem.kept_rows)) as row:
+            self.put("kept", self._kept_at(row), self._beside("held", row, column))
+
+    def send(self) -> Ir:
+        """Command, as ``Driving.command``; 1 where the end of the route is missed, else 0."""
+        b, zero = self.code.b, self.lanes.constant(0.0)
+        going = self.truth("going")
+        measured = self.number("since_s", self.robot).is_at_most(math.inf)
+        there = b.or_(self.truth("reached"), measured)
+        stuck = b.and_(b.and_(self._drives(), b.not_(going)), b.not_(there))
+        waited = self.number("waited", self.robot) + _EVERY_S
+        waited = self.either(stuck, waited, zero)
+        missed = self.lanes.constant(MISSED_S).is_at_most(waited)
+        self.put("waited", self.robot, self.either(missed, zero, waited))
+        self.keep("missed", missed)
+        slowest = self._pace_now() - self.kind.car.accel_mps2 * _EVERY_S
+        speed = self.number("inputs", self._input(0))
+        self.put("speed", self.robot, self.either(going, speed, zero))
+        speed = self.either(going, speed, slowest.greater(0.0))
+        self.put("inputs", self._input(0), speed)
+        self.put("command", self._input(0), self.number("legs_way", self.robot) * speed)
+        self.put("command", self._input(1), self.number("inputs", self._input(1)))
+        return b.zext(missed, I64)
+
+    # --- its parts ------------------------------------------------------------------------------
+
+    def _drives(self) -> Ir:
+        """Whether it is to move along a route that is longer than a point."""
+        b = self.code.b
+        return b.and_(self.follows(), b.icmp_signed(">", self.whole("size"), word(0)))
+
+    def _pace_now(self) -> Lane:
+        return self.number("velocity", self.robot).signed_as(self.lanes.constant(1.0))
+
+    def _stands(self) -> Ir:
+        return self._pace_now().is_below(CREEP_MPS)
+
+    def _turns_wheels(self, s: Lane, k: Ir) -> tuple[Ir, Lane]:
+        """Whether the wheels are turned first, and how far, as ``Driving._turn_wheels``."""
+        b, car = self.code.b, self.kind.car
+        is_first = b.icmp_signed("==", k, word(0))
+        before = b.select(is_first, k, b.sub(k, word(1)))
+        begins = self._of("leg_end", before).is_below(self._of("leg_end", k))
+        first = b.or_(is_first, begins)
+        still = b.and_(self._stands(), (s - self._of("route_s", k)).is_below(BEGUN_M))
+        bend = self._at(s, k).curvature
+        most = math.tan(car.steering_rad)
+        slope = self.number("legs_way", self.robot) * car.wheelbase_m * bend
+        right = arc_tangent(slope.greater(-most).lesser(most))
+        right = right.greater(-car.steering_rad).lesser(car.steering_rad)
+        off = (self.number("inputs", self._input(1)) - right).signed_as(self.lanes.constant(1.0))
+        wrong = self.lanes.constant(WHEELS_RAD).is_below(off)
+        return b.and_(b.and_(first, still), wrong), right
+
+    def _put_beside(self, column: Ir) -> None:
+        """Put what is kept of the last answer beside that of others who are steered."""
+        at = self.code.b.mul(column, word(DOUBLE_BYTES))
+        self.code.put(self.arrays["who"], at, self.robot)
+        with self.code.loop(word(0), word(self.kind.problem.kept_rows)) as row:
+            self._set_beside("held", row, column, self.number("kept", self._kept_at(row)))
+
+    def _predict(self, column: Ir, s: Lane, k: Ir, left: Lane) -> None:
+        """Tell the solver what is ahead, as ``Driving._predict``."""
+        b, code, pace = self.code.b, self.code, self.kind.pace
+        steps, dt = self.kind.problem.horizon.steps, self.kind.problem.horizon.step_s
+        accel = pace.accel_mps2
+
+        def tell(row: Ir | int, value: Lane) -> None:
+            place = word(row) if isinstance(row, int) else row
+            self._set_beside("told", place, column, value)
+
+        lengths = [self.lanes.constant(0.0)]
+        speeds: list[Lane] = []
+        last = self.number("inputs", self._input(0))
+        for _ in range(steps):
+            rest = left - lengths[-1]
+            stop = (2 * accel * rest + (accel * dt / 2) ** 2).sqrt() - accel * dt / 2
+            last = (last + accel * dt).lesser(stop).lesser(pace.cruise_mps)
+            speeds.append(last)
+            lengths.append((lengths[-1] + dt * last).lesser(left - SHORT_M))
+        way = self.number("legs_way", self.robot)
+        spot = self._at(s + lengths[0], k)
+        tell(ERROR_ROWS + steps, spot.curvature)
+        sine, cosine = sine_cosine(spot.course)
+        gap_x, gap_y = self.position[0] - spot.x, self.position[1] - spot.y
+        back = self.either(
+            way.is_below(0.0), self.lanes.constant(math.pi), self.lanes.constant(0.0)
+        )
+        turned = unwound(self.number("heading", self.robot) - (spot.course + back))
+        for row, error in enumerate(
+            (self.lanes.constant(0.0), cosine * gap_y - sine * gap_x, turned)
+        ):
+            tell(row, error)
+        # What is further ahead is on the same segment, or behind it.
+        ahead, along = code.slot(I64), code.slot(F64, steps)
+        b.store(k, ahead)
+        allowed = code.slot(F64, steps)
+        for step in range(steps):
+            for block, value in ((along, lengths[step + 1]), (allowed, speeds[step])):
+                b.store(value.ir, b.gep(block, [word(step)]))
+        with code.loop(word(0), word(steps)) as step:
+            there = s + Lane(self.lanes, b.load(b.gep(along, [step])))
+            place = self._segment(there, b.load(ahead))
+            b.store(place, ahead)
+            spot = self._at(there, place)
+            speed = Lane(self.lanes, b.load(b.gep(allowed, [step]))).lesser(spot.speed_mps)
+            is_first = b.icmp_signed("==", step, word(0))
+            speed = self.either(is_first, speed.greater(CREEP_MPS), speed)
+            tell(b.add(step, word(ERROR_ROWS)), speed)
+            # That of the last spot is none of the course: the way stands there.
+            tell(b.add(step, word(ERROR_ROWS + steps + 1)), spot.curvature)
+        tell(ERROR_ROWS + 2 * steps, way)
+        for row in range(INPUT_ROWS):
+            put = self.number("inputs", self._input(row))
+            tell(ERROR_ROWS + 2 * steps + 1 + row, put)
+
+    # --- the route ------------------------------------------------------------------------------
+
+    def _segment(self, s: Lane, first: Ir) -> Ir:
+        """The segment at a length, as ``Routes.segment``; it is not before the ``first``."""
+        b = self.code.b
+        found = self.code.slot(I64)
+        b.store(first, found)
+        last = b.sub(self.whole("size"), word(1))
+
+        def is_behind() -> Ir:
+            following = b.add(b.load(found), word(1))
+            inside = b.icmp_signed("<=", following, last)
+            there = b.select(inside, following, word(0))
+            return b.and_(inside, self._of("route_s", there).is_at_most(s))
+
+        with self.code.while_(is_behind):
+            b.store(b.add(b.load(found), word(1)), found)
+        return b.load(found)
+
+    def _nearest(self, s: Lane) -> Lane:
+        """The length at which the route is nearest, as ``Routes.nearest``."""
+        b = self.code.b
+        here, size = self._segment(s, word(0)), self.whole("size")
+        leg_end, last = self._of("leg_end", here), b.sub(size, word(1))
+        first = b.sub(here, word(2))
+        first = b.select(b.icmp_signed("<", first, word(0)), word(0), first)
+
+        def looked(number: Ir) -> tuple[Lane, Lane]:
+            """How far a segment is, as a square, and the length of its nearest point."""
+            k = b.add(first, number)
+            k = b.select(b.icmp_signed("<", k, last), k, last)
+            a, z = (
+                self.three("points", self._row(k)),
+                self.three("points", self._row(b.add(k, word(1)))),
+            )
+            along = [one - other for one, other in zip(z, a, strict=True)]
+            off = [one - other for one, other in zip(self.position, a, strict=True)]
+            square, share = _dot(along, along), _dot(off, along)
+            one = self.lanes.constant(1.0)
+            whole = square.where(self.lanes.constant(0.0).is_below(square), one)
+            share = (share / whole).greater(0.0).lesser(1.0)
+            gap = [o - share * w for o, w in zip(off, along, strict=True)]
+            same = b.fcmp_ordered("==", self._of("leg_end", k).ir, leg_end.ir)
+            apart = self.either(same, _dot(gap, gap), self.lanes.constant(math.inf))
+            return apart, self._of("route_s", k) + share * square.sqrt()
+
+        def nearer(values: list[Ir]) -> list[Ir]:
+            least, found, number = values
+            apart, there = looked(number)
+            # As ``np.argmin``: of several the first, and what is no number is the least.
+            is_less = b.fcmp_unordered("<", apart.ir, least)
+            is_less = b.and_(is_less, b.fcmp_ordered("ord", least, least))
+            return [
+                b.select(is_less, apart.ir, least),
+                b.select(is_less, there.ir, found),
+                b.add(number, word(1)),
+            ]
+
+        begun = [*(one.ir for one in looked(word(0))), word(1)]
+        _, found, _ = self.code.repeated(word(WINDOW - 1), begun, nearer)
+        return Lane(self.lanes, found)
+
+    def _at(self, s: Lane, k: Ir) -> _Spot:
+        """A point of the route on a segment, as ``Routes.at``."""
+        one, pace = self.lanes.constant(1.0), self.kind.pace
+        then = self.code.b.add(k, word(1))
+        begun, end = self._of("route_s", k), self._of("route_s", then)
+        length = end - begun
+        whole = length.where(self.lanes.constant(0.0).is_below(length), one)
+        share = ((s - begun) / whole).greater(0.0).lesser(1.0)
+        at_end = one.is_at_most(share)  # it is not greater
+        place: list[Lane] = []
+        first, last = (self.three("points", self._row(there)) for there in (k, then))
+        for a, z in zip(first[:2], last[:2], strict=True):
+            between = (a + share * (z - a)).greater(a.lesser(z)).lesser(a.greater(z))
+            place.append(z.where(at_end, between))
+        bent, bends = self._of("curvature", k), self._of("curvature", then)
+        ahead = self._of("speed2", then) + 2 * pace.accel_mps2 * (end - s).greater(0.0)
+        return _Spot(
+            place[0],
+            place[1],
+            self._of("course", k) + share * self._of("turn", k),
+            bent + share * (bends - bent),
+            ahead.sqrt().lesser(pace.cruise_mps),
+        )
+
+    # --- arrays ---------------------------------------------------------------------------------
+
+    def _row(self, k: Ir) -> Ir:
+        """Where in arrays of routes a point of this car's stands."""
+        return self.code.b.add(self.code.b.mul(self.robot, self.room), k)
+
+    def _of(self, name: str, k: Ir) -> Lane:
+        return self.number(name, self._row(k))
+
+    def _input(self, row: int) -> Ir:
+        return self.code.b.add(self.code.b.mul(self.robot, word(INPUT_ROWS)), word(row))
+
+    def _kept_at(self, row: Ir) -> Ir:
+        return self.code.b.add(self.code.b.mul(row, self.count), self.robot)
+
+    def _beside(self, name: str, row: Ir, column: Ir) -> Lane:
+        place = self.code.b.add(self.code.b.mul(row, self.columns), column)
+        return self.number(name, place)
+
+    def _set_beside(self, name: str, row: Ir, column: Ir, value: Lane) -> None:
+        self.put(name, self.code.b.add(self.code.b.mul(row, self.columns), column), value)
+
+
+def _dot(one: list[Lane], other: list[Lane]) -> Lane:
+    x, y, z = (a * b for a, b in zip(one, other, strict=True))
+    return x + y + z
+
+
+__all__ = ["TrackedSquad"]
