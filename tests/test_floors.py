@@ -246,6 +246,7 @@ TALKING = (
     # Where processes of their own end at once, without freeing what they have.
     "koord/api/campaign_workers.py",
     "koord/runtime/motion/workers.py",
+    "koord/sim/group_work.py",
 )
 
 TALKING_NAMES = frozenset({"print", "input", "exit", "quit", "SystemExit", "breakpoint"})

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from html import escape
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from msgspec import Struct, to_builtins
 from msgspec.structs import asdict
@@ -17,6 +17,7 @@ from koord.runtime.engine import Ended
 from koord.runtime.motion.planning import Hindrance as Hindrance
 from koord.runtime.motion.world import Point
 from koord.sim.bounds import moves
+from koord.sim.groups import GroupedSimulation
 from koord.sim.measuring import Figures
 from koord.sim.run_log import RunLog
 from koord.sim.running import BrokenClaim as BrokenClaim
@@ -27,9 +28,6 @@ from koord.sim.standing import StandingRobot
 from koord.syntax.diagnostics import Diagnostic
 from koord.syntax.problem import Problem
 from koord.traces.replay import Refused
-
-if TYPE_CHECKING:
-    from koord.api.deployed import Deployed
 
 
 class Setup(Struct, frozen=True):
@@ -66,16 +64,11 @@ def setup_of(fitted: Fitted) -> Setup:
 
 
 class Processes(Struct, frozen=True):
-    """The results of robots that ran in processes."""
+    """The results of programs that ran in several processes."""
 
-    robots: Deployed
+    groups: tuple[tuple[int, ...], ...]  #: the robots of each process; none if there was one
     late: int  #: proposals that came too late for their rounds
     died: tuple[int, ...]  #: robots whose processes were ended
-
-    @property
-    def in_trouble(self) -> bool:
-        """True if a robot could not go on."""
-        return bool(self.died) or any(one.trouble for one in self.robots.statuses.values())
 
 
 class Simulated(Result, frozen=True, kw_only=True):
@@ -91,7 +84,7 @@ class Simulated(Result, frozen=True, kw_only=True):
     standing: tuple[StandingRobot, ...]  #: robots that stand still at the end and should go
     fault: Ended | None  #: the fault that ended the run
     refused: Refused | None = None  #: why the trace is none of the semantics
-    processes: Processes | None = None  #: of a run with a process for each robot
+    processes: Processes | None = None  #: of a run with programs in several processes
     warnings: tuple[Diagnostic, ...] = ()
     kept: tuple[str, ...] = ()  #: the files that were written, but for the trace
     recording: RunLog
@@ -100,7 +93,7 @@ class Simulated(Result, frozen=True, kw_only=True):
     def ok(self) -> bool:
         """True if the run was completed, and nothing was broken, refused, faulty or stuck."""
         wrong = self.broken or self.fault or self.standing or self.refused
-        trouble = self.processes is not None and self.processes.in_trouble
+        trouble = self.processes is not None and self.processes.died
         return not wrong and not trouble and self.ending is not Ending.INTERRUPTED
 
     def to_dict(self) -> dict[str, object]:
@@ -176,9 +169,16 @@ def report_of(fitted: Fitted, setup: Setup, simulation: Simulation, wall_s: floa
         broken=tuple(simulation.broken),
         standing=simulation.standing,
         fault=simulation.fault,
+        processes=_processes_of(simulation),
         warnings=fitted.warnings,
         recording=simulation.recording,
     )
+
+
+def _processes_of(simulation: Simulation) -> Processes | None:
+    if not isinstance(simulation, GroupedSimulation):
+        return None
+    return Processes(simulation.groups, simulation.late, simulation.died)
 
 
 # --- what is told while it goes on ----------------------------------------------------------------
@@ -188,6 +188,7 @@ class SimulationBegun(Progress, frozen=True, kw_only=True):
     """Progress: the run begins."""
 
     setup: Setup
+    processes: int = 0  #: so many have programs, this one included; 0: this one alone
 
 
 class StandsStill(Progress, frozen=True, kw_only=True):

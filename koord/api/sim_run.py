@@ -49,8 +49,6 @@ class SimulationRequest(Struct, frozen=True):
         """Check that processes plan where they can. Raises ArgumentError."""
         if not 0 <= self.planners <= MOST_JOBS:
             raise ArgumentError("planners", f"must be from 0 to {MOST_JOBS}, not {self.planners}")
-        if self.planners and self.processes:
-            raise ArgumentError("planners", "robots in processes of their own plan there")
 
 
 def play(
@@ -70,7 +68,7 @@ def play(
         tracing.heard(first, simulation)
     check_begun(fitted, simulation)
     setup = setup_of(fitted)
-    tell(SimulationBegun("the run begins", setup=setup))
+    tell(SimulationBegun("the run begins", setup=setup, processes=len(simulation.groups)))
     with growing(request.outputs, simulation, tracing, tell) as round_is_over:
         told = 0
         for decision in run(simulation, limit):

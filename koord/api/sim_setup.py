@@ -82,7 +82,7 @@ def fallback(fitted: Fitted) -> Callable[[Host], Host] | None:
 @uncollected()
 def simulation(
     fitted: Fitted,
-    kind: type[Run],
+    kind: Callable[..., Run],
     *,
     keep_going: bool = False,
     check_summaries: bool = False,
@@ -92,7 +92,7 @@ def simulation(
 ) -> Run:
     """Make the simulation of a program in its scene, with monitors; of summaries if requested.
 
-    ``kind`` is a Simulation, or one that other processes make; ``tracing`` makes of the host of the
+    ``kind`` makes it of a cast and a scene; ``tracing`` makes of the host of the
     program, and of the world's, the one that is to be heard instead. ``built`` is what
     :func:`build` makes, if it is known already. Without ``kernels`` compiled robots make all turns,
     and no machine code does. Raises KoordError.

@@ -14,7 +14,7 @@ from koord.api.results import ArgumentError
 from koord.api.robots import Seconds
 from koord.api.sim_report import Simulated
 from koord.api.sim_run import SimulationRequest, play
-from koord.api.sim_setup import check_can_begin, simulation
+from koord.api.sim_setup import simulation
 from koord.sim.running import Simulation
 from koord.syntax.collector import uncollected as uncollected
 
@@ -53,9 +53,10 @@ def simulate(
     seconds) replace those of the configuration. The run ends after so many ``rounds``, or so much
     simulated time: 600 s, 120 s if the program cannot stop. It ends where a claim is broken, unless
     it is to ``keep_going``. ``check_summaries`` holds every answer of an external function against
-    the summary that is verified with. With ``processes`` each robot is a process of its own, over
-    UDP. Long runs go over to machine code, which does the same, but not if ``kernels`` is False.
-    So many processes as ``planners`` says look for robots' ways meanwhile, which changes no run.
+    the summary that is verified with. With ``processes`` programs are in as many processes as
+    there are cores, which changes no run; with a ``pace`` who is late skips. Long runs go over to
+    machine code, which does the same, but not if ``kernels`` is False. So many processes as
+    ``planners`` says look for robots' ways meanwhile, which changes no run.
     ``schedule`` is a trace, such as a counterexample, that is played instead.
 
     Files are written where they are named: ``html`` (a page that shows the run, from above or, with
@@ -112,7 +113,6 @@ def simulate_fitted(
     if request.processes:
         from koord.api.sim_processes import simulate_processes
 
-        check_can_begin(fitted)
         return simulate_processes(fitted, request, tracing, progress, cancellation)
     made = simulation(
         fitted,

@@ -89,8 +89,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--processes",
         action="store_true",
-        help="each robot in a process of its own, over UDP; with --pace 1 as quickly as time goes "
-        "by, else without waiting",
+        help="programs in as many processes as there are cores; the run is the same, but with "
+        "--pace who is late skips",
     )
     parser.add_argument(
         "--kernels",
@@ -359,5 +359,5 @@ def _concluded(arguments: argparse.Namespace, simulated: Simulated) -> int:
         return Exit.VIOLATED
     if simulated.standing:
         return Exit.STUCK
-    in_trouble = simulated.processes is not None and simulated.processes.in_trouble
+    in_trouble = simulated.processes is not None and bool(simulated.processes.died)
     return Exit.VIOLATED if in_trouble else Exit.OK

@@ -9,7 +9,6 @@ from collections.abc import Iterator
 from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
-from koord.api.deployed import FleetHeard
 from koord.api.progress import Progress
 from koord.api.served_page import PageServed
 from koord.api.sim_report import (
@@ -30,8 +29,6 @@ from koord.syntax.source import counted
 
 if TYPE_CHECKING:
     from rich.table import Table
-
-    from koord.cli.deployed import Board
 
 #: More robots, tasks and broken claims than this are summed up in a line.
 _MOST_ROWS = 24
@@ -67,11 +64,12 @@ def report(simulated: Simulated) -> Iterator[str]:
     yield from _drawn(_robots(simulated))
     yield from _drawn(_together(simulated))
     if simulated.processes is not None:
-        from koord.cli.deployed import summary
-
-        yield from summary(simulated.processes.robots).splitlines()[1:]
-        for pid in simulated.processes.died:
-            yield f"the process of robot {pid} was ended"
+        late, died = simulated.processes.late, simulated.processes.died
+        if late:
+            yield f"{counted(late, 'proposal')} came too late"
+        if died:
+            who = f"{counted(len(died), 'robot')} ({', '.join(map(str, died))})"
+            yield f"the process of {who} was ended"
     yield from _conclusion(simulated)
 
 
@@ -198,11 +196,10 @@ class Shown:
     """Shows a simulation while it goes on, and lets Ctrl-C end it."""
 
     def __init__(self, arguments: argparse.Namespace) -> None:
-        self.cancellation = Interruption(patient=arguments.processes)
+        self.cancellation = Interruption()
         self._arguments = arguments
         self._stack = ExitStack()
         self._line = LiveLine(sys.stderr)
-        self._board: Board | None = None
 
     def __enter__(self) -> Shown:
         return self
@@ -213,38 +210,26 @@ class Shown:
     def hear(self, told: Progress) -> None:
         """Show the progress."""
         match told:
-            case SimulationBegun(setup=setup):
-                self._begin(setup)
+            case SimulationBegun():
+                self._begin(told)
             case PageServed():
                 print(told.message, file=sys.stderr, flush=True)
             case StandsStill():
                 self._line.clear()
                 print(told.message, file=sys.stderr, flush=True)
-            case FleetHeard():
-                self._show(told)
             case SimulationOver(simulated=simulated):
                 self._stack.close()
                 self._report(simulated)
             case _:
                 self._line.show(told.message)
 
-    def _begin(self, setup: Setup) -> None:
+    def _begin(self, begun: SimulationBegun) -> None:
         if not self._arguments.json:
-            print(heading(setup))
-            if self._arguments.processes:
-                print(f"{len(setup.devices)} processes")
-        if not self._arguments.processes:
-            self._stack.enter_context(self.cancellation)
-            self._stack.enter_context(self._line)
-
-    def _show(self, heard: FleetHeard) -> None:
-        if self._board is None:
-            from koord.cli.deployed import Board
-
-            self._stack.enter_context(self.cancellation)
-            self._board = self._stack.enter_context(Board())
-        self._board.is_stopping = self.cancellation.requested
-        self._board.show(heard)
+            print(heading(begun.setup))
+            if begun.processes:
+                print(f"programs in {begun.processes} processes")
+        self._stack.enter_context(self.cancellation)
+        self._stack.enter_context(self._line)
 
     def _report(self, simulated: Simulated) -> None:
         if self._arguments.json:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
 
 from msgspec import Struct
 
@@ -25,6 +25,13 @@ class Written(Struct, frozen=True):
     stream: str
     place: str
     values: tuple[Any, ...]
+
+
+class Tried(NamedTuple):
+    """What a tentative event has changed of its robot, by attribute, and its output."""
+
+    changes: Mapping[str, Any]
+    output: tuple[Written, ...] = ()
 
 
 class Buffer:

@@ -7,7 +7,7 @@ at: a round takes as long as it takes, and δ is a number.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from random import Random
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -100,6 +100,11 @@ class RoundEngine:
         return self._robots
 
     @property
+    def present(self) -> list[Robot]:
+        """The robots that take the environment's turn here, with all that they hold now."""
+        return self.robots
+
+    @property
     def all_stopped(self) -> bool:
         """True if all robots have stopped."""
         return all(robot.status is Status.STOPPED for robot in self._robots)
@@ -124,12 +129,7 @@ class RoundEngine:
     def program_turns(self, schedule: Schedule) -> Decision:
         """Run every robot's program turn. [SELECT] [ATOMIC] [END-PROG]"""
         ranks = schedule.order(self.round, len(self.robots))
-        proposals = {
-            robot.pid: robot.propose(
-                self.round, schedule.events(robot), willing=schedule.willing(robot)
-            )
-            for robot in self.robots
-        }
+        proposals = self._proposed(schedule)
         heard = {i: p for i, p in proposals.items() if p.urgent or schedule.hears(p)}
         decision = decide(self.round, heard, ranks)
         self._act(decision)
@@ -138,6 +138,15 @@ class RoundEngine:
             for robot in self.robots:
                 robot.status = Status.STOPPED
         return decision
+
+    def _proposed(self, schedule: Schedule) -> Mapping[int, Proposal]:
+        """The proposals of a round; who has none skips. [SELECT]"""
+        return {
+            robot.pid: robot.propose(
+                self.round, schedule.events(robot), willing=schedule.willing(robot)
+            )
+            for robot in self.robots
+        }
 
     def environment_turn(self) -> None:
         """Take the environment's turn: sensors and models; a new round begins. [ENV-TRANS]
@@ -149,16 +158,17 @@ class RoundEngine:
             self._hand_out(self.measured)
             self.round += 1
             return
-        readings = [self.host.read(robot) for robot in self.robots]
-        before = [robot.ports() for robot in self.robots] if self.has_models else []
-        for robot, of_robot in zip(self.robots, readings, strict=True):
+        robots = self.present
+        readings = [self.host.read(robot) for robot in robots]
+        before = [robot.ports() for robot in robots] if self.has_models else []
+        for robot, of_robot in zip(robots, readings, strict=True):
             fault = robot.evolve(of_robot)
             if fault is not None and self.ended is None:
                 self.ended = Ended(robot.pid, robot.located(fault))
         if self.ended is None:
             self.round += 1
             return
-        for robot, ports in zip(self.robots, before, strict=True):
+        for robot, ports in zip(robots, before, strict=True):
             vars(robot).update(ports)  # values never change, so these are as they were
 
     def _hand_out(self, measured: Measurement) -> None:

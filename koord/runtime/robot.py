@@ -13,7 +13,7 @@ from enum import Enum
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
 from koord.runtime import shapes
-from koord.runtime.buffers import Buffer, Event, Written
+from koord.runtime.buffers import Buffer, Event, Tried, Written
 from koord.runtime.operations import (
     UNSET,
     FaultError,
@@ -364,6 +364,21 @@ class Robot:
         """Commit an event that somebody else has run: keep its changes. [END-EVENT]"""
         self.__dict__.update(changes)
         self._end(event, asked)
+
+    def tried(self, event: int | None) -> Tried:
+        """What an event in a buffer has changed of the robot, and its output."""
+        buffer, held = self._buffers[event], self.__dict__
+        changes = {n: value for n, value in buffer.state.items() if value is not held[n]}
+        return Tried(changes, tuple(buffer.output))
+
+    def take_over(self, attempts: Iterable[Attempt], tried: Iterable[Tried]) -> None:
+        """Have events in this program turn that the robot has run in another process. [SELECT]"""
+        self._answers, self._buffers = {}, {}
+        for attempt, one in zip(attempts, tried, strict=True):
+            buffer = self._buffers[attempt.event] = Buffer(attempt.event)
+            buffer.state = {**self.__dict__, **one.changes}
+            buffer.output = list(one.output)
+            buffer.asked, buffer.fault = attempt.asked, attempt.fault
 
     def try_event(self, position: int) -> Buffer | None:
         """Run an event into a buffer, once a round; None if it is not enabled."""

@@ -7,6 +7,7 @@ the fleet and lets δ pass; then every robot reads its sensors.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -41,6 +42,8 @@ class Hosted(WorldHost):
             robot: np.random.default_rng(np.random.SeedSequence((seed, robot, 2)))
             for robot in self.scanners
         }
+        #: What plug-ins serve robots with, where another process has the modules.
+        self.given: Mapping[int, dict[str, Any]] | None = None
         #: what robots know of themselves
         self.sensed: FleetSensors = fleet.sensed()
 
@@ -61,6 +64,9 @@ class Hosted(WorldHost):
         self.library.begin_round()
         self.fleet.advance_to(time_s, watch, passing)
         self.sensed = self.fleet.sensed()
+
+    def served(self, robot: int) -> dict[str, Any]:
+        return super().served(robot) if self.given is None else self.given.get(robot, {})
 
     def sensors(self, robot: int) -> MotionSensors:
         return self.sensed[robot]

@@ -6,7 +6,7 @@ Who listens to what robots read asks one by one.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from itertools import repeat
 from typing import Any, TypeAlias
@@ -45,10 +45,21 @@ class Reader:
     The robots whose readings are more than where they are, and whether they have arrived, are
     asked one by one: those that scan, and those with modules that plug-ins serve. In the first
     round all are: what never changes is not looked at again.
+
+    ``read`` is asked instead of the host, if it is given, and ``only`` are the robots whose sensors
+    are read.
     """
 
-    def __init__(self, host: Hosted) -> None:
-        self._host = host
+    def __init__(
+        self,
+        host: Hosted,
+        read: Callable[[Robot], Mapping[str, Any]] | None = None,
+        only: Sequence[int] | None = None,
+    ) -> None:
+        self._host, self._only = host, only
+        self._read = host.read if read is None else read
+        present = np.full(len(host.kinds), only is None)
+        present[[] if only is None else list(only)] = True
         kinds = np.array(host.kinds)
         alone = [
             robot in host.modules or (robot in host.scanners and _has_scans(host.classes[kind]))
@@ -56,13 +67,13 @@ class Reader:
         ]
         self._columns: list[_Column] = []
         for kind, program in enumerate(host.classes):
-            of_kind = np.flatnonzero((kinds == kind) & ~np.array(alone))
+            of_kind = np.flatnonzero((kinds == kind) & present & ~np.array(alone))
             found = _columns(program, of_kind, len(kinds))
             if found is None:
                 alone = [one or kind == of for one, of in zip(alone, host.kinds, strict=True)]
             else:
                 self._columns += found
-        self._alone = np.flatnonzero(alone).tolist()
+        self._alone = np.flatnonzero(np.array(alone) & present).tolist()
         self._last: FleetSensors | None = None
 
     def read(self, robots: Sequence[Robot]) -> Measurement:
@@ -71,8 +82,11 @@ class Reader:
         Where they are they are told when it is written.
         """
         sensed, last = self._host.sensed, self._last
-        asked = robots if last is None else [robots[pid] for pid in self._alone]
-        readings = [self._host.read(robot) for robot in asked]
+        if last is not None:
+            asked: Sequence[Robot] = [robots[pid] for pid in self._alone]
+        else:
+            asked = robots if self._only is None else [robots[pid] for pid in self._only]
+        readings = [self._read(robot) for robot in asked]
         for robot, of_robot in zip(asked, readings, strict=True):
             robot.evolve(of_robot)
         self._last = sensed

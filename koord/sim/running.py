@@ -19,7 +19,7 @@ from koord.runtime.engine import RoundEngine as Engine
 from koord.runtime.motion.arrays import Bools, Floats
 from koord.runtime.motion.planners import planner
 from koord.runtime.motion.world import Point
-from koord.runtime.proposals import Decision
+from koord.runtime.proposals import INIT_ROUND, Decision
 from koord.runtime.robot import Host, Robot, Status
 from koord.sim.digest import Digest, events_of
 from koord.sim.fleet import Fleet
@@ -55,6 +55,10 @@ class Ending(Enum):
     INTERRUPTED = "interrupted"
     SILENT = "a robot told nothing more"
     PLAYED = "the recorded run is over"
+
+
+class SilentError(Exception):
+    """Raised where a process has ended that robots' programs were in."""
 
 
 class BrokenClaim(Struct, frozen=True):
@@ -141,24 +145,27 @@ class Simulation:
         *,
         keep_going: bool = False,
         heard: Callable[[Host], Host] | None = None,
-        fleet: Fleet | None = None,
         supplied: Callable[[Host], Host] | None = None,
+        engine: Callable[[Cast, float, Host], Engine] | None = None,
     ) -> None:
-        """Make a run; ``heard`` may wrap the program's host; ``fleet`` is by default the scene's.
+        """Make a run; ``heard`` may wrap the program's host.
 
-        ``supplied`` makes of the world's host one that answers what no world does.
+        ``supplied`` makes of the world's host one that answers what no world does. ``engine``
+        makes what runs programs; by default it is :func:`engine_of`.
         """
         self.cast, self.scene, self.keep_going = cast, scene, keep_going
         self.claims: list[Claims] = []  #: that are watched; to be filled before the run begins
         self.schedule: Schedule = schedule if schedule is not None else Deployed()
-        self.fleet = Fleet(scene.world, scene.robots, scene.seed) if fleet is None else fleet
+        self.fleet = Fleet(scene.world, scene.robots, scene.seed)
         self.host = host_of(cast, scene, self.fleet)
         world: Host = self.host if supplied is None else supplied(self.host)
         self.claims_host = world  #: whom claims ask
         host = world if heard is None else heard(world)
         bodies = [placed.model.body for placed in scene.robots]
         self.watchman = _watchman(self.fleet)(scene.world, bodies)
-        self.engine = engine_of(cast, scene.delta_s, self.watchman.hear(host))
+        self.decision = Decision(INIT_ROUND, (), (), ())  #: the last one
+        made = engine_of if engine is None else engine
+        self.engine = made(cast, scene.delta_s, self.watchman.hear(host))
         if host is self.host:
             self.engine.reader = Reader(self.host).read
         self.recorder = RunLogger(header_in(cast, scene))
@@ -180,6 +187,11 @@ class Simulation:
         self._still = 0
 
     @property
+    def groups(self) -> tuple[tuple[int, ...], ...]:
+        """The robots of each process that has programs; none if there is one."""
+        return ()
+
+    @property
     def time_s(self) -> float:
         """The time in seconds at which the open round began."""
         return self.engine.round * self.scene.delta_s
@@ -191,7 +203,7 @@ class Simulation:
     @uncollected()
     def begin(self) -> Decision:
         """Run INIT."""
-        decision = self.engine.begin()
+        decision = self.decision = self.engine.begin()
         self.observer.begun(decision)
         self._note(decision)
         self._look(WatchPoint.BEGUN)
@@ -201,7 +213,7 @@ class Simulation:
     def round(self) -> Decision:
         """Run a round: the robots' events, then the environment's turn, δ long."""
         engine = self.engine
-        decision = engine.program_turns(self.schedule)
+        decision = self.decision = engine.program_turns(self.schedule)
         self.acted.update([taken.robot for taken in decision.ran])
         deeds = deeds_in(decision, engine)
         self.observer.round(decision.round, deeds)
@@ -209,9 +221,9 @@ class Simulation:
         self._note(decision)
         if engine.ended is None:
             self._look(WatchPoint.EVENTS)
-        if engine.ended is None and self.goes_on:
+        if engine.ended is None:
             self.pass_time()
-            engine.environment_turn()
+            self.environment_turn()
             stopped = self._stopped(decision, deeds)
             self.gauge.round(self.host.sensed, stopped)
             if engine.ended is None:
@@ -220,10 +232,9 @@ class Simulation:
         self._conclude(ran=bool(decision.ran))
         return decision
 
-    @property
-    def goes_on(self) -> bool:
-        """True if the environment has its turn in the open round."""
-        return True
+    def environment_turn(self) -> None:
+        """Let robots sense what has become of the world."""
+        self.engine.environment_turn()
 
     def pass_time(self) -> None:
         """Let δ pass in the world, under the robots' orders."""
@@ -381,7 +392,12 @@ def run(simulation: Simulation, time_s: float) -> Iterator[Decision]:
             if simulation.time_s > time_s - 1e-9:
                 simulation.end(Ending.LIMIT)
                 break
-            yield simulation.round()
+            try:
+                decision = simulation.round()
+            except SilentError:
+                simulation.end(Ending.SILENT)
+                break
+            yield decision
 
 
 def engine_of(cast: Cast, delta_s: float, host: Host) -> Engine:

@@ -1,4 +1,4 @@
-"""``koord sim --processes``: the same run, over UDP."""
+"""``koord sim --processes``: the same run, with programs in several processes."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from typing import Any
 
 import pytest
 
+from koord.api import sim_processes
 from koord.cli.exits import Exit
 from koord.cli.main import main
 from koord.runtime.robot import Robot
-from koord.sim.processes import SimulatedBody
 from tests.sampling import first
 
 EXAMPLES = Path(__file__).parents[2] / "specs" / "examples"
@@ -105,19 +105,21 @@ def test_a_run_of_processes_ends_where_one_in_one_process_does(
 def test_a_process_that_dies_ends_the_run_and_is_told(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    real = SimulatedBody.read
+    real, first = Robot.propose, os.getpid()
 
-    def dies(self: SimulatedBody, robot: Robot) -> Any:
-        if robot.pid == 2 and self.position[0] > -3.5:
+    def dies(self: Robot, round_: int, *given: Any, **more: Any) -> Any:
+        if os.getpid() != first and self.pid == 2 and round_ == 20:
             os._exit(9)
-        return real(self, robot)
+        return real(self, round_, *given, **more)
 
-    monkeypatch.setattr(SimulatedBody, "read", dies)
+    monkeypatch.setattr(Robot, "propose", dies)
+    monkeypatch.setattr(sim_processes, "cores", lambda: 3)
     program = str(EXAMPLES / "follow_path.krd")
     flags = ["--time", "30", "--no-html", "--processes"]
     assert main(["sim", program, *flags]) == Exit.VIOLATED
     out, _ = capsys.readouterr()
-    assert "the process of robot 2 was ended" in out
+    assert "programs in 3 processes" in out
+    assert "the process of 2 robots (2, 3) was ended" in out
     assert "a robot told nothing more" in out
     time_s = float(next(line.split()[1] for line in out.splitlines() if line.startswith("time")))
-    assert time_s < 12.0  # what was not told any more is lost
+    assert time_s == 2.0  # up to the round that nobody decided

@@ -379,7 +379,6 @@ def test_a_level_without_its_library_is_refused_with_the_cure(
     [
         (["--runs", "2", "--processes"], "--processes is of one run"),
         (["--runs", "2", "--planners", "2"], "--planners is of one run"),
-        (["--planners", "2", "--processes"], "plan there"),
         (["--planners", "-1"], "planners must be from 0"),
         (["--runs", "2", "--live", "--record", "a.mcap"], "--record and --live are of one run"),
         (["--sweep", "robots=2..3", "--pace", "2"], "--pace is of one run"),

@@ -7,7 +7,37 @@ from tests.mutants.mutant import Mutant
 TURNS = "tests/runtime/test_columns.py"
 RUNS = "tests/sim/test_kernels.py"
 
+GROUPS = "tests/sim/test_groups.py"
+
 COLUMNS = (
+    Mutant(
+        "robots of other processes do not hear what was written",
+        "runtime.columns.parts.PartedEngine.follow",
+        "decision.writes",
+        "()",
+        (GROUPS,),
+    ),
+    Mutant(
+        "what robots did elsewhere is unknown to columns",
+        "runtime.columns.parts.PartedEngine._take",
+        "columns.take(robot, tried.changes)",
+        "columns.take(robot, ())",
+        (GROUPS,),
+    ),
+    Mutant(
+        "turns that come too late count in a later round",
+        "sim.groups._Groups._turns",
+        "turns.round == self._run.parted.round",
+        "True",
+        (GROUPS,),
+    ),
+    Mutant(
+        "robots elsewhere that owe something may be late",
+        "sim.groups._Groups.begin",
+        "run.reads_elsewhere or any(robots[pid].owes() for pid in pids)",
+        "run.reads_elsewhere",
+        (GROUPS,),
+    ),
     Mutant(
         "machine code is sure of integers of more than 64 bits",
         "runtime.compile.machine.expressions.checked",
@@ -193,7 +223,7 @@ COLUMNS = (
     ),
     Mutant(
         "whoever has stopped goes on by machine code",
-        "runtime.columns.engine._Fleet.settle",
+        "runtime.columns.engine.MachineFleet.settle",
         "pids[~self.is_stopped[pids]]",
         "pids",
         (TURNS,),

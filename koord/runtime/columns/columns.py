@@ -71,11 +71,12 @@ class Columns:
         for name in self._shared:
             self._take_shared(name, values)
 
-    def take(self, robot: Robot) -> None:
-        """Take over a robot's own variables and ports."""
+    def take(self, robot: Robot, names: Container[str] | None = None) -> None:
+        """Take over a robot's own variables and ports: all, or those with these ``names``."""
         held, pid = vars(robot), robot.pid
         for column in self._own[self._kinds[pid]]:
-            self._put(column, pid, held[column.name])
+            if names is None or column.name in names:
+                self._put(column, pid, held[column.name])
 
     def take_deed(self, effect: Effect, deed: Deed, kept: list[int]) -> None:
         """Take over what machine code has written of robots' own, of the rows that are kept."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from itertools import repeat
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from msgspec import Struct
@@ -36,6 +36,14 @@ class Deed(Struct):
     flags: NDArray[np.uint8]
 
 
+class WrittenRows(NamedTuple):
+    """What machine code has written of an event: a row of words, and of flags, for each robot."""
+
+    pids: list[int]
+    words: Ints
+    flags: NDArray[np.uint8]
+
+
 class EventCode:
     """The machine code of an event, with the memory that it writes to.
 
@@ -59,9 +67,7 @@ class EventCode:
         self._from = self._pids.ctypes.data
         self._to = [array.ctypes.data for array in arrays]
 
-    def run(
-        self, state: tuple[int, ...], pids: list[int], event: int, robots: Sequence[Robot]
-    ) -> tuple[Deed, list[int]]:
+    def run(self, state: tuple[int, ...], pids: list[int]) -> tuple[WrittenRows, list[int]]:
         """Run the event of some robots on a state; also the robots that it is in doubt of."""
         count = len(pids)
         if count > self._room:
@@ -77,6 +83,11 @@ class EventCode:
             words, flags = words[~doubtful], flags[~doubtful]
         else:
             words, flags = words.copy(), flags.copy()
+        return WrittenRows(pids, words, flags), in_doubt
+
+    def deed(self, event: int, rows: WrittenRows, robots: Sequence[Robot]) -> Deed:
+        """What robots did, by what code has written."""
+        pids, words, flags = rows
         deed = Deed(event, pids, [], [{} for _ in pids], words, flags)
         writes: list[list[Write]] = [[] for _ in pids]
         first = HEAD_WORDS
@@ -92,7 +103,7 @@ class EventCode:
             )
             for of_robot, (locks, asked) in zip(writes, words[:, :HEAD_WORDS].tolist(), strict=True)
         ]
-        return deed, in_doubt
+        return deed
 
     def _gather(
         self,

@@ -16,7 +16,7 @@ from msgspec import Struct
 from koord.runtime.columns.columns import Columns
 from koord.runtime.columns.counts import Counts
 from koord.runtime.columns.deciding import decided
-from koord.runtime.columns.effects import Deed, EventCode
+from koord.runtime.columns.effects import Deed, EventCode, WrittenRows
 from koord.runtime.columns.judging import CodeJudge
 from koord.runtime.compile.machine.layout import Column
 from koord.runtime.compile.machine.lazy import LazyTurns
@@ -33,7 +33,7 @@ from koord.syntax.core import Home
 _IN_DOUBT, _OWED = -1, -2
 
 
-class _Round(Struct):
+class RoundTurns(Struct):
     """What is proposed in a round: by all, and of it by machine code, whose rows these are."""
 
     proposals: dict[int, Proposal]
@@ -41,7 +41,7 @@ class _Round(Struct):
     deeds: list[tuple[EventCode, Deed]]
 
 
-class _Fleet:
+class MachineFleet:
     """What machine code works on, of one run."""
 
     def __init__(
@@ -77,6 +77,11 @@ class _Fleet:
             if of is not None and len(pids)
         ]
 
+    def keep_to(self, pids: Sequence[int]) -> None:
+        """Look at the guards of some robots alone."""
+        self._kinds = [np.intersect1d(of_kind, pids) for of_kind in self._kinds]
+        self.settle()
+
     def look(self) -> list[int]:
         """Look at all guards; return the robots that have a turn to make, in order."""
         state, found = self.columns.state, [*self.alone]
@@ -107,8 +112,8 @@ class ColumnEngine(RoundEngine):
     """An engine that runs robots by machine code where it is sure of them.
 
     ``turns`` makes it, if it is not made yet, when so many turns have gone by that it is worth its
-    time (``after``; None: as many as it says itself). Where there is none, compiled robots make all
-    turns.
+    time (``after``; None: as many as it says itself). Where there is none (None), compiled robots
+    make all turns.
     """
 
     def __init__(
@@ -117,17 +122,17 @@ class ColumnEngine(RoundEngine):
         kinds: Sequence[int],
         delta_s: float,
         host: Host,
-        turns: LazyTurns,
+        turns: LazyTurns | None,
         *,
         after: int | None = None,
     ) -> None:
         super().__init__(classes, kinds, delta_s, host)
         self.counts = Counts()
         self._classes, self._kinds, self._delta_s = tuple(classes), tuple(kinds), delta_s
-        self._turns: LazyTurns | None = turns
+        self._turns = turns
         self.after = after
         self._gone = 0
-        self.fleet: _Fleet | None = None
+        self.fleet: MachineFleet | None = None
         self._judge: tuple[Watched | None, CodeJudge] | None = None
         #: Lets robots have what was measured; None where they have it.
         self._write: Callable[[], None] | None = None
@@ -166,7 +171,7 @@ class ColumnEngine(RoundEngine):
             self._tell()  # it may ask robots
         for pid in self._had:
             self._robots[pid].rest()
-        round_ = _Round({}, {}, [])
+        round_ = RoundTurns({}, {}, [])
         plain = _is_plain(schedule)
         ranks = self._rotated() if plain else schedule.order(self.round, len(self._robots))
         self._proposals(fleet, schedule, round_)
@@ -245,7 +250,7 @@ class ColumnEngine(RoundEngine):
 
     # --- going over to machine code ---------------------------------------------------------------
 
-    def _ready(self) -> _Fleet | None:
+    def _ready(self) -> MachineFleet | None:
         """What machine code works on, if it is time for it, and there is any."""
         if self.fleet is None and self._turns is not None:
             turns = self._turns
@@ -259,10 +264,10 @@ class ColumnEngine(RoundEngine):
                 self.fleet = self._made(made)
         return self.fleet
 
-    def _made(self, turns: Turns) -> _Fleet:
+    def _made(self, turns: Turns) -> MachineFleet:
         columns = Columns(turns.layout, self._kinds, self._delta_s)
         columns.take_all(self._robots, self.store.values)
-        fleet = _Fleet(turns, columns, self._classes, self._kinds)
+        fleet = MachineFleet(turns, columns, self._classes, self._kinds)
         for robot in self._robots:
             fleet.is_stopped[robot.pid] = robot.status is Status.STOPPED
             self._running -= robot.status is not Status.RUNNING
@@ -274,7 +279,7 @@ class ColumnEngine(RoundEngine):
 
     # --- proposing --------------------------------------------------------------------------------
 
-    def _proposals(self, fleet: _Fleet, schedule: Schedule, round_: _Round) -> None:
+    def _proposals(self, fleet: MachineFleet, schedule: Schedule, round_: RoundTurns) -> None:
         """Make the proposals of a round; with a plain schedule only of those who do something."""
         found, robots = fleet.look(), self._robots
         plain = _is_plain(schedule)
@@ -313,10 +318,11 @@ class ColumnEngine(RoundEngine):
         for (kind, event), pids in chosen.items():
             code = fleet.codes[kind][event]
             assert code is not None
-            deed, in_doubt = code.run(fleet.columns.state, pids, event, robots)
+            rows, in_doubt = code.run(fleet.columns.state, pids)
             of_kind = fleet.turns.kinds[kind]
             assert of_kind is not None
-            self._propose_deed(code, deed, round_, fleet.enabled, of_kind.urgent)
+            owes = [bool(fleet.enabled[pid] & of_kind.urgent) for pid in rows.pids]
+            self._propose_rows(fleet, (kind, event), rows, owes, round_)
             for pid in in_doubt:
                 self.counts.in_doubt += 1
                 round_.proposals[pid] = self._by_itself(pid, orders[pid])
@@ -328,20 +334,33 @@ class ColumnEngine(RoundEngine):
         self._tell()
         return self._robots[pid].propose(self.round, order, willing=willing)
 
-    def _propose_deed(
-        self, code: EventCode, deed: Deed, round_: _Round, enabled: memoryview, urgent: int
+    def _propose_rows(
+        self,
+        fleet: MachineFleet,
+        what: tuple[int, int],
+        rows: WrittenRows,
+        owes: Sequence[bool],
+        round_: RoundTurns,
     ) -> None:
+        """Propose what machine code has written of an event of a kind of robots (``what``)."""
+        kind, event = what
+        code = fleet.codes[kind][event]
+        assert code is not None
+        deed = code.deed(event, rows, self._robots)
         self.counts.by_code += len(deed.pids)
         round_.deeds.append((code, deed))
         for row, (pid, attempt) in enumerate(zip(deed.pids, deed.attempts, strict=True)):
-            owes = bool(enabled[pid] & urgent)
-            round_.proposals[pid] = Proposal(pid, self.round, (attempt,), owes)
+            round_.proposals[pid] = Proposal(pid, self.round, (attempt,), owes[row])
             round_.rows[pid] = (deed, row)
             self._robots[pid].run_elsewhere(deed.event)
 
+    def _take(self, columns: Columns, robot: Robot) -> None:
+        """Let columns have what has become of a robot that made its turn itself."""
+        columns.take(robot)
+
     # --- acting -----------------------------------------------------------------------------------
 
-    def _conclude(self, fleet: _Fleet, round_: _Round, decision: Decision) -> None:
+    def _conclude(self, fleet: MachineFleet, round_: RoundTurns, decision: Decision) -> None:
         """Act on a decision: commit or discard each robot's turn. [SHARED-ASSIGN] [SKIP]"""
         if decision.fault is not None:
             self._touched = None
@@ -366,7 +385,7 @@ class ColumnEngine(RoundEngine):
             else:
                 written = robot.commit(taken.event, changed)
                 self._show(decision.round, pid, written)
-                columns.take(robot)
+                self._take(columns, robot)
             if robot.status is not before:
                 self._running -= before is Status.RUNNING
                 if robot.status is Status.STOPPED:

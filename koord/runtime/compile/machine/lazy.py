@@ -24,6 +24,10 @@ class LazyTurns:
         self._program, self._watched = program, watched
         self._turns: Turns | None = None
 
+    def without_claims(self) -> LazyTurns:
+        """The same for who looks at no claims."""
+        return self if self.is_made else LazyTurns(self._program)
+
     @property
     def worth_turns(self) -> int:
         """Making it takes as long as so many turns by compiled robots."""
