@@ -117,8 +117,8 @@ COLUMNS = (
     ),
     Mutant(
         "columns know of nobody that owes an event",
-        "runtime.columns.engine.ColumnEngine._propose_deed",
-        "bool(enabled[pid] & urgent)",
+        "runtime.columns.engine.ColumnEngine._proposals",
+        "bool(fleet.enabled[pid] & of_kind.urgent)",
         "False",
         (TURNS,),
     ),
