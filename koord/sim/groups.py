@@ -2,7 +2,7 @@
 
 The first process has one of the groups and the world, decides rounds, and watches and records as
 alone: so runs are the same, to the last bit. A round is one message to each other process, and one
-back. With a ``patience`` who is late there skips, as on a network. (decision record 0111)
+back. With a ``patience`` who is late there skips, as on a network. (decision record 0112)
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Engines of a run in several processes: each makes the program turns of some robots.
 
 The first process decides, and has all robots as they are: what a robot did elsewhere it takes over
-from there. Every other acts on what was decided, for its own robots (decision record 0111).
+from there. Every other acts on what was decided, for its own robots (decision record 0112).
 """
 
 from __future__ import annotations
