@@ -13,6 +13,10 @@ from koord.syntax.source import Source
 _MOST_PASSES = 20
 
 
+#: Functions that nobody declares: their edits are declarations, which say more than the text did.
+_STUBBED = "K202"
+
+
 class Migration(Result, frozen=True):
     """A program in today's forms.
 
@@ -69,11 +73,12 @@ class Migration(Result, frozen=True):
         )
 
 
-def migrate(text: Text) -> Migration:
+def migrate(text: Text, *, stub: bool = False) -> Migration:
     r"""Bring a program over to today's forms, with the same meaning. [OLD-FORM]
 
-    Comments, layout and everything else stay; a program in today's forms stays as it is. Raises
-    :class:`koord.KoordError` only where a file cannot be read.
+    Comments, layout and everything else stay; a program in today's forms stays as it is. With
+    ``stub`` functions that it calls and nobody declares are declared at its end, as external ones
+    with any answer. Raises :class:`koord.KoordError` only where a file cannot be read.
 
     >>> koord.migrate(koord.Source("a.krd", "local\n int n = numBots\n")).text
     'local:\n int n = numAgents\n'
@@ -82,7 +87,7 @@ def migrate(text: Text) -> Migration:
     now, steps = source, list[Diagnostic]()
     left = load(now).diagnostics
     for _ in range(_MOST_PASSES):
-        found = [diagnostic for diagnostic in left if diagnostic.edits]
+        found = [one for one in left if one.edits and (stub or one.code != _STUBBED)]
         after = edited(now, (edit for one in found for edit in one.edits))
         if after == now.text:
             break

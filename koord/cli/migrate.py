@@ -36,6 +36,11 @@ def configure(parser: argparse.ArgumentParser) -> None:
     mode.add_argument(
         "--diff", action="store_true", help="change nothing; show what would change (the default)"
     )
+    parser.add_argument(
+        "--stub",
+        action="store_true",
+        help="declare the functions that nobody declares, at the end: extern, with any answer",
+    )
     add_json(parser, "the texts that come out, the steps, and what is left to do")
     parser.epilog = (
         "Comments and layout stay, and a program means what it did. Standard input (-) is written\n"
@@ -48,7 +53,8 @@ def main(arguments: argparse.Namespace) -> int:
     check_files(arguments.files)
     found: list[_File] = []
     try:
-        found.extend(_File(path, migrate(read_program(path).source)) for path in arguments.files)
+        for path in arguments.files:
+            found.append(_File(path, migrate(read_program(path).source, stub=arguments.stub)))
     except KoordError as error:
         report_error(error, as_json=arguments.json)
         return Exit.BAD_INPUT

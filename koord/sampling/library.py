@@ -28,7 +28,18 @@ from koord.semantics.recordings import Concrete
 from koord.semantics.storage import contents
 from koord.semantics.values import Rec, Seq, Table
 from koord.syntax import core
-from koord.syntax.types import BOOL, FLOAT, INT, POS, ArrayType, ListType, MapType, RecordType, Type
+from koord.syntax.types import (
+    BOOL,
+    FLOAT,
+    INT,
+    POS,
+    STRING,
+    ArrayType,
+    ListType,
+    MapType,
+    RecordType,
+    Type,
+)
 
 Point: TypeAlias = tuple[Fraction, Fraction, Fraction]
 Host: TypeAlias = Callable[..., Concrete]
@@ -276,8 +287,47 @@ def _obstacles(known: Concrete) -> Concrete:
     return listed([as_value(_centre(cell)) for cell in occupied])
 
 
+def _on_doubles(function: Callable[..., float]) -> Host:
+    """A function of doubles on exact numbers: of the nearest double, whose answer it has."""
+
+    def answer(*given: Concrete) -> Concrete:
+        numbers = [x for x in given if isinstance(x, int | float | Fraction)]
+        try:
+            found = function(*map(float, numbers))
+        except (OverflowError, ValueError):  # too large for a double, or infinite
+            found = 0.0
+        return found if any(isinstance(x, float) for x in numbers) else Fraction(found)
+
+    return answer
+
+
+def _joined_text(first: Concrete, second: Concrete) -> Concrete:
+    return f"{first}{second}"
+
+
+def _text_of(value: Concrete) -> Concrete:
+    """The text of a number, a truth value or a position, as deployed robots have it."""
+    match value:
+        case bool():
+            return "true" if value else "false"
+        case Fraction():
+            return repr(float(value))
+        case Rec(fields=fields):
+            return f"({', '.join(str(_text_of(part)) for part in fields)})"
+        case _:
+            return repr(value)
+
+
 _HOSTS: dict[tuple[str, tuple[Type | str, ...], Type | str], Host] = {
     ("sqrt", (FLOAT,), FLOAT): _sqrt,
+    ("sin", (FLOAT,), FLOAT): _on_doubles(math.sin),
+    ("cos", (FLOAT,), FLOAT): _on_doubles(math.cos),
+    ("atan2", (FLOAT, FLOAT), FLOAT): _on_doubles(math.atan2),
+    ("joinedText", (STRING, STRING), STRING): _joined_text,
+    ("textOf", (INT,), STRING): _text_of,
+    ("textOf", (FLOAT,), STRING): _text_of,
+    ("textOf", (BOOL,), STRING): _text_of,
+    ("textOf", (POS,), STRING): _text_of,
     ("findPath", (POS, POS), _PATH): _find_path,
     ("findPath", (POS, POS, _PATH), _PATH): _find_path,
     ("getPathFromTask", ("Task",), _PATH): _path_to_task,

@@ -79,3 +79,21 @@ def test_a_migration_as_data_follows_its_schema() -> None:
     assert [edit["text"] for edit in step["edits"]] == [":", ""]
     assert "1 old forms" in repr(found)
     assert "old.krd" in found._repr_html_()
+
+
+UNDECLARED = "local:\n  int n = 0\nE:\n  pre: ready(n)\n  eff: n = weigh(n)\n       hello()\n"
+
+
+def test_functions_that_nobody_declares_are_left_to_people() -> None:
+    found = migrated(UNDECLARED)
+    assert not found.changed
+    assert [d.code for d in found.errors] == ["K202"]
+
+
+def test_with_stubs_they_are_declared() -> None:
+    found = koord.migrate(Source("old.krd", UNDECLARED), stub=True)
+    assert found.text.startswith(UNDECLARED)
+    assert found.errors == ()
+    assert "def fun hello() -> bool: extern fresh\n" in found.text
+    again = koord.migrate(found.migrated, stub=True)
+    assert not again.changed

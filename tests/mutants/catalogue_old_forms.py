@@ -5,6 +5,7 @@ from __future__ import annotations
 from tests.mutants.mutant import Mutant
 
 _TESTS = ("tests/syntax/test_old_forms.py",)
+_ACCEPTED = ("tests/syntax/test_accepted_forms.py",)
 
 OLD_FORMS = (
     Mutant(
@@ -34,5 +35,40 @@ OLD_FORMS = (
         "part.first not in _STATEMENTS",
         "True",
         _TESTS,
+    ),
+    Mutant(
+        "a line that is joined moves the places behind it",
+        "syntax.parsing.tokens.tokenise",
+        'text.index("\\n", begin) + 1',
+        "begin + 1",
+        _ACCEPTED,
+    ),
+    Mutant(
+        "numbers before a text are written one by one",
+        "syntax.elaboration.operators.pieces",
+        "len(found) > 1",
+        "True",
+        _ACCEPTED,
+    ),
+    Mutant(
+        "a function that calls another one is found out before it",
+        "syntax.elaboration.functions._infer_results",
+        "len(left) == before",
+        "True",
+        _ACCEPTED,
+    ),
+    Mutant(
+        "the answer of a function that a property asks is any at each call",
+        "syntax.elaboration.calls._unknown",
+        "body.where in LOGICAL",
+        "False",
+        _ACCEPTED,
+    ),
+    Mutant(
+        "undeclared functions are declared without being asked for",
+        "api.migrate.migrate",
+        "one.edits and (stub or one.code != _STUBBED)",
+        "one.edits",
+        ("tests/api/test_migrate.py",),
     ),
 )

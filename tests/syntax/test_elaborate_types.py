@@ -112,7 +112,7 @@ def test_positions_are_added_by_the_library() -> None:
     "expression",
     [
         "true + 1",
-        '"a" + "b"',
+        '"a" - "b"',
         "p * p",
         "p + 1",
         "1 / p",

@@ -79,6 +79,13 @@ FORMS = {
         "allread:\n  bool[] up = false\n  Map<int, bool>[] known = {}\n"
         "E:\n  pre: not up[0]\n  eff:\n    up[pid] = true\n    known[pid] = {}\n",
     ),
+    # [OLD-POSITION]
+    "positions without their name": (
+        "local:\n  pos high = (0.0, 1, 2.5)\n  pos[] way = []\n"
+        "E:\n  pre: high.z > 0\n  eff: way = [(1, 2, 3), high + (0, 0, (1))]\n",
+        "local:\n  pos high = pos(0.0, 1, 2.5)\n  pos[] way = []\n"
+        "E:\n  pre: high.z > 0\n  eff: way = [pos(1, 2, 3), high + pos(0, 0, (1))]\n",
+    ),
     # [OLD-NEIGHBOURS]
     "positions of neighbours": (
         "using Motion:\n  sensors: pos psn\n  actuators: pos target\n"

@@ -249,7 +249,7 @@ def test_after_many_mistakes_the_rest_is_not_told() -> None:
         ("if x = 3: stop", "`=` assigns; `==` compares", "write `==`"),
         ("x = f(a b)", "`,` or an operator is missing before `b`", None),
         ("x = f(a:", "`(` is not closed on its line or below", "write the `)` that belongs to it"),
-        ("x = (a,)", "`)` or an operator is expected here, but found `,`", None),
+        ("x = (a,)", "a value is expected here, but found `)`", None),
         ("x = [a,]", "a value is expected here, but found `]`", None),
         ("x = f(y", "`(` is not closed on its line or below", "write the `)` that belongs to it"),
         ("x =", "a value is expected here, but the line ends", None),

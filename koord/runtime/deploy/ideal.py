@@ -11,6 +11,7 @@ from typing import Any
 
 from koord.runtime.deploy.member import Untimed
 from koord.runtime.motion.world import Point, World
+from koord.runtime.plain_functions import FUNCTIONS
 from koord.runtime.ports import (
     DONE,
     GOALS,
@@ -39,7 +40,8 @@ _SLACK = 1e-9
 
 def unanswered(functions: Mapping[str, Shape]) -> tuple[str, ...]:
     """The external functions that :class:`IdealHost` cannot answer."""
-    return tuple(name for name in functions if plain_name(name) not in _LIBRARY)
+    known = _LIBRARY.keys() | FUNCTIONS.keys()
+    return tuple(name for name in functions if plain_name(name) not in known)
 
 
 class IdealHost(Untimed):
@@ -122,7 +124,10 @@ class IdealHost(Untimed):
     def ask(
         self, turn: Turn, robot: int, key: Key, function: str, arguments: tuple[Any, ...]
     ) -> Any:
-        return _LIBRARY[plain_name(function)](self, *arguments)
+        name = plain_name(function)
+        if name in FUNCTIONS:
+            return FUNCTIONS[name](*arguments)
+        return _LIBRARY[name](self, *arguments)
 
     def choose(self, turn: Turn, robot: int, key: Key, low: Any, high: Any) -> Any:
         if isinstance(low, float):
@@ -194,7 +199,6 @@ def _samples(path: Sequence[Any]) -> list[Point]:
 
 
 _LIBRARY: dict[str, Any] = {
-    "sqrt": lambda host, x: math.sqrt(x),
     "findPath": _find_path,
     "getPathFromTask": _path_from_task,
     "pathsClear": _paths_clear,

@@ -7,7 +7,6 @@ a vehicle.
 
 from __future__ import annotations
 
-import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from random import Random
@@ -18,6 +17,7 @@ from koord.runtime.drivers.setpoints import Sensed
 from koord.runtime.lazily import Lazily
 from koord.runtime.motion.library import Library, occupied
 from koord.runtime.motion.world import Point, World
+from koord.runtime.plain_functions import FUNCTIONS
 from koord.runtime.platform.sensors import MotionSensors
 from koord.runtime.plugins.calls import PlugInError
 from koord.runtime.plugins.modules import ServedModules
@@ -52,7 +52,8 @@ WAYS = frozenset({"findPath", "getPathFromTask"})
 ANSWERED = frozenset(
     {
         *WAYS,
-        *("sqrt", "pathsClear", "onPath", "apart", "willCollide"),
+        *FUNCTIONS,
+        *("pathsClear", "onPath", "apart", "willCollide"),
         *("scanToMap", "pickFrontierPos", "findObs", "world"),
     }
 )
@@ -187,8 +188,8 @@ class WorldHost(ABC):
         """Answer a call of the library, with real geometry. [EXTERNAL]"""
         library, clearance = self.library, self.library.clearance
         match plain_name(function), arguments:
-            case "sqrt", (x,):
-                return math.sqrt(x)
+            case name, _ if name in FUNCTIONS:
+                return FUNCTIONS[name](*arguments)
             case "findPath", (start, goal):
                 return library.find_path(robot, tuple(start), tuple(goal))
             case "findPath", (start, goal, obstacles):

@@ -42,6 +42,16 @@ class AtomicBlock(Struct, frozen=True):
     writes: dict[int, core.Variable] = field(default_factory=dict)
 
 
+class MissingFunction(Struct):
+    """A function that a program calls and nobody declares, as its first call has it."""
+
+    name: ast.Ident
+    parameters: tuple[Type, ...]
+    result: Type
+    is_fixed: bool  #: statements of properties speak of its answer
+    places: list[Span] = field(default_factory=list)
+
+
 class Counter(Struct):
     """A counter: it returns 0, 1, 2, …"""
 
@@ -91,6 +101,8 @@ class Elaboration(Struct):
     ambiguous: set[str] = field(default_factory=set)
     #: Names that mean nothing, by where that is told, and their first places.
     unknown: dict[tuple[DiagnosticLog, str], Span] = field(default_factory=dict)
+    #: Functions that nobody declares, and whose names are like no other's.
+    missing: dict[str, MissingFunction] = field(default_factory=dict)
     confusions: list[Confusion] = field(default_factory=list)
     atomic_blocks: dict[int, AtomicBlock] = field(default_factory=dict)
     #: The library's modules, which a program can use without declaring their ports.
@@ -197,6 +209,8 @@ class BodyScope(Struct):
     #: The quantified variable that stands for ``pid`` in a property, once one is needed.
     closing: core.Variable | None = None
     result: Type | None = None
+    #: The types of what is returned, where that is to be found out; None for one that is wrong.
+    returned: list[Type | None] | None = None
     loops: list[LoopScope] = field(default_factory=list)
     #: The variables of loops over numbers: nothing else writes them.
     counters: set[core.Variable] = field(default_factory=set)

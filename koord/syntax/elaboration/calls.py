@@ -8,7 +8,14 @@ from functools import partial, reduce
 from koord.syntax import ast, core
 from koord.syntax.analysis.folding import folded
 from koord.syntax.diagnostics import Edit
-from koord.syntax.elaboration.body import CLOSED, SEES_VARIABLES, BodyScope, Where
+from koord.syntax.elaboration.body import (
+    CLOSED,
+    LOGICAL,
+    SEES_VARIABLES,
+    BodyScope,
+    MissingFunction,
+    Where,
+)
 from koord.syntax.elaboration.coercion import POISON, fit, widened
 from koord.syntax.elaboration.function_calls import call, candidates, is_named
 from koord.syntax.elaboration.library import library_names
@@ -17,7 +24,7 @@ from koord.syntax.elaboration.phrases import a, did_you_mean, listed, mathematic
 from koord.syntax.elaboration.quantifiers import ran
 from koord.syntax.elaboration.resolve_types import element_of, is_numeric
 from koord.syntax.elaboration.symbols import RecordInfo, VariableSymbol
-from koord.syntax.source import Span
+from koord.syntax.source import NOWHERE, Span
 from koord.syntax.types import BOOL, FLOAT, INT, POS, ArrayType, ListType, MapType, Robots, Type
 
 Builtin = Callable[[BodyScope, ast.Call, Type | None], core.Expr | None]
@@ -218,6 +225,8 @@ def function_call(body: BodyScope, e: ast.Call, expected: Type | None) -> core.E
     """Elaborate a call by its name: the program's function, a record, a built-in, the library's."""
     name = e.function.name
     session = body.session
+    if _is_bare(e):
+        return _position(body, e)
     if name in session.functions.own and not body.library:
         return call(body, e, candidates(body, name))
     if name in session.types.records:
@@ -236,7 +245,7 @@ def function_call(body: BodyScope, e: ast.Call, expected: Type | None) -> core.E
     known = candidates(body, name)
     if known:
         return call(body, _of_positions(body, e, expected), known)
-    return _unknown(body, e)
+    return _unknown(body, e, expected)
 
 
 def _of_positions(body: BodyScope, e: ast.Call, expected: Type | None) -> ast.Call:
@@ -273,6 +282,20 @@ def _of_positions(body: BodyScope, e: ast.Call, expected: Type | None) -> ast.Ca
         )
     place = ast.Name(places[0], span=e.span)
     return ast.Call(e.function, (*e.arguments, ast.Argument(None, place, span=e.span)), span=e.span)
+
+
+def _is_bare(e: ast.Call) -> bool:
+    """Return whether a call is ``(x, y, z)``: its name takes no room in the text."""
+    span = e.function.span
+    return span.column == span.end_column and span != NOWHERE
+
+
+def _position(body: BodyScope, e: ast.Call) -> core.Expr | None:
+    """Elaborate ``(x, y, z)``. [OLD-POSITION]"""
+    if len(e.arguments) == len(POS.fields):
+        was, edit = "a position is written `pos(x, y, z)`", Edit(e.function.span, "pos")
+        body.findings.old("pos", e.span, was, "write `pos` before `(`", edit)
+    return construct(body, e, _POS)
 
 
 #: Where statements may change lists.
@@ -330,18 +353,27 @@ def _change(body: BodyScope, e: ast.Call, name: str) -> core.Expr | None:
     return None
 
 
-def _unknown(body: BodyScope, e: ast.Call) -> core.Expr | None:
-    for argument in e.arguments:
-        body.expr(argument.value, POISON)
+def _unknown(body: BodyScope, e: ast.Call, expected: Type | None) -> core.Expr | None:
+    values = [body.expr(argument.value, POISON) for argument in e.arguments]
     if body.session.partial:
         return None
     name = e.function.name
-    if body.is_told("K202", f"{name}()", e.function.span):
-        return None
     known = _functions(body) + (list(CHANGES) if body.where in _CHANGING else [])
     hint = otherwise(name) or mathematics(name) or did_you_mean(name, known)
-    hint = hint or f"declare it: `def fun {name}(…) -> …:`"
-    body.error("K202", e.function.span, f"there is no function `{name}`", hint)
+    if hint is not None:
+        if not body.is_told("K202", f"{name}()", e.function.span):
+            body.error("K202", e.function.span, f"there is no function `{name}`", hint)
+        return None
+    body.findings.errors += 1  # told when all are known
+    missing = body.session.missing.get(name)
+    if missing is None:
+        types = tuple(INT if value is None else value.type for value in values)
+        result = FLOAT if expected is None or expected == POISON else expected
+        missing = MissingFunction(e.function, types, result, is_fixed=False)
+        body.session.missing[name] = missing
+    missing.is_fixed |= body.where in LOGICAL
+    if e.function.span not in missing.places:
+        missing.places.append(e.function.span)
     return None
 
 

@@ -8,8 +8,9 @@ from typing import assert_never
 from koord.syntax import ast, core
 from koord.syntax.analysis.bounds import contradicting
 from koord.syntax.analysis.folding import constant
-from koord.syntax.diagnostics import Note
-from koord.syntax.elaboration.body import BodyScope, Confusion, Elaboration
+from koord.syntax.diagnostics import Edit, Note
+from koord.syntax.elaboration.body import BodyScope, Confusion, Elaboration, MissingFunction
+from koord.syntax.elaboration.phrases import listed
 from koord.syntax.elaboration.starts import Key, key, places_read, takes_tasks
 from koord.syntax.elaboration.symbols import Named, ParamSymbol, VariableSymbol
 from koord.syntax.source import Span
@@ -124,6 +125,43 @@ def unused(session: Elaboration, scopes: Iterable[dict[str, Named]]) -> None:
                     if shadowed
                     else None,
                 )
+
+
+#: What stands above declarations that are made for a program.
+_STUBS = "# Nothing is said of what these functions answer: each answer is any value of its type.\n"
+
+
+def missing_functions(session: Elaboration, whole: Span) -> None:
+    """Report the functions that nobody declares, in one message with their declarations."""
+    missing = sorted(session.missing.values(), key=lambda one: _start(one.name.span))
+    if not missing:
+        return
+    first, *others = missing
+    declared = [_declared(one) for one in missing]
+    names = listed(one.name.name for one in missing)
+    message = f"there are no functions {names}" if others else f"there is no function {names}"
+    each = "each, as in" if others else "it:"
+    hint = f"declare {each} `{declared[0]}`; `koord migrate --stub` writes that"
+    notes = [Note(one.name.span, f"`{one.name.name}` is called here") for one in others]
+    end = Span(whole.file, whole.end_line, whole.end_column, whole.end_line, whole.end_column)
+    line_end = "\n" if whole.end_column > 1 else ""
+    text = f"{line_end}\n{_STUBS}" + "".join(f"{line}\n" for line in declared)
+    edits = (Edit(end, text),)
+    session.findings.error("K202", first.name.span, message, hint, tuple(notes), edits)
+    if not others:
+        for place in first.places[1:]:
+            session.findings.again("K202", first.name.span, place)
+
+
+def _declared(one: MissingFunction) -> str:
+    """A declaration of a function as it is called: its answers are any values of the type."""
+    letters = (f"{show(type_)} a{place}" for place, type_ in enumerate(one.parameters, 1))
+    kind = "extern" if one.is_fixed else "extern fresh"
+    return f"def fun {one.name.name}({', '.join(letters)}) -> {show(one.result)}: {kind}"
+
+
+def _start(span: Span) -> tuple[str, int, int]:
+    return span.file, span.line, span.column
 
 
 def confused(session: Elaboration) -> None:

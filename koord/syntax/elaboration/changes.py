@@ -229,7 +229,11 @@ def call_statement(body: BodyScope, s: ast.CallStmt) -> core.Block:
     change = None if own else _CHANGES.get(name)
     if change is not None:
         return change(body, call)
-    value = body.expr(call)
+    value = body.expr(call, BOOL)
+    if own and isinstance(value, core.ExternalCall):
+        # what it answers is not looked at [S-CALL]
+        answer = core.Place(body.slot("answer", value.type), span=s.span)
+        return (core.Assign(answer, value, span=s.span),)
     if value is not None:
         hint = did_you_mean(name, _CHANGES) if not own else None
         body.error(

@@ -30,10 +30,11 @@ class DiagnosticLog:
         message: str,
         hint: str | None = None,
         notes: tuple[Note, ...] = (),
+        edits: tuple[Edit, ...] = (),
     ) -> None:
         """Record an error: elaboration will yield no core program."""
         self.errors += 1
-        self._add(Diagnostic(code, Severity.ERROR, span, message, hint, notes))
+        self._add(Diagnostic(code, Severity.ERROR, span, message, hint, notes, edits))
 
     def warning(
         self,

@@ -12,7 +12,7 @@ from koord.syntax.elaboration.findings import DiagnosticLog
 from koord.syntax.elaboration.library import signature
 from koord.syntax.elaboration.phrases import listed
 from koord.syntax.elaboration.symbols import Role, Signature
-from koord.syntax.types import BOOL
+from koord.syntax.types import BOOL, FLOAT, INT, Type
 from koord.syntax.walk import nodes
 
 
@@ -115,6 +115,38 @@ def declare_functions(session: Elaboration, definitions: list[ast.FunDef]) -> No
             )
             continue
         own[name.name] = signature(session, definition, name.name, library=False)
+    _infer_results(session)
+
+
+def _infer_results(session: Elaboration) -> None:
+    """Find the types of results that are not declared, of what functions return. [E-CALL]
+
+    A function may call others whose results are found first; one that calls itself has none.
+    """
+    left = [own for own in session.functions.own.values() if own.definition.result is None]
+    while left:
+        before = len(left)
+        left = [own for own in left if not _inferred(session, own)]
+        if len(left) == before:
+            break
+
+
+def _inferred(session: Elaboration, wanted: Signature) -> bool:
+    """Return whether all that a function returns has a type, which is that of its result."""
+    statements = wanted.definition.body
+    if isinstance(statements, ast.External):
+        return False
+    site = session.sites.next
+    body = _body(session, wanted, DiagnosticLog(), Where.FUNCTION)
+    found: list[Type | None] = []
+    body.returned = found
+    body.block(statements)
+    session.sites.next = site  # it is elaborated again
+    types = [type_ for type_ in found if type_ is not None]
+    if not types or len(types) < len(found):
+        return False
+    wanted.result = FLOAT if set(types) == {INT, FLOAT} else types[0]
+    return True
 
 
 def define_functions(session: Elaboration) -> None:
@@ -199,7 +231,7 @@ def _function(
             "only an external function has a summary",
             "what a function with a body computes is known",
         )
-    if definition.result is None:
+    if wanted.result is None and not _returns_something(statements):
         findings.error(
             "K228",
             definition.name.span,
@@ -214,7 +246,7 @@ def _function(
             f"`{definition.name.name}` can end without a `return`",
             "end it with `return …`",
         )
-    if not wanted.sound:
+    if not wanted.sound or wanted.result is None:
         return None
     parameters = _parameters(body, wanted)
     return core.Function(
@@ -226,6 +258,10 @@ def _function(
         wanted.written,
         span=definition.span,
     )
+
+
+def _returns_something(statements: ast.Block) -> bool:
+    return any(isinstance(s, ast.Return) and s.value is not None for s in nodes(statements))
 
 
 def _parameters(body: BodyScope, wanted: Signature) -> tuple[core.Variable, ...]:

@@ -33,7 +33,9 @@ PORT_ALIASES: Mapping[str, Mapping[str, str]] = {
 }
 
 #: Functions that operators are made of; programs do not call them.
-_INTERNAL = frozenset({"negatedPos", "addedPos", "subtractedPos", "scaledPos", "dividedPos"})
+_INTERNAL = frozenset(
+    {"negatedPos", "addedPos", "subtractedPos", "scaledPos", "dividedPos", "joinedText", "textOf"}
+)
 
 
 class Library(Struct, frozen=True):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
+
 from koord.syntax import ast, core
 from koord.syntax.diagnostics import Edit
 from koord.syntax.elaboration.body import (
@@ -31,6 +33,9 @@ from koord.syntax.elaboration.symbols import (
 from koord.syntax.elaboration.unknown_names import out_of_reach, unknown
 from koord.syntax.source import Span
 from koord.syntax.types import FLOAT, INT, Type
+
+#: The double nearest to π.
+_PI = Fraction("3.141592653589793")
 
 #: What a name can stand for: a place, a value, or nothing (told by then).
 Meaning = core.Place | core.Expr | None
@@ -243,6 +248,8 @@ def _special(body: BodyScope, e: ast.Name, expected: Type | None) -> Meaning:
             return core.NumAgents(INT, span=e.span)
         case "delta":
             return core.Delta(FLOAT, span=e.span)
+        case "pi":
+            return core.Const(_PI, FLOAT, span=e.span)
         case "stopped" if body.where in CLOSED:
             robot = _robot(body, e.span)
             return None if robot is None else core.Stopped(robot, span=e.span)

@@ -80,7 +80,7 @@ def binary(body: BodyScope, e: ast.Binary, expected: Type | None) -> core.Expr |
 
 
 def _of_name(e: ast.Expr, expected: Type | None) -> Type | None:
-    return expected if isinstance(e, ast.Name) else None
+    return expected if isinstance(e, ast.Name | ast.Call) else None
 
 
 def _logic(body: BodyScope, e: ast.Binary) -> core.Expr | None:
@@ -210,6 +210,8 @@ def _same_number(left: core.Expr, right: core.Expr) -> tuple[core.Expr, core.Exp
 def _arithmetic(
     body: BodyScope, e: ast.Binary, left: core.Expr, right: core.Expr
 ) -> core.Expr | None:
+    if e.op is ast.BinaryOp.ADD and STRING in (left.type, right.type):
+        return _joined(body, left, right, e.span)
     if POS in (left.type, right.type):
         return _vector(body, e, left, right)
     if not (is_numeric(left.type) and is_numeric(right.type)):
@@ -233,6 +235,44 @@ def compute(
         body.error("K229", span, "`%` applies to two `int`, not to a `float`")
         return None
     return folded(core.Binary(op, left, right, left.type, span=span))
+
+
+def pieces(body: BodyScope, e: ast.Expr) -> list[core.Expr | None]:
+    """Elaborate what is written to a stream: ``"s" + x`` is ``"s"`` and then ``x``. [OUTPUT]"""
+    if not isinstance(e, ast.Binary) or e.op is not ast.BinaryOp.ADD:
+        return [body.expr(e)]
+    chain: list[ast.Binary] = []
+    first: ast.Expr = e
+    while isinstance(first, ast.Binary) and first.op is ast.BinaryOp.ADD:
+        chain.append(first)
+        first = first.left
+    found: list[core.Expr | None] = [body.expr(first)]
+    for sum_ in reversed(chain):
+        left, right = found[-1], body.expr(sum_.right)
+        if left is None or right is None or STRING in (left.type, right.type) or len(found) > 1:
+            found.append(right)
+        else:
+            found[-1] = _arithmetic(body, sum_, left, right)
+    return found
+
+
+def _joined(body: BodyScope, left: core.Expr, right: core.Expr, span: Span) -> core.Expr | None:
+    """Elaborate ``"s" + x``: the text of both, one behind the other. [E-TEXT]"""
+    texts: list[core.Expr] = []
+    for each in (left, right):
+        text = each if each.type == STRING else _text_of(body, each)
+        if text is None:
+            return None
+        texts.append(text)
+    return library_call(body, "joinedText", tuple(texts), span)
+
+
+def _text_of(body: BodyScope, value: core.Expr) -> core.Expr | None:
+    if value.type in (INT, FLOAT, BOOL, POS):
+        return library_call(body, "textOf", (value,), value.span)
+    message = f"`+` joins strings with numbers, truth values and `pos`, not with {a(value.type)}"
+    body.error("K229", value.span, message, "to write several things, use `stdout << a << b`")
+    return None
 
 
 def _arithmetic_hint(wrong: Type) -> str | None:

@@ -64,10 +64,10 @@ _OTHERWISE = {
 }
 
 #: Functions of other languages that Koord does not have, and of how many numbers.
-_OF_ONE = """acos asin atan ceil cos cosh exp floor ln log log10 log2 round sin sinh tan tanh"""
+_OF_ONE = """acos asin atan ceil cosh exp floor ln log log10 log2 round sinh tan tanh"""
 _MATHEMATICS = {
     **dict.fromkeys(_OF_ONE.split(), 1),
-    **dict.fromkeys(("atan2", "fmod", "hypot", "pow"), 2),
+    **dict.fromkeys(("fmod", "hypot", "pow"), 2),
 }
 
 #: With how many names one misspelt name is compared: all, if they are no more; else those that

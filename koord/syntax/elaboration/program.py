@@ -178,6 +178,7 @@ def elaborate(program: ast.Program, settings: Settings = _DEFAULTS) -> Elaborate
     session.agents = [each.scope for each in robots]
     _declare(session, sections, robots, program)
     made = _define(session, sections, robots, program)
+    cautions.missing_functions(session, program.span)
     if findings.errors or session.partial:
         return Elaborated(None, findings.in_order())
     # One robot of each kind: what is too much for them is too much for all.

@@ -10,6 +10,7 @@ from koord.syntax.elaboration import loops
 from koord.syntax.elaboration.body import MAX_DEPTH, AtomicBlock, BodyScope, Where
 from koord.syntax.elaboration.changes import call_statement, place_shown, pop_into, target
 from koord.syntax.elaboration.coercion import POISON, fit, stores_list
+from koord.syntax.elaboration.operators import pieces
 from koord.syntax.elaboration.phrases import a
 from koord.syntax.elaboration.places import find_module, meaning
 from koord.syntax.elaboration.resolve_types import is_numeric, resolve
@@ -133,6 +134,9 @@ def _return(body: BodyScope, s: ast.Return) -> core.Block:
             body.error("K222", s.span, "this function returns a value: say which")
         return (core.Return(None, span=s.span),)
     value = body.expr(s.value, body.result)
+    if body.returned is not None:
+        body.returned.append(None if value is None else value.type)
+        return ()
     if body.result is None:
         if value is not None:
             body.error(
@@ -251,7 +255,7 @@ STDOUT = "stdout"
 
 def output(body: BodyScope, s: ast.Output) -> core.Block:
     """Elaborate a write of values to a stream."""
-    values = [body.expr(value) for value in s.values]
+    values = [piece for value in s.values for piece in pieces(body, value)]
     if body.where not in (Where.EFFECT, Where.INIT):
         body.error(
             "K225", s.span, f"output has no place in {body.where.value}", "only robots write output"

@@ -120,6 +120,13 @@ class Builder:
     def group(self, c: Children) -> Any:
         return replace(c[1], span=across(c[0], c[2]))
 
+    def position(self, c: Children) -> Any:
+        """``(x, y, z)`` is ``pos(x, y, z)``, with a name that takes no room. [OLD-POSITION]"""
+        start = c[0].span
+        before = replace(start, end_column=start.column)
+        items = [ast.Argument(None, item, span=item.span) for item in (c[1], *c[3])]
+        return ast.Call(ast.Ident("pos", span=before), tuple(items), span=across(c[0], c[4]))
+
     def empty_list(self, c: Children) -> Any:
         return ast.ListLit((), span=across(c[0], c[1]))
 

@@ -94,6 +94,7 @@ _TOKEN = re.compile(
     | (?P<SIGN><<|->|\+\+|--|[=!<>]=|&&|\|\||[-+*/%<>=!≠≤≥()\[\]{},.:;@'])
     | (?P<NUMBER>[0-9]+(?:\.[0-9]+)?(?:[eE][+-]?[0-9]+)?(?P<TAIL>[A-Za-z0-9_]*))
     | (?P<NEWLINE>\n[ \t]*)
+    | (?P<JOINED>\\[ \t]*\n[ \t]*)
     | (?P<STRING>"[^"\\\n]*(?:\\[^\n][^"\\\n]*)*(?P<QUOTE>["\\]?))
     | (?P<BAD>[^\x20-\x7e\n\t≠≤≥∧∨¬∀∃∈⇒→−×÷’]+|.)
     """,
@@ -179,6 +180,9 @@ def tokenise(source: Source, report: ErrorLog) -> TokenText:
                 tabs.append(Span(file, line, 1, line, end - start + 1))
             tokens = []
             lines.append(TextLine(indent, tokens))
+        elif kind == "JOINED":  # the line goes on below [OLD-LINE]
+            line += 1
+            start = text.index("\n", begin) + 1
         elif kind == "COMMENT":
             comments.append(Comment(line, column, match.group().rstrip(), not tokens))
         else:
