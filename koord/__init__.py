@@ -82,6 +82,8 @@ if TYPE_CHECKING:
     from koord.api.session import Session as Session
     from koord.api.sim_report import Simulated as Simulated
     from koord.api.simulation import simulate as simulate
+    from koord.api.splitting import Splitting as Splitting
+    from koord.api.splitting import splitting as splitting
     from koord.api.stepping import Stepper as Stepper
     from koord.api.stepping import step as step
     from koord.api.traces import Trace as Trace
@@ -137,6 +139,7 @@ _HOMES = {
     "koord.api.sim_report": ("Simulated",),
     "koord.api.simulation": ("simulate",),
     "koord.api.stepping": ("Stepper", "step"),
+    "koord.api.splitting": ("Splitting", "splitting"),
     "koord.api.traces": ("Trace",),
     "koord.api.verdicts": ("Verdict",),
     "koord.api.verify_report": ("VerifyReport",),

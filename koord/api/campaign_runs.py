@@ -194,13 +194,22 @@ class Order(Struct, frozen=True):
         assert self.request.seed is not None
         return self.swept, self.request.seed
 
+    @property
+    def words(self) -> str:
+        """The run in words."""
+        return f"the run with seed {self.request.seed}{self.swept and f', {self.swept}'}"
+
+    def make(self, is_enough: Callable[[], bool]) -> Row | None:
+        """As :func:`row_of`. Raises KoordError."""
+        return row_of(self, is_enough)
+
 
 #: What the last runs of each thread had in common. Runs of a campaign have one request for each
 #: swept value, and come in turn.
 _KNOWN = threading.local()
 
 
-def _reseeding(request: FitRequest) -> Reseeding:
+def reseeding(request: FitRequest) -> Reseeding:
     """What runs of a request have in common with others of its kind. Raises KoordError."""
     common = replace(request, seed=None)
     known: tuple[FitRequest, Reseeding] | None = getattr(_KNOWN, "last", None)
@@ -212,7 +221,7 @@ def _reseeding(request: FitRequest) -> Reseeding:
 def row_of(order: Order, is_enough: Callable[[], bool] = lambda: False) -> Row | None:
     """Make a run; None if it was cancelled before its end. Raises KoordError."""
     assert order.request.seed is not None
-    fitted, built = _reseeding(order.request).run(order.request.seed)
+    fitted, built = reseeding(order.request).run(order.request.seed)
     made = simulation(
         fitted,
         Simulation,

@@ -1,8 +1,9 @@
 """The workers of a campaign: processes of this machine, or those of a Dask cluster.
 
-Runs are handed out in batches, so that handing out costs little beside short runs, and only as many
-as are soon begun. Whichever worker makes a run, and whatever it has made before, the row is the
-same. Workers may die: what they were at is made by others.
+They make runs, or whatever else takes long and hangs on nothing but its order. Runs are handed out
+in batches, so that handing out costs little beside short runs, and only as many as are soon begun.
+Whichever worker makes a run, and whatever it has made before, the row is the same. Workers may die:
+what they were at is made by others.
 """
 
 from __future__ import annotations
@@ -21,11 +22,10 @@ from itertools import islice
 from multiprocessing import get_context, util
 from multiprocessing.connection import Connection
 from queue import Empty, SimpleQueue
-from typing import Any, TypeAlias
+from typing import Any, Protocol, TypeAlias, TypeVar
 
 from msgspec import Struct
 
-from koord.api.campaign_runs import Order, Row, row_of
 from koord.api.dask_cluster import connected, unwanted
 from koord.syntax.diagnostics import Diagnostic, KoordError, refusal
 
@@ -47,8 +47,29 @@ _MOST_TRIES = 3
 #: What is wrong with an order.
 Refusal: TypeAlias = tuple[Diagnostic, ...]
 
-#: What came of an order; None if it was cancelled.
-Outcome: TypeAlias = "Row | Refusal | None"
+R_co = TypeVar("R_co", covariant=True)
+
+
+class Order(Protocol[R_co]):
+    """Something to make, which other processes can be sent."""
+
+    @property
+    def key(self) -> tuple[str, int]:
+        """What no other order of a campaign has."""
+        ...
+
+    @property
+    def words(self) -> str:
+        """It in words, after "whoever makes"."""
+        ...
+
+    def make(self, is_enough: Callable[[], bool]) -> R_co | None:
+        """Make it; None if it was cancelled. Raises KoordError."""
+        ...
+
+
+#: What came of an order: what was made, a refusal, or None if it was cancelled.
+Outcome: TypeAlias = Any
 
 
 class Made(Struct, frozen=True):
@@ -71,7 +92,7 @@ class Team(ABC):
         """How many batches can be made at a time."""
 
     @abstractmethod
-    def submit(self, orders: Sequence[Order]) -> Any:
+    def submit(self, orders: Sequence[Order[Any]]) -> Any:
         """Hand out a batch: a future, which has ``add_done_callback``."""
 
     @abstractmethod
@@ -84,12 +105,12 @@ class Team(ABC):
 
 
 def rows_of(
-    orders: Iterable[Order],
+    orders: Iterable[Order[R_co]],
     jobs: int,
     cluster: str | None,
     is_enough: Callable[[], bool],
     most: int | None = None,
-) -> Generator[Row, None, None]:
+) -> Generator[R_co, None, None]:
     """Yield the rows of runs as they finish, with a number of workers, or a cluster's.
 
     Orders are asked for when workers are free: what comes may hang on the rows before. ``most`` is
@@ -104,7 +125,7 @@ def rows_of(
     elif jobs > 1 and most > 1:
         outcomes = _by_team(iter(orders), _Processes(min(jobs, most)), is_enough, most)
     else:
-        outcomes = (row_of(order, is_enough) for order in orders)
+        outcomes = (order.make(is_enough) for order in orders)
     with closing(outcomes):
         for outcome in outcomes:
             if isinstance(outcome, tuple):
@@ -115,10 +136,10 @@ def rows_of(
 
 
 def _by_team(
-    orders: Iterator[Order], team: Team, is_enough: Callable[[], bool], most: int
+    orders: Iterator[Order[Any]], team: Team, is_enough: Callable[[], bool], most: int
 ) -> Generator[Outcome, None, None]:
     """Have runs made by a team; those whose worker ended again. Raises KoordError."""
-    again, waiting = deque[Order](), dict[Any, list[Order]]()
+    again, waiting = deque[Order[Any]](), dict[Any, list[Order[Any]]]()
     done: SimpleQueue[Any] = SimpleQueue()
     tries: Counter[tuple[str, int]] = Counter()
     size, alone = 1, False
@@ -161,20 +182,19 @@ def _by_team(
         team.close(list(waiting))
 
 
-def _count(batch: Sequence[Order], tries: Counter[tuple[str, int]], why: str) -> None:
+def _count(batch: Sequence[Order[Any]], tries: Counter[tuple[str, int]], why: str) -> None:
     """Note that workers ended at a batch. Raises KoordError if one run did it again and again."""
     tries.update(order.key for order in batch)
     often = [order for order in batch if tries[order.key] >= _MOST_TRIES]
     if often and len(batch) == 1:
-        value = f", {often[0].swept}" if often[0].swept else ""
-        story = f"whoever makes the run with seed {often[0].request.seed}{value} ends: {why}"
+        story = f"whoever makes {often[0].words} ends: {why}"
         raise refusal("K948", "<campaign>", story, "go on without it, or with more memory")
 
 
 # --- what workers do ------------------------------------------------------------------------------
 
 
-def _made(orders: Sequence[Order], is_enough: Callable[[], bool] = lambda: False) -> Made:
+def _made(orders: Sequence[Order[Any]], is_enough: Callable[[], bool] = lambda: False) -> Made:
     """Make a batch of runs, until one is cancelled or refused.
 
     Diagnostics are returned as data, which other processes can send.
@@ -182,16 +202,16 @@ def _made(orders: Sequence[Order], is_enough: Callable[[], bool] = lambda: False
     began, outcomes = time.perf_counter(), list[Outcome]()
     for order in orders:
         try:
-            outcome: Outcome = row_of(order, is_enough)
+            outcome: Outcome = order.make(is_enough)
         except KoordError as error:
             outcome = error.diagnostics
         outcomes.append(outcome)
-        if not isinstance(outcome, Row):
+        if outcome is None or isinstance(outcome, tuple):
             break
     return Made(tuple(outcomes), time.perf_counter() - began)
 
 
-def _on_worker(orders: Sequence[Order]) -> Made:
+def _on_worker(orders: Sequence[Order[Any]]) -> Made:
     """As :func:`_made`, on a Dask worker, until nobody waits for the runs any more."""
     return _made(orders, unwanted())
 
@@ -211,7 +231,7 @@ class _Processes(Team):
     def workers(self) -> int:
         return self._count
 
-    def submit(self, orders: Sequence[Order]) -> Any:
+    def submit(self, orders: Sequence[Order[Any]]) -> Any:
         try:
             return self._pool.submit(_made, orders)
         except BrokenProcessPool:  # one has ended: so have the others
@@ -272,7 +292,7 @@ class _Cluster(Team):
             self._workers = max(1, sum(found.values()))
         return self._workers
 
-    def submit(self, orders: Sequence[Order]) -> Any:
+    def submit(self, orders: Sequence[Order[Any]]) -> Any:
         with self._reached():
             return self._client.submit(_on_worker, orders, pure=False, retries=0)
 

@@ -62,6 +62,7 @@ DOCUMENTS: Mapping[str, str] = {
     "replay": "what `koord replay --json` prints",
     "merged": "what `koord merge --json` prints",
     "conformance": "what `koord conform --json` prints",
+    "splitting": "what `koord sim --splitting CLAIM --json` prints",
 }
 
 
@@ -88,6 +89,7 @@ GENERATED = (
     "part",
     "recheck",
     "replay",
+    "splitting",
     "trace",
     "verdicts",
 )
@@ -123,6 +125,7 @@ def generated(document: str) -> dict[str, Any]:
             VALUES,
         ),
         "replay": ({"title": "Verdicts of koord on a trace"}, forms.Replay, VALUES),
+        "splitting": ({"title": "Rates of violations by splitting"}, forms.Splitting, {}),
         "trace": (
             {"$id": "koord-trace-3", "title": "koord trace, versions 1 to 3"},
             form.File,
@@ -146,8 +149,8 @@ def schema(document: str = "configuration") -> dict[str, Any]:
     """The JSON Schema of what koord reads and writes.
 
     ``document`` is ``"configuration"``, ``"verdicts"``, ``"diagnostics"``, ``"migration"``,
-    ``"trace"``, ``"part"``, ``"certificate"``, ``"recheck"``, ``"replay"``, ``"merged"`` or
-    ``"conformance"``. Raises :class:`koord.ArgumentError` for another one.
+    ``"trace"``, ``"part"``, ``"certificate"``, ``"recheck"``, ``"replay"``, ``"merged"``,
+    ``"conformance"`` or ``"splitting"``. Raises :class:`koord.ArgumentError` for another one.
 
     >>> koord.schema("verdicts")["title"]
     """

@@ -29,6 +29,7 @@ class FallbackHost(Struct):
     starts: Mapping[tuple[int | None, str], Any]
     served: Sequence[frozenset[str]]  #: the ports of each robot that plug-ins serve
     _seeded: dict[int, SeededHost] = field(default_factory=dict)
+    _chance: str | None = None  #: what chance hangs on now, if no longer on the seed
 
     def start(self, robot: int | None, name: str) -> Any:
         found = self.starts.get((robot, name))
@@ -55,10 +56,18 @@ class FallbackHost(Struct):
     def choose(self, turn: Turn, robot: int, key: Key, low: Any, high: Any) -> Any:
         return self.world.choose(turn, robot, key, low, high)
 
+    def reseed(self, seed: int) -> None:
+        """Let what this host itself draws hang on another seed from now on."""
+        self._chance = str(seed)
+        for host in self._seeded.values():
+            host.reseed(self._chance)
+
     def _of(self, pid: int) -> SeededHost:
         if pid not in self._seeded:
             names = PythonNames(self.system.program)
             self._seeded[pid] = SeededHost(self.system, names, str(self.seed), pid)
+            if self._chance is not None:
+                self._seeded[pid].reseed(self._chance)
         return self._seeded[pid]
 
 

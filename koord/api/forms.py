@@ -308,6 +308,44 @@ class Recheck(Form):
     seconds: Annotated[float, Meta(ge=0)]
 
 
+# --- koord sim --splitting ------------------------------------------------------------------------
+
+
+class SplittingRepetition(Form):
+    """One repetition of splitting, which hangs on no other."""
+
+    rate: Annotated[float, Meta(ge=0, le=1, description="The rate that it found, without bias.")]
+    broken_at_first: Annotated[
+        Natural, Meta(description="Of its particles, so many broke the claim before any branched.")
+    ]
+    runs: Annotated[Natural, Meta(description="How many it made, also in part.")]
+    steps: Annotated[Natural, Meta(description="How often the lowest particles were replaced.")]
+
+
+class Splitting(Form):
+    """The answer of `koord sim --splitting CLAIM --json`."""
+
+    version: Version
+    program: Annotated[str, Meta(description="The name of the program's file.")]
+    claim: str
+    particles: FromOne
+    seed: Natural
+    interrupted: bool
+    rate: Annotated[
+        float | None,
+        Meta(description="The share of runs that break the claim; null if it was interrupted."),
+    ]
+    low: Annotated[float | None, Meta(description="Where its interval of 95 % begins.")]
+    high: Annotated[float | None, Meta(description="Where it ends.")]
+    found: Annotated[Natural, Meta(description="So many repetitions found violations.")]
+    runs: Annotated[Natural, Meta(description="So many runs were made, also in part.")]
+    highest: Annotated[
+        float | None,
+        Meta(description="The highest level of the runs that broke nothing; null if none has one."),
+    ]
+    repetitions: list[SplittingRepetition]
+
+
 # --- diagnostics ----------------------------------------------------------------------------------
 
 

@@ -44,6 +44,11 @@ class Reseeding:
         self._compiler = StartCompiler(program)
         self._claims = watched(program, slack_of(self._first))
 
+    @property
+    def first(self) -> Fitted:
+        """The request, fitted with its own seed."""
+        return self._first
+
     @uncollected()
     def run(self, seed: int) -> tuple[Fitted, Built]:
         """The run with a seed: as :func:`fit` and :func:`build` make it.

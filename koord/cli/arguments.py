@@ -96,6 +96,10 @@ def jobs(text: str) -> int:
     return _whole(text, "jobs", 1, MOST_JOBS)
 
 
+def particles(text: str) -> int:
+    return _whole(text, "particles", 2, MOST_RUNS)
+
+
 def planners(text: str) -> int:
     return _whole(text, "planners", 0, MOST_JOBS)
 

@@ -19,6 +19,7 @@ from koord.cli.arguments import (
     delta,
     jobs,
     pace,
+    particles,
     planners,
     read_by,
     rounds,
@@ -153,6 +154,25 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="go on with a campaign that was ended: runs that stand in the --csv or --parquet file "
         "are not made again",
     )
+    parser.add_argument(
+        "--splitting",
+        metavar="CLAIM",
+        help="in which share of runs a claim is broken (an invariant or contract by its name, "
+        "separation, or fault), however rare that is: runs that come close to it are gone on with "
+        "by other chance; --runs K is how often that is repeated (20)",
+    )
+    parser.add_argument(
+        "--level",
+        metavar="EXPR",
+        help="a number that goes up as a run comes closer to breaking it, or a comparison that "
+        "holds less and less; else the claim's own comparisons of numbers say it",
+    )
+    parser.add_argument(
+        "--particles",
+        metavar="N",
+        type=particles,
+        help="so many runs in each repetition of splitting (100)",
+    )
     add_settings(parser)
     add_json(parser, "what the run came to")
     parser.epilog = (
@@ -239,13 +259,20 @@ def main(arguments: argparse.Namespace) -> int:
     from koord.cli.fitting import fit_request, fitted
     from koord.cli.simulated import Shown
 
+    _check_unsplit(arguments)
     if arguments.schedule is not None:
         return _rehearse(arguments)
     check_files([*read_by(arguments), *filter(None, [arguments.scene])])
+    is_split = arguments.splitting is not None
     is_campaign = any(x is not None for x in (arguments.runs, arguments.sweep, arguments.until))
+    is_campaign |= is_split
     request = _request(arguments)
     request.check()
-    if is_campaign:
+    if is_split:
+        from koord.cli.splitting import splitting, splitting_request
+
+        split = splitting_request(arguments)
+    elif is_campaign:
         from koord.cli.campaigns import campaign, campaign_request
 
         many = campaign_request(arguments)
@@ -262,6 +289,8 @@ def main(arguments: argparse.Namespace) -> int:
         report.print(out, as_json=arguments.json and out is sys.stdout)
         if wanted is None or found is None:
             return Exit.BAD_INPUT
+        if is_split:
+            return splitting(arguments, wanted, split, found.scene.seed)
         if is_campaign:
             return campaign(arguments, wanted, many, found.scene.seed)
         with Shown(arguments) as shown:
@@ -307,6 +336,13 @@ def _check_single(arguments: argparse.Namespace) -> None:
             raise argparse.ArgumentTypeError(f"{name} is of campaigns: say --runs K")
 
 
+def _check_unsplit(arguments: argparse.Namespace) -> None:
+    """Refuse flags that only splitting has. Raises ArgumentTypeError."""
+    for name in ("level", "particles"):
+        if getattr(arguments, name) is not None and arguments.splitting is None:
+            raise argparse.ArgumentTypeError(f"--{name} is of splitting: say --splitting CLAIM")
+
+
 def _rehearse(arguments: argparse.Namespace) -> int:
     """Play a recorded run."""
     from koord.api.rehearsal import rehearse
@@ -322,6 +358,7 @@ def _rehearse(arguments: argparse.Namespace) -> int:
         "--runs": arguments.runs is not None,
         "--until": arguments.until is not None,
         "--sweep": arguments.sweep is not None,
+        "--splitting": arguments.splitting is not None,
         "--trace": arguments.trace is not None,
         "--processes": arguments.processes,
         "--planners": arguments.planners != 0,

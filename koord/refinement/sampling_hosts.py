@@ -132,10 +132,17 @@ class SeededHost(Untimed):
         self.holding = False
         self._system = system
         self._translation = Translation(system, names)
-        self._seed = seed
+        self._seed, self._pid = seed, pid
         self._own = Random(f"{seed} {pid}")
         sampler = Sampler(system, Numbers.DOUBLE, self._own)
         self._inputs = _ByQuestion(sampler, seed=seed)
+
+    def reseed(self, seed: str) -> None:
+        """Let readings and answers to come hang on another seed.
+
+        Mathematical functions stay as they are: they are the same all through a run.
+        """
+        self._own = self._inputs.sampler.rng = Random(f"{seed} {self._pid}")
 
     def start(self, robot: int | None, name: str) -> Any:
         declaration = self._translation.declaration(robot, name)

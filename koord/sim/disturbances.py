@@ -59,8 +59,12 @@ class Normals:
     """Generators of standard normal numbers for ``len(seeds)`` robots, ``width`` per step."""
 
     def __init__(self, seeds: Sequence[np.random.SeedSequence], width: int) -> None:
-        self._sources = [np.random.default_rng(seed) for seed in seeds]
         self._block: Floats = np.empty((len(seeds), _BLOCK, width))
+        self.reseed(seeds)
+
+    def reseed(self, seeds: Sequence[np.random.SeedSequence]) -> None:
+        """Draw by other seeds from now on. What was drawn ahead by the last ones is forgotten."""
+        self._sources = [np.random.default_rng(seed) for seed in seeds]
         self._next = _BLOCK
 
     def draw(self) -> Floats:
@@ -82,6 +86,11 @@ class Gusts:
         self._mean = np.array(wind.mean_mps)
         self._gust: Floats = np.zeros((len(seeds), 3))
         self._normals = Normals(seeds, 3) if wind.gust_mps > 0 else None
+
+    def reseed(self, seeds: Sequence[np.random.SeedSequence]) -> None:
+        """Let gusts to come hang on other seeds; those that blow go on."""
+        if self._normals is not None:
+            self._normals.reseed(seeds)
 
     def blow(self, dt_s: float) -> Floats:
         """The wind in m/s for the next step, shape ``(n, 3)``."""
@@ -108,6 +117,11 @@ class Fixes:
         self._period = 1.0 / positioning.rate_hz if positioning.rate_hz else 0.0
         self._due_s = 0.0
         self._last: tuple[Floats, Floats] | None = None
+
+    def reseed(self, seeds: Sequence[np.random.SeedSequence]) -> None:
+        """Let fixes to come hang on other seeds; the last ones stay."""
+        if self._normals is not None:
+            self._normals.reseed(seeds)
 
     def read(self, position: Floats, heading_rad: Floats, now_s: float) -> tuple[Floats, Floats]:
         """The fixes at a time: new ones if due, else the last ones again."""

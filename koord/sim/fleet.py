@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from functools import partial
 from typing import Protocol
 
 import numpy as np
@@ -24,7 +23,16 @@ from koord.runtime.plugins.calls import PlugInError
 from koord.sim.disturbances import spawned
 from koord.sim.run_log import tilts_of
 from koord.sim.sensing import FleetSensors
-from koord.sim.squads import DeviceModel, Engines, FusedSquad, Seed, Squad, is_compiled, squad
+from koord.sim.squads import (
+    DeviceModel,
+    Engines,
+    FusedSquad,
+    Seed,
+    Squad,
+    is_compiled,
+    reseed,
+    squad,
+)
 from koord.sim.vehicles.points import PointSquad
 
 _HINDRANCES = tuple(Hindrance)
@@ -85,8 +93,7 @@ class Fleet:
             if model.body.ON_GROUND:
                 start[:, 2] = world.ground
             heading = np.array([robots[k].heading_rad for k in members], dtype=np.float64)
-            seeds = Lazily(len(members), partial(_seed, whole, members))
-            made = squad(model, start, heading, seeds, engines)
+            made = squad(model, start, heading, _seeds(whole, members), engines)
             self._squads.append((made, np.array(members)))
         #: Squads that make several ticks at once, if all do.
         self._fused: list[tuple[FusedSquad, Ints]] = [
@@ -100,6 +107,12 @@ class Fleet:
         self.is_compiled = any(map(is_compiled, models))
         asked = self.robots if only is None else (self.robots[only],) * len(self.robots)
         self._planners = tuple(robot.model.planner for robot in asked)
+
+    def reseed(self, seed: int) -> None:
+        """Let all chance to come hang on another seed: noise, wind, and plans."""
+        whole = np.random.SeedSequence(seed)
+        for members, numbers in self._squads:
+            reseed(members, _seeds(whole, numbers.tolist()))
 
     # --- time -----------------------------------------------------------------------------------
 
@@ -314,6 +327,6 @@ class Fleet:
         return found
 
 
-def _seed(whole: Seed, members: Sequence[int], row: int) -> Seed:
-    """The seed of the robot in a row: that of its number, whatever squad it is in."""
-    return spawned(whole, members[row])
+def _seeds(whole: Seed, members: Sequence[int]) -> Sequence[Seed]:
+    """The seeds of a squad's robots: each has that of its number, whatever squad it is in."""
+    return Lazily(len(members), lambda row: spawned(whole, members[row]))

@@ -38,14 +38,23 @@ class Hosted(WorldHost):
         super().__init__(classes, kinds, fleet.world, library, seed)
         self.fleet = fleet
         self.scanners = dict(scanners or {})
-        self._noise = {
-            robot: np.random.default_rng(np.random.SeedSequence((seed, robot, 2)))
-            for robot in self.scanners
-        }
+        self._noise = self._noise_by(seed)
         #: What plug-ins serve robots with, where another process has the modules.
         self.given: Mapping[int, dict[str, Any]] | None = None
         #: what robots know of themselves
         self.sensed: FleetSensors = fleet.sensed()
+
+    def reseed(self, seed: int) -> None:
+        super().reseed(seed)
+        self._noise = self._noise_by(seed)
+        self.fleet.reseed(seed)
+
+    def _noise_by(self, seed: int) -> dict[int, np.random.Generator]:
+        """What the noise of scanners is drawn from, by robot."""
+        return {
+            robot: np.random.default_rng(np.random.SeedSequence((seed, robot, 2)))
+            for robot in self.scanners
+        }
 
     def pass_time(
         self,

@@ -260,7 +260,12 @@ class Simulation:
 
     def figures(self) -> Figures:
         """The metrics of the run."""
-        return self.gauge.figures(self._digest.hexdigest())
+        return self.gauge.figures(self.digest)
+
+    @property
+    def digest(self) -> str:
+        """The hash of the run so far."""
+        return self._digest.hexdigest()
 
     @property
     def looked(self) -> dict[str, int]:

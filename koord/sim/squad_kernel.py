@@ -22,7 +22,7 @@ from koord.runtime.motion.bodies import Drone
 from koord.runtime.motion.group import TICK_S
 from koord.sim.disturbances import Disturbances
 from koord.sim.run_log import tilts_of
-from koord.sim.squads import STEP_S, STEPS, SquadSetup
+from koord.sim.squads import STEP_S, STEPS, Seed, SquadSetup
 from koord.sim.vehicles.compiled import (
     STATE_ROWS,
     TOLD_ROWS,
@@ -90,6 +90,9 @@ class FusedDrones:
 
     def tick(self, now_s: float) -> None:
         self.ticks([now_s])
+
+    def reseed(self, noise: Sequence[Seed], wind: Sequence[Seed]) -> None:
+        """Nothing that is left to chance disturbs these."""
 
     def ticks(self, times_s: Sequence[float]) -> list[Floats]:
         """Make a tick at each time, and return where drones are after it, shape ``(n, 3)``."""

@@ -146,6 +146,10 @@ class Squad(Protocol):
         """The vehicles of the robots."""
         ...
 
+    def reseed(self, noise: Sequence[Seed], wind: Sequence[Seed]) -> None:
+        """Let what disturbs each robot hang on other seeds from now on."""
+        ...
+
 
 @runtime_checkable
 class FusedSquad(Squad, Protocol):
@@ -181,16 +185,33 @@ def squad(
         world,
         planner(model.planner, world, body, model.effort),
         model.visit,
-        Lazily(len(seeds), lambda row: int(seeds[row].generate_state(1)[0])),
+        _planning(seeds),
         takes_s=model.plan_takes_s,
         # A planner of a lab's own may remember what it did.
         workers=None if isinstance(model.planner, PlugIn) else engines.workers,
     )
-    noise = Lazily(len(seeds), lambda row: spawned(seeds[row], 0))
-    wind = Lazily(len(seeds), lambda row: spawned(seeds[row], 1))
-    setup = SquadSetup(model, start, heading_rad, engines, group, noise, wind)
+    setup = SquadSetup(model, start, heading_rad, engines, group, *_disturbing(seeds))
     made: Squad = import_module(type_of(body).simulator).squad(setup)
     return made
+
+
+def reseed(squad: Squad, seeds: Sequence[Seed]) -> None:
+    """Let all chance to come in a squad hang on other seeds, one for each robot."""
+    squad.group.reseed(_planning(seeds))
+    squad.reseed(*_disturbing(seeds))
+
+
+def _planning(seeds: Sequence[Seed]) -> Sequence[int]:
+    """What plans of robots with these seeds hang on."""
+    return Lazily(len(seeds), lambda row: int(seeds[row].generate_state(1)[0]))
+
+
+def _disturbing(seeds: Sequence[Seed]) -> tuple[Sequence[Seed], Sequence[Seed]]:
+    """What noise and wind of robots with these seeds hang on."""
+    return (
+        Lazily(len(seeds), lambda row: spawned(seeds[row], 0)),
+        Lazily(len(seeds), lambda row: spawned(seeds[row], 1)),
+    )
 
 
 class Wheeled(Touching, Protocol):
@@ -291,6 +312,9 @@ class WheeledSquad:
 
     def truth(self) -> tuple[Floats, Floats]:
         return self.vehicles.position, self.vehicles.heading
+
+    def reseed(self, noise: Sequence[Seed], wind: Sequence[Seed]) -> None:
+        self._fixes.reseed(noise)  # there is no wind on the ground
 
     def attitude(self) -> Floats:
         return upright(self.vehicles.heading)

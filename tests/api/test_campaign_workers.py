@@ -37,7 +37,7 @@ def timeless(rows: Sequence[Row]) -> list[Row]:
 class Deadly(Team):
     """A worker of this process, which says that it died where it is told to."""
 
-    def __init__(self, dies: Callable[[Sequence[Order]], bool]) -> None:
+    def __init__(self, dies: Callable[[Sequence[campaign_workers.Order[Any]]], bool]) -> None:
         self._dies = dies
         self.given: list[list[int]] = []
 
@@ -45,7 +45,7 @@ class Deadly(Team):
     def workers(self) -> int:
         return 2
 
-    def submit(self, orders: Sequence[Order]) -> Any:
+    def submit(self, orders: Sequence[campaign_workers.Order[Any]]) -> Any:
         self.given.append([order.key[1] for order in orders])
         assert len(self.given) < 100, "the same again and again"
         future: Future[Made | None] = Future()
@@ -73,7 +73,7 @@ def test_what_a_dead_worker_was_at_is_made_once_by_others() -> None:
     rows = timeless([*rows_of(orders(12), 1, None, lambda: False)])
     times: Counter[int] = Counter()
 
-    def twice(batch: Sequence[Order]) -> bool:
+    def twice(batch: Sequence[campaign_workers.Order[Any]]) -> bool:
         seeds = {order.key[1] for order in batch}
         times.update(seeds & {0, 5, 11})
         return any(times[seed] <= 2 for seed in seeds & {0, 5, 11})

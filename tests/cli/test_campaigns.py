@@ -12,10 +12,13 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from jsonschema import validate
 
 from koord.api.campaign_figures import mean_and_reach
+from koord.api.documents import schema
 from koord.cli.exits import Exit
 from koord.cli.main import main
+from tests.api.test_splitting import COIN, ONE
 from tests.clusters import worker_of_this_process
 
 EXAMPLES = Path(__file__).parents[2] / "specs" / "examples"
@@ -302,3 +305,39 @@ def test_what_ctrl_c_leaves_are_whole_rows(jobs: str, tmp_path: Path) -> None:
     assert table.read_bytes().endswith(b"\n")
     assert 3 <= len(lines(table)) < 100
     assert all(None not in row.values() for row in lines(table))
+
+
+def test_splitting_tells_a_rate_with_its_interval(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    program, config = tmp_path / "coin.krd", tmp_path / "coin.yaml"
+    program.write_text(COIN.text)
+    config.write_text(ONE.text)
+    few = ["sim", str(program), "--time", "5", "--splitting", "Below", "--particles", "4"]
+    few += ["--runs", "3", "--set", "start=1"]
+    assert main([*few, "--set", "goal=3"]) == Exit.VIOLATED
+    told = capsys.readouterr().out
+    assert "coin.krd: invariant Below, 3 repetitions of splitting with 4 particles" in told
+    assert "95 % interval" in told
+    assert "the interval may be too narrow" in told
+    assert main([*few, "--set", "goal=3", "--json"]) == Exit.VIOLATED
+    found = json.loads(capsys.readouterr().out)
+    validate(found, schema("splitting"))
+    assert found["low"] <= found["rate"] <= found["high"]
+    assert len(found["repetitions"]) == 3
+    assert main([*few, "--set", "goal=90", "--level", "x"]) == Exit.OK
+    told = capsys.readouterr().out
+    assert "no violation was found: at most 0.26 of runs break it (95 %)" in told
+
+
+def test_what_says_nothing_to_splitting_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    for words in (
+        ["--splitting", "separation", "--csv", "runs.csv"],
+        ["--splitting", "separation", "--trace", "run.json"],
+        ["--splitting", "separation", "--runs", "1"],
+        ["--splitting", "separation", "--particles", "1"],
+        ["--level", "x"],
+        ["--runs", "3", "--particles", "7"],
+    ):
+        assert main(["sim", *PATH, *words]) == Exit.BAD_INPUT
+        assert words[-2].removeprefix("--") in capsys.readouterr().err

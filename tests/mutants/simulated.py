@@ -22,6 +22,7 @@ TRACKED = "tests/sim/test_compiled_tracking.py"
 PLANNING_TIME = "tests/sim/test_planning_time.py"
 LOADERS = "tests/runtime/test_yaml_loaders.py"
 SCENES = "tests/runtime/test_scenes.py"
+SPLITTING = "tests/api/test_splitting.py"
 
 SIMULATED = (
     Mutant(
@@ -415,5 +416,61 @@ SIMULATED = (
         "one.heading_rad",
         "0.0",
         (SCENES,),
+    ),
+    Mutant(
+        "of particles that are given up together one counts",
+        "api.splitting_method.split",
+        "1 - fallen / particles",
+        "1 - 1 / particles",
+        (SPLITTING,),
+    ),
+    Mutant(
+        "branches of a step go on by the same seed",
+        "api.splitting_method.seeds",
+        "(seed, repetition, number)",
+        "(seed, repetition)",
+        (SPLITTING,),
+    ),
+    Mutant(
+        "a run that breaks a claim goes on climbing",
+        "api.splitting_runs.SplitRuns._made",
+        "math.inf if self._is_broken(made) else min(monitor.highest, _MOST)",
+        "min(monitor.highest, _MOST)",
+        (SPLITTING,),
+    ),
+    Mutant(
+        "where all particles are level the last share stays",
+        "api.splitting_method.split",
+        "Repetition(0.0, broken_at_first, made, steps, highest)",
+        "Repetition(share, broken_at_first, made, steps, highest)",
+        (SPLITTING,),
+    ),
+    Mutant(
+        "a branch begins where a run was level with those given up",
+        "api.splitting_method.split",
+        "mark.level > level",
+        "mark.level >= level",
+        (SPLITTING,),
+    ),
+    Mutant(
+        "noise that was drawn ahead outlives new seeds",
+        "sim.disturbances.Normals.reseed",
+        "self._next = _BLOCK",
+        "self._next = getattr(self, '_next', _BLOCK)",
+        (SPLITTING,),
+    ),
+    Mutant(
+        "chance is not drawn anew at a mark",
+        "api.splitting_runs._reseed",
+        "made.host.reseed(seed)",
+        "pass",
+        (SPLITTING,),
+    ),
+    Mutant(
+        "what is supposed brings a break nearer as it fails",
+        "runtime.compile.levels._Levels.of",
+        "negated is not (op is BinaryOp.IMPLIES)",
+        "negated",
+        (SPLITTING,),
     ),
 )

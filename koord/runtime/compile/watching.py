@@ -110,7 +110,7 @@ class _Gathering(Struct):
         functions = (*self.program.functions, *loosening.functions.values(), *self.functions)
         # Their bodies are in order of dependence as long as loosened ones stand behind the others.
         made = replace(self.program, functions=functions)
-        watching = _WatchModule(made, PythonNames(self.program), self.claims)
+        watching = WatchModule(made, PythonNames(self.program), self.claims)
         claims = tuple(replace(c, method=watching.names.methods[c.method]) for c in self.claims)
         return Watched(claims, watching.text(), made)
 
@@ -253,7 +253,7 @@ def _named(index: core.Expr, positions: dict[int, int], inner: set[int]) -> int 
 # --- the module -----------------------------------------------------------------------------------
 
 
-class _WatchModule(Module):
+class WatchModule(Module):
     """A module with one class, which has the claims as methods."""
 
     watching = True

@@ -92,6 +92,10 @@ class Group:
         self._workers = Workers() if workers is None else workers
         self._planner_number = self._workers.know(planner)
 
+    def reseed(self, seeds: Sequence[int]) -> None:
+        """Let plans that are asked for from now on hang on other seeds, one for each robot."""
+        self._seeds = seeds
+
     # --- orders ---------------------------------------------------------------------------------
 
     def follow(

@@ -195,6 +195,13 @@ class Library:
         self._round = 0
         self.begin_round()
 
+    def reseed(self, seed: int) -> None:
+        """Let answers from now on hang on another seed; what is kept stays."""
+        self._seed = seed
+        self._draw.clear()
+        for robot, memory in self._memories.items():
+            memory.seed = self._plans_seed(robot)
+
     def begin_round(self) -> None:
         """Begin a round, in which every robot may plan again."""
         self._round += 1
@@ -245,9 +252,12 @@ class Library:
     def _memory(self, robot: int) -> _Memory:
         """What is known of a robot's plans; it may plan as often as any in this round."""
         if robot not in self._memories:
-            seed = int(np.random.SeedSequence((self._seed, robot)).generate_state(1)[0])
-            self._memories[robot] = _Memory(self._planners[robot], seed, left=self.plans_per_round)
+            seed, left = self._plans_seed(robot), self.plans_per_round
+            self._memories[robot] = _Memory(self._planners[robot], seed, left=left)
         return self._memories[robot]
+
+    def _plans_seed(self, robot: int) -> int:
+        return int(np.random.SeedSequence((self._seed, robot)).generate_state(1)[0])
 
     def _pose_at(self, robot: int, start: Point) -> Pose:
         return Pose(start, self.pose(robot).heading_rad)

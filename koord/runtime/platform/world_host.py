@@ -79,7 +79,7 @@ class WorldHost(ABC):
         self.modules: dict[int, ServedModules] = {}  #: of robots, that plug-ins serve (P-OWN)
         self.library = library
         self._world = world
-        self._draw = Lazily(len(kinds), lambda robot: Random(f"{seed} {robot}"))
+        self._reseed(seed)
         self._goals = [list(_goals(one)) for one in self.classes]
         self._sensors = [
             [(name, one.PORTS[name], port_name(name)) for name in one.SENSORS]
@@ -91,6 +91,14 @@ class WorldHost(ABC):
     def also_answer(self, program: type[Robot]) -> None:
         """Answer the functions of another program, in the shapes that it declares."""
         self.watches = (*self.watches, program)
+
+    def reseed(self, seed: int) -> None:
+        """Let all chance to come hang on another seed; what was drawn stays."""
+        self._reseed(seed)
+        self.library.reseed(seed)
+
+    def _reseed(self, seed: int) -> None:
+        self._draw = Lazily(len(self.kinds), lambda robot: Random(f"{seed} {robot}"))
 
     # --- what is sensed, and who moves ----------------------------------------------------------
 

@@ -6,7 +6,7 @@ Rotors of level ``mujoco`` stand at the corners of a square within the footprint
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any, assert_never
 
 import numpy as np
@@ -17,7 +17,7 @@ from koord.runtime.motion.flying import GRAVITY, Flying, Reference
 from koord.runtime.motion.planning import Touched
 from koord.runtime.motion.world import Point
 from koord.sim.disturbances import Fixes, Gusts
-from koord.sim.squads import STEP_S, STEPS, Squad, SquadSetup, VehicleSetup, is_compiled
+from koord.sim.squads import STEP_S, STEPS, Seed, Squad, SquadSetup, VehicleSetup, is_compiled
 from koord.sim.vehicles import mjcf
 from koord.sim.vehicles.quadrotors import PointDrones, Quadrotors
 
@@ -94,6 +94,10 @@ class DroneSquad:
 
     def attitude(self) -> Floats:
         return self.vehicles.state.attitude.T
+
+    def reseed(self, noise: Sequence[Seed], wind: Sequence[Seed]) -> None:
+        self._fixes.reseed(noise)
+        self._gusts.reseed(wind)
 
 
 # --- with rotors of MuJoCo ------------------------------------------------------------------------

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from koord.runtime.motion.arrays import Floats
 from koord.runtime.motion.flying import Flying
 from koord.runtime.motion.planning import Touched
-from koord.sim.squads import STEP_S, STEPS, SquadSetup, upright
+from koord.sim.squads import STEP_S, STEPS, Seed, SquadSetup, upright
 
 
 def squad(setup: SquadSetup) -> PointSquad:
@@ -44,6 +46,9 @@ class PointSquad:
 
     def attitude(self) -> Floats:
         return upright(self._heading)
+
+    def reseed(self, noise: Sequence[Seed], wind: Sequence[Seed]) -> None:
+        """Nothing disturbs points."""
 
     def touched(self, number: int) -> tuple[Touched, ...]:
         return ()
