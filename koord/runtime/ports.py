@@ -23,8 +23,10 @@ TAKEOFF = "takeoff"
 PLACES = ("psn", "position")  #: sensors of a robot's position
 DONE = ("reached", "done")  #: sensors of whether it has arrived
 
+YAW = "yaw"  #: the sensor of where it points, in radians from the x axis to the y axis
+
 #: The sensors that vehicles have, by the ends of their names.
-SENSED = frozenset({*PLACES, *DONE, "planner", "pscan"})
+SENSED = frozenset({*PLACES, *DONE, YAW, "planner", "pscan"})
 
 
 def port_name(name: str) -> str:

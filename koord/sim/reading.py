@@ -16,7 +16,7 @@ from msgspec import Struct
 
 from koord.runtime.engine import Measured, Measurement
 from koord.runtime.motion.arrays import Bools, Floats, Ints
-from koord.runtime.ports import DONE, PLACES, port_name
+from koord.runtime.ports import DONE, PLACES, YAW, port_name
 from koord.runtime.robot import Robot
 from koord.runtime.shapes import BOOL, FLOAT, Record, Shape
 from koord.sim.hosting import Hosted
@@ -62,7 +62,9 @@ class Reader:
         present[[] if only is None else list(only)] = True
         kinds = np.array(host.kinds)
         alone = [
-            robot in host.modules or (robot in host.scanners and _has_scans(host.classes[kind]))
+            robot in host.modules
+            or (robot in host.scanners and _senses(host.classes[kind], "pscan"))
+            or _senses(host.classes[kind], YAW)
             for robot, kind in enumerate(host.kinds)
         ]
         self._columns: list[_Column] = []
@@ -129,8 +131,8 @@ def _written() -> None:
     """Robots have everything."""
 
 
-def _has_scans(program: type[Robot]) -> bool:
-    return any(port_name(name) == "pscan" for name in program.SENSORS)
+def _senses(program: type[Robot], port: str) -> bool:
+    return any(port_name(name) == port for name in program.SENSORS)
 
 
 def _columns(program: type[Robot], robots: Ints, count: int) -> list[_Column] | None:

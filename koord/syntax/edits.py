@@ -12,10 +12,10 @@ def edited(source: Source, edits: Iterable[Edit]) -> str:
     """The text with its edits made; of two that overlap only the first is. [OLD-FORM]"""
     pieces: list[str] = []
     done = 0
-    ordered = {(source.offset(e.span.line, e.span.column), _end(source, e)): e for e in edits}
-    for (start, end), edit in sorted(ordered.items(), key=lambda item: item[0]):
+    places = {(source.offset(e.span.line, e.span.column), _end(source, e), e.text) for e in edits}
+    for start, end, text in sorted(places):
         if start >= done:
-            pieces += (source.text[done:start], edit.text)
+            pieces += (source.text[done:start], text)
             done = end
     return "".join([*pieces, source.text[done:]])
 

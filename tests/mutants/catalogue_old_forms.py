@@ -71,4 +71,25 @@ OLD_FORMS = (
         "one.edits",
         ("tests/api/test_migrate.py",),
     ),
+    Mutant(
+        "a task of robot 0 is free",
+        "syntax.elaboration.places._is_assigned",
+        "core.Const(0, INT, span=e.span)",
+        "core.Const(1, INT, span=e.span)",
+        ("tests/api/test_listings.py",),
+    ),
+    Mutant(
+        "of two sections that are added one is lost",
+        "syntax.edits.edited",
+        "start >= done",
+        "start > done or end > start",
+        _TESTS,
+    ),
+    Mutant(
+        "robots point where they pointed before",
+        "runtime.deploy.ideal.IdealHost.read",
+        "math.atan2(y - was_y, x - was_x)",
+        "self.yaw_rad",
+        ("tests/runtime/test_yaw.py",),
+    ),
 )

@@ -72,6 +72,34 @@ FORMS = {
         "using Motion:\n  sensors: pos position\nlocal:\n  pos[] seen = []\n"
         "E:\n  eff: append(seen, Motion.position)\n",
     ),
+    "maps, scans and planners": (
+        "using MotionWithScan:\n  sensors:\n    PathPlanner planner\n    List<Point, Scan> pscan\n"
+        "allread:\n  GridMap known = {}\nlocal:\n  Grid[] parts = []\n  Scan last = []\n"
+        'E:\n  pre: planner != ""\n  eff:\n    last = pscan\n'
+        "    known[pid] = merge(known[0], scanToMap(last))\n    append(parts, known[pid])\n",
+        "using MotionWithScan:\n  sensors:\n    string planner\n    pos[] pscan\n"
+        "allread:\n  Map<int, bool>[] known = {}\n"
+        "local:\n  Map<int, bool>[] parts = []\n  pos[] last = []\n"
+        'E:\n  pre: planner != ""\n  eff:\n    last = pscan\n'
+        "    known[pid] = merge(known[0], scanToMap(last))\n    append(parts, known[pid])\n",
+    ),
+    # [OLD-PLANNER]
+    "the planner of a module": (
+        "using Motion\nlocal:\n  pos[] way = []\n  pos[] walls = []\n"
+        "E:\n  eff:\n    way = Motion.planner((1, 2, 3))\n"
+        "    way = Motion . planner( Motion.psn, walls)  # around\n"
+        "    Motion.path = planner(way[0])\n",
+        "using Motion\nlocal:\n  pos[] way = []\n  pos[] walls = []\n"
+        "E:\n  eff:\n    way = findPath(Motion.psn, pos(1, 2, 3))\n"
+        "    way = findPath(Motion.psn, Motion.psn, walls)  # around\n"
+        "    Motion.path = findPath(Motion.psn, way[0])\n",
+    ),
+    "the planner of a module with ports of its own": (
+        "using Drive:\n  sensors:\n    pos psn\n  actuators:\n    pos[] path\n"
+        "E:\n  eff: Drive.path = Drive.planner(Drive.psn)\n",
+        "using Drive:\n  sensors:\n    pos psn\n  actuators:\n    pos[] path\n"
+        "E:\n  eff: Drive.path = findPath(Drive.psn, Drive.psn)\n",
+    ),
     # [OLD-ALLREAD]
     "one value of each robot": (
         "allread:\n  bool up = false\n  Map<int, bool> known = {}\n"

@@ -16,6 +16,7 @@ from koord.runtime.ports import (
     DONE,
     GOALS,
     PLACES,
+    YAW,
     is_place,
     is_set,
     is_task,
@@ -26,7 +27,7 @@ from koord.runtime.ports import (
     task_at,
 )
 from koord.runtime.robot import Key, Robot, Turn
-from koord.runtime.shapes import Array, Shape, default
+from koord.runtime.shapes import FLOAT, Array, Shape, default
 from koord.runtime.shapes import Sequence as ListOf
 
 #: Robots that begin nowhere in particular stand in a row, so far apart.
@@ -66,6 +67,7 @@ class IdealHost(Untimed):
         self.starts = starts
         self.world = world if world is not None else World()
         self.position: Point = position if position is not None else self._place(pid)
+        self.yaw_rad = 0.0  #: where it went last
         self.holding = False
         speed = speed_mps if speed_mps is not None else DEFAULT_SPEED_MPS
         self._step_m = delta_s * speed * (1 - _SLACK)
@@ -111,12 +113,18 @@ class IdealHost(Untimed):
             module, _, port = name.rpartition("_")
             shape = robot.PORTS[name]
             if port in PLACES:
+                before = self.position
                 self._move(self._goals(robot, module))
+                if self.position[:2] != before[:2]:
+                    (x, y, _), (was_x, was_y, _) = self.position, before
+                    self.yaw_rad = math.atan2(y - was_y, x - was_x)
                 readings[name] = placed(shape, self.position)
         for name in robot.SENSORS:
             module, _, port = name.rpartition("_")
             if port in DONE:
                 readings[name] = self._done >= len(self.path)
+            elif port == YAW and robot.PORTS[name] == FLOAT:
+                readings[name] = self.yaw_rad
             elif name not in readings and getattr(robot, name) is None:
                 readings[name] = default(robot.PORTS[name], robot.numAgents)
         return readings

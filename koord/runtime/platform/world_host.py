@@ -26,6 +26,7 @@ from koord.runtime.ports import (
     GOALS,
     PLACES,
     TAKEOFF,
+    YAW,
     is_place,
     is_set,
     is_task,
@@ -38,6 +39,7 @@ from koord.runtime.ports import (
 )
 from koord.runtime.robot import Key, Robot, Turn
 from koord.runtime.shapes import (
+    FLOAT,
     Array,
     Enumeration,
     Shape,
@@ -163,6 +165,8 @@ class WorldHost(ABC):
         shape, robots = shape_of(program, name, shared=robot is None), len(self.kinds)
         if robot is not None and is_place(name):
             return placed(shape, self.sensors(robot).psn)
+        if robot is not None and port_name(name) == YAW and shape == FLOAT:
+            return self.sensors(robot).heading_rad
         if isinstance(shape, Array) and is_task(shape.element):
             tasks = (*self._world.tasks, *[None] * shape.size)
             return tuple(task_at(shape.element, tasks[k], robots) for k in range(shape.size))
@@ -180,6 +184,8 @@ class WorldHost(ABC):
                     readings[name] = placed(shape, sensed.psn)
                 case _ if port in DONE:
                     readings[name] = sensed.reached
+                case _ if port == YAW and shape == FLOAT:
+                    readings[name] = sensed.heading_rad
                 case "planner":
                     readings[name] = sensed.planner.value
                 case "pscan":

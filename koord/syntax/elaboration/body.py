@@ -9,6 +9,7 @@ from enum import Enum
 from msgspec import Struct, field
 
 from koord.syntax import ast, core
+from koord.syntax.diagnostics import Edit
 from koord.syntax.elaboration.findings import DiagnosticLog
 from koord.syntax.elaboration.settings import Settings
 from koord.syntax.elaboration.symbols import (
@@ -23,7 +24,7 @@ from koord.syntax.elaboration.symbols import (
     RecordInfo,
     Role,
 )
-from koord.syntax.source import Span
+from koord.syntax.source import NOWHERE, Span
 from koord.syntax.types import INT, Type
 
 
@@ -91,6 +92,7 @@ class Elaboration(Struct):
     shared: dict[str, Named] = field(default_factory=dict)
     agents: list[AgentScope] = field(default_factory=list)
     partial: bool = False
+    whole: Span = NOWHERE  #: of the program
     parameters: tuple[core.Parameter, ...] = ()
     sites: Counter = field(default_factory=Counter)
     used: set[int] = field(default_factory=set)
@@ -107,6 +109,12 @@ class Elaboration(Struct):
     atomic_blocks: dict[int, AtomicBlock] = field(default_factory=dict)
     #: The library's modules, which a program can use without declaring their ports.
     library_ports: dict[str, frozenset[str]] = field(default_factory=dict)
+
+    def added(self, section: str) -> Edit:
+        """The edit that adds a section at the end of the program."""
+        line, column = self.whole.end_line, self.whole.end_column
+        end = Span(self.whole.file, line, column, line, column)
+        return Edit(end, f"{chr(10) * (column > 1)}\n{section}")
 
     @property
     def single(self) -> bool:

@@ -206,6 +206,11 @@ BUILTINS: dict[str, Builtin] = {
 }
 
 
+#: Ways that a planner was called by the name of the port that says which it is. [OLD-PLANNER]
+PLANNER = "planner"
+#: The port that says where a robot is.
+PLACE = "psn"
+
 #: Changes of a list, which are statements.
 CHANGES = {
     "add": "s.add(x)",
@@ -238,6 +243,11 @@ def function_call(body: BodyScope, e: ast.Call, expected: Type | None) -> core.E
         return special(body, e)
     if name in CHANGES:
         return _change(body, e, name)
+    if name == PLANNER and body.agent is not None:
+        for module in body.agent.modules:
+            found = _planned(body, e, module, e.function.span)
+            if found is not None:
+                return function_call(body, found, expected)
     if name in BUILTINS:
         if is_named(body, e):
             return None
@@ -306,6 +316,10 @@ def method_call(body: BodyScope, e: ast.MethodCall, expected: Type | None) -> co
     """Elaborate ``x.f(a)`` as ``f(x, a)``, for the operations on lists."""
     if e.method.name in METHODS:
         return function_call(body, as_call(e), expected)
+    if e.method.name == PLANNER and isinstance(e.receiver, ast.Name):
+        found = _planned(body, e, e.receiver.name, e.receiver.span)
+        if found is not None:
+            return function_call(body, found, expected)
     for value in (e.receiver, *(argument.value for argument in e.arguments)):
         body.expr(value, POISON)
     body.error(
@@ -315,6 +329,36 @@ def method_call(body: BodyScope, e: ast.MethodCall, expected: Type | None) -> co
         did_you_mean(e.method.name, METHODS) or _as_function(body, e),
     )
     return None
+
+
+def _planned(
+    body: BodyScope, e: ast.Call | ast.MethodCall, module: str, name: Span
+) -> ast.Call | None:
+    """Elaborate ``M.planner(goal, …)`` as ``findPath(M.psn, goal, …)``. [OLD-PLANNER]
+
+    None if there is no module of that name that says where the robot is.
+    """
+    used = None if body.agent is None else body.agent.modules.get(module)
+    if used is None or PLACE not in used.ports or len(e.arguments) not in (1, 2):
+        return None
+    called = Span(e.span.file, name.line, name.column, _opening(e).line, _opening(e).column)
+    here = f"{module}.{PLACE}"
+    body.findings.old(
+        PLANNER,
+        e.span,
+        f"the planner of `{module}` is asked by `findPath`, from where the robot is",
+        f"write `findPath({here}, …)`",
+        Edit(called, f"findPath({here}, "),
+    )
+    base = ast.Name(module, span=name)
+    place = ast.Attribute(base, ast.Ident(PLACE, span=name), span=name)
+    start = ast.Argument(None, place, span=name)
+    return ast.Call(ast.Ident("findPath", span=name), (start, *e.arguments), span=e.span)
+
+
+def _opening(e: ast.Call | ast.MethodCall) -> Span:
+    """The place where the first argument of a call begins."""
+    return e.arguments[0].span
 
 
 def _as_function(body: BodyScope, e: ast.MethodCall) -> str:

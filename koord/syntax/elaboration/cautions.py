@@ -8,7 +8,7 @@ from typing import assert_never
 from koord.syntax import ast, core
 from koord.syntax.analysis.bounds import contradicting
 from koord.syntax.analysis.folding import constant
-from koord.syntax.diagnostics import Edit, Note
+from koord.syntax.diagnostics import Note
 from koord.syntax.elaboration.body import BodyScope, Confusion, Elaboration, MissingFunction
 from koord.syntax.elaboration.phrases import listed
 from koord.syntax.elaboration.starts import Key, key, places_read, takes_tasks
@@ -131,7 +131,7 @@ def unused(session: Elaboration, scopes: Iterable[dict[str, Named]]) -> None:
 _STUBS = "# Nothing is said of what these functions answer: each answer is any value of its type.\n"
 
 
-def missing_functions(session: Elaboration, whole: Span) -> None:
+def missing_functions(session: Elaboration) -> None:
     """Report the functions that nobody declares, in one message with their declarations."""
     missing = sorted(session.missing.values(), key=lambda one: _start(one.name.span))
     if not missing:
@@ -143,10 +143,8 @@ def missing_functions(session: Elaboration, whole: Span) -> None:
     each = "each, as in" if others else "it:"
     hint = f"declare {each} `{declared[0]}`; `koord migrate --stub` writes that"
     notes = [Note(one.name.span, f"`{one.name.name}` is called here") for one in others]
-    end = Span(whole.file, whole.end_line, whole.end_column, whole.end_line, whole.end_column)
-    line_end = "\n" if whole.end_column > 1 else ""
-    text = f"{line_end}\n{_STUBS}" + "".join(f"{line}\n" for line in declared)
-    edits = (Edit(end, text),)
+    text = _STUBS + "".join(f"{line}\n" for line in declared)
+    edits = (session.added(text),)
     session.findings.error("K202", first.name.span, message, hint, tuple(notes), edits)
     if not others:
         for place in first.places[1:]:

@@ -205,6 +205,11 @@ def mentioned(program: ast.Program, variables: Container[str]) -> dict[str, Span
             else:
                 stack.append(node.base)
             continue
+        if kind is ast.MethodCall or kind is ast.Call:
+            assert isinstance(node, ast.MethodCall | ast.Call)
+            called = node.method if isinstance(node, ast.MethodCall) else node.function
+            if called.name == "planner":  # it plans from where the robot is [OLD-PLANNER]
+                note("psn", called.span)
         known = parts.get(kind)
         if known is None:
             known = () if isinstance(node, _LEAVES) else _parts(node)

@@ -13,7 +13,7 @@ from koord.syntax.elaboration.quantifiers import at_robot, primed
 from koord.syntax.elaboration.resolve_types import element_of
 from koord.syntax.elaboration.symbols import RESERVED, ModuleScope, Poisoned
 from koord.syntax.elaboration.unknown_names import unknown
-from koord.syntax.types import INT, EnumType, FloatType, MapType, RecordType, SetType, Type
+from koord.syntax.types import BOOL, INT, EnumType, FloatType, MapType, RecordType, SetType, Type
 
 
 def meaning(body: BodyScope, e: ast.Expr, expected: Type | None = None) -> Meaning:
@@ -103,6 +103,10 @@ def field(body: BodyScope, base: core.Place | core.Expr, e: ast.Attribute) -> Me
         body.error("K205", e.name.span, f"{a(record)} has no fields", hint)
         return None
     found = field_position(record, e.name.name)
+    if found is None and body.library and e.name.name == "assigned":
+        owner = field_position(record, "assignedTo")
+        if owner is not None and record.fields[owner][1] == INT:
+            return _is_assigned(base, record, owner, e)
     if found is None:
         known = [name for name, _ in record.fields]
         body.error(
@@ -114,6 +118,16 @@ def field(body: BodyScope, base: core.Place | core.Expr, e: ast.Attribute) -> Me
         return None
     name, type_ = record.fields[found]
     return stepped(base, core.FieldStep(found, name, type_, span=e.name.span), e)
+
+
+def _is_assigned(
+    base: core.Place | core.Expr, record: RecordType, owner: int, e: ast.Attribute
+) -> core.Expr:
+    """Whether a task without ``assigned`` has a robot, whose number is not negative. [TASK]"""
+    name, type_ = record.fields[owner]
+    robot = read(stepped(base, core.FieldStep(owner, name, type_, span=e.name.span), e), e)
+    assert robot is not None
+    return core.Binary(core.BinaryOp.LE, core.Const(0, INT, span=e.span), robot, BOOL, span=e.span)
 
 
 def _is_module(body: BodyScope, name: str) -> bool:

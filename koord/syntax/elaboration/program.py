@@ -168,6 +168,7 @@ def elaborate(program: ast.Program, settings: Settings = _DEFAULTS) -> Elaborate
     session = Elaboration(settings, findings, expression, block, FunctionTable())
     session.library_ports = library_ports()
     session.partial = sections.only_properties
+    session.whole = program.span
     if sections.is_empty:
         findings.warning(
             "K405", program.span, "the program is empty", "declare variables and events"
@@ -178,7 +179,7 @@ def elaborate(program: ast.Program, settings: Settings = _DEFAULTS) -> Elaborate
     session.agents = [each.scope for each in robots]
     _declare(session, sections, robots, program)
     made = _define(session, sections, robots, program)
-    cautions.missing_functions(session, program.span)
+    cautions.missing_functions(session)
     if findings.errors or session.partial:
         return Elaborated(None, findings.in_order())
     # One robot of each kind: what is too much for them is too much for all.

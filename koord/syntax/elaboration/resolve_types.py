@@ -44,6 +44,17 @@ PREDEFINED: dict[str, Type] = {
 #: Types with arguments, and how many they take.
 GENERIC = {"List": 1, "Queue": 1, "Set": 1, "Map": 2}
 
+_CELLS = MapType(INT, BOOL)
+
+#: Types that had other names, and what they are today: as text, and as types. [OLD-NAME]
+OLD_TYPES: dict[str, tuple[str, Type]] = {
+    "ItemPosition": ("pos", POS),
+    "PathPlanner": ("string", STRING),
+    "GridMap": ("Map<int, bool>", _CELLS),
+    "Grid": ("Map<int, bool>", _CELLS),
+    "Scan": ("pos[]", ListType(POS)),
+}
+
 MAX_TYPE_DEPTH = 20
 MAX_SIZE = 1_000_000
 
@@ -73,6 +84,8 @@ def resolve(body: BodyScope, written: ast.TypeExpr, depth: int = 0) -> Type | No
 
 def _named(body: BodyScope, written: ast.NamedType, depth: int) -> Type | None:
     name = written.name
+    if _is_scans(written) and "Scan" not in body.session.types.declared:
+        return _old_type(body, written)
     arguments = [resolve(body, argument, depth + 1) for argument in written.arguments]
     if name in GENERIC:
         if len(arguments) != GENERIC[name]:
@@ -88,11 +101,8 @@ def _named(body: BodyScope, written: ast.NamedType, depth: int) -> Type | None:
         meant = types.named[name]
     elif name in PREDEFINED:
         meant = PREDEFINED[name]
-    elif name == "ItemPosition" and not body.session.partial:  # [OLD-NAME]
-        was = "`ItemPosition` is the old name of `pos`"
-        edit = Edit(written.span, "pos")
-        body.findings.old("ItemPosition", written.span, was, "write `pos`", edit)
-        meant = POS
+    elif name in OLD_TYPES and not body.session.partial:
+        meant = _old_type(body, written)
     else:
         if not body.session.partial:
             known = [*PREDEFINED, *GENERIC, *types.named]
@@ -103,6 +113,21 @@ def _named(body: BodyScope, written: ast.NamedType, depth: int) -> Type | None:
     if arguments:
         body.error("K203", written.span, f"`{name}` takes no types between `<` and `>`")
         return None
+    return meant
+
+
+def _is_scans(written: ast.NamedType) -> bool:
+    """Return whether a type is the old ``List<Point, Scan>``. [OLD-NAME]"""
+    parts = [part.name for part in written.arguments if isinstance(part, ast.NamedType)]
+    return written.name == "List" and parts in (["Point", "Scan"], ["pos", "Scan"])
+
+
+def _old_type(body: BodyScope, written: ast.NamedType) -> Type:
+    """Resolve a type of an old name. [OLD-NAME]"""
+    name = "List<Point, Scan>" if written.arguments else written.name
+    today, meant = OLD_TYPES["Scan" if written.arguments else name]
+    was, edit = f"`{name}` is the old name of `{today}`", Edit(written.span, today)
+    body.findings.old(name, written.span, was, f"write `{today}`", edit)
     return meant
 
 

@@ -6,6 +6,7 @@ from fractions import Fraction
 from typing import assert_never
 
 from koord.syntax import ast, core
+from koord.syntax.diagnostics import Edit
 from koord.syntax.elaboration import loops
 from koord.syntax.elaboration.body import MAX_DEPTH, AtomicBlock, BodyScope, Where
 from koord.syntax.elaboration.changes import call_statement, place_shown, pop_into, target
@@ -14,7 +15,8 @@ from koord.syntax.elaboration.operators import pieces
 from koord.syntax.elaboration.phrases import a
 from koord.syntax.elaboration.places import find_module, meaning
 from koord.syntax.elaboration.resolve_types import is_numeric, resolve
-from koord.syntax.elaboration.symbols import Role, StreamSymbol
+from koord.syntax.elaboration.symbols import PortSymbol, Role, StreamSymbol
+from koord.syntax.printing.expressions import print_expr
 from koord.syntax.types import BOOL, FLOAT, INT, STREAM
 
 _PROGRAM = frozenset({Where.EFFECT, Where.INIT})
@@ -192,6 +194,9 @@ def _local(body: BodyScope, s: ast.LocalDecl) -> core.Block:
 def assign(body: BodyScope, s: ast.Assign) -> core.Block:
     """Elaborate ``target = value``."""
     value = s.value
+    if body.where is Where.INIT and _is_sensor(body, s.target):
+        _start_of_sensor(body, s)
+        return ()
     if isinstance(value, ast.Call | ast.MethodCall):
         name = _called(value)
         if name == "pop" and "pop" not in body.session.functions.own:
@@ -208,6 +213,38 @@ def assign(body: BodyScope, s: ast.Assign) -> core.Block:
         return ()
     fitted = fit(body, found, place.type, value.span, place_shown(place, s.target))
     return () if fitted is None else (core.Assign(place, fitted, span=s.span),)
+
+
+def _is_sensor(body: BodyScope, e: ast.Expr) -> bool:
+    assert body.agent is not None
+    match e:
+        case ast.Name(name=name) if name not in body.agent.variables:
+            ports = body.agent.ports.get(name, [])
+        case ast.Attribute(base=ast.Name(name=owner), name=ast.Ident(name=name)):
+            module = find_module(body, owner)
+            ports = [module.ports[name]] if module is not None and name in module.ports else []
+        case _:
+            return False
+    return any(isinstance(p, PortSymbol) and p.direction is core.Direction.SENSOR for p in ports)
+
+
+def _start_of_sensor(body: BodyScope, s: ast.Assign) -> None:
+    """Report a sensor that ``init:`` sets: where it starts is assumed. [OLD-START]"""
+    body.expr(s.value, POISON)
+    sensor = print_expr(s.target)
+    match s.value:
+        case ast.ListLit(items=(low, high)):
+            assumed = f"{print_expr(low)} <= {sensor} and {sensor} <= {print_expr(high)}"
+        case value:
+            assumed = f"{sensor} == {print_expr(value)}"
+    body.findings.error(
+        "K213",
+        s.target.span,
+        f"`{sensor}` is a sensor: programs read it only",
+        f"say where it starts: `assume: {assumed}`",
+        (),
+        (Edit(s.span, "pass"), body.session.added(f"assume: {assumed}\n")),
+    )
 
 
 def _called(value: ast.Call | ast.MethodCall) -> str:
