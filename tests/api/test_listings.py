@@ -29,7 +29,7 @@ Follow:
 invariant Own: forall i: i >= 0 and i < numBots
 """
 
-#: Robots carry parcels, by tasks of their own and the planner of their module.
+#: Robots carry parcels, by tasks of their own and the planner of their module. [TASK]
 PARCELS = """\
 def Task:
   pos loc

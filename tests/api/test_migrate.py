@@ -97,3 +97,36 @@ def test_with_stubs_they_are_declared() -> None:
     assert "def fun hello() -> bool: extern fresh\n" in found.text
     again = koord.migrate(found.migrated, stub=True)
     assert not again.changed
+
+
+@pytest.mark.parametrize(
+    ("value", "assumed"),
+    [
+        ("3", "Heater.heat == 3"),
+        ("-2.50", "Heater.heat == -2.5"),
+        ("[-1.0, 4]", "-1.0 <= Heater.heat and Heater.heat <= 4"),
+    ],
+)
+def test_a_sensor_that_init_sets_starts_as_is_assumed(value: str, assumed: str) -> None:
+    """[OLD-START]"""
+    text = "using Heater:\n  sensors: float heat\ninit:\n  Heater.heat = {}  # warm\n"
+    text += "E:\n  eff: stop\n"
+    found = migrated(text.format(value))
+    expected = text.replace("Heater.heat = {}", "pass") + f"\nassume: {assumed}\n"
+    assert (found.text, found.errors) == (expected, ())
+    assert not koord.migrate(found.migrated).changed
+
+
+def test_where_a_sensor_starts_is_left_to_people_if_it_is_no_number() -> None:
+    text = "using Heater:\n  sensors: float heat\ninit: heat = pid\nE:\n  eff: stop\n"
+    found = migrated(text)
+    assert not found.changed
+    assert [d.code for d in found.errors] == ["K213"]
+
+
+def test_several_sections_may_be_added_at_the_end() -> None:
+    text = "using Heater:\n  sensors: int heat\ninit: heat = 1\nE:\n  eff: hello()"
+    found = koord.migrate(Source("old.krd", text), stub=True)
+    assert found.errors == ()
+    assert "\nassume: heat == 1\n" in found.text
+    assert "\ndef fun hello() -> bool: extern fresh\n" in found.text

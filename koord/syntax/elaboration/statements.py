@@ -16,7 +16,6 @@ from koord.syntax.elaboration.phrases import a
 from koord.syntax.elaboration.places import find_module, meaning
 from koord.syntax.elaboration.resolve_types import is_numeric, resolve
 from koord.syntax.elaboration.symbols import PortSymbol, Role, StreamSymbol
-from koord.syntax.printing.expressions import print_expr
 from koord.syntax.types import BOOL, FLOAT, INT, STREAM
 
 _PROGRAM = frozenset({Where.EFFECT, Where.INIT})
@@ -231,20 +230,36 @@ def _is_sensor(body: BodyScope, e: ast.Expr) -> bool:
 def _start_of_sensor(body: BodyScope, s: ast.Assign) -> None:
     """Report a sensor that ``init:`` sets: where it starts is assumed. [OLD-START]"""
     body.expr(s.value, POISON)
-    sensor = print_expr(s.target)
-    match s.value:
-        case ast.ListLit(items=(low, high)):
-            assumed = f"{print_expr(low)} <= {sensor} and {sensor} <= {print_expr(high)}"
-        case value:
-            assumed = f"{sensor} == {print_expr(value)}"
-    body.findings.error(
-        "K213",
-        s.target.span,
-        f"`{sensor}` is a sensor: programs read it only",
-        f"say where it starts: `assume: {assumed}`",
-        (),
-        (Edit(s.span, "pass"), body.session.added(f"assume: {assumed}\n")),
-    )
+    assert isinstance(s.target, ast.Name | ast.Attribute)
+    sensor = s.target.name if isinstance(s.target, ast.Name) else s.target.name.name
+    if isinstance(s.target, ast.Attribute) and isinstance(s.target.base, ast.Name):
+        sensor = f"{s.target.base.name}.{sensor}"
+    bounds = s.value.items if isinstance(s.value, ast.ListLit) else (s.value,)
+    values = [text for text in map(_number, bounds) if text is not None]
+    hint, edits = "say in an assumption where it starts: `assume: …`", tuple[Edit, ...]()
+    if len(values) == len(bounds) and len(bounds) in (1, 2):
+        low, *high = values
+        assumed = f"{low} <= {sensor} and {sensor} <= {high[0]}" if high else f"{sensor} == {low}"
+        hint = f"say where it starts: `assume: {assumed}`"
+        edits = (Edit(s.span, "pass"), body.session.added(f"assume: {assumed}\n"))
+    message = f"`{sensor}` is a sensor: programs read it only"
+    body.findings.error("K213", s.target.span, message, hint, (), edits)
+
+
+def _number(e: ast.Expr) -> str | None:
+    """The text of a number or truth value; None for what is no constant."""
+    match e:
+        case ast.IntLit(value=number):
+            return str(number)
+        case ast.FloatLit(value=number):
+            return repr(float(number))
+        case ast.BoolLit(value=truth):
+            return "true" if truth else "false"
+        case ast.Unary(op=ast.UnaryOp.NEG, operand=operand):
+            text = _number(operand)
+            return None if text is None else f"-{text}"
+        case _:
+            return None
 
 
 def _called(value: ast.Call | ast.MethodCall) -> str:
