@@ -15,7 +15,9 @@ from koord.verify.obstacles import Failure
 from koord.verify.verdicts import Bounds, Counterexample, Outcome, Report, Vacuity, Verdict
 
 if TYPE_CHECKING:
+    from koord.api.wcet import ExecutionTimes, MeasuredTimes
     from koord.refinement.compiled_replay import Rerun
+    from koord.syntax.analysis.worst_paths import EventPaths
     from koord.verify.proof_core import ProofCore
 
 #: Changes when readers of the JSON have to change.
@@ -38,6 +40,7 @@ def report_form(
     failures: Iterable[Failure],
     left_out: dict[str, list[str]],
     rests_on: ProofCore | None,
+    execution_times: ExecutionTimes | None,
 ) -> forms.Report:
     """A report with the forms of its claims, and with what else was found of it."""
     return forms.Report(
@@ -57,6 +60,7 @@ def report_form(
         failures=failure_forms(failures),
         left_out=left_out,
         rests_on=UNSET if rests_on is None else _rests_on(rests_on),
+        execution_times=UNSET if execution_times is None else _times(execution_times),
     )
 
 
@@ -141,3 +145,33 @@ def _rests_on(found: ProofCore) -> forms.RestsOn:
         for premises in (found.needed, found.spare, found.untried)
     )
     return forms.RestsOn(list(found.claims), needed, spare, untried)
+
+
+def _times(found: ExecutionTimes) -> list[forms.AgentTimes]:
+    return [
+        forms.AgentTimes(
+            paths.agent.name,
+            paths.turn_steps,
+            paths.is_bound,
+            [
+                _event_times(event, measured.get(number))
+                for number, event in enumerate(paths.events)
+            ],
+        )
+        for paths, measured in zip(found.agents, found.measured, strict=True)
+    ]
+
+
+def _event_times(paths: EventPaths, measured: MeasuredTimes | None) -> forms.EventTimes:
+    parts = (paths.guard, paths.effect)
+    return forms.EventTimes(
+        paths.event.name,
+        paths.steps,
+        paths.is_bound,
+        [forms.Branch(str(x.span), x.is_true) for part in parts for x in part.branches],
+        [str(span) for part in parts for span in part.endless],
+        list(dict.fromkeys(name for part in parts for name in part.unknown)),
+        len(measured.ns) if measured else 0,
+        measured.median_us if measured else None,
+        measured.longest_us if measured else None,
+    )

@@ -240,6 +240,44 @@ class RestsOn(Form):
     untried: Annotated[list[Premise], Meta(description="What there was no time to leave out.")]
 
 
+class Branch(Form):
+    place: Annotated[Place, Meta(description="That of the `if`.")]
+    is_true: Annotated[bool, Meta(description="Whether its condition is, on the worst path.")]
+
+
+class EventTimes(Form):
+    event: str
+    steps: Annotated[
+        Natural, Meta(description="The most that guard and effect take, if `is_bound`.")
+    ]
+    is_bound: Annotated[
+        bool,
+        Meta(description="False if `endless` or `external` has something: counted with one trip."),
+    ]
+    branches: Annotated[list[Branch], Meta(description="Those of the worst path.")]
+    endless: Annotated[
+        list[Place], Meta(description="Loops over what may grow, whose trips nobody knows.")
+    ]
+    external: Annotated[
+        list[str], Meta(description="External functions, whose steps nobody knows.")
+    ]
+    turns: Annotated[Natural, Meta(description="How many turns with this event were measured.")]
+    median_us: Annotated[
+        float | None, Meta(description="Of CPU on this machine, without external functions.")
+    ]
+    longest_us: float | None
+
+
+class AgentTimes(Form):
+    agent: Annotated[str, Meta(description="The kind of robot; empty if there is only one.")]
+    turn_steps: Annotated[
+        Natural,
+        Meta(description="The most of a whole turn: all guards, urgent effects and the longest."),
+    ]
+    is_bound: bool
+    events: list[EventTimes]
+
+
 class Report(Form, kw_only=True):
     program: Annotated[
         str, Meta(description="As named on the command line; <stdin> for standard input.")
@@ -289,6 +327,10 @@ class Report(Form, kw_only=True):
     ]
     rests_on: Annotated[
         RestsOn | UnsetType, Meta(description="With --rests-on: what the proofs need.")
+    ] = UNSET
+    execution_times: Annotated[
+        list[AgentTimes] | UnsetType,
+        Meta(description="With --wcet: the worst paths of events, and times on this machine."),
     ] = UNSET
 
 

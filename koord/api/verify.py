@@ -114,6 +114,7 @@ class Options(Struct, frozen=True, kw_only=True):
     seed: int = 0
     instants: bool = False
     rests_on: bool = False
+    wcet: bool = False
     cache: Cache | None = None
     helpers: Helpers | None = None  #: who does what can be done on other machines
 
@@ -145,6 +146,7 @@ def verify(
     max_violations: int = 1,
     instants: bool = False,
     rests_on: bool = False,
+    wcet: bool = False,
     seed: int = 0,
     cache: Cache | None = None,
     progress: Listener | None = None,
@@ -161,7 +163,8 @@ def verify(
     seconds of the wall; ``jobs`` the number of processes (as many as there are cores), and
     ``cluster`` the address of a Dask scheduler whose workers do what can be done elsewhere.
     ``max_violations`` asks for several ways to break a property, ``instants`` for verdicts between
-    the ends of rounds, ``rests_on`` for what the proofs need. ``seed`` is of all that is random.
+    the ends of rounds, ``rests_on`` for what the proofs need, ``wcet`` for the worst-case execution
+    times of events. ``seed`` is of all that is random.
 
     What a ``cache`` knows is not asked again, and what is found is kept there. It is left alone
     with ``instants``, with ``rests_on`` and where several violations are asked for.
@@ -180,6 +183,8 @@ def verify(
     question = Question(
         loaded, system_of(loaded.core, fleet, delta_of(delta_s)), every_n=fleet.any_number
     )
+    if wcet and fleet.any_number:
+        raise ArgumentError("wcet", "is about one number of robots: say how many there are")
     options = Options(
         rounds=rounds,
         engine=engine_of(engine, every_n=fleet.any_number),
@@ -191,6 +196,7 @@ def verify(
         seed=seed,
         instants=instants,
         rests_on=rests_on,
+        wcet=wcet,
         cache=cache,
     )
     tell, interrupted = teller(progress), asker(cancellation)
@@ -257,7 +263,10 @@ def verify_each(
         load_for_threads()
     if len(questions) == 1:
         answered = _answer(questions[0], options, tell, interrupted, _known(looked_up[0]))
-        yield _kept(looked_up[0], _confirmed(answered, questions[0], options))
+        report = _kept(looked_up[0], _confirmed(answered, questions[0], options))
+        if options.wcet and not report.interrupted:
+            report = _measured(report, options.seed, tell, interrupted)
+        yield report
         return
     from koord.verify.processes import Pool
     from koord.verify.strategy.time_limits import load
@@ -319,6 +328,23 @@ def _kept(cached: CachedVerification | None, report: VerifyReport) -> VerifyRepo
 def _engine(question: Question, options: Options) -> engine_names.Engine | None:
     """Who is asked; None: whoever the strategy says."""
     return engine_names.Engine.EVERY_N if question.every_n else _ENGINES[options.engine]
+
+
+def _measured(
+    report: VerifyReport,
+    seed: int,
+    tell: Callable[[str], None],
+    interrupted: Callable[[], bool],
+) -> VerifyReport:
+    """The report with execution times, which are those of this machine."""
+    from koord.api.verdicts import Parts
+    from koord.api.wcet import execution_times
+
+    tell("execution times")
+    parts, times = Parts(), None
+    with parts.enduring("the execution times"):
+        times = execution_times(report.system, seed, interrupted)
+    return replace(report, execution_times=times, failed=(*report.failed, *parts.failures))
 
 
 def _confirmed(report: VerifyReport, question: Question, options: Options) -> VerifyReport:

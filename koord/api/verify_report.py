@@ -31,6 +31,7 @@ from koord.verify.verdicts import Verdict as Found
 if TYPE_CHECKING:
     from koord.api import verdict_forms as forms
     from koord.api.traces import Trace
+    from koord.api.wcet import ExecutionTimes
     from koord.verify.instants import Shadowed
     from koord.verify.proof_core import ProofCore
 
@@ -90,7 +91,8 @@ class VerifyReport(Result, frozen=True):
     """The verdicts on one program with its robots, and other findings.
 
     ``between`` and ``shadows`` are there if instants between the ends of rounds were asked about,
-    ``rests_on`` if it was asked what the proofs need. ``failed`` is what failed beside verdicts.
+    ``rests_on`` if it was asked what the proofs need, ``execution_times`` if it was asked how long
+    turns take. ``failed`` is what failed beside verdicts.
     """
 
     program: Program
@@ -102,6 +104,7 @@ class VerifyReport(Result, frozen=True):
     rests_on: ProofCore | None = None
     failed: tuple[Failure, ...] = ()
     ends_at: float | None = None
+    execution_times: ExecutionTimes | None = None
 
     @property
     def verdicts(self) -> tuple[Verdict, ...]:
@@ -264,6 +267,7 @@ class VerifyReport(Result, frozen=True):
             failures=(*self.failures, *parts.failures),
             left_out=left_out,
             rests_on=self.rests_on,
+            execution_times=self.execution_times,
         )
 
     def __repr__(self) -> str:

@@ -90,6 +90,13 @@ def _show(report: VerifyReport, arguments: argparse.Namespace, parts: Parts) -> 
         with parts.enduring("what the proofs rest on"):
             for text in core_lines(report.program, report.rests_on, style):
                 print(text)
+    if report.execution_times is not None:
+        from koord.cli.execution_times import lines
+
+        print()
+        file, delta_s = report.program.source.name, float(report.system.delta_s)
+        for text in lines(report.execution_times, file, delta_s, style):
+            print(text)
     print()
     print(verdicts.summary(report, style))
 

@@ -176,6 +176,12 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="find out which assumptions, contracts and summaries the proofs need",
     )
     parser.add_argument(
+        "--wcet",
+        action="store_true",
+        help="tell the worst-case execution time of each event: the most steps that it takes, by "
+        "which branches, and the time of its turns that were measured on this machine",
+    )
+    parser.add_argument(
         "--max-violations",
         dest="violations",
         metavar="K",
@@ -273,6 +279,8 @@ def _check_flags(arguments: argparse.Namespace) -> None:
         check_writable(arguments.found, read)
     if arguments.rests_on and len(fleets) > 1:
         raise argparse.ArgumentTypeError("--rests-on takes one number of robots at a time")
+    if arguments.wcet and (not is_one or len(fleets) > 1 or fleets[0].any_number):
+        raise argparse.ArgumentTypeError("--wcet takes one program and one number of robots")
     try:
         engine_of(arguments.engine, every_n=fleets[0].any_number)
     except ArgumentError as error:
@@ -301,6 +309,7 @@ def _options(arguments: argparse.Namespace, cache: Cache | None) -> Options:
         seed=arguments.seed,
         instants=arguments.instants,
         rests_on=arguments.rests_on,
+        wcet=arguments.wcet,
         cache=cache,
     )
 

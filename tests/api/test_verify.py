@@ -9,6 +9,7 @@ import sys
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ import pytest
 from jsonschema import Draft202012Validator
 
 import koord
+from koord.refinement.sampling_hosts import SampledHost
 from koord.verify.encoding.terms import Terms
 from koord.verify.engine_names import Engine
 from koord.verify.verdicts import Outcome
@@ -246,3 +248,54 @@ def test_threads_verify_examples_under_load() -> None:
     with ThreadPoolExecutor(4) as pool:
         for _ in range(4):
             assert list(pool.map(outcomes, names)) == alone
+
+
+def test_execution_times_are_those_of_events() -> None:
+    report = koord.verify(COUNTER, robots=2, properties=["Low"], wcet=True)
+    times = report.execution_times
+    assert times is not None
+    ((paths,), (measured,)) = (times.agents, times.measured)
+    (up,) = paths.events
+    assert up.is_bound
+    assert up.steps <= paths.turn_steps
+    # Each robot counts to three, and has no event to run from then on.
+    ran, idle = measured[0], measured[None]
+    assert len(ran.ns) % 6 == 0
+    assert min(ran.ns) > 0
+    assert len(idle.ns) > len(ran.ns)
+    (told,) = valid(report)["reports"][0]["execution_times"]
+    (event,) = told["events"]
+    assert (event["event"], event["steps"], event["turns"]) == ("Up", up.steps, len(ran.ns))
+    assert event["median_us"] <= event["longest_us"]
+
+
+def test_execution_times_leave_out_what_is_outside_of_the_program(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A host that thinks for a second is no part of the program."""
+    now_ns, ask = count(), SampledHost.ask
+
+    def slow(self: SampledHost, *asked: Any) -> Any:
+        nonlocal now_ns
+        now_ns = count(next(now_ns) + 10**9)
+        return ask(self, *asked)
+
+    monkeypatch.setattr("koord.api.wcet.time.thread_time_ns", lambda: next(now_ns))
+    monkeypatch.setattr(SampledHost, "ask", slow)
+    text = koord.Source(
+        "asks.krd",
+        "def fun far(int a) -> int: extern\n  ensures: result > 100 * a\n"
+        "local:\n  int x = 0\nAsk:\n  eff: x = far(x % 7)\ninvariant Low: forall i: x@i > -1\n",
+    )
+    times = koord.verify(text, robots=2, wcet=True).execution_times
+    assert times is not None
+    (event,) = times.agents[0].events
+    ran = times.measured[0][0]
+    assert 0 < max(ran.ns) < 10
+    assert event.effect.unknown == ("far",)
+    assert not event.is_bound
+
+
+def test_execution_times_are_of_one_number_of_robots() -> None:
+    with pytest.raises(koord.ArgumentError, match="one number of robots"):
+        koord.verify(COUNTER, robots="any", wcet=True)

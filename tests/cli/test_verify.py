@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Sequence
@@ -258,6 +259,29 @@ def test_what_proofs_rest_on_is_told(capsys: pytest.CaptureFixture[str], tmp_pat
     told: Any = report["rests_on"]
     assert [premise["place"] for premise in told["needed"]] == [f"{path}:10:9"]
     assert [premise["place"] for premise in told["spare"]] == [f"{path}:9:9"]
+
+
+def test_worst_paths_are_told_by_event(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    path = tmp_path / "app.krd"
+    path.write_text(
+        "local:\n  int x = 0\n  List<int> seen = []\n"
+        "Go:\n  pre: x < 9\n  eff:\n    if x > 5:\n      x = x + x\n    else:\n      x = 6\n"
+        "Sum:\n  pre: x > 100\n  eff:\n    for k in seen:\n      x = x + k\n"
+        "invariant Low: forall i: x@i >= 0\n",
+        encoding="utf-8",
+    )
+    assert frame.main(["verify", str(path), "--wcet"]) in (Exit.OK, Exit.VACUOUS)
+    lines = [line.strip() for line in capsys.readouterr().out.splitlines()]
+    at = next(k for k, line in enumerate(lines) if line.startswith("execution times"))
+    go, way, total, why = lines[at + 1 : at + 5]
+    assert re.fullmatch(r"Go\s+≤\s+\d+ steps  median \d+ µs, longest \d+ µs of \d+ turns", go)
+    assert way == "worst path: line 7 then"
+    assert re.fullmatch(r"Sum\s+≥\s+\d+ steps  never ran", total)
+    assert why == "no bound: what the loop at line 14 goes through may grow"
+    file = str(path)
+    for words in ([file, "--robots", "1..3"], [file, "--robots", "any"], [file, file]):
+        assert frame.main(["verify", "--wcet", *words]) == Exit.BAD_INPUT
+        assert "--wcet takes one program and one number of robots" in capsys.readouterr().err
 
 
 def test_a_sweep_is_a_row_for_each_number_of_robots(

@@ -247,11 +247,11 @@ class WorkEstimate:
             case core.Ran(robot=robot) | core.Stopped(robot=robot):
                 return self._often(node, len(self.kinds), self.of(robot, counters), _ONE)
             case core.ForRange(variable=variable, low=low, high=high, body=body):
-                count, inner = self._ranges.trips(variable, low, high, counters)
+                count, inner = self._trips(node, variable, low, high, counters)
                 bounds = self.all((low, high), counters)
                 return self._often(node, count, bounds, self.block(body, inner))
             case core.ForEach(sequence=sequence, key=key, body=body):
-                count = self._ranges.length(sequence) or 1
+                count = self._length(node, sequence)
                 inner = dict(counters)
                 if key is not None:
                     inner[key.slot] = (0, max(0, count - 1))
@@ -276,16 +276,31 @@ class WorkEstimate:
                 inner = {**counters, e.variable.slot: (0, len(self.kinds) - 1)}
                 return self._often(e, count, _ONE, self.of(e.body, inner))
             case core.IntRange(low=low, high=high):
-                count, inner = self._ranges.trips(e.variable, low, high, counters)
+                count, inner = self._trips(e, e.variable, low, high, counters)
                 bounds = self.all((low, high), counters)
                 return self._often(e, count, bounds, self.of(e.body, inner))
             case core.Elements(sequence=sequence):
-                count = self._ranges.length(sequence) or 1
+                count = self._length(e, sequence)
                 over = self.of(sequence, counters)
                 return self._often(e, count, over, self.of(e.body, counters))
             case core.AllValues():
                 return self._beside(self.of(e.body, counters))
         assert_never(e.domain)
+
+    def _trips(
+        self,
+        node: core.Node,
+        variable: core.Variable,
+        low: core.Expr,
+        high: core.Expr,
+        counters: Counters,
+    ) -> tuple[int, Counters]:
+        """The most trips of a loop that counts (1 if unknown), and the counters inside."""
+        return self._ranges.trips(variable, low, high, counters)
+
+    def _length(self, node: core.Node, sequence: core.Expr) -> int:
+        """The trips of a loop over a sequence (1 if unknown)."""
+        return self._ranges.length(sequence) or 1
 
     # --- sums -----------------------------------------------------------------------------------
 
