@@ -294,7 +294,7 @@ class WorkEstimate:
         low: core.Expr,
         high: core.Expr,
         counters: Counters,
-    ) -> tuple[int, Counters]:
+    ) -> tuple[int, dict[int, Range]]:
         """The most trips of a loop that counts (1 if unknown), and the counters inside."""
         return self._ranges.trips(variable, low, high, counters)
 

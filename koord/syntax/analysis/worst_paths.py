@@ -13,7 +13,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from msgspec import Struct
 
 from koord.syntax import core
-from koord.syntax.analysis.work import Counters, TypeSizes, Work, WorkEstimate
+from koord.syntax.analysis.work import Counters, Range, TypeSizes, Work, WorkEstimate
 from koord.syntax.source import Span
 from koord.syntax.system import System
 from koord.syntax.types import ArrayType
@@ -153,7 +153,7 @@ class _Longest(WorkEstimate):
         low: core.Expr,
         high: core.Expr,
         counters: Counters,
-    ) -> tuple[int, Counters]:
+    ) -> tuple[int, dict[int, Range]]:
         ranges = (self._ranges.range(bound, counters) for bound in (low, high))
         lists = (
             part
