@@ -26,6 +26,7 @@ from koord.runtime.robot import Key, Robot, Turn
 from koord.sampling.sampled_inputs import SampledInputs
 from koord.sampling.values import Sampler
 from koord.syntax.analysis.worst_paths import AgentPaths, worst_paths
+from koord.syntax.analysis.worst_paths import EventPaths as EventPaths
 from koord.syntax.diagnostics import KoordError
 from koord.syntax.system import System
 from koord.traces.trace import Numbers

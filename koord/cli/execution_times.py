@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from koord.api.wcet import ExecutionTimes, MeasuredTimes
+from koord.api.wcet import EventPaths, ExecutionTimes, MeasuredTimes
 from koord.cli.terminal import Paint, Style, visible
-from koord.syntax.analysis.worst_paths import EventPaths
 from koord.syntax.source import Span, counted
 
 
