@@ -13,6 +13,9 @@ NOT_RESTARTED = (
     "this is for robots that are all processes on this machine; what starts one restarts it"
 )
 
+#: Why a robot that runs by itself shares no process.
+NOT_SHARED = "this is for robots that are all on this machine"
+
 #: Why a recording and a trace have names of their own.
 NOT_TWICE = "this is the file of the trace as well: say another one"
 
@@ -36,6 +39,7 @@ class DeployRequest(Struct, frozen=True):
     rests_on: str | None = None
     live: tuple[str, int] | None = None  #: address and port
     loss: float = 0.0  #: the share of the datagrams that are lost on purpose
+    processes: int | None = None  #: so many share the robots; None: each has its own
 
 
 def check_outputs(request: DeployRequest) -> None:

@@ -103,6 +103,8 @@ def run_all(of: Deployment) -> Deployed:
             keeps_rounds=True,
             keeps_poses=followed.wants_poses,
             scratch=scratch,
+            processes=request.processes,
+            wrap=lambda transport, pid: _lossy(transport, of, pid),
         )
         fleet = SupervisedProcesses(launch, restarts=request.restart)
         stack.callback(fleet.close)

@@ -9,7 +9,7 @@ from msgspec.structs import replace
 
 from koord.api.breaches import grounds_of
 from koord.api.deploy_followed import Deployment
-from koord.api.deploy_request import NOT_RESTARTED, DeployRequest, check_outputs
+from koord.api.deploy_request import NOT_RESTARTED, NOT_SHARED, DeployRequest, check_outputs
 from koord.api.deploy_run import run_all, run_one
 from koord.api.deploy_setup import job_of
 from koord.api.deployed import Deployed
@@ -17,7 +17,7 @@ from koord.api.files import file_name
 from koord.api.fitting import Configurable, Fitted, fit, fit_request
 from koord.api.preflight import Approval, good_enough
 from koord.api.programs import Loadable, Value
-from koord.api.progress import Cancellation, Listener, heard_by
+from koord.api.progress import MOST_JOBS, Cancellation, Listener, heard_by
 from koord.api.results import ArgumentError
 from koord.api.robots import Seconds
 from koord.api.served_page import LIVE
@@ -49,6 +49,7 @@ def deploy(
     rests_on: str | PathLike[str] | None = None,
     live: bool | tuple[str, int] = False,
     loss: float = 0.0,
+    processes: int | None = None,
     progress: Listener | None = None,
     cancellation: Cancellation | None = None,
 ) -> Deployed:
@@ -75,7 +76,8 @@ def deploy(
     proofs need it if ``rests_on`` is the file of a report of :func:`koord.verify` that was made
     with ``rests_on``, as JSON. ``live`` serves a page of the run on this machine, or at an address
     and port, for everybody who can reach that. ``loss`` is the share of the arriving datagrams
-    that are lost on purpose, to rehearse a bad network.
+    that are lost on purpose, to rehearse a bad network. So many ``processes`` share the robots of
+    this machine, for large fleets; who is alone in a process is alone if it is killed.
     ``progress`` hears :class:`FleetHeard`.
 
     Raises :class:`koord.KoordError` for what is wrong with the input, or with the network.
@@ -100,9 +102,13 @@ def deploy(
         rests_on=file_name(rests_on),
         live=(LIVE if live else None) if isinstance(live, bool) else live,
         loss=loss,
+        processes=processes,
     )
     if restart and pid is not None:
         raise ArgumentError("restart", NOT_RESTARTED)
+    if processes is not None and (pid is not None or not 1 <= processes <= MOST_JOBS):
+        story = NOT_SHARED if pid is not None else f"must be from 1 to {MOST_JOBS}, not {processes}"
+        raise ArgumentError("processes", story)
     check_outputs(request)
     wanted = fit_request(program, config, params, None, None, delta_s, located=not dry_run)
     fitted = fit(wanted)

@@ -100,6 +100,10 @@ def particles(text: str) -> int:
     return _whole(text, "particles", 2, MOST_RUNS)
 
 
+def processes(text: str) -> int:
+    return _whole(text, "processes", 1, MOST_JOBS)
+
+
 def planners(text: str) -> int:
     return _whole(text, "planners", 0, MOST_JOBS)
 

@@ -8,7 +8,7 @@ from argparse import ArgumentTypeError
 from importlib.util import find_spec
 from ipaddress import ip_address
 
-from koord.api.deploy_request import NOT_RESTARTED, NOT_TWICE, DeployRequest
+from koord.api.deploy_request import NOT_RESTARTED, NOT_SHARED, NOT_TWICE, DeployRequest
 from koord.api.deploy_setup import Job, job_of
 from koord.api.deployed import Deployed, FleetHeard
 from koord.api.deployment import deploy_fitted
@@ -23,6 +23,7 @@ from koord.cli.arguments import (
     add_site,
     check_files,
     delta,
+    processes,
     read_by,
     rounds,
 )
@@ -74,6 +75,12 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--restart",
         action="store_true",
         help="start robots again whose processes crash or are killed (with --all-local)",
+    )
+    parser.add_argument(
+        "--processes",
+        metavar="N",
+        type=processes,
+        help="so many processes share the robots of --all-local, as suits large fleets (one each)",
     )
     parser.add_argument(
         "--dry-run", action="store_true", help="simulate all vehicles, in real time"
@@ -155,6 +162,8 @@ def main(arguments: argparse.Namespace) -> int:
     check_answerable(arguments)
     if arguments.restart and arguments.pid is not None:
         raise ArgumentTypeError(f"--restart: {NOT_RESTARTED}")
+    if arguments.processes is not None and not arguments.all_local:
+        raise ArgumentTypeError(f"--processes: {NOT_SHARED}")
     if arguments.trace is not None:
         check_writable(arguments.trace, read)
     if arguments.record is not None:
@@ -227,6 +236,7 @@ def request_of(arguments: argparse.Namespace) -> DeployRequest:
         rests_on=arguments.rests_on,
         live=arguments.live,
         loss=arguments.lose,
+        processes=arguments.processes,
     )
 
 

@@ -283,18 +283,21 @@ class Peer:
         self.node.start(self._clock())
 
     def turn(self, most_s: float) -> None:
-        """Expire due timers, wait at most ``most_s`` seconds for datagrams, and process them."""
-        self.node.wake(self._clock())
+        """Wait at most ``most_s`` seconds for datagrams, process them, and expire due timers.
+
+        What has come is heard first: a timer may wait for nothing else.
+        """
         due = self.node.due
         if due is not None:
             left_s = due - self._clock()
             most_s = 0.0 if left_s <= 0.0 else min(most_s, left_s)
         datagrams = self.transport.receive(most_s)
-        if not datagrams:
-            return
-        self._reader.round = self.node.state.round
-        for datagram in datagrams:
-            self.read(datagram)
+        if datagrams:
+            self._reader.round = self.node.state.round
+            for datagram in datagrams:
+                self.read(datagram)
+        if self.node.due is not None:
+            self.node.wake(self._clock())
 
     def read(self, datagram: bytes) -> None:
         """Process a datagram."""

@@ -19,7 +19,6 @@ from koord.cli.deployed import summary
 from koord.runtime.deploy import local, supervision
 from koord.runtime.deploy.news import News
 from koord.runtime.deploy.running import Runner
-from koord.runtime.deploy.status import RobotReport
 from koord.runtime.deploy.supervision import EndCause, ProcessState
 
 COUNT = koord.Source("count.krd", "local:\n  int x = 0\nUp:\n  pre: true\n  eff: x = x + 1\n")
@@ -105,10 +104,10 @@ def test_a_robot_that_is_asked_to_end_stops_and_the_others_go_on() -> None:
 class Crashing(Runner):
     """A robot that falls over at once, if it is robot 1."""
 
-    def run(self, *arguments: Any) -> Any:
+    def going(self, *arguments: Any) -> Any:
         if self.member.robot.pid == 1:
             raise ValueError("no such thing")
-        return super().run(*arguments)
+        return super().going(*arguments)
 
 
 @pytest.mark.parametrize("restart", [False, True])
@@ -131,7 +130,7 @@ def test_robots_that_are_all_killed_at_the_start_are_all_told_of(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     class Dead(Runner):
-        def run(self, *_: Any) -> Any:
+        def going(self, *_: Any) -> Any:
             os.kill(os.getpid(), signal.SIGKILL)
 
     monkeypatch.setattr(local, "Runner", Dead)
@@ -148,11 +147,12 @@ def test_robots_that_are_all_killed_at_the_start_are_all_told_of(
 class Deaf(Runner):
     """A robot that hears that it is to stop, says so, and goes on; unless it is robot 0."""
 
-    def run(
+    def going(
         self, is_told_to_stop: Callable[[], bool], report: Callable[[News], None]
-    ) -> RobotReport:
+    ) -> Iterator[float | None]:
         if self.member.robot.pid == 0:
-            return super().run(is_told_to_stop, report)
+            yield from super().going(is_told_to_stop, report)
+            return
         report(News(replace(self.status, round=3)))
         while not is_told_to_stop():
             time.sleep(0.01)

@@ -6,12 +6,41 @@ from tests.mutants.mutant import Mutant
 
 DEPLOY = "tests/runtime/test_deploy.py"
 ELECTIONS = "tests/runtime/test_elections.py"
+SHARED = "tests/runtime/test_shared.py"
 SUPERVISED = "tests/runtime/test_supervision.py"
 STRUCK = "tests/api/test_supervised.py"
 JUDGED = "tests/refinement/test_deployed.py"
 
 #: What is caught by judging runs, mostly.
 DEPLOYED = (
+    Mutant(
+        "what a robot tells all comes back to it in a shared process",
+        "runtime.transports.shared.SharedEnd.take",
+        "source != self._own",
+        "True",
+        (SHARED,),
+    ),
+    Mutant(
+        "robots that share a process have their turn by time alone",
+        "runtime.deploy.together.run_together",
+        "not one.end.has_mail",
+        "True",
+        (SHARED,),
+    ),
+    Mutant(
+        "who crashes ends those that share its process",
+        "runtime.deploy.local.LocalProcesses._is_shared",
+        "other is process and not end.closed",
+        "False",
+        (SHARED,),
+    ),
+    Mutant(
+        "who has crashed keeps its ports in a shared process",
+        "runtime.deploy.local._going",
+        "transport.close()",
+        "pass",
+        (SHARED,),
+    ),
     Mutant(
         "what the kernel dropped is forgotten when a robot ends",
         "runtime.transports.udp.Udp.close",

@@ -11,6 +11,7 @@ import socket
 import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
+from itertools import pairwise
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from types import FrameType
@@ -26,7 +27,9 @@ from koord.runtime.deploy.news import News
 from koord.runtime.deploy.running import Runner, described
 from koord.runtime.deploy.status import RobotReport
 from koord.runtime.deploy.supervision import EndCause, ProcessEnd
+from koord.runtime.deploy.together import Going, run_together
 from koord.runtime.transports.routed import Routed
+from koord.runtime.transports.shared import SharedUdp
 from koord.runtime.transports.transport import Transport, TransportError
 from koord.runtime.transports.udp import Delivery, Plan, Udp, on_this_machine
 from koord.syntax.forking import FORKING
@@ -136,6 +139,8 @@ class Launch(Struct, frozen=True):
     keeps_rounds: bool = False
     keeps_poses: bool = False
     scratch: str | None = None  #: a folder that is of no use without the first process
+    wrap: Callable[[Transport, int], Transport] | None = None  #: of those who share processes
+    processes: int | None = None  #: so many share the robots; None: each has its own
 
 
 class LocalProcesses(Struct):
@@ -196,13 +201,22 @@ class LocalProcesses(Struct):
         """Yield how the processes ended that have since this was last asked."""
         closed, self._closed = self._closed, []
         for pid in closed:
-            process = self.processes[pid]
-            with FORKING:
-                process.join(_REAP_S)
-                if process.exitcode is None:
-                    process.kill()
-                    process.join()
+            process, status = self.processes[pid], self.statuses.get(pid)
+            is_done = status is not None and (status.is_over or status.all_stopped)
+            said_why = is_done or pid in self.farewells or pid in self.failures
+            if not (said_why and self._is_shared(pid)):
+                with FORKING:
+                    process.join(_REAP_S)
+                    if process.exitcode is None and not self._is_shared(pid):
+                        process.kill()
+                        process.join()
             yield self._end_of(pid, process.exitcode or 0)
+
+    def _is_shared(self, pid: int) -> bool:
+        """Whether other robots go on in a robot's process."""
+        process = self.processes[pid]
+        ends = zip(self.processes, self.ends, strict=True)
+        return any(other is process and not end.closed for other, end in ends)
 
     def _end_of(self, pid: int, code: int) -> ProcessEnd:
         status, farewell = self.statuses.get(pid), self.farewells.get(pid, Farewell())
@@ -247,15 +261,16 @@ class LocalProcesses(Struct):
 
     def replace(self, pid: int) -> None:
         """Kill a robot's process, as a crash would, and start another."""
-        self.processes[pid].kill()
-        self.processes[pid].join()
         self.ends[pid].close()
+        if not self._is_shared(pid):
+            self.processes[pid].kill()
+            self.processes[pid].join()
         self.statuses.pop(pid, None)
         self.failures.pop(pid, None)
         self.farewells.pop(pid, None)
         # Who comes back belongs to the run that there is, also if that was to be a new one.
         launch = replace(self.launch, job=replace(self.launch.job, insists=False))
-        self.processes[pid], self.ends[pid] = _started(launch, pid)
+        self.processes[pid], (self.ends[pid],) = _started(launch, (pid,))
 
     def join(self) -> None:
         """Wait until all processes have ended."""
@@ -264,32 +279,39 @@ class LocalProcesses(Struct):
 
 
 def launched(launch: Launch) -> LocalProcesses:
-    """Start a process for each robot."""
+    """Start the processes of all robots: one for each, or as many as are to share them."""
     fleet = LocalProcesses(launch)
-    for pid in range(launch.job.robots):
-        process, end = _started(launch, pid)
-        fleet.processes.append(process)
-        fleet.ends.append(end)
+    robots = launch.job.robots
+    count = robots if launch.processes is None else min(launch.processes, robots)
+    bounds = [robots * k // count for k in range(count + 1)]
+    for low, high in pairwise(bounds):
+        process, ends = _started(launch, tuple(range(low, high)))
+        fleet.processes += [process] * len(ends)
+        fleet.ends += ends
     return fleet
 
 
-def _started(launch: Launch, pid: int) -> tuple[BaseProcess, Connection]:
-    """Start a process for a robot; return it with our end of the pipe."""
+def _started(launch: Launch, pids: tuple[int, ...]) -> tuple[BaseProcess, list[Connection]]:
+    """Start a process for robots; return it with our ends of their pipes."""
     with FORKING:
-        ours, theirs = multiprocessing.Pipe()
-        process = _process((launch, pid, theirs))
+        pipes = [multiprocessing.Pipe() for _ in pids]
+        process = _process(launch, pids, [theirs for _, theirs in pipes])
         process.start()
-        theirs.close()
-    return process, ours
+        for _, theirs in pipes:
+            theirs.close()
+    return process, [ours for ours, _ in pipes]
 
 
-def _process(arguments: tuple[Launch, int, Connection]) -> BaseProcess:
-    """The process of a robot; where the system supports it, forked with all modules loaded."""
-    name = f"robot {arguments[1]}"
+def _process(launch: Launch, pids: tuple[int, ...], ends: list[Connection]) -> BaseProcess:
+    """The process of robots; where the system supports it, forked with all modules loaded."""
+    name = f"robot {pids[0]}" if len(pids) == 1 else f"robots {pids[0]} to {pids[-1]}"
+    target, arguments = (
+        (_robot, (launch, pids[0], ends[0])) if len(pids) == 1 else (_robots, (launch, pids, ends))
+    )
     if "fork" in multiprocessing.get_all_start_methods():
         fork = multiprocessing.get_context("fork")
-        return fork.Process(target=_robot, name=name, args=arguments, daemon=True)
-    return multiprocessing.Process(target=_robot, name=name, args=arguments, daemon=True)
+        return fork.Process(target=target, name=name, args=arguments, daemon=True)
+    return multiprocessing.Process(target=target, name=name, args=arguments, daemon=True)
 
 
 def _nothing() -> None:
@@ -303,16 +325,25 @@ class _Asked:
     the first process, and what it ignores (a hang-up under nohup) is ignored here as well.
     """
 
-    def __init__(self, end: Connection) -> None:
-        self.by: int | None = None  #: the signal
+    def __init__(self, end: Connection, first: _Asked | None = None) -> None:
+        """Listen to an end; ``first`` hears the signals for several of them in one process."""
         self.go: Callable[[], None] = _nothing
+        self._by: int | None = None
+        self._first = self if first is None else first
         self._end = end
         self._is_told = False
+        if first is not None:
+            return
         signal.signal(signal.SIGINT, signal.SIG_IGN)
         for name in ("SIGTERM", "SIGHUP"):
             number = getattr(signal, name, None)  # Windows has no SIGHUP
             if number is not None and signal.getsignal(number) is not signal.SIG_IGN:
                 signal.signal(number, self._on_signal)
+
+    @property
+    def by(self) -> int | None:
+        """The signal."""
+        return self._first._by
 
     def __call__(self) -> bool:
         self._listen()
@@ -336,10 +367,10 @@ class _Asked:
         return parent is not None and os.getppid() != parent.pid
 
     def _on_signal(self, number: int, frame: FrameType | None) -> None:
-        if self.by is not None:
+        if self._by is not None:
             signal.signal(number, signal.SIG_DFL)
             os.kill(os.getpid(), number)
-        self.by = number
+        self._by = number
 
 
 def _robot(launch: Launch, pid: int, end: Connection) -> None:
@@ -350,6 +381,41 @@ def _robot(launch: Launch, pid: int, end: Connection) -> None:
     except TransportError as error:
         end.send(error)
         return
+    for _ in _going(launch, pid, end, transport, asked):
+        pass
+    if launch.scratch is not None and asked.is_orphan:
+        shutil.rmtree(launch.scratch, ignore_errors=True)
+
+
+def _robots(launch: Launch, pids: tuple[int, ...], ends: list[Connection]) -> None:
+    """Run several robots as the main function of their process."""
+    first = _Asked(ends[0])
+    try:
+        shared = SharedUdp(launch.plan, pids)
+    except TransportError as error:
+        for end in ends:
+            end.send(error)
+        return
+    going = []
+    for pid, end in zip(pids, ends, strict=True):
+        transport: Transport = shared.ends[pid]
+        if launch.wrap is not None:
+            transport = launch.wrap(transport, pid)
+        asked = first if pid == pids[0] else _Asked(end, first)
+        going.append(Going(shared.ends[pid], _going(launch, pid, end, transport, asked)))
+    run_together(shared, going, time.monotonic)
+    if launch.scratch is not None and first.is_orphan:
+        shutil.rmtree(launch.scratch, ignore_errors=True)
+
+
+def _going(
+    launch: Launch, pid: int, end: Connection, transport: Transport, asked: _Asked
+) -> Iterator[float | None]:
+    """Run a robot, step by step, and tell the first process of it.
+
+    It leaves its ports and its journal to whoever comes back as this robot.
+    """
+    runner: Runner | None = None
     try:
         runner = Runner(
             launch.job,
@@ -365,7 +431,7 @@ def _robot(launch: Launch, pid: int, end: Connection) -> None:
             with suppress(OSError):  # nobody hears it any more: it is told to stop
                 end.send(news)
 
-        runner.run(asked, report)
+        yield from runner.going(asked, report)
         report(runner.news())
         farewell = None if asked.by is None else Farewell(signal=asked.by)
     except CannotTakePartError as error:
@@ -373,9 +439,10 @@ def _robot(launch: Launch, pid: int, end: Connection) -> None:
         farewell = None
     except Exception as error:  # whatever it is: it is told
         farewell = Farewell(error=described(error))
+    if runner is not None:
+        runner.entrance.close()
+    transport.close()
     if farewell is not None:
         with suppress(OSError):
             end.send(farewell)
     end.close()
-    if launch.scratch is not None and asked.is_orphan:
-        shutil.rmtree(launch.scratch, ignore_errors=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -122,13 +122,26 @@ class Runner:
 
         Raises CannotTakePartError.
         """
+        for _ in self.going(is_told_to_stop, report):
+            pass
+        return self.status
+
+    def going(
+        self, is_told_to_stop: Callable[[], bool], report: Callable[[News], None]
+    ) -> Iterator[float | None]:
+        """The same, step by step: between two of them others of this process may have their turn.
+
+        What comes out of each is :attr:`rests_s`.
+
+        Raises CannotTakePartError.
+        """
         next_report = self._clock()
         leave_at: float | None = None
         while True:
             try:
                 self.step()
             except CannotTakePartError:
-                self._stop()
+                yield from self._stop()
                 raise
             except (DivergedError, ShapeError) as error:
                 self.trouble = str(error)
@@ -147,10 +160,10 @@ class Runner:
             if leave_at is not None and now >= leave_at:
                 self.member.forget()
                 break
+            yield self.rests_s
         if self.trouble is None:
             self.member.finish()
-        self._stop()
-        return self.status
+        yield from self._stop()
 
     def step(self) -> None:
         """Take a step: of the handshake, or of the run. Raises CannotTakePartError."""
@@ -162,6 +175,15 @@ class Runner:
         if self.peer is not None:
             self.member.host.wait_with(self._tick)
             self.peer.turn(wait_s)
+
+    @property
+    def rests_s(self) -> float | None:
+        """How long the robot has nothing to do if it hears nothing; None: not known."""
+        if self.peer is None or self._due_at is None:
+            return None
+        due, now = self.peer.node.due, self._clock()
+        next_at = self._due_at if due is None else min(due, self._due_at)
+        return min(REPORT_S / 4, max(0.0, next_at - now))
 
     def go(self) -> None:
         """Take part in the run: people have looked at the robot. (P-PREFLIGHT)"""
@@ -209,7 +231,7 @@ class Runner:
     def _is_over(self) -> bool:
         return self.peer is not None and self.peer.node.over
 
-    def _stop(self) -> None:
+    def _stop(self) -> Iterator[float | None]:
         """Come to a safe stop: nobody will tell the robot to go on. (P-START) (P-LAST-STOP)"""
         host = self.member.host
         host.holding = True
@@ -227,6 +249,7 @@ class Runner:
                 self.trouble = self.trouble or described(error)
                 wait_s = _RETRY_S
             self._transport.receive(wait_s)
+            yield None
         with ExitStack() as stack:  # whatever one of them raises, the others are closed
             stack.callback(self.entrance.close)
             stack.callback(self._transport.close)

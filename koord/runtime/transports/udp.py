@@ -7,6 +7,7 @@ import socket
 import struct
 import sys
 from collections import deque
+from collections.abc import Sequence
 from enum import Enum
 from functools import partial
 
@@ -22,13 +23,13 @@ _BUFFER_BYTES = 4 << 20
 
 #: Datagrams handed on at once, so that timers get their turn in a flood. Whatever has come by then
 #: is taken from the kernel first: by default it keeps only some hundred.
-_BATCH = 32
+BATCH = 32
 
 #: So many datagrams wait in this process for each robot of the fleet, and for a small fleet.
-_WAITING_PER_ROBOT, _LEAST_WAITING = 4, 512
+_WAITING_PER_ROBOT, LEAST_WAITING = 4, 512
 
 #: So many orders of people wait; of more the oldest are lost, as on a network.
-_MOST_VISITS = 256
+MOST_VISITS = 256
 
 
 class Delivery(Enum):
@@ -59,6 +60,11 @@ def on_this_machine(robots: int, port: int, *, group: str | None = "239.255.75.1
     return Plan(addresses, Delivery.GROUP, (group, port), "127.0.0.1")
 
 
+def most_waiting(plan: Plan) -> int:
+    """How many datagrams wait in a process for a robot of a plan."""
+    return max(LEAST_WAITING, _WAITING_PER_ROBOT * len(plan.addresses))
+
+
 class Udp:
     """The UDP transport of one robot."""
 
@@ -69,39 +75,22 @@ class Udp:
         self._plan = plan
         self._own = plan.addresses[pid]
         self._others = tuple(a for i, a in enumerate(plan.addresses) if i != pid)
-        self._socket = _bound(self._own)
+        self._socket = bound(self._own)
         self._sockets = [self._socket]
         self._by_number: dict[int, socket.socket] = {}
         if plan.shared is not None:
-            self._sockets.append(self._joined(plan.shared))
+            try:
+                self._sockets.append(joined(plan, plan.shared, [self._socket]))
+            except TransportError:
+                self.close()
+                raise
         self._poll = select.poll()
         for one in self._sockets:
             self._poll.register(one, select.POLLIN)
         self._by_number = {one.fileno(): one for one in self._sockets}
         self._waiting: deque[bytes] = deque()
-        self._visits: deque[Visit] = deque(maxlen=_MOST_VISITS)
-        self._most_waiting = max(_LEAST_WAITING, _WAITING_PER_ROBOT * len(plan.addresses))
-
-    def _joined(self, shared: Address) -> socket.socket:
-        """Open a socket that receives what is sent to all, and enable the own one to send that."""
-        try:
-            if self._plan.reach is Delivery.GROUP:
-                card = socket.inet_aton(self._plan.interface)
-                self._socket.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, card)
-                self._socket.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_LOOP, 1)
-                self._socket.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_TTL, 1)
-                common = _bound(shared, several=True)
-                membership = struct.pack("=4s4s", socket.inet_aton(shared[0]), card)
-                common.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, membership)
-                return common
-            self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_BROADCAST, 1)
-            return _bound(shared, several=True)
-        except OSError as error:
-            self.close()
-            raise TransportError(
-                f"{self._plan.reach.value} on {shared[0]}:{shared[1]} cannot be used: {error}",
-                "another address or network card, or unicast, may do",
-            ) from error
+        self._visits: deque[Visit] = deque(maxlen=MOST_VISITS)
+        self._most_waiting = most_waiting(plan)
 
     def send(self, to: int, datagram: bytes) -> None:
         self._send(self._plan.addresses[to], datagram)
@@ -130,7 +119,7 @@ class Udp:
             one = self._by_number.get(number)
             if one is not None:
                 self._drain(one)
-        return [waiting.popleft() for _ in range(min(_BATCH, len(waiting)))]
+        return [waiting.popleft() for _ in range(min(BATCH, len(waiting)))]
 
     def _drain(self, one: socket.socket) -> None:
         own, waiting = self._own, self._waiting
@@ -159,7 +148,7 @@ class Udp:
 
     @property
     def dropped(self) -> int:
-        return self._dropped + sum(map(_overflow, self._by_number.values()))
+        return self._dropped + sum(map(overflow, self._by_number.values()))
 
     def close(self) -> None:
         self._dropped = self.dropped
@@ -173,7 +162,7 @@ class Udp:
 _SO_MEMINFO, _MEMINFO = 55, struct.Struct("=9I")
 
 
-def _overflow(one: socket.socket) -> int:
+def overflow(one: socket.socket) -> int:
     """How many datagrams the kernel has dropped for want of room; 0 where it does not say."""
     if not sys.platform.startswith("linux"):
         return 0
@@ -185,7 +174,33 @@ def _overflow(one: socket.socket) -> int:
         return 0
 
 
-def _bound(address: Address, *, several: bool = False) -> socket.socket:
+def joined(plan: Plan, shared: Address, own: Sequence[socket.socket]) -> socket.socket:
+    """Open a socket that receives what is sent to all, and enable ``own`` ones to send that.
+
+    Raises TransportError.
+    """
+    try:
+        if plan.reach is Delivery.GROUP:
+            card = socket.inet_aton(plan.interface)
+            for one in own:
+                one.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, card)
+                one.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_LOOP, 1)
+                one.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_TTL, 1)
+            common = bound(shared, several=True)
+            membership = struct.pack("=4s4s", socket.inet_aton(shared[0]), card)
+            common.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, membership)
+            return common
+        for one in own:
+            one.setsockopt(socket.SOL_SOCKET, socket.SO_BROADCAST, 1)
+        return bound(shared, several=True)
+    except OSError as error:
+        raise TransportError(
+            f"{plan.reach.value} on {shared[0]}:{shared[1]} cannot be used: {error}",
+            "another address or network card, or unicast, may do",
+        ) from error
+
+
+def bound(address: Address, *, several: bool = False) -> socket.socket:
     """Bind a socket to an address, shared with others if ``several``. Raises TransportError."""
     made = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     try:

@@ -1,0 +1,196 @@
+"""UDP of several robots in one process: one poll and one drain for all of their sockets.
+
+Each robot has a socket with an address of its own, as in a process of its own. What is sent to all
+of them arrives once in a process, and is handed to each of its robots. Nothing waits in an end:
+whoever has one is to be asked again when :meth:`SharedUdp.wait` says so.
+"""
+
+from __future__ import annotations
+
+import select
+import socket
+from collections import deque
+from collections.abc import Sequence
+from functools import partial
+
+from koord.runtime.transports.transport import TransportError, Visit
+from koord.runtime.transports.udp import (
+    BATCH,
+    MOST_VISITS,
+    Address,
+    Plan,
+    bound,
+    joined,
+    most_waiting,
+    overflow,
+)
+from koord.runtime.wire.frames import LONGEST, is_order
+
+
+class SharedUdp:
+    """The sockets of several robots. ``ends`` are their transports, by pid."""
+
+    def __init__(self, plan: Plan, pids: Sequence[int]) -> None:
+        """Open the sockets. Raises TransportError."""
+        self.plan = plan
+        self.ends: dict[int, SharedEnd] = {}
+        self._by_number: dict[int, SharedEnd] = {}
+        self._poll = select.poll()
+        self._all: socket.socket | None = None
+        self._all_number = -1
+        try:
+            for pid in pids:
+                end = self.ends[pid] = SharedEnd(self, pid)
+                self._by_number[end.number] = end
+                self._poll.register(end.number, select.POLLIN)
+            if plan.shared is not None:
+                own = [end.socket for end in self.ends.values()]
+                self._all = joined(plan, plan.shared, own)
+                self._all_number = self._all.fileno()
+                self._poll.register(self._all_number, select.POLLIN)
+        except TransportError:
+            self.close()
+            raise
+
+    def wait(self, timeout_s: float) -> None:
+        """Wait for datagrams at most so long, and hand out what there is."""
+        try:
+            ready = self._poll.poll(timeout_s * 1000)
+        except InterruptedError:
+            return
+        for number, _ in ready:
+            if number == self._all_number:
+                self._drain_all()
+            else:
+                end = self._by_number.get(number)
+                if end is not None:
+                    end.drain()
+
+    def _drain_all(self) -> None:
+        one = self._all
+        assert one is not None
+        ends = tuple(self._by_number.values())
+        for _ in range(most_waiting(self.plan)):
+            try:
+                datagram, source = one.recvfrom(LONGEST + 1)
+            except BlockingIOError:
+                return
+            except OSError:
+                continue
+            for end in ends:
+                end.take(datagram, source)
+
+    @property
+    def dropped(self) -> int:
+        """How many datagrams to all have found no room."""
+        return 0 if self._all is None else overflow(self._all)
+
+    def leave(self, end: SharedEnd) -> None:
+        """Close one robot's socket; the last one closes what is shared."""
+        if self._by_number.pop(end.number, None) is not None:
+            self._poll.unregister(end.number)
+            end.socket.close()
+        if not self._by_number:
+            self.close()
+
+    def close(self) -> None:
+        """Close all sockets. May be called twice."""
+        for end in self.ends.values():
+            end.socket.close()
+        self._by_number.clear()
+        if self._all is not None:
+            self._all.close()
+            self._all = None
+
+
+class SharedEnd:
+    """The transport of one robot among several in a process. Receiving never waits.
+
+    ``wanted_s`` is how long the robot would have waited for datagrams when it last received.
+    """
+
+    def __init__(self, shared: SharedUdp, pid: int) -> None:
+        self.sent = 0
+        self.wanted_s = 0.0
+        self.socket = bound(shared.plan.addresses[pid])
+        self.number = self.socket.fileno()
+        self._shared, self._plan, self._own = shared, shared.plan, shared.plan.addresses[pid]
+        self._others = tuple(a for i, a in enumerate(shared.plan.addresses) if i != pid)
+        self._most = most_waiting(shared.plan)
+        self._waiting: deque[bytes] = deque()
+        self._visits: deque[Visit] = deque(maxlen=MOST_VISITS)
+        self._dropped = 0
+        self._is_closed = False
+
+    @property
+    def has_mail(self) -> bool:
+        """True if something waits to be received."""
+        return bool(self._waiting or self._visits)
+
+    def drain(self) -> None:
+        """Take what has come to this robot alone."""
+        one = self.socket
+        for _ in range(self._most - len(self._waiting)):
+            try:
+                datagram, source = one.recvfrom(LONGEST + 1)
+            except BlockingIOError:
+                return
+            except OSError:
+                continue  # an ICMP answer to something sent before
+            self.take(datagram, source)
+
+    def take(self, datagram: bytes, source: Address) -> None:
+        """Take a datagram that has come, if it is not this robot's own."""
+        if is_order(datagram):
+            self._visits.append(Visit(datagram, partial(self._answer, source)))
+        elif source != self._own:
+            if len(self._waiting) < self._most:
+                self._waiting.append(datagram)
+            else:
+                self._dropped += 1
+
+    def send(self, to: int, datagram: bytes) -> None:
+        self._send(self._plan.addresses[to], datagram)
+
+    def tell(self, datagram: bytes) -> None:
+        if self._plan.shared is not None:
+            self._send(self._plan.shared, datagram)
+            return
+        for address in self._others:
+            self._send(address, datagram)
+
+    def _send(self, address: Address, datagram: bytes) -> None:
+        try:
+            self.socket.sendto(datagram, address)
+        except OSError:
+            return  # full buffers, no route, a port that is closed: to the protocol it is all loss
+        self.sent += 1
+
+    def _answer(self, address: Address, datagram: bytes) -> None:
+        if not self._is_closed:
+            self._send(address, datagram)
+
+    def receive(self, timeout_s: float) -> list[bytes]:
+        waiting = self._waiting
+        came = [waiting.popleft() for _ in range(min(BATCH, len(waiting)))]
+        # What is done about these may have timers that are due sooner.
+        self.wanted_s = 0.0 if came else max(0.0, timeout_s)
+        return came
+
+    def visits(self) -> list[Visit]:
+        if not self._visits:
+            return []
+        came = list(self._visits)
+        self._visits.clear()
+        return came
+
+    @property
+    def dropped(self) -> int:
+        if self._is_closed:
+            return self._dropped
+        return self._dropped + overflow(self.socket) + self._shared.dropped
+
+    def close(self) -> None:
+        if not self._is_closed:
+            self._dropped, self._is_closed = self.dropped, True
+            self._shared.leave(self)
