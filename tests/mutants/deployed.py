@@ -156,8 +156,8 @@ DEPLOYED = (
     Mutant(
         "a robot that is asked to end by a signal does so at once",
         "runtime.deploy.local._Asked._on_signal",
-        "self.by is not None",
-        "self.by is None",
+        "self._by is not None",
+        "self._by is None",
         (STRUCK,),
     ),
     Mutant(

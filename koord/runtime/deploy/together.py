@@ -1,4 +1,4 @@
-"""Several robots of a run in one process, which take turns. (decision record 0113)"""
+"""Several robots of a run in one process, which take turns. (decision record 0114)"""
 
 from __future__ import annotations
 
