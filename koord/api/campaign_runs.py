@@ -10,6 +10,7 @@ import csv
 import errno
 import io
 import os
+import sys
 import threading
 import time
 from collections.abc import Callable, Collection, Sequence
@@ -53,6 +54,9 @@ class Row(Struct, frozen=True):
     stuck: int  #: robots that stand still at the end and should go
     digest: str
     wall_s: float
+    cpu_s: float  #: of the thread that made it
+    memory_mib: float  #: the most that its process has had until then
+    threads: int  #: of its process at the end
 
     @property
     def key(self) -> tuple[str, int]:
@@ -230,13 +234,13 @@ def row_of(order: Order, is_enough: Callable[[], bool] = lambda: False) -> Row |
         built=built,
         kernels=order.kernels,
     )
-    began = time.perf_counter()
+    began, begun_s = time.perf_counter(), time.thread_time()
     made.begin()
     check_begun(fitted, made)
     for _ in run(made, limit_s(fitted, order.rounds, order.duration_s)):
         if is_enough():
             return None
-    wall_s = time.perf_counter() - began
+    wall_s, cpu_s = time.perf_counter() - began, time.thread_time() - begun_s
     figures = made.figures()
     robots = figures.robots
     assert made.ending is not None
@@ -262,4 +266,25 @@ def row_of(order: Order, is_enough: Callable[[], bool] = lambda: False) -> Row |
         len(made.standing),
         figures.digest,
         wall_s,
+        cpu_s,
+        _memory_mib(),
+        _threads(),
     )
+
+
+def _memory_mib() -> float:
+    """The most memory that this process has had, in MiB; 0: nobody knows."""
+    try:
+        import resource
+    except ImportError:  # it is of POSIX
+        return 0.0
+    unit = 1 if sys.platform == "darwin" else 1024
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit / 2**20
+
+
+def _threads() -> int:
+    """The number of threads of this process, those of libraries too where that is known."""
+    try:
+        return len(os.listdir("/proc/self/task"))
+    except OSError:
+        return threading.active_count()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from os import fspath
 
+from msgspec import Struct
 from msgspec.structs import replace
 
 from koord.api.drivers import localiser_registry, registry
@@ -12,6 +13,8 @@ from koord.api.programs import Loadable, Program, Text, source_of
 from koord.api.results import Result, diagnostics_dict
 from koord.api.undriven import drivers_of
 from koord.runtime.configuration.checking import load as load_configuration
+from koord.runtime.configuration.gazebo import read_world, told_as_yaml
+from koord.runtime.configuration.gazebo_files import finder
 from koord.runtime.configuration.keys import new_key as new_key
 from koord.runtime.configuration.keys import write_key as write_key
 from koord.runtime.configuration.model import RunConfiguration, params
@@ -96,6 +99,21 @@ def check_configuration(
         found += error.diagnostics
     called = None if program is None else _name(program)
     return ConfigurationReport(name, configuration, called, tuple(found), tuple(sources))
+
+
+class WorldRead(Struct, frozen=True):
+    """A world of Gazebo as the text of a site, and what of it is not taken."""
+
+    text: str  #: YAML: a `world:` with its obstacles
+    warnings: tuple[Diagnostic, ...]
+    sources: tuple[Source, ...]
+
+
+def world_of_gazebo(text: Text) -> WorldRead:
+    """Read a world of Gazebo as the text of a site. Raises KoordError. (P-WORLD)"""
+    source = source_of(text)
+    read = read_world(source, finder(source.name))
+    return WorldRead(told_as_yaml(read), read.warnings, read.sources)
 
 
 def check_start(fitted: Fitted) -> None:

@@ -1,6 +1,8 @@
 """``koord config check FILE…``: is this a configuration that robots can be run with?
 
 ``koord config key [FILE]``: a new key for robots to share.
+
+``koord config world FILE``: what stands in a world of Gazebo, as the file of a site.
 """
 
 from __future__ import annotations
@@ -13,6 +15,7 @@ from koord.api.configurations import (
     ConfigurationReport,
     check_configuration,
     new_key,
+    world_of_gazebo,
     write_key,
 )
 from koord.cli.arguments import add_json, add_site, check_files
@@ -27,9 +30,10 @@ from koord.syntax.source import Source
 def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "action",
-        choices=["check", "key"],
+        choices=["check", "key", "world"],
         help="check: check the files; key: print a new key for robots, or write it to a new FILE "
-        "that you alone can read",
+        "that you alone can read; world: print what stands in a world of Gazebo (.world, .sdf), "
+        "for the file of a site",
     )
     parser.add_argument(
         "files", metavar="FILE", nargs="*", help="a configuration (.yaml); - is standard input"
@@ -46,7 +50,29 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def main(arguments: argparse.Namespace) -> int:
+    if arguments.action == "world":
+        return _world(arguments)
     return _key(arguments) if arguments.action == "key" else _check(arguments)
+
+
+def _world(arguments: argparse.Namespace) -> int:
+    """Print the obstacles of a world. Raises KoordError."""
+    if arguments.program is not None or arguments.site is not None or arguments.json:
+        raise ArgumentTypeError("--program, --site and --json are for config check")
+    if len(arguments.files) != 1:
+        raise ArgumentTypeError("config world reads one file")
+    report = DiagnosticReport()
+    path = arguments.files[0]
+    report.add((), read_program(path).source)
+    try:
+        found = world_of_gazebo(_text(path))
+    except KoordError as error:
+        report.add(error.diagnostics)
+    else:
+        report.add(found.warnings, *found.sources)
+        sys.stdout.write(found.text)
+    report.print(sys.stderr, as_json=False)
+    return Exit.BAD_INPUT if report.errors else Exit.OK
 
 
 def _key(arguments: argparse.Namespace) -> int:

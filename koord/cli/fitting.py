@@ -54,6 +54,8 @@ def fit_request(
             configuration = configuration_of_scene(placed)
         elif arguments.site is not None:
             raise ArgumentError("site", "it adds to a configuration, and there is none")
+        if configuration is not None and placed is not None:
+            report.add((), *configuration.document.sources)
     except KoordError as error:
         report.add(error.diagnostics)
         return None

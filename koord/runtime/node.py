@@ -215,6 +215,9 @@ class Counts(Struct):
     sent: int = 0  #: messages; one to all counts once
     datagrams: int = 0  #: the same in pieces
     received: int = 0  #: messages
+    sent_bytes: int = 0  #: of datagrams, without the headers of the network
+    arrived: int = 0  #: datagrams, of handshakes too
+    arrived_bytes: int = 0
 
 
 class Peer:
@@ -274,6 +277,7 @@ class Peer:
         datagrams = self._writer.datagrams(state.incarnation, state.round, message)
         self.counts.sent += 1
         self.counts.datagrams += len(datagrams)
+        self.counts.sent_bytes += sum(map(len, datagrams))
         return datagrams
 
     # --- time -----------------------------------------------------------------------------------
@@ -301,6 +305,8 @@ class Peer:
 
     def read(self, datagram: bytes) -> None:
         """Process a datagram."""
+        self.counts.arrived += 1
+        self.counts.arrived_bytes += len(datagram)
         if is_handshake(datagram):
             self.on_handshake(datagram)
             return

@@ -19,6 +19,7 @@ from koord.runtime.motion.geometry import as_path
 from koord.runtime.motion.group import TAKEOFF_M, TICK_S
 from koord.runtime.motion.planning import Hindrance, Plight
 from koord.runtime.motion.world import Point, World
+from koord.runtime.platform.rising import RISEN
 from koord.runtime.plugins.calls import PlugInError
 from koord.sim.disturbances import spawned
 from koord.sim.run_log import tilts_of
@@ -36,6 +37,9 @@ from koord.sim.squads import (
 from koord.sim.vehicles.points import PointSquad
 
 _HINDRANCES = tuple(Hindrance)
+
+#: A path of an aircraft on the ground that begins so near is joined from above there.
+_BESIDE_M = 0.5
 
 
 class Placed(Struct, frozen=True):
@@ -105,6 +109,9 @@ class Fleet:
         self._is_one = len(self._fused) == 1 and only is None
         #: Whether robots move by machine code, so that what is measured of them may be, too.
         self.is_compiled = any(map(is_compiled, models))
+        #: What aircraft on the ground were told to do once they fly, whose programs say when.
+        self._waiting: dict[int, Point | tuple[Point, ...] | None] = {}
+        self._flying: set[int] = set()  #: aircraft that were told to take off, or to land
         asked = self.robots if only is None else (self.robots[only],) * len(self.robots)
         self._planners = tuple(robot.model.planner for robot in asked)
 
@@ -189,27 +196,80 @@ class Fleet:
 
     # --- orders ---------------------------------------------------------------------------------
 
+    def wait_for_takeoff(self, robot: int) -> None:
+        """Let a robot that flies stay on the ground until it is told to take off. (P-TAKEOFF)"""
+        if not self.robots[robot].model.body.ON_GROUND:
+            self._waiting.setdefault(robot, None)
+
     def follow(self, robot: int, path: Sequence[Point]) -> None:
         """Let a robot follow a path, shape ``(k, 3)``; an empty one leaves it where it is."""
+        if robot in self._waiting:
+            self._waiting[robot] = tuple(path)
+            return
+        above = self._above(robot)
+        if above is not None:
+            here, up = above
+            beside = len(path) > 0 and math.dist(path[0][:2], here[:2]) >= _BESIDE_M
+            path = [here, up, *path[not beside :]]
+        self._follow(robot, path)
+
+    def _follow(self, robot: int, path: Sequence[Point]) -> None:
         members, row = self._at(robot)
         position, heading = members.fixes(self.now_s)
         members.group.follow(row, as_path(path), float(heading[row]), position[row])
 
     def go_to(self, robot: int, target: Point) -> None:
         """Let a robot find a path to a target and follow it."""
+        if robot in self._waiting:
+            self._waiting[robot] = target
+            return
         members, row = self._at(robot)
-        members.group.go_to(row, target)
+        above = self._above(robot)
+        if above is None:
+            members.group.go_to(row, target)
+        else:
+            here, up = above
+            way = members.group.way(row, up, target)
+            self._follow(robot, [here, up] if way is None else [here, *map(_point, way.tolist())])
+            if way is None:
+                members.group.fail(row, target)
 
     def take_off(self, robot: int, up: bool) -> None:
-        """Let a robot that flies go straight up from the ground, or straight down to it."""
-        members, row = self._at(robot)
+        """Let a robot that flies take off, and then go where it was sent; or land. (P-TAKEOFF)
+
+        It rises straight up first, and lands straight down where it is.
+        """
         if self.robots[robot].model.body.ON_GROUND:
             return
-        x, y, z = members.fixes(self.now_s)[0][row].tolist()
-        ground = members.group.world.ground
-        if up and z >= ground + TAKEOFF_M:
+        self._flying.add(robot)
+        if not up:
+            self._waiting[robot] = None
+            x, y, z = self._fix(robot)
+            self._follow(robot, [(x, y, z), (x, y, self.world.ground)])
             return
-        self.follow(robot, [(x, y, z), (x, y, ground + TAKEOFF_M * up)])
+        match self._waiting.pop(robot, None):
+            case (float(x), float(y), float(z)):
+                self.go_to(robot, (x, y, z))
+            case tuple(path):
+                self.follow(robot, path)
+            case None if (above := self._above(robot)) is not None:
+                self._follow(robot, above)
+            case None:
+                pass
+
+    def _above(self, robot: int) -> tuple[Point, Point] | None:
+        """The way up from where a robot is that takes off; None if it has risen, or need not."""
+        if robot not in self._flying:
+            return None
+        x, y, z = self._fix(robot)
+        high = self.world.ground + TAKEOFF_M
+        low = self.world.ground + RISEN * TAKEOFF_M
+        return None if z >= low else ((x, y, z), (x, y, high))
+
+    def _fix(self, robot: int) -> Point:
+        members, row = self._at(robot)
+        x, y, z = members.fixes(self.now_s)[0][row].tolist()
+        return x, y, z
 
     def hold(self, robot: int) -> None:
         """Let a robot stay where it is until released."""
@@ -330,3 +390,8 @@ class Fleet:
 def _seeds(whole: Seed, members: Sequence[int]) -> Sequence[Seed]:
     """The seeds of a squad's robots: each has that of its number, whatever squad it is in."""
     return Lazily(len(members), lambda row: spawned(whole, members[row]))
+
+
+def _point(place: list[float]) -> Point:
+    x, y, z = place
+    return x, y, z

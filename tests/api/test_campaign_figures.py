@@ -30,7 +30,8 @@ from koord.api.results import ArgumentError
 from koord.syntax.source import Source
 
 PLAIN = Row(
-    "", 2, "", 0, "stopped", 1.0, 0, 0, None, 1.0, None, 0.5, 0.0, 0, 0, 0, 0, 0, 0, "", 0.0
+    *("", 2, "", 0, "stopped", 1.0, 0, 0, None, 1.0, None, 0.5, 0.0, 0, 0, 0, 0, 0, 0, ""),
+    *(0.0, 0.0, 1.0, 1),
 )  # fmt: skip
 
 

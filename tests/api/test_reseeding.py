@@ -68,7 +68,7 @@ def seeded(request: FitRequest, seed: int) -> FitRequest:
 def row(request: FitRequest, seed: int) -> Row:
     made = row_of(Order(seeded(request, seed), None, 0.3, True, ""))
     assert made is not None
-    return msgspec.structs.replace(made, wall_s=0.0)
+    return msgspec.structs.replace(made, wall_s=0.0, cpu_s=0.0, memory_mib=0.0, threads=0)
 
 
 @pytest.mark.parametrize(

@@ -23,6 +23,9 @@ from tests.clusters import worker_of_this_process
 
 EXAMPLES = Path(__file__).parents[2] / "specs" / "examples"
 TASK = [str(EXAMPLES / "task.krd"), str(EXAMPLES / "task_mixed.yaml"), "--time", "0.5"]
+#: Columns of what was measured, which differ from run to run.
+MEASURED = ("wall_s", "cpu_s", "memory_mib", "threads")
+
 PATH = [str(EXAMPLES / "follow_path.krd"), "--time", "0.5"]
 
 
@@ -41,6 +44,15 @@ def test_each_run_has_a_seed_of_its_own_and_a_line(
     assert len({row["digest"] for row in rows}) == 3
     assert main(["sim", *TASK, "--seed", "6", "--json", "--no-html"]) == Exit.OK
     assert json.loads(capsys.readouterr().out)["digest"] == rows[1]["digest"]
+
+
+def test_a_line_says_what_its_run_needed(tmp_path: Path) -> None:
+    path = tmp_path / "runs.csv"
+    assert main(["sim", *PATH, "--runs", "2", "--csv", str(path), "--no-html"]) == Exit.OK
+    for one in lines(path):
+        assert float(one["cpu_s"]) > 0.0
+        assert float(one["memory_mib"]) > 10.0
+        assert int(one["threads"]) >= 1
 
 
 def test_a_sweep_has_a_line_for_each_value(capsys: pytest.CaptureFixture[str]) -> None:
@@ -170,7 +182,7 @@ def lines(path: Path) -> list[dict[str, str]]:
 
 
 def without_times(rows: list[dict[str, str]]) -> list[dict[str, str]]:
-    return [{name: cell for name, cell in row.items() if name != "wall_s"} for row in rows]
+    return [{name: cell for name, cell in row.items() if name not in MEASURED} for row in rows]
 
 
 @pytest.mark.parametrize(

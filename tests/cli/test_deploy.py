@@ -241,7 +241,11 @@ def test_rounds_are_as_long_as_the_program_states_if_the_configuration_does_not_
     config.write_text("num_robots: 2\n", encoding="utf-8")
     words = ["deploy", str(program), str(config), "--all-local", "--rounds", "2", "--json"]
     assert main(words) == Exit.OK
-    _, err = capsys.readouterr()
+    out, err = capsys.readouterr()
+    for one in json.loads(out)["robots"]:  # datagrams have 20 to 1,400 bytes
+        assert one["arrived"] > 0
+        assert 20 * one["sent"] <= one["sent_bytes"] <= 1_400 * one["sent"]
+        assert 20 * one["arrived"] <= one["arrived_bytes"] <= 1_400 * one["arrived"]
     assert "K936: the program is meant for 3 robots; here are 2 robots" in err
     assert "δ" not in err
     arguments = argparse.Namespace(

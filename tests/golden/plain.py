@@ -24,6 +24,7 @@ from tests.sim.unpacking import data_of, unpacked
 LEFT_OUT = frozenset(
     {"seconds", "wall_s", "longest_s", "took_s", "late", "overdue", "behind"}
     | {"sent", "received", "drops", "digest", "written"}
+    | {"sent_bytes", "arrived", "arrived_bytes", "cpu_s", "memory_mib", "threads"}
 )
 
 #: Where text tells how long something took on this machine, with the blanks before it, of which

@@ -21,13 +21,15 @@ ROOM = "tests/sim/test_room.py"
 TRACKED = "tests/sim/test_compiled_tracking.py"
 PLANNING_TIME = "tests/sim/test_planning_time.py"
 LOADERS = "tests/runtime/test_yaml_loaders.py"
+TAKEOFF = "tests/sim/test_takeoff.py"
+GAZEBO = "tests/runtime/test_gazebo.py"
 SCENES = "tests/runtime/test_scenes.py"
 SPLITTING = "tests/api/test_splitting.py"
 
 SIMULATED = (
     Mutant(
         "a target without a way leaves no plight",
-        "runtime.motion.group.Group._answer",
+        "runtime.motion.group.Group.fail",
         "self.plights[robot] = Plight(why, target)",
         "self.plights.pop(robot, None)",
         (STANDING,),
@@ -472,5 +474,54 @@ SIMULATED = (
         "negated is not (op is BinaryOp.IMPLIES)",
         "negated",
         (SPLITTING,),
+    ),
+    Mutant(
+        "what stands in a turned model is not turned with it",
+        "runtime.configuration.gazebo._Pose.then",
+        "self._turned((x, y, z))",
+        "(x, y, z)",
+        (GAZEBO,),
+    ),
+    Mutant(
+        "a tilted cylinder is as wide as an upright one",
+        "runtime.configuration.gazebo._cylinder",
+        "not pose.is_upright",
+        "False",
+        (GAZEBO,),
+    ),
+    Mutant(
+        "a model that is included stands where it is at home",
+        "runtime.configuration.gazebo._WorldReader._include",
+        "pose if state is None else state",
+        "None",
+        (GAZEBO,),
+    ),
+    Mutant(
+        "an aircraft that was not told to take off flies where it is sent",
+        "sim.hosting.Hosted",
+        "fleet.wait_for_takeoff(robot)",
+        "pass",
+        (TAKEOFF,),
+    ),
+    Mutant(
+        "an aircraft flies from the ground to where it is sent",
+        "sim.fleet.Fleet._above",
+        "z >= low",
+        "True",
+        (TAKEOFF,),
+    ),
+    Mutant(
+        "an aircraft goes back to where its path began on the ground",
+        "sim.fleet.Fleet.follow",
+        "path[not beside :]",
+        "path",
+        (TAKEOFF,),
+    ),
+    Mutant(
+        "the ground holds drones without attitude",
+        "sim.vehicles.quadrotors.PointDrones._step",
+        "False",
+        "True",
+        (TAKEOFF,),
     ),
 )

@@ -89,7 +89,7 @@ def test_what_a_scene_says_besides_is_told() -> None:
     made = placed(WORLD)
     assert starts(made) == [((4.0, 5.0, 0.0), -0.5), ((0.0, 1.0, 2.0), 1.5)]
     assert warned(made) == [
-        (1, "the world 'town.world' is not read: nothing of it stands in the way"),
+        (1, "the world 'town.world' is not found: nothing of it stands in the way"),
         (4, "high begins at rest here"),
         (5, "low is a PLANE in the scene, and robot 0 a CAR"),
     ]

@@ -31,13 +31,13 @@ class Document(Struct):
     names: dict[Path, Span] = field(default_factory=dict)  #: of fields: where the name stands
     words: dict[Path, str] = field(default_factory=dict)  #: what stands there without quotes
     site: Source | None = None  #: another file, some fields of which are from there (P-SITE)
-    scene: Source | None = None  #: the file that says where robots begin (P-SCENE)
+    scenes: tuple[Source, ...] = ()  #: files that say where robots and obstacles are (P-SCENE)
 
     @property
     def sources(self) -> tuple[Source, ...]:
         """The files that it was read from."""
-        more = [one for one in (self.site, self.scene) if one not in (None, self.source)]
-        return (self.source, *filter(None, more))
+        more = (self.source, *filter(None, [self.site]), *self.scenes)
+        return tuple(dict.fromkeys(more))
 
     def place(self, path: Path) -> Span:
         """The place of a value, or of the nearest one around it that has one."""

@@ -1,8 +1,8 @@
-"""Scene files of the published simulator: where robots begin. (P-SCENE)
+"""Scene files of the published simulator: where robots begin, and in what world. (P-SCENE)
 
 A scene is a list of robots with names, types and starts, or has it in ``devices``, beside the name
-of a world. It adds to a configuration, or stands for one. What is taken otherwise than it is
-written is warned of (K952).
+of a world; or it is a world itself (P-WORLD). It adds to a configuration, or stands for one. What
+is taken otherwise than it is written is warned of (K952).
 """
 
 from __future__ import annotations
@@ -16,12 +16,14 @@ from msgspec.structs import replace
 
 from koord.runtime.configuration.checking import load
 from koord.runtime.configuration.forms import Coordinates, Name
+from koord.runtime.configuration.gazebo import GazeboWorld, is_world, read_world
+from koord.runtime.configuration.gazebo_files import finder, world_beside
 from koord.runtime.configuration.model import RobotPlace, RunConfiguration
 from koord.runtime.configuration.other_files import misread
 from koord.runtime.configuration.reading import Document, Path, problem, read_any
 from koord.runtime.configuration.typed import FormReader
 from koord.runtime.motion.bodies import VEHICLES
-from koord.runtime.motion.world import Point
+from koord.runtime.motion.world import Point, World
 from koord.syntax.diagnostics import Diagnostic, KoordError, Severity
 from koord.syntax.source import Source, counted
 
@@ -64,6 +66,7 @@ class SceneFile(Struct, frozen=True):
     document: Document
     robots: tuple[SceneRobot, ...]
     world_name: str | None
+    world: GazeboWorld | None = None
 
     @property
     def source(self) -> Source:
@@ -79,10 +82,17 @@ class SceneFile(Struct, frozen=True):
 
 def read_scene(source: Source) -> SceneFile:
     """Read the file of a scene. Raises KoordError with all mistakes; for other files, K953."""
+    if is_world(source):
+        world = read_world(source, finder(source.name))
+        return SceneFile(Document(source, {}), (), None, world)
     try:
-        return _read(read_any(source))
+        made = _read(read_any(source))
     except KoordError as error:
         raise KoordError(tuple(_told(source)) or error.diagnostics) from None
+    found = None if made.world_name is None else world_beside(source.name, made.world_name)
+    if found is None:
+        return made
+    return replace(made, world=read_world(found, finder(found.name)))
 
 
 def _told(source: Source) -> Iterator[Diagnostic]:
@@ -162,6 +172,10 @@ def run_of(scene: SceneFile) -> RunConfiguration:
 
     Their types say what they run on; else all is as where a configuration says nothing.
     """
+    if not scene.robots:
+        story = "this is a world, which says what stands in it, and nothing of robots"
+        hint = "name their configuration, too: koord sim PROGRAM CONFIGURATION --scene FILE"
+        raise KoordError((problem(scene.document.place(()), story, hint),))
     unknown = [one for one in scene.robots if one.type_name.lower() not in _TYPES]
     if unknown:
         kinds = ", ".join(dict.fromkeys(one.type_name for one in unknown))
@@ -192,19 +206,33 @@ def in_scene(configuration: RunConfiguration, scene: SceneFile) -> RunConfigurat
     by their order. Who is not in the scene begins as configured.
     """
     warnings = list[Diagnostic]()
-    matched = _matched(configuration, scene, warnings)
-    robots = tuple(
-        _placed(robot, matched[robot.pid], configuration) if robot.pid in matched else robot
-        for robot in configuration.robots
-    )
-    pairs = [(robot, matched[robot.pid]) for robot in robots if robot.pid in matched]
-    warnings += _otherwise(scene, configuration, pairs)
+    robots = configuration.robots
+    if scene.robots:
+        matched = _matched(configuration, scene, warnings)
+        robots = tuple(
+            _placed(robot, matched[robot.pid], configuration) if robot.pid in matched else robot
+            for robot in configuration.robots
+        )
+        pairs = [(robot, matched[robot.pid]) for robot in robots if robot.pid in matched]
+        warnings += _otherwise(scene, pairs)
     document = configuration.document
     spans = {(_HERE, *path): span for path, span in scene.document.spans.items()}
+    scenes: tuple[Source, ...] = (scene.source,)
+    world = configuration.world
+    if (read := scene.world) is not None:
+        warnings += read.warnings
+        scenes = tuple(dict.fromkeys((*scenes, *read.sources)))
+        world = World() if world is None else world
+        for k, standing in enumerate(read.obstacles, len(world.obstacles)):
+            spans["world", "obstacles", k] = standing.span
+        world = replace(
+            world, obstacles=(*world.obstacles, *(one.obstacle for one in read.obstacles))
+        )
     return replace(
         configuration,
         robots=robots,
-        document=replace(document, spans=document.spans | spans, scene=scene.source),
+        world=world,
+        document=replace(document, spans=document.spans | spans, scenes=scenes),
         warnings=(*configuration.warnings, *warnings),
     )
 
@@ -249,13 +277,12 @@ def _placed(robot: RobotPlace, one: SceneRobot, configuration: RunConfiguration)
 
 def _otherwise(
     scene: SceneFile,
-    configuration: RunConfiguration,
     pairs: Sequence[tuple[RobotPlace, SceneRobot]],
 ) -> Iterator[Diagnostic]:
     """Warn of all else that a scene says and that is taken otherwise, of each kind once."""
-    if scene.world_name is not None:
-        story = f"the world {scene.world_name!r} is not read: nothing of it stands in the way"
-        hint = "what stands there, `world: {obstacles: …}` of a configuration or of a site says"
+    if scene.world_name is not None and scene.world is None:
+        story = f"the world {scene.world_name!r} is not found: nothing of it stands in the way"
+        hint = "it is looked for beside the scene, in `worlds`, and in GAZEBO_RESOURCE_PATH"
         yield scene.warning(("world_name",), story, hint)
     if moving := [one for _, one in pairs if one.moves]:
         story = f"{_who(moving)} at rest here"

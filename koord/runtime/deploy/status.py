@@ -50,6 +50,9 @@ class RobotReport(Struct, frozen=True):
     checks: tuple[Check, ...] = ()  #: while it waits for people, before anything is armed
     start: int = 0  #: how often its process was started in this run
     written: int = 0  #: bytes that its disk was given for its journal
+    sent_bytes: int = 0  #: of datagrams, without the headers of the network
+    arrived: int = 0  #: datagrams; a message may be in several
+    arrived_bytes: int = 0
 
 
 def unheard(pid: int) -> RobotReport:
@@ -99,6 +102,9 @@ def continued(before: RobotReport, now: RobotReport) -> RobotReport:
         sent=before.sent + now.sent,
         received=before.received + now.received,
         written=before.written + now.written,
+        sent_bytes=before.sent_bytes + now.sent_bytes,
+        arrived=before.arrived + now.arrived,
+        arrived_bytes=before.arrived_bytes + now.arrived_bytes,
         drops=tuple(added(before.drops, now.drops).items()),
         breaches=breaches_continued(before.breaches, now.breaches),
         unwatched=tuple(sorted({*before.unwatched, *now.unwatched})),
@@ -141,6 +147,9 @@ def status_of(peer: Peer, member: Member, tally: Tally) -> RobotReport:
         took_s=tally.took_s,
         sent=peer.counts.datagrams,
         received=peer.counts.received,
+        sent_bytes=peer.counts.sent_bytes,
+        arrived=peer.counts.arrived,
+        arrived_bytes=peer.counts.arrived_bytes,
         drops=tuple((drop.value, n) for drop, n in peer.drops.items()),
         is_over=state.ended,
         all_stopped=member.all_stopped,

@@ -17,6 +17,7 @@ from koord.runtime.motion.arrays import Bools, Floats, Ints
 from koord.runtime.motion.automaton import ROUNDING_S, MotionState, Orders, Visit
 from koord.runtime.motion.bodies import Body
 from koord.runtime.motion.field import field
+from koord.runtime.motion.geometry import as_path
 from koord.runtime.motion.planning import (
     CLOSE,
     Hindrance,
@@ -226,12 +227,32 @@ class Group:
 
     def _ask(self, robot: int, psn: Floats, heading_rad: float, now_s: float) -> None:
         x, y, z = psn[robot].tolist()
-        self._plans[robot] += 1
-        source = np.random.SeedSequence((self._seeds[robot], int(self._plans[robot])))
-        seed = int(source.generate_state(1)[0])
+        seed = self._next_seed(robot)
         start = Pose((x, y, z), heading_rad)
         job = self._workers.ask(self._planner_number, start, self.targets[robot], seed)
         self._asked[robot] = _Asked(job, now_s + self._takes_s)
+
+    def way(self, robot: int, start: Point, target: Point) -> Floats | None:
+        """Find a way from a place, for a body that can move in every direction, or None.
+
+        It is the straight one where that is free, as for a target.
+        """
+        straight = as_path([start, target])
+        if suits(self.body, self.world, target) and self._field.path_free(straight, self._reach_m):
+            return straight
+        return self.planner.plan(Pose(start, 0.0), target, self._next_seed(robot))
+
+    def fail(self, robot: int, target: Point) -> None:
+        """Note that a robot has no way to a target."""
+        self._orders.failed[robot] = True
+        why = hindrance(self.body, self.world, target) or Hindrance.NO_WAY
+        self.plights[robot] = Plight(why, target)
+
+    def _next_seed(self, robot: int) -> int:
+        """The seed of a robot's next plan."""
+        self._plans[robot] += 1
+        source = np.random.SeedSequence((self._seeds[robot], int(self._plans[robot])))
+        return int(source.generate_state(1)[0])
 
     def _give_up(self, robot: int) -> None:
         """Follow no plan that was asked for."""
@@ -248,9 +269,7 @@ class Group:
             error.row = robot
             raise
         if path is None:
-            self._orders.failed[robot] = True
-            why = hindrance(self.body, self.world, target) or Hindrance.NO_WAY
-            self.plights[robot] = Plight(why, target)
+            self.fail(robot, target)
             return
         # Who moved on meanwhile goes to where its way begins. A car has its way beside it: it stops
         # along the line that it was on.

@@ -7,7 +7,8 @@ with the rotors' lag::
     m v̇ = m T R(q) e_z − m g e_z − c (v − wind)        J ω̇ = τ − ω × J ω        q̇ = ½ q ∘ (0, ω)
 
 (Mahony, Kumar, Corke 2012; the drag is that of slow flight, linear in the speed against the air.)
-The level ``simple`` leaves out attitude and rotors: the acceleration asked for is there at once.
+The level ``simple`` leaves out attitude and rotors: the acceleration asked for is there at once,
+and drones slide over the ground.
 """
 
 from __future__ import annotations
@@ -134,7 +135,7 @@ class PointDrones(Quadrotors):
     def _step(self, goal: Floats, pace: Floats, gain: Floats, air: Floats, dt_s: float) -> None:
         s = self.state
         wanted = position_control(self.gains, s, goal, pace, gain, self.drone, dt_s)
-        move(s, wanted, air, self.drone, self.ground_m, dt_s)
+        move(s, wanted, air, self.drone, self.ground_m, dt_s, grips=False)
 
 
 def position_control(
@@ -162,14 +163,25 @@ def turned(attitude: Floats, rates: Floats, dt_s: float) -> Floats:
 
 
 def move(
-    s: FlightState, force: Floats, air: Floats, drone: Drone, ground_m: float, dt_s: float
+    s: FlightState,
+    force: Floats,
+    air: Floats,
+    drone: Drone,
+    ground_m: float,
+    dt_s: float,
+    *,
+    grips: bool = True,
 ) -> None:
-    """Integrate velocity, then position, by a step; the ground stops sinking drones."""
+    """Integrate velocity, then position, by a step; the ground stops sinking drones.
+
+    One that ``grips`` holds them where they touch it.
+    """
     drag = drone.drag_kgps / drone.mass_kg
     s.velocity = s.velocity + dt_s * (force - drag * (s.velocity - air))
     s.position = s.position + dt_s * s.velocity
     below = s.position[2] <= ground_m
     if below.any():
         s.position[2, below] = ground_m
-        s.velocity[:2, below] = 0.0
+        if grips:
+            s.velocity[:2, below] = 0.0
         s.velocity[2, below] = np.maximum(s.velocity[2, below], 0.0) + 0.0
