@@ -1,11 +1,12 @@
 """The coordinator of a large fleet: its datagrams and CPU over UDP, and fleets in virtual time.
 
-*Over UDP*: the coordinator is a process of its own; the other robots are one process, with a socket
-each, and rounds as long as that process needs. The coordinator's CPU, the kernel's share of it
-included, does not depend on how long rounds are; *at 10 rounds/s* is the part of a core that it
-would need then. *In virtual time* each robot is busy with each message for as long as was measured
-of the coordinator, so that what waits for it waits, and at most 4 N messages wait; every invariant
-of the protocol is checked all the time.
+*Without sockets*: what all other robots say is written by hand, so that 10,000 of them cost no more
+than their messages. *Over UDP*: the coordinator is a process of its own; the other robots are one
+process, with a socket each, and rounds as long as that process needs. The coordinator's CPU, the
+kernel's share of it included, does not depend on how long rounds are; *at 10 rounds/s* is the part
+of a core that it would need then. *In virtual time* each robot is busy with each message for as
+long as was measured of the coordinator, so that what waits for it waits, and at most 4 N messages
+wait; every invariant of the protocol is checked all the time.
 """
 
 from __future__ import annotations
@@ -16,20 +17,32 @@ import socket
 import sys
 import time
 from collections import deque
+from collections.abc import Sequence
 from contextlib import suppress
 from select import select
+from typing import TypeVar
 
 from msgspec.structs import replace
 
 from harness import Column, Report, main, note
 from koord.runtime.chaos.network import CALM, LOSS, Faults
-from koord.runtime.chaos.storm import Journal, StormPlan, StormRobot, weather
+from koord.runtime.chaos.storm import Journal, StormPlan, StormRobot, proposal_of, weather
 from koord.runtime.node import Peer
+from koord.runtime.proposals import INIT_ROUND
+from koord.runtime.protocol.messages import (
+    FIRST_INCARNATION,
+    Acknowledge,
+    Committed,
+    Decide,
+    Propose,
+    RunMessage,
+    digest,
+)
 from koord.runtime.protocol.setup import Setup, Timing
 from koord.runtime.protocol.state import fresh
 from koord.runtime.transports.transport import Visit
 from koord.runtime.transports.udp import Udp, on_this_machine
-from koord.runtime.wire.codec import Channel
+from koord.runtime.wire.codec import Channel, DatagramReader, DatagramWriter
 from koord.runtime.wire.frames import LONGEST, run_key
 
 PORT = 47_000
@@ -48,6 +61,12 @@ NETWORKS = {
     "30 % lost, 5 % doubled, 50 ms jitter": LOSS,
     "coordinator killed every 2 s": replace(CALM, coordinator_dies_every_s=2.0, losses=0.0),
 }
+
+
+#: So many datagrams are handed on at once, as over UDP.
+BATCH = 32
+
+Answer = TypeVar("Answer", Decide, Committed)
 
 
 class Crowd:
@@ -206,6 +225,110 @@ def over_udp(report: Report) -> float:
     return message_s
 
 
+class Fed:
+    """The end of a coordinator whose robots are written by hand: what it hears, and has told."""
+
+    def __init__(self) -> None:
+        self.dropped = 0
+        self.inbox: deque[bytes] = deque()
+        self.told: list[bytes] = []
+
+    def send(self, to: int, datagram: bytes) -> None:
+        raise AssertionError(f"robot {to} has said all that was to be said")
+
+    def tell(self, datagram: bytes) -> None:
+        self.told.append(datagram)
+
+    def receive(self, timeout_s: float) -> list[bytes]:
+        return [self.inbox.popleft() for _ in range(min(BATCH, len(self.inbox)))]
+
+    def visits(self) -> list[Visit]:
+        return []
+
+    def close(self) -> None:
+        pass
+
+
+class ByHand:
+    """A coordinator, and what all other robots tell it: one of them listens for all."""
+
+    def __init__(self, robots: int) -> None:
+        # Nothing is asked for again, however long it takes.
+        setup = Setup(robots, Timing.of(0.0, robots, unhurried_s=3600.0))
+        self.spent_s = 0.0
+        self.told = self.told_bytes = 0  #: to all
+        self._fed = Fed()
+        self._peer = Peer(
+            Channel(KEY, robots, 0),
+            setup,
+            fresh(setup, 0),
+            StormRobot(0, Journal()),
+            self._fed,
+            lambda: 0.0,
+        )
+        self._writers = [DatagramWriter(Channel(KEY, robots, pid)) for pid in range(1, robots)]
+        self._reader = DatagramReader(Channel(KEY, robots, 1))
+        self._peer.start()
+
+    def round(self, number: int) -> None:
+        """Let all robots propose for a round, and acknowledge what is decided."""
+        writers = enumerate(self._writers, 1)
+        proposed = [Propose(proposal_of(pid, number)) for pid, _ in writers]
+        decide = self._answer(number, proposed, Decide)
+        mark = digest(decide.entry)
+        # A majority is enough, but all of them are heard in the end.
+        held = Acknowledge(decide.epoch, number, mark)
+        committed = self._answer(number, [held] * len(self._writers), Committed)
+        assert committed.digest == mark
+
+    def _answer(self, number: int, said: Sequence[RunMessage], kind: type[Answer]) -> Answer:
+        for writer, message in zip(self._writers, said, strict=True):
+            self._fed.inbox += writer.datagrams(FIRST_INCARNATION, number, message)
+        begun = time.process_time()
+        while self._fed.inbox:
+            self._peer.turn(0.0)
+        self._peer.turn(0.0)
+        self.spent_s += time.process_time() - begun
+        told, self._fed.told = self._fed.told, []
+        self.told += len(told)
+        self.told_bytes += sum(map(len, told))
+        letters = [one for one in map(self._reader.read, told) if one is not None]
+        (answer,) = [one.message for one in letters if isinstance(one.message, kind)]
+        return answer
+
+
+def without_sockets(report: Report) -> None:
+    """Measure coordinators of which all other robots are written by hand."""
+    table = report.table(
+        "A coordinator without sockets and journal",
+        Column("robots", "robots"),
+        Column("told", "datagrams to all a round", 1),
+        Column("told_kb", "kB of them", 1),
+        Column("cpu_ms", "CPU ms a round", 1),
+        Column("message_us", "µs a message", 1),
+        Column("per_s", "rounds/s on a core", 1),
+    )
+    for robots in QUICK if report.quick else (*ROBOTS, 10_000):
+        note(f"{robots} robots by hand")
+        fleet, rounds = ByHand(robots), max(3, 10_000 // robots)
+        fleet.round(INIT_ROUND)
+        fleet.round(0)
+        fleet.spent_s, fleet.told, fleet.told_bytes = 0.0, 0, 0
+        for number in range(1, 1 + rounds):
+            fleet.round(number)
+        spent_s = fleet.spent_s / rounds
+        table.rows.append(
+            {
+                "robots": robots,
+                "told": fleet.told / rounds,
+                "told_kb": fleet.told_bytes / rounds / 1e3,
+                "cpu_ms": 1e3 * spent_s,
+                "message_us": 1e6 * spent_s / (2 * robots - 2),
+                "per_s": 1 / spent_s,
+            }
+        )
+
+
 def in_virtual_time(report: Report, message_s: float) -> None:
     """Run fleets whose robots need so many seconds for a message."""
     table = report.table(
@@ -247,6 +370,7 @@ def in_virtual_time(report: Report, message_s: float) -> None:
 
 
 def benchmark(report: Report) -> None:
+    without_sockets(report)
     in_virtual_time(report, over_udp(report))
 
 
