@@ -23,10 +23,16 @@ from koord.syntax.source import counted, visible
 
 
 class _File(Struct, frozen=True):
-    """A file of the command line, migrated."""
+    """A file of the command line, migrated; ``line_end`` is how its lines end."""
 
     path: str
     migration: Migration
+    line_end: str = "\n"
+
+    @property
+    def text(self) -> str:
+        """The text that came out, with the line ends of what went in."""
+        return self.migration.text.replace("\n", self.line_end)
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -53,8 +59,7 @@ def main(arguments: argparse.Namespace) -> int:
     check_files(arguments.files)
     found: list[_File] = []
     try:
-        for path in arguments.files:
-            found.append(_File(path, migrate(read_program(path).source, stub=arguments.stub)))
+        found.extend(_migrated(path, stub=arguments.stub) for path in arguments.files)
     except KoordError as error:
         report_error(error, as_json=arguments.json)
         return Exit.BAD_INPUT
@@ -70,9 +75,15 @@ def main(arguments: argparse.Namespace) -> int:
     return Exit.BAD_INPUT if any(file.migration.errors for file in found) else Exit.OK
 
 
+def _migrated(path: str, *, stub: bool) -> _File:
+    file = read_program(path)
+    line_end = "\r\n" if b"\r\n" in file.raw else "\n"
+    return _File(path, migrate(file.source, stub=stub), line_end)
+
+
 def _write(file: _File) -> None:
     if file.path != DASH and file.migration.changed:
-        write_atomically(file.path, file.migration.text.encode("utf-8"))
+        write_atomically(file.path, file.text.encode("utf-8"))
 
 
 def _show(found: list[_File], *, write: bool) -> None:
@@ -82,7 +93,7 @@ def _show(found: list[_File], *, write: bool) -> None:
         migration = file.migration
         name = migration.source.name
         if write and file.path == DASH:
-            write_out(migration.text)
+            write_out(file.text)
             stream = sys.stderr
         else:
             stream = sys.stdout

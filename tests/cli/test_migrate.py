@@ -60,6 +60,22 @@ def test_standard_input_is_written_to_standard_output(
     assert "<stdin>: 3 old forms brought over\n" in streams.err
 
 
+def test_line_ends_stay_as_they_are(old: Path) -> None:
+    old.write_bytes(OLD.replace("\n", "\r\n").encode())
+    assert frame.main(["migrate", "--write", str(old)]) == Exit.OK
+    assert old.read_bytes() == NOW.replace("\n", "\r\n").encode()
+
+
+def test_stubs_are_written_if_they_are_asked_for(
+    capsys: pytest.CaptureFixture[str], old: Path
+) -> None:
+    old.write_text("E:\n  eff: hello()\n", encoding="utf-8")
+    assert frame.main(["migrate", str(old)]) == Exit.BAD_INPUT
+    assert "`koord migrate --stub` writes that" in capsys.readouterr().err
+    assert frame.main(["migrate", "--stub", "--write", str(old)]) == Exit.OK
+    assert "def fun hello() -> bool: extern fresh\n" in old.read_text(encoding="utf-8")
+
+
 def test_what_is_left_is_told_with_its_line(capsys: pytest.CaptureFixture[str], old: Path) -> None:
     old.write_text(OLD.replace("n = 3", "n = tsak"), encoding="utf-8")
     assert frame.main(["migrate", "--write", str(old)]) == Exit.BAD_INPUT

@@ -167,10 +167,10 @@ class _Cutter:
     def _scan(self, line: Line, tokens: list[Token]) -> None:
         sink = line.sink
         for token in tokens:
-            if token.type == "SEMICOLON" and token is tokens[-1] and _is_guard(line):
-                line.chain[0].semicolon = token
-                continue
             if token.type in _SPECIAL:
+                if token.type == "SEMICOLON" and token is tokens[-1] and _is_guard(line):
+                    line.chain[0].semicolon = token
+                    continue
                 self._special(line, token)
                 sink = line.sink
                 continue
