@@ -40,6 +40,7 @@ from koord.runtime.protocol.machine import step
 from koord.runtime.protocol.messages import Beacon, LastRun, LogEntry, Message, RunMessage
 from koord.runtime.protocol.setup import Setup
 from koord.runtime.protocol.state import Durable, State, durable
+from koord.runtime.transports.shared import SharedEnd
 from koord.runtime.transports.transport import Transport
 from koord.runtime.wire.codec import Channel, DatagramReader, DatagramWriter, is_handshake
 from koord.runtime.wire.frames import Drops
@@ -244,7 +245,8 @@ class Peer:
         self.on_handshake: Callable[[bytes], None] = _ignored
         self.on_beacon: Callable[[int, Beacon], None] = _unheard
         self._writer = DatagramWriter(channel)
-        self._reader = DatagramReader(channel)
+        opened = transport.opened(channel) if isinstance(transport, SharedEnd) else None
+        self._reader = DatagramReader(channel, opened=opened)
         self._clock = clock
 
     @property

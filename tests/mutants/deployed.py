@@ -21,6 +21,13 @@ DEPLOYED = (
         (SHARED,),
     ),
     Mutant(
+        "who shares a process does not see that its name is used",
+        "runtime.wire.codec.DatagramReader.read",
+        "found is not None and found[0].sender != channel.pid",
+        "found is not None",
+        (SHARED,),
+    ),
+    Mutant(
         "robots that share a process have their turn by time alone",
         "runtime.deploy.together.run_together",
         "not one.end.has_mail",

@@ -19,10 +19,12 @@ from koord.runtime.deploy import local
 from koord.runtime.deploy.running import Runner
 from koord.runtime.deploy.supervision import EndCause
 from koord.runtime.deploy.together import Going, run_together
+from koord.runtime.protocol.messages import Ask, Snapshot
 from koord.runtime.transports.shared import SharedUdp
 from koord.runtime.transports.transport import TransportError
 from koord.runtime.transports.udp import LEAST_WAITING, on_this_machine
-from koord.runtime.wire.frames import FIRST_ORDER_KIND, KIND_AT, NAME
+from koord.runtime.wire.codec import Channel, DatagramReader, DatagramWriter, Opened
+from koord.runtime.wire.frames import FIRST_ORDER_KIND, KIND_AT, NAME, Drop, run_key
 from tests.runtime.test_transports import free_port
 
 COUNT = koord.Source(
@@ -114,6 +116,48 @@ def test_a_port_that_is_taken_is_told_and_leaves_nothing_open() -> None:
             SharedUdp(plan, (0, 1, 2))
     with closing(SharedUdp(plan, (0, 1, 2))):
         pass
+
+
+def test_what_is_opened_once_is_new_to_each_robot_once() -> None:
+    key = run_key(b"a key", b"a run")
+    opened = Opened(Channel(key, 4, 0))
+    readers = [DatagramReader(Channel(key, 4, pid), opened=opened) for pid in (1, 2)]
+    (datagram,) = DatagramWriter(Channel(key, 4, 0)).datagrams(1, 0, Ask(7))
+    for reader in readers:
+        letter = reader.read(datagram)
+        assert letter is not None
+        assert (letter.sender, letter.message) == (0, Ask(7))
+    for reader in readers:
+        assert reader.read(datagram) is None
+        assert reader.drops == {Drop.REPLAYED: 1}
+
+
+def test_what_is_not_authentic_or_in_a_robots_own_name_each_says_for_itself() -> None:
+    key = run_key(b"a key", b"a run")
+    opened = Opened(Channel(key, 4, 0))
+    readers = [DatagramReader(Channel(key, 4, pid), opened=opened) for pid in (1, 2)]
+    (twin,) = DatagramWriter(Channel(key, 4, 1, start=5)).datagrams(1, 0, Ask(7))
+    forged = twin[:-1] + bytes([twin[-1] ^ 1])
+    assert [reader.read(forged) for reader in readers] == [None, None]
+    mine, others = (reader.read(twin) for reader in readers)
+    assert mine is None
+    assert others is not None
+    assert readers[0].drops == {Drop.FORGED: 1, Drop.TWIN: 1}
+    assert readers[1].drops == {Drop.FORGED: 1}
+
+
+def test_long_messages_are_whole_when_all_pieces_have_come() -> None:
+    key = run_key(b"a key", b"a run")
+    opened = Opened(Channel(key, 4, 0))
+    readers = [DatagramReader(Channel(key, 4, pid), opened=opened) for pid in (1, 2)]
+    store = bytes(range(256)) * 16
+    snapshot = Snapshot(0, 3, b"chain", (1,) * 4, (None,) * 4, store, False)
+    *first, last = DatagramWriter(Channel(key, 4, 0)).datagrams(1, 0, snapshot)
+    for reader in readers:
+        assert [reader.read(piece) for piece in first] == [None] * len(first)
+        letter = reader.read(last)
+        assert letter is not None
+        assert letter.message == snapshot
 
 
 # --- turns ----------------------------------------------------------------------------------------

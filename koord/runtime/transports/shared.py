@@ -24,6 +24,7 @@ from koord.runtime.transports.udp import (
     most_waiting,
     overflow,
 )
+from koord.runtime.wire.codec import Channel, Opened
 from koord.runtime.wire.frames import LONGEST, is_order
 
 
@@ -35,6 +36,7 @@ class SharedUdp:
         self.plan = plan
         self.ends: dict[int, SharedEnd] = {}
         self._by_number: dict[int, SharedEnd] = {}
+        self._opened: dict[tuple[bytes, bool], Opened] = {}
         self._poll = select.poll()
         self._all: socket.socket | None = None
         self._all_number = -1
@@ -65,6 +67,13 @@ class SharedUdp:
                 end = self._by_number.get(number)
                 if end is not None:
                     end.drain()
+
+    def opened(self, channel: Channel) -> Opened:
+        """What robots here have opened of datagrams with a channel's key."""
+        key = channel.key, channel.encrypts
+        if key not in self._opened:
+            self._opened[key] = Opened(channel)
+        return self._opened[key]
 
     def _drain_all(self) -> None:
         one = self._all
@@ -121,6 +130,10 @@ class SharedEnd:
         self._visits: deque[Visit] = deque(maxlen=MOST_VISITS)
         self._dropped = 0
         self._is_closed = False
+
+    def opened(self, channel: Channel) -> Opened:
+        """What robots of this process have opened of datagrams with a channel's key."""
+        return self._shared.opened(channel)
 
     @property
     def has_mail(self) -> bool:

@@ -216,12 +216,56 @@ class DatagramWriter:
         return datagrams
 
 
+#: Nobody's pid: all senders are read.
+_NOBODY = -1
+
+#: So many datagrams that were opened are remembered.
+_MOST_OPENED = 256
+
+
+class Opened:
+    """The datagrams that robots of one process have opened, for all of them: they have one key.
+
+    What comes to several of them is authenticated and decoded once; whether it is new to a robot,
+    and whether somebody uses its name, each sees for itself.
+    """
+
+    __slots__ = ("_known", "_robots", "_seal")
+
+    def __init__(self, channel: Channel) -> None:
+        self._seal, self._robots = channel.seal(), channel.robots
+        self._known: dict[bytes, tuple[Frame, RunMessage | None] | None] = {}
+
+    def open(self, datagram: bytes) -> tuple[Frame, RunMessage | None] | None:
+        """The frame, and its message if that is whole and well-formed; None: it is dropped."""
+        known = self._known
+        if datagram in known:
+            return known[datagram]
+        frame = self._seal.take_off(datagram, self._robots, _NOBODY, 0)
+        found = None
+        if not isinstance(frame, Drop):
+            is_whole = frame.pieces == 1 and frame.piece == 0
+            message = message_of(frame.kind, frame.body, self._robots) if is_whole else None
+            found = frame, message
+        if len(known) >= _MOST_OPENED:
+            known.clear()
+        known[datagram] = found
+        return found
+
+
 class DatagramReader:
     """The receiver's side of the wire format. ``read`` never raises, whatever the bytes."""
 
-    __slots__ = ("_assembly", "_channel", "_seal", "_windows", "drops", "round", "start")
+    __slots__ = ("_assembly", "_channel", "_opened", "_seal", "_windows", "drops", "round", "start")
 
-    def __init__(self, channel: Channel, assembly: Assembly | None = None) -> None:
+    def __init__(
+        self,
+        channel: Channel,
+        assembly: Assembly | None = None,
+        opened: Opened | None = None,
+    ) -> None:
+        """Make a reader; other robots of this process, with the same key, share ``opened``."""
+        self._opened = opened
         self.drops: Drops = Drops()
         self.round = -1  #: where this robot is
         self.start = channel.start
@@ -232,8 +276,14 @@ class DatagramReader:
 
     def read(self, datagram: bytes) -> Letter | None:
         """Read a datagram; return the message that it completes, if any. Drops are counted."""
-        channel = self._channel
-        frame = self._seal.take_off(datagram, channel.robots, channel.pid, self.start)
+        channel, message = self._channel, None
+        found = None if self._opened is None else self._opened.open(datagram)
+        # Why it drops a datagram, and who uses its name, a robot says by itself.
+        frame: Frame | Drop
+        if found is not None and found[0].sender != channel.pid:
+            frame, message = found
+        else:
+            frame = self._seal.take_off(datagram, channel.robots, channel.pid, self.start)
         if isinstance(frame, Drop):
             self.drops[frame] += 1
             return None
@@ -249,7 +299,8 @@ class DatagramReader:
             body = _whole(frame, self._assembly, self.drops)
         if body is None:
             return None
-        message = message_of(frame.kind, body, channel.robots)
+        if message is None:
+            message = message_of(frame.kind, body, channel.robots)
         if message is None:
             self.drops[Drop.MALFORMED] += 1
             return None
@@ -259,9 +310,6 @@ class DatagramReader:
         """The highest start heard from a robot; 0: none. (R-START)"""
         return self._windows[sender].start
 
-
-#: Nobody's pid: all senders are read.
-_NOBODY = -1
 
 #: What unfinished messages of a handshake may take up.
 _HANDSHAKE_BYTES = 1 << 20
