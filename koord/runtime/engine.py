@@ -41,9 +41,10 @@ class Shown(Struct, frozen=True):
 
 
 class Measured(Struct, frozen=True, eq=False):
-    """What a sensor of robots of one kind reads, where that is another value than before.
+    """What a sensor of robots of one kind reads, where that may be another value than before.
 
-    ``values`` are in the order of ``robots``: Booleans, or coordinates, shape ``(k, m)``.
+    ``values`` are in the order of ``robots``, and what these have then: Booleans, where they are
+    others than before, or coordinates, shape ``(k, m)``.
     """
 
     name: str
@@ -98,6 +99,10 @@ class RoundEngine:
     def told_robots(self) -> list[Robot]:
         """The robots, which may not have been told where they are, and what they share."""
         return self._robots
+
+    def is_idle(self, decision: Decision) -> bool:
+        """Return whether it is known that nobody had an event in a decision, nor has stopped."""
+        return False
 
     @property
     def present(self) -> list[Robot]:

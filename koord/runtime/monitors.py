@@ -188,6 +188,21 @@ class Judge(Protocol):
         """The robots of which it is not sure that a claim holds; None: it may be any."""
         ...
 
+    def knows(self, method: str) -> bool:
+        """Return whether it may be sure of a claim at all."""
+        ...
+
+    def is_sure(self, method: str) -> bool:
+        """Return whether it is sure that a claim that it knows holds."""
+        ...
+
+
+class SomeClaims(Struct, frozen=True):
+    """Some claims that a monitor looks at, and the methods that say whether they hold."""
+
+    stated: list[_Stated]
+    methods: list[str]
+
 
 class StateMonitor:
     """A monitor of invariants and assumptions.
@@ -238,6 +253,26 @@ class StateMonitor:
             note()
         else:
             self._seen, self._is_noted = note, False
+
+    def of_sorts(self, sorts: Iterable[WatchedKind]) -> SomeClaims:
+        """The claims of some sorts."""
+        asked = [stated for sort in sorts for stated in self._stated[sort]]
+        return SomeClaims(asked, [stated.claim.method for stated in asked])
+
+    def is_sure(self, some: SomeClaims, judge: Judge) -> bool:
+        """Return whether a judge is sure of some claims in its state.
+
+        Then they have been looked at; else nothing has happened.
+        """
+        if not (all(map(judge.knows, some.methods)) and all(map(judge.is_sure, some.methods))):
+            return False
+        for stated in some.stated:
+            self.looked[stated.name] = self.looked.get(stated.name, 0) + 1
+            self._judged.add(stated.name)
+            stated.looked = _NEVER
+            stated.broken.clear()
+        self._is_noted = False
+        return True
 
     def _note(
         self,

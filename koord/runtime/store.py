@@ -101,7 +101,11 @@ class AgreedStore:
                         continue
                     items = unpacked[name] = list(held)
                 first = _index(write.path[0])
-                if first < len(items):
+                if first >= len(items):
+                    continue
+                if len(write.path) == 1:
+                    items[first] = from_plain(shape.element, write.value, robots)
+                else:
                     items[first] = _put(
                         shape.element, items[first], write.path[1:], write.value, robots
                     )

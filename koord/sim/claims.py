@@ -37,6 +37,7 @@ class Watching:
         classes, watch = run.cast.classes, watch_of(watched, run)
         self._watched = watched
         self._states = StateMonitor(watch, watched.claims, run.cast.kinds)
+        self._asked = {moment: self._states.of_sorts(sorts) for moment, sorts in _SORTS.items()}
         self._contracts = ContractMonitor(watch, watched.claims, len(classes))
         self._measured = [list(_measured(one)) for one in classes]
         self._next = 0
@@ -58,6 +59,8 @@ class Watching:
         # Between the environment's turn and this moment only events change variables of robots.
         only = run.acted if moment is WatchPoint.EVENTS else None
         judge = engine.judge(self._watched) if isinstance(engine, ColumnEngine) else None
+        if judge is not None and self._states.is_sure(self._asked[moment], judge):
+            return
         held = engine.robots if judge is None else engine.told_robots
         self._states.see(held, engine.store.values, only, judge)
         time_s = run.fleet.now_s

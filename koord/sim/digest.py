@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import sys
 
 import numpy as np
 
@@ -22,19 +23,22 @@ def events_of(decision: Decision, robots: int) -> Ints:
 
 
 class Digest:
-    """A hash of a run: in each round, the robots' events and their positions."""
+    """A hash of a run of so many robots: in each round, their events and their positions."""
 
-    def __init__(self) -> None:
+    def __init__(self, robots: int) -> None:
         self._hash = hashlib.sha256()
+        self._robots = robots
+        self._nothing = np.full(robots, SKIPPED, np.int64).tobytes()
 
-    def note(self, round_: int, events: Ints) -> None:
-        """Hash the robots' events in a round, by position of the event, shape ``(n,)``."""
-        self._hash.update(np.int64(round_).tobytes())
-        self._hash.update(events.tobytes())
+    def note(self, decision: Decision) -> None:
+        """Hash the robots' events in a round, by position of the event."""
+        self._hash.update(decision.round.to_bytes(8, sys.byteorder, signed=True))
+        ran = decision.ran
+        self._hash.update(events_of(decision, self._robots).tobytes() if ran else self._nothing)
 
     def place(self, positions: Floats) -> None:
         """Hash the robots' positions, shape ``(n, 3)``."""
-        self._hash.update(np.ascontiguousarray(positions, dtype=np.float64).tobytes())
+        self._hash.update(np.ascontiguousarray(positions, dtype=np.float64).reshape(-1).data)
 
     def hexdigest(self) -> str:
         """The hexadecimal digest so far."""

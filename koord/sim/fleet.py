@@ -7,7 +7,7 @@ reads a clock. Equal seeds and equal orders give equal runs.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from typing import Protocol
 
 import numpy as np
@@ -15,6 +15,7 @@ from msgspec import Struct
 
 from koord.runtime.lazily import Lazily
 from koord.runtime.motion.arrays import Bools, Floats, Ints, lengths
+from koord.runtime.motion.bodies import Level
 from koord.runtime.motion.geometry import as_path
 from koord.runtime.motion.group import TAKEOFF_M, TICK_S
 from koord.runtime.motion.planning import Hindrance, Plight
@@ -30,6 +31,7 @@ from koord.sim.squads import (
     FusedSquad,
     Seed,
     Squad,
+    TickingSquad,
     is_compiled,
     reseed,
     squad,
@@ -99,14 +101,16 @@ class Fleet:
             heading = np.array([robots[k].heading_rad for k in members], dtype=np.float64)
             made = squad(model, start, heading, _seeds(whole, members), engines)
             self._squads.append((made, np.array(members)))
-        #: Squads that make several ticks at once, if all do.
-        self._fused: list[tuple[FusedSquad, Ints]] = [
-            (made, numbers) for made, numbers in self._squads if isinstance(made, FusedSquad)
+        #: Squads that make several ticks at once, if all do, and none has to wait for another.
+        self._ticking: list[tuple[TickingSquad, Ints]] = [
+            (made, numbers) for made, numbers in self._squads if isinstance(made, TickingSquad)
         ]
-        if len(self._fused) < len(self._squads):
-            self._fused = []
-        #: Whether one of these has all robots, so that its arrays are the fleet's.
-        self._is_one = len(self._fused) == 1 and only is None
+        if len(self._ticking) < len(self._squads) or _touch(models):
+            self._ticking = []
+        #: Squads that do it in one call. One that has all robots has the fleet's arrays.
+        self._fused = [made for made, _ in self._ticking if isinstance(made, FusedSquad)]
+        self._tilting: tuple[Ints | None, list[tuple[Squad, Ints]]] = None, []
+        self._is_one = len(self._fused) == len(self._squads) == 1 and only is None
         #: Whether robots move by machine code, so that what is measured of them may be, too.
         self.is_compiled = any(map(is_compiled, models))
         #: What aircraft on the ground were told to do once they fly, whose programs say when.
@@ -140,7 +144,7 @@ class Fleet:
         """
         last = math.floor(time_s / TICK_S + 1e-6)
         while self.ticks < last:
-            if passing is None or not self._fused:
+            if passing is None or not self._ticking:
                 self._tick()
             else:
                 self._ticks_until(last, passing)
@@ -164,7 +168,7 @@ class Fleet:
                 break
             times_s.append(time_s)
         ways = []
-        for members, numbers in self._fused:
+        for members, numbers in self._ticking:
             try:
                 ways.append(members.ticks(times_s))
             except PlugInError as error:
@@ -291,7 +295,7 @@ class Fleet:
     def sensed(self) -> FleetSensors:
         """The motion sensors of all robots now."""
         if self._is_one:
-            return self._sensed_of(self._fused[0][0])
+            return self._sensed_of(self._fused[0])
         n = len(self.robots)
         position, heading, short = np.empty((n, 3)), np.empty(n), np.empty(n)
         reached, state = np.empty(n, np.bool_), np.empty(n, np.int64)
@@ -319,10 +323,14 @@ class Fleet:
 
     def positions(self) -> Floats:
         """The positions of robots in metres, shape ``(n, 3)``."""
+        if self._is_one:
+            return self._fused[0].truth()[0]
         return self._placed([members.truth()[0] for members, _ in self._squads])
 
     def headings(self) -> Floats:
-        """The headings of robots in rad, shape ``(n,)``."""
+        """The headings of robots in rad, shape ``(n,)``. They are nobody else's to write to."""
+        if self._is_one:
+            return self._fused[0].truth()[1]
         found = np.empty(len(self.robots))
         for members, numbers in self._squads:
             found[numbers] = members.truth()[1]
@@ -341,10 +349,21 @@ class Fleet:
 
     def tilts(self, robots: Ints) -> Floats:
         """The roll and pitch of some robots in rad, shape ``(k, 2)``."""
-        if not self._is_one:
-            return tilts_of(self.attitudes()[robots])
-        found = self._fused[0][0].tilts()
-        return found if len(robots) == len(found) else found[robots]
+        if self._is_one and len(robots) == len(self.robots):
+            return self._fused[0].tilts()
+        if robots is not self._tilting[0]:  # it is the same at each tick
+            asked = {self._where[robot][0] for robot in robots.tolist()}
+            self._tilting = robots, [self._squads[k] for k in sorted(asked)]
+        found = np.empty((len(self.robots), 2))
+        for members, numbers in self._tilting[1]:
+            found[numbers] = self._tilts_of(members)
+        return found[robots]
+
+    def _tilts_of(self, members: Squad) -> Floats:
+        for one in self._fused:
+            if one is members:
+                return one.tilts()
+        return tilts_of(members.attitude())
 
     def path(self, robot: int) -> Floats:
         """The path that a robot follows, shape ``(k, 3)``."""
@@ -385,6 +404,12 @@ class Fleet:
         for (_, numbers), part in zip(self._squads, parts, strict=True):
             found[numbers] = part
         return found
+
+
+def _touch(models: Collection[DeviceModel]) -> bool:
+    """Return whether vehicles of several models may touch, so that time passes for all at once."""
+    driving = [model for model in models if model.body.ON_GROUND]
+    return len(driving) > 1 or any(model.level is Level.MUJOCO for model in models)
 
 
 def _seeds(whole: Seed, members: Sequence[int]) -> Sequence[Seed]:

@@ -17,7 +17,6 @@ from koord.runtime.motion.library import Library
 from koord.runtime.motion.world import Point
 from koord.runtime.platform.sensors import MotionSensors
 from koord.runtime.platform.world_host import WorldHost
-from koord.runtime.ports import TAKEOFF, port_name
 from koord.runtime.robot import Robot
 from koord.sim.fleet import Fleet, Passing
 from koord.sim.lidar import Scanner
@@ -39,7 +38,7 @@ class Hosted(WorldHost):
         super().__init__(classes, kinds, fleet.world, library, seed)
         self.fleet = fleet
         for robot, kind in enumerate(self.kinds):
-            if any(port_name(name) == TAKEOFF for name, _ in self._goals[kind]):
+            if any(is_takeoff for _, _, is_takeoff in self._goals[kind]):
                 fleet.wait_for_takeoff(robot)
         self.scanners = dict(scanners or {})
         self._noise = self._noise_by(seed)

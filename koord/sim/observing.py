@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from functools import partial
+from functools import cache, partial
 from typing import Any, Protocol
 
 import numpy as np
@@ -236,7 +236,12 @@ class Observer:
 
 
 def deeds_in(decision: Decision, engine: RoundEngine) -> Deeds:
-    """The same as :func:`deeds_of`, of what an engine knows of its robots."""
+    """The same as :func:`deeds_of`, of what an engine knows of its robots.
+
+    Rounds in which nobody does anything have one array, which is nobody's to write to.
+    """
+    if engine.is_idle(decision):
+        return _nothing(len(engine.told_robots))
     idle = engine.idle(decision) if isinstance(engine, ColumnEngine) else None
     if idle is None:
         return deeds_of(decision, engine.told_robots)
@@ -248,6 +253,12 @@ def deeds_in(decision: Decision, engine: RoundEngine) -> Deeds:
         if taken.event is not None:
             deeds[taken.robot] = taken.event
     return deeds
+
+
+@cache
+def _nothing(robots: int) -> Deeds:
+    """The deeds of so many robots that skip."""
+    return np.full(robots, int(Idle.SKIPPED), np.int16)
 
 
 def deeds_of(decision: Decision, robots: Sequence[Robot]) -> Deeds:

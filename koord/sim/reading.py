@@ -6,7 +6,7 @@ Who listens to what robots read asks one by one.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from itertools import repeat
 from typing import Any, TypeAlias
@@ -33,10 +33,15 @@ class _Column(Struct, frozen=True):
     robots: Ints
     width: int
     convert: _Convert
-    #: Of all robots of the fleet, where it is, and whether it has not been told so yet; of
-    #: ``reached``, of nobody.
-    places: Floats
+    #: What each of them has been told, or is to be told: places, shape ``(k, 3)``, or Booleans; and
+    #: who has not been told so yet.
+    told: Floats | Bools
     is_late: Bools
+    is_all: bool  #: these are all robots of the fleet, in order
+
+    def rows(self, of_fleet: Any) -> Any:
+        """Of an array with a row for each robot of the fleet, those of these robots."""
+        return of_fleet if self.is_all else of_fleet[self.robots]
 
 
 class Reader:
@@ -44,7 +49,7 @@ class Reader:
 
     The robots whose readings are more than where they are, and whether they have arrived, are
     asked one by one: those that scan, and those with modules that plug-ins serve. In the first
-    round all are: what never changes is not looked at again.
+    round all are that have other sensors: what never changes is not looked at again.
 
     ``read`` is asked instead of the host, if it is given, and ``only`` are the robots whose sensors
     are read.
@@ -68,6 +73,8 @@ class Reader:
             for robot, kind in enumerate(host.kinds)
         ]
         self._columns: list[_Column] = []
+        #: Those of kinds that have no other sensors.
+        self._whole: list[list[_Column]] = []
         for kind, program in enumerate(host.classes):
             of_kind = np.flatnonzero((kinds == kind) & present & ~np.array(alone))
             found = _columns(program, of_kind, len(kinds))
@@ -75,6 +82,8 @@ class Reader:
                 alone = [one or kind == of for one, of in zip(alone, host.kinds, strict=True)]
             else:
                 self._columns += found
+                if len(found) == len(program.SENSORS) and found:
+                    self._whole.append(found)
         self._alone = np.flatnonzero(np.array(alone) & present).tolist()
         self._last: FleetSensors | None = None
 
@@ -83,52 +92,86 @@ class Reader:
 
         Where they are they are told when it is written.
         """
-        sensed, last = self._host.sensed, self._last
-        if last is not None:
-            asked: Sequence[Robot] = [robots[pid] for pid in self._alone]
-        else:
-            asked = robots if self._only is None else [robots[pid] for pid in self._only]
+        sensed = self._host.sensed
+        is_first, self._last = self._last is None, sensed
+        pids = self._first(robots) if is_first else self._alone
+        asked = [robots[pid] for pid in pids]
         readings = [self._read(robot) for robot in asked]
         for robot, of_robot in zip(asked, readings, strict=True):
             robot.evolve(of_robot)
-        self._last = sensed
-        told = tuple(robot.pid for robot in asked)
-        if last is None:
-            return Measurement((), told, _written)
-        moved = sensed.position != last.position
-        arrived = sensed.reached != last.reached
-        # Robots that differ in so many of their first coordinates.
-        differ = {0: arrived, 1: moved[:, 0], 2: moved[:, 0] | moved[:, 1]}
-        differ[3] = differ[2] | moved[:, 2]
+        told = tuple(pids)
+        if is_first:
+            for column in self._columns:
+                _take(column, robots)
         measured = []
         for column in self._columns:
-            changed = column.robots[differ[column.width][column.robots]]
-            source = sensed.position if column.width else sensed.reached
-            rows = source[changed]
             if column.width:
-                column.places[changed], column.is_late[changed] = rows, True
+                measured.append(_see(column, column.rows(sensed.position)))
             else:
-                _write(column, robots, changed, rows)
-            measured.append(Measured(column.name, changed, rows))
+                measured += _hear(column, robots, column.rows(sensed.reached))
         return Measurement(tuple(measured), told, partial(self._write_places, robots))
+
+    def _first(self, robots: Sequence[Robot]) -> list[int]:
+        """The robots that are asked in the first round: those of which columns are not all."""
+        present = range(len(robots)) if self._only is None else self._only
+        known: set[int] = set()
+        for columns in self._whole:
+            if all([_take(column, robots) for column in columns]):
+                known.update(columns[0].robots.tolist())
+        return [pid for pid in present if pid not in known]
 
     def _write_places(self, robots: Sequence[Robot]) -> None:
         """Tell robots where they are, where that is another value than what they have."""
         for column in self._columns:
             if column.width:
                 late = np.flatnonzero(column.is_late)
-                _write(column, robots, late, column.places[late])
+                _write(column, robots, column.robots[late], column.told[late])
                 column.is_late[:] = False
+
+
+def _take(column: _Column, robots: Sequence[Robot]) -> bool:
+    """Take over what robots have, and return whether all have something."""
+    values = [vars(robots[pid])[column.name] for pid in column.robots.tolist()]
+    if None in values:
+        return False
+    if not values:
+        return True
+    if not column.width:
+        column.told[:] = values
+        return True
+    places = np.array(values, np.float64).reshape(len(values), -1)
+    column.told[:, : column.width] = places
+    return not np.isnan(places).any()  # what is not set is none
+
+
+def _see(column: _Column, places: Floats) -> Measured:
+    """Note where robots are; one that is nowhere else keeps what it has, to the sign of a zero."""
+    told, width = column.told, column.width
+    differ = places != told
+    moved: Bools = differ[:, 0]
+    for axis in range(1, width):
+        moved = moved | differ[:, axis]
+    np.copyto(told, places, where=moved[:, None])
+    np.logical_or(column.is_late, moved, out=column.is_late)
+    return Measured(column.name, column.robots, told)
+
+
+def _hear(column: _Column, robots: Sequence[Robot], reached: Bools) -> Iterator[Measured]:
+    """Tell robots whether they have reached their goals, where that has changed."""
+    differ = reached != column.told
+    if not differ.any():
+        return
+    rows = reached[differ]
+    changed = column.robots[differ]
+    column.told[differ] = rows
+    _write(column, robots, changed, rows)
+    yield Measured(column.name, changed, rows)
 
 
 def _write(column: _Column, robots: Sequence[Robot], pids: Ints, rows: Floats | Bools) -> None:
     name = column.name
     for pid, value in zip(pids.tolist(), column.convert(rows), strict=True):
         vars(robots[pid])[name] = value
-
-
-def _written() -> None:
-    """Robots have everything."""
 
 
 def _senses(program: type[Robot], port: str) -> bool:
@@ -148,8 +191,10 @@ def _columns(program: type[Robot], robots: Ints, count: int) -> list[_Column] | 
             continue
         if known is None:
             return None
-        kept = count * (port in PLACES)
-        found.append(_Column(name, robots, *known, np.zeros((kept, 3)), np.zeros(kept, np.bool_)))
+        size = len(robots)
+        told = np.zeros((size, 3)) if port in PLACES else np.zeros(size, np.bool_)
+        late = np.zeros(size, np.bool_)
+        found.append(_Column(name, robots, *known, told, late, size == count))
     return found
 
 

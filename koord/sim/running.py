@@ -8,8 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from enum import Enum
+from operator import itemgetter
 from typing import Any, Protocol
 
+import numpy as np
 from msgspec import Struct
 
 from koord.runtime.columns.engine import ColumnEngine
@@ -21,7 +23,7 @@ from koord.runtime.motion.planners import planner
 from koord.runtime.motion.world import Point
 from koord.runtime.proposals import INIT_ROUND, Decision
 from koord.runtime.robot import Host, Robot, Status
-from koord.sim.digest import Digest, events_of
+from koord.sim.digest import Digest
 from koord.sim.fleet import Fleet
 from koord.sim.hosting import Hosted
 from koord.sim.lidar import Scanner
@@ -182,8 +184,10 @@ class Simulation:
         self._told: set[tuple[str, tuple[int, ...]]] = set()
         #: Robots that have run an event since the environment's turn; others are as they were then.
         self.acted = set(range(len(cast.kinds)))
-        self._digest = Digest()
+        self._digest = Digest(len(cast.kinds))
+        self._nobody: Bools = np.zeros(len(cast.kinds), np.bool_)  #: that has stopped
         self._before: tuple[Any, ...] | None = None
+        self._own = [_own_variables(program) for program in cast.classes]
         self._still = 0
 
     @property
@@ -306,6 +310,8 @@ class Simulation:
 
     def _stopped(self, decision: Decision, deeds: Deeds) -> Bools:
         """A mask of the robots that have stopped by the end of a round."""
+        if self.engine.is_idle(decision):
+            return self._nobody
         stopped: Bools = deeds == Idle.STOPPED
         for taken in decision.ran:
             stopped[taken.robot] = self.engine.told_robots[taken.robot].status is Status.STOPPED
@@ -341,7 +347,7 @@ class Simulation:
         )
 
     def _note(self, decision: Decision) -> None:
-        self._digest.note(decision.round, events_of(decision, len(self.cast.kinds)))
+        self._digest.note(decision)
         self._digest.place(self.fleet.positions())
 
     def _conclude(self, *, ran: bool = True) -> None:
@@ -365,10 +371,18 @@ class Simulation:
         if self._before is not None and not (ran or self.engine.has_models):
             self._still += 1
         else:
-            now = tuple((robot.status, _held(robot)) for robot in self.engine.robots)
+            now = self._variables()
             self._still = self._still + 1 if now == self._before else 0
             self._before = now
         return self._still * self.scene.delta_s >= _STILL_S
+
+    def _variables(self) -> tuple[Any, ...]:
+        """The status of each robot, and all variables but measurements."""
+        engine = self.engine
+        # What they share they all have from the store, if they have been told.
+        robots = engine.told_robots
+        own = [self._own[robot.KIND](vars(robot)) for robot in robots]
+        return [robot.status for robot in robots], own, dict(engine.store.values)
 
 
 def _watchman(fleet: Fleet) -> type[Watchman]:
@@ -384,10 +398,10 @@ def still_words(count: int) -> str:
     return f"{count} robot{' stands' if count == 1 else 's stand'} still that should go"
 
 
-def _held(robot: Robot) -> dict[str, Any]:
-    """The values of a robot's variables, except its sensors."""
-    sensors = robot.SENSORS
-    return {name: value for name, value in vars(robot).items() if name not in sensors}
+def _own_variables(program: type[Robot]) -> Callable[[dict[str, Any]], Any]:
+    """What fetches the robot's own variables but measurements from its attributes."""
+    names = [*program.LOCALS, *(name for name in program.PORTS if name not in program.SENSORS)]
+    return itemgetter(*names) if names else len
 
 
 def run(simulation: Simulation, time_s: float) -> Iterator[Decision]:

@@ -84,6 +84,7 @@ class FusedDrones:
         #: Of what roll and pitch are worked out: tangents, as quotients, and a sine.
         self._tilts: Floats = np.empty((3, count))
         self._fixed = told, flight, self._tilts
+        self._times: Floats = np.empty(2)
         #: How far drones are from the ends of their routes, and how often these had changed then.
         self._short: tuple[Floats, int] | None = None
         self._fly = ticking_code(widest())
@@ -113,17 +114,21 @@ class FusedDrones:
         if vehicles.state is not self._states[0]:  # somebody has set it, or it is the first
             self._blocks[0][:] = np.vstack(parts(vehicles.state))
             vehicles.state = self._states[0]
+        ticks = len(times_s)
         self._constants[:] = self.flying.constants(times_s[0], TICK_S)
-        times, places = np.array(times_s), np.empty((len(times_s), count, 3))
-        short: Floats = np.empty(count)
+        if ticks > len(self._times):
+            self._times = np.empty(ticks)
+        self._times[:ticks] = times_s
+        # Places after each tick, and how far drones are from their ends after the last.
+        given: Floats = np.empty((3 * ticks + 1) * count)
+        size = 3 * ticks * count
+        places, short = given[:size].reshape(ticks, count, 3), given[size:]
         rest, one, other = self.flying.rest, *self._blocks
         self._table.point_to(0, self._constants, rest, rest, rest, *self.flying.arrays())
-        self._table.point_to(len(ARRAYS), times, places, short, *self._fixed, one, other)
-        self._fly(
-            *(self._table.address, count, self.group.routes.s.shape[1]),
-            *(len(times_s), STEPS),
-        )
-        if len(times_s) % 2:
+        self._table.point_to(len(ARRAYS), self._times, given, given, *self._fixed, one, other)
+        self._table.shift(len(ARRAYS) + _MORE.index("short"), DOUBLE_BYTES * size)
+        self._fly(*(self._table.address, count, self.group.routes.s.shape[1], ticks, STEPS))
+        if ticks % 2:
             self._blocks.reverse()
             self._states.reverse()
             vehicles.state = self._states[0]

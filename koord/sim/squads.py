@@ -152,15 +152,23 @@ class Squad(Protocol):
 
 
 @runtime_checkable
-class FusedSquad(Squad, Protocol):
-    """A squad that can make several ticks in one call.
+class TickingSquad(Squad, Protocol):
+    """A squad that can make several ticks, if its vehicles touch none of other squads'."""
+
+    def ticks(self, times_s: Sequence[float]) -> Sequence[Floats]:
+        """Make a tick at each time, and return where robots are after it, shape ``(n, 3)``.
+
+        The arrays stay as they are.
+        """
+        ...
+
+
+@runtime_checkable
+class FusedSquad(TickingSquad, Protocol):
+    """A squad that makes several ticks in one call.
 
     Arrays that it gives stay as they are, and are nobody's to write to.
     """
-
-    def ticks(self, times_s: Sequence[float]) -> Sequence[Floats]:
-        """Make a tick at each time, and return where robots are after it, shape ``(n, 3)``."""
-        ...
 
     def tilts(self) -> Floats:
         """The roll and pitch of robots, shape ``(n, 2)``."""
@@ -298,6 +306,14 @@ class WheeledSquad:
         self._track(position, heading, now_s, acts=self._ticks % self._every == 0)
         self._ticks += 1
         self.vehicles.advance(self._delay.pass_on(self._command), STEP_S, STEPS)
+
+    def ticks(self, times_s: Sequence[float]) -> list[Floats]:
+        """Make a tick at each time, and return where vehicles are after it, shape ``(n, 3)``."""
+        found = []
+        for now_s in times_s:
+            self.tick(now_s)
+            found.append(self.vehicles.position.copy())
+        return found
 
     def _track(self, position: Floats, heading: Floats, now_s: float, *, acts: bool) -> None:
         """Step the automata, and let the tracker command if it acts now."""

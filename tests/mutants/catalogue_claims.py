@@ -12,6 +12,13 @@ RUNS = "tests/sim/test_kernels.py"
 
 JUDGING = (
     Mutant(
+        "machine code that is sure of one claim is sure of all",
+        "runtime.monitors.StateMonitor.is_sure",
+        "all(map(judge.is_sure, some.methods))",
+        "any(map(judge.is_sure, some.methods))",
+        (RUNS, CLAIMS_BY_CODE),
+    ),
+    Mutant(
         "machine code takes doubt about a claim for a yes",
         "runtime.compile.machine.claims.ClaimsCode._look",
         "b.icmp_unsigned('!=', said, word(YES))",
@@ -112,7 +119,7 @@ JUDGING = (
     Mutant(
         "of two late places the last has its sign",
         "sim.reading.Reader._write_places",
-        "column.places[late]",
+        "column.told[late]",
         "self._host.sensed.position[late]",
         (LATE,),
     ),

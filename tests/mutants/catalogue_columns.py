@@ -6,6 +6,8 @@ from tests.mutants.mutant import Mutant
 
 TURNS = "tests/runtime/test_columns.py"
 RUNS = "tests/sim/test_kernels.py"
+SENSORS = "tests/sim/test_columns.py"
+LATE = "tests/sim/test_late_sensors.py"
 
 GROUPS = "tests/sim/test_groups.py"
 
@@ -261,6 +263,62 @@ COLUMNS = (
         "runtime.compile.machine.expressions._same",
         "body.b.and_(found, same)",
         "same",
+        (TURNS,),
+    ),
+    Mutant(
+        "robots that have moved are not told where they are",
+        "sim.reading._see",
+        "np.logical_or(column.is_late, moved, out=column.is_late)",
+        "pass",
+        (SENSORS, LATE),
+    ),
+    Mutant(
+        "robots that move along their last axis have not moved",
+        "sim.reading._see",
+        "range(1, width)",
+        "range(1, width - 1)",
+        (SENSORS, LATE),
+    ),
+    Mutant(
+        "who has arrived once has always",
+        "sim.reading._hear",
+        "column.told[differ] = rows",
+        "pass",
+        (SENSORS, RUNS),
+    ),
+    Mutant(
+        "nobody has stopped in a round in which nobody acts",
+        "runtime.columns.engine.ColumnEngine.is_idle",
+        "self._had or self._ran or self.fleet.stopped or decision.fault",
+        "self._had or self._ran or decision.fault",
+        (RUNS,),
+    ),
+    Mutant(
+        "who keeps others out was idle",
+        "runtime.columns.engine.ColumnEngine.is_idle",
+        "self._had or self._ran or self.fleet.stopped or decision.fault",
+        "self.fleet.stopped or decision.fault",
+        (RUNS,),
+    ),
+    Mutant(
+        "runs go on in which events change nothing",
+        "sim.running.Simulation._variables",
+        "dict(engine.store.values)",
+        "object()",
+        (RUNS,),
+    ),
+    Mutant(
+        "robots with other sensors are not asked for these",
+        "sim.reading.Reader.__init__",
+        "len(found) == len(program.SENSORS) and found",
+        "found",
+        (SENSORS,),
+    ),
+    Mutant(
+        "large fleets make their first round without code",
+        "runtime.columns.engine.ColumnEngine._ready",
+        "self._gone + len(self._robots) <= after",
+        "self._gone <= after",
         (TURNS,),
     ),
 )

@@ -182,7 +182,7 @@ LANES = (
     Mutant(
         "after an odd number of ticks drones are where they were",
         "sim.squad_kernel.FusedDrones._flown",
-        "len(times_s) % 2",
+        "ticks % 2",
         "False",
         (SQUADS,),
     ),

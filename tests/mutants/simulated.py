@@ -18,6 +18,7 @@ DRIVEN = "tests/sim/test_compiled_driving.py"
 PLANNERS = "tests/sim/test_planning_workers.py"
 CONTACT = "tests/sim/test_compiled_contact.py"
 ROOM = "tests/sim/test_room.py"
+FLEET = "tests/sim/test_fleet.py"
 TRACKED = "tests/sim/test_compiled_tracking.py"
 PLANNING_TIME = "tests/sim/test_planning_time.py"
 LOADERS = "tests/runtime/test_yaml_loaders.py"
@@ -99,7 +100,7 @@ SIMULATED = (
     ),
     Mutant(
         "cars that touch nothing by machine code are pushed before they move",
-        "sim.vehicles.compiled_contact._write_roam",
+        "sim.vehicles.compiled_contact._roamer",
         "moved(hull, dt_s, state, forces)",
         "moved(hull, dt_s, [*state[:3], *moved(hull, dt_s, state, forces)[3:]], forces)",
         (CONTACT,),
@@ -168,6 +169,20 @@ SIMULATED = (
         (TRACKED,),
     ),
     Mutant(
+        "squads that drive on one floor do not wait for each other",
+        "sim.fleet._touch",
+        "len(driving) > 1",
+        "len(driving) > 9",
+        (FLEET,),
+    ),
+    Mutant(
+        "places of ticks that nobody looks at are those of the last",
+        "sim.squads.WheeledSquad.ticks",
+        "self.vehicles.position.copy()",
+        "self.vehicles.position",
+        (FLEET,),
+    ),
+    Mutant(
         "planning takes no time, whatever a configuration says",
         "runtime.motion.group.Group._ask",
         "now_s + self._takes_s",
@@ -196,17 +211,10 @@ SIMULATED = (
         (STANDING,),
     ),
     Mutant(
-        "of sensors that are read at once only the first coordinates count",
-        "sim.reading.Reader.read",
-        "differ[3] = differ[2] | moved[:, 2]",
-        "differ[3] = differ[1]",
-        (COLUMNS,),
-    ),
-    Mutant(
         "who scans is read once and never again",
         "sim.reading.Reader.read",
-        "[robots[pid] for pid in self._alone]",
-        "[]",
+        "self._first(robots) if is_first else self._alone",
+        "self._first(robots) if is_first else []",
         (COLUMNS,),
     ),
     Mutant(

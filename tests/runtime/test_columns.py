@@ -370,6 +370,18 @@ def test_without_llvmlite_robots_make_all_turns(monkeypatch: pytest.MonkeyPatch)
     assert engine.counts.by_code == 0
 
 
+def test_large_fleets_make_code_at_once() -> None:
+    """Where one round has more turns than make code worth its time."""
+    program = program_of(COUNTING)
+    turns, kinds = LazyTurns(program), (0,) * 11
+    given = (loaded(compiled(program)), kinds, 0.1, PlainHost(lambda robot, round_: {}), turns)
+    engine = ColumnEngine(*given, after=10)
+    engine.begin()
+    engine.program_turns(Deployed())
+    assert turns.is_made
+    assert engine.counts.by_code == 11
+
+
 def test_short_runs_make_no_code() -> None:
     program = program_of(COUNTING)
     turns = LazyTurns(program)

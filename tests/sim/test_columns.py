@@ -90,6 +90,11 @@ CASES = {
     "driven": (DRIVEN, POINTS, 2.0),
     "up": (UP.format(model=""), POINTS, 6.0),
     "points": (LINES.format(model=""), POINTS, 6.0),
+    "planned": (
+        LINES.format(model="").replace("bool done", "bool done\n        string planner"),
+        POINTS,
+        2.0,
+    ),
     "drones": (LINES.format(model=""), DRONES, 6.0),
     "modelled": (LINES.format(model=MODEL), POINTS, 2.0),
     **{

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
+from koord.runtime.motion.arrays import Floats
 from koord.runtime.motion.automaton import MotionState, Visit
 from koord.runtime.motion.bodies import (
     Body,
@@ -318,3 +319,57 @@ def test_what_was_sensed_stays_as_it_was() -> None:
     assert now.on_the_way.tolist() == [True, True]
     assert now[1].plight is None
     assert now[0].psn != before[0].psn
+
+
+class Passing:
+    """Notes where robots were at ticks that nobody looks at."""
+
+    def __init__(self) -> None:
+        self.places: list[bytes] = []
+
+    def is_looked_at(self, time_s: float) -> bool:
+        return False
+
+    def passed(self, time_s: float, positions: Floats) -> None:
+        self.places.append(positions.tobytes())
+
+
+@pytest.mark.parametrize(
+    ("models", "at_once"),
+    [
+        ((CAR, DRONE), True),
+        ((ROVER,), True),
+        ((PURSUING, replace(DRONE, disturbances=ROUGH)), False),
+        ((replace(CAR, disturbances=ROUGH), DRONE), True),
+        ((CAR, DRONE, ROVER), False),
+        ((replace(CAR, level=Level.MUJOCO), replace(DRONE, level=Level.MUJOCO)), False),
+    ],
+)
+def test_ticks_that_nobody_looks_at_are_those_that_are_looked_at(
+    models: tuple[DeviceModel, ...], at_once: bool
+) -> None:
+    """Squads make several of them, if none has to wait for another."""
+    robots = [
+        Placed(models[k % len(models)], (1.5 * k - 3, -2.0, models[k % len(models)] is DRONE))
+        for k in range(4)
+    ]
+    one, other = (Fleet(World((-9, -9, 0), (9, 9, 3)), robots, 7) for _ in range(2))
+    passing, seen, last = Passing(), [], []
+    for fleet in (one, other):
+        for robot in range(len(robots)):
+            fleet.go_to(
+                robot, (1.5 * robot - 2.5, 1.0, 0.0 if robots[robot].model.body.ON_GROUND else 1.0)
+            )
+    for k in range(1, 21):
+        one.advance_to(0.2 * k, lambda fleet: seen.append(fleet.positions().tobytes()))
+        other.advance_to(0.2 * k, lambda fleet: last.append(fleet.positions().tobytes()), passing)
+        assert one.attitudes().tobytes() == other.attitudes().tobytes()
+        tilting = np.arange(len(robots))
+        assert np.array_equal(one.tilts(tilting), other.tilts(tilting))
+    if at_once:
+        assert len(passing.places) == 60
+        assert seen[3::4] == last
+        assert [place for k, place in enumerate(seen) if k % 4 < 3] == passing.places
+    else:
+        assert passing.places == []
+        assert seen == last

@@ -15,7 +15,8 @@ from koord.cli.exits import Exit
 from koord.cli.main import main
 from koord.runtime.columns.engine import ColumnEngine
 from koord.runtime.configuration.checking import load
-from koord.sim.running import Simulation, run
+from koord.sim.run_log import Idle
+from koord.sim.running import Ending, Simulation, run
 from koord.syntax.source import Source
 from tests.runtime.column_twins import check_columns
 from tests.sampling import but_slow
@@ -152,3 +153,52 @@ def test_kernels_can_be_left_out(
     assert made == []
     assert main(words) == Exit.OK
     assert len(made) == max(1, len(several))
+
+
+#: One robot stops at once; the others do something, but nothing comes of it, until one of two
+#: claims is broken: of itself, not of the other.
+IDLE = """\
+using Motion:
+    sensors:
+        pos psn
+        bool reached
+    actuators:
+        pos target
+local:
+    int k = 0
+    int same = 0
+Stop:
+    pre: pid == 0
+    eff:
+        stop
+Count:
+    pre: pid == 1 and k < LIMIT
+    eff:
+        k = k + 1
+Nothing:
+    pre: pid == 2 and k >= 0 and IDLY
+    eff:
+        same = 0
+invariant Fine: same == 0
+invariant Few: k < 12 or pid != 1
+"""
+
+
+def idle(limit: int, idly: str) -> Fitted:
+    text = IDLE.replace("LIMIT", str(limit)).replace("IDLY", idly)
+    places = {k: [2 * k, 0, 1] for k in range(4)}
+    lines = f"num_robots: 4\npositions: {places}\ndevice: {{bot_type: QUAD, planner: STRAIGHT}}\n"
+    lines += "world: {bounds: {low: [-4, -4, 0], high: [40, 40, 3]}}\n"
+    return fit(FitRequest(Source("idle.krd", text), load(Source("fleet.yaml", lines)), (), {}))
+
+
+@pytest.mark.parametrize("idly", ["false", "true"])
+@pytest.mark.parametrize("limit", [3, 15])
+def test_rounds_in_which_nothing_comes_of_anything(limit: int, idly: str) -> None:
+    """Who has stopped is said to have; a claim is broken by itself; and the run ends as still."""
+    made, engine = both(idle(limit, idly), 20.0)
+    assert engine.counts.by_code > 60
+    assert made.ending is Ending.STILL
+    assert made.time_s < 6.0
+    assert [one.claim for one in made.broken] == (["invariant Few"] if limit == 15 else [])
+    assert {int(done.deeds[0]) for done in made.recording.rounds[2:]} == {int(Idle.STOPPED)}

@@ -128,10 +128,7 @@ class Columns:
             self._take_shared(name, values)
 
     def measure(self, measured: Iterable[Measured]) -> None:
-        """Take over what sensors read: only where it is another value, as robots do.
-
-        A zero of the other sign is none: robots keep what they had.
-        """
+        """Take over what sensors read: what robots have then, to the sign of a zero."""
         for one in measured:
             if not len(one.robots):
                 continue
@@ -143,19 +140,21 @@ class Columns:
     def _measure(self, column: Column, one: Measured) -> None:
         rows = one.values[:, None] if one.values.ndim == 1 else one.values
         width = len(column.leaves)
-        if column.leaves == (Leaf.FLOAT,) * width and not np.isnan(rows[:, :width]).any():
+        # All robots are in order.
+        robots: Any = slice(None) if len(one.robots) == len(self._kinds) else one.robots
+        if column.leaves == (Leaf.FLOAT,) * width and not np.isnan(rows).any():
             at = slice(column.first, column.first + width)
-            self._floats[at, one.robots] = rows[:, :width].T
-            self.flags[at, one.robots] = KNOWN
+            self._floats[at, robots] = rows[:, :width].T
+            self.flags[at, robots] = KNOWN
             return
         for number, leaf in enumerate(column.leaves):
             row, values = column.first + number, rows[:, number]
             if leaf is Leaf.FLOAT:
-                self._floats[row, one.robots] = values
-                self.flags[row, one.robots] = np.where(np.isnan(values), 0, KNOWN)
+                self._floats[row, robots] = values
+                self.flags[row, robots] = np.where(np.isnan(values), 0, KNOWN)
             else:
-                self.words[row, one.robots] = values
-                self.flags[row, one.robots] = KNOWN
+                self.words[row, robots] = values
+                self.flags[row, robots] = KNOWN
 
     def _put_all(self, column: Column, pids: Sequence[int], values: Sequence[Any]) -> None:
         """Take over a variable of several robots: at once where machine code can have all of it."""

@@ -242,6 +242,14 @@ class ColumnEngine(RoundEngine):
             return None
         return self._had, self.fleet.is_stopped
 
+    def is_idle(self, decision: Decision) -> bool:
+        """Return whether it is known that nobody had an event in a decision, nor has stopped."""
+        return (
+            self.fleet is not None
+            and decision is self._decided
+            and not (self._had or self._ran or self.fleet.stopped or decision.fault)
+        )
+
     def judge(self, watched: Watched) -> CodeJudge | None:
         """A judge of claims about the state as it is now, if machine code has been made for it."""
         if self._judge is None or self._judge[0] is not watched:
@@ -255,7 +263,7 @@ class ColumnEngine(RoundEngine):
         if self.fleet is None and self._turns is not None:
             turns = self._turns
             after = turns.worth_turns if self.after is None else self.after
-            if self._gone < after and not turns.is_made:
+            if self._gone + len(self._robots) <= after and not turns.is_made:
                 self._gone += len(self._robots)
                 return None
             self._turns = None
@@ -285,6 +293,8 @@ class ColumnEngine(RoundEngine):
         plain = _is_plain(schedule)
         if plain:
             self.counts.by_code += len(robots) - len(found) - fleet.stopped
+            if not found:
+                return
         chosen: dict[tuple[int, int], list[int]] = {}
         orders: dict[int, tuple[int, ...] | None] = {}
         for pid in found if plain else range(len(robots)):
@@ -366,12 +376,14 @@ class ColumnEngine(RoundEngine):
             self._touched = None
             self._act(decision)
             return
-        changed = self.store.apply(decision.writes)
         robots, rows, columns = self._robots, round_.rows, fleet.columns
-        self._late |= changed
         for pid in self._ran:
             robots[pid].ran = None
         self._ran = [taken.robot for taken in decision.ran]
+        if not (self._ran or decision.writes):
+            return
+        changed = self.store.apply(decision.writes)
+        self._late |= changed
         if self._touched is not None:
             self._touched.update(self._ran)
         settle = False

@@ -19,7 +19,7 @@ _ROOM, _ROOM_EACH = 64, 2
 
 
 class _Look(Struct, frozen=True, eq=False):
-    """A look at a claim about some kinds of robots: the code, with what it is given."""
+    """A look at a claim about some kinds of robots: the code, with all that it is given."""
 
     run: Callable[..., int]
     given: tuple[int, ...]
@@ -40,10 +40,10 @@ class CodeJudge:
         tell: Callable[[], None],
     ) -> None:
         of = np.array(kinds)
-        self._state, self._tell = state, tell
+        self._tell = tell
         room = _ROOM + _ROOM_EACH * len(kinds)
         self._found: Ints = np.zeros((room, 2), np.int64)
-        self._to = (self._found.ctypes.data, room)
+        to = self._found.ctypes.data, room
         self._room = room
         whole: list[Ints] = [np.flatnonzero(of == kind) for kind in range(int(of.max()) + 1)]
         nobody: Ints = np.zeros(1, np.int64)
@@ -56,7 +56,7 @@ class CodeJudge:
                     continue  # there are no robots of that kind
                 lists = [*robots, nobody, nobody][:2]
                 given = tuple(part for one in lists for part in (one.ctypes.data, len(one)))
-                looks.append(_Look(code.run, given, tuple(lists)))
+                looks.append(_Look(code.run, (*state, *given, *to), tuple(lists)))
             self._looks[method] = len(codes[0].kinds), looks
 
     def unsure(self, method: str) -> list[tuple[int, ...]] | None:
@@ -69,6 +69,15 @@ class CodeJudge:
             self._tell()
         return found
 
+    def knows(self, method: str) -> bool:
+        """Return whether there is code for a claim."""
+        return method in self._looks
+
+    def is_sure(self, method: str) -> bool:
+        """Return whether code is sure that a claim that it knows holds, of all its robots."""
+        _, looks = self._looks[method]
+        return not any([look.run(*look.given) for look in looks])
+
     def _found_by(self, method: str) -> list[tuple[int, ...]] | None:
         known = self._looks.get(method)
         if known is None:
@@ -76,7 +85,7 @@ class CodeJudge:
         width, looks = known
         found: list[tuple[int, ...]] = []
         for look in looks:
-            count = look.run(*self._state, *look.given, *self._to)
+            count = look.run(*look.given)
             if count > self._room:
                 return None
             if count:

@@ -147,11 +147,20 @@ class WorldHost(ABC):
 
     def order(self, robot: Robot) -> None:
         """Carry out what a robot's actuators say that they did not say before."""
-        held, sent = vars(robot), self._sent[robot.pid]
-        for name, shape in self._goals[robot.KIND]:
-            value = held[name]
-            if value is not sent.get(name):
-                self._order(robot.pid, name, shape, value)
+        held, pid = vars(robot), robot.pid
+        sent = self._sent[pid]
+        for name, is_way, is_takeoff in self._goals[robot.KIND]:
+            value, before = held[name], sent.get(name)
+            if value is None or value is before or value == before:
+                continue
+            sent[name] = value
+            if is_takeoff:
+                if value or before:  # nobody has to land who was never told to take off
+                    self.take_off(pid, bool(value))
+            elif is_way:
+                self.follow(pid, [point_of(p) for p in value if is_set(p)])
+            elif is_set(value):
+                self.go_to(pid, point_of(value))
         modules = self.modules.get(robot.pid)
         if modules is not None:
             modules.act(robot, self.whereabouts(robot.pid)[1])
@@ -239,19 +248,6 @@ class WorldHost(ABC):
 
     # --- inside ---------------------------------------------------------------------------------
 
-    def _order(self, robot: int, name: str, shape: Shape, value: Any) -> None:
-        before = self._sent[robot].get(name)
-        if value is None or before == value:
-            return
-        self._sent[robot][name] = value
-        if port_name(name) == TAKEOFF:
-            if value or before:  # nobody has to land who was never told to take off
-                self.take_off(robot, bool(value))
-        elif isinstance(shape, ListOf | Array):
-            self.follow(robot, [point_of(p) for p in value if is_set(p)])
-        elif is_set(value):
-            self.go_to(robot, point_of(value))
-
     def _result(self, robot: int, function: str) -> Shape:
         """The shape of an answer; properties may call functions that robots do not."""
         for program in (self.classes[self.kinds[robot]], *self.watches):
@@ -265,11 +261,11 @@ def asks_to_fly(program: type[Robot]) -> bool:
     return any(port_name(name) == TAKEOFF for name in program.PORTS if name not in program.SENSORS)
 
 
-def _goals(one: type[Robot]) -> Iterator[tuple[str, Shape]]:
-    """The actuators of a robot that move it."""
+def _goals(one: type[Robot]) -> Iterator[tuple[str, bool, bool]]:
+    """The actuators of a robot that move it; whether each has ways, and whether it takes off."""
     for name, shape in one.PORTS.items():
         if port_name(name) in (*GOALS, TAKEOFF) and name not in one.SENSORS:
-            yield name, shape
+            yield name, isinstance(shape, ListOf | Array), port_name(name) == TAKEOFF
 
 
 def _drawn(shape: Shape, seen: Mapping[int, bool]) -> Any:

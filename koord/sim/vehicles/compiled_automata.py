@@ -37,6 +37,10 @@ class Table:
             if self._known[k] is not array:
                 self._words[k], self._known[k] = address(array), array
 
+    def shift(self, which: int, size: int) -> None:
+        """Let an entry that was pointed to another array be so many bytes behind its start."""
+        self._words[which] += size
+
 
 class OwnAutomata:
     """Automata that machine code writes over, which are a group's and nobody else's."""

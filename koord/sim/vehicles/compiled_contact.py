@@ -39,7 +39,6 @@ class CompiledColliding(Colliding):
 
     def __init__(self, model: Rolling, hull: Hull, floor: Floor) -> None:
         super().__init__(model, hull, floor)
-        self._shows, self._pulls = _shower(hull, _width()), _puller(hull, _width())
         self._dt: Floats = np.zeros(1)
 
     def show(self, state: Floats) -> None:
@@ -55,7 +54,7 @@ class CompiledColliding(Colliding):
     def _shown(self, state: Floats) -> Floats:
         """Positions, headings and speeds, shape ``(n, 4)``."""
         shown = np.empty((len(state), _SHOWN))
-        self._shows(address(state), address(shown), len(state))
+        _shower(self.hull, _width())(address(state), address(shown), len(state))
         return shown
 
     def _ahead(self, state: Floats) -> Floats:
@@ -65,7 +64,7 @@ class CompiledColliding(Colliding):
         self._dt[0] = dt_s
         told = np.stack([self.model.speed, self.model.turning()])
         arrays = (self._dt, state, told[0], told[1], force)
-        self._pulls(*map(address, arrays), len(state))
+        _puller(self.hull, _width())(*map(address, arrays), len(state))
 
 
 class CompiledCars(CompiledColliding):
@@ -75,7 +74,7 @@ class CompiledCars(CompiledColliding):
         super().__init__(model, hull, floor)
         assert isinstance(model, Bicycles)
         self._cars = model
-        self._pushes, self._roams = _pusher(model.car, hull, _width())
+        self._roams = _roamer(model.car, hull, _width())
 
     def roam(self, state: Floats, dt_s: float, steps: int) -> None:
         cars = self._cars
@@ -93,7 +92,7 @@ class CompiledCars(CompiledColliding):
         # As in the reference, arrays of before stay what they were.
         cars.speed, cars.steering = cars.speed.copy(), cars.steering.copy()
         arrays = (self._dt, state, command, cars.speed, cars.steering, force)
-        self._pushes(*map(address, arrays), len(state))
+        _pusher(cars.car, self.hull, _width())(*map(address, arrays), len(state))
 
 
 def compiled(model: Rolling, hull: Hull, floor: Floor) -> CompiledColliding:
@@ -102,26 +101,18 @@ def compiled(model: Rolling, hull: Hull, floor: Floor) -> CompiledColliding:
     return kind(model, hull, floor)
 
 
+# What is for contact is compiled when it is used: mostly nobody touches anything.
+
+
 @cache
-def _pusher(car: Car, hull: Hull, width: int) -> tuple[Callable[..., int], Callable[..., int]]:
-    """Compile steps of engine and tyres, of ``width`` cars at a time.
+def _pusher(car: Car, hull: Hull, width: int) -> Callable[..., int]:
+    """Compile a step of engine and tyres, of ``width`` cars at a time.
 
-    The first function makes one. It takes the addresses of the time of a step, of states,
-    ``(n, 6)``, and commands, ``(n, 2)``, of speeds and steering angles, which it replaces, and of
-    the forces, ``(n, 3)``; and n.
-
-    The second makes several that nothing touches. It takes the addresses of the time of a step, of
-    states, commands and steering angles, and of what they look like then, ``(n, 4)``; n, and the
-    number of steps. It replaces states and steering angles.
+    The function takes the addresses of the time of a step, of states, ``(n, 6)``, and commands,
+    ``(n, 2)``, of speeds and steering angles, which it replaces, and of the forces, ``(n, 3)``;
+    and n.
     """
     module = new_module("contact")
-    _write_push(module, car, hull, width)
-    _write_roam(module, car, hull, width)
-    loaded = Loaded(module)
-    return loaded.function("push", 7), loaded.function("roam", 7)
-
-
-def _write_push(module: Ir, car: Car, hull: Hull, width: int) -> None:
     code = Code(module, "push", [BYTES] * 6 + [I64], I64)
     dt_at, state_at, command_at, speed_at, steering_at, force_at, count = code.arguments
     dt_s = Lanes(code, width).spread(code.get(dt_at, 0, F64))
@@ -133,9 +124,18 @@ def _write_push(module: Ir, car: Car, hull: Hull, width: int) -> None:
         block.put(steering_at, [steering])
         block.put(force_at, forces)
     code.b.ret(word(0))
+    return Loaded(module).function("push", 7)
 
 
-def _write_roam(module: Ir, car: Car, hull: Hull, width: int) -> None:
+@cache
+def _roamer(car: Car, hull: Hull, width: int) -> Callable[..., int]:
+    """Compile steps that nothing touches, of ``width`` cars at a time.
+
+    The function takes the addresses of the time of a step, of states, ``(n, 6)``, commands,
+    ``(n, 2)``, and steering angles, and of what cars look like then, ``(n, 4)``; n, and the number
+    of steps. It replaces states and steering angles.
+    """
+    module = new_module("roaming")
     code = Code(module, "roam", [BYTES] * 5 + [I64] * 2, I64)
     dt_at, state_at, command_at, steering_at, shown_at, count, steps = code.arguments
     lanes = Lanes(code, width)
@@ -155,6 +155,7 @@ def _write_roam(module: Ir, car: Car, hull: Hull, width: int) -> None:
         block.put(steering_at, [steering])
         block.put(shown_at, [*axle(hull, state), ahead(state)])
     code.b.ret(word(0))
+    return Loaded(module).function("roam", 7)
 
 
 def _pushed(

@@ -15,7 +15,6 @@ import numpy as np
 
 from koord.runtime.motion.angles import arc_tangent
 from koord.runtime.motion.arrays import Floats
-from koord.runtime.motion.bodies import Car
 from koord.runtime.motion.libraries import missing
 from koord.runtime.motion.predictive import (
     ALPHA,
@@ -29,9 +28,7 @@ from koord.runtime.motion.predictive import (
     STEP,
     Predictive,
     Problem,
-    Weights,
 )
-from koord.runtime.motion.pursuit import Horizon
 
 try:
     from koord.machine.code import BYTES, F64, I64, Code, Ir, Loaded, new_module, word
@@ -41,13 +38,7 @@ except ImportError as error:
 
 
 class CompiledPredictive(Predictive):
-    """Predictive controllers by machine code, which is made once in a process."""
-
-    def __init__(
-        self, count: int, car: Car, horizon: Horizon, weights: Weights = Weights()
-    ) -> None:
-        super().__init__(count, car, horizon, weights)
-        self._solve = _solver(self.problem, _width())
+    """Predictive controllers by machine code, which is made once in a process, when it is used."""
 
     def solved(self, told: Floats, kept: Floats, slowest_mps: float) -> tuple[Floats, Floats]:
         count, width = told.shape[1], _width()
@@ -60,7 +51,8 @@ class CompiledPredictive(Predictive):
         slowest = np.array([slowest_mps])
         told_at, kept_at = orders.ctypes.data, after.ctypes.data
         sizes = len(wide), len(wide)
-        self._solve(slowest.ctypes.data, told_at, kept_at, found.ctypes.data, *sizes)
+        solve = _solver(self.problem, width)
+        solve(slowest.ctypes.data, told_at, kept_at, found.ctypes.data, *sizes)
         return found[:, :count], after[:, :count]
 
 

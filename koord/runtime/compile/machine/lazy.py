@@ -10,7 +10,7 @@ from koord.syntax import core
 
 #: Compiling takes as long as so many turns by compiled robots, with what is looked at of them, and
 #: a run may be over before. And importing llvmlite, where nobody has done so.
-_WORTH_TURNS, _WORTH_TURNS_AND_IMPORT = 4_000, 20_000
+_WORTH_TURNS, _WORTH_TURNS_AND_IMPORT = 2_500, 10_000
 
 
 class LazyTurns:
