@@ -262,9 +262,9 @@ def make_campaign(
         of = f"of {most} runs" if request.until is None else f"of at most {most} runs"
         tell(CampaignBegun(f"{known} {of} are there already", known=known, runs=most))
         _check_sweep(course.missing())
-        tell(Progress(f"{known} {of}"))
         left = len(course.missing())
         made = rows_of(course.wanted(), request.jobs, request.cluster, is_cancelled, left)
+        tell(Progress(f"{known} {of}"))
         for row in stack.enter_context(closing(made)):
             course.add(row)
             for file in files:

@@ -23,7 +23,7 @@ from msgspec.structs import astuple, replace
 from koord.api.files import read_written, write_atomically
 from koord.api.fitting import FitRequest
 from koord.api.reseeding import Reseeding
-from koord.api.sim_setup import check_begun, limit_s, simulation
+from koord.api.sim_setup import begin, check_begun, limit_s, simulation
 from koord.sim.running import Simulation, run
 from koord.syntax.diagnostics import refusal
 
@@ -202,6 +202,11 @@ class Order(Struct, frozen=True):
     def words(self) -> str:
         """The run in words."""
         return f"the run with seed {self.request.seed}{self.swept and f', {self.swept}'}"
+
+    def prepare(self) -> None:
+        """Compile what it needs, and load what runs like it do. Raises KoordError."""
+        assert self.request.seed is not None
+        begin(*reseeding(self.request).run(self.request.seed), kernels=self.kernels)
 
     def make(self, is_enough: Callable[[], bool]) -> Row | None:
         """As :func:`row_of`. Raises KoordError."""

@@ -8,8 +8,10 @@ what they were at is made by others.
 
 from __future__ import annotations
 
+import gc
 import os
 import signal
+import sys
 import threading
 import time
 from abc import ABC, abstractmethod
@@ -18,9 +20,10 @@ from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from concurrent.futures import CancelledError, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import closing, contextmanager, suppress
-from itertools import islice
-from multiprocessing import get_context, util
+from itertools import chain, islice
+from multiprocessing import Pipe, get_context, util
 from multiprocessing.connection import Connection
+from multiprocessing.context import BaseContext
 from queue import Empty, SimpleQueue
 from typing import Any, Protocol, TypeAlias, TypeVar
 
@@ -61,6 +64,10 @@ class Order(Protocol[R_co]):
     @property
     def words(self) -> str:
         """It in words, after "whoever makes"."""
+        ...
+
+    def prepare(self) -> None:
+        """Make in this process what it, and those like it, need. Raises KoordError."""
         ...
 
     def make(self, is_enough: Callable[[], bool]) -> R_co | None:
@@ -113,8 +120,9 @@ def rows_of(
 ) -> Generator[R_co, None, None]:
     """Yield the rows of runs as they finish, with a number of workers, or a cluster's.
 
-    Orders are asked for when workers are free: what comes may hang on the rows before. ``most`` is
-    how many there are at most (as many as there are). Raises KoordError.
+    Workers begin at once, before somebody asks for the first row. Orders are asked for when workers
+    are free: what comes may hang on the rows before. ``most`` is how many there are at most (as
+    many as there are). Raises KoordError.
     """
     if most is None:
         orders = list(orders)
@@ -123,9 +131,17 @@ def rows_of(
     if cluster is not None:
         outcomes = _by_team(iter(orders), _Cluster(cluster), is_enough, most)
     elif jobs > 1 and most > 1:
-        outcomes = _by_team(iter(orders), _Processes(min(jobs, most)), is_enough, most)
+        left = iter(orders)
+        first = next(left)
+        team = _Processes(min(jobs, most), first.prepare)
+        outcomes = _by_team(chain([first], left), team, is_enough, most)
     else:
         outcomes = (order.make(is_enough) for order in orders)
+    return _rows(outcomes)
+
+
+def _rows(outcomes: Generator[Outcome, None, None]) -> Generator[Any, None, None]:
+    """Yield what was made, until something was cancelled. Raises KoordError."""
     with closing(outcomes):
         for outcome in outcomes:
             if isinstance(outcome, tuple):
@@ -220,11 +236,20 @@ def _on_worker(orders: Sequence[Order[Any]]) -> Made:
 
 
 class _Processes(Team):
-    """Fresh interpreters: libraries with threads do not survive a fork."""
+    """Processes that are forked where that is safe, after what runs need was loaded and compiled.
 
-    def __init__(self, count: int) -> None:
-        self._count, self._context = count, get_context("spawn")
-        self._line, self._ours = self._context.Pipe(duplex=False)
+    Else they are fresh interpreters, which each load and compile it: a process with several threads
+    leaves what these were at as it is to whom it forks, locks among it.
+    """
+
+    def __init__(self, count: int, prepare: Callable[[], None]) -> None:
+        """Make processes; ``prepare`` loads and compiles."""
+        self._count, self._is_forked = count, _can_fork()
+        if self._is_forked:
+            with suppress(KoordError):  # whoever makes the run tells it
+                prepare()
+            self._is_forked = _can_fork()  # still
+        self._line, self._ours = Pipe(duplex=False)
         self._pool = self._new()
 
     @property
@@ -253,14 +278,45 @@ class _Processes(Team):
         self._line.close()
 
     def _new(self) -> ProcessPoolExecutor:
-        return ProcessPoolExecutor(
-            self._count, self._context, initializer=_begin_worker, initargs=(self._line,)
+        """A pool whose processes have begun where they are forked: there is no thread yet."""
+        forked = self._is_forked and _can_fork()
+        context: BaseContext = get_context("fork") if forked else get_context("spawn")
+        ours = self._ours if forked else None
+        pool = ProcessPoolExecutor(
+            self._count, context, initializer=_begin_worker, initargs=(self._line, ours)
         )
+        if forked:
+            gc.freeze()  # whom it forks does not look through what it has, which would copy it
+            try:
+                pool.submit(_nothing)
+            finally:
+                gc.unfreeze()
+        return pool
 
 
-def _begin_worker(line: Connection) -> None:
-    """Set up a worker: it ignores Ctrl-C, and ends with the process that made it."""
+def _can_fork() -> bool:
+    """Return whether this process may be forked: on Linux, from the only thread of Python.
+
+    Other threads are of libraries that workers do not use (pyarrow), or that stop and begin anew
+    around a fork by themselves (OpenBLAS).
+    """
+    return sys.platform == "linux" and threading.active_count() == 1
+
+
+def _nothing() -> None:
+    """Do nothing: with the first order a pool forks its processes."""
+
+
+def _begin_worker(line: Connection, other: Connection | None) -> None:
+    """Set up a worker: it ignores Ctrl-C, and ends with the process that made it.
+
+    ``other`` is the end of the line that the process has that forked this one: it is to be alone.
+    """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    if other is not None:
+        other.close()
+        for number in (signal.SIGTERM, signal.SIGHUP, signal.SIGALRM):
+            signal.signal(number, signal.SIG_DFL)  # what is to happen is who asks' matter
     # To free all that it has would take longer than to load it; who asks waits for that.
     util.Finalize(None, os._exit, args=(0,), exitpriority=0)
 

@@ -6,7 +6,8 @@ it suits a program: params, kinds of robots, planners, and where robots and task
 
 from __future__ import annotations
 
-from collections import Counter
+import threading
+from collections import Counter, deque
 from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from importlib.util import find_spec
@@ -17,6 +18,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from koord.api.programs import (
+    CheckReport,
     Loadable,
     Program,
     Text,
@@ -48,6 +50,9 @@ if TYPE_CHECKING:
 
 #: So many tasks there are where nobody says how many.
 _TASKS = 20
+
+#: So many elaborated programs are kept: with tasks and without, of two swept values.
+_KEPT = 4
 
 #: What stands for the file of a configuration where there is none.
 NO_FILE = "(none)"
@@ -223,9 +228,22 @@ def _fitted(request: FitRequest, found: list[Diagnostic]) -> Fitted:
     return Fitted(whole, configuration, kinds, made, tuple(found))
 
 
+#: What was elaborated last in each thread: runs of one kind ask for the same several times.
+_LAST = threading.local()
+
+
 def elaborated(request: FitRequest, chosen: Settings) -> Program:
     """Elaborate the program with these values. Raises KoordError."""
-    report = checked(request.source, chosen, request.properties)
+    # Values as texts: what is equal in Python (1, True) is not the same, and settings may change.
+    values = {name: repr(value) for name, value in chosen.params.items()}
+    key = (request.source, request.properties, values, chosen.tasks, dict(chosen.places))
+    known: deque[tuple[object, CheckReport]] | None = getattr(_LAST, "known", None)
+    if known is None:
+        known = _LAST.known = deque(maxlen=_KEPT)
+    report = next((made for asked, made in known if asked == key), None)
+    if report is None:
+        report = checked(request.source, chosen, request.properties)
+        known.append((key, report))
     if report.program is None:
         none = () if report.errors else (no_program(request.source.name),)
         raise KoordError((*report.diagnostics, *none))

@@ -179,9 +179,15 @@ def unanswered(fitted: Fitted) -> tuple[str, ...]:
 
 def check_can_begin(fitted: Fitted) -> None:
     """Check that a run may begin with program and configuration. Raises KoordError. (K934)"""
-    begun = simulation(fitted, Simulation)
+    check_begun(fitted, begin(fitted))
+
+
+def begin(fitted: Fitted, built: Built | None = None, *, kernels: bool = True) -> Simulation:
+    """Let a run begin, and no further. Raises KoordError."""
+    begun = simulation(fitted, Simulation, built=built, kernels=kernels)
     begun.begin()
-    check_begun(fitted, begun)
+    begun.fleet.close()
+    return begun
 
 
 def check_begun(fitted: Fitted, simulation: Simulation) -> None:

@@ -17,6 +17,7 @@ from koord.api.programs import Loadable, Value
 from koord.api.progress import Cancellation, CancelledError, Listener, Progress, asker, heard_by
 from koord.api.results import ArgumentError, Result, html_table
 from koord.api.robots import Seconds
+from koord.api.sim_setup import begin
 from koord.api.splitting_method import Repetition, estimate, split
 from koord.api.splitting_runs import SplitRuns, target_of
 from koord.syntax.diagnostics import refusal
@@ -83,6 +84,11 @@ class Order(Struct, frozen=True):
     def words(self) -> str:
         """The repetition in words."""
         return f"repetition {self.number}"
+
+    def prepare(self) -> None:
+        """Compile what runs need, and load it. Raises KoordError."""
+        assert self.wanted.seed is not None
+        begin(*reseeding(self.wanted).run(self.wanted.seed), kernels=self.request.kernels)
 
     def make(self, is_enough: Callable[[], bool]) -> Part | None:
         """Make it; None if it was cancelled. Raises KoordError."""

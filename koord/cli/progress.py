@@ -28,7 +28,8 @@ _ERASE = "\r\x1b[K"
 class LiveLine:
     """A line on a terminal that overwrites itself; nothing at all in a pipe or a file.
 
-    The time goes on ticking while a solver works, because a thread of its own writes the line::
+    The time goes on ticking while a solver works, because a thread of its own writes the line, from
+    the first text on::
 
         with LiveLine(sys.stderr) as line:
             line.show("bmc, round 3 of 20")  # -> bmc, round 3 of 20, 1.4 s
@@ -54,9 +55,6 @@ class LiveLine:
 
     def __enter__(self) -> LiveLine:
         self._started = self._clock()
-        if self._stream is not None:
-            self._thread = threading.Thread(target=self._tick, name="live line", daemon=True)
-            self._thread.start()
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -68,6 +66,9 @@ class LiveLine:
     def show(self, text: str) -> None:
         """Set the text of the line. Cheap: it is written with the next tick."""
         self._text = text
+        if self._stream is not None and self._thread is None:
+            self._thread = threading.Thread(target=self._tick, name="live line", daemon=True)
+            self._thread.start()
 
     def clear(self) -> None:
         """Wipe the line, so that something else can be printed where it stood."""

@@ -4,13 +4,18 @@ from __future__ import annotations
 
 import os
 import signal
+import subprocess
+import sys
+import threading
 from collections import Counter
 from collections.abc import Callable, Sequence
 from concurrent.futures import CancelledError, Future
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import pytest
+from msgspec import Struct
 from msgspec.structs import replace
 
 from koord.api import campaign_workers
@@ -22,7 +27,8 @@ from koord.api.progress import Progress
 from koord.syntax.diagnostics import KoordError
 from tests.clusters import local_cluster
 
-PROGRAM = Path(__file__).parents[2] / "specs" / "examples" / "follow_path.krd"
+ROOT = Path(__file__).parents[2]
+PROGRAM = ROOT / "specs" / "examples" / "follow_path.krd"
 
 
 def orders(count: int, time_s: float = 0.1) -> list[Order]:
@@ -117,8 +123,8 @@ def test_a_killed_process_is_replaced(monkeypatch: pytest.MonkeyPatch) -> None:
     teams: list[campaign_workers._Processes] = []
     made = campaign_workers._Processes
 
-    def noted(count: int) -> Team:
-        teams.append(made(count))
+    def noted(count: int, prepare: Callable[[], None]) -> Team:
+        teams.append(made(count, prepare))
         return teams[-1]
 
     monkeypatch.setattr(campaign_workers, "_Processes", noted)
@@ -253,3 +259,100 @@ def test_what_is_lost_while_the_scheduler_is_there_is_made_again(raised: Excepti
 def test_what_a_run_raises_is_not_said_of_the_cluster() -> None:
     with pytest.raises(OSError, match="no space"):
         cluster().made(Asked(None, OSError("no space")))
+
+
+# --- processes that are forked --------------------------------------------------------------------
+
+#: What a process has prepared that makes orders; those that it forks have it, too.
+PREPARED = list[int]()
+
+
+class Telling(Struct, frozen=True):
+    """An order that tells who makes it, and what that process has."""
+
+    number: int
+
+    @property
+    def key(self) -> tuple[str, int]:
+        return "", self.number
+
+    @property
+    def words(self) -> str:
+        return f"order {self.number}"
+
+    def prepare(self) -> None:
+        PREPARED.append(self.number)
+
+    def make(self, is_enough: Callable[[], bool]) -> list[object]:
+        handlers = [signal.getsignal(n) for n in (signal.SIGTERM, signal.SIGINT)]
+        quiet = handlers == [signal.SIG_DFL, signal.SIG_IGN]
+        return [self.number, os.getpid(), [*PREPARED], quiet]
+
+
+def asked(monkeypatch: pytest.MonkeyPatch, *, forked: bool) -> list[list[Any]]:
+    monkeypatch.setattr(campaign_workers, "_can_fork", lambda: forked)
+    PREPARED.clear()
+    before = signal.signal(signal.SIGTERM, lambda *_: None)
+    try:
+        return sorted(rows_of([Telling(k) for k in range(6)], 2, None, lambda: False))
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="forks are safe on Linux alone")
+def test_forked_processes_have_what_was_prepared_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = asked(monkeypatch, forked=True)
+    assert [one[0] for one in found] == [*range(6)]
+    assert os.getpid() not in {one[1] for one in found}
+    assert [one[2] for one in found] == [[0]] * 6
+    assert all(one[3] for one in found)
+
+
+def test_fresh_processes_prepare_for_themselves(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = asked(monkeypatch, forked=False)
+    assert [one[0] for one in found] == [*range(6)]
+    assert [one[2] for one in found] == [[]] * 6
+    assert PREPARED == []
+
+
+def test_a_process_with_threads_is_not_forked() -> None:
+    over = threading.Event()
+    thread = threading.Thread(target=over.wait)
+    thread.start()
+    try:
+        assert not campaign_workers._can_fork()
+    finally:
+        over.set()
+        thread.join()
+
+
+#: Hands out orders that take for ever, and tells who makes them.
+_FOR_EVER = """
+import os, sys, time
+from koord.api import campaign_workers
+from tests.api.test_campaign_workers import Telling
+
+class ForEver(Telling, frozen=True):
+    def make(self, is_enough):
+        print(os.getpid(), flush=True)
+        time.sleep(600)
+
+assert campaign_workers._can_fork()
+list(campaign_workers.rows_of([ForEver(k) for k in range(4)], 2, None, lambda: False))
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="forks are safe on Linux alone")
+def test_forked_processes_end_with_who_asks() -> None:
+    words = [sys.executable, "-c", _FOR_EVER]
+    with subprocess.Popen(words, stdout=subprocess.PIPE, text=True, cwd=ROOT) as asking:
+        assert asking.stdout is not None
+        workers = [int(asking.stdout.readline()) for _ in range(2)]
+        asking.kill()
+        try:
+            out, _ = asking.communicate(timeout=60)  # it ends when nobody has it any more
+        finally:
+            for worker in workers:
+                with suppress(ProcessLookupError):
+                    os.kill(worker, signal.SIGKILL)
+    assert out == ""

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import threading
+from fractions import Fraction
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import pytest
+from msgspec.structs import replace
 
-from koord.api import reseeding
+from koord.api import fitting, reseeding
 from koord.api.campaign_runs import Order, Row, row_of
 from koord.api.fitting import FitRequest, fit, fit_request
+from koord.api.programs import CheckReport, checked
 from koord.api.reseeding import Reseeding
 from koord.syntax.diagnostics import KoordError, refusal
 from koord.syntax.source import Source
@@ -135,3 +140,22 @@ def test_a_seed_with_which_something_is_wrong_is_told_as_ever(
     monkeypatch.setattr("koord.sim.scene.scene", refused)
     with pytest.raises(KoordError, match="there is no room"):
         made.run(1)
+
+
+def test_what_was_elaborated_is_not_elaborated_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Neither by who looks at the request first; but other values are."""
+    request, times = asked("task.krd", "task.yaml"), list[object]()
+
+    def counted(*given: Any) -> CheckReport:
+        times.append(given)
+        return checked(*given)
+
+    monkeypatch.setattr(fitting, "checked", counted)
+    monkeypatch.setattr(fitting, "_LAST", threading.local())
+    first = fit(request)
+    Reseeding(request)
+    assert len(times) == 5  # where each asks for itself it is 8
+    path = asked("follow_path.krd", None)
+    cores = [fit(replace(path, params={"height": h})).program.core for h in (1, 2, 1, Fraction(1))]
+    assert cores[0] == cores[2] != cores[1]
+    assert fit(request).program.core == first.program.core

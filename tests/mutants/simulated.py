@@ -532,4 +532,32 @@ SIMULATED = (
         "True",
         (TAKEOFF,),
     ),
+    Mutant(
+        "a process is forked whatever its threads are at",
+        "api.campaign_workers._can_fork",
+        "threading.active_count() == 1",
+        "True",
+        (WORKERS,),
+    ),
+    Mutant(
+        "who is forked keeps the line of who asks open",
+        "api.campaign_workers._begin_worker",
+        "other.close()",
+        "pass",
+        (WORKERS,),
+    ),
+    Mutant(
+        "who is forked handles signals as who asks",
+        "api.campaign_workers._begin_worker",
+        "signal.signal(number, signal.SIG_DFL)",
+        "pass",
+        (WORKERS,),
+    ),
+    Mutant(
+        "a program that was elaborated counts for any values",
+        "api.fitting.elaborated",
+        "asked == key",
+        "True",
+        (RESEEDED,),
+    ),
 )
