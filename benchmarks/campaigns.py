@@ -88,7 +88,7 @@ def fixed(program: str, configuration: str, runs: int) -> list[Cell]:
         for seed in range(first, first + count):
             row = row_of(Order(replace(request, seed=seed), None, time_s, False, ""))
             assert row is not None
-            rows.append(replace(row, wall_s=0.0))
+            rows.append(replace(row, wall_s=0.0, cpu_s=0.0, memory_mib=0.0, threads=0))
         return rows, (time.process_time() - began) / count * 1e3
 
     made(0, 1, 0.0)
@@ -279,6 +279,9 @@ def _rows(path: Path) -> tuple[list[dict[str, str]], float]:
     with path.open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
     took_s = sum(float(row.pop("wall_s")) for row in rows)
+    for row in rows:
+        for measured in ("cpu_s", "memory_mib", "threads"):
+            row.pop(measured)
     return rows, took_s
 
 
