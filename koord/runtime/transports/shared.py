@@ -9,23 +9,12 @@ from __future__ import annotations
 
 import select
 import socket
-from collections import deque
 from collections.abc import Sequence
-from functools import partial
 
-from koord.runtime.transports.transport import TransportError, Visit
-from koord.runtime.transports.udp import (
-    BATCH,
-    MOST_VISITS,
-    Address,
-    Plan,
-    bound,
-    joined,
-    most_waiting,
-    overflow,
-)
+from koord.runtime.transports.transport import TransportError
+from koord.runtime.transports.udp import Mailbox, Plan, joined, most_waiting, overflow
 from koord.runtime.wire.codec import Channel, Opened
-from koord.runtime.wire.frames import LONGEST, is_order
+from koord.runtime.wire.frames import LONGEST
 
 
 class SharedUdp:
@@ -66,7 +55,7 @@ class SharedUdp:
             else:
                 end = self._by_number.get(number)
                 if end is not None:
-                    end.drain()
+                    end.drain(end.socket)
 
     def opened(self, channel: Channel) -> Opened:
         """What robots here have opened of datagrams with a channel's key."""
@@ -112,24 +101,17 @@ class SharedUdp:
             self._all = None
 
 
-class SharedEnd:
+class SharedEnd(Mailbox):
     """The transport of one robot among several in a process. Receiving never waits.
 
     ``wanted_s`` is how long the robot would have waited for datagrams when it last received.
     """
 
     def __init__(self, shared: SharedUdp, pid: int) -> None:
-        self.sent = 0
+        super().__init__(shared.plan, pid)
         self.wanted_s = 0.0
-        self.socket = bound(shared.plan.addresses[pid])
         self.number = self.socket.fileno()
-        self._shared, self._plan, self._own = shared, shared.plan, shared.plan.addresses[pid]
-        self._others = tuple(a for i, a in enumerate(shared.plan.addresses) if i != pid)
-        self._most = most_waiting(shared.plan)
-        self._waiting: deque[bytes] = deque()
-        self._visits: deque[Visit] = deque(maxlen=MOST_VISITS)
-        self._dropped = 0
-        self._is_closed = False
+        self._shared = shared
 
     def opened(self, channel: Channel) -> Opened:
         """What robots of this process have opened of datagrams with a channel's key."""
@@ -140,61 +122,10 @@ class SharedEnd:
         """True if something waits to be received."""
         return bool(self._waiting or self._visits)
 
-    def drain(self) -> None:
-        """Take what has come to this robot alone."""
-        one = self.socket
-        for _ in range(self._most - len(self._waiting)):
-            try:
-                datagram, source = one.recvfrom(LONGEST + 1)
-            except BlockingIOError:
-                return
-            except OSError:
-                continue  # an ICMP answer to something sent before
-            self.take(datagram, source)
-
-    def take(self, datagram: bytes, source: Address) -> None:
-        """Take a datagram that has come, if it is not this robot's own."""
-        if is_order(datagram):
-            self._visits.append(Visit(datagram, partial(self._answer, source)))
-        elif source != self._own:
-            if len(self._waiting) < self._most:
-                self._waiting.append(datagram)
-            else:
-                self._dropped += 1
-
-    def send(self, to: int, datagram: bytes) -> None:
-        self._send(self._plan.addresses[to], datagram)
-
-    def tell(self, datagram: bytes) -> None:
-        if self._plan.shared is not None:
-            self._send(self._plan.shared, datagram)
-            return
-        for address in self._others:
-            self._send(address, datagram)
-
-    def _send(self, address: Address, datagram: bytes) -> None:
-        try:
-            self.socket.sendto(datagram, address)
-        except OSError:
-            return  # full buffers, no route, a port that is closed: to the protocol it is all loss
-        self.sent += 1
-
-    def _answer(self, address: Address, datagram: bytes) -> None:
-        if not self._is_closed:
-            self._send(address, datagram)
-
     def receive(self, timeout_s: float) -> list[bytes]:
-        waiting = self._waiting
-        came = [waiting.popleft() for _ in range(min(BATCH, len(waiting)))]
+        came = self._handed_on()
         # What is done about these may have timers that are due sooner.
         self.wanted_s = 0.0 if came else max(0.0, timeout_s)
-        return came
-
-    def visits(self) -> list[Visit]:
-        if not self._visits:
-            return []
-        came = list(self._visits)
-        self._visits.clear()
         return came
 
     @property

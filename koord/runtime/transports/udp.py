@@ -65,32 +65,41 @@ def most_waiting(plan: Plan) -> int:
     return max(LEAST_WAITING, _WAITING_PER_ROBOT * len(plan.addresses))
 
 
-class Udp:
-    """The UDP transport of one robot."""
+class Mailbox:
+    """The socket of one robot, and the datagrams that wait for it in this process."""
 
     def __init__(self, plan: Plan, pid: int) -> None:
-        """Open the sockets. Raises TransportError."""
+        """Open the socket. Raises TransportError."""
         self.sent = 0
-        self._dropped = 0  #: when the sockets were closed
-        self._plan = plan
-        self._own = plan.addresses[pid]
+        self.socket = bound(plan.addresses[pid])
+        self._plan, self._own = plan, plan.addresses[pid]
         self._others = tuple(a for i, a in enumerate(plan.addresses) if i != pid)
-        self._socket = bound(self._own)
-        self._sockets = [self._socket]
-        self._by_number: dict[int, socket.socket] = {}
-        if plan.shared is not None:
-            try:
-                self._sockets.append(joined(plan, plan.shared, [self._socket]))
-            except TransportError:
-                self.close()
-                raise
-        self._poll = select.poll()
-        for one in self._sockets:
-            self._poll.register(one, select.POLLIN)
-        self._by_number = {one.fileno(): one for one in self._sockets}
+        self._most = most_waiting(plan)
         self._waiting: deque[bytes] = deque()
         self._visits: deque[Visit] = deque(maxlen=MOST_VISITS)
-        self._most_waiting = most_waiting(plan)
+        self._dropped = 0  #: here, or by the kernel when the socket was closed
+        self._is_closed = False
+
+    def drain(self, one: socket.socket) -> None:
+        """Take what has come to a socket, as far as there is room."""
+        for _ in range(self._most - len(self._waiting)):
+            try:
+                datagram, source = one.recvfrom(LONGEST + 1)
+            except BlockingIOError:
+                return
+            except OSError:
+                continue  # an ICMP answer to something sent before
+            self.take(datagram, source)
+
+    def take(self, datagram: bytes, source: Address) -> None:
+        """Take a datagram that has come, if it is not this robot's own."""
+        if is_order(datagram):
+            self._visits.append(Visit(datagram, partial(self._answer, source)))
+        elif source != self._own:
+            if len(self._waiting) < self._most:
+                self._waiting.append(datagram)
+            else:
+                self._dropped += 1
 
     def send(self, to: int, datagram: bytes) -> None:
         self._send(self._plan.addresses[to], datagram)
@@ -104,40 +113,19 @@ class Udp:
 
     def _send(self, address: Address, datagram: bytes) -> None:
         try:
-            self._socket.sendto(datagram, address)
+            self.socket.sendto(datagram, address)
         except OSError:
             return  # full buffers, no route, a port that is closed: to the protocol it is all loss
         self.sent += 1
 
-    def receive(self, timeout_s: float) -> list[bytes]:
-        waiting = self._waiting
-        try:
-            ready = self._poll.poll(0.0 if waiting else max(0.0, timeout_s) * 1000)
-        except InterruptedError:
-            ready = []
-        for number, _ in ready:
-            one = self._by_number.get(number)
-            if one is not None:
-                self._drain(one)
-        return [waiting.popleft() for _ in range(min(BATCH, len(waiting)))]
-
-    def _drain(self, one: socket.socket) -> None:
-        own, waiting = self._own, self._waiting
-        for _ in range(self._most_waiting - len(waiting)):
-            try:
-                datagram, source = one.recvfrom(LONGEST + 1)
-            except BlockingIOError:
-                return
-            except OSError:
-                continue  # an ICMP answer to something sent before
-            if is_order(datagram):
-                self._visits.append(Visit(datagram, partial(self._answer, source)))
-            elif source != own:
-                waiting.append(datagram)
-
     def _answer(self, address: Address, datagram: bytes) -> None:
-        if self._by_number:
+        if not self._is_closed:
             self._send(address, datagram)
+
+    def _handed_on(self) -> list[bytes]:
+        """Some of the datagrams that wait, which do so no longer."""
+        waiting = self._waiting
+        return [waiting.popleft() for _ in range(min(BATCH, len(waiting)))]
 
     def visits(self) -> list[Visit]:
         if not self._visits:
@@ -146,15 +134,45 @@ class Udp:
         self._visits.clear()
         return came
 
+
+class Udp(Mailbox):
+    """The UDP transport of one robot."""
+
+    def __init__(self, plan: Plan, pid: int) -> None:
+        """Open the sockets. Raises TransportError."""
+        super().__init__(plan, pid)
+        self._sockets = [self.socket]
+        if plan.shared is not None:
+            try:
+                self._sockets.append(joined(plan, plan.shared, [self.socket]))
+            except TransportError:
+                self.close()
+                raise
+        self._poll = select.poll()
+        for one in self._sockets:
+            self._poll.register(one, select.POLLIN)
+        self._by_number = {one.fileno(): one for one in self._sockets}
+
+    def receive(self, timeout_s: float) -> list[bytes]:
+        try:
+            ready = self._poll.poll(0.0 if self._waiting else max(0.0, timeout_s) * 1000)
+        except InterruptedError:
+            ready = []
+        for number, _ in ready:
+            if not self._is_closed:
+                self.drain(self._by_number[number])
+        return self._handed_on()
+
     @property
     def dropped(self) -> int:
-        return self._dropped + sum(map(overflow, self._by_number.values()))
+        if self._is_closed:
+            return self._dropped
+        return self._dropped + sum(map(overflow, self._sockets))
 
     def close(self) -> None:
-        self._dropped = self.dropped
+        self._dropped, self._is_closed = self.dropped, True
         for one in self._sockets:
             one.close()
-        self._by_number = {}
 
 
 #: Linux' ``SO_MEMINFO``, of which :mod:`socket` has no name: nine numbers of 32 bits about a
