@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import os
 import signal
-import subprocess
 import sys
 import threading
 from collections import Counter
 from collections.abc import Callable, Sequence
 from concurrent.futures import CancelledError, Future
-from contextlib import suppress
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -27,8 +26,7 @@ from koord.api.progress import Progress
 from koord.syntax.diagnostics import KoordError
 from tests.clusters import local_cluster
 
-ROOT = Path(__file__).parents[2]
-PROGRAM = ROOT / "specs" / "examples" / "follow_path.krd"
+PROGRAM = Path(__file__).parents[2] / "specs" / "examples" / "follow_path.krd"
 
 
 def orders(count: int, time_s: float = 0.1) -> list[Order]:
@@ -326,33 +324,22 @@ def test_a_process_with_threads_is_not_forked() -> None:
         thread.join()
 
 
-#: Hands out orders that take for ever, and tells who makes them.
-_FOR_EVER = """
-import os, sys, time
-from koord.api import campaign_workers
-from tests.api.test_campaign_workers import Telling
-
-class ForEver(Telling, frozen=True):
-    def make(self, is_enough):
-        print(os.getpid(), flush=True)
-        time.sleep(600)
-
-assert campaign_workers._can_fork()
-list(campaign_workers.rows_of([ForEver(k) for k in range(4)], 2, None, lambda: False))
-"""
+def _wait(line: Any, ours: Any) -> None:
+    campaign_workers._begin_worker(line, ours)
+    threading.Event().wait()
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="forks are safe on Linux alone")
 def test_forked_processes_end_with_who_asks() -> None:
-    words = [sys.executable, "-c", _FOR_EVER]
-    with subprocess.Popen(words, stdout=subprocess.PIPE, text=True, cwd=ROOT) as asking:
-        assert asking.stdout is not None
-        workers = [int(asking.stdout.readline()) for _ in range(2)]
-        asking.kill()
-        try:
-            out, _ = asking.communicate(timeout=60)  # it ends when nobody has it any more
-        finally:
-            for worker in workers:
-                with suppress(ProcessLookupError):
-                    os.kill(worker, signal.SIGKILL)
-    assert out == ""
+    """Also where another one has the end of its line that it had when it was forked."""
+    context = get_context("fork")
+    line, ours = context.Pipe(duplex=False)
+    workers = [context.Process(target=_wait, args=(line, ours)) for _ in range(2)]
+    for worker in workers:
+        worker.start()
+    ours.close()
+    for worker in workers:
+        worker.join(60.0)
+        code = worker.exitcode
+        worker.kill()
+        assert code == -signal.SIGTERM
