@@ -15,7 +15,7 @@ JUDGED = "tests/refinement/test_deployed.py"
 DEPLOYED = (
     Mutant(
         "what a robot tells all comes back to it in a shared process",
-        "runtime.transports.shared.SharedEnd.take",
+        "runtime.transports.udp.Mailbox.take",
         "source != self._own",
         "True",
         (SHARED,),
