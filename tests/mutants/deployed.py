@@ -51,8 +51,8 @@ DEPLOYED = (
     Mutant(
         "what the kernel dropped is forgotten when a robot ends",
         "runtime.transports.udp.Udp.close",
-        "self._dropped = self.dropped",
-        "self._dropped = 0",
+        "self._dropped, self._is_closed = self.dropped, True",
+        "self._dropped, self._is_closed = 0, True",
         ("tests/runtime/test_transports.py",),
     ),
     Mutant(
