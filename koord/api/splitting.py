@@ -30,7 +30,7 @@ _SURELY = 100
 
 _CURE = (
     "say in the configuration what disturbs robots (`noise`, `wind`), or let the program `choose`; "
-    "where only places of robots or tasks hang on the seed, count violations with `--runs` alone"
+    "where only places of robots or tasks hang on the seed, count violations with `runs=` alone"
 )
 
 
@@ -248,7 +248,7 @@ def make_splitting(
     common = reseeding(wanted)
     if any(robot.model.modules for robot in common.first.scene.robots):
         story = "plug-ins serve modules of the robots, and what they draw cannot be drawn anew"
-        raise refusal("K955", "<splitting>", story, "count violations with `--runs` alone")
+        raise refusal("K955", "<splitting>", story, "count violations with `runs=` alone")
     target = target_of(wanted, common.first, request.claim, request.level)
     orders = [Order(wanted, request, number) for number in range(request.runs)]
     found = dict[int, Part]()

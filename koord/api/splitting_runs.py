@@ -39,9 +39,9 @@ _MOST = math.nextafter(math.inf, 0.0)
 _LEVEL = "LevelOfSplitting"
 
 #: The text that it is elaborated as begins so, and is named as the flag that has it.
-_BEFORE, _SOURCE = f"invariant {_LEVEL}: (", "--level"
+_BEFORE, _SOURCE = f"invariant {_LEVEL}: (", "<level>"
 
-_CURE = "say how near it is with `--level` (`level=`): a number that goes up as it comes nearer"
+_CURE = "say how near it is with `level=`: a number that goes up as it comes nearer"
 
 
 class Target(Struct, frozen=True):

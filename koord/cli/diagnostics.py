@@ -32,6 +32,7 @@ _FLAGS = {
     "form": "--export",
     "identity": "--identity",
     "koord": "--koord",
+    "level": "--level",
     "live": "--live",
     "numbers": "--numbers",
     "params": "--set",
@@ -42,7 +43,9 @@ _FLAGS = {
     "resume": "--resume",
     "rests_on": "--rests-on",
     "robots": "--robots",
+    "runs": "--runs",
     "site": "--site",
+    "splitting": "--splitting",
     "user": "--user",
 }
 _ARGUMENT = rf"`({'|'.join(_FLAGS)})=(?:'(\w+)')?`"

@@ -315,7 +315,7 @@ def test_what_has_no_level_is_told(claim: str, level: str | None, code: str, wor
     assert one.code == code
     assert words in one.message
     if code == "K201":
-        assert (one.span.file, one.span.line, one.span.column) == ("--level", 1, 1)
+        assert (one.span.file, one.span.line, one.span.column) == ("<level>", 1, 1)
 
 
 def test_where_nothing_is_left_to_chance_it_is_told() -> None:

@@ -68,7 +68,8 @@ def test_every_chapter_has_its_files_and_every_file_its_chapter() -> None:
     assert {*named} == {path.name for path in KERNEL.glob("*.py")} - {"__init__.py"}
     for chapter, row in rows.items():
         first = chapter.partition("-")[2].replace("-", "_")
-        assert row.startswith(f"`{first}.py`") or chapter == "08-theorems"
+        # What is proved, and what is about texts, is not evaluated.
+        assert row.startswith(f"`{first}.py`") or chapter in ("08-theorems", "11-old-forms")
 
 
 # --- scalars that nobody may look into ------------------------------------------------------------
