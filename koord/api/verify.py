@@ -337,13 +337,14 @@ def _measured(
     interrupted: Callable[[], bool],
 ) -> VerifyReport:
     """The report with execution times, which are those of this machine."""
+    from koord.api.traces import sources_of
     from koord.api.verdicts import Parts
     from koord.api.wcet import execution_times
 
     tell("execution times")
     parts, times = Parts(), None
     with parts.enduring("the execution times"):
-        times = execution_times(report.system, seed, interrupted)
+        times = execution_times(report.system, sources_of(report.program), seed, interrupted)
     return replace(report, execution_times=times, failed=(*report.failed, *parts.failures))
 
 

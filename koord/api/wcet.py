@@ -8,28 +8,23 @@ path was among them nobody knows.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from itertools import islice
 from random import Random
 from statistics import median
 from typing import Any, TypeVar
 
 from msgspec import Struct, field
+from msgspec.structs import replace
 
-from koord.refinement.running import ready
-from koord.refinement.sampling_hosts import SampledHost
-from koord.refinement.translation import Translation
-from koord.runtime.engine import Deployed, RoundEngine
-from koord.runtime.proposals import INIT_ROUND, Proposal
-from koord.runtime.robot import Key, Robot, Turn
-from koord.sampling.sampled_inputs import SampledInputs
-from koord.sampling.values import Sampler
+from koord.refinement.running import ready, run
+from koord.runtime.engine import Deployed
+from koord.runtime.proposals import Proposal
+from koord.runtime.robot import Forwarding, Host, Key, Robot, Turn
 from koord.syntax.analysis.worst_paths import AgentPaths, worst_paths
 from koord.syntax.analysis.worst_paths import EventPaths as EventPaths
-from koord.syntax.diagnostics import KoordError
 from koord.syntax.system import System
-from koord.traces.trace import Numbers
+from koord.traces.trace import Sources
 
 #: Runs are sampled until so many turns were measured, or for so many seconds.
 _TURNS, _SECONDS = 3_000, 2.0
@@ -73,7 +68,7 @@ class ExecutionTimes(Struct, frozen=True):
 
 
 def execution_times(
-    system: System, seed: int, interrupted: Callable[[], bool] = lambda: False
+    system: System, sources: Sources, seed: int, interrupted: Callable[[], bool] = lambda: False
 ) -> ExecutionTimes:
     """The worst paths of all events, and what turns take on this machine in sampled runs.
 
@@ -82,53 +77,29 @@ def execution_times(
     paths = worst_paths(system)
     kinds = sorted(set(system.kinds))
     times: dict[int, dict[int | None, MeasuredTimes]] = {kind: {} for kind in kinds}
+    left, until_s = _TURNS, time.monotonic() + _SECONDS
 
     def took(robot: Robot, proposal: Proposal, ns: int) -> None:
+        nonlocal left
+        left -= 1
         ran = proposal.attempts[0].event if proposal.attempts else None
         times[system.kinds[robot.pid]].setdefault(ran, MeasuredTimes()).ns.append(ns)
-
-    made = ready(system.program)
-    classes = [_timed(made_class, took) for made_class in made.classes]
-    left, until_s = _TURNS, time.monotonic() + _SECONDS
 
     def is_over() -> bool:
         return left <= 0 or time.monotonic() > until_s or interrupted()
 
+    plain = ready(system.program)
+    timed = replace(plain, classes=tuple(_timed(made, took) for made in plain.classes))
     for number in range(_RUNS):
         if is_over():
             break
+        # A run for which no inputs are found ends: what was measured by then counts.
         rng = Random(f"{seed} {number}")
-        host = _TimedHost(
-            Translation(system, made.names),
-            SampledInputs(Sampler(system, Numbers.DOUBLE, rng)),
-        )
-        fleet = RoundEngine(classes, system.kinds, float(system.delta_s), host)
-        try:
-            for _ in islice(_rounds(fleet, host), _ROUNDS):
-                left -= system.robots
-                if is_over():
-                    break
-        except KoordError:  # no inputs are found that suit: what was measured counts
-            continue
+        run(timed, system, sources, Deployed(), _ROUNDS, rng, is_over=is_over)
     return ExecutionTimes(paths, tuple(times[kind] for kind in kinds))
 
 
-def _rounds(fleet: RoundEngine, host: SampledHost) -> Iterator[None]:
-    """Run a fleet to its end, round by round."""
-    inputs, schedule = host.inputs, Deployed()
-    order = schedule.order(INIT_ROUND, host.system.robots)
-    host.settle_start(order)
-    fleet.begin(order)
-    while fleet.ended is None and not fleet.all_stopped:
-        inputs.forget_round()
-        inputs.look_at(host.translation.configuration(fleet))
-        if fleet.program_turns(schedule).fault is None:
-            host.settle_readings(host.translation.configuration(fleet))
-            fleet.environment_turn()
-        yield
-
-
-class _TimedHost(SampledHost):
+class _TimedHost(Forwarding):
     """A host that knows how long it was asked in all: that is no time of the program."""
 
     asked_ns = 0
@@ -155,6 +126,9 @@ class _TimedHost(SampledHost):
 def _timed(made: type[R], took: Callable[[Robot, Proposal, int], None]) -> type[R]:
     """A class of robots that tell how long each of their program turns takes."""
 
+    def begin(self: Any, pid: int, kinds: Sequence[int], delta_s: float, host: Host) -> None:
+        made.__init__(self, pid, kinds, delta_s, _TimedHost(host))
+
     def propose(
         self: Any, round_: int, order: Iterable[int] | None = None, *, willing: bool = True
     ) -> Proposal:
@@ -163,4 +137,4 @@ def _timed(made: type[R], took: Callable[[Robot, Proposal, int], None]) -> type[
         took(self, proposal, time.thread_time_ns() - self.host.asked_ns - began)
         return proposal
 
-    return type(made.__name__, (made,), {"propose": propose})
+    return type(made.__name__, (made,), {"__init__": begin, "propose": propose})

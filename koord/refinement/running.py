@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from random import Random
 from typing import TYPE_CHECKING
@@ -158,8 +158,9 @@ def run(
     largest: int | None = None,
     *,
     kernels: bool = False,
+    is_over: Callable[[], bool] = lambda: False,
 ) -> CompiledRun:
-    """Run a compiled program for so many rounds, or until it faults or stops.
+    """Run a compiled program for so many rounds, or until it faults or stops, or ``is_over``.
 
     With ``kernels`` its turns are made by machine code from the first round on, where there is any,
     and of whatever properties code is sure of, the reference has to be.
@@ -178,7 +179,7 @@ def run(
     fleet = engine_of(made, system, host, kernels=kernels, turns=turns)
     gave_up: KoordError | None = None
     try:
-        _play(fleet, host, recorder, schedule, rounds, largest, claims)
+        _play(fleet, host, recorder, schedule, rounds, largest, claims, is_over)
     except KoordError as error:
         gave_up = error
     recording = Recording(recorder.opening, tuple(recorder.rounds))
@@ -228,6 +229,7 @@ def _play(
     rounds: int,
     largest: int | None,
     claims: SureClaims | None,
+    is_over: Callable[[], bool],
 ) -> None:
     def check(configuration: Configuration[Constant]) -> None:
         if claims is not None:
@@ -242,7 +244,7 @@ def _play(
     while fleet.ended is None and len(recorder.rounds) < rounds and not fleet.all_stopped:
         inputs.forget_round()
         inputs.look_at(recorder.configurations[-1])
-        if largest is not None and max(map(size_of, fleet.robots)) > largest:
+        if is_over() or (largest is not None and max(map(size_of, fleet.robots)) > largest):
             return
         decision = fleet.program_turns(schedule)
         if decision.fault is None:
