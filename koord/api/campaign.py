@@ -29,7 +29,7 @@ from koord.api.campaign_figures import (
 from koord.api.campaign_runs import Order, Row, RunFile
 from koord.api.campaign_workers import rows_of
 from koord.api.files import check_writable, file_name, same_file
-from koord.api.fitting import Configurable, FitRequest, fit, fit_request
+from koord.api.fitting import Configurable, FitRequest, fit, fit_request, seeded
 from koord.api.pictures import check_drawable, keep_figure
 from koord.api.programs import Loadable, Value, exact
 from koord.api.progress import Cancellation, Listener, Progress, asker, heard_by
@@ -235,9 +235,8 @@ def campaign(
         plot=file_name(plot),
     )
     request.check()
-    wanted = fit_request(program, config, params, robots, seed, delta_s)
-    first_seed = fit(wanted).scene.seed
-    return make_campaign(replace(wanted, seed=first_seed), request, progress, cancellation)
+    wanted = seeded(fit_request(program, config, params, robots, seed, delta_s))
+    return make_campaign(wanted, request, progress, cancellation)
 
 
 def make_campaign(

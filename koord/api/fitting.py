@@ -183,6 +183,11 @@ def fit(request: FitRequest) -> Fitted:
         raise KoordError(tuple(dict.fromkeys((*found, *error.diagnostics)))) from None
 
 
+def seeded(request: FitRequest) -> FitRequest:
+    """A request that says the seed which it would get. Raises KoordError as :func:`fit`."""
+    return replace(request, seed=fit(request).scene.seed)
+
+
 def configured(
     request: FitRequest, found: list[Diagnostic]
 ) -> tuple[core.Program, RunConfiguration, dict[str, ParamValue]]:

@@ -7,12 +7,11 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 
 from msgspec import Struct, to_builtins
-from msgspec.structs import replace
 
 from koord.api.campaign_figures import Interval
 from koord.api.campaign_runs import reseeding
 from koord.api.campaign_workers import rows_of
-from koord.api.fitting import Configurable, FitRequest, fit, fit_request
+from koord.api.fitting import Configurable, FitRequest, fit_request, seeded
 from koord.api.programs import Loadable, Value
 from koord.api.progress import Cancellation, CancelledError, Listener, Progress, asker, heard_by
 from koord.api.results import ArgumentError, Result, html_table
@@ -231,9 +230,8 @@ def splitting(
     """
     request = SplittingRequest(claim, level, particles, runs, jobs, rounds, duration_s, kernels)
     request.check()
-    wanted = fit_request(program, config, params, robots, seed, delta_s)
-    first_seed = fit(wanted).scene.seed
-    return make_splitting(replace(wanted, seed=first_seed), request, progress, cancellation)
+    wanted = seeded(fit_request(program, config, params, robots, seed, delta_s))
+    return make_splitting(wanted, request, progress, cancellation)
 
 
 def make_splitting(

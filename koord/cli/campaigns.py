@@ -24,11 +24,13 @@ from koord.cli.exits import Exit
 from koord.cli.progress import Interruption, LiveLine
 from koord.cli.terminal import Paint, style_of, visible
 
+#: The flags that say how one run is made or shown.
+OF_ONE_RUN = ("trace", "record", "processes", "planners", "live", "pace")
+
 
 def campaign_request(arguments: argparse.Namespace) -> CampaignRequest:
     """Make the request of a campaign. Raises ArgumentTypeError and KoordError, before long work."""
-    of_one = ("trace", "record", "processes", "planners", "live", "pace")
-    given = [f"--{name}" for name in of_one if getattr(arguments, name)]
+    given = [f"--{name}" for name in OF_ONE_RUN if getattr(arguments, name)]
     if given:
         those = " and ".join(given)
         raise ArgumentTypeError(

@@ -18,13 +18,13 @@ from koord.api.splitting import (
     SplittingRequest,
     make_splitting,
 )
+from koord.cli.campaigns import OF_ONE_RUN
 from koord.cli.exits import Exit
 from koord.cli.progress import Interruption, LiveLine
 from koord.cli.terminal import Paint, style_of, visible
 
-#: Flags that say nothing to splitting: what one run is shown by, and what campaigns are made of.
-_OTHERS = ("trace", "record", "processes", "planners", "live", "pace", "plot")
-_CAMPAIGNS = ("sweep", "until", "csv", "parquet", "resume", "cluster", "check_summaries")
+#: The flags of campaigns, which say nothing to splitting.
+_OF_CAMPAIGNS = ("plot", "sweep", "until", "csv", "parquet", "resume", "cluster", "check_summaries")
 
 #: An interval of a mean is nearly right where so many repetitions found something.
 _ENOUGH = 10
@@ -32,7 +32,7 @@ _ENOUGH = 10
 
 def splitting_request(arguments: argparse.Namespace) -> SplittingRequest:
     """Make the request. Raises ArgumentTypeError and KoordError, before long work."""
-    for name in (*_OTHERS, *_CAMPAIGNS):
+    for name in (*OF_ONE_RUN, *_OF_CAMPAIGNS):
         if getattr(arguments, name):
             flag = f"--{name.replace('_', '-')}"
             raise ArgumentTypeError(f"--splitting tells a rate alone: leave out {flag}")
