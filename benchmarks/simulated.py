@@ -1,12 +1,8 @@
 """Simulated runs, the whole stack: program, rounds, claims, motion, vehicles, recording.
 
-*Task* over many seeds, as in the paper's experiments: who visits what, how long it takes, how near
-robots come to each other. Then fleets of 16 to 10,000: CPU seconds inside of a child process, with
-the recording and the files that are made of it, without the start of the interpreter. Robots of
-*Squares* each fly or drive around a square of their own and tell the others how far they are.
-
-The paper's Task took about 110 s with 3 robots and about 90 s with 4, by vehicles whose speeds it
-does not give; ours are said in specs/examples/task.yaml.
+Fleets of 16 to 10,000: CPU seconds inside of a child process, with the recording and the files that
+are made of it, without the start of the interpreter. Robots of *Squares* each fly or drive around a
+square of their own and tell the others how far they are. *Task* over many seeds is in `paper.py`.
 """
 
 from __future__ import annotations
@@ -15,13 +11,7 @@ import math
 import sys
 from typing import Any
 
-from harness import EXAMPLES, LIMITS, Cell, Column, Report, in_child, koord, limited, main, note
-
-#: Robots, and the time that the paper's runs took.
-TASK = ((3, 110.0), (4, 90.0))
-
-#: A run of Task may take so long.
-TASK_S = 8.0
+from harness import EXAMPLES, LIMITS, Cell, Column, Report, in_child, limited, main, note
 
 SQUARES = """\
 using Motion:
@@ -150,68 +140,6 @@ def simulated(program: str, devices: str, count: int, seconds: float) -> dict[st
     }
 
 
-def task(report: Report) -> None:
-    """Task over many seeds."""
-    table = report.table(
-        "Task: 20 places in the arena of 7 × 8 × 3 m",
-        Column("robots", "robots", 0),
-        Column("runs", "runs", 0),
-        Column("done", "all visited", 0),
-        Column("time_s", "mean s", 1),
-        Column("spread_s", "± s (95 %)", 1),
-        Column("paper_s", "paper s", 0),
-        Column("nearest_m", "nearest m"),
-        Column("safety_m", "safe m"),
-        Column("broken", "broken", 0),
-        Column("cpu_s", "mean CPU s"),
-        *LIMITS,
-    )
-    runs = 3 if report.quick else 30
-    means = []
-    for robots, paper_s in TASK:
-        note(f"Task, {robots} robots, {runs} seeds")
-        program = str(EXAMPLES / "task.krd")
-        flags = ["--robots", str(robots), "--runs", str(runs), "--json"]
-        done = koord("sim", program, *flags, timeout_s=3_000.0)
-        found = done.json()
-        if not report.expect(found is not None, f"Task, {robots} robots: {done.errors[-500:]}"):
-            continue
-        mean, spread = _mean([run["tasks_s"] for run in found["runs"] if run["tasks_s"]])
-        means.append(mean)
-        whole = sum(run["tasks_done"] == run["tasks"] == 20 for run in found["runs"])
-        broken = sum(run["broken"] for run in found["runs"])
-        nearest = min(run["separation_m"] for run in found["runs"])
-        safety = max(run["safety_m"] for run in found["runs"])
-        report.expect(whole == runs, f"Task, {robots} robots: {runs - whole} runs left tasks")
-        report.expect(broken == 0, f"Task, {robots} robots: {broken} claims broken")
-        report.expect(nearest > safety, f"Task, {robots} robots: {nearest:.2f} m apart")
-        cpu_s = done.cpu_s / runs
-        table.rows.append(
-            {
-                "robots": robots,
-                "runs": runs,
-                "done": whole,
-                "time_s": mean,
-                "spread_s": spread,
-                "paper_s": paper_s,
-                "nearest_m": nearest,
-                "safety_m": safety,
-                "broken": broken,
-                "cpu_s": cpu_s,
-                **limited(cpu_s, TASK_S, "s CPU"),
-            }
-        )
-    if len(means) == len(TASK) and not report.quick:
-        report.expect(means[1] < means[0], "Task: 4 robots are not quicker than 3")
-
-
-def _mean(values: list[float]) -> tuple[float, float]:
-    """The mean, and about how far its interval of 95 % reaches."""
-    mean = sum(values) / len(values)
-    variance = sum((value - mean) ** 2 for value in values) / max(1, len(values) - 1)
-    return mean, 2 * math.sqrt(variance / len(values))
-
-
 def fleets(report: Report) -> None:
     """One row for each fleet."""
     table = report.table(
@@ -255,11 +183,5 @@ def fleets(report: Report) -> None:
         table.rows.append(row)
 
 
-def benchmark(report: Report) -> None:
-    """Fleets, then Task."""
-    fleets(report)
-    task(report)
-
-
 if __name__ == "__main__":
-    sys.exit(main("simulated", __doc__, benchmark))
+    sys.exit(main("simulated", __doc__, fleets))
