@@ -85,7 +85,7 @@ def check_configuration(
         if site is not None:
             sources.append(source_of(site))
         configuration = load_configuration(*sources)
-        found += drivers_of(configuration, registry(), localiser_registry())[1]
+        found += drivers_of(configuration, registry(), localiser_registry(), drives=False)[1]
         if program is None:
             found += configuration.warnings
             _check_alone(configuration)

@@ -12,6 +12,7 @@ from ipaddress import IPv4Address
 from typing import Generic
 
 from msgspec import Struct
+from msgspec.structs import replace
 
 from koord.api.fitting import Fitted
 from koord.runtime.configuration.model import RunConfiguration, Vehicle
@@ -23,8 +24,11 @@ from koord.runtime.plugins.names import served_ports
 from koord.runtime.ports import DONE, GOALS, PLACES, SENSED, TAKEOFF
 from koord.syntax import core
 from koord.syntax.core import Direction
-from koord.syntax.diagnostics import Diagnostic, Severity
+from koord.syntax.diagnostics import Diagnostic, KoordError, Severity
 from koord.syntax.source import Span
+
+#: The code of a library that is not installed.
+_NOT_INSTALLED = "K950"
 
 #: The vehicle that needs no driver: a point.
 _IDEAL = "IDEAL"
@@ -49,20 +53,28 @@ def drivers_of(
     configuration: RunConfiguration,
     drivers: Registry[DriverType],
     localisers: Registry[LocaliserType],
+    *,
+    drives: bool = True,
 ) -> tuple[Drivers, list[Diagnostic]]:
-    """The drivers and localisers that a configuration names, and what is wrong with that."""
+    """The drivers and localisers that a configuration names, and what is wrong with that.
+
+    What is not installed here is an error (K950), but a warning (K954) if nobody ``drives`` yet:
+    the computers of robots may have it.
+    """
     robots = configuration.robots
     driven = _named(
         configuration,
         {one.pid: (_of_here(one.vehicle.driver), one.vehicle.options) for one in robots},
         drivers,
         ("driver", "options"),
+        drives=drives,
     )
     located = _named(
         configuration,
         {one.pid: (one.vehicle.localiser, one.vehicle.localiser_options) for one in robots},
         localisers,
         ("localiser", "localiser_options"),
+        drives=drives,
     )
     problems = [*driven.problems, *located.problems, *_confused(configuration, driven)]
     made = Drivers(driven.made, driven.options, located.made, located.options)
@@ -82,9 +94,12 @@ def _named(
     named: Mapping[int, tuple[str | None, bytes]],
     registry: Registry[Made],
     fields: tuple[str, str],
+    *,
+    drives: bool,
 ) -> _Named[Made]:
     """Look names and options up that stand in two fields of devices, or of the configuration."""
     found: _Named[Made] = _Named({}, {}, [])
+    told_absent = set[str]()
     for pid, (name, given) in named.items():
         vehicle, field = configuration.robots[pid].vehicle, fields[0]
         if name is None:
@@ -94,13 +109,30 @@ def _named(
             field = fields[1]
             found.options[pid] = options_of(found.made[pid], given)
         except DriverError as error:
-            spans = configuration.document.spans
-            path = (*vehicle.path, field)
-            where = configuration.place(
-                *((field,) if path not in spans and (field,) in spans else path)
-            )
+            where = _place(configuration, vehicle, field)
             found.problems.append(_problem(where, f"{vehicle.name}: {error.message}", error.hint))
+        except KoordError as error:
+            if {told.code for told in error.diagnostics} != {_NOT_INSTALLED}:
+                raise
+            if name not in told_absent:
+                told_absent.add(name)
+                where = _place(configuration, vehicle, field)
+                found.problems += (_absent(told, where, name, drives) for told in error.diagnostics)
     return found
+
+
+def _place(configuration: RunConfiguration, vehicle: Vehicle, field: str) -> Span:
+    """Where a field of a device stands, or that of the whole configuration."""
+    path, spans = (*vehicle.path, field), configuration.document.spans
+    return configuration.place(*((field,) if path not in spans and (field,) in spans else path))
+
+
+def _absent(told: Diagnostic, where: Span, name: str, drives: bool) -> Diagnostic:
+    """The diagnostic for what a driver or localiser lacks, at its place in the configuration."""
+    if drives:
+        return replace(told, span=where)
+    story = f"{told.message}: options of {name} are not checked"
+    return Diagnostic("K954", Severity.WARNING, where, story, told.hint)
 
 
 def _of_here(name: str | None) -> str | None:

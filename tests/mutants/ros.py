@@ -149,6 +149,20 @@ ROS = (
         (PUBLISHED,),
     ),
     Mutant(
+        "who checks a configuration needs what drives",
+        "api.undriven._absent",
+        "drives",
+        "told is not None",
+        (PUBLISHED,),
+    ),
+    Mutant(
+        "what drives may be missing where it is needed",
+        "api.undriven._absent",
+        "drives",
+        "told is None",
+        (PUBLISHED,),
+    ),
+    Mutant(
         "topics of published configurations are those of all robots",
         "runtime.configuration.topics.topics",
         "driver == PUBLISHED",

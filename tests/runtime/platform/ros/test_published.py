@@ -12,6 +12,7 @@ from typing import Any
 
 import pytest
 
+import koord
 from koord.api.drivers import localiser_registry, registry
 from koord.api.undriven import drivers_of
 from koord.runtime.configuration.checking import load
@@ -118,6 +119,28 @@ def test_what_cannot_be_is_told_before_the_run(
 ) -> None:
     _, _, problems = drivers(CONFIGURATION.replace(was, wrong))
     assert any(problem.startswith(message) for problem in problems), problems
+
+
+@pytest.mark.parametrize("is_checked", [True, False])
+def test_a_library_that_is_missing_fails_what_drives_alone(
+    is_checked: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """(P-NOTHING-INVENTED)"""
+    monkeypatch.delitem(sys.modules, "koord.runtime.drivers.ros1.driver", raising=False)
+    monkeypatch.setattr(library, "is_installed", lambda: False)
+    monkeypatch.setenv("ROS_VERSION", "1")
+    source = Source("run.yaml", CONFIGURATION)
+    if is_checked:
+        report = koord.check_configuration(source)
+        assert report.ok
+        problems = [one for one in report.diagnostics if one.code == "K954"]
+    else:
+        _, problems = drivers_of(load(source), registry(), localiser_registry())
+    (told,) = problems  # once for both robots
+    assert told.code == ("K954" if is_checked else "K950")
+    assert CONFIGURATION.splitlines()[told.span.line - 1].strip() == "bot_type: CAR"
+    assert told.message.startswith("rospy is needed for this and is not installed")
+    assert str(told.hint).startswith("install it with: apt-get install python3-rospy")
 
 
 def test_computers_may_have_masters_of_ros_1_of_their_own(
