@@ -130,3 +130,28 @@ def test_several_sections_may_be_added_at_the_end() -> None:
     assert found.errors == ()
     assert "\nassume: heat == 1\n" in found.text
     assert "\ndef fun hello() -> bool: extern fresh\n" in found.text
+
+
+def test_a_position_in_the_place_of_a_path_is_the_path_of_who_stays() -> None:
+    """[OLD-PATH]"""
+    text = "allread:\n  pos[][] ways\nlocal:\n  pos here = pos(0, 0, 0)\n"
+    text += "E:\n  eff: ways[pid] = here  # for now\n"
+    found = migrated(text)
+    assert found.errors == ()
+    assert found.text == text.replace("= here", "= [here]")
+    assert [d.code for d in koord.check(Source("old.krd", text)).errors] == ["K204"]
+    for wanted, value in (("int[]", "pos(0, 0, 0)"), ("pos[]", "3")):
+        other = migrated(f"local:\n  {wanted} n = []\nE:\n  eff: n = {value}\n")
+        assert not other.changed
+        assert [d.code for d in other.errors] == ["K204"]
+
+
+def test_who_writes_the_beginning_of_a_name_means_another_function() -> None:
+    text = "local:\n  pos[] way = []\nE:\n  eff: way = {}(pos(0, 0, 0))\n"
+    found = koord.migrate(Source("old.krd", text.format("getPath")), stub=True)
+    assert found.errors == ()
+    assert found.steps[0].hint is not None
+    assert found.steps[0].hint.startswith("did you mean `getPathFromTask`? Else declare it:")
+    slip = koord.migrate(Source("old.krd", text.format("getPathFromTas")), stub=True)
+    assert not slip.changed
+    assert [d.code for d in slip.errors] == ["K202"]

@@ -86,6 +86,27 @@ OLD_FORMS = (
         _TESTS,
     ),
     Mutant(
+        "a call over several lines loses its comments",
+        "syntax.elaboration.calls._on_one_line",
+        "e.span.line == e.span.end_line",
+        "True",
+        _TESTS,
+    ),
+    Mutant(
+        "whatever is wanted, a position becomes a path of itself",
+        "syntax.elaboration.coercion.fit",
+        "wanted == ListType(POS)",
+        "True",
+        ("tests/api/test_migrate.py",),
+    ),
+    Mutant(
+        "a slip of the pen is declared",
+        "syntax.elaboration.calls._is_another",
+        "len(known) - len(name) > _SLIP",
+        "len(known) > _SLIP",
+        ("tests/api/test_migrate.py",),
+    ),
+    Mutant(
         "robots point where they pointed before",
         "runtime.deploy.ideal.IdealHost.read",
         "math.atan2(y - was_y, x - was_x)",

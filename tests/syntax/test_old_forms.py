@@ -114,6 +114,17 @@ FORMS = {
         "local:\n  pos high = pos(0.0, 1, 2.5)\n  pos[] way = []\n"
         "E:\n  pre: high.z > 0\n  eff: way = [pos(1, 2, 3), high + pos(0, 0, (1))]\n",
     ),
+    # [OLD-ELEMENT]
+    "elements of lists and maps": (
+        "local:\n  int[] x = [1, 2]\n  Map<int, bool> m = {}\n  bool b = false\n"
+        "E:\n  pre: get(x, 0) > get(x, (1))\n  eff:\n"
+        "    put(x, get(x, 0) - 1, (2) * get( x , 1 ))  # the first\n"
+        "    b = get(m, x[0])\n    put(m, (x[1]), b)\n",
+        "local:\n  int[] x = [1, 2]\n  Map<int, bool> m = {}\n  bool b = false\n"
+        "E:\n  pre: x[0] > x[(1)]\n  eff:\n"
+        "    x[x[0] - 1] = (2) * x[1]  # the first\n"
+        "    b = m[x[0]]\n    m[(x[1])] = b\n",
+    ),
     # [OLD-NEIGHBOURS]
     "positions of neighbours": (
         "using Motion:\n  sensors: pos psn\n  actuators: pos target\n"
@@ -167,7 +178,16 @@ def test_an_edit_is_made_once_where_events_are_of_several_kinds() -> None:
 
 def test_own_names_are_no_old_ones() -> None:
     assert old("def ItemPosition:\n  int shelf\nlocal:\n  ItemPosition p = ItemPosition(3)\n") == []
+    text = "def fun get(int[] x, int i) -> int:\n  return i\nlocal:\n  int n = get([1], 0)\n"
+    assert old(text) == []
     assert old("param int numBots = 2\nE:\n  pre: pid < numBots\n  eff: stop\n") == []
+
+
+@pytest.mark.parametrize("call", ["get(x)", "get(x, 0, 0)", "get(x,\n     0)"])
+def test_other_calls_of_get_are_functions_that_nobody_declares(call: str) -> None:
+    text = f"local:\n  int[] x = [1]\n  int n = 0\nE:\n  eff: n = {call}\n"
+    assert old(text) == []
+    assert errors(text) == ["K202"]
 
 
 def test_statements_need_their_colons() -> None:

@@ -50,6 +50,7 @@ class MissingFunction(Struct):
     parameters: tuple[Type, ...]
     result: Type
     is_fixed: bool  #: statements of properties speak of its answer
+    near: str | None = None  #: a hint at a function whose name begins with this one's
     places: list[Span] = field(default_factory=list)
 
 

@@ -211,6 +211,9 @@ PLANNER = "planner"
 #: The port that says where a robot is.
 PLACE = "psn"
 
+#: Who leaves out more letters at the end of a name means another function.
+_SLIP = 3
+
 #: Changes of a list, which are statements.
 CHANGES = {
     "add": "s.add(x)",
@@ -255,7 +258,51 @@ def function_call(body: BodyScope, e: ast.Call, expected: Type | None) -> core.E
     known = candidates(body, name)
     if known:
         return call(body, _of_positions(body, e, expected), known)
+    element = element_read(body, e)
+    if element is not None:
+        return body.expr(element, expected)
     return _unknown(body, e, expected)
+
+
+def element_read(body: BodyScope, e: ast.Call) -> ast.Index | None:
+    """The element ``x[i]`` that ``get(x, i)`` is; None for another call. [OLD-ELEMENT]"""
+    if e.function.name != "get" or len(e.arguments) != 2 or not _on_one_line(e):
+        return None
+    x, i = (argument.value for argument in e.arguments)
+    edits = (*_indexed(e, x, i), _cut(e.span, i.span.end_column, e.span.end_column, "]"))
+    body.findings.old("get", e.span, "`get(x, i)` is written `x[i]`", "index the list", *edits)
+    return ast.Index(x, i, span=e.span)
+
+
+def element_written(body: BodyScope, e: ast.Call) -> ast.Assign | None:
+    """The assignment ``x[i] = v`` that ``put(x, i, v)`` is; None for another call. [OLD-ELEMENT]"""
+    if e.function.name != "put" or len(e.arguments) != 3 or not _on_one_line(e):
+        return None
+    x, i, v = (argument.value for argument in e.arguments)
+    edits = (
+        *_indexed(e, x, i),
+        _cut(e.span, i.span.end_column, v.span.column, "] = "),
+        _cut(e.span, v.span.end_column, e.span.end_column),
+    )
+    was = "`put(x, i, v)` is written `x[i] = v`"
+    body.findings.old("put", e.span, was, "assign to the element", *edits)
+    return ast.Assign(ast.Index(x, i, span=e.span), v, span=e.span)
+
+
+def _on_one_line(e: ast.Call) -> bool:
+    """Return whether edits of a call leave its comments alone, and its arguments are not named."""
+    return e.span.line == e.span.end_line and all(one.name is None for one in e.arguments)
+
+
+def _indexed(e: ast.Call, x: ast.Expr, i: ast.Expr) -> tuple[Edit, Edit]:
+    """The edits that make ``x[i`` of ``f(x, i``."""
+    opened = _cut(e.span, e.span.column, x.span.column)
+    return opened, _cut(e.span, x.span.end_column, i.span.column, "[")
+
+
+def _cut(line: Span, begin: int, end: int, text: str = "") -> Edit:
+    """The edit of columns of a line."""
+    return Edit(Span(line.file, line.line, begin, line.line, end), text)
 
 
 def _of_positions(body: BodyScope, e: ast.Call, expected: Type | None) -> ast.Call:
@@ -403,7 +450,9 @@ def _unknown(body: BodyScope, e: ast.Call, expected: Type | None) -> core.Expr |
         return None
     name = e.function.name
     known = _functions(body) + (list(CHANGES) if body.where in _CHANGING else [])
-    hint = otherwise(name) or mathematics(name) or did_you_mean(name, known)
+    hint, near = otherwise(name) or mathematics(name), did_you_mean(name, known)
+    if hint is None and near is not None and not _is_another(near, name):
+        hint = near
     if hint is not None:
         if not body.is_told("K202", f"{name}()", e.function.span):
             body.error("K202", e.function.span, f"there is no function `{name}`", hint)
@@ -413,12 +462,21 @@ def _unknown(body: BodyScope, e: ast.Call, expected: Type | None) -> core.Expr |
     if missing is None:
         types = tuple(INT if value is None else value.type for value in values)
         result = FLOAT if expected is None or expected == POISON else expected
-        missing = MissingFunction(e.function, types, result, is_fixed=False)
+        missing = MissingFunction(e.function, types, result, is_fixed=False, near=near)
         body.session.missing[name] = missing
     missing.is_fixed |= body.where in LOGICAL
     if e.function.span not in missing.places:
         missing.places.append(e.function.span)
     return None
+
+
+def _is_another(near: str, name: str) -> bool:
+    """Return whether a name is too short for a slip of the pen: a function with more to its name.
+
+    ``near`` is the hint with the known name.
+    """
+    known = near.split("`")[1]
+    return len(known) - len(name) > _SLIP and known.lower().startswith(name.lower())
 
 
 def _choose(body: BodyScope, e: ast.Call) -> core.Expr | None:

@@ -142,6 +142,8 @@ def missing_functions(session: Elaboration) -> None:
     message = f"there are no functions {names}" if others else f"there is no function {names}"
     each = "each, as in" if others else "it:"
     hint = f"declare {each} `{declared[0]}`; `koord migrate --stub` writes that"
+    if first.near is not None:
+        hint = f"{first.near} Else {hint}"
     notes = [Note(one.name.span, f"`{one.name.name}` is called here") for one in others]
     text = _STUBS + "".join(f"{line}\n" for line in declared)
     edits = (session.added(text),)

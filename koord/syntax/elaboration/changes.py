@@ -10,7 +10,7 @@ from typing import assert_never
 from koord.syntax import ast, core
 from koord.syntax.diagnostics import Note
 from koord.syntax.elaboration.body import BodyScope, SharedWrite, Where
-from koord.syntax.elaboration.calls import METHODS, as_call, counted
+from koord.syntax.elaboration.calls import METHODS, as_call, counted, element_written
 from koord.syntax.elaboration.coercion import POISON, fit
 from koord.syntax.elaboration.literals import field_position
 from koord.syntax.elaboration.names import Meaning
@@ -229,6 +229,9 @@ def call_statement(body: BodyScope, s: ast.CallStmt) -> core.Block:
     change = None if own else _CHANGES.get(name)
     if change is not None:
         return change(body, call)
+    stored = None if own else element_written(body, call)
+    if stored is not None:
+        return body.block((stored,))
     value = body.expr(call, BOOL)
     if own and isinstance(value, core.ExternalCall):
         # what it answers is not looked at [S-CALL]

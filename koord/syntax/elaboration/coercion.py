@@ -5,12 +5,14 @@ from __future__ import annotations
 from fractions import Fraction
 
 from koord.syntax import core
+from koord.syntax.diagnostics import Edit
 from koord.syntax.elaboration.body import BodyScope, Confusion
 from koord.syntax.elaboration.phrases import a
 from koord.syntax.source import Span
 from koord.syntax.types import (
     FLOAT,
     INT,
+    POS,
     ArrayType,
     FloatType,
     IntType,
@@ -57,13 +59,17 @@ def fit(
     if isinstance(wanted, FloatType) and isinstance(given, IntType):
         return widened(value)
     if not _confused(body, value, wanted, span):
-        body.error(
-            "K204",
-            span,
-            f"{what} is {a(wanted)}, but this is {a(given)}",
-            _cure(wanted, given),
-        )
+        story = f"{what} is {a(wanted)}, but this is {a(given)}"
+        edits = _as_path(span) if wanted == ListType(POS) and given == POS else ()
+        body.findings.error("K204", span, story, _cure(wanted, given), (), edits)
     return None
+
+
+def _as_path(span: Span) -> tuple[Edit, ...]:
+    """The edits that make a path of a position: the path of somebody who stays. [OLD-PATH]"""
+    before = Span(span.file, span.line, span.column, span.line, span.column)
+    behind = Span(span.file, span.end_line, span.end_column, span.end_line, span.end_column)
+    return Edit(before, "["), Edit(behind, "]")
 
 
 def _cure(wanted: Type, given: Type) -> str | None:
