@@ -8,6 +8,7 @@ from collections.abc import Callable
 
 from msgspec import Struct
 
+from koord.sampling.compiled.turns import Turns
 from koord.sampling.conjuncts import false_beforehand
 from koord.sampling.constraint_guesses import placed, repairs
 from koord.sampling.library import driven
@@ -41,11 +42,16 @@ _PATIENCE = 150
 
 
 def settled_start(
-    d: Domain[Constant], system: System, inputs: SampledInputs, order: tuple[int, ...]
+    d: Domain[Constant],
+    system: System,
+    inputs: SampledInputs,
+    order: tuple[int, ...],
+    turns: Turns | None = None,
 ) -> Stepped[Constant]:
     """INIT with starts that meet the assumptions. Raises KoordError if none are found. [INIT]
 
     One start at a time is mended or drawn anew, and kept if no more parts of the assumptions break.
+    Of all but the first it is asked by the code of ``turns``, where it is certain.
     """
     stepped = initialised(d, system, inputs, order)
     best, waiting = _broken(d, system, stepped.configuration, inputs), 0
@@ -65,9 +71,9 @@ def settled_start(
             break
         before, kept = (dict(inputs.starts), dict(inputs.answers)), stepped
         restart = waiting == _PATIENCE
-        _vary(d, system, stepped.configuration, inputs, everything=restart)
+        _vary(d, system, stepped.configuration, inputs, turns, everything=restart)
         stepped = initialised(d, system, inputs, order)
-        broken = _broken(d, system, stepped.configuration, inputs)
+        broken = _broken(d, system, stepped.configuration, inputs, turns)
         if restart or broken <= best:
             waiting = 0 if restart or broken < best else waiting + 1
             best = broken
@@ -85,6 +91,7 @@ def _vary(
     system: System,
     configuration: Configuration[Constant],
     inputs: SampledInputs,
+    turns: Turns | None,
     *,
     everything: bool,
 ) -> None:
@@ -94,7 +101,9 @@ def _vary(
     if not everything and inputs.sampler.chance(70):
         found = [
             repair
-            for assumption in system.program.assumptions
+            for position, assumption in enumerate(system.program.assumptions)
+            # What holds needs no repair.
+            if turns is None or turns.missed(configuration, position) != 0
             for repair in repairs(
                 _looking(d, system, configuration, assumption.bound, inputs), assumption.condition
             )
@@ -129,12 +138,16 @@ def _broken(
     system: System,
     configuration: Configuration[Constant],
     inputs: SampledInputs,
+    turns: Turns | None = None,
 ) -> int:
-    """Count the conjuncts of the assumptions that do not hold."""
+    """Count the conjuncts of the assumptions that do not hold, by code where there is some."""
     total = 0
-    for assumption in system.program.assumptions:
-        m = _looking(d, system, configuration, assumption.bound, inputs)
-        total += misses(m, assumption.condition)
+    for position, assumption in enumerate(system.program.assumptions):
+        missed = None if turns is None else turns.missed(configuration, position)
+        if missed is None:
+            m = _looking(d, system, configuration, assumption.bound, inputs)
+            missed = misses(m, assumption.condition)
+        total += missed
     return total
 
 

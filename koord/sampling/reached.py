@@ -13,6 +13,7 @@ from random import Random
 
 from msgspec import Struct
 
+from koord.sampling.compiled.turns import Turns
 from koord.sampling.running import ProgramTurn, Run, RunState
 from koord.sampling.sampled_inputs import SampledInputs
 from koord.sampling.values import Sampler
@@ -58,16 +59,21 @@ class _Hasty(Sampler):
 
 
 def reached(
-    system: System, turns: int, seed: int = 0, *, hasty: bool = False
+    system: System,
+    turns: int,
+    seed: int = 0,
+    *,
+    hasty: bool = False,
+    code: Turns | None = None,
 ) -> list[Configuration[Constant]]:
     """Sample different configurations that a system reaches in runs of so many turns in all.
 
     Those of the middle of a round are among them. None where no start can be found: ``hasty``, it
-    is not looked for long.
+    is not looked for long. The ``code`` of other runs of the system is used again.
     """
     rng = Random(seed)
     sampler = (_Hasty if hasty else Sampler)(system, Numbers.EXACT, rng)
-    run = Run(system, Numbers.EXACT, SampledInputs(sampler))
+    run = Run(system, Numbers.EXACT, SampledInputs(sampler), code)
     seen: dict[Hashable, Configuration[Constant]] = {}
     crossings: list[Crossing] = []
     known: dict[Hashable, Crossing] = {}

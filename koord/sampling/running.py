@@ -149,7 +149,9 @@ class Run:
         """Run INIT with the robots in an order. Raises KoordError if no start can be found."""
         order = order if order is not None else tuple(range(self.system.robots))
         stepped = faulted_start(
-            self.d, self.system, settled_start(self.d, self.system, self.inputs, order)
+            self.d,
+            self.system,
+            settled_start(self.d, self.system, self.inputs, order, self.turns),
         )
         self._opening = Opening(
             order, self.inputs.recorded_starts(), self.inputs.recorded_answers(checks=True)

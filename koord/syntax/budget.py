@@ -59,14 +59,18 @@ class Budget(Struct, eq=False):
 
     def rationed(self, most: int) -> Budget:
         """A part of this budget, of about so much work, counted alike on every machine."""
-        return Budget(_Ration(self, most).is_over, self)
+        return Ration(self, most).budget()
 
 
-class _Ration(Struct):
-    """A part of a budget, which may be used up sooner."""
+class Ration(Struct):
+    """A part of a budget, which may be used up sooner; it can be filled again."""
 
     whole: Budget
     left: int
+
+    def budget(self) -> Budget:
+        """The part as a budget."""
+        return Budget(self.is_over, self.whole)
 
     def is_over(self) -> bool:
         self.left -= _EVERY

@@ -6,6 +6,7 @@ from tests.mutants.mutant import Mutant
 
 AGREEMENT = "tests/agreement/test_compiled_runs.py"
 ROUNDS = "tests/agreement/test_rounds_by_code.py"
+STATEMENTS = "tests/agreement/test_statements_by_code.py"
 
 RUNS = (
     Mutant(
@@ -35,6 +36,27 @@ RUNS = (
         "self.watcher.everything or sum(map(len, touched)) > len(self.kinds[0])",
         "False",
         (AGREEMENT,),
+    ),
+    Mutant(
+        "code counts a condition that does not hold as missed",
+        "sampling.compiled.configurations._StatementWriter.misses",
+        "f'({self.misses(right)} if {self.expression(left)} else 0)'",
+        "f'({self.misses(right)} if {self.expression(left)} else 1)'",
+        (STATEMENTS,),
+    ),
+    Mutant(
+        "code counts all instances that are missed as one",
+        "sampling.compiled.configurations._StatementWriter.misses",
+        "f'sum([{self.misses(e.body)} for {name} in {over}])'",
+        "f'max([{self.misses(e.body)} for {name} in {over}])'",
+        (STATEMENTS,),
+    ),
+    Mutant(
+        "a statement as code reads what is not set",
+        "sampling.compiled.configurations._StatementWriter.read",
+        "f'held({text})'",
+        "f'{text}.value'",
+        (STATEMENTS,),
     ),
     Mutant(
         "floats that are no whole numbers of a unit are cut off",

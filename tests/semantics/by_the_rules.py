@@ -8,6 +8,9 @@ from koord.sampling.compiled.turns import Turns
 class ByTheRules(Turns):
     """Turns of which code says nothing."""
 
+    def missed(self, *_: object) -> None:
+        return None
+
     def enabled(self, *_: object) -> None:
         return None
 

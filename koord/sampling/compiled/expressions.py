@@ -340,6 +340,12 @@ class Writer:
     def _quantified(self, e: core.Quantified) -> str:
         """A quantifier, by Python's ``all`` and ``any``, which stop as early. [E-QUANT]"""
         word = "all" if e.quantifier is QuantifierKind.FORALL else "any"
+        with self.ranging(e) as (name, over):
+            return f"{word}({self.expression(e.body)} for {name} in {over})"
+
+    @contextmanager
+    def ranging(self, e: core.Quantified) -> Iterator[tuple[str, str]]:
+        """Bind the variable of a quantifier: its name, and the text of what it ranges over."""
         match e.domain:
             case core.RobotRange(agent=agent):
                 over = self.of_kind(agent)
@@ -354,7 +360,7 @@ class Writer:
                 assert_never(e.domain)
         is_robot = isinstance(e.domain, core.RobotRange)
         with self.binding(e.variable, is_robot=is_robot) as name:
-            return f"{word}({self.expression(e.body)} for {name} in {over})"
+            yield name, over
 
     @contextmanager
     def binding(self, variable: core.Variable, *, is_robot: bool) -> Iterator[str]:

@@ -6,9 +6,11 @@ every other case it raises :class:`InDoubt`, and whoever asked asks the referenc
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from fractions import Fraction
-from typing import Any, NoReturn
+from typing import Any, NoReturn, TypeAlias
+
+from msgspec import Struct
 
 from koord.semantics import domain
 from koord.semantics.domain import Constant, Domain
@@ -39,6 +41,32 @@ class Unset:
 
 
 UNSET = Unset()
+
+#: A function made from text.
+Made: TypeAlias = "Callable[..., Any]"
+
+#: So often the reference is asked after doubts, before it is asked at once.
+_MOST_DOUBTS = 50
+
+
+class Code(Struct, eq=False):
+    """A function that is certain or in doubt; None once it was in doubt too often."""
+
+    function: Made | None
+    doubts: int = 0
+
+    def ask(self, *arguments: Any) -> Any:
+        """What the function says; None in doubt."""
+        if self.function is None:
+            return None
+        try:
+            return self.function(*arguments)
+        except (InDoubt, ArithmeticError):
+            self.doubts += 1
+            if self.doubts > _MOST_DOUBTS:
+                self.function = None
+            return None
+
 
 #: The mask of a variable that was written as a whole. [LOCATION]
 WHOLE: Mask[Constant] = Mask(True)

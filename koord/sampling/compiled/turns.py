@@ -12,8 +12,9 @@ from weakref import ReferenceType
 from msgspec import Struct, field
 
 from koord.sampling.compiled.asking import Asking
+from koord.sampling.compiled.configurations import misses_code
 from koord.sampling.compiled.expressions import Names, NoCodeError
-from koord.sampling.compiled.operations import InDoubt
+from koord.sampling.compiled.operations import Code, Made
 from koord.sampling.compiled.round_ends import ended, opened
 from koord.sampling.compiled.turn_text import (
     TurnWriter,
@@ -39,30 +40,7 @@ from koord.syntax.system import Status, System
 if TYPE_CHECKING:
     from koord.sampling.compiled.rounds import RoundCode
 
-Made = Callable[..., Any]
 T = TypeVar("T")
-
-#: So often a turn is asked of the reference after doubts, before it is asked at once.
-_MOST_DOUBTS = 50
-
-
-class Code(Struct, eq=False):
-    """A function that is certain or in doubt; None once it was in doubt too often."""
-
-    function: Made | None
-    doubts: int = 0
-
-    def ask(self, *arguments: Any) -> Any:
-        """What the function says; None in doubt."""
-        if self.function is None:
-            return None
-        try:
-            return self.function(*arguments)
-        except (InDoubt, ArithmeticError):
-            self.doubts += 1
-            if self.doubts > _MOST_DOUBTS:
-                self.function = None
-            return None
 
 
 class Turns(Struct, eq=False):
@@ -78,6 +56,17 @@ class Turns(Struct, eq=False):
     _guards: dict[int, Code] = field(default_factory=dict)
     _events: dict[tuple[int, int], Code] = field(default_factory=dict)
     _environments: dict[int, Code] = field(default_factory=dict)
+    _assumptions: dict[int, Code] = field(default_factory=dict)
+
+    def missed(self, configuration: Configuration[Constant], position: int) -> int | None:
+        """How many conjuncts and instances of an assumption do not hold. [INIT]"""
+        code = self._assumptions.get(position)
+        if code is None:
+            condition = self.system.program.assumptions[position].condition
+            code = self._assumptions[position] = misses_code(self.d, self.system, condition)
+        self.system.budget.spend()
+        found: int | None = code.ask(configuration)
+        return found
 
     def enabled(
         self, configuration: Configuration[Constant], robot: int, inputs: Inputs[Constant]

@@ -13,6 +13,8 @@ from typing import Any, TypeAlias
 
 from msgspec import Struct
 
+from koord.sampling.compiled.configurations import statement_code
+from koord.sampling.compiled.operations import Code
 from koord.semantics.configurations import Configuration
 from koord.semantics.domain import EXACT, Constant
 from koord.semantics.expressions import condition
@@ -201,6 +203,7 @@ def asked_of(
     Each is worked out once for what it reads, which is the same in most configurations.
     """
     made: dict[tuple[int, int | None, int], tuple[core.Expr, int]] = {}
+    codes: dict[tuple[int, int], Code] = {}
     reads: dict[int, list[core.Variable]] = {}
     known: dict[Hashable, Asked] = {}
 
@@ -212,10 +215,26 @@ def asked_of(
             made[key] = x.at(who, core.Const(k, INT)), x.bound
         return made[key]
 
+    def code(position: int, system: System) -> Code:
+        key = position, system.robots
+        if key not in codes:
+            given = [read.place.variable for read in (READ_I, READ_K)]
+            codes[key] = statement_code(EXACT, system, given, conditions[position].said)
+        return codes[key]
+
+    def value(
+        position: int, system: System, here: Configuration[Constant], robot: int | None, k: int
+    ) -> object:
+        system.budget.spend()
+        found = code(position, system).ask(here, robot, k)
+        if found is None:
+            return value_in(system, here, *expression(position, robot, k))
+        return found
+
     def worked_out(position: int, system: System, here: Configuration[Constant]) -> Asked:
         x = conditions[position]
         return {
-            (position, robot, k): value_in(system, here, *expression(position, robot, k))
+            (position, robot, k): value(position, system, here, robot, k)
             for robot in (range(len(here.robots)) if x.of else (None,))
             for k in range(size if x.indexed else 1)
         }

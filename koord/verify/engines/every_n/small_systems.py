@@ -5,11 +5,12 @@ from __future__ import annotations
 from msgspec import Struct
 from msgspec.structs import replace
 
+from koord.sampling.compiled.turns import Turns
 from koord.sampling.reached import reached
 from koord.semantics.configurations import Configuration
-from koord.semantics.domain import Constant
+from koord.semantics.domain import EXACT, Constant
 from koord.syntax import core
-from koord.syntax.budget import Budget, OutOfBudgetError
+from koord.syntax.budget import Budget, OutOfBudgetError, Ration
 from koord.syntax.diagnostics import KoordError
 from koord.syntax.system import System, resized
 from koord.verify.engines.every_n.conditions import asked_of
@@ -65,9 +66,12 @@ def _reached(few: System, budget: Budget, turns: int, seed: int) -> list[Configu
     """
     starts = _STARTS if _is_open(few.program) else 1
     found, in_vain = list[Configuration[Constant]](), 0
+    ration = Ration(budget, 0)
+    rationed = replace(few, budget=ration.budget())
+    code = Turns(EXACT, rationed)
     for k in range(starts):
-        rationed = replace(few, budget=budget.rationed(_SAMPLING // starts))
-        more = reached(rationed, turns // starts, seed + k, hasty=starts > 1)
+        ration.left = _SAMPLING // starts
+        more = reached(rationed, turns // starts, seed + k, hasty=starts > 1, code=code)
         found, in_vain = found + more, in_vain + (not more)
         if found and in_vain >= _MOST_IN_VAIN:
             break
