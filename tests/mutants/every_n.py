@@ -465,8 +465,8 @@ EVERY_N = (
     Mutant(
         "every N: starts that are hard to find are looked for long",
         "verify.engines.every_n.small_systems._reached",
-        "reached(rationed, turns // starts, seed + k, hasty=starts > 1)",
-        "reached(rationed, turns // starts, seed + k)",
+        "reached(rationed, turns // starts, seed + k, hasty=starts > 1, code=code)",
+        "reached(rationed, turns // starts, seed + k, code=code)",
         (SAMPLES,),
     ),
     Mutant(
