@@ -15,7 +15,7 @@ from msgspec import Struct, field
 from koord.refinement.sampling_hosts import SeededHost, settled_starts
 from koord.runtime.compile.naming import PythonNames
 from koord.runtime.platform.world_host import ANSWERED
-from koord.runtime.ports import SENSED, plain_name, port_name
+from koord.runtime.ports import SIMULATED, plain_name, port_name
 from koord.runtime.robot import Host, Key, Robot, Turn
 from koord.syntax.system import System
 
@@ -39,7 +39,9 @@ class FallbackHost(Struct):
         readings = dict(self.world.read(robot))
         served = self.served[robot.pid]
         unknown = [
-            name for name in robot.SENSORS if port_name(name) not in SENSED and name not in served
+            name
+            for name in robot.SENSORS
+            if port_name(name) not in SIMULATED and name not in served
         ]
         if unknown:
             drawn = self._of(robot.pid).read(robot)

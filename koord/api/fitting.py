@@ -35,7 +35,7 @@ from koord.runtime.configuration.model import RunConfiguration, Scatter, params
 from koord.runtime.configuration.scenes import in_scene, read_scene, run_of
 from koord.runtime.motion.libraries import SIM
 from koord.runtime.motion.world import Point, World
-from koord.runtime.ports import SENSED
+from koord.runtime.ports import SIMULATED
 from koord.syntax import core
 from koord.syntax.collector import uncollected
 from koord.syntax.diagnostics import Diagnostic, KoordError, Severity
@@ -409,7 +409,7 @@ def task_count(program: core.Program) -> int | None:
 def is_placed(program: core.Program) -> bool:
     """Return whether a program reads positions or tasks, whose starts a world determines."""
     names = {port.declaration.variable.name for agent in program.agents for port in agent.ports}
-    return not names.isdisjoint(SENSED) or task_count(program) is not None
+    return not names.isdisjoint(SIMULATED) or task_count(program) is not None
 
 
 def _is_task(type_: Type) -> bool:

@@ -15,8 +15,9 @@ from koord.runtime.compile import compiled
 from koord.runtime.compile.loading import loaded
 from koord.runtime.compile.machine.lazy import LazyTurns
 from koord.runtime.compile.watching import Watched, WatchedKind, watched
+from koord.runtime.configuration.reading import problem
 from koord.runtime.platform.world_host import ANSWERED
-from koord.runtime.ports import SENSED, plain_name
+from koord.runtime.ports import SIMULATED, plain_name
 from koord.sim.claims import Checked, Watching
 from koord.sim.running import Cast, Simulation
 from koord.syntax import core
@@ -62,7 +63,19 @@ class Built(Struct, frozen=True):
 def build(fitted: Fitted) -> Built:
     """Compile a program and its claims, as :func:`simulation` needs them."""
     claims = watched(fitted.program.core, slack_of(fitted))
-    return Built(cast(fitted, claims=claims), claims)
+    made = cast(fitted, claims=claims)
+    _check_radio(fitted, made)
+    return Built(made, claims)
+
+
+def _check_radio(fitted: Fitted, made: Cast) -> None:
+    """Refuse rounds by radio if they wait for every robot. Raises KoordError. [SKIP]"""
+    if not fitted.scene.radio.carries_rounds or not any(one.owes() for one in made.classes):
+        return
+    where = fitted.configuration.place("radio", "agreement")
+    story = "robots out of reach would keep all others waiting"
+    hint = "rounds wait for programs with urgent events, or models that may fault: agree everywhere"
+    raise KoordError((problem(where, story, hint),))
 
 
 def fallback(fitted: Fitted) -> Callable[[Host], Host] | None:
@@ -168,7 +181,7 @@ def unanswered(fitted: Fitted) -> tuple[str, ...]:
         port.label
         for port in ports
         if port.direction is Direction.SENSOR
-        and port.declaration.variable.name not in SENSED
+        and port.declaration.variable.name not in SIMULATED
         and tuple(port.label.split(".")) not in served
     ]
     return tuple(dict.fromkeys(found))

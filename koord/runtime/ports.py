@@ -12,7 +12,17 @@ from typing import Any
 
 from koord.runtime.motion.world import Point
 from koord.runtime.robot import Robot
-from koord.runtime.shapes import Record, Scalar, ScalarKind, Shape, default, element_of
+from koord.runtime.shapes import (
+    BOOL,
+    PerRobot,
+    Record,
+    Scalar,
+    ScalarKind,
+    Sequence,
+    Shape,
+    default,
+    element_of,
+)
 
 #: Actuators that send a robot somewhere.
 GOALS = ("path", "route", "target", "waypoint", "goal")
@@ -25,8 +35,13 @@ DONE = ("reached", "done")  #: sensors of whether it has arrived
 
 YAW = "yaw"  #: the sensor of where it points, in radians from the x axis to the y axis
 
+IN_RANGE = "inRange"  #: the sensor of which robots a robot hears, a truth value for each
+
 #: The sensors that vehicles have, by the ends of their names.
 SENSED = frozenset({*PLACES, *DONE, YAW, "planner", "pscan"})
+
+#: Those that simulated robots have.
+SIMULATED = SENSED | {IN_RANGE}
 
 
 def port_name(name: str) -> str:
@@ -37,6 +52,11 @@ def port_name(name: str) -> str:
 def is_place(name: str) -> bool:
     """Return whether a port senses the robot's position."""
     return port_name(name) in PLACES
+
+
+def is_in_range(name: str, shape: Shape) -> bool:
+    """Return whether a sensor says of every robot whether it is in range. [ENV-RANGE]"""
+    return port_name(name) == IN_RANGE and shape in (PerRobot(BOOL), Sequence(BOOL))
 
 
 def plain_name(function: str) -> str:

@@ -243,7 +243,7 @@ class _Groups:
             if engine.ended is None:
                 self._tell(told.readings)
             return
-        served = {pid: run.host.served(pid) for pid in run.host.modules}
+        served = {pid: run.host.served(pid) for pid in run.host.told_more}
         self._tell({}, served)
         for group in self.all:
             sensed = self._received(group)

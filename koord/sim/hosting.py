@@ -17,10 +17,15 @@ from koord.runtime.motion.library import Library
 from koord.runtime.motion.world import Point
 from koord.runtime.platform.sensors import MotionSensors
 from koord.runtime.platform.world_host import WorldHost
+from koord.runtime.ports import is_in_range
 from koord.runtime.robot import Robot
 from koord.sim.fleet import Fleet, Passing
 from koord.sim.lidar import Scanner
+from koord.sim.radio import Radio, Reception
 from koord.sim.sensing import FleetSensors
+
+#: Radios by which everybody hears everybody.
+_ALL_HEARD = Radio()
 
 
 class Hosted(WorldHost):
@@ -34,6 +39,7 @@ class Hosted(WorldHost):
         library: Library,
         seed: int = 0,
         scanners: Mapping[int, Scanner] | None = None,
+        radio: Radio = _ALL_HEARD,
     ) -> None:
         super().__init__(classes, kinds, fleet.world, library, seed)
         self.fleet = fleet
@@ -42,7 +48,12 @@ class Hosted(WorldHost):
                 fleet.wait_for_takeoff(robot)
         self.scanners = dict(scanners or {})
         self._noise = self._noise_by(seed)
-        #: What plug-ins serve robots with, where another process has the modules.
+        self.reception = Reception(radio, fleet.positions())
+        #: The sensors of each kind of robot that say who is in range. [ENV-RANGE]
+        self._ranging = [
+            [name for name in one.SENSORS if is_in_range(name, one.PORTS[name])] for one in classes
+        ]
+        #: What plug-ins and radios tell robots, where another process has them.
         self.given: Mapping[int, dict[str, Any]] | None = None
         #: what robots know of themselves
         self.sensed: FleetSensors = fleet.sensed()
@@ -75,10 +86,27 @@ class Hosted(WorldHost):
             self.order(robot)
         self.library.begin_round()
         self.fleet.advance_to(time_s, watch, passing)
+        if self.reception.radio.carries_rounds or any(self._ranging):
+            self.reception.measure(self.fleet.positions())
         self.sensed = self.fleet.sensed()
 
+    @property
+    def told_more(self) -> list[int]:
+        """The robots that sense what their vehicles do not: plug-ins serve it, or a radio."""
+        of_kinds = enumerate(self.kinds)
+        return [robot for robot, kind in of_kinds if robot in self.modules or self._ranging[kind]]
+
+    def start(self, robot: int | None, name: str) -> Any:
+        if robot is not None and name in self._ranging[self.kinds[robot]]:
+            return self.served(robot)[name]
+        return super().start(robot, name)
+
     def served(self, robot: int) -> dict[str, Any]:
-        return super().served(robot) if self.given is None else self.given.get(robot, {})
+        if self.given is not None:
+            return self.given.get(robot, {})
+        heard = self.reception.heard
+        found = {name: heard(robot) for name in self._ranging[self.kinds[robot]]}
+        return found | super().served(robot)
 
     def sensors(self, robot: int) -> MotionSensors:
         return self.sensed[robot]

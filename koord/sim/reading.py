@@ -48,8 +48,8 @@ class Reader:
     """A reader of the sensors of all robots of a run, at the end of each round.
 
     The robots whose readings are more than where they are, and whether they have arrived, are
-    asked one by one: those that scan, and those with modules that plug-ins serve. In the first
-    round all are that have other sensors: what never changes is not looked at again.
+    asked one by one: those that scan, and those with radios, or modules that plug-ins serve. In
+    the first round all are that have other sensors: what never changes is not looked at again.
 
     ``read`` is asked instead of the host, if it is given, and ``only`` are the robots whose sensors
     are read.
@@ -66,8 +66,9 @@ class Reader:
         present = np.full(len(host.kinds), only is None)
         present[[] if only is None else list(only)] = True
         kinds = np.array(host.kinds)
+        more = set(host.told_more)
         alone = [
-            robot in host.modules
+            robot in more
             or (robot in host.scanners and _senses(host.classes[kind], "pscan"))
             or _senses(host.classes[kind], YAW)
             for robot, kind in enumerate(host.kinds)

@@ -29,6 +29,7 @@ from koord.sim.hosting import Hosted
 from koord.sim.lidar import Scanner
 from koord.sim.measuring import Figures, Gauge
 from koord.sim.observing import Observer, deeds_in, header_of
+from koord.sim.radio import OverRadio
 from koord.sim.reading import Reader
 from koord.sim.run_log import Deeds, Header, Idle, RunLog, RunLogger
 from koord.sim.scene import Scene
@@ -157,9 +158,11 @@ class Simulation:
         """
         self.cast, self.scene, self.keep_going = cast, scene, keep_going
         self.claims: list[Claims] = []  #: that are watched; to be filled before the run begins
-        self.schedule: Schedule = schedule if schedule is not None else Deployed()
         self.fleet = Fleet(scene.world, scene.robots, scene.seed)
         self.host = host_of(cast, scene, self.fleet)
+        self.schedule: Schedule = schedule if schedule is not None else Deployed()
+        if scene.radio.carries_rounds:
+            self.schedule = OverRadio(self.schedule, self.host.reception)
         world: Host = self.host if supplied is None else supplied(self.host)
         self.claims_host = world  #: whom claims ask
         host = world if heard is None else heard(world)
@@ -439,7 +442,7 @@ def host_of(cast: Cast, scene: Scene, fleet: Fleet) -> Hosted:
         robot: Scanner(lidar, scene.world, scene.robots[robot].start[2])
         for robot, lidar in scene.scanners.items()
     }
-    host = Hosted(cast.classes, cast.kinds, fleet, library, scene.seed, scanners)
+    host = Hosted(cast.classes, cast.kinds, fleet, library, scene.seed, scanners, scene.radio)
     for pid, placed in enumerate(scene.robots):
         model = placed.model
         if model.modules:

@@ -13,6 +13,7 @@ import numpy as np
 from msgspec import Struct
 from msgspec.structs import replace
 
+from koord.runtime.configuration.forms import Agreement, RadioForm
 from koord.runtime.configuration.model import RobotPlace, RunConfiguration, Vehicle
 from koord.runtime.configuration.reading import problem
 from koord.runtime.motion.automaton import Visit
@@ -26,6 +27,7 @@ from koord.sim.bounds import world_of
 from koord.sim.disturbances import Disturbances, Positioning, Wind
 from koord.sim.fleet import Placed
 from koord.sim.lidar import Lidar
+from koord.sim.radio import Radio
 from koord.sim.squads import DeviceModel
 from koord.syntax.core import USUAL_DELTA_S
 from koord.syntax.diagnostics import Diagnostic, KoordError
@@ -61,6 +63,7 @@ class Scene(Struct, frozen=True):
     slack_m: float
     delta_s: float
     seed: int
+    radio: Radio = Radio()
 
     @property
     def safety_m(self) -> float:
@@ -123,7 +126,14 @@ def scene(
         slack if slack is not None else POINT_SLACK_M if ideal else SLACK_M,
         float(USUAL_DELTA_S) if configuration.delta_s is None else configuration.delta_s,
         seed,
+        _radio(configuration.radio),
     )
+
+
+def _radio(form: RadioForm) -> Radio:
+    """The radios of a form; without a range everybody hears everybody. [ENV-RANGE]"""
+    range_m = math.inf if form.range is None else form.range
+    return Radio(range_m, form.agreement is Agreement.CONNECTED)
 
 
 def _as_many(robots: tuple[RobotPlace, ...], count: int | None) -> tuple[RobotPlace, ...]:

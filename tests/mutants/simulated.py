@@ -25,9 +25,45 @@ LOADERS = "tests/runtime/test_yaml_loaders.py"
 TAKEOFF = "tests/sim/test_takeoff.py"
 GAZEBO = "tests/runtime/test_gazebo.py"
 SCENES = "tests/runtime/test_scenes.py"
+RADIO = "tests/sim/test_radio.py"
 SPLITTING = "tests/api/test_splitting.py"
 
 SIMULATED = (
+    Mutant(
+        "robots hear themselves",
+        "sim.radio.Reception._row",
+        "row[robot] = False",
+        "pass",
+        (RADIO,),
+    ),
+    Mutant(
+        "half of the robots are enough to agree by radio",
+        "sim.radio.Reception._majority",
+        "part.sum() > count // 2",
+        "part.sum() >= count // 2",
+        (RADIO,),
+    ),
+    Mutant(
+        "who is out of reach takes part in the agreement",
+        "sim.radio.OverRadio.hears",
+        "bool(self.reception.members[proposal.robot])",
+        "True",
+        (RADIO,),
+    ),
+    Mutant(
+        "who was in range once is in range for ever",
+        "sim.radio.Reception.heard",
+        "known is None or not np.array_equal(known[0], row)",
+        "known is None",
+        (RADIO,),
+    ),
+    Mutant(
+        "robots of other processes do not hear who is in range",
+        "sim.groups._Groups.environment_turn",
+        "run.host.told_more",
+        "run.host.modules",
+        (RADIO,),
+    ),
     Mutant(
         "a target without a way leaves no plight",
         "runtime.motion.group.Group.fail",

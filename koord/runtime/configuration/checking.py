@@ -145,6 +145,7 @@ class _Checker(FormReader):
             self._scatter(form.world, world),
             form.world is not None and form.world.bounds is not None,
             form.monitor,
+            form.radio,
             self._document,
             (*self._warnings, *self._idle()),
         )

@@ -42,6 +42,13 @@ class Carrier(Enum):
     ZENOH = "zenoh"
 
 
+class Agreement(Enum):
+    """The robots that take part in agreeing on rounds."""
+
+    EVERYWHERE = "everywhere"
+    CONNECTED = "connected"
+
+
 class Topic(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """A ROS topic."""
 
@@ -241,6 +248,13 @@ class WorldForm(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
     cell: Positive | None = None  #: m, of the cells of maps
 
 
+class RadioForm(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """The radios of simulated robots: how far they reach, and who agrees on rounds. [ENV-RANGE]"""
+
+    range: Positive | None = None  #: m; without: everybody hears everybody
+    agreement: Agreement = Agreement.EVERYWHERE
+
+
 class MonitorForm(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """The monitoring settings of a simulated run."""
 
@@ -286,6 +300,7 @@ class Form(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
     positions: dict[int, Coordinates] = {}
     params: dict[Name, Any] = {}  #: values for the program's params
     monitor: MonitorForm = MonitorForm()
+    radio: RadioForm = RadioForm()
     world: WorldForm | None = None
     network: NetworkForm | None = None
     safety: SafetyForm | None = None

@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 
 from msgspec import Struct, field
 
-from koord.runtime.configuration.forms import Carrier, MonitorForm, SimulationForm
+from koord.runtime.configuration.forms import Carrier, MonitorForm, RadioForm, SimulationForm
 from koord.runtime.configuration.reading import Document, Path, problem
 from koord.runtime.guardian.limits import SafetyLimits
 from koord.runtime.motion.bodies import VEHICLES, Body, PlannerName, VehicleType
@@ -100,6 +100,7 @@ class RunConfiguration(ByContent, frozen=True):
     scatter: Scatter = Scatter()
     bounded: bool = False  #: whether it is said how large the world is
     monitor: MonitorForm = field(default_factory=MonitorForm)
+    radio: RadioForm = field(default_factory=RadioForm)
     document: Document = field(default_factory=lambda: Document(Source("", ""), {}))
     warnings: tuple[Diagnostic, ...] = ()  #: of fields that have no effect
 

@@ -10,7 +10,7 @@ from typing import Any, get_type_hints
 
 import msgspec
 
-from koord.runtime.configuration.forms import Agent, Carrier, Device, Form
+from koord.runtime.configuration.forms import Agent, Agreement, Carrier, Device, Form
 from koord.runtime.configuration.reading import Document, Path, problem
 from koord.runtime.guardian.limits import DeadMan, EstopAction
 from koord.runtime.motion.bodies import VEHICLES, Level, Steering
@@ -21,6 +21,7 @@ _WHERE = re.compile(r" - at `(key in )?\$([^`]*)`$")
 _STEP = re.compile(r"\.([^.\[\]]+)|\[(\d+|\.\.\.)\]")
 _UNKNOWN = re.compile(r"Object contains unknown field `([^`]*)`")
 _CHOICES: Mapping[str, Iterable[str]] = {
+    "agreement": [one.value for one in Agreement],
     "transport": [one.value for one in Carrier],
     "dead_man": [one.value for one in DeadMan],
     "estop": [one.value for one in EstopAction],
