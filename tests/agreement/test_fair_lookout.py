@@ -18,6 +18,7 @@ from koord.verify.engines.explicit.fair_search import lively
 from koord.verify.engines.explicit.limits import Limits
 from koord.verify.engines.explicit.property_checks import Exhausted, OutOfBounds
 from tests.agreement.test_lassos import LIVELY, assert_lassos, with_liveness
+from tests.sampling import first
 from tests.verify.asking import of_text
 
 #: Who is at work may wait for ever, soon; how much was done makes many configurations.
@@ -126,9 +127,9 @@ def live(seed: int) -> System:
     return with_liveness(system(random, LIVELY), random)
 
 
-@pytest.mark.parametrize("first", [0, 1_000])
-def test_what_is_told_early_is_so(first: int) -> None:
-    seeds = range(first, first + 30)
+@pytest.mark.parametrize("start", first(1, [0, 1_000]))
+def test_what_is_told_early_is_so(start: int) -> None:
+    seeds = range(start, start + 30)
     count = Counter(compare(live(seed), seed, None) for seed in seeds)
     assert count["early"] > 3, count
     assert count["holds"] > 3, count
@@ -178,17 +179,17 @@ def test_what_holds_beside_needs_all_of_the_graph(machine_code: bool) -> None:
 def test_a_shorter_lasso_is_waited_for() -> None:
     """The start and the four places next to it have a lasso of five rounds, but three will do."""
     of = of_text(FAR, 1)
-    for first in (None, 1, 5, 6):
-        found = lively(of, of.program.properties, compiled_from=None, look_from=first)
-        assert rounds(found) == {"Never": 3}, first
+    for look_from in (None, 1, 5, 6):
+        found = lively(of, of.program.properties, compiled_from=None, look_from=look_from)
+        assert rounds(found) == {"Never": 3}, look_from
 
 
 def test_a_shorter_lasso_of_the_same_distance_is_waited_for() -> None:
     """The start and two of the places next to it have a lasso of three rounds; two will do."""
     of = of_text(NEAR, 1)
-    for first in (None, 1, 3, 4):
-        found = lively(of, of.program.properties, compiled_from=None, look_from=first)
-        assert rounds(found) == {"Never": 2}, first
+    for look_from in (None, 1, 3, 4):
+        found = lively(of, of.program.properties, compiled_from=None, look_from=look_from)
+        assert rounds(found) == {"Never": 2}, look_from
 
 
 def test_lassos_that_are_told_early_are_as_short(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -34,6 +34,7 @@ from koord.kernels.exploration import Exploration
 from koord.kernels.layout import Layout, unset_somewhere
 from koord.kernels.rounds import Rounds
 from koord.verify.engines.explicit.second_look import DisagreementError
+from tests.sampling import first
 
 Rounded = dict[tuple[str, str], int]
 
@@ -99,7 +100,7 @@ KINDS: dict[str, tuple[Callable[[Random], System], bool]] = {
 }
 
 
-@pytest.mark.parametrize("block", range(2))
+@pytest.mark.parametrize("block", first(1, range(2)))
 @pytest.mark.parametrize("kind", KINDS)
 def test_as_the_road_of_python(kind: str, block: int) -> None:
     """Verdicts, shortest runs, which replay, and how many states there are."""

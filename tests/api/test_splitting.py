@@ -23,6 +23,7 @@ from koord.sim.levels import ClaimGauge
 from koord.sim.running import Simulation
 from koord.syntax.diagnostics import KoordError
 from koord.syntax.source import Source
+from tests.sampling import first
 
 EXAMPLES = Path(__file__).parents[2] / "specs" / "examples"
 
@@ -87,14 +88,17 @@ def is_near(rates: list[float], probability: float) -> bool:
 
 @pytest.mark.parametrize(
     ("walks", "particles"),
-    [
-        (Walks(1, 3), 2),  # often both die out
-        (Walks(1, 7), 8),
-        (Walks(2, 7), 12),
-        (Walks(1, 5, lambda place: place // 2), 6),  # many are level
-        (Walks(1, 5, lambda place: (place * 3) % 5), 6),  # a level that says little
-        (Walks(2, 5, lambda place: 0.0), 4),  # one that says nothing
-    ],
+    first(
+        4,
+        [
+            (Walks(1, 3), 2),  # often both die out
+            (Walks(1, 5, lambda place: place // 2), 6),  # many are level
+            (Walks(1, 5, lambda place: (place * 3) % 5), 6),  # a level that says little
+            (Walks(2, 5, lambda place: 0.0), 4),  # one that says nothing
+            (Walks(1, 7), 8),
+            (Walks(2, 7), 12),
+        ],
+    ),
 )
 def test_the_mean_of_rates_is_the_probability(walks: Walks, particles: int) -> None:
     rates = [split(walks, particles, 7, number).rate for number in range(1500)]
@@ -270,15 +274,15 @@ def test_a_run_that_is_not_repeated_is_told(monkeypatch: pytest.MonkeyPatch) -> 
 def test_rates_of_a_program_are_the_known_ones() -> None:
     params = {"start": 1, "goal": 8}
     found = koord.splitting(
-        COIN, ONE, claim="Below", params=params, particles=10, runs=15, duration_s=30
+        COIN, ONE, claim="Below", params=params, particles=10, runs=8, duration_s=30
     )
     assert found.interval is not None
     assert found.interval.low <= 1 / 8 <= found.interval.high
-    assert found.interval.high - found.interval.low < 0.15
+    assert found.interval.high - found.interval.low < 0.2
     assert found.claim == "invariant Below"
     assert len({one.rate for one in found.repetitions}) > 5
-    crude = koord.campaign(COIN, ONE, params=params, runs=100, duration_s=30)
-    counted = rate(sum(row.is_bad for row in crude.runs), 100)
+    crude = koord.campaign(COIN, ONE, params=params, runs=50, duration_s=30)
+    counted = rate(sum(row.is_bad for row in crude.runs), 50)
     assert counted.low <= found.interval.high
     assert found.interval.low <= counted.high
     assert not found.ok

@@ -26,7 +26,20 @@ from tests.generators.mutating import mutants
 from tests.loading import EXAMPLES, example_files, example_program, program_of
 
 #: Examples with many parts, of each of which many slices are compared.
-LONG = {"cars_and_drones", "delivery", "follow_path", "sats", "shapeform", "task", "task_fleet"}
+LONG = {
+    "cars_and_drones",
+    "delivery",
+    "fischer_drift",
+    "fischer_enters",
+    "follow_path",
+    "mapping",
+    "sats",
+    "shapeform",
+    "takeoff",
+    "task",
+    "task_as_printed",
+    "task_fleet",
+}
 
 #: A bit of everything that a slice may be made of.
 EVERYTHING = """
