@@ -44,6 +44,7 @@ if TYPE_CHECKING:
     from koord.api.fitting import read_configuration as read_configuration
     from koord.api.guardian_check import GuardianCheck as GuardianCheck
     from koord.api.guardian_check import check_guardian as check_guardian
+    from koord.api.html import html as html
     from koord.api.merge import Merged as Merged
     from koord.api.merge import merge as merge
     from koord.api.migrate import Migration as Migration
@@ -86,6 +87,8 @@ if TYPE_CHECKING:
     from koord.api.splitting import splitting as splitting
     from koord.api.stepping import Stepper as Stepper
     from koord.api.stepping import step as step
+    from koord.api.stories import Story as Story
+    from koord.api.stories import story as story
     from koord.api.traces import Trace as Trace
     from koord.api.verdicts import Verdict as Verdict
     from koord.api.verify import Engine as Engine
@@ -117,6 +120,7 @@ _HOMES = {
     "koord.api.export": ("Exported", "export"),
     "koord.api.fitting": ("read_configuration",),
     "koord.api.guardian_check": ("GuardianCheck", "check_guardian"),
+    "koord.api.html": ("html",),
     "koord.api.merge": ("Merged", "merge"),
     "koord.api.migrate": ("Migration", "migrate"),
     "koord.api.orders": ("OrderReport", "estop", "heartbeat", "order"),
@@ -140,6 +144,7 @@ _HOMES = {
     "koord.api.simulation": ("simulate",),
     "koord.api.stepping": ("Stepper", "step"),
     "koord.api.splitting": ("Splitting", "splitting"),
+    "koord.api.stories": ("Story", "story"),
     "koord.api.traces": ("Trace",),
     "koord.api.verdicts": ("Verdict",),
     "koord.api.verify_report": ("VerifyReport",),

@@ -63,6 +63,7 @@ DOCUMENTS: Mapping[str, str] = {
     "merged": "what `koord merge --json` prints",
     "conformance": "what `koord conform --json` prints",
     "splitting": "what `koord sim --splitting CLAIM --json` prints",
+    "story": "stories of runs, as pages of `--html` hold them (`koord.story`)",
 }
 
 
@@ -90,6 +91,7 @@ GENERATED = (
     "recheck",
     "replay",
     "splitting",
+    "story",
     "trace",
     "verdicts",
 )
@@ -102,7 +104,7 @@ def generated(document: str) -> dict[str, Any]:
     from koord.api import forms, verdict_forms
     from koord.refinement import part_form
     from koord.syntax.forms import VALUES
-    from koord.traces import form
+    from koord.traces import form, story_form
     from koord.verify.certificate_form import CertificateForm
 
     head: dict[str, str]
@@ -126,6 +128,11 @@ def generated(document: str) -> dict[str, Any]:
         ),
         "replay": ({"title": "Verdicts of koord on a trace"}, forms.Replay, VALUES),
         "splitting": ({"title": "Rates of violations by splitting"}, forms.Splitting, {}),
+        "story": (
+            {"$id": "koord-story-1", "title": "A run as people look at it"},
+            story_form.Story,
+            {},
+        ),
         "trace": (
             {"$id": "koord-trace-3", "title": "koord trace, versions 1 to 3"},
             form.File,
@@ -150,7 +157,9 @@ def schema(document: str = "configuration") -> dict[str, Any]:
 
     ``document`` is ``"configuration"``, ``"verdicts"``, ``"diagnostics"``, ``"migration"``,
     ``"trace"``, ``"part"``, ``"certificate"``, ``"recheck"``, ``"replay"``, ``"merged"``,
-    ``"conformance"`` or ``"splitting"``. Raises :class:`koord.ArgumentError` for another one.
+    ``"conformance"``, ``"splitting"`` or ``"story"``.
+
+    Raises :class:`koord.ArgumentError` for another one.
 
     >>> koord.schema("verdicts")["title"]
     """

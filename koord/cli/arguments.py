@@ -362,6 +362,14 @@ def add_trace(parser: argparse.ArgumentParser, what: str) -> None:
     )
 
 
+def add_html(parser: argparse.ArgumentParser, what: str) -> None:
+    parser.add_argument(
+        "--html",
+        metavar="FILE",
+        help=f"show {what} in FILE, a page for browsers that loads nothing",
+    )
+
+
 def read_by(arguments: argparse.Namespace) -> list[str]:
     """The files that a command reads which runs a program with a configuration."""
     given = (arguments.file, arguments.config, arguments.site, *arguments.properties)

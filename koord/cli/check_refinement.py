@@ -8,6 +8,7 @@ import sys
 from itertools import groupby
 from typing import TYPE_CHECKING
 
+from koord.api.files import write_atomically
 from koord.api.programs import Program
 from koord.api.progress import Progress
 from koord.api.refinement import (
@@ -20,7 +21,9 @@ from koord.api.refinement import (
     about_of,
     refine_loaded,
 )
+from koord.api.results import ArgumentError
 from koord.cli.arguments import (
+    add_html,
     add_json,
     add_settings,
     check_files,
@@ -31,6 +34,7 @@ from koord.cli.arguments import (
 )
 from koord.cli.diagnostics import DiagnosticReport
 from koord.cli.exits import Exit
+from koord.cli.files import check_writable
 from koord.cli.fitting import fit_request
 from koord.cli.inputs import ReadOptions, load_programs
 from koord.cli.progress import Interruption, LiveLine
@@ -224,6 +228,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="where the files of a run that is refused go (.)",
     )
     add_settings(parser)
+    add_html(parser, "a run that is refused turn by turn, up to the step that is wrong,")
     add_json(parser, "what was found")
     parser.epilog = (
         "exit codes: 0 every run is one of the rules, 1 one is not, 2 errors in the input"
@@ -232,6 +237,12 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def main(arguments: argparse.Namespace) -> int:
     check_files([*arguments.files, *arguments.properties])
+    if arguments.html is not None:
+        if arguments.target in (_PROTOCOL, _GUARDIAN, _SIMULATOR):
+            raise argparse.ArgumentTypeError(
+                f"--html shows runs of programs, and --target {arguments.target} has none to show"
+            )
+        check_writable(arguments.html, (*arguments.files, *arguments.properties))
     if arguments.target == _PROTOCOL:
         return _protocol(arguments)
     if arguments.for_every_number:
@@ -265,9 +276,23 @@ def main(arguments: argparse.Namespace) -> int:
         sys.stdout.write(found.to_json() + "\n")
     else:
         _show(found)
+    if arguments.html is not None:
+        _show_page(found, arguments.html)
     if found.interrupted:
         return Exit.INTERRUPTED
     return Exit.OK if found.failure is None else Exit.VIOLATED
+
+
+def _show_page(found: Refinement, path: str) -> None:
+    """Write the page of the run that is refused; tell if there is none to show."""
+    from koord.api.html import html
+
+    try:
+        page = html(found)
+    except ArgumentError as error:
+        print(f"koord check-refinement: {error.message}", file=sys.stderr)
+    else:
+        write_atomically(path, page.encode("utf-8"))
 
 
 def _refined(programs: tuple[Program, ...], request: RefineRequest, *, as_json: bool) -> Refinement:

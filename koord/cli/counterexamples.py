@@ -17,7 +17,6 @@ from koord.traces.changes import Change
 from koord.traces.fairness import told
 from koord.traces.json_reader import shortened
 from koord.traces.names import Names
-from koord.traces.trace import BEFORE_ROUNDS
 from koord.verify.verdicts import BrokenStep, Counterexample
 
 if TYPE_CHECKING:
@@ -44,18 +43,10 @@ _WIDEST = 40
 
 def rerun_lines(departure: Rerun) -> Iterator[str]:
     """Describe the run of the compiled program, and its first difference."""
-    from koord.refinement.rounding import Unjudged  # what it loads only violations need
+    from koord.api.stories import compiled_changes, compiled_lines  # only violations need it
 
-    if departure is None:
-        yield "  the compiled program does the same, state for state"
-        return
-    if isinstance(departure, Unjudged):
-        yield "  the compiled program comes to the same states, up to rounding; whether it breaks"
-        yield f"  the claim there is not known: {visible(departure.reason)}"
-        return
-    where = f"round {departure.round + 1}" if departure.round != BEFORE_ROUNDS else "the start"
-    yield f"  the compiled program departs at {where}: {visible(departure.reason)}"
-    yield from told_apart(departure.changes, "recorded", "compiled")
+    yield from (f"  {line}" for line in compiled_lines(departure))
+    yield from told_apart(compiled_changes(departure), "recorded", "compiled")
 
 
 def told_apart(changes: Iterable[Change], old: str, new: str) -> Iterator[str]:

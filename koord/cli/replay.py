@@ -7,14 +7,15 @@ import sys
 from collections.abc import Iterator
 from fractions import Fraction
 
+from koord.api.files import write_atomically
 from koord.api.replay import ReplayReport, replayed
 from koord.api.run import TakenStep
 from koord.api.traces import read_trace
-from koord.cli.arguments import add_json, check_files, number
+from koord.cli.arguments import add_html, add_json, check_files, number
 from koord.cli.counterexamples import rerun_lines, told_apart
 from koord.cli.diagnostics import report_error
 from koord.cli.exits import Exit
-from koord.cli.files import name_of, read_program, read_written
+from koord.cli.files import check_writable, name_of, read_program, read_written
 from koord.cli.tables import Rounds, RunTable, repeats
 from koord.cli.terminal import Paint, Style, style_of, visible
 from koord.cli.violations import claim_lines, does
@@ -47,6 +48,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="have the compiled program run it, too, and compare state for state (floats up to "
         "rounding if the trace has exact numbers)",
     )
+    add_html(parser, "the run turn by turn, up to the first step that is wrong,")
     add_json(parser, "the answer")
     parser.epilog = (
         "exit codes: 0 every step is legal, 1 a step is not, a run of robots breaks a property on "
@@ -63,6 +65,8 @@ def _slack(text: str) -> Fraction:
 
 def main(arguments: argparse.Namespace) -> int:
     check_files([arguments.trace, *([arguments.program] if arguments.program is not None else [])])
+    if arguments.html is not None:
+        check_writable(arguments.html, (arguments.trace,))
     name, raw = name_of(arguments.trace), read_written(arguments.trace)
     given = None if arguments.program is None else read_program(arguments.program).source
     try:
@@ -88,6 +92,10 @@ def main(arguments: argparse.Namespace) -> int:
         if report.compared:
             for line in rerun_lines(report.departure):
                 print(line)
+    if arguments.html is not None:
+        from koord.api.html import html
+
+        write_atomically(arguments.html, html(report).encode("utf-8"))
     is_good = report.legal and report.agrees and report.broken is None
     return Exit.OK if is_good else Exit.VIOLATED
 

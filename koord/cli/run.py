@@ -20,6 +20,7 @@ from koord.api.traces import Trace, complete_trace
 from koord.cli.arguments import (
     add_bounds,
     add_files,
+    add_html,
     add_json,
     add_settings,
     add_trace,
@@ -154,6 +155,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )
     add_settings(parser)
     add_trace(parser, "the run")
+    add_html(parser, "the run turn by turn")
     add_json(parser, "the trace")
     parser.epilog = "exit codes: 0 done, 1 a fault or a violation was met, 2 errors in the input"
 
@@ -164,8 +166,9 @@ def main(arguments: argparse.Namespace) -> int:
         raise argparse.ArgumentTypeError("--interactive and --json do not go together")
     if arguments.interactive and DASH in (arguments.file, *arguments.properties):
         raise argparse.ArgumentTypeError("--interactive reads standard input, and so does -")
-    if arguments.trace is not None:
-        check_writable(arguments.trace, (arguments.file, *arguments.properties))
+    for path in (arguments.trace, arguments.html):
+        if path is not None:
+            check_writable(path, (arguments.file, *arguments.properties))
     report = DiagnosticReport()
     programs = load_programs([arguments.file], ReadOptions.of(arguments), report)
     if report.errors and arguments.json:
@@ -193,7 +196,7 @@ def _run(loaded: Program, arguments: argparse.Namespace) -> Exit:
             arguments.rounds,
             Policy(arguments.policy),
             Numbers(arguments.numbers),
-            traced=arguments.trace is not None or arguments.json,
+            traced=arguments.json or not (arguments.trace is None is arguments.html),
             recorded=arguments.interactive,
         ),
         arguments.seed,
@@ -251,7 +254,7 @@ def _by_hand(arguments: argparse.Namespace, session: Interactive) -> Exit:
             write_atomically(part_of(arguments.trace), stepper.trace().encoded())
 
     session.play(keep)
-    if arguments.trace is not None:
+    if not (arguments.trace is None is arguments.html):
         _keep(stepper.trace(), arguments, has_grown=False)
     _conclude(stepper.program, stepper.ending)
     return Exit.VIOLATED if stepper.ending.broken else Exit.OK
@@ -264,6 +267,10 @@ def _keep(trace: Trace, arguments: argparse.Namespace, *, has_grown: bool = True
         else:
             trace.save(arguments.trace)
         remove_part(arguments.trace)
+    if arguments.html is not None:
+        from koord.api.html import html
+
+        write_atomically(arguments.html, html(trace).encode("utf-8"))
     if arguments.json:
         sys.stdout.write(trace.encoded().decode("utf-8"))
 

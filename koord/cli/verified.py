@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
 from koord.api.files import write_atomically
@@ -155,6 +155,19 @@ def _keep(report: VerifyReport, path: str) -> None:
         _note("no claim is violated, so there is no trace to write")
     else:
         write_counterexample(path, shortest.recorded)
+
+
+def show_page(reports: Sequence[VerifyReport], path: str) -> None:
+    """Write the page of some verifications."""
+    from koord.api.html import verification_page
+    from koord.api.verdicts import Parts
+
+    parts = Parts(_complain)
+    with parts.enduring("the page"):
+        write_atomically(path, verification_page(reports, parts).encode("utf-8"))
+    if is_debugging():
+        for failure in parts.failures:
+            print(failure.trace, file=sys.stderr)
 
 
 def _save(report: VerifyReport, path: str) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from itertools import islice
 from typing import TYPE_CHECKING
@@ -19,6 +19,7 @@ from koord.api.verify import Engine, Options, Question, engine_of, helped, verif
 from koord.cli.arguments import (
     add_bounds,
     add_files,
+    add_html,
     add_json,
     add_settings,
     add_trace,
@@ -191,6 +192,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )
     add_settings(parser)
     add_trace(parser, "the trace of a violation")
+    add_html(parser, "verdicts, what they rest on, and each counterexample turn by turn")
     parser.add_argument(
         "--certificate",
         metavar="FILE",
@@ -260,6 +262,8 @@ def _check_flags(arguments: argparse.Namespace) -> None:
         if len(fleets) > 1:
             raise argparse.ArgumentTypeError("--trace takes one number of robots at a time")
         check_writable(arguments.trace, read)
+    if arguments.html is not None:
+        check_writable(arguments.html, read)
     if arguments.certificate is not None:
         if not is_one or len(fleets) > 1 or fleets[0].any_number:
             raise argparse.ArgumentTypeError(
@@ -354,7 +358,7 @@ def _verified(
     told: list[Report],
 ) -> Exit:
     """Verify programs, and show the results of each as soon as they are known."""
-    from koord.cli.verified import tell, tell_sweep
+    from koord.cli.verified import show_page, tell, tell_sweep
 
     fleets = arguments.robots
     questions = [
@@ -366,7 +370,8 @@ def _verified(
         for program in programs
         for fleet in fleets
     ]
-    answers = _answers(questions, options)
+    answered: list[VerifyReport] = []
+    answers = _noted(_answers(questions, options), answered)
     codes: list[Exit] = []
     for program in programs:
         if Exit.INTERRUPTED in codes:
@@ -378,7 +383,16 @@ def _verified(
             codes += [tell(report, arguments, told) for report in found]
     if len(codes) < len(programs):
         codes.append(Exit.INTERRUPTED)
+    if arguments.html is not None and answered:
+        show_page(answered, arguments.html)
     return gravest(codes)
+
+
+def _noted(answers: Iterable[VerifyReport], answered: list[VerifyReport]) -> Iterator[VerifyReport]:
+    """The reports, each of which is added to those that are ``answered``."""
+    for report in answers:
+        answered.append(report)
+        yield report
 
 
 def _answers(questions: Sequence[Question], options: Options) -> Iterator[VerifyReport]:

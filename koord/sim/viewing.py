@@ -23,6 +23,7 @@ from koord.sim.run_log import LogSizes, RunLog
 #: The parts of the script, in their order; each may use what stands in those before it.
 _SCRIPTS = (
     "decode",
+    "dom",
     "run",
     "words",
     "glyphs",
@@ -71,7 +72,7 @@ class PartPage:
 def _page(program: str, data: str) -> bytes:
     parts = {
         "title": html.escape(f"{program} – a run"),
-        "style": _text("style.css"),
+        "style": _text("theme.css") + _text("style.css"),
         "script": '"use strict";\n' + "\n".join(_text(f"{name}.js") for name in _SCRIPTS),
         "data": data,
     }

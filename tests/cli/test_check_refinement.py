@@ -99,7 +99,11 @@ def test_faults_make_robots_skip(
 def test_a_run_that_is_refused_is_shown_and_kept(
     file: str, target: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert koord(file, "--runs", "6", "--seed", "3", "--target", target) == Exit.VIOLATED
+    page = ["--html", "refused.html"]
+    assert koord(file, "--runs", "6", "--seed", "3", "--target", target, *page) == Exit.VIOLATED
+    shown = Path("refused.html").read_text("utf-8")
+    assert '"headline":"not legal by ENV-TRANS: round 1"' in shown
+    assert '"name":"sum","expected":"2","found":"1"' in shown
     out = capsys.readouterr().out
     assert f"refused: app.krd: 1 robot, δ = 0.1 s, {target}" in out
     assert "[ENV-TRANS] round 1: the configuration recorded is another" in out

@@ -8,9 +8,45 @@ GENERATED = "tests/refinement/test_generated.py"
 ROUNDS = "tests/refinement/test_rounds.py"
 REPLAY = "tests/traces/test_replay.py"
 CLAIMS = "tests/verify/test_claims.py"
+STORY = "tests/traces/test_story.py"
 WITNESS = "tests/verify/test_witness.py"
 
 SHOWN = (
+    Mutant(
+        "the last turn is the one that breaks it",
+        "traces.story._breaking",
+        "tracks[0].truth.index(False)",
+        "len(told) - 1",
+        (STORY,),
+    ),
+    Mutant(
+        "late rounds begin with the values of the start",
+        "traces.story._moments",
+        "table.texts[:] = opening",
+        "pass",
+        (STORY,),
+    ),
+    Mutant(
+        "who waits for no lock has found it taken",
+        "traces.story._moments",
+        "is_open and e.lock_classes & before.taken",
+        "is_open or e.lock_classes & before.taken",
+        (STORY,),
+    ),
+    Mutant(
+        "operands that the rules do not look at have values",
+        "traces.formula_values.FormulaReader._in_turn",
+        "found and (found[-1].value in (stop, None))",
+        "False",
+        (STORY,),
+    ),
+    Mutant(
+        "a quantifier goes on behind what decides it",
+        "traces.formula_values.FormulaReader._quantified",
+        "if decides:\n    break",
+        "pass",
+        (STORY,),
+    ),
     Mutant(
         "an event that faults has effects",
         "semantics.rounds.run_event",

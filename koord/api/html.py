@@ -1,0 +1,102 @@
+"""Results as pages: one HTML file that loads nothing, for a browser, a notebook or an editor."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from koord.api.results import ArgumentError
+from koord.api.stories import Story, of_refused, of_verdict, story
+from koord.api.story_page import Stories, ToldClaim, ToldReport, page_of
+from koord.api.verdict_documents import claim_form, report_form
+from koord.traces import story_form
+
+if TYPE_CHECKING:
+    from koord.api.refinement import Refinement
+    from koord.api.replay import ReplayReport
+    from koord.api.run import RunReport
+    from koord.api.traces import Trace
+    from koord.api.verdicts import Parts, Verdict
+    from koord.api.verify_report import VerifyReport
+
+
+def html(
+    found: Story | Trace | RunReport | ReplayReport | Verdict | VerifyReport | Refinement,
+) -> str:
+    """Show a result as one page that loads nothing.
+
+    Of a trace, a run, a replay, a verdict with a counterexample or a refused run of
+    :func:`koord.refine` it shows the run, turn by turn; of a whole verification all verdicts, what
+    they rest on, and each counterexample. Raises :class:`koord.ArgumentError` for a verdict without
+    a counterexample, or where no run was refused.
+
+    >>> Path("task.html").write_text(koord.html(koord.verify("task.krd")))
+    """
+    from koord.api.refinement import Refinement
+    from koord.api.verify_report import VerifyReport
+
+    match found:
+        case Story():
+            return found.to_html()
+        case VerifyReport():
+            return verification_page([found])
+        case Refinement():
+            return of_refinement(found).to_html()
+        case _:
+            return story(found).to_html()
+
+
+def of_refinement(found: Refinement) -> Story:
+    """The story of the run that is refused. Raises ArgumentError where there is none."""
+    failure = found.failure
+    judged = None if failure is None else failure.outcome.judged
+    refused = None if failure is None else failure.outcome.refused
+    if judged is None or refused is None:
+        raise ArgumentError("found", "no run was refused, so there is none to tell of")
+    return of_refused(judged.trace, refused)
+
+
+def verification_page(reports: Sequence[VerifyReport], parts: Parts | None = None) -> str:
+    """A page of verifications; ``parts`` records what of them cannot be told."""
+    from koord.api.verdicts import Parts
+
+    parts = Parts() if parts is None else parts
+    stories: list[story_form.Story] = []
+    told = [_told(report, parts, stories) for report in reports]
+    title = ", ".join(dict.fromkeys(report.problem.name for report in reports))
+    return page_of(title, Stories("koord-stories", 1, told, stories))
+
+
+def _told(report: VerifyReport, parts: Parts, stories: list[story_form.Story]) -> ToldReport:
+    """A verification; the stories of its counterexamples are added to ``stories``."""
+    claims = []
+    for verdict in report.verdicts:
+        first = len(stories)
+        with parts.enduring(f"the story of {verdict.name}"):
+            stories += [one.told for one in of_verdict(verdict)]
+        form = claim_form(verdict.name, verdict.found, None, [])
+        stated = verdict.found.claim.stated
+        text = "" if stated is None else _stated(report, stated.span.line, stated.span.file)
+        claims.append(ToldClaim(form, verdict.rule, text, list(range(first, len(stories)))))
+    left_out: dict[str, list[str]] = {}
+    with parts.enduring("what claims do not depend on"):
+        left_out = report.cones.left_out
+    form_of_all = report_form(
+        report.problem,
+        report.report,
+        report.bounds,
+        [],
+        found_invariants=report.found_invariants,
+        failures=(*report.failures, *parts.failures),
+        left_out=left_out,
+        rests_on=report.rests_on,
+        execution_times=report.execution_times,
+    )
+    texts = [story_form.StoryText(s.name, s.text) for s in report.program.sources]
+    return ToldReport(str(report.problem), form_of_all, claims, texts)
+
+
+def _stated(report: VerifyReport, line: int, file: str) -> str:
+    """The line in which a claim is stated."""
+    source = next((s for s in report.program.sources if s.name == file), None)
+    return "" if source is None else source.line_text(line).strip()

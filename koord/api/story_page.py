@@ -1,0 +1,75 @@
+"""The page of stories: a template, its scripts, and the data that it shows, in one HTML file."""
+
+from __future__ import annotations
+
+import json
+import re
+from html import escape
+from importlib.resources import files
+from typing import Literal
+
+from msgspec import to_builtins
+
+from koord.api import verdict_forms
+from koord.syntax.forms import Form, Natural
+from koord.traces import story_form
+
+#: The scripts of the page, in their order: those of every page, and its own.
+_COMMON = ("dom",)
+_OWN = ("telling", "lanes", "turns", "why", "world", "texts", "overview", "main")
+
+
+class ToldClaim(Form):
+    """A claim with its rule, and the positions of the stories of its counterexamples."""
+
+    claim: verdict_forms.Claim
+    rule: str
+    text: str
+    stories: list[Natural]
+
+
+class ToldReport(Form):
+    """A whole verification: verdicts, what they rest on, and which stories tell of them."""
+
+    about: str
+    report: verdict_forms.Report
+    claims: list[ToldClaim]
+    texts: list[story_form.StoryText]
+
+
+class Stories(Form):
+    """What a page shows: stories, and the verification that they are of, if there is one."""
+
+    format: Literal["koord-stories"]
+    version: Literal[1]
+    verifications: list[ToldReport]
+    stories: list[story_form.Story]
+
+
+def framed(page: str, title: str, height_px: int = 640) -> str:
+    """A page within another one, as notebooks show results."""
+    return (
+        f'<iframe title="{escape(title)}" srcdoc="{escape(page)}" sandbox="allow-scripts" '
+        f'style="width: 100%; height: {height_px}px; border: 0"></iframe>'
+    )
+
+
+def page_of(title: str, shown: Stories) -> str:
+    """The page of some stories, complete in itself."""
+    # In a script nothing ends it but `</`, and nothing else begins a comment but `<!`.
+    data = json.dumps(to_builtins(shown), separators=(",", ":"))
+    common = files("koord.sim") / "page"
+    own = files("koord.api") / "page"
+
+    def script(name: str) -> str:
+        folder = common if name in _COMMON else own
+        return (folder / f"{name}.js").read_text("utf-8")
+
+    parts = {
+        "title": escape(title),
+        "style": (common / "theme.css").read_text("utf-8") + (own / "style.css").read_text("utf-8"),
+        "script": '"use strict";\n' + "\n".join(map(script, (*_COMMON, *_OWN))),
+        "data": data.replace("<", "\\u003c"),
+    }
+    template = (own / "page.html").read_text("utf-8")
+    return re.sub(r"\{\{(\w+)\}\}", lambda found: parts[found[1]], template)

@@ -1,0 +1,508 @@
+"""Stories of traces: what every turn did, in words, and why the end breaks what is claimed. [TRACE]
+
+The reference semantics runs the recording again; nothing is told but what it gives.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import partial
+from typing import assert_never
+
+from msgspec import Struct
+from msgspec.structs import replace
+
+from koord.semantics.configurations import Configuration, Fault
+from koord.semantics.domain import Constant
+from koord.semantics.recordings import Step, execute
+from koord.semantics.storage import Cell, Storage
+from koord.semantics.values import Rec
+from koord.syntax import core
+from koord.syntax.source import NOWHERE, Span, is_whole_file
+from koord.syntax.system import Status, System
+from koord.syntax.types import POS, RecordType, Type, part_types
+from koord.traces.lassos import able_in
+from koord.traces.names import Named, Names, variables
+from koord.traces.rendering import show_output, show_storage
+from koord.traces.story_form import (
+    Home,
+    Moment,
+    NewValue,
+    Position,
+    Story,
+    StoryEnding,
+    StoryEvent,
+    StoryFault,
+    StoryKind,
+    StoryLoop,
+    StoryPlace,
+    StoryRow,
+    StoryText,
+    StoryWorld,
+    Track,
+)
+from koord.traces.story_tracks import stated_in, tracks_of
+from koord.traces.trace import BEFORE_ROUNDS, Trace, Violation, ViolationKind
+
+#: Of longer runs the last turns are told.
+MOST_MOMENTS = 20_000
+
+#: Arrays with more elements are one row.
+_MOST_PARTS = 32
+
+#: The names of sensors that tell where a robot is.
+_PLACES = ("position", "psn")
+
+
+def story_of(
+    trace: Trace, *, title: str = "", steps: Sequence[Step] | None = None, tracked: bool = True
+) -> Story:
+    """Tell a trace, whose steps are legal; ``steps`` are those to tell, where it is known.
+
+    ``tracked``: the statement that the trace breaks is evaluated after every turn.
+    """
+    d, system = trace.numbers.domain, trace.system
+    if steps is None:
+        steps = list(execute(d, system, trace.recording))
+    names = Names(system)
+    violation = trace.violation
+    stated = stated_in(trace)
+    read = frozenset() if stated is None else variables((stated.condition, stated.trigger))
+    subject = violation.name if violation and violation.kind is ViolationKind.LOST_UPDATE else ""
+    begun = steps[0].configuration if steps else trace.configurations[0]
+    table = _Table.of(names, begun, read, subject)
+    first = _first_told(steps)
+    told = steps[first:]
+    before = steps[first - 1].configuration if first else None
+    moments = list(_moments(trace, table, told, before))
+    world = _world(system, table)
+    tracks = tracks_of(trace, told, steps) if tracked and told else []
+    places = partial(_place, frozenset(source.name for source in trace.sources.texts))
+    return Story(
+        format="koord-story",
+        version=1,
+        title=title or (violation.name if violation is not None else "a run"),
+        program=trace.sources.program.name,
+        about=str(trace.problem),
+        numbers=trace.numbers.value,
+        delta_s=float(system.delta_s),
+        texts=[StoryText(source.name, source.text) for source in trace.sources.texts],
+        kinds=[
+            StoryKind(agent.name, [StoryEvent(e.name, places(e.span)) for e in agent.events])
+            for agent in system.program.agents
+        ],
+        robots=list(system.kinds),
+        rows=[replace(row, start=text) for row, text in zip(table.rows, table.texts, strict=True)],
+        moments=moments or [_nothing()],
+        left_out=max(told[0].round, 0) if first else 0,
+        tracks=tracks,
+        loop=_loop(trace),
+        world=world,
+        ending=_ending(trace, told, _breaking(trace, tracks, told), places),
+    )
+
+
+# --- turns ----------------------------------------------------------------------------------------
+
+
+def _first_told(steps: Sequence[Step]) -> int:
+    """The first step that is told: the start, or the beginning of a late round."""
+    first = max(0, len(steps) - MOST_MOMENTS)
+    while 0 < first < len(steps) and steps[first].round == steps[first - 1].round:
+        first += 1
+    return first if first < len(steps) else 0
+
+
+def _nothing() -> Moment:
+    """The start of a run of which no step is legal."""
+    return Moment(0, "INIT", None, None, None, [], [], [], [], None)
+
+
+def _moments(
+    trace: Trace,
+    table: _Table,
+    steps: Iterable[Step],
+    before: Configuration[Constant] | None,
+) -> Iterator[Moment]:
+    """The steps as moments; the table's texts are those before the first one, at the end."""
+    told = {source.name for source in trace.sources.texts}
+    system, d = trace.system, trace.numbers.domain
+    opening = list(table.texts_of(before)) if before is not None else None
+    if opening is not None:
+        table.texts[:] = opening
+    start = list(table.texts)
+    for step in steps:
+        after = step.configuration
+        changes = list(table.changes(before, after))
+        if before is None and step.rule == "INIT":
+            start = list(table.texts)
+            changes = []
+        event = None
+        if step.event is not None and step.robot is not None:
+            names = [e.name for e in system.agent(step.robot).events]
+            event = names.index(step.event)
+        blocked = None
+        if step.rule == "SKIP" and before is not None and before.taken:
+            assert step.robot is not None
+            open_ = able_in(system, before, step.robot, d).events
+            events = zip(system.agent(step.robot).events, open_, strict=False)
+            blocked = next(
+                (e.name for e, is_open in events if is_open and e.lock_classes & before.taken), None
+            )
+        yield Moment(
+            round=step.round + 1,
+            rule=step.rule,
+            robot=step.robot,
+            event=event,
+            blocked=blocked,
+            changes=changes,
+            positions=list(table.positions(before, after)),
+            output=[f"{w.stream} << {show_output(w.values, w.types)}" for w in step.stepped.output],
+            broken=[
+                f"contract {contract.name} of robot {robot}"
+                for robot, contract in step.stepped.promises
+            ],
+            fault=_fault(after.fault, frozenset(told)),
+        )
+        before = after
+    table.texts[:] = start
+
+
+def _fault(fault: Fault | None, files: frozenset[str]) -> StoryFault | None:
+    if fault is None:
+        return None
+    return StoryFault(fault.kind.value, fault.robot, _place(files, fault.span), fault.detail)
+
+
+def _place(files: frozenset[str], span: Span) -> StoryPlace | None:
+    """A place in one of the texts; None for what stands in no text."""
+    if span == NOWHERE or is_whole_file(span) or span.file not in files:
+        return None
+    return StoryPlace(span.file, span.line, span.column, span.end_line, span.end_column)
+
+
+# --- rows -----------------------------------------------------------------------------------------
+
+
+class _Leaf(Struct, frozen=True):
+    """A row's part of a variable: its type, and the way to it."""
+
+    type: Type
+    path: tuple[int, ...]
+
+    def of(self, storage: Storage[Constant]) -> Storage[Constant]:
+        for position in self.path:
+            assert not isinstance(storage, Cell)
+            storage = storage.parts[position]
+        return storage
+
+
+class _Source(Struct, frozen=True):
+    """A variable with the number of its first row, and its leaves."""
+
+    home: core.Home
+    robot: int | None
+    slot: int
+    first: int
+    leaves: tuple[_Leaf, ...]
+
+    def of(self, configuration: Configuration[Constant]) -> Storage[Constant]:
+        match self.home:
+            case core.Home.ALLREAD:
+                return configuration.store.allread[self.slot]
+            case core.Home.ALLWRITE:
+                return configuration.store.allwrite[self.slot]
+            case core.Home.LOCAL:
+                assert self.robot is not None
+                return configuration.robots[self.robot].locals[self.slot]
+            case core.Home.PORT:
+                assert self.robot is not None
+                return configuration.robots[self.robot].ports[self.slot]
+            case core.Home.BOUND:
+                raise AssertionError("no configuration has bound variables")
+        assert_never(self.home)
+
+
+class _Table(Struct):
+    """The rows of a story: all variables, with the values that they have at present."""
+
+    rows: list[StoryRow]
+    types: list[Type | None]
+    sources: list[_Source]
+    texts: list[str]
+    statuses: dict[int, int]  #: the rows of robots' statuses
+
+    @staticmethod
+    def of(
+        names: Names,
+        first: Configuration[Constant],
+        read: frozenset[core.Variable],
+        subject: str,
+    ) -> _Table:
+        """The rows of a system; ``read`` are variables that the claim reads."""
+        table = _Table([], [], [], [], {})
+        asked = {(v.home, v.name) for v in read} | {(core.Home.ALLWRITE, subject)}
+        system = names.system
+        for slot, one in enumerate(names.allwrite):
+            variable = system.program.allwrite[slot].variable
+            is_read = (core.Home.ALLWRITE, variable.name) in asked
+            table.add(one, core.Home.ALLWRITE, "allwrite", None, first, is_read=is_read)
+        for slot, one in enumerate(names.allread):
+            variable = system.program.allread[slot].variable
+            is_read = (core.Home.ALLREAD, variable.name) in asked
+            table.add(one, core.Home.ALLREAD, "allread", None, first, is_read=is_read)
+        for robot in range(system.robots):
+            own, agent = names.of(robot), system.agent(robot)
+            for one, declaration in zip(own.locals, agent.locals, strict=True):
+                is_read = (core.Home.LOCAL, declaration.variable.name) in asked
+                table.add(one, core.Home.LOCAL, "local", robot, first, is_read=is_read)
+            for one, port in zip(own.ports, agent.ports, strict=True):
+                is_read = (core.Home.PORT, port.declaration.variable.name) in asked
+                home: Home = "sensor" if port.direction is core.Direction.SENSOR else "actuator"
+                table.add(one, core.Home.PORT, home, robot, first, is_read=is_read)
+            table.statuses[robot] = len(table.rows)
+            table.rows.append(StoryRow("status", "status", robot, "", is_read=False))
+            table.types.append(None)
+        table.texts = list(table.texts_of(first))
+        return table
+
+    def add(
+        self,
+        named: Named,
+        home: core.Home,
+        shown: Home,
+        robot: int | None,
+        first: Configuration[Constant],
+        *,
+        is_read: bool,
+    ) -> None:
+        """Add the rows of a variable."""
+        at = len(self.rows)
+        slot = named.slot
+        source = _Source(home, robot, slot, at, ())
+        leaves = list(_leaves(named.name, named.type, source.of(first), ()))
+        self.sources.append(replace(source, leaves=tuple(leaf for _, leaf in leaves)))
+        for name, leaf in leaves:
+            self.rows.append(StoryRow(name, shown, robot, "", is_read))
+            self.types.append(leaf.type)
+
+    def texts_of(self, configuration: Configuration[Constant]) -> list[str]:
+        """The values of all rows."""
+        found = [""] * len(self.rows)
+        for source in self.sources:
+            storage = source.of(configuration)
+            for k, leaf in enumerate(source.leaves):
+                found[source.first + k] = show_storage(leaf.of(storage), leaf.type)
+        for robot, row in self.statuses.items():
+            found[row] = _status(configuration, robot)
+        return found
+
+    def changes(
+        self, before: Configuration[Constant] | None, after: Configuration[Constant]
+    ) -> Iterator[NewValue]:
+        """The rows whose values are others than at present, which they become."""
+        for source in self.sources:
+            storage = source.of(after)
+            old = None if before is None else source.of(before)
+            if storage is old:
+                continue
+            for k, leaf in enumerate(source.leaves):
+                here = leaf.of(storage)
+                if old is not None and leaf.of(old) is here:
+                    continue
+                yield from self._new(source.first + k, show_storage(here, leaf.type))
+        for robot, row in self.statuses.items():
+            yield from self._new(row, _status(after, robot))
+
+    def _new(self, row: int, text: str) -> Iterator[NewValue]:
+        if self.texts[row] != text:
+            self.texts[row] = text
+            yield NewValue(row, text)
+
+    def positions(
+        self, before: Configuration[Constant] | None, after: Configuration[Constant]
+    ) -> Iterator[Position]:
+        """The ports of type ``pos`` that are others than before, in metres."""
+        for source in self.sources:
+            if source.home is not core.Home.PORT:
+                continue
+            storage = source.of(after)
+            if before is not None and source.of(before) is storage:
+                continue
+            for k, leaf in enumerate(source.leaves):
+                place = _coordinates(leaf.of(storage)) if leaf.type == POS else None
+                if place is not None:
+                    yield Position(source.first + k, *place)
+
+
+def _leaves(
+    name: str, type_: Type, storage: Storage[Constant], path: tuple[int, ...]
+) -> Iterator[tuple[str, _Leaf]]:
+    """The parts of a variable that have rows of their own: places and lists are one."""
+    if isinstance(storage, Cell) or type_ == POS or not 0 < len(storage.parts) <= _MOST_PARTS:
+        yield name, _Leaf(type_, path)
+        return
+    types = part_types(type_, len(storage.parts))
+    for position, (part_type, part) in enumerate(zip(types, storage.parts, strict=True)):
+        below = f"{name}[{position}]"
+        if isinstance(type_, RecordType):
+            below = f"{name}.{type_.fields[position][0]}"
+        yield from _leaves(below, part_type, part, (*path, position))
+
+
+def _coordinates(storage: Storage[Constant]) -> tuple[float, float, float] | None:
+    """The coordinates of a place, None where one of them is not set."""
+    if isinstance(storage, Cell):
+        value = storage.value
+        if not storage.is_set or not isinstance(value, Rec):
+            return None
+        x, y, z = (float(part) for part in value.fields if isinstance(part, Constant))
+        return x, y, z
+    parts = [part for part in storage.parts if isinstance(part, Cell) and part.is_set]
+    if len(parts) != len(storage.parts):
+        return None
+    x, y, z = (float(part.value) for part in parts if isinstance(part.value, Constant))
+    return x, y, z
+
+
+def _status(configuration: Configuration[Constant], robot: int) -> str:
+    status = configuration.robots[robot].status
+    assert isinstance(status, int)
+    return Status(status).name.lower()
+
+
+# --- the world ------------------------------------------------------------------------------------
+
+
+def _world(system: System, table: _Table) -> StoryWorld | None:
+    """Where robots are and want to be; None if no robot has a sensor that tells it."""
+    robots: list[int | None] = []
+    targets: list[int | None] = []
+    for robot in range(system.robots):
+        places = {"sensor": list[int](), "actuator": list[int]()}
+        for row, (one, type_) in enumerate(zip(table.rows, table.types, strict=True)):
+            if one.robot == robot and type_ == POS and one.home in places:
+                places[one.home].append(row)
+        named = [
+            row
+            for row in places["sensor"]
+            if table.rows[row].name.rpartition(".")[2].lower() in _PLACES
+        ]
+        robots.append(next(iter(named or places["sensor"]), None))
+        targets.append(next(iter(places["actuator"]), None))
+    if all(row is None for row in robots):
+        return None
+    return StoryWorld(robots, targets)
+
+
+# --- the end --------------------------------------------------------------------------------------
+
+
+def _loop(trace: Trace) -> StoryLoop | None:
+    first = trace.recording.loop
+    if first is None:
+        return None
+    return StoryLoop(first + 1, len(trace.recording.rounds), [], [], [])
+
+
+def _breaking(trace: Trace, tracks: Sequence[Track], told: Sequence[Step]) -> int:
+    """The turn that breaks what is claimed: the first after which it does not hold, or the last."""
+    if trace.recording.loop is None and tracks and False in tracks[0].truth:
+        return tracks[0].truth.index(False)
+    return max(0, len(told) - 1)
+
+
+def _ending(
+    trace: Trace, told: Sequence[Step], moment: int, places: Callable[[Span], StoryPlace | None]
+) -> StoryEnding:
+    """The end of a legal trace: a fault, a violation, a loop, or just its last round."""
+    done = StoryEnding("done", "the run ends here", moment, "", "", None, None, "", "", [], [])
+    if not told:
+        return done
+    last, violation, fault = told[moment], trace.violation, told[-1].configuration.fault
+    rounds = len(trace.recording.rounds)
+    if fault is not None:
+        whose = "" if fault.robot is None else f" of robot {fault.robot}"
+        return replace(
+            done,
+            kind="fault",
+            headline=f"fault{whose}: {fault.kind.value}, {when(told[-1])}",
+            moment=len(told) - 1,
+            detail=fault.detail,
+            rule="FAULT",
+            place=places(fault.span),
+            robot=fault.robot,
+        )
+    if trace.recording.loop is not None:
+        stated = stated_in(trace)
+        first = trace.recording.loop + 1
+        which = (
+            f"round {first} repeats" if first == rounds else f"rounds {first} to {rounds} repeat"
+        )
+        named = "" if stated is None else f"{stated.name} is broken: "
+        return replace(
+            done,
+            kind="loop",
+            headline=f"{named}{which} for ever",
+            rule="" if stated is None else _live_rule(stated),
+            place=None if stated is None else places(stated.span),
+        )
+    if violation is not None:
+        return replace(
+            done,
+            kind="violated",
+            headline=f"{_broken(violation)}, {when(last)}",
+            rule=_RULES[violation.kind],
+            place=_place_of(trace, violation, places),
+            robot=violation.robot,
+        )
+    if last.round != BEFORE_ROUNDS:
+        return replace(done, headline=f"the run ends {when(last)}")
+    return done
+
+
+def _broken(violation: Violation) -> str:
+    match violation.kind:
+        case ViolationKind.PROPERTY:
+            return f"{violation.name} does not hold"
+        case ViolationKind.CONTRACT:
+            return f"contract {violation.name} of robot {violation.robot} is broken"
+        case ViolationKind.LOST_UPDATE:
+            return f"an update of {violation.name} is lost"
+    assert_never(violation.kind)
+
+
+_RULES = {
+    ViolationKind.PROPERTY: "PROP-INVARIANT",
+    ViolationKind.CONTRACT: "PROP-CONTRACT",
+    ViolationKind.LOST_UPDATE: "LOST-UPDATE",
+}
+
+
+def _live_rule(stated: core.Property) -> str:
+    return "PROP-EVENTUALLY" if stated.trigger is None else "PROP-LEADS-TO"
+
+
+def when(step: Step) -> str:
+    """The end of a step in words."""
+    if step.round == BEFORE_ROUNDS:
+        return "at the start"
+    number = step.round + 1
+    if step.robot is None:
+        return f"at the end of round {number}"
+    did = "skips" if step.event is None else f"runs {step.event}"
+    return f"in round {number}, as robot {step.robot} {did}"
+
+
+def _place_of(
+    trace: Trace, violation: Violation, places: Callable[[Span], StoryPlace | None]
+) -> StoryPlace | None:
+    program = trace.system.program
+    if violation.kind is ViolationKind.LOST_UPDATE:
+        spans = [d.span for d in program.allwrite if d.variable.name == violation.name]
+    elif violation.kind is ViolationKind.PROPERTY:
+        spans = [p.span for p in program.properties if p.name == violation.name]
+    else:
+        contracts = (c for a in program.agents for m in a.modules for c in m.contracts)
+        spans = [c.span for c in contracts if c.name == violation.name]
+    return next(iter(map(places, spans)), None)
