@@ -32,6 +32,8 @@ _SCRIPTS = (
     "crowd",
     "map",
     "timeline",
+    "plot",
+    "journal",
     "panels",
     "hands",
     "main",

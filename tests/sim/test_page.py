@@ -291,7 +291,7 @@ def test_variables_are_those_of_the_round(opened: Tab) -> None:
 
 @in_a_browser
 def test_every_tab_and_layer_can_be_shown_light_and_dark(opened: Tab) -> None:
-    for name in ("Shared", "Log", "Program", "Robot"):
+    for name in ("Shared", "Plot", "Log", "Program", "Robot"):
         opened.ask(f"page.panels.show('{name}')")
         assert shown_text(opened, "pane")
     opened.ask("[...byId('layers').children].forEach((button) => button.click())")
@@ -306,6 +306,115 @@ def test_every_tab_and_layer_can_be_shown_light_and_dark(opened: Tab) -> None:
     light = opened.ask("theme('--panel')")
     opened.press("d")
     assert opened.ask("theme('--panel')") != light
+
+
+@in_a_browser
+def test_rounds_count_as_verify_counts_them(opened: Tab) -> None:
+    for time_s, words in ((0.0, "round 1"), (0.95, "round 10"), (9.95, "round 100")):
+        opened.ask(f"page.seek({time_s})")
+        assert shown_text(opened, "clock").endswith(words)
+    opened.press("End")
+    assert shown_text(opened, "clock").endswith("after round 100")
+
+
+@in_a_browser
+def test_a_violation_that_is_told_in_both_orders_counts_once(tab: Tab, tmp_path: Path) -> None:
+    recorder = RunLogger(header(3))
+    recorder.sample(0.0, np.zeros((3, 3)), np.zeros(3))
+    recorder.round(0, 0.0, np.full(3, -1, np.int16))
+    for robots in ((0, 2), (2, 0), (0, 1)):
+        recorder.violation(0.0, "invariant Apart", "at a.krd:1:1", robots)
+    recorder.violation(0.1, "invariant Apart", "at a.krd:1:1", (0, 2))
+    path = tmp_path / "twice.html"
+    path.write_bytes(page_of(recorder.recording))
+    tab.open(path.as_uri())
+    assert tab.ask("page.run.violations.map((one) => one.robots)") == [[0, 2], [0, 1], [0, 2]]
+    assert "▲ 3" in shown_text(tab, "violations")
+
+
+@in_a_browser
+def test_variables_are_drawn_over_time(opened: Tab) -> None:
+    opened.ask("page.choose(0), page.panels.show('Plot')")
+    plot = "page.panels.plot"
+    names = opened.ask(f"{plot}.choices.map((one) => one.name)")
+    assert names == ["speed", "speed in m/s", "x in m", "y in m", "height in m"]
+    opened.ask("page.seek(4)")
+    assert "speed of robot 0 at 0:04.0: 20" in shown_text(opened, "pane")
+    points = opened.ask(f"{plot}.points({plot}.choices[0].series[0])")
+    assert points[0] == [0, 0]
+    assert points[-1] == [10, 50]
+    assert [p for p in points if abs(p[0] - 4) < 1e-9][-1] == [4, 20]
+    opened.ask(f"{plot}.select.value = '2', {plot}.select.dispatchEvent(new Event('change'))")
+    assert "x in m of robot 0" in shown_text(opened, "pane")
+    colours = opened.ask(
+        f"new Set(new Uint32Array({plot}.canvas.getContext('2d').getImageData(0, 0, 300, 190)"
+        ".data.buffer)).size"
+    )
+    assert colours > 5
+
+
+@in_a_browser
+def test_the_log_lists_what_is_asked_for(opened: Tab) -> None:
+    opened.ask("page.panels.show('Log')")
+    before = opened.ask("page.panels.journal.found.length")
+    opened.ask("document.querySelector('[data-kind=event]').click()")
+    events = opened.ask("page.panels.journal.found.filter((one) => one.deed >= 0).length")
+    assert events == opened.ask("page.run.deeds.slice(0, 303).filter((deed) => deed >= 0).length")
+    assert opened.ask("page.panels.journal.found.length") == before + events
+    opened.ask("page.choose(1), page.panels.journal.mine.click()")
+    assert set(opened.ask("page.panels.journal.found.map((one) => one.robot ?? 1)")) <= {0, 1}
+    opened.ask(
+        "page.panels.journal.search.value = 'slow',"
+        "page.panels.journal.search.dispatchEvent(new Event('input'))"
+    )
+    assert opened.ask("page.panels.journal.found.length") == 2
+    opened.ask("document.querySelector('.log button').click()")
+    assert opened.ask("page.time") == pytest.approx(3.05)
+
+
+@in_a_browser
+def test_a_robot_under_the_mouse_is_told_of(opened: Tab) -> None:
+    opened.ask("page.seek(2), new Promise((done) => requestAnimationFrame(done))")
+    x, y = opened.ask(
+        "(({x, y}) => [x + page.map.x(page.map.now[4]), y + page.map.y(page.map.now[5])])"
+        "(byId('map').getBoundingClientRect())"
+    )
+    opened.call("Input.dispatchMouseEvent", type="mouseMoved", x=x, y=y)
+    assert shown_text(opened, "tip").startswith("robot 1 · drone · ")
+    assert opened.ask("byId('tip').hidden") is False
+
+
+@in_a_browser
+def test_on_narrow_screens_the_time_is_always_in_sight(opened: Tab) -> None:
+    size = {"height": 844, "deviceScaleFactor": 1, "mobile": False}
+    try:
+        opened.call("Emulation.setDeviceMetricsOverride", width=390, **size)
+        shown_text(opened, "clock")
+        for scroll in (0, 400, 10_000):
+            opened.ask(f"window.scrollTo(0, {scroll})")
+            for name in ("play", "timeline"):
+                top, bottom = opened.ask(
+                    f"(({{top, bottom}}) => [top, bottom])(byId('{name}').getBoundingClientRect())"
+                )
+                assert 0 <= top < bottom <= 844
+        assert opened.ask("document.documentElement.scrollWidth") <= 390
+    finally:
+        opened.call("Emulation.setDeviceMetricsOverride", width=1400, **{**size, "height": 900})
+
+
+@in_a_browser
+def test_events_of_other_names_look_otherwise(tab: Tab, tmp_path: Path) -> None:
+    kinds = (LoggedAgent("A", ("Go", "Wait"), ()), LoggedAgent("B", ("Wait", "Land"), ()))
+    two = replace(header(2), agents=kinds)
+    two = replace(two, robots=(two.robots[0], replace(two.robots[1], agent=1)))
+    recorder = RunLogger(two)
+    recorder.sample(0.0, np.zeros((2, 3)), np.zeros(2))
+    recorder.round(0, 0.0, np.array([1, 0], np.int16))
+    path = tmp_path / "kinds.html"
+    path.write_bytes(page_of(recorder.recording))
+    tab.open(path.as_uri())
+    looks = tab.ask("[[0, 0], [0, 1], [1, 0], [1, 1]].map(([r, d]) => page.run.lookOf(r, d))")
+    assert looks == [0, 1, 1, 2]
 
 
 @in_a_browser

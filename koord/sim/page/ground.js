@@ -49,6 +49,7 @@ class Ground {
     pen.beginPath();
     pen.rect(0, 0, this.view.width, this.view.planHeight);
     pen.clip();
+    this.paintAround(pen);
     pen.fillStyle = theme("--arena");
     pen.fillRect(x0, y0, w, h);
     this.paintGrid(pen);
@@ -77,10 +78,36 @@ class Ground {
     pen.restore();
   }
 
-  paintGrid(pen) {
-    const { low, high } = this.run.header.world;
+  /** How many metres lie between two lines of the grid. */
+  get step() {
     let step = 1;
     while (step * this.view.scale < 28) step *= step === 2 || step === 20 || step === 200 ? 2.5 : 2;
+    return step;
+  }
+
+  /** The grid goes on around the arena, so that distances can be read in all of the pane. */
+  paintAround(pen) {
+    const { view, step } = this, { low } = this.run.header.world;
+    const first = (from, at) => at + step * view.scale * Math.ceil((from - at) / (step * view.scale));
+    pen.strokeStyle = theme("--line");
+    pen.globalAlpha = 0.55;
+    pen.lineWidth = 1;
+    pen.beginPath();
+    const along = view.x(Math.ceil(low[0] / step) * step), across = view.y(Math.ceil(low[1] / step) * step);
+    for (let x = first(0, along); x <= view.width; x += step * view.scale) {
+      pen.moveTo(Math.round(x) + 0.5, 0);
+      pen.lineTo(Math.round(x) + 0.5, view.planHeight);
+    }
+    for (let y = first(0, across); y <= view.planHeight; y += step * view.scale) {
+      pen.moveTo(0, Math.round(y) + 0.5);
+      pen.lineTo(view.width, Math.round(y) + 0.5);
+    }
+    pen.stroke();
+    pen.globalAlpha = 1;
+  }
+
+  paintGrid(pen) {
+    const { step } = this, { low, high } = this.run.header.world;
     pen.strokeStyle = theme("--grid");
     pen.fillStyle = theme("--faint");
     pen.lineWidth = 1;

@@ -48,7 +48,10 @@ function listenToMap(page, canvas) {
     canvas.setPointerCapture(event.pointerId);
   });
   canvas.addEventListener("pointermove", (event) => {
-    if (!from) return;
+    if (!from) {
+      point(page, canvas, event);
+      return;
+    }
     const dx = event.clientX - from.clientX, dy = event.clientY - from.clientY;
     moved += Math.abs(dx) + Math.abs(dy);
     if (moved < 4) return;
@@ -66,6 +69,7 @@ function listenToMap(page, canvas) {
     }
     from = null;
   });
+  canvas.addEventListener("pointerleave", () => { byId("tip").hidden = true; });
   canvas.addEventListener("wheel", (event) => {
     event.preventDefault();
     const box = canvas.getBoundingClientRect();
@@ -73,6 +77,20 @@ function listenToMap(page, canvas) {
     page.redraw();
   }, { passive: false });
   canvas.addEventListener("dblclick", () => { page.map.fit(); page.redraw(); });
+}
+
+/** What is under the mouse: a robot with what it does, or a task. */
+function point(page, canvas, event) {
+  const box = canvas.getBoundingClientRect(), tip = byId("tip");
+  const x = event.clientX - box.left, y = event.clientY - box.top;
+  const words = page.map.wordsAt(x, y, page.time);
+  canvas.style.cursor = words && page.map.robotAt(x, y) >= 0 ? "pointer" : "";
+  tip.hidden = !words;
+  if (!words) return;
+  tip.textContent = words;
+  tip.style.bottom = "auto";
+  tip.style.top = `${y > 60 ? y - 34 : y + 22}px`;
+  tip.style.left = `${Math.min(Math.max(x - 60, 6), Math.max(6, box.width - tip.offsetWidth - 6))}px`;
 }
 
 function listenToTimeline(page, box) {
@@ -97,6 +115,7 @@ function listenToTimeline(page, box) {
     tip.hidden = x < LANE_LEFT;
     tip.textContent = page.timeline.wordsAt(x, y);
     tip.style.left = `${Math.min(Math.max(event.clientX - stage.left - 40, 6), stage.width - 200)}px`;
+    tip.style.top = "auto";
     tip.style.bottom = "6px";
   });
   box.addEventListener("pointerup", () => { isDragging = false; });

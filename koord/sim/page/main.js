@@ -141,14 +141,14 @@ class Page {
   }
 
   paintClock() {
-    const { run, round } = this, number = run.rounds ? run.roundNumbers[round] : 0;
-    const words = `<b>${clock(this.time)}</b> / ${clock(run.duration)} · round ${Math.max(number, 0)}`;
+    const { run, round } = this, told = roundWords(run, round);
+    const words = `<b>${clock(this.time)}</b> / ${clock(run.duration)} · ${told}`;
     if (words === this.clock) return; // a frame need not change the document
     byId("clock").innerHTML = this.clock = words;
     const box = byId("timeline");
     box.setAttribute("aria-valuenow", this.time.toFixed(1));
     box.setAttribute("aria-valuemax", run.duration.toFixed(1));
-    box.setAttribute("aria-valuetext", `${this.time.toFixed(1)} seconds, round ${Math.max(number, 0)}`);
+    box.setAttribute("aria-valuetext", `${this.time.toFixed(1)} seconds, ${told}`);
   }
 
   paintPlay() {
@@ -164,6 +164,7 @@ class Page {
     const near = this.run.violations.filter((one) => one.time <= this.time + 1e-6 && this.time - one.time < 1.5);
     const still = this.run.still.filter((one) => one.time <= this.time + 1e-6 && this.time - one.time < 1.5);
     toast.hidden = !near.length && !still.length;
+    toast.style.bottom = `${8 + (this.map.shown.side ? SIDE_HEIGHT : 0)}px`;
     if (toast.hidden) return;
     if (!near.length) {
       const [one] = still.slice(-1);
@@ -205,7 +206,8 @@ class Page {
     byId("facts").replaceChildren(...facts.map(([kind, ...words]) => made("li", { class: kind || null }, ...words)));
     const jump = byId("violations");
     jump.hidden = run.violations.length === 0;
-    jump.textContent = `▲ ${run.violations.length} violation${run.violations.length > 1 ? "s" : ""}`;
+    jump.replaceChildren(`▲ ${run.violations.length}`, made("span", { class: "wide-only" }, ` violation${run.violations.length > 1 ? "s" : ""}`));
+    jump.setAttribute("aria-label", `${run.violations.length} violation${run.violations.length > 1 ? "s" : ""}: to the next one`);
     byId("map").setAttribute("aria-label",
       `${header.program}: ${run.count} robots in a world of ${metres(header.world.high[0] - header.world.low[0])} by ${metres(header.world.high[1] - header.world.low[1])}`);
   }
@@ -219,15 +221,17 @@ class Page {
         onclick: (event) => {
           this.map.shown[layer] = !this.map.shown[layer];
           event.currentTarget.setAttribute("aria-pressed", String(this.map.shown[layer]));
-          if (layer === "side" && this.map.isFitted) this.map.fit();
+          if (layer === "side") {
+            byId("stage").classList.toggle("sided", this.map.shown.side);
+            if (this.map.isFitted) this.map.fit();
+          }
           this.redraw();
         },
       }, name)));
   }
 
   fillEvents() {
-    const names = [...new Set(this.run.header.agents.flatMap((agent) => agent.events.map((name, k) => `${k} ${name}`)))];
-    const entries = names.map((name) => [Number(name.split(" ")[0]), name.slice(name.indexOf(" ") + 1)]);
+    const entries = this.run.eventNames.map((name, k) => [k, name]);
     entries.push([BLOCKED, "kept out by a lock"], [STOPPED, "stopped"]);
     byId("events").replaceChildren(...entries.map(([deed, name]) => {
       const swatch = made("canvas");
@@ -297,6 +301,7 @@ class Page {
   }
 
   resize() {
+    byId("stage").classList.toggle("sided", this.map.shown.side);
     this.timeline.resize();
     this.map.resize();
     this.redraw();

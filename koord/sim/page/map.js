@@ -85,6 +85,22 @@ class WorldMap {
     return best;
   }
 
+  /** What is at a point, in words; "" if there is nothing. */
+  wordsAt(x, y, time) {
+    const { run } = this, robot = this.robotAt(x, y);
+    if (robot >= 0) {
+      const [a, b, c] = this.now.subarray(4 * robot, 4 * robot + 3), about = run.robots[robot];
+      const place = `(${a.toFixed(2)}, ${b.toFixed(2)}${about.flies ? `, ${c.toFixed(2)}` : ""}) m`;
+      const did = deedOf(run, robot, run.roundAt(time)).words;
+      return `robot ${robot} · ${about.device} · ${did} · ${place} · ${run.speedOf(robot, time).toFixed(2)} m/s`;
+    }
+    const tasks = run.tasksAt(time);
+    const task = run.header.world.tasks.findIndex((place) => Math.hypot(this.x(place[0]) - x, this.y(place[1]) - y) < 10);
+    if (task < 0 || y > this.planHeight) return "";
+    const { state, robot: who } = tasks[task];
+    return `task ${task}: ${["open", `assigned to robot ${who}`, `done by robot ${who}`][state]}`;
+  }
+
   draw(time, chosen) {
     const { run } = this;
     const context = fitted(this.canvas, this.width, this.height);

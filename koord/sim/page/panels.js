@@ -2,7 +2,6 @@
 
 const CHIPS = 64; // more robots are chosen by number
 const ROWS = 40; // more elements of a variable are not listed
-const LOGGED = 400;
 
 class Panels {
   constructor(run, page) {
@@ -13,6 +12,8 @@ class Panels {
     this.tabs = byId("tabs");
     this.pane = byId("pane");
     this.lines = run.header.text.split("\n");
+    this.plot = new Plot(run, page);
+    this.journal = new Journal(run, page, () => this.draw());
     this.makeRobots();
     this.makeTabs();
   }
@@ -50,7 +51,7 @@ class Panels {
   }
 
   makeTabs() {
-    const names = ["Robot", "Shared", "Log", "Program"];
+    const names = ["Robot", "Shared", "Plot", "Log", "Program"];
     this.tabs.replaceChildren(...names.map((name) =>
       made("button", { role: "tab", id: `tab-${name}`, onclick: () => this.show(name) }, name)));
     this.show(this.tab);
@@ -78,8 +79,17 @@ class Panels {
       this.drawProgram();
       return;
     }
+    if (this.tab === "Plot") {
+      if (this.pane.firstChild !== this.plot.element) this.pane.replaceChildren(this.plot.element);
+      this.plot.draw();
+      return;
+    }
+    if (this.tab === "Log") {
+      this.journal.draw(this.pane);
+      return;
+    }
     const scrolled = this.pane.scrollTop;
-    const content = { Robot: () => this.robot(), Shared: () => this.sharedValues(), Log: () => this.log() }[this.tab]();
+    const content = { Robot: () => this.robot(), Shared: () => this.sharedValues() }[this.tab]();
     this.pane.replaceChildren(...content);
     this.pane.scrollTop = scrolled;
   }
@@ -92,7 +102,7 @@ class Panels {
     const about = run.robots[robot], deed = deedOf(run, robot, round);
     const at = run.posesAt(time, this.poses ??= new Float32Array(4 * run.count)).subarray(4 * robot, 4 * robot + 4);
     const badge = made("span", { class: `badge ${deed.kind}` }, deed.words);
-    if (deed.kind === "event") badge.style.background = theme(EVENT_COLOURS[deed.deed % EVENT_COLOURS.length]);
+    if (deed.kind === "event") badge.style.background = theme(EVENT_COLOURS[deed.look % EVENT_COLOURS.length]);
     const last = run.lastEvent(robot, round);
     const facts = [
       ["this round", badge],
@@ -185,32 +195,6 @@ class Panels {
     });
     const head = made("tr", {}, made("th", {}, "robot"), made("th", {}, `${variable.name} · ${typeOf(shape)}`));
     return made("table", { class: "table" }, made("thead", {}, head), made("tbody", {}, ...rows));
-  }
-
-  log() {
-    const { run, page } = this;
-    const entries = [
-      ...run.violations.map((one) =>
-        [one.time, made("span", {}, made("b", { class: "bad" }, `▲ ${one.claim}`), ` ${storyOf(run, one)}`), one.robots[0]]),
-      ...run.still.map((one) =>
-        [one.time, made("span", {}, made("b", { class: "bad" }, `■ robot ${one.robot} stands still`), ` ${stillStory(one)}`), one.robot]),
-      ...run.tasks.map((one) => [one.time,
-        one.state === DONE ? `task ${one.task} done by robot ${one.robot}` : `task ${one.task} assigned to robot ${one.robot}`, one.robot]),
-      ...run.said.map((one) => [one.time, `robot ${one.robot} ${one.stream}: ${one.text}`, one.robot]),
-    ];
-    if (run.ending) entries.push([run.duration, `the end: ${run.ending}`, undefined]);
-    if (!entries.length) return [made("p", { class: "quiet" }, "Nothing was said, no task was assigned, no claim was broken.")];
-    entries.sort((a, b) => a[0] - b[0]);
-    const items = entries.slice(0, LOGGED).map(([time, words, robot]) =>
-      made("li", {
-        class: time > page.time + 1e-6 ? "later" : null,
-        onclick: () => {
-          if (robot !== undefined) page.choose(robot);
-          page.seek(time);
-        },
-      }, made("time", {}, clock(time)), made("span", {}, words)));
-    const list = made("ul", { class: "log" }, ...items);
-    return entries.length > LOGGED ? [list, made("p", { class: "quiet" }, `… ${entries.length - LOGGED} more`)] : [list];
   }
 
   /** The text, with the event that the chosen robot runs. */

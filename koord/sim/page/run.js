@@ -27,8 +27,12 @@ class Run {
     this.said = [];
     this.tasks = [];
     this.violations = [];
+    this.counted = new Set(); // of violations, so that each is there once
     this.still = []; // robots that were seen to stand still
     this.ending = null;
+    const names = [...new Set(this.header.agents.flatMap((agent) => agent.events))];
+    this.eventNames = names;
+    this.looks = this.header.agents.map((agent) => agent.events.map((name) => names.indexOf(name)));
     this.append(pack);
   }
 
@@ -40,6 +44,10 @@ class Run {
       this.tasks.push({ time: time / 1000, task, state, robot });
     }
     for (const violation of pack.violations) {
+      // Of `forall i, j` both orders may be told: that is one violation.
+      const key = `${violation.claim}|${violation.time}|${[...violation.robots].sort((a, b) => a - b)}`;
+      if (this.counted.has(key)) continue;
+      this.counted.add(key);
       this.violations.push({ ...violation, time: violation.time / 1000 });
     }
     for (const [time, robot, since, words] of pack.still) {
@@ -214,6 +222,11 @@ class Run {
       if (change.time <= time + 1e-6 && found[change.task]) found[change.task] = change;
     }
     return found;
+  }
+
+  /** What a robot's event looks like: events of other names look otherwise, whatever the kind. */
+  lookOf(robot, deed) {
+    return deed < 0 ? deed : this.looks[this.robots[robot].agent][deed];
   }
 
   events(robot) {

@@ -17,12 +17,13 @@ class Timeline {
     const { run } = this, found = [["axis", 20]];
     if (run.violations.length) found.push(["violations", 16]);
     if (run.header.world.tasks.length) found.push(["tasks", 18]);
-    if (this.hasSeparations()) found.push(["separation", 32]);
-    if (run.count <= MOST_LANES) {
-      const height = run.count <= 6 ? 18 : run.count <= 12 ? 13 : 8;
+    if (this.hasSeparations()) found.push(["separation", window.innerWidth <= 900 ? 20 : 32]);
+    const isNarrow = window.innerWidth <= 900; // where the timeline is always in sight, it has to be low
+    if (run.count <= (isNarrow ? 8 : MOST_LANES)) {
+      const height = isNarrow ? 9 : run.count <= 6 ? 18 : run.count <= 12 ? 13 : 8;
       for (let robot = 0; robot < run.count; robot++) found.push(["robot", height, robot]);
     } else {
-      found.push(["all", 74], ["chosen", 20]);
+      found.push(["all", isNarrow ? 28 : 74], ["chosen", isNarrow ? 12 : 20]);
     }
     return found;
   }
@@ -130,7 +131,7 @@ class Timeline {
   /** How near the two nearest robots are; the dashed line is the safety distance. */
   paint_separation(pen, top, height) {
     const { run } = this, safety = run.header.safety;
-    this.name(pen, "apart", top, safety ? height - 12 : height);
+    this.name(pen, "apart", top, safety && height > 24 ? height - 12 : height);
     const room = Math.max(1, Math.floor(this.width - LANE_LEFT - LANE_RIGHT));
     const least = new Float32Array(room + 1).fill(Infinity);
     for (let k = 0; k < run.samples; k++) {
@@ -160,7 +161,7 @@ class Timeline {
     pen.font = "10px system-ui, sans-serif";
     pen.textAlign = "right";
     pen.fillStyle = theme("--bad");
-    pen.fillText(`safe: ${safety.toFixed(2)} m`, LANE_LEFT - 8, top + height - 4);
+    if (height > 24) pen.fillText(`safe: ${safety.toFixed(2)} m`, LANE_LEFT - 8, top + height - 4);
   }
 
   paint_robot(pen, top, height, robot, chosen) {
@@ -192,7 +193,7 @@ class Timeline {
         while (end + 1 < run.rounds && run.deed(robot, end + 1) === deed) end++;
         if (deed !== SKIPPED && deed >= 0 === events && run.roundNumbers[end] >= 0) {
           const x = this.x(run.roundTimes[k]);
-          drawDeed(pen, deed, x, Math.max(this.x(next(end)) - x, events ? 2 : 1), top + 1, height - 2);
+          drawDeed(pen, run.lookOf(robot, deed), x, Math.max(this.x(next(end)) - x, events ? 2 : 1), top + 1, height - 2);
         }
         k = end + 1;
       }
@@ -211,7 +212,7 @@ class Timeline {
       rounds[column]++;
       for (let robot = 0; robot < run.count; robot++) {
         const deed = run.deed(robot, k);
-        if (deed >= 0) counts[column * kinds + (deed % EVENT_COLOURS.length)]++;
+        if (deed >= 0) counts[column * kinds + (run.lookOf(robot, deed) % EVENT_COLOURS.length)]++;
         else if (deed === BLOCKED) counts[column * kinds + kinds - 2]++;
         else if (deed === STOPPED) counts[column * kinds + kinds - 1]++;
       }

@@ -1,7 +1,7 @@
 // Words, numbers, colours and shapes: what things are called and look like.
 
 const HUES = ["--r0", "--r1", "--r2", "--r3", "--r4", "--r5", "--r6", "--r7"];
-const EVENT_COLOURS = ["--e0", "--e1", "--e2", "--e3", "--e4", "--e5"];
+const EVENT_COLOURS = ["--e0", "--e1", "--e2", "--e3", "--e4", "--e5", "--e6", "--e7", "--e8", "--e9"];
 // Where a bar of an event stands in its lane: so events differ without colour too.
 const EVENT_BARS = [[0, 1], [0.5, 1], [0, 0.5], [0.28, 0.72], [0.7, 1], [0, 0.3]];
 
@@ -70,7 +70,7 @@ function isPlace(shape) {
 /** What a robot did in a round, in words. */
 function deedOf(run, robot, round) {
   const deed = run.deed(robot, round);
-  if (deed >= 0) return { words: run.events(robot)[deed], kind: "event", deed };
+  if (deed >= 0) return { words: run.events(robot)[deed], kind: "event", deed, look: run.lookOf(robot, deed) };
   if (deed === BLOCKED) return { words: "kept out by a lock", kind: "blocked", deed };
   if (deed === STOPPED) return { words: "stopped", kind: "stopped", deed };
   return { words: "skipped", kind: "skipped", deed };
@@ -81,6 +81,14 @@ function storyOf(run, violation) {
   const whose = violation.robots.length ? `robot${violation.robots.length > 1 ? "s" : ""} ${violation.robots.join(" and ")}` : "";
   const words = violation.words.replace(run.header.program, shortName(run.header.program));
   return [whose, words].filter(Boolean).join(": ");
+}
+
+/** A round as `koord verify` counts them: from 1. What is recorded last may be the end of the last one. */
+function roundWords(run, round) {
+  const number = run.rounds ? run.roundNumbers[round] : -1;
+  if (number < 0) return "the start";
+  const isEnd = run.ending !== null && round === run.rounds - 1 && number > 0 && run.roundTimes[round] >= run.duration - 1e-6;
+  return isEnd ? `after round ${number}` : `round ${number + 1}`;
 }
 
 /** Since when a robot stands still, and why. */
