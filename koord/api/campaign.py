@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing
 from itertools import takewhile
 from os import PathLike
@@ -21,7 +20,6 @@ from koord.api.campaign_figures import (
     alpha_of,
     interval,
     looks,
-    mean_and_reach,
     mean_words,
     settled,
     until_of,
@@ -30,7 +28,7 @@ from koord.api.campaign_runs import Order, Row, RunFile
 from koord.api.campaign_workers import rows_of
 from koord.api.files import check_writable, file_name, same_file
 from koord.api.fitting import Configurable, FitRequest, fit, fit_request, seeded
-from koord.api.pictures import check_drawable, keep_figure
+from koord.api.pictures import check_drawable
 from koord.api.programs import Loadable, Value, exact
 from koord.api.progress import Cancellation, Listener, Progress, asker, heard_by
 from koord.api.results import ArgumentError, Result, html_table
@@ -283,7 +281,12 @@ def make_campaign(
         until=request.until,
     )
     if request.plot is not None and rows:
-        _draw(request.plot, found)
+        from koord.api.campaign_pictures import CampaignFigure, draw_campaign
+
+        draw_campaign(
+            request.plot,
+            CampaignFigure(found.program + found.common(), found.swept, found.groups()),
+        )
     return found
 
 
@@ -357,40 +360,3 @@ def _robots(value: ParamValue) -> int:
         story = f"robots must be from 1 to {MOST_ROBOTS}, not {literal(value)}"
         raise ArgumentError("sweep", story)
     return value
-
-
-# --- figures --------------------------------------------------------------------------------------
-
-
-def _draw(path: str, campaign: Campaign) -> None:
-    """Plot means and intervals of times, distances and separations. Raises KoordError."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(9, 3.2), layout="constrained")
-    axes = figure.subplots(1, 3)
-    groups = campaign.groups()
-    labels = list(groups)
-    places = list(range(len(labels)))
-    shown: list[tuple[str, Callable[[Row], float | None]]] = [
-        ("time in s", lambda row: row.taken_s),
-        ("distance in m", lambda row: row.distance_m),
-        ("least separation in m", lambda row: row.separation_m),
-    ]
-    for axis, (label, value) in zip(axes, shown, strict=True):
-        for place, group in zip(places, groups.values(), strict=True):
-            values = [number for row in group if (number := value(row)) is not None]
-            if not values:
-                continue
-            mean, reach = mean_and_reach(values)
-            axis.plot([place] * len(values), values, ".", color="0.75", zorder=1)
-            yerr = None if math.isnan(reach) else reach
-            axis.errorbar(place, mean, yerr=yerr, fmt="o", color="C0", capsize=4, zorder=2)
-        axis.set(xlabel=campaign.swept, ylabel=label, xticks=places)
-        axis.set_xticklabels(labels)
-        axis.grid(visible=True, alpha=0.3)
-    safety = {row.safety_m for row in campaign.runs}
-    if len(safety) == 1:
-        axes[2].axhline(*safety, color="C3", linestyle="--", label="safe")
-        axes[2].legend()
-    figure.suptitle(f"{campaign.program}{campaign.common()}", wrap=True, parse_math=False)
-    keep_figure(path, figure)

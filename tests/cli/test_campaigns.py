@@ -13,11 +13,14 @@ from pathlib import Path
 
 import pytest
 from jsonschema import validate
+from msgspec.structs import replace
 
 from koord.api.campaign_figures import mean_and_reach
+from koord.api.campaign_pictures import finished
 from koord.api.documents import schema
 from koord.cli.exits import Exit
 from koord.cli.main import main
+from tests.api.test_campaign_figures import PLAIN
 from tests.api.test_splitting import COIN, ONE
 from tests.clusters import worker_of_this_process
 
@@ -100,6 +103,22 @@ def test_a_campaign_is_drawn(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     first = picture.read_bytes()
     assert b"<svg" in first
     assert b"height" in first
+
+
+def test_runs_of_one_value_are_drawn_as_they_are_distributed(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    picture = tmp_path / "runs.svg"
+    assert main(["sim", *PATH, "--runs", "3", "--plot", str(picture)]) == Exit.OK
+    first = picture.read_text("utf-8")
+    for words in ("done: 3 of 3 runs", "how they ended", "distance of all robots"):
+        assert f"<!-- {words}" in first
+
+
+def test_the_share_of_runs_that_are_done_counts_all_runs() -> None:
+    done = replace(PLAIN, tasks=2, tasks_done=2, ending="stopped")
+    rows = [replace(done, seed=k, tasks_s=time_s) for k, time_s in enumerate((4.0, 2.0, 3.0))]
+    rows.append(replace(done, seed=3, tasks_done=1, tasks_s=None))
+    assert finished(rows) == [(0.0, 0.0), (2.0, 0.25), (3.0, 0.5), (4.0, 0.75)]
 
 
 def test_intervals_are_those_of_students_t() -> None:
