@@ -190,6 +190,27 @@ def test_who_finds_a_lock_taken_is_told() -> None:
     assert all(m.output[0].startswith("stdout << at ") for m in rested)
 
 
+def test_who_can_run_nothing_is_not_told_to_wait_for_a_lock() -> None:
+    text = RACE.partition("Rest:")[0]
+    late = 0
+    for seed in range(4):
+        run = koord.run(Source("race.krd", text), robots=3, rounds=3, policy="random", seed=seed)
+        done: set[int] = set()
+        taken = -1  # the round in which somebody had the lock last
+        for moment in story.story_of(run.trace.recorded).moments:
+            if moment.robot is None:
+                continue
+            if moment.event is not None:
+                done.add(moment.robot)
+                taken = moment.round
+            elif moment.robot in done:
+                late += taken == moment.round
+                assert moment.blocked is None
+            else:
+                assert moment.blocked == ("Add" if taken == moment.round else None)
+    assert late > 0
+
+
 def test_statements_about_ends_of_rounds_are_asked_there_only() -> None:
     told = story.story_of(counterexample("Odd"))
     (track,) = told.tracks
