@@ -73,7 +73,7 @@ def reached(
     """
     rng = Random(seed)
     sampler = (_Hasty if hasty else Sampler)(system, Numbers.EXACT, rng)
-    run = Run(system, Numbers.EXACT, SampledInputs(sampler), code)
+    run = Run(system, Numbers.EXACT, SampledInputs(sampler), code, kept=False)
     seen: dict[Hashable, Configuration[Constant]] = {}
     crossings: list[Crossing] = []
     known: dict[Hashable, Crossing] = {}

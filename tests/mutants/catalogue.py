@@ -527,6 +527,13 @@ VERIFY = (
         (RACES,),
     ),
     Mutant(
+        "who has not seen all configurations is asked first",
+        "verify.strategy.verification._Asking._is_wanted",
+        "has_ended or not row.ended",
+        "True",
+        (RACES,),
+    ),
+    Mutant(
         "proofs of what is violated are waited for",
         "verify.strategy.race.RaceTurn._is_hopeless",
         "bool(broken) and self.wanted(probe)",

@@ -483,4 +483,11 @@ EVERY_N = (
         "ledger.seed",
         (SEARCH,),
     ),
+    Mutant(
+        "every N: lemmas are looked for in haste where proofs cover nothing",
+        "verify.engines.every_n.engine.EveryNEngine.suits",
+        "hasty and any(reason.startswith(NOT_COVERED) for reason in reasons)",
+        "False",
+        ("tests/verify/engines/every_n/test_haste.py",),
+    ),
 )

@@ -52,6 +52,7 @@ class AskEngine(Struct, frozen=True):
     fleet: Fleet = Fleet.ANY  #: of what the system has to be for it
     endless: bool = False  #: only where inputs have infinitely many values, as no search is there
     named: bool = False  #: only where claims are named, and about those alone
+    ended: bool = False  #: only where a search of all configurations has come to its end before
     again: Task | None = None  #: instead, where it proved the same of a program like this one
     #: values that merely flow are left out for it, and lemmas are given (of whole runs)
     opaque: bool = False
@@ -146,7 +147,7 @@ _LEMMAS_SOON = Task(Purpose.INFER, seconds=0.05, evaluations=10_000, candidates=
 
 #: All of that is waited for only as long as it may be seen in the end: `auto` is to take at most so
 #: many times what an engine alone takes, and some tenths of a second.
-_RULE = Patience(times=1.3, steps=6_500)
+_RULE = Patience(times=1.3, steps=5_500)
 
 #: What takes some seconds: lemmas of some ten questions.
 _OF_SOME_SECONDS = 200_000
@@ -191,7 +192,8 @@ _TO_THE_END: Rows = (
 
 #: Most violations are in the first configurations, and a proof for every number of robots is one
 #: for this number. What neither shows in no time is raced for: first by what is done in some tenths
-#: of a second, then by what takes some seconds.
+#: of a second, then by what takes some seconds. Whoever has seen all configurations by then says so
+#: before anything else is tried.
 _ALL_ENGINES: Rows = (
     AskEngine(Engine.SEARCH, Task(Purpose.REFUTE, states=HANDFUL, evaluations=3_000), quick=True),
     AskEngine(Engine.EVERY_N, _AT_A_GLANCE, quick=True, fleet=Fleet.FEW, again=_ONCE_MORE),
@@ -203,6 +205,7 @@ _ALL_ENGINES: Rows = (
             AskEngine(Engine.EVERY_N, _LEMMAS_SOON),
         ),
         beside=(
+            AskEngine(Engine.SEARCH, Task(states=HANDFUL), ended=True),
             AskEngine(Engine.INDUCTION, Task(seconds=0.5, rounds=1)),
             AskEngine(Engine.SEARCH, Task(states=HANDFUL, evaluations=9_000)),
             AskEngine(Engine.BMC, _SHORT_ROUNDS, endless=True),

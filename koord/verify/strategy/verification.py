@@ -619,7 +619,7 @@ class _Asking(Struct, frozen=True):
                     task = row.again if self.again and row.again is not None else row.task
                     if row.named:
                         task = replace(task, named=self.names)
-                    if row.suits(self.system) and (self.names or not row.named):
+                    if self._is_wanted(row):
                         yield EngineTurn(row.engine, task, self.workers, row.quick)
                 case AskOnSlices():
                     if self.slices is not None:
@@ -650,15 +650,25 @@ class _Asking(Struct, frozen=True):
                 case _:
                     assert_never(row)
 
+    def _is_wanted(self, row: AskEngine) -> bool:
+        """Return whether a row is for this system, and for what is asked and known of it."""
+        search = self.workers.tools.search
+        has_ended = search is not None and search.is_exhausted
+        return (
+            row.suits(self.system)
+            and (bool(self.names) or not row.named)
+            and (has_ended or not row.ended)
+        )
+
     def _anew(self, rows: Rows) -> Iterator[AnyTurn]:
         """Make the turns on a slice, with new engines."""
         return replace(self, workers=Workers(self.pool), slices=None).turns(rows)
 
     def _runners(self, rows: Rows, numbers: Iterator[int]) -> Iterator[Runner]:
         """Make what takes part in a race; rows that do not apply have no turn."""
-        for row in rows:
+        for row, number in zip(rows, numbers, strict=False):
             for turn in self.turns((row,)):
-                yield Runner(next(numbers), turn.name, partial(self._apart, row))
+                yield Runner(number, turn.name, partial(self._apart, row))
 
     def _apart(self, row: Row, steps: Steps) -> AnyTurn:
         """Make the turn of a row for a process of its own, which starts no others."""
@@ -667,5 +677,6 @@ class _Asking(Struct, frozen=True):
         if can_fork():  # then it is another one there
             workers.tools.search = self.workers.tools.search
         alone = replace(self, pool=pool, steps=steps, workers=workers)
-        (turn,) = alone.turns((row,))
+        asked = replace(row, ended=False) if isinstance(row, AskEngine) else row
+        (turn,) = alone.turns((asked,))
         return turn

@@ -535,6 +535,23 @@ def test_races_have_an_end() -> None:
                 assert {task.seconds, task.states, task.evaluations, task.questions} != {None}
 
 
+def test_who_has_seen_all_configurations_says_so_first(
+    system: System, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Before an inductive step; who has seen some of them is asked to go on behind it."""
+    begun: list[list[str]] = []
+
+    def ended(turn: RaceTurn, ledger: Ledger) -> None:
+        begun.append([runner.name for runner in turn.beside])
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(RaceTurn, "work", ended)
+    verify(system, Bounds(5))
+    monkeypatch.setattr(EngineTurn, "work", lambda turn, ledger: None)
+    verify(system, Bounds(5))
+    assert [names[:2] for names in begun] == [["search", "induction"], ["induction", "search"]]
+
+
 def test_rows_are_for_fleets() -> None:
     few, many = table.FEW_ROBOTS, table.FEW_ROBOTS + 1
     assert (Fleet.FEW.has(few), Fleet.FEW.has(many)) == (True, False)

@@ -18,6 +18,7 @@ from koord.verify.engines.every_n.proving import Inferred, infer, prove, prove_o
 from koord.verify.engines.every_n.questions import (
     AFTER_INIT,
     GENEROUS,
+    NOT_COVERED,
     NOT_INDUCTIVE,
     SPARING,
     Means,
@@ -41,11 +42,13 @@ class EveryNEngine(Struct, frozen=True):
         return Engine.EVERY_N.value
 
     def suits(self, ledger: Ledger, task: Task) -> bool:
-        if task.purpose is Purpose.INFER:
-            return not ledger.is_violated or bool(ledger.wanting())
-        # What a solver has said before it says again: whoever has much time asks, to be sure.
         reasons = [ledger.verdict(claim).reason for claim in ledger.open()]
         hasty = task.evaluations is not None
+        # What was found out before is so again: whoever has much time asks, to be sure.
+        if hasty and any(reason.startswith(NOT_COVERED) for reason in reasons):
+            return False
+        if task.purpose is Purpose.INFER:
+            return not ledger.is_violated or bool(ledger.wanting())
         return not (hasty and all(reason.startswith(NOT_INDUCTIVE) for reason in reasons))
 
     def work(self, ledger: Ledger, task: Task) -> None:

@@ -54,7 +54,7 @@ _ONE_BY_ONE = 16
 _LEAST_STEPS = 26_000
 
 #: With so little of a solver's time there are fewer samples, one in so many: they cost most.
-_HASTE_S, _HASTY = 0.1, 4
+_HASTE_S, _HASTY = 0.1, 8
 
 #: How many units of work a solver does for a question: where that was too little, all begins again.
 #: Questions that are of use take little, most often, and hopeless ones whatever they may.

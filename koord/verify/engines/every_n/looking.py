@@ -7,7 +7,7 @@ literals are the bits of one integer, the first literal's the lowest.
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterable, Iterator
+from collections.abc import Hashable, Iterable, Iterator, Sequence
 from itertools import permutations
 
 from koord.syntax.core import BinaryOp
@@ -77,6 +77,8 @@ class Looking:
                     self.between.append((n, x))
                 case Existence(witness=witness):
                     self.there.append((n, places[witness]))
+        #: Where in a row the robots stand that literals are about.
+        self.places = {of: [PLACES[bit] for bit in PLACES if of & bit] for of in self.simple}
         self.known: dict[Hashable, int] = {}
         met = [q for x in places for q in (x.left, x.right) if q.value is None]
         self.counts = any(q.position == COUNT for q in met)
@@ -118,6 +120,7 @@ class _Looked:
         self._views: dict[tuple[int | None, int], Hashable] = {}
         self._conditions: dict[tuple[int, int | None, int], int] = {}
         self._there: dict[int, int] = {}
+        self._simple: dict[tuple[int | None, ...], int] = {}
 
     def _view(self, robot: int | None, k: int) -> Hashable:
         key = robot, k
@@ -127,12 +130,14 @@ class _Looked:
 
     def simple(self, of: int, row: Row) -> int:
         """The literals about some robots that are no more than comparisons."""
+        k, robots = row[-1], [row[place] for place in self.looking.places[of]]
+        key = of, k, *robots
+        if key not in self._simple:
+            self._simple[key] = 0 if None in robots else self._compared(of, row, robots)
+        return self._simple[key]
+
+    def _compared(self, of: int, row: Row, robots: Sequence[int | None]) -> int:
         here, k, known = self.here, row[-1], self.looking.known
-        robots = [
-            robot for bit, place in PLACES.items() if of & bit if (robot := row[place]) is not None
-        ]
-        if len(robots) < of.bit_count():
-            return 0
         views = [self._view(robot, k) for robot in robots]
         mutual = [here.pairs[pair] for pair in permutations(robots, 2)] if here.pairs else ()
         key = of, self._view(None, k), *views, *mutual

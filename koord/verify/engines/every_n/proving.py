@@ -19,7 +19,14 @@ from koord.syntax.system import System
 from koord.verify.claims import Claim
 from koord.verify.effort import Deadline, Effort
 from koord.verify.engines.every_n.consequences import consequences
-from koord.verify.engines.every_n.questions import GENEROUS, Means, ProofBudget, Start, Step
+from koord.verify.engines.every_n.questions import (
+    GENEROUS,
+    NOT_COVERED,
+    Means,
+    ProofBudget,
+    Start,
+    Step,
+)
 
 #: Of what is worked out, so many steps are counted as a second of a solver.
 STEPS_PER_SECOND = 10_000
@@ -71,7 +78,7 @@ def prove(
         return Proof(tuple(follows), dict.fromkeys(claims, str(error)) | reasons)
     limits = sorted({*start.limits, *step.limits})
     if limits:
-        reasons |= dict.fromkeys(candidates, f"not covered: {'; '.join(limits)}")
+        reasons |= dict.fromkeys(candidates, f"{NOT_COVERED}: {'; '.join(limits)}")
         candidates = []
     return Proof((*follows, *candidates), reasons)
 

@@ -270,6 +270,9 @@ AFTER_INIT = "after INIT"
 
 NOT_INDUCTIVE = "not inductive for every number of robots"
 
+#: How it begins where a program has what proofs do not follow, such as long lists.
+NOT_COVERED = "not covered"
+
 _TOO_MUCH = "too much for the solver"
 
 

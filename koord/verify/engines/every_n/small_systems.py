@@ -23,8 +23,9 @@ _SAMPLED = ((2, 800), (3, 2_400))
 #: And where conditions may ask how many robots there are of a sort: of three it is soon all.
 _COUNTED = (*_SAMPLED, (4, 1_600))
 
-#: So many starts are sampled where a program leaves them open, each with fewer turns.
-_STARTS = 8
+#: So many starts are sampled where a program leaves them open, each with fewer turns; and so many
+#: where samples are few: to find one can take longer than the runs from it.
+_STARTS, _FEW_STARTS = 8, 2
 
 #: Where so many of them met no assumptions, those that did will do.
 _MOST_IN_VAIN = 3
@@ -51,7 +52,8 @@ def sampled(system: System, language: Language, seed: int, part: int = 1) -> lis
     for count, turns in _COUNTED if language.conditions or language.ring else _SAMPLED:
         few = replace(resized(system, count), budget=system.budget.rationed(_SAMPLING))
         try:
-            for here in _reached(few, system.budget, turns // part, seed):
+            starts = _STARTS if part == 1 else _FEW_STARTS
+            for here in _reached(few, system.budget, turns // part, seed, starts):
                 if here.fault is None:
                     found.append(Sample(few, here, language.sampled(here, asked(few, here))))
         except (KoordError, OutOfBudgetError):
@@ -59,12 +61,15 @@ def sampled(system: System, language: Language, seed: int, part: int = 1) -> lis
     return found
 
 
-def _reached(few: System, budget: Budget, turns: int, seed: int) -> list[Configuration[Constant]]:
-    """Configurations of a small system; from each start it takes a part of the budget's steps.
+def _reached(
+    few: System, budget: Budget, turns: int, seed: int, starts: int
+) -> list[Configuration[Constant]]:
+    """Configurations of a small system; each of so many starts has a part of the budget's steps.
 
     Where assumptions are hard to meet most starts are in vain: a few that are met soon will do.
     """
-    starts = _STARTS if _is_open(few.program) else 1
+    if not _is_open(few.program):
+        starts = 1
     found, in_vain = list[Configuration[Constant]](), 0
     ration = Ration(budget, 0)
     rationed = replace(few, budget=ration.budget())

@@ -70,6 +70,12 @@ class ClaimSearch(Struct):
             return False
         return system == self.system and set(claims) <= set(self.claims)
 
+    @property
+    def is_exhausted(self) -> bool:
+        """Return whether it has looked at all configurations, so that it only has to say so."""
+        search = self.search
+        return isinstance(search, Search) and isinstance(search.end, Exhausted)
+
     def keep(self, claims: Collection[Claim]) -> None:
         """Search for these alone: somebody else knows of the others."""
         left_out = [claim for claim in self.claims if claim not in claims]
