@@ -120,7 +120,7 @@ class _Looked:
         self._views: dict[tuple[int | None, int], Hashable] = {}
         self._conditions: dict[tuple[int, int | None, int], int] = {}
         self._there: dict[int, int] = {}
-        self._simple: dict[tuple[int | None, ...], int] = {}
+        self._simple: dict[tuple[int, ...], int] = {}
 
     def _view(self, robot: int | None, k: int) -> Hashable:
         key = robot, k
@@ -130,13 +130,17 @@ class _Looked:
 
     def simple(self, of: int, row: Row) -> int:
         """The literals about some robots that are no more than comparisons."""
-        k, robots = row[-1], [row[place] for place in self.looking.places[of]]
-        key = of, k, *robots
+        places = self.looking.places[of]
+        robots = [robot for place in places if (robot := row[place]) is not None]
+        if len(robots) < len(places):
+            return 0
+        key = of, row[-1], *robots
         if key not in self._simple:
-            self._simple[key] = 0 if None in robots else self._compared(of, row, robots)
+            self._simple[key] = self._compared(of, row, robots)
         return self._simple[key]
 
-    def _compared(self, of: int, row: Row, robots: Sequence[int | None]) -> int:
+    def _compared(self, of: int, row: Row, robots: Sequence[int]) -> int:
+        """The same, as comparisons of what is seen of the robots."""
         here, k, known = self.here, row[-1], self.looking.known
         views = [self._view(robot, k) for robot in robots]
         mutual = [here.pairs[pair] for pair in permutations(robots, 2)] if here.pairs else ()
