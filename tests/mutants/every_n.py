@@ -422,7 +422,7 @@ EVERY_N = (
     ),
     Mutant(
         "every N: literals of nobody in particular are kept for whoever comes first",
-        "verify.engines.every_n.looking._Looked.simple",
+        "verify.engines.every_n.looking._Looked._compared",
         "of, self._view(None, k), *views, *mutual",
         "of, *views, *mutual",
         (SEARCH,),
