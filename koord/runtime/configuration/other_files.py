@@ -22,6 +22,7 @@ _ARRAY = re.compile(r"\barray\(\[")
 
 #: Words by which services of continuous integration are told what to do.
 _CI = {"language", "script", "install", "stages", "jobs", "steps", "pipelines", "before_script"}
+_CI |= {"deploy", "dist", "env", "jdk", "matrix", "notifications", "os", "sudo"}
 
 #: A value of a schema of Yamale: `int(min=0)`, `include('agent')`.
 _RULE = re.compile(r"^(int|num|str|bool|enum|list|map|include|ip|any|regex)\(.*\)$")

@@ -1,0 +1,1 @@
+"""What becomes of published programs, configurations and scenes (``python -m tests.published``)."""
