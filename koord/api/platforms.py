@@ -78,6 +78,8 @@ def platforms(
             planner = RisingPlanner(planner, world.ground, height_m)
         library = library_of(scene, {pid: planner}, lambda robot: driven.sensors, _KEPT_ROUNDS)
         host = VehicleHost(job.classes, job.kinds, world, library, driven, scene.seed)
+        if model.ignores_height:
+            host.ignoring_height = frozenset((pid,))
         if vehicle.modules:
             host.modules[pid] = served_modules(
                 vehicle.modules,

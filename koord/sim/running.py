@@ -443,6 +443,9 @@ def host_of(cast: Cast, scene: Scene, fleet: Fleet) -> Hosted:
         for robot, lidar in scene.scanners.items()
     }
     host = Hosted(cast.classes, cast.kinds, fleet, library, scene.seed, scanners, scene.radio)
+    host.ignoring_height = frozenset(
+        pid for pid, placed in enumerate(scene.robots) if placed.model.ignores_height
+    )
     for pid, placed in enumerate(scene.robots):
         model = placed.model
         if model.modules:

@@ -169,6 +169,7 @@ def device_model(vehicle: Vehicle) -> DeviceModel:
         form.planning.takes,
         vehicle.controller,
         vehicle.modules,
+        vehicle.ignores_height,
     )
 
 

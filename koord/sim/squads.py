@@ -55,6 +55,7 @@ class DeviceModel(Struct, frozen=True):
     plan_takes_s: float = 0.0  #: from asking a planner for a way until the way is there
     controller: PlugIn | None = None
     modules: tuple[tuple[str, PlugIn], ...] = ()  #: of the program, and what serves them
+    ignores_height: bool = False  #: it goes to the place on the ground below its goals
 
 
 def is_compiled(model: DeviceModel) -> bool:

@@ -596,4 +596,25 @@ SIMULATED = (
         "True",
         (RESEEDED,),
     ),
+    Mutant(
+        "every car goes to the place below its goals",
+        "runtime.configuration.model.Vehicle.ignores_height",
+        "PUBLISHED_CAR in self.automata",
+        "True",
+        ("tests/sim/test_published_cars.py",),
+    ),
+    Mutant(
+        "paths of published cars stay in the air",
+        "runtime.platform.world_host.WorldHost.order",
+        "[self._goal(pid, p) for p in value if is_set(p)]",
+        "[point_of(p) for p in value if is_set(p)]",
+        ("tests/sim/test_published_cars.py",),
+    ),
+    Mutant(
+        "what flies keeps to the ground if a published car does",
+        "runtime.configuration.model.Vehicle.ignores_height",
+        "self.body.ON_GROUND",
+        "True",
+        ("tests/sim/test_published_cars.py",),
+    ),
 )

@@ -19,6 +19,9 @@ from koord.syntax.elaboration.settings import ParamValue
 from koord.syntax.literals import NumberOutOfRangeError, is_number, read_number
 from koord.syntax.source import Source, Span
 
+#: The motion automaton of cars in configurations of the published middleware.
+PUBLISHED_CAR = "MoatTestCar"
+
 
 class Vehicle(Struct, frozen=True):
     """The vehicle that a robot runs on."""
@@ -48,6 +51,11 @@ class Vehicle(Struct, frozen=True):
         """Its body, at the speed that is configured."""
         body, speed = self.type.body, self.speed_mps
         return body if speed is None else body.cruising(speed)
+
+    @property
+    def ignores_height(self) -> bool:
+        """True if it drives as published cars do: to the place below its goal. (P-PUBLISHED-CAR)"""
+        return self.body.ON_GROUND and PUBLISHED_CAR in self.automata
 
 
 class RobotPlace(Struct, frozen=True):

@@ -79,6 +79,7 @@ class WorldHost(ABC):
         self.classes, self.kinds = tuple(classes), tuple(kinds)
         self.watches: tuple[type[Robot], ...] = ()  #: others that may ask the library
         self.modules: dict[int, ServedModules] = {}  #: of robots, that plug-ins serve (P-OWN)
+        self.ignoring_height: frozenset[int] = frozenset()  #: they go below goals (P-PUBLISHED-CAR)
         self.library = library
         self._world = world
         self._reseed(seed)
@@ -158,13 +159,18 @@ class WorldHost(ABC):
                 if value or before:  # nobody has to land who was never told to take off
                     self.take_off(pid, bool(value))
             elif is_way:
-                self.follow(pid, [point_of(p) for p in value if is_set(p)])
+                self.follow(pid, [self._goal(pid, p) for p in value if is_set(p)])
             elif is_set(value):
-                self.go_to(pid, point_of(value))
+                self.go_to(pid, self._goal(pid, value))
         modules = self.modules.get(robot.pid)
         if modules is not None:
             modules.act(robot, self.whereabouts(robot.pid)[1])
             self.modules_fail(robot.pid, modules.troubles)
+
+    def _goal(self, robot: int, place: Any) -> Point:
+        """The point that a robot is sent to by a place."""
+        x, y, z = point_of(place)
+        return x, y, self._world.ground if robot in self.ignoring_height else z
 
     # --- the host of compiled robots ------------------------------------------------------------
 
