@@ -3,6 +3,7 @@
 # make sample  one case of each deep search of which none is a fast test, in two minutes
 # make peers   the same of tests against vehicles in processes of their own
 # make bench   the tables of benchmarks/
+# make docs    the documentation site, in build/site
 # make format  put the layout right
 
 PYTHON ?= python3
@@ -27,7 +28,7 @@ ATHERIS   := $(VENV)/.atheris
 BENCHMARKS := $(filter-out $(patsubst %,benchmarks/%.py,harness claiming every_number), \
 	$(sort $(wildcard benchmarks/*.py)))
 
-.PHONY: check format lint types test sample peers slow fuzz bench clean
+.PHONY: check format lint types test sample peers slow fuzz bench docs clean
 
 # Types are checked beside the tests: by themselves they would keep one core busy.
 check: lint
@@ -62,6 +63,10 @@ bench: $(INSTALLED)
 	@wrong=; for program in $(BENCHMARKS); do \
 		echo "== $$program"; $(BIN)/python $$program || wrong="$$wrong $$program"; \
 	done; test -z "$$wrong" || { echo "wrong answers:$$wrong"; exit 1; }
+
+# A page that is missing, and a link or an anchor that leads nowhere, end it.
+docs: $(INSTALLED)
+	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict --quiet
 
 format: $(INSTALLED)
 	$(BIN)/ruff format .
