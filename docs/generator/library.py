@@ -37,7 +37,7 @@ def _page(source_text: str) -> str:
         "what the summary says (`requires:`, `ensures:`). `extern` answers alike for equal "
         "arguments; `extern fresh` may answer anew at each call. Where a name is declared more "
         "than once, the arguments choose. Functions whose types depend on their arguments "
-        "(`length`, `append`, `min`, …) are part of the language.\n"
+        "(`length`, `append`, `min`, …) are part of the [language](language.md#calls).\n"
     )
     listed: set[str] = set()
     for title, entries in _sections(source_text):
