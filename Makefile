@@ -66,7 +66,7 @@ bench: $(INSTALLED)
 
 # A page that is missing, and a link or an anchor that leads nowhere, end it.
 docs: $(INSTALLED)
-	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict --quiet
+	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict
 
 format: $(INSTALLED)
 	$(BIN)/ruff format .

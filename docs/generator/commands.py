@@ -92,4 +92,4 @@ def _rows(
 
 def _wide(prog: str) -> argparse.HelpFormatter:
     """The layout: the same however wide the terminal is."""
-    return argparse.RawDescriptionHelpFormatter(prog, width=96)
+    return argparse.RawDescriptionHelpFormatter(prog, width=80)

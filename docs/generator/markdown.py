@@ -48,7 +48,7 @@ def slug(heading: str) -> str:
     """The anchor of a heading, as mkdocs.yml and GitHub make it."""
     shown = LINK.sub(lambda match: match[2], heading)
     shown = re.sub(r"[`*]|\\(?=[\W_])", "", shown)
-    return re.sub(r"[^\w\- ]", "", shown.lower()).strip().replace(" ", "-")
+    return re.sub(r"[^\w\- ]", "", shown.lower().strip()).replace(" ", "-")
 
 
 def prose(markdown: str) -> Iterator[tuple[int, str]]:

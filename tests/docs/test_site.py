@@ -85,6 +85,7 @@ def test_anchors_are_those_of_mkdocs_and_github() -> None:
     assert (
         slug("What a *verdict* means: `unknown`, vacuous") == "what-a-verdict-means-unknown-vacuous"
     )
+    assert slug("How to add …") == "how-to-add-"
     assert anchors("# A b\n## A b\n### C {#own}\n") == {"a-b", "a-b_1", "own"}
     assert links("[`a](x)` b](y.md#z) ![p](q.png)\n```\n[no](no.md)\n```\n")[-1] == ("q.png", "")
 
