@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 from koord.runtime.motion.world import Box, Disc, Polygon, World
 from koord.runtime.shapes import Array, Enumeration
@@ -184,6 +185,31 @@ def test_the_page_in_space_is_one_file(
     assert b'src="http' not in page
     assert len(page) < 2_000_000
     assert capfd.readouterr().out == ""
+
+
+class _Drawn:
+    """A scene that notes what is drawn: names with texts and places."""
+
+    def __init__(self) -> None:
+        self.balls: dict[str, tuple[float, ...]] = {}
+        self.labels: dict[str, str] = {}
+
+    def add_icosphere(self, name: str, _: float, *, position: tuple[float, ...], **__: Any) -> None:
+        self.balls[name] = position
+
+    def add_label(self, name: str, text: str, **_: Any) -> None:
+        self.labels[name] = text
+
+
+def test_violations_in_space_are_where_they_are_or_where_robots_are(recording: RunLog) -> None:
+    scene, (placed,) = _Drawn(), recording.violations
+    space._draw_violation(scene, recording, placed, 0, 1)
+    space._draw_violation(scene, recording, replace(placed, place=None), 20, 0)
+    assert scene.balls.pop("/violations/1/0") == (1.0, 2.0, 0.5)
+    for robot, place in enumerate(scene.balls.values()):
+        assert place == pytest.approx(recording.poses[20][robot, :3].tolist())
+    assert len(scene.balls) == 2
+    assert scene.labels["/violations/0/0/label"] == "▲ separation, 3.0 s"
 
 
 def test_prisms_are_closed_surfaces() -> None:

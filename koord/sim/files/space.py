@@ -14,7 +14,7 @@ import numpy as np
 from koord.runtime.motion.arrays import Floats
 from koord.runtime.motion.world import Box, Disc, Obstacle, World
 from koord.sim.files.drawing import TASKS, WALL, heights, hue
-from koord.sim.run_log import Header, RunLog, TaskState, turns_of
+from koord.sim.run_log import Header, LoggedViolation, RunLog, TaskState, turns_of
 
 _EDGE, _BAD = (120, 130, 145), (204, 41, 54)
 
@@ -64,11 +64,24 @@ def _play(scene: Any, serializer: Any, robots: list[Any], recording: RunLog) -> 
             change = changes.pop(0)
             _draw_task(scene, recording.header, change.task, change.state)
         while broken and broken[0].time_s <= time_s + 1e-9:
-            violation = broken.pop(0)
-            if violation.place is not None:
-                name = f"/violations/{len(broken)}"
-                scene.add_icosphere(name, 0.15, color=_BAD, position=violation.place, opacity=0.7)
+            _draw_violation(scene, recording, broken.pop(0), k, len(broken))
         _move(robots, recording, k)
+
+
+def _draw_violation(
+    scene: Any, recording: RunLog, violation: LoggedViolation, sample: int, number: int
+) -> None:
+    """Draw a violation where it is, or else at each of its robots, with its claim and time."""
+    places = [] if violation.place is None else [violation.place]
+    if not places and recording.poses:
+        poses = recording.poses[sample]
+        places = [tuple(poses[robot, :3].tolist()) for robot in violation.robots]
+    told = f"▲ {violation.claim}, {violation.time_s:.1f} s"
+    for k, (x, y, z) in enumerate(places):
+        name = f"/violations/{number}/{k}"
+        scene.add_icosphere(name, 0.15, color=_BAD, position=(x, y, z), opacity=0.7)
+        if k == 0:
+            scene.add_label(f"{name}/label", told, position=(0.0, 0.0, 0.35))
 
 
 def _move(robots: list[Any], recording: RunLog, sample: int) -> None:
