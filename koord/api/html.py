@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from koord.api.results import ArgumentError
-from koord.api.stories import Story, of_refused, of_verdict, story
+from koord.api.stories import Story, of_refused, of_step, of_verdict, story
 from koord.api.story_page import Stories, ToldClaim, ToldReport, page_of
 from koord.api.verdict_documents import claim_form, report_form
 from koord.traces import story_form
@@ -74,6 +74,9 @@ def _told(report: VerifyReport, parts: Parts, stories: list[story_form.Story]) -
         first = len(stories)
         with parts.enduring(f"the story of {verdict.name}"):
             stories += [one.told for one in of_verdict(verdict)]
+        with parts.enduring(f"the step of {verdict.name}"):
+            step = of_step(verdict)
+            stories += [] if step is None else [step.told]
         form = claim_form(verdict.name, verdict.found, None, [])
         stated = verdict.found.claim.stated
         text = "" if stated is None else _stated(report, stated.span.line, stated.span.file)

@@ -121,6 +121,20 @@ def _counterexample(verdict: Verdict, run: Counterexample, number: int, of: int)
     return Story(told)
 
 
+def of_step(verdict: Verdict) -> Story | None:
+    """The story of the step that no proof of a claim gets over; None if none was found."""
+    from koord.api.traces import sources_of
+    from koord.traces.story import OpenStep, story_of_step
+
+    step, stated = verdict.found.step, verdict.found.claim.stated
+    if step is None or stated is None or verdict.found.counterexample is not None:
+        return None
+    about = str(verdict.program.problem(verdict.system.kinds, verdict.system.delta_s))
+    shown = OpenStep(step.configurations, step.events, step.phase.value)
+    sources = sources_of(verdict.program)
+    return Story(story_of_step(sources, verdict.system, shown, stated, about))
+
+
 def _loop(
     loop: forms.StoryLoop, fair: Fair, verdict: Verdict, recorded: Recorded
 ) -> forms.StoryLoop:

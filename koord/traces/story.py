@@ -12,7 +12,7 @@ from typing import assert_never
 from msgspec import Struct
 from msgspec.structs import replace
 
-from koord.semantics.configurations import Configuration, Fault
+from koord.semantics.configurations import NO_EVENT, Configuration, Fault
 from koord.semantics.domain import Constant
 from koord.semantics.recordings import Step, execute
 from koord.semantics.storage import Cell, Storage
@@ -41,8 +41,8 @@ from koord.traces.story_form import (
     StoryWorld,
     Track,
 )
-from koord.traces.story_tracks import stated_in, tracks_of
-from koord.traces.trace import BEFORE_ROUNDS, Trace, Violation, ViolationKind
+from koord.traces.story_tracks import stated_in, track_of_states, tracks_of
+from koord.traces.trace import BEFORE_ROUNDS, Sources, Trace, Violation, ViolationKind
 
 #: Of longer runs the last turns are told.
 MOST_MOMENTS = 20_000
@@ -87,10 +87,7 @@ def story_of(
         numbers=trace.numbers.value,
         delta_s=float(system.delta_s),
         texts=[StoryText(source.name, source.text) for source in trace.sources.texts],
-        kinds=[
-            StoryKind(agent.name, [StoryEvent(e.name, places(e.span)) for e in agent.events])
-            for agent in system.program.agents
-        ],
+        kinds=_kinds(system, places),
         robots=list(system.kinds),
         rows=[replace(row, start=text) for row, text in zip(table.rows, table.texts, strict=True)],
         moments=moments or [_nothing()],
@@ -100,6 +97,84 @@ def story_of(
         world=world,
         ending=_ending(trace, told, _breaking(trace, tracks, told), places),
     )
+
+
+class OpenStep(Struct, frozen=True):
+    """A step from a configuration that may not be reachable: rounds, and who runs what in them.
+
+    ``events[k][i]`` is the position of the event that robot i runs in round k, or ``NO_EVENT``.
+    """
+
+    configurations: tuple[Configuration[Constant], ...]
+    events: tuple[tuple[int, ...], ...]
+    phase: str  #: up to where the last round goes, in words
+
+
+def story_of_step(
+    sources: Sources, system: System, step: OpenStep, stated: core.Property, about: str
+) -> Story:
+    """Tell a step that breaks a statement, though nobody knows whether a run comes to it.
+
+    The order of turns is not told, so that all changes of a round are those of its last moment.
+    """
+    table = _Table.of(Names(system), step.configurations[0], variables(stated.condition), "")
+    start, before = list(table.texts), step.configurations[0]
+    states: list[Configuration[Constant] | None] = [before]
+    first = list(table.positions(None, before))
+    moments = [Moment(0, "INIT", None, None, None, [], first, [], [], None)]
+    for number, (events, after) in enumerate(
+        zip(step.events, step.configurations[1:], strict=True), start=1
+    ):
+        for robot, event in enumerate(events):
+            ran = None if event == NO_EVENT else event
+            rule = "SKIP" if ran is None else "EVENT-TRANS"
+            moments.append(Moment(number, rule, robot, ran, None, [], [], [], [], None))
+            states.append(None)
+        changes, moved = list(table.changes(before, after)), list(table.positions(before, after))
+        moments.append(Moment(number, "ENV-TRANS", None, None, None, changes, moved, [], [], None))
+        states.append(after)
+        before = after
+    places = partial(_place, frozenset(source.name for source in sources.texts))
+    ending = StoryEnding(
+        "step",
+        f"{stated.name} is not inductive: a step breaks it, {step.phase}",
+        len(moments) - 1,
+        "before it all claims hold, and nobody knows whether a run comes there; an invariant that "
+        "rules it out would prove the claim",
+        "",
+        places(stated.span),
+        None,
+        "",
+        "",
+        [],
+        [],
+    )
+    return Story(
+        format="koord-story",
+        version=1,
+        title=f"{stated.name}: a step that breaks it",
+        program=sources.program.name,
+        about=about,
+        numbers="exact",
+        delta_s=float(system.delta_s),
+        texts=[StoryText(source.name, source.text) for source in sources.texts],
+        kinds=_kinds(system, places),
+        robots=list(system.kinds),
+        rows=[replace(row, start=text) for row, text in zip(table.rows, start, strict=True)],
+        moments=moments,
+        left_out=0,
+        tracks=track_of_states(system, stated, states),
+        loop=None,
+        world=_world(system, table),
+        ending=ending,
+    )
+
+
+def _kinds(system: System, places: Callable[[Span], StoryPlace | None]) -> list[StoryKind]:
+    return [
+        StoryKind(agent.name, [StoryEvent(e.name, places(e.span)) for e in agent.events])
+        for agent in system.program.agents
+    ]
 
 
 # --- turns ----------------------------------------------------------------------------------------

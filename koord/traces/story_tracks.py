@@ -10,9 +10,9 @@ from collections.abc import Sequence
 from msgspec import Struct
 
 from koord.semantics.configurations import Configuration
-from koord.semantics.domain import Constant
+from koord.semantics.domain import EXACT, Constant
 from koord.semantics.liveness import LIVENESS, Response, responses
-from koord.semantics.oracle import Inputs, Phase
+from koord.semantics.oracle import Inputs, NoInputs, Phase
 from koord.semantics.properties import holds_in
 from koord.semantics.recordings import Concrete, RecordedInputs, Step
 from koord.semantics.rounds import IllegalStepError
@@ -20,6 +20,8 @@ from koord.semantics.statements import machine
 from koord.syntax import core
 from koord.syntax.core import BinaryOp, PropertyKind
 from koord.syntax.printing.quoting import Quoting
+from koord.syntax.system import System
+from koord.syntax.walk import asks
 from koord.traces.formula_values import FormulaReader
 from koord.traces.lassos import broken_by
 from koord.traces.replay import PropertyInputs, Question, answered
@@ -132,6 +134,28 @@ def _track(
             break
     text = asked.quoting.text(stated.condition)
     return Track(name, text, truth, formulas[::-1])
+
+
+def track_of_states(
+    system: System, stated: core.Property, states: Sequence[Configuration[Constant] | None]
+) -> list[Track]:
+    """A statement in configurations that no run is known to reach; none if it asks functions."""
+    if asks(system.program, stated.condition):
+        return []
+    quoting = Quoting.of(system.program)
+    truth: list[bool | None] = []
+    formulas: list[FormulaAt] = []
+    for k, state in enumerate(states):
+        if state is None:
+            truth.append(None)
+            continue
+        made = machine(
+            EXACT, system, NoInputs().oracle(Phase.CHECK, 0), bound=stated.bound, view=state
+        )
+        holds, _ = holds_in(EXACT, system, state, stated.condition, stated.bound, NoInputs())
+        truth.append(holds is True)
+        formulas.append(FormulaAt(k, FormulaReader(made, quoting).root(stated.condition)))
+    return [Track(stated.name, quoting.text(stated.condition), truth, formulas)]
 
 
 def _responses(

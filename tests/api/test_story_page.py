@@ -91,6 +91,51 @@ def test_loops_say_why_they_are_fair() -> None:
     assert any("runs Pass" in line for line in loop.fair)
 
 
+STALE = """\
+local:
+    int x = 0
+    int y = 0
+Go:
+    pre: true
+    eff:
+        y = y + x
+        x = x + 1
+invariant Low: forall i: y@i < 7
+"""
+
+
+def test_a_step_that_no_proof_gets_over_is_told() -> None:
+    report = koord.verify(
+        Source("stale.krd", STALE), robots=2, rounds=2, engine="induction", jobs=1
+    )
+    shown = data_of(koord.html(report))
+    low = next(c for c in shown["verifications"][0]["claims"] if c["claim"]["name"] == "Low")
+    assert low["claim"]["outcome"] != "violated"
+    (position,) = low["stories"]
+    story = shown["stories"][position]
+    jsonschema.validate(story, koord.schema("story"))
+    assert story["ending"]["kind"] == "step"
+    (track,) = story["tracks"]
+    assert (track["truth"][0], track["truth"][-1]) == (True, False)
+    assert set(track["truth"][1:-1]) == {None}
+    values = {(row["name"], row["robot"]): row["start"] for row in story["rows"]}
+    last = story["moments"][-1]
+    changed = {
+        (story["rows"][c["row"]]["name"], story["rows"][c["row"]]["robot"]) for c in last["changes"]
+    }
+    ran = [m["robot"] for m in story["moments"] if m["event"] is not None]
+    for robot in ran:
+        x, y = int(values["x", robot]), int(values["y", robot])
+        new = {
+            story["rows"][c["row"]]["name"]: int(c["value"])
+            for c in last["changes"]
+            if story["rows"][c["row"]]["robot"] == robot
+        }
+        assert new.get("x", x) == x + 1
+        assert new.get("y", y) == y + x
+    assert {robot for _, robot in changed} <= set(ran)
+
+
 # --- in a browser ---------------------------------------------------------------------------------
 
 BROWSER = browser.installed()

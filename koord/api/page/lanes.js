@@ -69,7 +69,8 @@ class Lanes {
     const { telling, go } = this.view, { loop } = telling.story;
     const cells = drawn.map((round) => {
       const isLooped = loop && round.number >= loop.first && round.number <= loop.last;
-      const name = round.number === 0 ? "start" : String(round.number);
+      const isStep = telling.story.ending.kind === "step";
+      const name = round.number === 0 ? (isStep ? "before" : "start") : String(round.number);
       const words = round.number === 0 ? "The start" : `Round ${round.number}${isLooped ? ", which repeats for ever" : ""}`;
       return made("th", { scope: "col", class: isLooped ? "loop" : null, "data-round": round.number },
         made("button", { tabindex: "-1", title: words, "aria-label": words, onclick: () => go(telling.endOf(round)) },
@@ -106,16 +107,17 @@ class Lanes {
 
   lane(drawn, robot) {
     const { telling, go } = this.view, { story } = telling;
-    const name = robot === null ? "environment" : `robot ${robot}`;
+    const name = robot === null ? (story.ending.kind === "step" ? "together" : "environment") : `robot ${robot}`;
     const kind = robot === null ? "" : telling.robot(robot).kind.name;
     const cells = drawn.map((round) => {
-      const order = round.turns.filter((k) => telling.moments[k].robot !== null);
+      // Of a step no order of turns is known.
+      const order = story.ending.kind === "step" ? [] : round.turns.filter((k) => telling.moments[k].robot !== null);
       const position = round.turns.find((k) => telling.moments[k].robot === robot && telling.moments[k].rule !== "INIT");
       if (position === undefined) return made("td", { "data-round": round.number }, "");
       const deed = telling.deed(position), moment = telling.moments[position];
       if (robot === null && !moment.changes.length && !moment.broken.length) return made("td", { "data-round": round.number }, "");
       const place = order.length > 1 && robot !== null && deed.kind !== "skip" ? made("sup", { "aria-hidden": "true" }, String(order.indexOf(position) + 1)) : "";
-      const isBroken = ["violated", "fault"].includes(story.ending.kind) && story.ending.moment === position;
+      const isBroken = ["violated", "fault", "step"].includes(story.ending.kind) && story.ending.moment === position;
       const words = `Round ${round.number}: ${telling.words(position)}${place ? `, as number ${order.indexOf(position) + 1}` : ""}${isBroken ? ", which breaks the claim" : ""}`;
       const shown = robot === null ? (moment.broken.length ? "✗" : plural(moment.changes.length, "value")) : deed.short ?? deed.words;
       const button = made("button", {

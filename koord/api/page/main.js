@@ -96,7 +96,7 @@ class Page {
       byId("transport").hidden = false;
       byId("slider").max = String(this.view.telling.moments.length - 1);
       const { ending } = this.view.telling.story;
-      byId("break").hidden = !["violated", "fault", "refused"].includes(ending.kind);
+      byId("break").hidden = !["violated", "fault", "refused", "step"].includes(ending.kind);
     }
     this.view.laps = 0;
     this.go(Number.isInteger(turn) ? turn : this.view.position);
@@ -116,7 +116,7 @@ class Page {
     const { view } = this, last = view.telling.moments.length - 1;
     view.position = Math.min(Math.max(position, 0), last);
     const moment = view.telling.moments[view.position], total = view.telling.rounds[view.telling.rounds.length - 1].number;
-    const where = moment.round === 0 ? "the start" : `round ${moment.round} of ${total}`;
+    const where = moment.round === 0 ? (view.telling.story.ending.kind === "step" ? "before" : "the start") : `round ${moment.round} of ${total}`;
     const lap = view.laps ? `, lap ${view.laps + 1}` : "";
     const what = moment.round === 0 ? "" : ` · ${view.telling.words(view.position)}`;
     byId("clock").replaceChildren(made("b", {}, where + lap), what);

@@ -67,7 +67,8 @@ class Overview {
   claims(claims) {
     const rows = claims.map(({ claim, text, stories }) => {
       const story = stories.length ? this.shown.stories[stories[0]] : null;
-      const looks = stories.map((k, at) => made("a", { class: "look", href: `#story=${k}` }, stories.length > 1 ? `look at run ${at + 1} →` : "look at the run →"));
+      const isStep = story?.ending.kind === "step";
+      const looks = isStep ? [made("a", { class: "look", href: `#story=${stories[0]}` }, "look at a step that no proof gets over →")] : stories.map((k, at) => made("a", { class: "look", href: `#story=${k}` }, stories.length > 1 ? `look at run ${at + 1} →` : "look at the run →"));
       const more = [
         ...(claim.reason ? [claim.reason] : []),
         ...(claim.fairness.length ? [`it rests on ${fairnessOf(claim.fairness)}`] : []),

@@ -62,8 +62,8 @@ class Telling {
   /** What a turn did, in words and for its looks. */
   deed(position) {
     const moment = this.moments[position];
-    if (moment.rule === "INIT") return { kind: "start", words: "start" };
-    if (moment.robot === null) return { kind: "environment", words: "environment" };
+    if (moment.rule === "INIT") return { kind: "start", words: this.story.ending.kind === "step" ? "before" : "start" };
+    if (moment.robot === null) return { kind: "environment", words: this.story.ending.kind === "step" ? "together" : "environment" };
     const event = this.eventOf(moment);
     if (event) return { kind: "event", words: event.name, event: moment.event };
     if (moment.blocked) return { kind: "blocked", words: `${moment.blocked}: lock taken`, short: `⊘ ${moment.blocked}` };
@@ -73,8 +73,9 @@ class Telling {
   /** A turn in a line. */
   words(position) {
     const moment = this.moments[position], deed = this.deed(position);
-    if (deed.kind === "start") return "the start";
-    if (deed.kind === "environment") return "the environment's turn";
+    const isStep = this.story.ending.kind === "step";
+    if (deed.kind === "start") return isStep ? "before the step" : "the start";
+    if (deed.kind === "environment") return isStep ? "all that the round changes" : "the environment's turn";
     const who = `robot ${moment.robot}`;
     if (deed.kind === "event") return `${who} runs ${deed.words}`;
     return deed.kind === "blocked" ? `${who} skips: the lock of ${moment.blocked} is taken` : `${who} skips`;

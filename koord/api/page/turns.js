@@ -13,8 +13,9 @@ class Turns {
     if (this.round !== moment.round) {
       this.round = moment.round;
       const { delta_s } = telling.story;
-      const heading = moment.round === 0 ? "The start" : `Round ${moment.round}`;
-      const times = moment.round === 0 ? "" : `t = ${short(delta_s * (moment.round - 1))} s to ${short(delta_s * moment.round)} s, turns in their order`;
+      const isStep = telling.story.ending.kind === "step";
+      const heading = moment.round === 0 ? (isStep ? "Before" : "The start") : `Round ${moment.round}`;
+      const times = moment.round === 0 ? "" : isStep ? "who runs what, and what changes together" : `t = ${short(delta_s * (moment.round - 1))} s to ${short(delta_s * moment.round)} s, turns in their order`;
       this.list = made("ol", { class: "turns" }, ...round.turns.map((k) => this.turn(k, go)));
       this.element.replaceChildren(made("h2", {}, heading, made("small", { class: "quiet" }, times)), made("div", { class: "inside" }, this.list));
     }
@@ -37,7 +38,7 @@ class Turns {
     if (["violated", "fault"].includes(story.ending.kind) && story.ending.moment === k && !moment.fault) {
       what.append(made("span", { class: "broke" }, `✗ ${story.ending.headline.split(", ")[0]}`));
     }
-    if (!what.childNodes.length) what.append(made("span", { class: "quiet" }, deed.kind === "skip" ? "" : deed.kind === "blocked" ? "" : "nothing changes"));
+    if (!what.childNodes.length) what.append(made("span", { class: "quiet" }, ["skip", "blocked"].includes(deed.kind) || (story.ending.kind === "step" && moment.robot !== null) ? "" : "nothing changes"));
     const did = deed.kind === "environment" || deed.kind === "start" ? "" : deed.words;
     return made("li", { class: deed.kind, onclick: () => go(k) }, made("span", { class: "who" }, who), made("span", { class: "did" }, did), what);
   }
