@@ -10,7 +10,7 @@ from koord.api.configurations import check_start
 from koord.api.deploy_request import DeployRequest
 from koord.api.drivers import localiser_registry, registry
 from koord.api.fitting import Fitted, is_placed, slack_of
-from koord.api.undriven import Drivers, drivers_of, undriven, unserved
+from koord.api.undriven import Drivers, drivers_of, led_together, undriven, unserved
 from koord.runtime.compile import compiled
 from koord.runtime.compile.loading import loaded
 from koord.runtime.compile.watching import watched
@@ -41,13 +41,13 @@ def job_of(fitted: Fitted, request: DeployRequest) -> Job:
     configuration, classes = fitted.configuration, loaded(compiled(fitted.program.core))
     assert configuration.delta_s is not None
     key = _key(configuration, request)
-    missing: tuple[Diagnostic, ...] = ()
+    missing: tuple[Diagnostic, ...] = tuple(led_together(fitted))
     drivers = Drivers()
     if not request.dry_run:
         drivers, found = drivers_of(configuration, registry(), localiser_registry())
         found += undriven(fitted)
         found += unserved(fitted, drivers, request.allow_models)
-        missing = (*found, *_unanswered(fitted, classes, drivers))
+        missing += (*found, *_unanswered(fitted, classes, drivers))
     if request.as_fast_as_possible and (request.dry_run or drivers.made):
         missing += (_hurried(configuration),)
     if key is None:

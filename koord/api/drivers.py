@@ -18,6 +18,7 @@ from koord.runtime.drivers.registry import (
     Registry,
 )
 from koord.runtime.drivers.registry import DriverEntry as DriverEntry
+from koord.runtime.plugins.names import plug_ins
 from koord.version import __version__
 
 #: koord's own drivers.
@@ -70,16 +71,12 @@ def installed_localisers() -> tuple[DriverEntry, ...]:
 
 
 def installed_plug_ins() -> Mapping[str, tuple[DriverEntry, ...]]:
-    """The planners, controllers and modules of other packages, by kind: koord has none itself.
+    """The planners, controllers and modules that configurations can name, by kind.
 
     >>> sorted(koord.installed_plug_ins())
     ['controller', 'module', 'planner']
     """
-    registries = (
-        Registry(PLANNERS, {}, ""),
-        Registry(CONTROLLERS, {}, ""),
-        Registry(MODULES, {}, ""),
-    )
+    registries = (plug_ins(PLANNERS), plug_ins(CONTROLLERS), plug_ins(MODULES))
     return {one.group.noun: tuple(one.entries()) for one in registries}
 
 

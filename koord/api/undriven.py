@@ -20,7 +20,7 @@ from koord.runtime.drivers.driver import Addressed, Device, DriverError, DriverT
 from koord.runtime.drivers.localiser import LocaliserType
 from koord.runtime.drivers.registry import Made, Registry, options_of
 from koord.runtime.motion.world import World
-from koord.runtime.plugins.names import served_ports
+from koord.runtime.plugins.names import is_of_fleets, served_ports
 from koord.runtime.ports import DONE, GOALS, PLACES, SENSED, TAKEOFF
 from koord.syntax import core
 from koord.syntax.core import Direction
@@ -182,6 +182,19 @@ def undriven(fitted: Fitted) -> Iterator[Diagnostic]:
             story = f"nothing drives {vehicle.name}, a {vehicle.type_name}"
             hint = "name its `driver`; or simulate all vehicles; `bot_type: IDEAL` is a point"
             yield _problem(where, story, hint)
+
+
+def led_together(fitted: Fitted) -> Iterator[Diagnostic]:
+    """Yield the controllers that lead all robots together, where each is by itself, once each."""
+    told: set[str] = set()
+    for robot in fitted.configuration.robots:
+        controller = robot.vehicle.controller
+        if controller is None or controller.value in told or not is_of_fleets(controller):
+            continue
+        told.add(controller.value)
+        where = fitted.configuration.place(*robot.vehicle.path, "controller")
+        story = f"the controller {controller.value} has to know where all robots are"
+        yield _problem(where, story, "it is for `koord sim`, where one law leads them all")
 
 
 def unserved(fitted: Fitted, drivers: Drivers, allowed: Iterable[str] = ()) -> Iterator[Diagnostic]:

@@ -94,6 +94,7 @@ def scene(
             if landmarks is not None:
                 problems += _unplanned(configuration, place.vehicle)
             models[place.vehicle] = device_model(place.vehicle)
+    problems += _led_apart(configuration, models)
     if problems:
         raise KoordError(tuple(problems))
     world = world_of(configuration, landmarks, len(places), located=located)
@@ -181,6 +182,21 @@ def _unplanned(configuration: RunConfiguration, vehicle: Vehicle) -> Iterator[Di
         story = f"it is not said how {vehicle.name} plans its paths"
         hint = f"write planner: {vehicle.type.planners[0].value}"
         yield problem(configuration.place(*path), story, hint)
+
+
+def _led_apart(
+    configuration: RunConfiguration, models: Mapping[Vehicle, DeviceModel]
+) -> Iterator[Diagnostic]:
+    """Yield a problem for each controller that leads robots which do not stay among themselves."""
+    for vehicle, model in models.items():
+        if model.controller is None or len(models) == 1:
+            continue
+        from koord.runtime.plugins.names import is_of_fleets  # it asks what is installed
+
+        if is_of_fleets(model.controller):
+            story = f"the controller {model.controller.value} does not know the robots that are no"
+            where = configuration.place(*vehicle.path, "controller")
+            yield problem(where, f"{story} {vehicle.name}", "let all robots be of one device")
 
 
 # --- where robots and tasks are -------------------------------------------------------------------

@@ -284,9 +284,9 @@ def tracker(setup: SquadSetup, usual: Callable[[], Tracker]) -> Tracker:
     """The law of a squad: that of its controller if its device names one. Raises PlugInError."""
     if setup.model.controller is None:
         return usual()
-    from koord.runtime.plugins.loading import own_driving
+    from koord.runtime.plugins.loading import fleet_driving
 
-    return own_driving(setup.model.controller, setup.group)
+    return fleet_driving(setup.model.controller, setup.group)
 
 
 class WheeledSquad:

@@ -26,9 +26,32 @@ TAKEOFF = "tests/sim/test_takeoff.py"
 GAZEBO = "tests/runtime/test_gazebo.py"
 SCENES = "tests/runtime/test_scenes.py"
 RADIO = "tests/sim/test_radio.py"
+CERTIFIED = "tests/runtime/motion/test_certificates.py"
+SYSTEMS = "tests/sim/test_systems.py"
 SPLITTING = "tests/api/test_splitting.py"
 
 SIMULATED = (
+    Mutant(
+        "certificates move robots that are to stay",
+        "runtime.motion.certificates.certified",
+        "np.where(fixed[:, None], 0.0, wanted)",
+        "wanted.copy()",
+        (CERTIFIED,),
+    ),
+    Mutant(
+        "certificates ask nothing of pairs that are apart as they are to be",
+        "runtime.motion.certificates.certified",
+        "-gain_per_s * barrier",
+        "-gain_per_s * np.maximum(barrier, 1.0)",
+        (CERTIFIED,),
+    ),
+    Mutant(
+        "certificates keep led points apart, and not the middles of robots",
+        "runtime.motion.certificates.BarrierCertificates.command",
+        "options.distance + 2 * options.ahead",
+        "options.distance",
+        (SYSTEMS,),
+    ),
     Mutant(
         "robots hear themselves",
         "sim.radio.Reception._row",

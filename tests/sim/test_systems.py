@@ -9,13 +9,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from koord.api.fitting import fit, fit_request
+from koord.api.fitting import FitRequest, fit, fit_request
 from koord.api.sim_setup import simulation
 from koord.runtime.compile import compiled
 from koord.runtime.compile.loading import loaded
+from koord.runtime.configuration.checking import load
 from koord.runtime.robot import Robot
 from koord.runtime.shapes import Array, PerRobot, Record, Scalar, ScalarKind, Shape
-from koord.sim.running import Simulation, run
+from koord.sim.running import Ending, Simulation, run
+from koord.syntax.source import Source
 from tests.loading import EXAMPLES, program_of
 
 SYSTEMS = EXAMPLES / "systems"
@@ -144,3 +146,60 @@ def test_drones_that_hear_their_neighbours_form_a_hexagon() -> None:
     assert len(edges) == 12
     assert np.allclose(edges, 2.0, atol=0.15)
     assert sorted((gaps < 2.7).sum(1).tolist()) == [4, 4, 4, 4, 4, 4, 7]
+
+
+# --- barrier certificates -------------------------------------------------------------------------
+
+#: The distance in metres that the configurations ask of the controller.
+APART_M = 0.4
+
+
+def least_apart_m(name: str, duration_s: float, *, certified: bool = True, **params: int) -> float:
+    """How near robots come to each other in a run, with and without barrier certificates."""
+    path = (SYSTEMS / f"{name}.krd").with_suffix(".yaml")
+    text = path.read_text("utf-8")
+    if not certified:
+        text, count = re.subn(r", controller: barrier, controller_options: {[^}]*}", "", text)
+        assert count == 1
+    source = Source(f"{name}.krd", (SYSTEMS / f"{name}.krd").read_text("utf-8"))
+    made = simulation(
+        fit(FitRequest(source, load(Source(path.name, text)), (), dict(params))), Simulation
+    )
+    made.keep_going = True
+    made.begin()
+    list(run(made, duration_s))
+    nearest = made.figures().nearest
+    assert nearest is not None
+    broken = {one.claim for one in made.broken}
+    assert broken == (set() if certified else {"separation"})
+    return nearest.distance_m
+
+
+def test_robots_that_cross_are_kept_apart_by_certificates_alone() -> None:
+    assert least_apart_m("robotarium_points", 60.0, laps=1) >= APART_M
+    assert least_apart_m("robotarium_points", 8.0, certified=False, laps=1) < APART_M - 0.04
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["robotarium_consensus", "robotarium_formation"])
+def test_certificates_keep_all_apart_that_meet(name: str) -> None:
+    assert least_apart_m(name, 40.0) >= APART_M
+    assert least_apart_m(name, 10.0, certified=False) < APART_M - 0.04
+
+
+def test_robots_come_to_their_formation() -> None:
+    made = finished("robotarium_formation")
+    assert made.ending is Ending.STILL
+    places = made.fleet.positions()[:, :2]
+    wanted = np.array([(0, 0), (1, 0), (2, 0), (2, 1), (1, 1), (0, 1)])
+    assert np.abs(places - places[0] - wanted).max() < 0.25
+
+
+@pytest.mark.slow
+def test_robots_share_a_strip() -> None:
+    made = finished("robotarium_coverage")
+    x = made.fleet.positions()[:, 0]
+    ends = np.concatenate([[0.0], (x[1:] + x[:-1]) / 2, [6.0]])
+    # Each is near the middle of its part, and so parts are nearly of one length.
+    assert np.abs(x - (ends[1:] + ends[:-1]) / 2).max() < 0.12
+    assert np.abs(np.diff(ends) - 1.2).max() < 0.4

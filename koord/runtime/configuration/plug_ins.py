@@ -73,7 +73,7 @@ def _flaws(
     if planner is None and controller is None and not modules:
         return
     from koord.runtime.drivers.registry import CONTROLLERS, MODULES, PLANNERS
-    from koord.runtime.plugins.names import flaw
+    from koord.runtime.plugins.names import flaw, is_of_fleets
 
     if planner is not None and (wrong := flaw(PLANNERS, planner)):
         yield ("planner",), *wrong
@@ -83,6 +83,9 @@ def _flaws(
             yield ("controller",), story, "controllers are for what drives: CAR, DIFF"
         elif wrong := flaw(CONTROLLERS, controller):
             yield ("controller",), *wrong
+        elif is_of_fleets(controller) and device.bot_type != "DIFF":
+            story = f"the controller {controller.value} is for robots that turn on the spot"
+            yield ("controller",), story, "they have the bot_type DIFF"
     for module, plug_in in modules:
         if wrong := flaw(MODULES, plug_in):
             yield ("modules", module), *wrong

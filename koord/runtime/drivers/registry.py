@@ -49,6 +49,10 @@ CONTROLLERS: Group[OwnControllerType] = Group("koord.controllers", "controller")
 MODULES: Group[OwnModuleType] = Group("koord.modules", "module")
 
 
+#: koord's own controllers.
+OWN_CONTROLLERS = {"barrier": "koord.runtime.motion.certificates:BarrierCertificates"}
+
+
 class DriverEntry(Struct, frozen=True):
     """A driver or localiser that is installed, or of which something is missing."""
 

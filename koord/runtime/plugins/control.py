@@ -68,6 +68,24 @@ class OwnControllerType(Protocol):
     def __call__(self, site: ControllerSite) -> OwnController: ...
 
 
+class FleetLaw(Protocol):
+    """A motion law that leads all vehicles of a group together."""
+
+    legs: Legs
+
+    def command(self, measured: Measured, dt_s: float) -> Floats:
+        """What motors are told for the next step, shape ``(n, 2)``."""
+        ...
+
+
+class FleetControllerType(Protocol):
+    """What makes laws for all vehicles of a group; its ``OF_FLEETS`` is True."""
+
+    OPTIONS: ClassVar[type[Struct]]
+
+    def __call__(self, group: Group, options: Any) -> FleetLaw: ...
+
+
 class OwnDriving:
     """The motion law of a group of vehicles on the ground, each with a controller."""
 

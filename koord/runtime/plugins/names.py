@@ -11,15 +11,25 @@ from typing import TypeVar
 from msgspec import Struct
 
 from koord.runtime.drivers.driver import DriverError
-from koord.runtime.drivers.registry import MODULES, Group, Optioned, Registry, options_of
+from koord.runtime.drivers.registry import (
+    CONTROLLERS,
+    MODULES,
+    OWN_CONTROLLERS,
+    Group,
+    Optioned,
+    Registry,
+    options_of,
+)
 from koord.runtime.plugins.calls import PlugIn, PlugInError
+from koord.version import __version__
 
 Made = TypeVar("Made", bound=Optioned)
 
 
 def plug_ins(group: Group[Made]) -> Registry[Made]:
-    """The plug-ins of a group that are installed; koord has none of its own."""
-    return Registry(group, {}, "")
+    """The plug-ins of a group that are installed. koord's own are controllers."""
+    own = OWN_CONTROLLERS if group.name == CONTROLLERS.name else {}
+    return Registry(group, own, __version__)
 
 
 def flaw(group: Group[Made], plug_in: PlugIn) -> tuple[str, str] | None:
@@ -39,6 +49,11 @@ def loaded(group: Group[Made], plug_in: PlugIn) -> tuple[Made, Struct]:
     except DriverError as error:
         what = f"the {group.noun} {plug_in.value}"
         raise PlugInError(what, f"cannot be used: {error.message}", error.hint) from None
+
+
+def is_of_fleets(controller: PlugIn) -> bool:
+    """Return whether a controller leads all vehicles of a device together. Raises DriverError."""
+    return bool(getattr(plug_ins(CONTROLLERS).load(controller.value), "OF_FLEETS", False))
 
 
 def served_ports(named: Iterable[tuple[str, PlugIn]]) -> frozenset[tuple[str, str]]:
