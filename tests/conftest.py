@@ -12,6 +12,10 @@ from hypothesis import is_hypothesis_test, settings
 from koord.verify.job_process import keep_freed_memory
 from tests.sampling import PEERS, one_of_each, waits, waits_for_robots
 
+#: Mistakes that tests are to notice may be in what writes machine code: none is kept from another
+#: run. Tests of that name a folder of their own.
+os.environ.setdefault("KOORD_CACHE", "off")
+
 COMMON = settings(derandomize=True, deadline=None, print_blob=False)
 settings.register_profile("default", COMMON, max_examples=20)
 settings.register_profile("slow", COMMON, max_examples=100)

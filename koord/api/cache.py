@@ -10,6 +10,7 @@ from importlib.metadata import PackageNotFoundError
 from importlib.metadata import version as version_of
 from pathlib import Path
 
+from koord.machine.folder import VARIABLE, MachineFiles, machine_folder, usual_folder
 from koord.syntax.system import System
 from koord.verify.cache.folder import FOLDER_LIMIT, Folder, FolderUse
 from koord.verify.cache.forms import digest
@@ -19,9 +20,6 @@ from koord.verify.cache.verifying import CachedVerification
 from koord.verify.engine_names import Engine
 from koord.verify.verdicts import Bounds
 from koord.version import __version__
-
-#: The variable of the environment that names the folder.
-VARIABLE = "KOORD_CACHE"
 
 #: The packages that verdicts depend on, beside koord.
 _SOLVERS = ("z3-solver", "python-sat")
@@ -87,20 +85,12 @@ class Cache:
         return FolderUse(0, 0) if self._folder is None else self._folder.clear()
 
 
-def usual_folder() -> str:
-    """The folder of the user's cache: ``KOORD_CACHE``, else where the platform has caches."""
-    stated = os.environ.get(VARIABLE, "").strip()
-    if stated:
-        return os.path.abspath(os.path.expanduser(stated))
-    home = Path.home()
-    if sys.platform == "win32":
-        found = os.environ.get("LOCALAPPDATA", "") or str(home / "AppData" / "Local")
-        return os.path.join(found, "koord", "cache")
-    if sys.platform == "darwin":
-        return str(home / "Library" / "Caches" / "koord")
-    found = os.environ.get("XDG_CACHE_HOME", "")
-    # By that standard a relative path counts as none.
-    return os.path.join(found if os.path.isabs(found) else home / ".cache", "koord")
+def kept_code(*, clear: bool = False) -> MachineFiles:
+    """How much machine code of simulations is kept in the usual folder; removed if asked for."""
+    folder = machine_folder()
+    if folder is None:
+        return MachineFiles(0, 0)
+    return folder.clear() if clear else folder.use()
 
 
 @once
@@ -127,3 +117,6 @@ def _installed(package: str) -> str:
         return version_of(package)
     except PackageNotFoundError:
         return "none"
+
+
+__all__ = ["VARIABLE", "Cache", "kept_code", "usual_folder", "version_in_use"]

@@ -13,6 +13,7 @@ from koord.api.fitting import NO_FILE, Fitted
 from koord.api.progress import Progress
 from koord.api.results import Result
 from koord.api.sim_setup import unanswered
+from koord.machine.kept import newly_kept
 from koord.runtime.engine import Ended
 from koord.runtime.motion.planning import Hindrance as Hindrance
 from koord.runtime.motion.world import Point
@@ -87,6 +88,7 @@ class Simulated(Result, frozen=True, kw_only=True):
     processes: Processes | None = None  #: of a run with programs in several processes
     warnings: tuple[Diagnostic, ...] = ()
     kept: tuple[str, ...] = ()  #: the files that were written, but for the trace
+    kept_code: str = ""  #: where machine code is kept that was made; empty: none was
     recording: RunLog
 
     @property
@@ -171,6 +173,7 @@ def report_of(fitted: Fitted, setup: Setup, simulation: Simulation, wall_s: floa
         fault=simulation.fault,
         processes=_processes_of(simulation),
         warnings=fitted.warnings,
+        kept_code=newly_kept(),
         recording=simulation.recording,
     )
 

@@ -384,6 +384,12 @@ def _concluded(arguments: argparse.Namespace, simulated: Simulated) -> int:
 
     if simulated.kept and not arguments.json:
         print(f"kept: {', '.join(map(visible, simulated.kept))}")
+    if simulated.kept_code:
+        print(
+            f"machine code was made for this, and is kept in {visible(simulated.kept_code)}:"
+            " the next run starts sooner",
+            file=sys.stderr,
+        )
     if (refused := simulated.refused) is not None:
         print(
             f"the trace is none of the semantics: [{refused.rule}] {refused.reason}",

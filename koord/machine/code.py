@@ -5,10 +5,12 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
-import llvmlite.binding as llvm
 from llvmlite import ir
+
+if TYPE_CHECKING:
+    import llvmlite.binding as llvm
 
 I1, I8, I32, I64 = ir.IntType(1), ir.IntType(8), ir.IntType(32), ir.IntType(64)
 F64 = ir.DoubleType()
@@ -189,20 +191,10 @@ class Loaded:
     """
 
     def __init__(self, module: Ir, *, hasty: bool = False) -> None:
-        llvm.initialize_native_target()
-        llvm.initialize_native_asmprinter()
-        text = str(module)
-        if len(text) > _MOST_TEXT:
-            raise TooMuchCodeError("there is too much to compile")
-        parsed = llvm.parse_assembly(text)
-        parsed.verify()
-        machine = llvm.Target.from_default_triple().create_target_machine(
-            cpu=llvm.get_host_cpu_name(),
-            # What a processor has by its name may be kept from this machine.
-            features=llvm.get_host_cpu_features().flatten(),
-            opt=0 if hasty else 1,
-        )
-        self._engine = llvm.create_mcjit_compiler(parsed, machine)
+        import llvmlite.binding as llvm
+
+        parsed = _parsed(module)
+        self._engine = llvm.create_mcjit_compiler(parsed, _target(hasty=hasty))
         self._engine.finalize_object()
 
     def function(self, name: str, arguments: int) -> Callable[..., int]:
@@ -212,3 +204,36 @@ class Loaded:
         found: Any = type_(address)
         found.engine = self._engine  # whose code it is: it is there as long as the function
         return cast("Callable[..., int]", found)
+
+
+def object_of(module: Ir, *, hasty: bool = False) -> bytes:
+    """The same machine code as an object that may be loaded anywhere. Raises TooMuchCodeError."""
+    parsed = _parsed(module)
+    found = _target(hasty=hasty, reloc="pic", codemodel="small").emit_object(parsed)
+    return cast("bytes", found)
+
+
+def _parsed(module: Ir) -> llvm.ModuleRef:
+    # It takes 75 MiB of memory, and there is none of it where all code was kept.
+    import llvmlite.binding as llvm
+
+    llvm.initialize_native_target()
+    llvm.initialize_native_asmprinter()
+    text = str(module)
+    if len(text) > _MOST_TEXT:
+        raise TooMuchCodeError("there is too much to compile")
+    parsed = llvm.parse_assembly(text)
+    parsed.verify()
+    return parsed
+
+
+def _target(*, hasty: bool, **how: str) -> llvm.TargetMachine:
+    import llvmlite.binding as llvm
+
+    return llvm.Target.from_default_triple().create_target_machine(
+        cpu=llvm.get_host_cpu_name(),
+        # What a processor has by its name may be kept from this machine.
+        features=llvm.get_host_cpu_features().flatten(),
+        opt=0 if hasty else 1,
+        **how,
+    )

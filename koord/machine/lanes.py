@@ -8,20 +8,24 @@ left open.
 
 from __future__ import annotations
 
-import llvmlite.binding as llvm
 from llvmlite import ir
 
 from koord.machine.code import F64, I32, Code, Ir
+from koord.machine.processor import abilities
 
 DOUBLE_BYTES = 8
 
 
 def widest() -> int:
     """The doubles that a register of this processor holds."""
-    features = llvm.get_host_cpu_features()
-    if features.get("avx512f"):
+    known = abilities()
+    if not known:  # not told here: LLVM asks the processor itself
+        import llvmlite.binding as llvm
+
+        known = frozenset(name for name, has in llvm.get_host_cpu_features().items() if has)
+    if "avx512f" in known:
         return 8
-    return 4 if features.get("avx") else 2
+    return 4 if "avx" in known else 2
 
 
 class Lanes:

@@ -15,7 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from koord.machine.code import BYTES, F64, I64, Code, Ir, Loaded, new_module, word
+from koord.machine.code import BYTES, F64, I64, Code, Ir, new_module, word
+from koord.machine.kept import kept
 from koord.machine.lanes import DOUBLE_BYTES, Lane, Lanes
 from koord.runtime.motion.arrays import Floats, Ints
 from koord.sim.separation import FEW, ROOM_M, Going, Listed, Nearest
@@ -81,14 +82,19 @@ class CompiledGoing(Going):
 @cache
 def measuring_code() -> tuple[Callable[..., int], Callable[..., int]]:
     """Compile what is measured at the end of a tick, and what lists pairs."""
+    code = kept("measuring", (), _module)
+    return code.function("measure", 8), code.function("enlist", 7)
+
+
+def _module() -> Ir:
     module = new_module("measuring")
-    arguments = _measuring(module), _listing(module)
-    loaded = Loaded(module)
-    return loaded.function("measure", arguments[0]), loaded.function("enlist", arguments[1])
+    _measuring(module)
+    _listing(module)
+    return module
 
 
-def _measuring(module: Ir) -> int:
-    """Write what is measured, and return the number of its arguments.
+def _measuring(module: Ir) -> None:
+    """Write what is measured.
 
     The function takes the addresses of positions now and of those at the last tick, shape
     ``(n, 3)``, of the ways that robots have gone, ``(n,)``, or 0; n; of pairs, ``(k, 2)``, or
@@ -139,11 +145,10 @@ def _measuring(module: Ir) -> int:
         keep(square, first)
     code.put(found, 0, b.load(found_square))
     b.ret(b.load(found_pair))
-    return len(arguments)
 
 
-def _listing(module: Ir) -> int:
-    """Write what lists pairs, and return the number of its arguments.
+def _listing(module: Ir) -> None:
+    """Write what lists pairs.
 
     The function takes the addresses of positions in their order along an axis, shape ``(n, 3)``,
     and of the robots that these are of; n; the axis; the address of pairs, ``(k, 2)``, and k; and
@@ -193,7 +198,6 @@ def _listing(module: Ir) -> int:
             b.store(_next(b, other), number)
     lanes.put(reach, 0, Lane(lanes, b.load(least2)).sqrt())
     b.ret(b.load(found))
-    return len(arguments)
 
 
 def _put_pair(code: Code, place: Ir, robots: list[Ir]) -> None:

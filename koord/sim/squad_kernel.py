@@ -15,7 +15,8 @@ from functools import cache
 
 import numpy as np
 
-from koord.machine.code import BYTES, I64, Code, Ir, Loaded, new_module, word
+from koord.machine.code import BYTES, I64, Code, Ir, new_module, word
+from koord.machine.kept import kept
 from koord.machine.lanes import DOUBLE_BYTES, Lane, Lanes, widest
 from koord.runtime.motion.arrays import Floats, lengths
 from koord.runtime.motion.bodies import Drone
@@ -177,6 +178,10 @@ def ticking_code(width: int) -> Callable[..., int]:
     there is room for in each route, and how many ticks there are, with how many steps in each.
     After each tick the blocks of states change places.
     """
+    return kept("ticks", (width,), lambda: _ticking(width)).function("ticks", 5)
+
+
+def _ticking(width: int) -> Ir:
     module = new_module("ticks")
     block = block_code(module, width)
     code = Code(module, "ticks", [BYTES, *[I64] * 4], I64)
@@ -210,7 +215,7 @@ def ticking_code(width: int) -> Callable[..., int]:
 
     code.repeated(ticks, [arrays["one"], arrays["other"], word(0), arrays["places"]], tick)
     b.ret(word(0))
-    return Loaded(module).function("ticks", 5)
+    return module
 
 
 class _Seen(OneDrone):

@@ -11,7 +11,8 @@ import math
 from collections.abc import Callable, Sequence
 from functools import cache
 
-from koord.machine.code import BYTES, I8, I64, Code, Ir, Loaded, constant, new_module, word
+from koord.machine.code import BYTES, I8, I64, Code, Ir, constant, new_module, word
+from koord.machine.kept import kept
 from koord.machine.lanes import DOUBLE_BYTES, Lane, Lanes
 from koord.runtime.motion.arrays import Bools, Floats
 from koord.runtime.motion.automaton import MotionState
@@ -60,6 +61,10 @@ def watching_code() -> Callable[..., int]:
     it goes, of who has stopped, of places, shape ``(n, 3)``; of where they linger, ``(n, 3)``, and
     since when, which are written over; of when the round began and ended; and n.
     """
+    return kept("watching", (), _watching).function("watch", 8)
+
+
+def _watching() -> Ir:
     code = Code(new_module("watching"), "watch", [BYTES] * 7 + [I64], I64)
     *_, times, count = code.arguments
     b, lanes = code.b, Lanes(code, 1)
@@ -80,7 +85,7 @@ def watching_code() -> Callable[..., int]:
     with code.only_if(is_sure), code.loop(word(0), count) as robot:
         _Robot(lanes, code.arguments, robot).note(began_s)
     b.ret(found)
-    return Loaded(code.function.module).function("watch", 8)
+    return code.function.module
 
 
 class _Robot:

@@ -11,6 +11,8 @@ LATE = "tests/sim/test_late_sensors.py"
 
 GROUPS = "tests/sim/test_groups.py"
 
+KEPT = "tests/machine/test_kept.py"
+
 COLUMNS = (
     Mutant(
         "robots of other processes do not hear what was written",
@@ -320,5 +322,47 @@ COLUMNS = (
         "self._gone + len(self._robots) <= after",
         "self._gone <= after",
         (TURNS,),
+    ),
+    Mutant(
+        "kept machine code is that of any claims",
+        "runtime.compile.machine.kept_turns.key_of_turns",
+        "(repr(watched.program), *stated)",
+        "()",
+        (KEPT,),
+    ),
+    Mutant(
+        "machine code is kept over changes of what writes it",
+        "machine.kept._surroundings",
+        "*_files()",
+        "*()",
+        (KEPT,),
+    ),
+    Mutant(
+        "arrays have the keys of their numbers",
+        "machine.kept._put",
+        "(str(value.dtype), value.shape)",
+        "()",
+        (KEPT,),
+    ),
+    Mutant(
+        "damaged machine code is loaded",
+        "machine.folder._checked",
+        "raw[:begin] == _MAGIC + _checksum(data, key)",
+        "raw",
+        (KEPT,),
+    ),
+    Mutant(
+        "machine code is loaded that anybody may write",
+        "machine.folder._is_ours",
+        "not found.st_mode & (stat.S_IWGRP | stat.S_IWOTH)",
+        "True",
+        (KEPT,),
+    ),
+    Mutant(
+        "kept turns are those of other variables",
+        "runtime.compile.machine.kept_turns._variable",
+        "one.variable.slot == slot",
+        "True",
+        (KEPT,),
     ),
 )

@@ -24,7 +24,8 @@ from koord.runtime.motion.libraries import missing
 from koord.sim.vehicles.quadrotors import FlightState, Quadrotors
 
 try:
-    from koord.machine.code import BYTES, F64, I64, Code, Ir, Loaded, new_module, word
+    from koord.machine.code import BYTES, F64, I64, Code, Ir, new_module, word
+    from koord.machine.kept import kept
     from koord.machine.lanes import DOUBLE_BYTES, Lane, Lanes, widest
 except ImportError as error:
     raise missing("llvmlite", "fast") from error
@@ -137,13 +138,17 @@ def flight(width: int) -> Callable[[int, int, int, int, int, int], int]:
     ``(12, n)``, of the constants, and of an array for the state that comes of it; then n, and the
     number of steps.
     """
+    return kept("flight", (width,), lambda: _flight(width)).function("fly", 6)
+
+
+def _flight(width: int) -> Ir:
     module = new_module("flight")
     block = block_code(module, width)
     code = Code(module, "fly", [BYTES] * 4 + [I64] * 2, I64)
     before, told, given, after, count, steps = code.arguments
     fly_all(code, block, width, (before, told, given, after), count, steps)
     code.b.ret(word(0))
-    return Loaded(module).function("fly", 6)
+    return module
 
 
 def fly_all(

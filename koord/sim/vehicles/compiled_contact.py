@@ -23,7 +23,8 @@ from koord.sim.vehicles.contact import Colliding, Floor, ahead, axle, moved, tyr
 from koord.sim.vehicles.wheels import Hull, Rolling
 
 try:
-    from koord.machine.code import BYTES, F64, I32, I64, Code, Ir, Loaded, new_module, word
+    from koord.machine.code import BYTES, F64, I32, I64, Code, Ir, new_module, word
+    from koord.machine.kept import kept
     from koord.machine.lanes import DOUBLE_BYTES, Lane, Lanes, widest
 except ImportError as error:
     raise missing("llvmlite", "fast") from error
@@ -112,6 +113,11 @@ def _pusher(car: Car, hull: Hull, width: int) -> Callable[..., int]:
     ``(n, 2)``, of speeds and steering angles, which it replaces, and of the forces, ``(n, 3)``;
     and n.
     """
+    code = kept("contact", (car, hull, width), lambda: _pushing(car, hull, width))
+    return code.function("push", 7)
+
+
+def _pushing(car: Car, hull: Hull, width: int) -> Ir:
     module = new_module("contact")
     code = Code(module, "push", [BYTES] * 6 + [I64], I64)
     dt_at, state_at, command_at, speed_at, steering_at, force_at, count = code.arguments
@@ -124,7 +130,7 @@ def _pusher(car: Car, hull: Hull, width: int) -> Callable[..., int]:
         block.put(steering_at, [steering])
         block.put(force_at, forces)
     code.b.ret(word(0))
-    return Loaded(module).function("push", 7)
+    return module
 
 
 @cache
@@ -135,6 +141,11 @@ def _roamer(car: Car, hull: Hull, width: int) -> Callable[..., int]:
     ``(n, 2)``, and steering angles, and of what cars look like then, ``(n, 4)``; n, and the number
     of steps. It replaces states and steering angles.
     """
+    code = kept("roaming", (car, hull, width), lambda: _roaming(car, hull, width))
+    return code.function("roam", 7)
+
+
+def _roaming(car: Car, hull: Hull, width: int) -> Ir:
     module = new_module("roaming")
     code = Code(module, "roam", [BYTES] * 5 + [I64] * 2, I64)
     dt_at, state_at, command_at, steering_at, shown_at, count, steps = code.arguments
@@ -155,7 +166,7 @@ def _roamer(car: Car, hull: Hull, width: int) -> Callable[..., int]:
         block.put(steering_at, [steering])
         block.put(shown_at, [*axle(hull, state), ahead(state)])
     code.b.ret(word(0))
-    return Loaded(module).function("roam", 7)
+    return module
 
 
 def _pushed(
@@ -173,6 +184,10 @@ def _puller(hull: Hull, width: int) -> Callable[..., int]:
     The function takes the addresses of the time of a step, of states, ``(n, 6)``, of speeds and
     rates, and of the forces, ``(n, 3)``; and n.
     """
+    return kept("tyres", (hull, width), lambda: _pulling(hull, width)).function("pull", 6)
+
+
+def _pulling(hull: Hull, width: int) -> Ir:
     module = new_module("tyres")
     code = Code(module, "pull", [BYTES] * 5 + [I64], I64)
     dt_at, state_at, speed_at, turn_at, force_at, count = code.arguments
@@ -181,12 +196,16 @@ def _puller(hull: Hull, width: int) -> Callable[..., int]:
         (speed,), (turn,) = block.get(speed_at, 1), block.get(turn_at, 1)
         block.put(force_at, tyres(hull, dt_s, block.get(state_at, _BODY), speed, turn))
     code.b.ret(word(0))
-    return Loaded(module).function("pull", 6)
+    return module
 
 
 @cache
 def _shower(hull: Hull, width: int) -> Callable[..., int]:
     """Compile what bodies look like to programs: x, y, heading and speed, ``(n, 4)``, of states."""
+    return kept("axles", (hull, width), lambda: _showing(hull, width)).function("show", 3)
+
+
+def _showing(hull: Hull, width: int) -> Ir:
     module = new_module("axles")
     code = Code(module, "show", [BYTES] * 2 + [I64], I64)
     state_at, shown_at, count = code.arguments
@@ -194,7 +213,7 @@ def _shower(hull: Hull, width: int) -> Callable[..., int]:
         state = block.get(state_at, _BODY)
         block.put(shown_at, [*axle(hull, state), ahead(state)])
     code.b.ret(word(0))
-    return Loaded(module).function("show", 3)
+    return module
 
 
 class _Block:

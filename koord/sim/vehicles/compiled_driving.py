@@ -31,7 +31,8 @@ from koord.runtime.motion.predictive import (
 )
 
 try:
-    from koord.machine.code import BYTES, F64, I64, Code, Ir, Loaded, new_module, word
+    from koord.machine.code import BYTES, F64, I64, Code, Ir, new_module, word
+    from koord.machine.kept import kept
     from koord.machine.lanes import DOUBLE_BYTES, Lane, Lanes, widest
 except ImportError as error:
     raise missing("llvmlite", "fast") from error
@@ -62,9 +63,13 @@ _width = cache(widest)
 @cache
 def _solver(problem: Problem, width: int) -> Callable[..., int]:
     """Compile the solver of problems of a kind, ``width`` of them at a time."""
-    module = new_module("driving")
-    write_solver(module, problem, width)
-    return Loaded(module).function("solve", 6)
+
+    def module() -> Ir:
+        made = new_module("driving")
+        write_solver(made, problem, width)
+        return made
+
+    return kept("driving", (problem, width), module).function("solve", 6)
 
 
 def write_solver(module: Ir, problem: Problem, width: int) -> Ir:

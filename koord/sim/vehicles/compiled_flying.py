@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 from msgspec import Struct
 
-from koord.machine.code import BYTES, I64, Code, Ir, Loaded, new_module, word
+from koord.machine.code import BYTES, I64, Code, Ir, new_module, word
+from koord.machine.kept import kept
 from koord.machine.lanes import Lane, Lanes
 from koord.runtime.motion.arrays import Floats
 from koord.runtime.motion.flying import APPROACH_S, CREEP_MPS, LAG_M, Flying
@@ -90,6 +91,10 @@ def flying_code() -> Callable[[int, int, int], int]:
     The function takes the address of the table of arrays, the number of drones, and how many
     points there is room for in each route.
     """
+    return kept("flying", (), _flying).function("step", 3)
+
+
+def _flying() -> Ir:
     code = Code(new_module("flying"), "step", [BYTES, I64, I64], I64)
     table, count, room = code.arguments
     arrays = arrays_of(code, table, ARRAYS)
@@ -100,7 +105,7 @@ def flying_code() -> Callable[[int, int, int], int]:
         one.step_automaton()
         one.command()
     code.b.ret(word(0))
-    return Loaded(code.function.module).function("step", 3)
+    return code.function.module
 
 
 class _Spot(Struct, frozen=True):

@@ -16,7 +16,8 @@ from typing import Any
 import numpy as np
 from msgspec import Struct
 
-from koord.machine.code import BYTES, F64, I1, I64, Code, Ir, Loaded, constant, new_module, word
+from koord.machine.code import BYTES, F64, I1, I64, Code, Ir, constant, new_module, word
+from koord.machine.kept import kept
 from koord.machine.lanes import DOUBLE_BYTES, Lane, Lanes, widest
 from koord.runtime.motion.angles import arc_tangent, sine_cosine, unwound
 from koord.runtime.motion.arrays import Bools, Floats
@@ -129,6 +130,10 @@ def tracking_code(kind: _Kind, width: int) -> Callable[..., int]:
     is room for in each route, for how many cars there is room side by side, and whether the law
     acts at this tick. It returns how many have missed the ends of their routes.
     """
+    return kept("tracking", (kind, width), lambda: _tracking(kind, width)).function("track", 5)
+
+
+def _tracking(kind: _Kind, width: int) -> Ir:
     module = new_module("tracking")
     solver = write_solver(module, kind.problem, width)
     code = Code(module, "track", [BYTES, *[I64] * 4], I64)
@@ -169,7 +174,7 @@ def tracking_code(kind: _Kind, width: int) -> Callable[..., int]:
         with code.loop(word(0), count) as robot:
             b.store(b.add(b.load(missed), one(robot).send()), missed)
     b.ret(b.load(missed))
-    return Loaded(module).function("track", 5)
+    return module
 
 
 def _rows(problem: Problem, name: str) -> int:

@@ -48,7 +48,7 @@ class Budget(Struct):
         self.left -= work
 
 
-#: What every function of a turn is given: rows and cells, their flags, the number of robots, δ.
+#: What every function of a turn is given (``STATE_WORDS``).
 STATE = (BYTES, BYTES, BYTES, BYTES, I64, I64)
 
 

@@ -10,11 +10,12 @@ from __future__ import annotations
 from contextlib import suppress
 from itertools import product
 
-from koord.machine.code import BYTES, I64, WORD_BYTES, Code, Ir, Loaded, word
+from koord.machine.code import BYTES, I64, WORD_BYTES, Code, Ir, word
 from koord.runtime.compile.machine.body import STATE, Body, Budget
 from koord.runtime.compile.machine.expressions import truth
+from koord.runtime.compile.machine.kept_turns import ToldClaim
 from koord.runtime.compile.machine.layout import Layout, NoCodeError
-from koord.runtime.compile.machine.made import IN_DOUBT, YES, ClaimCode
+from koord.runtime.compile.machine.made import IN_DOUBT, YES
 from koord.runtime.compile.machine.statements import block
 from koord.runtime.compile.watching import Watched, WatchedClaim, WatchedKind
 from koord.syntax import core
@@ -32,18 +33,14 @@ class ClaimsCode:
     def __init__(self, module: Ir, watched: Watched, layout: Layout, budget: Budget) -> None:
         self._module, self._program = module, watched.program
         self._layout, self._budget = layout, budget
-        self._names: dict[str, list[tuple[str, tuple[int, ...]]]] = {}
+        self._names: dict[str, list[ToldClaim]] = {}
         for claim in watched.claims:
             if claim.sort not in (WatchedKind.CONTRACT, WatchedKind.SUMMARY):
                 self._claim(claim)
 
-    def found(self, loaded: Loaded) -> dict[str, tuple[ClaimCode, ...]]:
-        """The code of claims by method, when the module is compiled."""
-        count = len(STATE) + len(_LISTS)
-        return {
-            method: tuple(ClaimCode(loaded.function(name, count), kinds) for name, kinds in names)
-            for method, names in self._names.items()
-        }
+    def told(self) -> dict[str, tuple[ToldClaim, ...]]:
+        """The functions of claims by method."""
+        return {method: tuple(names) for method, names in self._names.items()}
 
     def _claim(self, claim: WatchedClaim) -> None:
         """Compile a claim for all kinds of robots that it is about, or for none."""
@@ -52,13 +49,13 @@ class ClaimsCode:
         pairs = list(product(*whose))
         if len(claim.agents) > _MOST_ROBOTS or len(pairs) > _MOST_PAIRS:
             return
-        names: list[tuple[str, tuple[int, ...]]] = []
+        names: list[ToldClaim] = []
         made: list[str] = []
         with suppress(NoCodeError):
             for kinds in pairs:
                 self._holds(f"holds_{claim.method}_{len(names)}", claim, kinds, made)
                 self._look(f"look_{claim.method}_{len(names)}", made)
-                names.append((made[-1], kinds))
+                names.append(ToldClaim(made[-1], kinds))
             self._names[claim.method] = names
             return
         for name in made:

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import sys
 
+from koord.machine import is_installed
 from koord.runtime.compile.machine.made import Turns
 from koord.runtime.compile.watching import Watched
 from koord.syntax import core
 
 #: Compiling takes as long as so many turns by compiled robots, with what is looked at of them, and
-#: a run may be over before. And importing llvmlite, where nobody has done so.
-_WORTH_TURNS, _WORTH_TURNS_AND_IMPORT = 2_500, 10_000
+#: a run may be over before. And importing llvmlite, where nobody has done so; or loading what was
+#: kept.
+_WORTH_TURNS, _WORTH_TURNS_AND_IMPORT, _WORTH_KEPT_TURNS = 2_500, 10_000, 300
 
 
 class LazyTurns:
@@ -23,6 +25,7 @@ class LazyTurns:
         self.is_made = False
         self._program, self._watched = program, watched
         self._turns: Turns | None = None
+        self._is_kept: bool | None = None
 
     def without_claims(self) -> LazyTurns:
         """The same for who looks at no claims."""
@@ -31,15 +34,33 @@ class LazyTurns:
     @property
     def worth_turns(self) -> int:
         """Making it takes as long as so many turns by compiled robots."""
-        return _WORTH_TURNS if "llvmlite" in sys.modules else _WORTH_TURNS_AND_IMPORT
+        if self._is_kept is None:
+            self._is_kept = is_installed() and self._are_kept()
+        if self._is_kept:
+            return _WORTH_KEPT_TURNS
+        return _WORTH_TURNS if "llvmlite.binding" in sys.modules else _WORTH_TURNS_AND_IMPORT
+
+    def _are_kept(self) -> bool:
+        from koord.runtime.compile.machine.kept_turns import are_kept
+
+        return are_kept(self._program, self._watched)
 
     def __call__(self) -> Turns | None:
         """The machine code. It takes llvmlite (extra ``fast``); without it there is none."""
         if not self.is_made:
             self.is_made = True
-            try:
-                from koord.runtime.compile.machine.turns import turns_of
-            except ModuleNotFoundError:
-                return None
-            self._turns = turns_of(self._program, self._watched)
+            if is_installed():
+                self._turns = self._kept() or self._compiled()
         return self._turns
+
+    def _kept(self) -> Turns | None:
+        from koord.runtime.compile.machine.kept_turns import kept_turns
+
+        return kept_turns(self._program, self._watched)
+
+    def _compiled(self) -> Turns | None:
+        try:
+            from koord.runtime.compile.machine.turns import turns_of
+        except ModuleNotFoundError:
+            return None
+        return turns_of(self._program, self._watched)

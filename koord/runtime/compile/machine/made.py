@@ -12,6 +12,9 @@ from koord.runtime.compile.watching import Watched
 #: What a turn says: no, or done; yes; in doubt.
 NO, YES, IN_DOUBT = 0, 1, 2
 
+#: What every function is given first: rows and cells, their flags, the number of robots, δ.
+STATE_WORDS = 6
+
 #: Before the cells of what an event writes: its locks, and whether it asks to stop.
 HEAD_WORDS = 2
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import suppress
 
+import msgspec
 from msgspec import Struct
 
 from koord.machine.code import (
@@ -19,22 +20,27 @@ from koord.machine.code import (
     WORD_BYTES,
     Code,
     Ir,
-    Loaded,
     TooMuchCodeError,
     new_module,
     word,
 )
+from koord.machine.kept import keep
 from koord.runtime.compile.machine.body import STATE, Body, Budget
 from koord.runtime.compile.machine.claims import ClaimsCode
 from koord.runtime.compile.machine.expressions import truth
+from koord.runtime.compile.machine.kept_turns import (
+    ToldColumn,
+    ToldKind,
+    ToldTurns,
+    assembled,
+    key_of_turns,
+)
 from koord.runtime.compile.machine.layout import Column, Layout, NoCodeError
 from koord.runtime.compile.machine.made import (
     HEAD_WORDS,
     IN_DOUBT,
     NO,
     YES,
-    Effect,
-    KindTurns,
     Turns,
 )
 from koord.runtime.compile.machine.statements import block
@@ -49,7 +55,10 @@ _MOST_BITS = 63
 
 
 def turns_of(program: core.Program, watched: Watched | None = None) -> Turns | None:
-    """Compile the turns of a program, and its claims; None where there is no use of it."""
+    """Compile the turns of a program, and its claims; None where there is no use of it.
+
+    They are kept.
+    """
     return _Making(program, watched).turns()
 
 
@@ -76,28 +85,22 @@ class _Making:
         claims: ClaimsCode | None = None
         if self.watched is not None:
             claims = ClaimsCode(self.module, self.watched, self.layout, self.budget)
+        known = {id(column): k for k, column in enumerate(self.layout.columns.values())}
+        kinds = tuple(
+            None
+            if one is None
+            else ToldKind(tuple(_told(known, columns) for columns in one.columns), one.without)
+            for one in made
+        )
+        columns = tuple(ToldColumn(w, home.value, slot) for w, home, slot in self.layout.columns)
+        told = ToldTurns(columns, kinds, {} if claims is None else claims.told())
+        key = key_of_turns(self.program, self.watched)
+        about = msgspec.json.encode(told)
         try:
-            loaded = Loaded(self.module, hasty=True)
+            code = keep(key, self.module, about, hasty=True)
         except TooMuchCodeError:
             return None
-        kinds = tuple(
-            None if one is None else self._found(loaded, kind, one) for kind, one in enumerate(made)
-        )
-        of_claims = {} if claims is None else claims.found(loaded)
-        return Turns(self.layout, kinds, self.watched, of_claims)
-
-    def _found(self, loaded: Loaded, kind: int, written_: _Written) -> KindTurns:
-        found: list[Effect | None] = []
-        for number, columns in enumerate(written_.columns):
-            if columns is None:
-                found.append(None)
-                continue
-            words = HEAD_WORDS + sum(len(column.leaves) for column in columns)
-            run = loaded.function(f"run_{kind}_{number}", len(STATE) + 5)
-            found.append(Effect(run, columns, words))
-        urgent = sum(1 << k for k, e in enumerate(self.program.agents[kind].events) if e.urgent)
-        guards = loaded.function(f"guards_{kind}", len(STATE) + 5)
-        return KindTurns(guards, tuple(found), urgent, written_.without)
+        return assembled(self.program, self.watched, told, code)
 
     def _kind(self, kind: int, agent: core.Agent) -> _Written | None:
         """What the events of a kind write, of those that have code; None if no guard has."""
@@ -229,6 +232,10 @@ class _Making:
 
     def _ask(self, code: Code, name: str, arguments: Sequence[Ir]) -> Ir:
         return code.b.call(self.module.globals[name], list(arguments))
+
+
+def _told(known: dict[int, int], columns: Sequence[Column] | None) -> tuple[int, ...] | None:
+    return None if columns is None else tuple(known[id(column)] for column in columns)
 
 
 def _is(b: Ir, said: Ir, what: int) -> Ir:
