@@ -10,7 +10,6 @@ import os
 import re
 import stat
 import sys
-import tempfile
 from collections.abc import Iterator
 from contextlib import suppress
 from hashlib import sha256
@@ -99,6 +98,8 @@ class MachineFolder:
             os.makedirs(self.path, mode=0o700, exist_ok=True)
             if not self._is_ours():
                 return False
+            import tempfile
+
             number, begun = tempfile.mkstemp(prefix=_BEGUN, dir=self.path)
             try:
                 with open(number, "wb") as file:

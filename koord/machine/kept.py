@@ -9,15 +9,11 @@ from __future__ import annotations
 
 import ctypes
 import os
-import shutil
 import struct
-import subprocess
 import sys
-import tempfile
 from collections.abc import Callable
 from functools import cache
 from hashlib import sha256
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, cast
 
@@ -189,10 +185,9 @@ def _put(whole: Any, value: object) -> None:
 @cache
 def _surroundings() -> tuple[object, ...]:
     """What all machine code is made of: this Python, the processor, and koord's own files."""
-    try:
-        compiler = version("llvmlite")
-    except PackageNotFoundError:
-        compiler = ""
+    import llvmlite
+
+    compiler = llvmlite.__version__
     return (sys.version, np.__version__, compiler, tuple(processor().items()), *_files())
 
 
@@ -215,11 +210,16 @@ def _files() -> list[tuple[object, ...]]:
 @cache
 def _linker() -> str | None:
     """What makes a shared object of an object, if there is something here."""
+    import shutil
+
     return next(filter(None, map(shutil.which, ("ld", "ld.lld", "ld.gold"))), None)
 
 
 def _linked(linker: str, raw: bytes) -> bytes | None:
     """A shared object of an object; None if that cannot be."""
+    import subprocess
+    import tempfile
+
     with tempfile.TemporaryDirectory(prefix="koord-link-") as folder:
         given, made = os.path.join(folder, "code.o"), os.path.join(folder, "code.so")
         Path(given).write_bytes(raw)

@@ -202,7 +202,7 @@ LANES = (
     ),
     Mutant(
         "all ticks of a call are at one time",
-        "sim.squad_kernel.ticking_code",
+        "sim.squad_kernel._ticking",
         "lanes.get(arrays['times'], b.mul(number, word(DOUBLE_BYTES)))",
         "lanes.get(arrays['times'], word(0))",
         (SQUADS,),
@@ -237,14 +237,14 @@ LANES = (
     ),
     Mutant(
         "who has moved by as much as counts has moved by less",
-        "sim.standing_kernel.watching_code",
+        "sim.standing_kernel._watching",
         "b.or_(one.in_doubt, b.and_(b.not_(one.is_fresh), long_ago))",
         "b.and_(b.not_(one.is_fresh), long_ago)",
         (STANDING,),
     ),
     Mutant(
         "machine code is sure that nobody is blocked",
-        "sim.standing_kernel.watching_code",
+        "sim.standing_kernel._watching",
         "b.or_(one.in_doubt, b.and_(b.not_(one.is_fresh), long_ago))",
         "one.in_doubt",
         (STANDING,),
@@ -279,7 +279,7 @@ LANES = (
     ),
     Mutant(
         "poses tilt as after the first tick of several",
-        "sim.squad_kernel.ticking_code",
+        "sim.squad_kernel._ticking",
         "b.icmp_signed('==', b.add(number, word(1)), ticks)",
         "b.icmp_signed('==', number, word(0))",
         (SQUADS,),

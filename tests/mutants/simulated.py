@@ -159,7 +159,7 @@ SIMULATED = (
     ),
     Mutant(
         "cars that touch nothing by machine code are pushed before they move",
-        "sim.vehicles.compiled_contact._roamer",
+        "sim.vehicles.compiled_contact._roaming",
         "moved(hull, dt_s, state, forces)",
         "moved(hull, dt_s, [*state[:3], *moved(hull, dt_s, state, forces)[3:]], forces)",
         (CONTACT,),
