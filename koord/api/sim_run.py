@@ -63,6 +63,8 @@ def play(
     tell, is_cancelled = heard_by(progress), asker(cancellation)
     limit = limit_s(fitted, request.rounds, request.duration_s)
     began = time.perf_counter()
+    if request.outputs.live or request.outputs.pace is not None:
+        simulation.striding = None  # somebody looks at each round when it is over
     first = simulation.begin()
     if tracing is not None:
         tracing.heard(first, simulation)

@@ -11,6 +11,7 @@ from msgspec.structs import replace
 
 import koord.api.sim_libraries  # noqa: F401
 from koord.api.fitting import NO_FILE, Fitted, is_placed, slack_of
+from koord.machine import is_installed
 from koord.runtime.compile import compiled
 from koord.runtime.compile.loading import loaded
 from koord.runtime.compile.machine.lazy import LazyTurns
@@ -19,7 +20,7 @@ from koord.runtime.configuration.reading import problem
 from koord.runtime.platform.world_host import ANSWERED
 from koord.runtime.ports import SIMULATED, plain_name
 from koord.sim.claims import Checked, Watching
-from koord.sim.running import Cast, Simulation
+from koord.sim.running import Cast, Simulation, Striding
 from koord.syntax import core
 from koord.syntax.collector import uncollected
 from koord.syntax.core import Direction
@@ -124,10 +125,18 @@ def simulation(
     cast = built.cast if kernels else replace(built.cast, turns=None)
     made = kind(cast, fitted.scene, keep_going=keep_going, heard=heard, supplied=supplied)
     made.claims.append(Watching(claims, made))
+    if cast.turns is not None and is_installed():
+        made.striding = _striding
     for one in checked:
         one.hold(claims, made)
         made.claims.append(one)
     return made
+
+
+def _striding(run: Simulation) -> Striding | None:
+    from koord.sim.strides import Strides
+
+    return Strides.of(run)
 
 
 def watch(simulation: Simulation, program: core.Program, slack: Fraction) -> Watched:

@@ -142,6 +142,11 @@ class Code:
             function = ir.Function(self.function.module, ir.FunctionType(result, types), name)
         return self.b.call(function, arguments)
 
+    def called(self, address: Ir, arguments: Sequence[Ir]) -> Ir:
+        """Call a function of 64-bit numbers at an address; its result has 64 bits."""
+        type_ = ir.FunctionType(I64, [I64] * len(arguments)).as_pointer()
+        return self.b.call(self.b.inttoptr(address, type_), list(arguments))
+
     # --- memory ---------------------------------------------------------------------------------
 
     def at(self, block: Ir, offset: Ir | int) -> Ir:

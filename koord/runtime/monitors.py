@@ -266,13 +266,17 @@ class StateMonitor:
         """
         if not (all(map(judge.knows, some.methods)) and all(map(judge.is_sure, some.methods))):
             return False
+        self.note_sure(some)
+        return True
+
+    def note_sure(self, some: SomeClaims, looks: int = 1) -> None:
+        """Take note that some claims held for sure, when they were looked at so many times."""
         for stated in some.stated:
-            self.looked[stated.name] = self.looked.get(stated.name, 0) + 1
+            self.looked[stated.name] = self.looked.get(stated.name, 0) + looks
             self._judged.add(stated.name)
             stated.looked = _NEVER
             stated.broken.clear()
         self._is_noted = False
-        return True
 
     def _note(
         self,

@@ -7,7 +7,7 @@ claims have the slack of the scene (:mod:`koord.runtime.compile.slack`).
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 from koord.runtime.columns.engine import ColumnEngine
 from koord.runtime.compile.watching import Watched, WatchedClaim, WatchedKind
@@ -69,6 +69,24 @@ class Watching:
             yield BrokenClaim(
                 named(claim), time_s, robots, place, f"at {claim.span}", claim.sort.value
             )
+
+    def calls(self, run: Simulation) -> list[tuple[Callable[..., int], tuple[int, ...]]] | None:
+        """The machine code of all that is looked at in a round; None if there is no such code."""
+        engine = run.engine
+        judge = engine.judge(self._watched) if isinstance(engine, ColumnEngine) else None
+        methods = dict.fromkeys(
+            method
+            for moment in (WatchPoint.EVENTS, WatchPoint.ROUND)
+            for method in self._asked[moment].methods
+        )
+        if judge is None or not all(map(judge.knows, methods)):
+            return None
+        return [call for method in methods for call in judge.calls(method)]
+
+    def note_sure(self, rounds: int) -> None:
+        """Note that everything that is looked at in a round held in so many."""
+        for moment in (WatchPoint.EVENTS, WatchPoint.ROUND):
+            self._states.note_sure(self._asked[moment], rounds)
 
     def glance(self, run: Simulation) -> Iterator[BrokenClaim]:
         """Yield the contracts that the world does not keep now. [PROP-CONTRACT]"""

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import hashlib
 import sys
+from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from koord.runtime.motion.arrays import Floats, Ints
 from koord.runtime.proposals import Decision
@@ -39,6 +41,16 @@ class Digest:
     def place(self, positions: Floats) -> None:
         """Hash the robots' positions, shape ``(n, 3)``."""
         self._hash.update(np.ascontiguousarray(positions, dtype=np.float64).reshape(-1).data)
+
+    def pass_idle(self, first: int, places: Sequence[Floats]) -> None:
+        """Hash rounds in which nobody acted, from the first on, each with the robots' positions."""
+        count, head = len(places), 8 + len(self._nothing)
+        rows: NDArray[np.uint8] = np.empty((count, head + 24 * self._robots), np.uint8)
+        rows[:, :8] = np.arange(first, first + count).astype(np.int64)[:, None].view(np.uint8)
+        rows[:, 8:head] = np.frombuffer(self._nothing, np.uint8)
+        for row, place in zip(rows, places, strict=True):
+            row[head:] = place.reshape(-1).view(np.uint8)
+        self._hash.update(rows.data)
 
     def hexdigest(self) -> str:
         """The hexadecimal digest so far."""

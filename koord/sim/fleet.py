@@ -290,6 +290,11 @@ class Fleet:
         members, row = self._at(robot)
         members.group.stop(row)
 
+    @property
+    def only_squad(self) -> FusedSquad | None:
+        """The squad that has all robots, if it makes several ticks in one call."""
+        return self._fused[0] if self._is_one else None
+
     # --- what is seen ---------------------------------------------------------------------------
 
     def sensed(self) -> FleetSensors:

@@ -22,6 +22,10 @@ from koord.runtime.motion.arrays import Floats, Ints
 from koord.sim.separation import FEW, ROOM_M, Going, Listed, Nearest
 from koord.sim.vehicles.compiled import address
 
+#: Pairs are listed that are at most so much further apart than the nearest, if the last list had no
+#: more than so many pairs for each robot.
+_FURTHEST_M, _PAIRS_EACH = 4.0, 8
+
 
 class CompiledGoing(Going):
     """The same by machine code, in one call a tick."""
@@ -36,6 +40,7 @@ class CompiledGoing(Going):
         self._listed: Listed | None = None
         self._listed_at = 0, 0, 0
         self._room = 4 * len(start)  #: for pairs
+        self._further_m = ROOM_M / 2  #: so much further than to the nearest is looked
 
     def tick(self, here: Floats) -> Nearest | None:
         count = len(here)
@@ -55,6 +60,33 @@ class CompiledGoing(Going):
             square = self._found[0]
         return Nearest(math.sqrt(square), *divmod(which, count))
 
+    @property
+    def code(self) -> Callable[..., int]:
+        """The machine code of a tick."""
+        return self._measure
+
+    @property
+    def is_listed(self) -> bool:
+        return self._listed is not None
+
+    @property
+    def is_to_be_listed(self) -> bool:
+        """Whether pairs are to be listed before anything is measured."""
+        return self._listed is None and len(self.last) > FEW
+
+    @property
+    def listed(self) -> tuple[int, int, int]:
+        """Where pairs are in memory, how many, and where robots were when they were listed."""
+        return self._listed_at
+
+    @property
+    def reach_m(self) -> float:
+        """How far from each other those were that are in no listed pair."""
+        return math.inf if self._listed is None else self._listed.reach_m
+
+    def moved_to(self, here: Floats) -> None:
+        self.last, self._last_at = here, address(here)
+
     def _measured(self, here_at: int, ways_at: int, count: int) -> int:
         """The pair that is nearest, as ``n * one + other``. Without ways none are added to."""
         return self._measure(
@@ -66,13 +98,17 @@ class CompiledGoing(Going):
         axis = int(np.ptp(here, axis=0).argmax())
         order = np.argsort(here[:, axis], kind="stable")
         along, count = here[order], self._room + 1
+        # Who is in no pair is looked for again where all have moved by half of that, which takes a
+        # sort; one more pair takes a few nanoseconds.
+        if self._listed is None or len(self._listed.pairs[0]) <= _PAIRS_EACH * len(here):
+            self._further_m = min(2 * self._further_m, _FURTHEST_M)
         while count > self._room:
             self._room = max(self._room, count)
             pairs: Ints = np.empty((self._room, 2), np.int64)
-            reach = (ctypes.c_double * 2)(least_m, ROOM_M)
+            reach = (ctypes.c_double * 2)(least_m, self._further_m)
             places = address(along), address(order), len(here), axis
             count = self._enlist(*places, address(pairs), self._room, ctypes.addressof(reach))
-        self._listed = Listed(pairs[:count].T, here, reach[0] + ROOM_M)
+        self._listed = Listed(pairs[:count].T, here, reach[0] + self._further_m)
         self._listed_at = address(pairs), count, address(here)
 
 

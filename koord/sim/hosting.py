@@ -101,6 +101,13 @@ class Hosted(WorldHost):
             return self.served(robot)[name]
         return super().start(robot, name)
 
+    def pass_idle(self, rounds: int, ticks: int) -> None:
+        """Note rounds without orders, and the ticks that the fleet has made in them."""
+        for _ in range(rounds):
+            self.library.begin_round()
+        self.fleet.ticks += ticks
+        self.sensed = self.fleet.sensed()
+
     def served(self, robot: int) -> dict[str, Any]:
         if self.given is not None:
             return self.given.get(robot, {})

@@ -89,7 +89,7 @@ class Gauge:
     def __init__(self, fleet: Fleet, engine: Engine, recorder: RunLogger, scene: Scene) -> None:
         self.fleet, self.engine, self.recorder, self.scene = fleet, engine, recorder, scene
         n = len(scene.robots)
-        self._going = _going(fleet.positions(), fleet.is_compiled)
+        self.going = _going(fleet.positions(), fleet.is_compiled)
         self._waited, self._events = np.zeros(n, np.int64), np.zeros(n, np.int64)
         self._skips, self._blocked = np.zeros(n, np.int64), np.zeros(n, np.int64)
         #: What was done in the last rounds, and who waited: to be counted when they are many.
@@ -99,6 +99,11 @@ class Gauge:
         self._near: Near | None = None
         visit_m = [placed.model.visit.epsilon_m for placed in scene.robots]
         self._tasks = TaskGauge(type(engine.robots[0]), recorder, visit_m)
+
+    @property
+    def has_tasks(self) -> bool:
+        """Whether the program has a list of tasks."""
+        return self._tasks.is_there
 
     @property
     def tasks(self) -> int:
@@ -115,7 +120,7 @@ class Gauge:
 
         The array stays as it is.
         """
-        near = self._going.tick(here)
+        near = self.going.tick(here)
         if near is not None and (self._near is None or near.distance_m < self._near.distance_m):
             self._near = Near(near.distance_m, (near.one, near.other), now_s)
         return near
@@ -136,7 +141,29 @@ class Gauge:
     def round(self, sensed: FleetSensors, stopped: Bools) -> None:
         """Record the end of a round, with the robots' sensors, and who has stopped."""
         self._waits.append((sensed.state, stopped))
-        self._tasks.note_visits(self._going.last, self.fleet.now_s)
+        self._tasks.note_visits(self.going.last, self.fleet.now_s)
+
+    def pass_idle(self, deeds: Deeds, states: Ints, stopped: Bools) -> None:
+        """Record rounds in which nobody acted: the states of automata, a row for each round.
+
+        For programs without tasks.
+        """
+        for of_round in states:
+            self._deeds.append(deeds)
+            self._waits.append((of_round, stopped))
+        if len(self._deeds) >= self._most:
+            self._count()
+
+    def pass_ticks(
+        self, times_s: Sequence[float], here: Floats, distances: Floats, nearest: Ints
+    ) -> None:
+        """Record ticks whose ways were added already: the nearest two of each, as ``n * a + b``."""
+        self.going.moved_to(here)
+        least = int(distances.argmin())
+        distance_m = float(distances[least])
+        if self._near is None or distance_m < self._near.distance_m:
+            pair = divmod(int(nearest[least]), len(here))
+            self._near = Near(distance_m, pair, times_s[least])
 
     def _count(self) -> None:
         """Count what is kept. The arrays are as they were."""
@@ -158,7 +185,7 @@ class Gauge:
         n, delta_s = len(self.scene.robots), self.scene.delta_s
         robots = tuple(
             OfRobot(
-                float(self._going.ways_m[k]),
+                float(self.going.ways_m[k]),
                 float(self._waited[k]) * delta_s,
                 int(self._events[k]),
                 int(self._skips[k]),
@@ -196,6 +223,11 @@ class TaskGauge:
         self._recorder, self._visit_m = recorder, visit_m
         self._tasks = _task_list(program)
         self._values: Mapping[str, Any] = {}
+
+    @property
+    def is_there(self) -> bool:
+        """Whether there is a list of tasks."""
+        return self._tasks is not None
 
     def note_assigned(self, values: Mapping[str, Any], time_s: float) -> None:
         """Record who has tasks now, by the values of shared variables."""

@@ -177,6 +177,21 @@ class Observer:
         self._shown += len(shown)
         self.recorder.round(number, time_s, deeds, changes, [*_said(shown)])
 
+    def pass_idle(self, first: int, rounds: int) -> None:
+        """Record rounds from the first on in which nobody acted, and no variable changed."""
+        recorder, deeds = self.recorder, nothing(len(self._own))
+        delta_s, is_known = recorder.recording.header.delta_s, False
+        for number in range(first, first + rounds):
+            time_s = max(number, 0) * delta_s
+            if time_s < self._values_due_s - 1e-9:
+                recorder.round(number, time_s, deeds)
+            elif is_known:
+                self._values_due_s = time_s + self._values_s
+                recorder.round(number, time_s, deeds)
+            else:  # what has changed before
+                self.round(number, deeds, time_s)
+                is_known = True
+
     def end(self, words: str) -> None:
         """Record the end of the run, with its reason and the last values."""
         number, recording = self.engine.round, self.recorder.recording
@@ -241,7 +256,7 @@ def deeds_in(decision: Decision, engine: RoundEngine) -> Deeds:
     Rounds in which nobody does anything have one array, which is nobody's to write to.
     """
     if engine.is_idle(decision):
-        return _nothing(len(engine.told_robots))
+        return nothing(len(engine.told_robots))
     idle = engine.idle(decision) if isinstance(engine, ColumnEngine) else None
     if idle is None:
         return deeds_of(decision, engine.told_robots)
@@ -256,7 +271,7 @@ def deeds_in(decision: Decision, engine: RoundEngine) -> Deeds:
 
 
 @cache
-def _nothing(robots: int) -> Deeds:
+def nothing(robots: int) -> Deeds:
     """The deeds of so many robots that skip."""
     return np.full(robots, int(Idle.SKIPPED), np.int16)
 
@@ -345,4 +360,4 @@ def _said(shown: Sequence[Shown]) -> Iterator[LoggedOutput]:
             yield LoggedOutput(one.robot, written.stream, " ".join(map(str, written.values)))
 
 
-__all__ = ["Observer", "deeds_in", "deeds_of", "header_of"]
+__all__ = ["Observer", "deeds_in", "deeds_of", "header_of", "nothing"]

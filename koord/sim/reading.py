@@ -44,6 +44,17 @@ class _Column(Struct, frozen=True):
         return of_fleet if self.is_all else of_fleet[self.robots]
 
 
+class WholeSensors(Struct, frozen=True):
+    """What robots of one kind, which are all, have been told or are to be told.
+
+    ``places`` are sensors of positions: the name, how many coordinates it has, what was told, and
+    who has not been told so yet. ``reached`` is what was told of whether they have arrived.
+    """
+
+    places: tuple[tuple[str, int, Floats | Bools, Bools], ...]
+    reached: tuple[Floats | Bools, ...]
+
+
 class Reader:
     """A reader of the sensors of all robots of a run, at the end of each round.
 
@@ -111,6 +122,19 @@ class Reader:
             else:
                 measured += _hear(column, robots, column.rows(sensed.reached))
         return Measurement(tuple(measured), told, partial(self._write_places, robots))
+
+    def whole(self) -> WholeSensors | None:
+        """The sensors, if all of them are columns of all robots, which are of one kind."""
+        if self._last is None or self._alone or not all(c.is_all for c in self._columns):
+            return None
+        places = tuple((c.name, c.width, c.told, c.is_late) for c in self._columns if c.width)
+        reached = tuple(c.told for c in self._columns if not c.width)
+        return WholeSensors(places, reached)
+
+    def pass_idle(self, sensed: FleetSensors, robots: Sequence[Robot]) -> Callable[[], None]:
+        """Note what was sensed last of what columns have seen; return what tells robots of it."""
+        self._last = sensed
+        return partial(self._write_places, robots)
 
     def _first(self, robots: Sequence[Robot]) -> list[int]:
         """The robots that are asked in the first round: those of which columns are not all."""

@@ -303,12 +303,13 @@ class RunLogger:
 
     def __init__(self, header: Header) -> None:
         self.recording = RunLog(header)
-        self._sample_s, self._next_s = header.sample_s, -math.inf
+        self.sample_s = header.sample_s  #: the interval of samples
+        self.next_s = -math.inf  #: when the next one is due
         self._tilting = np.array(header.tilting, np.int64)
 
     def is_due(self, time_s: float) -> bool:
         """Return whether a sample is due; between samples no values need be computed."""
-        return time_s >= self._next_s - 1e-9
+        return time_s >= self.next_s - 1e-9
 
     def sample(
         self,
@@ -332,7 +333,7 @@ class RunLogger:
         recording.poses.append(pose)
         recording.separations_m.append(separation_m)
         recording.times_s.append(time_s)  # last: a reader goes by the number of times
-        self._next_s = time_s + self._sample_s
+        self.next_s = time_s + self.sample_s
 
     def round(
         self,

@@ -6,7 +6,7 @@ give equal runs, and equal :attr:`Figures.digest`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from enum import Enum
 from operator import itemgetter
 from typing import Any, Protocol
@@ -105,6 +105,14 @@ class Claims(Protocol):
         ...
 
 
+class Striding(Protocol):
+    """What makes rounds in which nobody acts, many at once."""
+
+    def make(self, until_s: float) -> list[Decision]:
+        """Make rounds that begin before a time; none where one is to be made by itself."""
+        ...
+
+
 class Cast(Struct, frozen=True):
     """A compiled program, with the kind of each robot.
 
@@ -171,8 +179,10 @@ class Simulation:
         self.decision = Decision(INIT_ROUND, (), (), ())  #: the last one
         made = engine_of if engine is None else engine
         self.engine = made(cast, scene.delta_s, self.watchman.hear(host))
-        if host is self.host:
-            self.engine.reader = Reader(self.host).read
+        #: Reads all sensors at once, if nobody is to be asked for those of each robot.
+        self.reader = Reader(self.host) if host is self.host else None
+        if self.reader is not None:
+            self.engine.reader = self.reader.read
         self.recorder = RunLogger(header_in(cast, scene))
         self.observer = Observer(self.recorder, self.engine, self.fleet)
         self.gauge = Gauge(self.fleet, self.engine, self.recorder, scene)
@@ -192,6 +202,14 @@ class Simulation:
         self._before: tuple[Any, ...] | None = None
         self._own = [_own_variables(program) for program in cast.classes]
         self._still = 0
+
+        #: Makes what makes rounds in which nobody acts, many at once; None: there is to be none.
+        self.striding: Callable[[Simulation], Striding | None] | None = None
+        self._strides: Striding | None = None
+
+    @property
+    def is_over(self) -> bool:
+        return self.ending is not None
 
     @property
     def groups(self) -> tuple[tuple[int, ...], ...]:
@@ -238,6 +256,24 @@ class Simulation:
                 self._look(WatchPoint.ROUND)
         self._conclude(ran=bool(decision.ran))
         return decision
+
+    def stride(self, until_s: float) -> list[Decision]:
+        """Make rounds in which nobody acts, if there are any now, up to a time.
+
+        They come to the same as rounds that are made one by one.
+        """
+        if self._strides is None:
+            if self.striding is None or not self.engine.is_idle(self.decision):
+                return []
+            self._strides = self.striding(self)
+            self.striding = None
+        return [] if self._strides is None else self._strides.make(until_s)
+
+    def pass_idle(self, decisions: Sequence[Decision], places: Sequence[Floats]) -> None:
+        """Note rounds in which nobody acted; ``places`` are where robots were at their begin."""
+        self.decision = decisions[-1]
+        self._digest.pass_idle(decisions[0].round, places)
+        self._still, self._before = 0, None  # somebody was on the way in each
 
     def environment_turn(self) -> None:
         """Let robots sense what has become of the world."""
@@ -414,6 +450,12 @@ def run(simulation: Simulation, time_s: float) -> Iterator[Decision]:
             if simulation.time_s > time_s - 1e-9:
                 simulation.end(Ending.LIMIT)
                 break
+            for decision in simulation.stride(time_s):
+                yield decision
+                if simulation.is_over:
+                    return
+            if simulation.time_s > time_s - 1e-9:
+                continue
             try:
                 decision = simulation.round()
             except SilentError:

@@ -117,6 +117,10 @@ class Going:
         self.ways_m: Floats = np.zeros(len(start))
         self._nearby = Nearby()
 
+    def moved_to(self, here: Floats) -> None:
+        """Note where robots are, by ways that were added already."""
+        self.last = here
+
     def tick(self, here: Floats) -> Nearest | None:
         """Note where robots are now, and return the nearest pair. The array stays as it is."""
         self.ways_m += lengths(here - self.last)

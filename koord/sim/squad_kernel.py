@@ -12,8 +12,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import cache
+from typing import Any
 
 import numpy as np
+from msgspec import Struct
 
 from koord.machine.code import BYTES, I64, Code, Ir, new_module, word
 from koord.machine.kept import kept
@@ -32,7 +34,7 @@ from koord.sim.vehicles.compiled import (
     fly_all,
     parts,
 )
-from koord.sim.vehicles.compiled_automata import Table, arrays_of, numbers_of
+from koord.sim.vehicles.compiled_automata import AUTOMATA, Table, arrays_of, numbers_of
 from koord.sim.vehicles.compiled_flying import (
     ARRAYS,
     CONSTANTS,
@@ -45,7 +47,15 @@ from koord.sim.vehicles.quadrotors import FlightState, Quadrotors
 _MORE = ("times", "places", "short", "told", "flight", "tilts", "one", "other")
 
 #: References are given their position and send what they ask for by arrays of this kernel.
-_TABLE = (*ARRAYS, *_MORE)
+TABLE = (*ARRAYS, *_MORE)
+
+
+class SquadArrays(Struct, frozen=True):
+    """Arrays of a squad in the order of :data:`TABLE`, and those of them that ticks write over."""
+
+    whole: tuple[Any, ...]
+    written: tuple[Any, ...]
+    tilts: Floats
 
 
 def is_undisturbed(disturbances: Disturbances) -> bool:
@@ -81,7 +91,7 @@ class FusedDrones:
         #: States are in these in turn: that which counts comes first.
         self._blocks = [np.empty((STATE_ROWS, count)) for _ in range(2)]
         self._states = [_state(block) for block in self._blocks]
-        self._table = Table(len(_TABLE))
+        self._table = Table(len(TABLE))
         #: Of what roll and pitch are worked out: tangents, as quotients, and a sine.
         self._tilts: Floats = np.empty((3, count))
         self._fixed = told, flight, self._tilts
@@ -136,6 +146,42 @@ class FusedDrones:
         self.position, self._short = places[-1], (short, self.group.routes.changes)
         return list(places)
 
+    @property
+    def code(self) -> Callable[..., int]:
+        """The machine code of ticks."""
+        return self._fly
+
+    @property
+    def is_settled(self) -> bool:
+        """Whether the state of flight is that of the last tick."""
+        return self.vehicles.state is self._states[0]
+
+    def arrays(self, now_s: float) -> SquadArrays:
+        """The arrays that ticks are given, if those that are other ones at each are left out."""
+        self._constants[:] = self.flying.constants(now_s, TICK_S)
+        rest, (told, _, tilts) = self.flying.rest, self._fixed
+        group = self.flying.arrays()
+        one, other = self._blocks
+        written = rest, *group[: 2 + len(AUTOMATA)], told, tilts, one
+        whole = (
+            self._constants,
+            rest,
+            rest,
+            rest,
+            *group,
+            rest,
+            rest,
+            rest,
+            *self._fixed,
+            one,
+            other,
+        )
+        return SquadArrays(whole, written, tilts)
+
+    def pass_ticks(self, position: Floats, short: Floats) -> None:
+        """Note an even number of ticks that were made: where drones are, and how far from goals."""
+        self.position, self._short = position, (short, self.group.routes.changes)
+
     def fixes(self, now_s: float) -> tuple[Floats, Floats]:
         return self.position, self._heading
 
@@ -148,7 +194,11 @@ class FusedDrones:
     def tilts(self) -> Floats:
         if self.vehicles.state is not self._states[0]:
             return tilts_of(self.attitude())
-        rising, upright, sine = self._tilts
+        return self.tilts_by(self._tilts)
+
+    def tilts_by(self, parts_of: Floats) -> Floats:
+        """Roll and pitch, by what machine code works out of them."""
+        rising, upright, sine = parts_of
         found: Floats = np.empty((len(sine), 2))
         found[:, 0], found[:, 1] = np.arctan2(rising, upright), np.arcsin(sine)
         return found
@@ -187,7 +237,7 @@ def _ticking(width: int) -> Ir:
     code = Code(module, "ticks", [BYTES, *[I64] * 4], I64)
     table, count, room, ticks, steps = code.arguments
     b = code.b
-    arrays = arrays_of(code, table, _TABLE)
+    arrays = arrays_of(code, table, TABLE)
     lanes = Lanes(code, 1)
     pitch = b.mul(count, word(DOUBLE_BYTES))
 

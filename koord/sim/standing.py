@@ -106,6 +106,20 @@ class Watchman:
         self.sees_some_go = is_on_the_way
         self.still_s = 0.0 if is_on_the_way else self.still_s + (ended_s - began_s)
 
+    @property
+    def is_calm(self) -> bool:
+        """Whether nobody is stuck, nor waits for a way."""
+        return not (self._stuck or self._wants or self._unclear)
+
+    @property
+    def lingering(self) -> Lingering:
+        """Where robots linger. It is written over."""
+        return self._lingering
+
+    def pass_rounds(self, ended_s: float) -> None:
+        """Note rounds up to a time, in all of which somebody went and nobody was blocked."""
+        self.now_s, self.sees_some_go, self.still_s = ended_s, True, 0.0
+
     def standing(self, robots: Sequence[Robot], still_s: float) -> tuple[StandingRobot, ...]:
         """All robots that stand still by now; those that wait for paths only if all have for
         long.

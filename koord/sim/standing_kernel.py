@@ -23,7 +23,7 @@ from koord.sim.standing import BLOCKED_M, BLOCKED_S, DOUBTFUL_M2, Watchman
 from koord.sim.vehicles.compiled import address
 
 #: What is found in a round. In doubt nothing is noted.
-_NOBODY, _SOMEBODY, _DOUBT = range(3)
+NOBODY, SOMEBODY, DOUBT = range(3)
 
 #: A place, in bytes.
 _PLACE = 3 * DOUBLE_BYTES
@@ -39,6 +39,11 @@ class CompiledWatchman(Watchman):
         self._noted_at = address(lingering.at), address(lingering.since_s)
         self._times_at = ctypes.addressof(self._times)
 
+    @property
+    def code(self) -> Callable[..., int]:
+        """The machine code of a look."""
+        return self._watch
+
     def _is_on_the_way(
         self, sensed: FleetSensors, stopped: Bools, places: Floats, began_s: float
     ) -> bool | None:
@@ -47,7 +52,7 @@ class CompiledWatchman(Watchman):
             *(address(sensed.state), address(sensed.short_m), address(stopped), address(places)),
             *(*self._noted_at, self._times_at, len(places)),
         )
-        return None if found == _DOUBT else found == _SOMEBODY
+        return None if found == DOUBT else found == SOMEBODY
 
 
 # --- the machine code -----------------------------------------------------------------------------
@@ -75,13 +80,13 @@ def _watching() -> Ir:
         one = _Robot(lanes, code.arguments, robot)
         long_ago = lanes.constant(BLOCKED_S - 1e-9).is_at_most(now_s - one.since_s)
         in_doubt = b.and_(one.is_going, b.or_(one.in_doubt, b.and_(b.not_(one.is_fresh), long_ago)))
-        said = b.select(one.is_on_the_way, word(_SOMEBODY), word(_NOBODY))
-        said = b.select(in_doubt, word(_DOUBT), said)
+        said = b.select(one.is_on_the_way, word(SOMEBODY), word(NOBODY))
+        said = b.select(in_doubt, word(DOUBT), said)
         found = b.select(b.icmp_signed(">", said, found), said, found)
         return [found, b.add(robot, word(1))]
 
-    found, _ = code.repeated(count, [word(_NOBODY), word(0)], seen)
-    is_sure = b.icmp_signed("!=", found, word(_DOUBT))
+    found, _ = code.repeated(count, [word(NOBODY), word(0)], seen)
+    is_sure = b.icmp_signed("!=", found, word(DOUBT))
     with code.only_if(is_sure), code.loop(word(0), count) as robot:
         _Robot(lanes, code.arguments, robot).note(began_s)
     b.ret(found)

@@ -13,6 +13,8 @@ GROUPS = "tests/sim/test_groups.py"
 
 KEPT = "tests/machine/test_kept.py"
 
+STRIDES = "tests/sim/test_strides.py"
+
 COLUMNS = (
     Mutant(
         "robots of other processes do not hear what was written",
@@ -364,5 +366,75 @@ COLUMNS = (
         "one.variable.slot == slot",
         "True",
         (KEPT,),
+    ),
+    Mutant(
+        "strides go on where a robot arrives",
+        "sim.stride_kernel._Stride.hear",
+        "(self.at('reached'), told)",
+        "(told, told)",
+        (STRIDES,),
+    ),
+    Mutant(
+        "strides go on where a claim may be broken",
+        "sim.stride_kernel._Stride.round",
+        "self.unless(self.is_unsure(), undone)",
+        "self.is_unsure()",
+        (STRIDES,),
+    ),
+    Mutant(
+        "strides go on where robots are too near",
+        "sim.stride_kernel._Stride.measure",
+        "b.or_(b.not_(is_safe), unlisted)",
+        "unlisted",
+        (STRIDES,),
+    ),
+    Mutant(
+        "strides go on where others may be nearest",
+        "sim.stride_kernel._Stride.measure",
+        "b.or_(b.not_(is_safe), unlisted)",
+        "b.not_(is_safe)",
+        (STRIDES,),
+    ),
+    Mutant(
+        "strides go on where somebody may act",
+        "sim.stride_kernel._striding",
+        "one.unless(one.is_enabled(), ending)",
+        "one.is_enabled()",
+        (STRIDES,),
+    ),
+    Mutant(
+        "what a stride has begun is left so",
+        "sim.stride_kernel._striding",
+        "one.keep(back=True)",
+        "pass",
+        (STRIDES,),
+    ),
+    Mutant(
+        "strides are not in the hash",
+        "sim.running.Simulation.pass_idle",
+        "self._digest.pass_idle(decisions[0].round, places)",
+        "pass",
+        (STRIDES,),
+    ),
+    Mutant(
+        "strides do not count what claims were looked at",
+        "sim.claims.Watching.note_sure",
+        "self._states.note_sure(self._asked[moment], rounds)",
+        "self._states.note_sure(self._asked[moment], 1)",
+        (STRIDES,),
+    ),
+    Mutant(
+        "poses within rounds are recorded at their ends",
+        "sim.strides.Strides._recorded_at_ends",
+        "tick % self._ticks",
+        "False",
+        (STRIDES,),
+    ),
+    Mutant(
+        "what changed before a stride is not recorded",
+        "sim.observing.Observer.pass_idle",
+        "delta_s, is_known = (recorder.recording.header.delta_s, False)",
+        "delta_s, is_known = (recorder.recording.header.delta_s, True)",
+        (STRIDES,),
     ),
 )

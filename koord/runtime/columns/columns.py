@@ -137,6 +137,24 @@ class Columns:
                 if column.name == one.name:
                     self._measure(column, one)
 
+    def sensed(self, kind: int, name: str) -> tuple[int, int] | None:
+        """Where the words of a sensor of floats begin, of all robots, and how many rows they are.
+
+        None if it has other parts; no rows if nobody reads it.
+        """
+        for column in self._own[kind]:
+            if column.name == name:
+                is_plain = set(column.leaves) == {Leaf.FLOAT} and len(column.leaves) <= 3
+                where = self.words[column.first :].ctypes.data, len(column.leaves)
+                return where if is_plain else None
+        return self.words.ctypes.data, 0
+
+    def know(self, kind: int, name: str) -> None:
+        """Take note that a sensor is known of all robots."""
+        for column in self._own[kind]:
+            if column.name == name:
+                self.flags[column.first : column.first + len(column.leaves)] = KNOWN
+
     def _measure(self, column: Column, one: Measured) -> None:
         rows = one.values[:, None] if one.values.ndim == 1 else one.values
         width = len(column.leaves)

@@ -77,6 +77,15 @@ class MachineFleet:
             if of is not None and len(pids)
         ]
 
+    def guard_calls(self) -> list[tuple[Callable[..., int], tuple[int, ...]]] | None:
+        """The functions that look at guards, and what each is given behind the state.
+
+        None if there are robots of which no guard has code.
+        """
+        if self.alone:
+            return None
+        return [(guards, (*robots, *self._outs)) for guards, _, robots in self._going]
+
     def keep_to(self, pids: Sequence[int]) -> None:
         """Look at the guards of some robots alone."""
         self._kinds = [np.intersect1d(of_kind, pids) for of_kind in self._kinds]
@@ -249,6 +258,22 @@ class ColumnEngine(RoundEngine):
             and decision is self._decided
             and not (self._had or self._ran or self.fleet.stopped or decision.fault)
         )
+
+    def pass_idle(self, decision: Decision, rounds: int, write: Callable[[], None]) -> None:
+        """Take note of rounds in which nobody did anything, the last by this decision.
+
+        Sensors read where robots are, and no more: columns have it, and ``write`` tells robots.
+        """
+        assert self.fleet is not None
+        self.round += rounds
+        self.counts.by_code += rounds * len(self._robots)
+        self._decided, self._write = decision, write
+
+    def order_of(self, round_: int) -> tuple[int, ...]:
+        """The rotating order of a round."""
+        count = len(self._robots)
+        first = round_ % count
+        return tuple(self._ranks[first : first + count].tolist())
 
     def judge(self, watched: Watched) -> CodeJudge | None:
         """A judge of claims about the state as it is now, if machine code has been made for it."""

@@ -73,6 +73,10 @@ class CodeJudge:
         """Return whether there is code for a claim."""
         return method in self._looks
 
+    def calls(self, method: str) -> list[tuple[Callable[..., int], tuple[int, ...]]]:
+        """The functions that look at a claim, and all that each is given."""
+        return [(look.run, look.given) for look in self._looks[method][1]]
+
     def is_sure(self, method: str) -> bool:
         """Return whether code is sure that a claim that it knows holds, of all its robots."""
         _, looks = self._looks[method]

@@ -1,0 +1,218 @@
+"""Rounds in which nobody acts are the same many at once and one by one, to the last bit."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+pytest.importorskip("llvmlite")
+
+from koord.api.fitting import FitRequest, Fitted, fit
+from koord.api.sim_setup import simulation
+from koord.runtime.columns.engine import ColumnEngine
+from koord.runtime.configuration.checking import load
+from koord.runtime.proposals import Decision
+from koord.sim.running import Ending, Simulation, Striding, run
+from koord.sim.strides import Strides
+from koord.syntax.source import Source
+from tests.runtime.column_twins import check_columns
+
+#: Robots that go there and back again, each as far as its number says, and tell how often.
+THERE = """\
+using Motion:
+    sensors:
+        pos psn
+        bool reached
+    actuators:
+        pos target
+allread:
+    int[] gone = 0
+local:
+    pos home
+    int k = 0
+def fun apart(pos a, pos b) -> bool:
+    return abs(a.x - b.x) + abs(a.y - b.y) > 0.5
+init:
+    home = Motion.psn
+    Motion.target = Motion.psn
+Go:
+    pre: Motion.reached and k < LAST
+    eff:
+        k = k + 1
+        gone[pid] = k
+        Motion.target = pos(home.x + LEG * (k % 2), home.y, home.z)
+invariant Told: gone[pid] == k
+invariant Near: abs(Motion.psn.x - home.x) <= FAR
+invariant Apart: forall i: forall j: i == j or apart(Motion.psn@i, Motion.psn@j)
+"""
+
+#: What is written in the place of words.
+USUAL = {"LAST": "9", "LEG": "1.5", "FAR": "100.0"}
+
+
+def fleet(count: int, delta: float = 0.1, device: str = "", more: str = "", **words: str) -> Fitted:
+    text = THERE
+    for word, value in {**USUAL, **words}.items():
+        text = text.replace(word, value)
+    side = math.ceil(math.sqrt(count))
+    places = {k: [6 * (k // side), 3 * (k % side) + 0.0, 1] for k in range(count)}
+    lines = f"delta: {delta}\nnum_robots: {count}\npositions: {places}\n"
+    lines += "world: {bounds: {low: [-40, -40, 0], high: [140, 140, 3]}}\n"
+    lines += f"device: {{bot_type: QUAD, planner: STRAIGHT{device}}}\n{more}"
+    source = Source("there.krd", text)
+    return fit(FitRequest(source, load(Source("fleet.yaml", lines)), (), {}))
+
+
+class Counting:
+    """What makes strides, and counts the rounds."""
+
+    def __init__(self, run: Simulation) -> None:
+        self.made: list[int] = []
+        self._inner: Striding | None = None
+        self._of = run
+
+    def make(self, until_s: float) -> list[Decision]:
+        if self._inner is None:
+            self._inner = Strides.of(self._of)
+        found = [] if self._inner is None else self._inner.make(until_s)
+        if found:
+            self.made.append(len(found))
+        return found
+
+
+def run_of(fitted: Fitted, *, strides: bool) -> tuple[Simulation, Counting]:
+    made = simulation(fitted, Simulation, keep_going=True)
+    assert isinstance(made.engine, ColumnEngine)
+    made.engine.after = 0
+    counting = Counting(made)
+    made.striding = (lambda _: counting) if strides else None
+    made.begin()
+    return made, counting
+
+
+def both(fitted: Fitted, time_s: float) -> tuple[Simulation, int]:
+    """Run with strides and without, and compare all that is seen; how many rounds were strides."""
+    (one, _), (other, counting) = (run_of(fitted, strides=on) for on in (False, True))
+    decisions = [[*run(each, time_s)] for each in (one, other)]
+    assert decisions[0] == decisions[1]
+    assert one.ending == other.ending
+    assert one.figures() == other.figures()
+    assert one.looked == other.looked
+    assert one.broken == other.broken
+    assert one.noticed == other.noticed
+    assert one.standing == other.standing
+    assert one.time_s == other.time_s
+    first, second = one.recording, other.recording
+    for name in ("times_s", "separations_m", "rounds", "tasks", "violations", "still", "ending"):
+        assert repr(getattr(first, name)) == repr(getattr(second, name)), name
+    assert len(first.poses) == len(second.poses)
+    assert all(map(np.array_equal, first.poses, second.poses))
+    assert repr(first.paths) == repr(second.paths)
+    assert isinstance(one.engine, ColumnEngine)
+    assert isinstance(other.engine, ColumnEngine)
+    assert one.engine.counts == other.engine.counts
+    pairs = zip(one.engine.robots, other.engine.robots, strict=True)
+    assert all(repr(vars(robot)) == repr(vars(twin)) for robot, twin in pairs)
+    check_columns(other.engine)
+    states = zip(_states(one), _states(other), strict=True)
+    assert all(np.array_equal(a, b, equal_nan=True) for a, b in states)
+    return other, sum(counting.made)
+
+
+def _states(made: Simulation) -> Iterator[np.ndarray]:
+    squad = made.fleet.only_squad
+    assert squad is not None
+    group, watchman = squad.group, made.watchman
+    yield from (group.s, group.speed, squad.attitude(), *squad.truth(), made.fleet.tilts(ALL))
+    automata = group.automata
+    yield from (automata.state, automata.since_s, automata.reached, automata.has_route)
+    yield from (watchman.lingering.at, watchman.lingering.since_s, made.gauge.going.last)
+    yield from (made.host.sensed.position, made.host.sensed.short_m, made.host.sensed.state)
+    yield np.array([watchman.now_s, watchman.still_s, watchman.sees_some_go])
+
+
+ALL = np.arange(2)
+
+
+@pytest.mark.parametrize(
+    ("count", "delta", "leg", "least"),
+    [
+        (2, 0.1, "1.5", 100),
+        (5, 0.2, "1.5", 0),  # poses are recorded within each round
+        (70, 0.1, "1.5", 40),
+        (70, 0.1, "(1.8 - 3.6 * (pid % 2))", 40),  # others are nearest in turn
+        (210, 0.1, "1.5", 4),  # variables are recorded now and then
+    ],
+)
+def test_runs_are_the_same(count: int, delta: float, leg: str, least: int) -> None:
+    _, strides = both(fleet(count, delta, LEG=leg), 20.0 if count < 50 else 8.0)
+    assert strides >= least
+
+
+def test_who_arrives_by_itself_is_seen_at_once() -> None:
+    _, strides = both(fleet(3, LEG="(1.5 + 0.4 * pid)"), 25.0)
+    assert strides > 20
+
+
+def test_claims_that_break_within_are_seen_at_once() -> None:
+    made, strides = both(fleet(4, FAR="1.2"), 12.0)
+    assert made.broken
+    assert strides > 20
+    assert all(broken.time_s * 10 % 1 < 1e-6 for broken in made.broken)
+
+
+def test_separation_that_is_lost_within_is_seen_at_once() -> None:
+    made, strides = both(fleet(4, more="monitor: {safety: 2.5}\n", LEG="(1.5 - 2.0 * pid)"), 12.0)
+    assert any(broken.claim == "separation" for broken in made.broken)
+    assert strides > 10
+
+
+def test_air_that_blocks_is_seen_at_once() -> None:
+    """Robots that do not come forward are blocked for the watchman, and he is in doubt before."""
+    wind = ", simulation: {wind: {mean: [-60, 0, 0]}}"
+    made, _ = both(fleet(3, device=wind), 12.0)
+    assert made.ending is not None
+
+
+def test_a_run_ends_where_nobody_goes_any_more() -> None:
+    made, strides = both(fleet(4, LAST="3"), 60.0)
+    assert made.ending is Ending.STILL
+    assert strides > 10
+
+
+def test_ticks_of_an_odd_number_are_made_one_by_one() -> None:
+    _, strides = both(fleet(3, 0.05), 6.0)
+    assert strides == 0
+
+
+def test_runs_end_in_time() -> None:
+    for time_s in (3.95, 4.0, 4.05, 4.1):
+        made, _ = both(fleet(3), time_s)
+        assert made.time_s == pytest.approx(math.ceil(time_s * 10 - 1e-6) / 10)
+
+
+def test_who_ends_a_run_within_a_stride_hears_no_more() -> None:
+    made, counting = run_of(fleet(3), strides=True)
+    heard = 0
+    for _ in run(made, 60.0):
+        heard += 1
+        if counting.made and counting.made[-1] > 3:
+            made.end(Ending.INTERRUPTED)
+    assert made.ending is Ending.INTERRUPTED
+    assert heard < made.engine.round
+
+
+@pytest.mark.parametrize("what", ["summaries", "schedule"])
+def test_who_listens_hears_each_round(what: str) -> None:
+    made = simulation(fleet(3), Simulation, check_summaries=what == "summaries")
+    assert isinstance(made.engine, ColumnEngine)
+    made.engine.after = 0
+    made.begin()
+    if what == "schedule":
+        made.schedule = type("Other", (type(made.schedule),), {})()
+    for _ in range(8):
+        made.round()
+    assert Strides.of(made) is None
