@@ -21,6 +21,13 @@ WORD_BYTES = 8
 Ir = Any
 
 
+def compiler() -> str:
+    """The version of what compiles."""
+    import llvmlite
+
+    return str(llvmlite.__version__)
+
+
 def word(number: int) -> Ir:
     """A constant of 64 bits."""
     return ir.Constant(I64, number)

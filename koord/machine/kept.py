@@ -185,10 +185,9 @@ def _put(whole: Any, value: object) -> None:
 @cache
 def _surroundings() -> tuple[object, ...]:
     """What all machine code is made of: this Python, the processor, and koord's own files."""
-    import llvmlite
+    from koord.machine.code import compiler
 
-    compiler = llvmlite.__version__
-    return (sys.version, np.__version__, compiler, tuple(processor().items()), *_files())
+    return (sys.version, np.__version__, compiler(), tuple(processor().items()), *_files())
 
 
 def _files() -> list[tuple[object, ...]]:

@@ -335,8 +335,8 @@ COLUMNS = (
     Mutant(
         "machine code is kept over changes of what writes it",
         "machine.kept._surroundings",
-        "(sys.version, np.__version__, compiler, tuple(processor().items()), *_files())",
-        "(sys.version, np.__version__, compiler, tuple(processor().items()))",
+        "(sys.version, np.__version__, compiler(), tuple(processor().items()), *_files())",
+        "(sys.version, np.__version__, compiler(), tuple(processor().items()))",
         (KEPT,),
     ),
     Mutant(
