@@ -45,6 +45,7 @@ from koord.sim.run_log import (
     LoggedOutput,
     LoggedRobot,
     LoggedVariable,
+    Pose,
     RunLogger,
 )
 
@@ -157,10 +158,29 @@ class Observer:
         self.recorder.sample(now_s, *here, separation_m, tilts)
         if now_s >= self._paths_due_s - 1e-9:
             self._paths_due_s = now_s + self._paths_s
-            given = fleet.paths_given()
-            for robot in np.flatnonzero(given != self._given).tolist():
-                self.recorder.path(now_s, robot, fleet.path(robot))
-            self._given = given
+            self._paths(fleet, now_s)
+
+    def _paths(self, fleet: FleetView, now_s: float) -> None:
+        """Record the paths that were given since somebody looked."""
+        given = fleet.paths_given()
+        for robot in np.flatnonzero(given != self._given).tolist():
+            self.recorder.path(now_s, robot, fleet.path(robot))
+        self._given = given
+
+    def pass_ticks(
+        self, fleet: FleetView, times_s: Sequence[float], poses: Pose, separations_m: Floats
+    ) -> None:
+        """Record ticks, shape ``(ticks, n, 6)``, between which nobody was given another path."""
+        is_known = False
+        for time_s, pose, separation_m in zip(times_s, poses, separations_m.tolist(), strict=True):
+            if not self.recorder.is_due(time_s):
+                continue
+            self.recorder.pose(time_s, pose, separation_m)
+            if time_s >= self._paths_due_s - 1e-9:
+                self._paths_due_s = time_s + self._paths_s
+                if not is_known:
+                    self._paths(fleet, time_s)
+                is_known = True
 
     def round(self, number: int, deeds: Deeds, time_s: float | None = None) -> None:
         """Record a round after its decision, before the environment's turn.

@@ -323,13 +323,17 @@ class RunLogger:
 
         ``tilts``, shape ``(k, 2)``, are roll and pitch of the robots that tilt.
         """
-        recording = self.recording
         pose = np.zeros((len(positions), 6), np.float32)
         pose[:, :3], pose[:, 3] = positions, yaw
         if tilts is not None and len(tilts) == len(pose):
             pose[:, 4:] = tilts
         elif tilts is not None:
             pose[self._tilting, 4:] = tilts
+        self.pose(time_s, pose, separation_m)
+
+    def pose(self, time_s: float, pose: Pose, separation_m: float) -> None:
+        """Record poses, shape ``(n, 6)``, as a recording has them. They are nobody else's."""
+        recording = self.recording
         recording.poses.append(pose)
         recording.separations_m.append(separation_m)
         recording.times_s.append(time_s)  # last: a reader goes by the number of times

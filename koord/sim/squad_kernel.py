@@ -194,14 +194,7 @@ class FusedDrones:
     def tilts(self) -> Floats:
         if self.vehicles.state is not self._states[0]:
             return tilts_of(self.attitude())
-        return self.tilts_by(self._tilts)
-
-    def tilts_by(self, parts_of: Floats) -> Floats:
-        """Roll and pitch, by what machine code works out of them."""
-        rising, upright, sine = parts_of
-        found: Floats = np.empty((len(sine), 2))
-        found[:, 0], found[:, 1] = np.arctan2(rising, upright), np.arcsin(sine)
-        return found
+        return tilts_by(self._tilts)
 
     def short_m(self) -> Floats:
         if self._short is not None and self._short[1] == self.group.routes.changes:
@@ -209,6 +202,14 @@ class FusedDrones:
         left = lengths(self.position - self.group.routes.end) - self.group.visit.epsilon_m
         found: Floats = np.maximum(left, 0.0)
         return found
+
+
+def tilts_by(parts_of: Floats) -> Floats:
+    """Roll and pitch, shape ``(…, n, 2)``, by what they are worked out of, ``(3, …, n)``."""
+    rising, upright, sine = parts_of
+    found: Floats = np.empty((*sine.shape, 2))
+    found[..., 0], found[..., 1] = np.arctan2(rising, upright), np.arcsin(sine)
+    return found
 
 
 def _state(block: Floats) -> FlightState:

@@ -28,7 +28,7 @@ from koord.sim.observing import nothing
 from koord.sim.reading import WholeSensors
 from koord.sim.running import Simulation
 from koord.sim.squad_kernel import TABLE as SQUAD_TABLE
-from koord.sim.squad_kernel import FusedDrones
+from koord.sim.squad_kernel import FusedDrones, tilts_by
 from koord.sim.squads import STEPS
 from koord.sim.standing_kernel import CompiledWatchman
 from koord.sim.stride_kernel import MOVING, TABLE, address_of, striding_code
@@ -95,6 +95,7 @@ class Strides:
         self._ticks = round(run.scene.delta_s / TICK_S)
         self._most = min(_MOST, _MOST_OF_ROBOTS // count)
         self._wait = self._left = 0
+        self._tilt = bool(run.recorder.recording.header.tilting)
         self._nobody: Bools = np.zeros(count, np.bool_)
         self._squad_table = Table(len(SQUAD_TABLE))
         self._table: Ints = np.zeros(len(TABLE), np.int64)
@@ -249,11 +250,13 @@ class Strides:
         run.observer.pass_idle(first, done)
         run.gauge.pass_idle(nothing(self._count), made.states, self._nobody)
         run.gauge.pass_ticks(ended_s, made.places[-1], distances, made.nearest)
-        for number in range(done):
-            tick = (number + 1) * ticks - 1
-            if run.recorder.is_due(ended_s[tick]):
-                view = _Seen(of, ended_s[tick], made.places[tick], made.tilts[number])
-                run.observer.tick(view, float(distances[tick]))
+        at_ends = slice(ticks - 1, None, ticks)
+        poses = np.zeros((done, self._count, 6), np.float32)
+        poses[:, :, :3] = made.places[at_ends]
+        poses[:, :, 3] = of.squad.truth()[1]
+        if self._tilt:
+            poses[:, :, 4:] = tilts_by(made.tilts.transpose(1, 0, 2))
+        run.observer.pass_ticks(run.fleet, ended_s[at_ends], poses, distances[at_ends])
         of.squad.pass_ticks(made.places[-1], made.short[-1].copy())
         run.host.pass_idle(done, done * ticks)
         for name, _, _, _ in of.sensors.places:
@@ -300,29 +303,6 @@ class _Rounds(Struct, frozen=True, eq=False):
             *(self.short[:done], self.states[:done], self.tilts[:done]),
             *(self.squares[by_tick], self.nearest[by_tick]),
         )
-
-
-class _Seen:
-    """The fleet at the end of a round that is over."""
-
-    def __init__(self, of: _Parts, now_s: float, places: Floats, tilts: Floats) -> None:
-        self.now_s = now_s
-        self._of, self._places, self._tilts = of, places, tilts
-
-    def positions(self) -> Floats:
-        return self._places
-
-    def headings(self) -> Floats:
-        return self._of.squad.truth()[1]
-
-    def tilts(self, robots: Ints) -> Floats:
-        return self._of.squad.tilts_by(self._tilts)
-
-    def paths_given(self) -> Ints:
-        return self._of.run.fleet.paths_given()
-
-    def path(self, robot: int) -> Floats:
-        return self._of.run.fleet.path(robot)
 
 
 def _rows(calls: _Calls) -> Ints:
