@@ -62,7 +62,7 @@ class Strides:
             return None
         if engine.fleet is None or not isinstance(squad, FusedDrones) or len(run.cast.kinds) < 2:
             return None
-        if type(run.schedule) is not Deployed or engine.has_models or run.host.modules:
+        if type(run.schedule) is not Deployed or engine.has_models or run.host.told_more:
             return None
         if type(run.gauge.going) is not CompiledGoing or run.gauge.has_tasks:
             return None
