@@ -17,6 +17,8 @@ from msgspec import Struct
 pytest.importorskip("llvmlite")
 
 import koord
+from koord.cli.exits import Exit
+from koord.cli.main import main
 from koord.machine import kept as keeping
 from koord.machine.code import I64, Code, Ir, Loaded, new_module, word
 from koord.machine.folder import MachineFolder, machine_folder
@@ -296,3 +298,29 @@ def test_runs_with_kept_code_are_those_without(
     assert first[2:] == ["True", folder.path]
     assert again[2:] == ["False"]
     assert without[2:] == ["True"]
+
+
+def test_users_are_told_of_it_and_can_be_rid_of_it(
+    folder: MachineFolder, capsys: pytest.CaptureFixture[str]
+) -> None:
+    keep(key_of("tripling", 3), tripling())
+    assert main(["cache"]) == Exit.OK
+    assert "machine code: 1 file, 0.0 MiB" in capsys.readouterr().out
+    assert main(["cache", "--clear"]) == Exit.OK
+    assert "machine code: removed 1 file" in capsys.readouterr().out
+    assert main(["cache"]) == Exit.OK
+    assert "machine code" not in capsys.readouterr().out
+
+
+def test_the_run_that_made_it_says_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    program = tmp_path / "line.krd"
+    program.write_text(LINES)
+    asked = ["sim", str(program), "--robots", "2", "--rounds", "2", "--no-html"]
+    news = ["/somewhere/machine", ""]
+    monkeypatch.setattr("koord.api.sim_report.newly_kept", lambda: news.pop(0))
+    main(asked)
+    assert "is kept in /somewhere/machine: the next run starts sooner" in capsys.readouterr().err
+    main(asked)
+    assert "machine code" not in capsys.readouterr().err
