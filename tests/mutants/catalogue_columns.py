@@ -365,7 +365,7 @@ COLUMNS = (
         "runtime.compile.machine.kept_turns._variable",
         "one.variable.slot == slot",
         "True",
-        (KEPT,),
+        (TURNS,),
     ),
     Mutant(
         "strides go on where a robot arrives",
