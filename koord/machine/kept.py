@@ -2,7 +2,7 @@
 
 Keys are made of all that code is made of: what the caller says, koord's files, the processor and
 the version of llvmlite. What cannot be kept, or linked, is made anew in each process, as it is
-where nothing is kept (decision record 0120).
+where nothing is kept (decision record 0125).
 """
 
 from __future__ import annotations
