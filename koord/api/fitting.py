@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import threading
 from collections import Counter, deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from fractions import Fraction
 from importlib.util import find_spec
 from pathlib import Path
@@ -223,6 +223,7 @@ def _fitted(request: FitRequest, found: list[Diagnostic]) -> Fitted:
     if given is not None and request.delta_s is None and not problems:
         found += _unlike(configuration, program, kinds if request.robots is None else None)
     if made is not None:
+        found += _unplanned(configuration) if landmarks_of(program) is not None else ()
         configuration = replace(configuration, world=made.world)
     tasks = configuration.world.tasks if configuration.world is not None else ()
     chosen |= _sizes(request, program, chosen, len(tasks))
@@ -285,6 +286,17 @@ def _scene(
 
     landmarks = landmarks_of(program)
     return scene(configuration, request.seed, request.robots, landmarks, located=request.located)
+
+
+def _unplanned(configuration: RunConfiguration) -> Iterator[Diagnostic]:
+    """Yield a warning for each device that is described without a planner."""
+    for vehicle in dict.fromkeys(robot.vehicle for robot in configuration.robots):
+        path, usual = vehicle.path, vehicle.type.planners[0].value
+        described = bool(path) and path[0] in ("device", "devices")
+        if vehicle.planner is None and described and path in configuration.document.spans:
+            story = f"it is not said how {vehicle.name} plans its paths: {usual} is taken"
+            hint = f"write planner: {usual}"
+            yield Diagnostic("K949", Severity.WARNING, configuration.place(*path), story, hint)
 
 
 def landmarks_of(program: core.Program) -> tuple[Point, ...] | None:

@@ -6,7 +6,7 @@ Every mistake is told with its place in the file. (K931)
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -91,8 +91,6 @@ def scene(
     models: dict[Vehicle, DeviceModel] = {}
     for place in places:
         if place.vehicle not in models:
-            if landmarks is not None:
-                problems += _unplanned(configuration, place.vehicle)
             models[place.vehicle] = device_model(place.vehicle)
     problems += _led_apart(configuration, models)
     if problems:
@@ -172,16 +170,6 @@ def device_model(vehicle: Vehicle) -> DeviceModel:
         vehicle.modules,
         vehicle.ignores_height,
     )
-
-
-def _unplanned(configuration: RunConfiguration, vehicle: Vehicle) -> Iterator[Diagnostic]:
-    """Yield a problem if a device is described without a planner."""
-    path = vehicle.path
-    described = bool(path) and path[0] in ("device", "devices")
-    if vehicle.planner is None and described and path in configuration.document.spans:
-        story = f"it is not said how {vehicle.name} plans its paths"
-        hint = f"write planner: {vehicle.type.planners[0].value}"
-        yield problem(configuration.place(*path), story, hint)
 
 
 def _led_apart(

@@ -208,7 +208,6 @@ def test_all_three_refuse_all_mutants_alike(
     [
         ("planner: RRT_CAR", "planner: RRT_KAR", "no planner RRT_KAR"),
         ("planner: STRAIGHT", "planner: RRT_CAR", "RRT_CAR is no planner for a QUAD"),
-        (", planner: STRAIGHT", "", "how drone plans its paths"),
         ("kind: Bird", "kind: Fish", "of kind Fish"),
         ("away: 3.0", "away: far", "away"),
         ("away: 3.0", "far: 3.0", "no `param` named `far`"),
@@ -300,6 +299,22 @@ def test_an_unknown_param_is_told_where_it_is_set(
     Path("c.yaml").write_text("num_robots: 1\nparams: {speeed: 2}\ndevice: {bot_type: IDEAL}\n")
     assert main(["sim", "p.krd", "c.yaml", "--no-html", *flags]) == Exit.BAD_INPUT
     assert f"{place}error K236" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("kind", "usual"), [("CAR", "RRT_CAR"), ("QUAD", "RRT_DRONE")])
+def test_a_device_without_a_planner_has_the_usual_one(
+    kind: str, usual: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    program, path = tmp_path / "goes.krd", tmp_path / "run.yaml"
+    program.write_text(PROGRAM.partition("\nagent Bird")[0] + "param float away = 2.0\n", "utf-8")
+    text = f"agents: [{{pid: 0, on_device: it}}]\ndevices:\n  it: {{bot_type: {kind}}}\n"
+    path.write_text(text + "world: {bounds: {low: [-3, -3, 0], high: [3, 3, 3]}}\n", "utf-8")
+    assert main(["config", "check", str(path), "--program", str(program)]) == Exit.OK
+    told = f"run.yaml:3:7: warning K949: it is not said how it plans its paths: {usual} is taken"
+    assert told in capsys.readouterr().out
+    program.write_text("local:\n  int n = 0\nE:\n  eff: n = 1\n", "utf-8")
+    assert main(["config", "check", str(path), "--program", str(program)]) == Exit.OK
+    assert "plans its paths" not in capsys.readouterr().out  # nobody moves
 
 
 @pytest.mark.parametrize(

@@ -193,7 +193,6 @@ ARENA = "world: {bounds: {low: [-4, -4, 0], high: [4, 4, 3]}}\n"
 @pytest.mark.parametrize(
     ("text", "line", "message", "hint"),
     [
-        (ONE + "device: {bot_type: CAR}", 2, "how device plans its paths", "RRT_CAR"),
         (ONE + "device:\n  planner: RRT_KAR", 3, "no planner RRT_KAR", "did you mean RRT_CAR"),
         (
             ONE + "device:\n  bot_type: QUAD\n  planner: RRT_CAR",
