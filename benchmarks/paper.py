@@ -145,7 +145,8 @@ def task(report: Report) -> None:
     for robots, paper_s in TASK:
         name = f"Task, {robots} robots"
         note(f"{name}, {runs} seeds")
-        flags = ["--robots", str(robots), "--runs", str(runs), "--json"]
+        jobs = str(os.cpu_count() or 1)
+        flags = ["--robots", str(robots), "--runs", str(runs), "--jobs", jobs, "--json"]
         done = koord("sim", str(EXAMPLES / "task.krd"), *flags, timeout_s=3_000.0)
         found = done.json()
         if not report.expect(found is not None, f"{name}: {done.errors[-500:]}"):
