@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 
 import koord
@@ -135,6 +137,89 @@ invariant Inside: forall i: ran(Turn)@i implies
   -3 <= Motion.target.x@i and Motion.target.x@i <= 3 and Motion.target.y@i <= 3
 """
 
+#: A ShapeForm that turns: corners fly to the corners of a square that turns, the others between.
+SQUARE = """\
+param int numAgents = 9
+param float half = 4.0  # half the side of the square
+param float height = 2.0
+param float step = 0.01  # radians an update
+param int updates = 300  # then the square stays as it is
+
+def fun side() -> int:
+    for k = 0, numAgents + 1:
+        if k * k == numAgents:
+            return k
+    return 0
+
+def fun cell(int me, float angle) -> pos:
+    float gap = 2 * half / (side() - 1)
+    float a = me / side() * gap - half
+    float b = me % side() * gap - half
+    return pos(a * cos(angle) - b * sin(angle), a * sin(angle) + b * cos(angle), height)
+
+def fun aim(int me, pos[] x, float angle) -> pos:
+    int w = side()
+    bool top = me / w == 0 or me / w == w - 1
+    bool flank = me % w == 0 or me % w == w - 1
+    if top and flank:
+        return cell(me, angle)
+    if top:
+        return midpoint(x[me - 1], x[me + 1])
+    if flank:
+        return midpoint(x[me - w], x[me + w])
+    return midpoint([x[me - 1], x[me + 1], x[me - w], x[me + w]])
+
+def fun atRest(pos[] x, float angle) -> bool:
+    for i = 0, numAgents:
+        if x[i] != aim(i, x, angle):
+            return false
+    return true
+
+def fun fenced(pos p) -> bool:
+    return abs(p.x) <= 2 * half and abs(p.y) <= 2 * half and p.z == height
+
+def fun between(float v, float a, float b) -> bool:
+    return min(a, b) <= v and v <= max(a, b)
+
+using Motion:
+    sensors:
+        pos psn
+    actuators:
+        pos target
+    contract Direct:
+        ensures:
+            between(psn'.x, psn.x, target.x)
+            between(psn'.y, psn.y, target.y)
+            between(psn'.z, psn.z, target.z)
+
+allread:
+    pos[] x
+
+local:
+    float angle = 0.0
+    int turned = 0
+
+init:
+    x[pid] = Motion.psn
+    Motion.target = Motion.psn
+
+Turn:
+    eff:
+        if turned < updates:
+            angle = angle + step
+            turned = turned + 1
+        x[pid] = Motion.psn
+        Motion.target = aim(pid, x, angle)
+
+assume: side() > 1 and fenced(Motion.psn)
+
+invariant Fence: fenced(Motion.psn)
+invariant Heard: forall i: fenced(x[i])
+invariant Aim: fenced(Motion.target)
+invariant Turned: forall i: angle@i == step * turned@i
+invariant Square: forall k: atRest(x, angle@k) implies forall i: x[i] == cell(i, angle@k)
+"""
+
 LISTINGS = {"line": LINE, "parcels": PARCELS, "mapping": MAPPING, "circle": CIRCLE}
 
 
@@ -165,3 +250,40 @@ def test_its_properties_hold(name: str) -> None:
 def test_compiled_it_does_what_the_rules_allow(name: str) -> None:
     found = koord.refine(Source(f"{name}.krd", LISTINGS[name]), runs=3, rounds=4)
     assert found.ok
+
+
+@pytest.mark.parametrize("robots", [4, pytest.param(9, marks=pytest.mark.slow)])
+def test_a_square_turns_as_the_rules_allow(robots: int) -> None:
+    """Compiled, and simulated until it stands on the turned grid."""
+    program = Source("square.krd", SQUARE.replace("numAgents = 9", f"numAgents = {robots}"))
+    assert koord.refine(program, runs=3, rounds=4).ok
+    side = math.isqrt(robots)
+    places = (
+        f"{k}: [{8 * (k // side) / (side - 1) - 4}, {8 * (k % side) / (side - 1) - 4}, 2]"
+        for k in range(robots)
+    )
+    drone = "{bot_name: drone, bot_type: QUAD, planner: STRAIGHT, simulation: {level: fast}}"
+    text = f"num_robots: {robots}\ndevice: {drone}\npositions: {{{', '.join(places)}}}\n"
+    text += "world: {bounds: {low: [-9, -9, 0], high: [9, 9, 4]}}\n"
+    done = koord.simulate(
+        program, koord.read_configuration(Source("run.yaml", text)), duration_s=40
+    )
+    assert done.ok
+    angle = 3.0  # 300 updates of 0.01
+    x, y = -4 * math.cos(angle) + 4 * math.sin(angle), -4 * math.sin(angle) - 4 * math.cos(angle)
+    first = done.recording.poses[-1][0, :2].tolist()
+    assert first == [pytest.approx(x, abs=0.3), pytest.approx(y, abs=0.3)]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("robots", [4, 9])
+def test_what_is_claimed_of_a_turning_square_holds_in_every_round(robots: int) -> None:
+    program = Source("square.krd", SQUARE.replace("numAgents = 9", f"numAgents = {robots}"))
+    report = koord.verify(program, timeout_s=280)
+    assert {one.name for one in report.verdicts if one.holds} >= {
+        "Fence",
+        "Heard",
+        "Aim",
+        "Turned",
+        "Square",
+    }, report
