@@ -6,7 +6,7 @@ Every mistake is told with its place in the file. (K931)
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
