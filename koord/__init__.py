@@ -31,6 +31,8 @@ if TYPE_CHECKING:
     from koord.api.conform import conform as conform
     from koord.api.deployed import Deployed as Deployed
     from koord.api.deployment import deploy as deploy
+    from koord.api.doctor import Doctor as Doctor
+    from koord.api.doctor import doctor as doctor
     from koord.api.documents import codes as codes
     from koord.api.documents import explain as explain
     from koord.api.documents import format as format
@@ -49,6 +51,8 @@ if TYPE_CHECKING:
     from koord.api.merge import merge as merge
     from koord.api.migrate import Migration as Migration
     from koord.api.migrate import migrate as migrate
+    from koord.api.new import NewProject as NewProject
+    from koord.api.new import new as new
     from koord.api.orders import OrderReport as OrderReport
     from koord.api.orders import estop as estop
     from koord.api.orders import heartbeat as heartbeat
@@ -80,6 +84,7 @@ if TYPE_CHECKING:
     from koord.api.run import Policy as Policy
     from koord.api.run import RunReport as RunReport
     from koord.api.run import run as run
+    from koord.api.sarif import sarif as sarif
     from koord.api.session import Session as Session
     from koord.api.sim_report import Simulated as Simulated
     from koord.api.simulation import simulate as simulate
@@ -110,6 +115,7 @@ _HOMES = {
     "koord.api.conform": ("Conformance", "conform"),
     "koord.api.deployed": ("Deployed",),
     "koord.api.deployment": ("deploy",),
+    "koord.api.doctor": ("Doctor", "doctor"),
     "koord.api.documents": ("codes", "explain", "format", "schema"),
     "koord.api.drivers": (
         "DriverEntry",
@@ -123,6 +129,7 @@ _HOMES = {
     "koord.api.html": ("html",),
     "koord.api.merge": ("Merged", "merge"),
     "koord.api.migrate": ("Migration", "migrate"),
+    "koord.api.new": ("NewProject", "new"),
     "koord.api.orders": ("OrderReport", "estop", "heartbeat", "order"),
     "koord.api.programs": ("CheckReport", "Program", "check", "load"),
     "koord.api.progress": ("Cancellation", "CancelledError", "Progress"),
@@ -139,6 +146,7 @@ _HOMES = {
     "koord.api.replay": ("ReplayReport", "load_trace", "replay"),
     "koord.api.results": ("ArgumentError",),
     "koord.api.run": ("Policy", "RunReport", "run"),
+    "koord.api.sarif": ("sarif",),
     "koord.api.session": ("Session",),
     "koord.api.sim_report": ("Simulated",),
     "koord.api.simulation": ("simulate",),
@@ -166,6 +174,11 @@ def __getattr__(name: str) -> object:
     if name not in _FOLDERS:
         globals()[name] = found
     return found
+
+
+def load_ipython_extension(shell: object) -> None:
+    """Give a notebook the magics ``%koord`` and ``%%koord``: ``%load_ext koord``."""
+    import_module("koord.plugins.notebook").load(shell)
 
 
 class _Package(ModuleType):

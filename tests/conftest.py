@@ -16,6 +16,9 @@ from tests.sampling import PEERS, one_of_each, waits, waits_for_robots
 #: run. Tests of that name a folder of their own.
 os.environ.setdefault("KOORD_CACHE", "off")
 
+#: Tests of koord's plugin run pytest on folders of their own.
+pytest_plugins = ("pytester",)
+
 COMMON = settings(derandomize=True, deadline=None, print_blob=False)
 settings.register_profile("default", COMMON, max_examples=20)
 settings.register_profile("slow", COMMON, max_examples=100)

@@ -28,7 +28,7 @@ def rooms() -> dict[str, set[str]]:
         room: set(re.findall(r"`(\w+)`", below))
         for room, below in _ROOM.findall(GUIDE.read_text("utf-8"))
     }
-    above = set(found) - {"api", "cli"}
+    above = set(found) - {"api", "cli", "plugins"}
     found["api"] = above
     return found
 

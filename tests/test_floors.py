@@ -20,7 +20,12 @@ ROOT = Path(__file__).resolve().parent.parent
 
 #: What each floor may import of koord, itself included. The command line has rules of its own.
 ALLOWED = {
-    "koord": ("koord.api", "koord.syntax.diagnostics", "koord.syntax.source"),
+    "koord": (
+        "koord.api",
+        "koord.plugins.notebook",
+        "koord.syntax.diagnostics",
+        "koord.syntax.source",
+    ),
     # The use-cases, of which everything below is a part.
     "api": (
         "koord.api",
@@ -56,6 +61,15 @@ ALLOWED = {
         "koord.traces",
         "koord.semantics",
         "koord.syntax",
+    ),
+    # What other tools load shows verdicts as the command line does.
+    "plugins": (
+        "koord.plugins",
+        "koord.cli",
+        "koord.api",
+        "koord.syntax.diagnostics",
+        "koord.syntax.source",
+        "koord.syntax.system",
     ),
     # What is checked twice has to be thought of twice: neither the evaluator nor the encoding.
     "recheck": ("koord.recheck", "koord.syntax"),

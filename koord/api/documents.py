@@ -64,6 +64,11 @@ DOCUMENTS: Mapping[str, str] = {
     "conformance": "what `koord conform --json` prints",
     "splitting": "what `koord sim --splitting CLAIM --json` prints",
     "story": "stories of runs, as pages of `--html` hold them (`koord.story`)",
+    "doctor": "what `koord doctor --json` prints",
+    "sarif": "what `--sarif FILE` writes: a part of SARIF 2.1.0",
+    "simulated": "what `koord sim --json` prints of a run",
+    "deployed": "what `koord deploy --json` prints",
+    "refinement": "what `koord check-refinement --json` prints",
 }
 
 
@@ -84,12 +89,17 @@ def schema_text(document: str) -> str:
 GENERATED = (
     "certificate",
     "conformance",
+    "deployed",
     "diagnostics",
+    "doctor",
     "merged",
     "migration",
     "part",
     "recheck",
+    "refinement",
     "replay",
+    "sarif",
+    "simulated",
     "splitting",
     "story",
     "trace",
@@ -101,7 +111,7 @@ def generated(document: str) -> dict[str, Any]:
     """Generate the JSON Schema of a document from the structs that it is written from."""
     from msgspec.json import schema_components
 
-    from koord.api import forms, verdict_forms
+    from koord.api import forms, run_forms, sarif_forms, verdict_forms
     from koord.refinement import part_form
     from koord.syntax.forms import VALUES
     from koord.traces import form, story_form
@@ -115,6 +125,7 @@ def generated(document: str) -> dict[str, Any]:
         "conformance": ({"title": "Findings of koord on a driver"}, forms.Conformed, {}),
         "diagnostics": ({"title": "Diagnostics of koord"}, forms.Diagnostics, {}),
         "merged": ({"title": "Verdicts of koord on a deployed run"}, forms.Merged, VALUES),
+        "doctor": ({"title": "What koord can use here"}, forms.Doctor, {}),
         "migration": ({"title": "Programs in today's forms"}, forms.Migrated, {}),
         "part": (
             {"$id": "koord-part-1", "title": "A line of a part of a deployed run"},
@@ -127,6 +138,14 @@ def generated(document: str) -> dict[str, Any]:
             VALUES,
         ),
         "replay": ({"title": "Verdicts of koord on a trace"}, forms.Replay, VALUES),
+        "simulated": ({"title": "A run in a simulated world"}, run_forms.SimulatedRun, VALUES),
+        "deployed": ({"title": "A run on robots"}, run_forms.DeployedRun, VALUES),
+        "refinement": (
+            {"title": "Findings of koord on compiled programs"},
+            run_forms.RefinementAnswer,
+            VALUES,
+        ),
+        "sarif": ({"title": "What koord writes of SARIF 2.1.0"}, sarif_forms.Log, {}),
         "splitting": ({"title": "Rates of violations by splitting"}, forms.Splitting, {}),
         "story": (
             {"$id": "koord-story-1", "title": "A run as people look at it"},
@@ -157,7 +176,8 @@ def schema(document: str = "configuration") -> dict[str, Any]:
 
     ``document`` is ``"configuration"``, ``"verdicts"``, ``"diagnostics"``, ``"migration"``,
     ``"trace"``, ``"part"``, ``"certificate"``, ``"recheck"``, ``"replay"``, ``"merged"``,
-    ``"conformance"``, ``"splitting"`` or ``"story"``.
+    ``"conformance"``, ``"splitting"``, ``"story"``, ``"doctor"``, ``"sarif"``,
+    ``"simulated"``, ``"deployed"`` or ``"refinement"``.
 
     Raises :class:`koord.ArgumentError` for another one.
 

@@ -466,3 +466,69 @@ class Conformed(Form):
     ]
     interrupted: bool
     checks: Annotated[list[Checked], Meta(description="In the order of the suite.")]
+
+
+# --- koord doctor ---------------------------------------------------------------------------------
+
+
+class Package(Form):
+    """A package of Python."""
+
+    name: str
+    installed: Annotated[str | None, Meta(description="Its version; null: it is not installed.")]
+    trouble: Annotated[str | None, Meta(description="Why it cannot be loaded; null: it can.")]
+
+
+class ExtraState(Form):
+    """An extra of koord: `pip install 'koord[NAME]'` brings its packages."""
+
+    name: str
+    gives: str
+    installed: Annotated[bool, Meta(description="Whether all of its packages are.")]
+    packages: list[Package]
+
+
+class ToolState(Form):
+    """A program of others."""
+
+    name: str
+    path: Annotated[str | None, Meta(description="Null: it is not installed.")]
+    gives: str
+    package: Annotated[str, Meta(description="Debian's package that has it.")]
+
+
+class PlugIn(Form):
+    """A driver or localiser."""
+
+    name: str
+    package: Annotated[str, Meta(description="Which has it, with its version.")]
+    missing: Annotated[str | None, Meta(description="Why it cannot be used; null: it can.")]
+
+
+class CacheState(Form):
+    """The folder of kept verdicts."""
+
+    folder: str
+    entries: Natural
+    size_bytes: Natural
+    is_writable: bool
+
+
+class Doctor(Form):
+    """The answer of `koord doctor --json`."""
+
+    format: Literal["koord-doctor"]
+    version: Version
+    koord: Annotated[str, Meta(description="The version of koord.")]
+    python: Annotated[str, Meta(description="The version of Python, and which Python it is.")]
+    executable: str
+    system: Annotated[str, Meta(description="The operating system and the processor.")]
+    cores: Annotated[FromOne, Meta(description="How many this process may use.")]
+    ok: Annotated[bool, Meta(description="Whether there are no problems.")]
+    problems: Annotated[list[str], Meta(description="What has to be mended, each with its cure.")]
+    needed: Annotated[list[Package], Meta(description="What koord cannot do without.")]
+    extras: list[ExtraState]
+    tools: list[ToolState]
+    drivers: list[PlugIn]
+    localisers: list[PlugIn]
+    cache: CacheState

@@ -48,16 +48,44 @@ class ArgumentError(KoordError):
 
 
 def html_table(heading: str, columns: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
-    """A table for a notebook; the text of its cells is escaped."""
+    """A table for a notebook; the text of its cells is escaped, unless it is :class:`Html`."""
     from html import escape  # no other result needs it
 
+    def shown(cell: object) -> str:
+        return cell if isinstance(cell, Html) else escape(str(cell))
+
     def row(tag: str, cells: Sequence[object]) -> str:
-        inside = "".join(f"<{tag}>{escape(str(cell))}</{tag}>" for cell in cells)
+        inside = "".join(f"<{tag}>{shown(cell)}</{tag}>" for cell in cells)
         return f"<tr>{inside}</tr>"
 
     body = "".join(row("td", cells) for cells in rows)
     table = f"<table>{row('th', columns)}{body}</table>" if columns else ""
     return f"<p>{escape(heading)}</p>{table}"
+
+
+#: Colours that are read on light and on dark pages, of what is good, bad and neither.
+_GOOD, _BAD, _OPEN = "#2e8b57", "#d0403f", "#b8860b"
+_COLOURS = {"holds": _GOOD, "violated": _BAD, "unknown": _OPEN}
+
+
+def html_outcome(outcome: str, more: str = "") -> str:
+    """An outcome for a notebook, in its colour, with more behind it."""
+    from html import escape
+
+    colour = _COLOURS.get(outcome, _OPEN)
+    said = f'<b style="color: {colour}">{escape(outcome)}</b>'
+    return f"{said} {escape(more)}".rstrip()
+
+
+def html_details(heading: str, inside: str) -> str:
+    """Something for a notebook that is shown when its heading is clicked on; ``inside`` is HTML."""
+    from html import escape
+
+    return f"<details><summary>{escape(heading)}</summary>{inside}</details>"
+
+
+class Html(str):
+    """A text that is HTML already, and is not escaped."""
 
 
 def diagnostic_form(one: Diagnostic) -> forms.Diagnostic:

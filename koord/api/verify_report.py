@@ -12,7 +12,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from koord.api.programs import Program
-from koord.api.results import Result, html_table
+from koord.api.results import Html, Result, html_details, html_outcome, html_table
 from koord.api.verdicts import Parts, Verdict
 from koord.syntax.analysis.auxiliary import Var
 from koord.syntax.core import Direction, Home
@@ -279,12 +279,34 @@ class VerifyReport(Result, frozen=True):
         rows = [
             (
                 v.name,
-                v.outcome.value,
-                "" if v.rounds is None else v.rounds,
+                Html(html_outcome(v.outcome.value)),
+                _reach(v),
                 v.engine.value,
                 v.reason,
             )
             for v in self.verdicts
         ]
-        columns = ("claim", "outcome", "through round", "engine", "reason")
-        return html_table(f"{self.problem}: {self.outcome.value}", columns, rows)
+        columns = ("claim", "outcome", "how far", "engine", "reason")
+        shown = [html_table(f"{self.problem}: {self.outcome.value}", columns, rows)]
+        if self.vacuities:
+            said = [(f"{one.subject}: {one.detail}".removeprefix(": "),) for one in self.vacuities]
+            heading = "verdicts say less than they seem to:" if self.is_vacuous else "seen so far:"
+            shown.append(html_table(heading, ("",), said))
+        for verdict in self.verdicts:
+            if verdict.found.counterexample is not None:
+                heading = f"a run that breaks {verdict.name}"
+                shown.append(html_details(heading, verdict.html_run()))
+        return "".join(shown)
+
+
+def _reach(verdict: Verdict) -> str:
+    """How far a verdict reaches, in words."""
+    run = verdict.found.counterexample
+    if run is not None:
+        return "in a run without end" if run.recording.loop is not None else f"round {run.round}"
+    if verdict.rounds is not None:
+        return f"through round {verdict.rounds}"
+    if not verdict.holds:
+        return ""
+    every = ", for every N" if verdict.engine is Engine.EVERY_N else ""
+    return f"in every round{every}"

@@ -354,6 +354,14 @@ def add_json(parser: argparse.ArgumentParser, what: str) -> None:
     parser.add_argument("--json", action="store_true", help=f"print {what} as JSON")
 
 
+def add_sarif(parser: argparse.ArgumentParser, what: str) -> None:
+    parser.add_argument(
+        "--sarif",
+        metavar="FILE",
+        help=f"write {what} to FILE as SARIF 2.1.0 besides, for code hosts and editors",
+    )
+
+
 def add_trace(parser: argparse.ArgumentParser, what: str) -> None:
     parser.add_argument(
         "--trace",

@@ -84,7 +84,7 @@ EPILOG = """\
 exit codes:
   0    done; what was asked for holds
   1    violated: a property does not hold, a trace is illegal, a layout differs; or not all
-       robots have obeyed an order
+       robots have obeyed an order; or something is missing that koord needs
   2    a mistake in the input: a program, a file or a flag
   3    unknown: no verdict within the limits given
   4    vacuous: what was asked for holds, but says less than it seems to
@@ -119,6 +119,7 @@ class CommandEntry:
 
 
 COMMANDS = (
+    CommandEntry("new", "make a program with all that belongs to it, to begin from"),
     CommandEntry("check", "find the mistakes in programs"),
     CommandEntry("fmt", "lay programs out"),
     CommandEntry("migrate", "bring programs over to today's forms of the language"),
@@ -140,6 +141,8 @@ COMMANDS = (
     CommandEntry("config", "check configuration files of runs"),
     CommandEntry("schema", "print the JSON Schema of what koord reads and writes"),
     CommandEntry("check-refinement", "check that compiled programs do what the rules allow"),
+    CommandEntry("doctor", "tell what is installed, what is missing, and what that would give"),
+    CommandEntry("completion", "print a script by which a shell completes commands"),
 )
 
 

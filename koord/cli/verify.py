@@ -10,6 +10,8 @@ from contextlib import ExitStack, contextmanager
 from itertools import islice
 from typing import TYPE_CHECKING
 
+from msgspec.structs import replace
+
 from koord.api.export import FORMATS, NAME, Wanted, exported
 from koord.api.programs import Program
 from koord.api.progress import cores
@@ -21,6 +23,7 @@ from koord.cli.arguments import (
     add_files,
     add_html,
     add_json,
+    add_sarif,
     add_settings,
     add_trace,
     check_files,
@@ -116,8 +119,8 @@ def _module(output: str) -> str | None:
     return path.stem
 
 
-def configure(parser: argparse.ArgumentParser) -> None:
-    add_files(parser)
+def add_question(parser: argparse.ArgumentParser) -> None:
+    """Add the flags that say what is asked, and for how long."""
     add_bounds(parser, several=True)
     parser.add_argument(
         "--engine",
@@ -166,6 +169,11 @@ def configure(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="verify invariants at every instant between the ends of rounds too",
     )
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    add_files(parser)
+    add_question(parser)
     parser.add_argument(
         "--explain",
         action="store_true",
@@ -218,6 +226,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="write the invariants that were found to FILE, for --with",
     )
     add_export(parser)
+    add_sarif(parser, "what is violated, unknown or vacuous")
     add_json(parser, "the verdict")
     parser.epilog = (
         "exit codes: 0 holds, 1 violated, 2 errors in the input, 3 unknown, 4 holds, but vacuously"
@@ -277,6 +286,8 @@ def _check_flags(arguments: argparse.Namespace) -> None:
             raise argparse.ArgumentTypeError("--plot takes one program and a sweep: --robots 2..10")
         check_drawable(arguments.plot)
         check_writable(arguments.plot, read)
+    if arguments.sarif is not None:
+        check_writable(arguments.sarif, read)
     if arguments.found is not None:
         if not is_one or len(fleets) > 1:
             raise argparse.ArgumentTypeError("--save-invariants takes one program at a time")
@@ -299,8 +310,8 @@ def _in_flags(error: ArgumentError) -> str:
     return f"--{error.argument} {cure}"
 
 
-def _options(arguments: argparse.Namespace, cache: Cache | None) -> Options:
-    """How verdicts are looked for from now on."""
+def options_of(arguments: argparse.Namespace, cache: Cache | None) -> Options:
+    """How verdicts are looked for from now on, by the flags of :func:`add_question`."""
     limit_s = arguments.timeout
     return Options(
         rounds=arguments.rounds,
@@ -309,18 +320,21 @@ def _options(arguments: argparse.Namespace, cache: Cache | None) -> Options:
         ends_at=None if limit_s is None else time.monotonic() + limit_s,
         property_timeout_s=arguments.claim_s,
         jobs=arguments.jobs,
-        max_violations=arguments.violations,
         seed=arguments.seed,
         instants=arguments.instants,
-        rests_on=arguments.rests_on,
-        wcet=arguments.wcet,
         cache=cache,
     )
 
 
 def _once(arguments: argparse.Namespace, cache: Cache | None) -> int:
     """Read the programs and verify them."""
-    report, options = DiagnosticReport(), _options(arguments, cache)
+    report = DiagnosticReport()
+    options = replace(
+        options_of(arguments, cache),
+        max_violations=arguments.violations,
+        rests_on=arguments.rests_on,
+        wcet=arguments.wcet,
+    )
     try:
         with time_limit(options.left_s):
             programs = load_programs(arguments.files, ReadOptions.of(arguments), report)
@@ -331,12 +345,15 @@ def _once(arguments: argparse.Namespace, cache: Cache | None) -> int:
         report.print(sys.stdout, as_json=True)
     else:
         report.print(sys.stderr, as_json=False)
+    reports: list[VerifyReport] = []
     if report.errors:
+        _write_sarif(arguments, report, reports)
         return Exit.BAD_INPUT
     try:
         told: list[Report] = []
         with _helped(options, arguments.cluster) as options:
-            code = _verified(programs, arguments, options, told)
+            code = _verified(programs, arguments, options, told, reports)
+        _write_sarif(arguments, report, reports)
         if arguments.json:
             import json
 
@@ -351,13 +368,26 @@ def _once(arguments: argparse.Namespace, cache: Cache | None) -> int:
         return Exit.BAD_INPUT
 
 
+def _write_sarif(
+    arguments: argparse.Namespace, found: DiagnosticReport, reports: Sequence[VerifyReport]
+) -> None:
+    if arguments.sarif is not None:
+        from koord.cli.sarif import write_sarif
+
+        write_sarif(arguments.sarif, found.diagnostics, reports)
+
+
 def _verified(
     programs: Sequence[Program],
     arguments: argparse.Namespace,
     options: Options,
     told: list[Report],
+    reports: list[VerifyReport],
 ) -> Exit:
-    """Verify programs, and show the results of each as soon as they are known."""
+    """Verify programs, and show the results of each as soon as they are known.
+
+    They are added to ``told`` where JSON is wanted, and all to ``reports``.
+    """
     from koord.cli.verified import show_page, tell, tell_sweep
 
     fleets = arguments.robots
@@ -370,8 +400,7 @@ def _verified(
         for program in programs
         for fleet in fleets
     ]
-    answered: list[VerifyReport] = []
-    answers = _noted(_answers(questions, options), answered)
+    answers = _noted(_answers(questions, options), reports)
     codes: list[Exit] = []
     for program in programs:
         if Exit.INTERRUPTED in codes:
@@ -383,8 +412,8 @@ def _verified(
             codes += [tell(report, arguments, told) for report in found]
     if len(codes) < len(programs):
         codes.append(Exit.INTERRUPTED)
-    if arguments.html is not None and answered:
-        show_page(answered, arguments.html)
+    if arguments.html is not None and reports:
+        show_page(reports, arguments.html)
     return gravest(codes)
 
 

@@ -131,6 +131,7 @@ def test_nothing_that_is_raised_speaks_of_flags() -> None:
     for path in sorted(Path(koord.__path__[0], "api").glob("*.py")):
         if path.stem in (
             "forms",
+            "run_forms",
             "verdict_forms",
             "documents",
             "refinement",

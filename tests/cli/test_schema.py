@@ -9,10 +9,14 @@ from typing import Any
 import pytest
 from jsonschema import Draft202012Validator
 
+import koord
+from koord.api import refinement
 from koord.api.documents import DOCUMENTS
 from koord.cli.exits import Exit
 from koord.cli.main import main
 from koord.cli.progress import LiveLine
+from koord.refinement import running
+from koord.runtime.compile import compiled
 from tests.refinement.part_files import lines_of, part_files, write_lines
 from tests.sampling import first
 
@@ -189,3 +193,64 @@ def test_findings_on_drivers_are_as_described(capsys: pytest.CaptureFixture[str]
         found = printed(capsys, *words)
         assert found["ok"] is (driver == "sim")
         valid(capsys, "conformance", found)
+
+
+def test_simulated_runs_are_as_described(capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("ompl")
+    faulty = "local:\n  int x = 2\n  int y\nStep:\n  eff:\n    x = x - 1\n    y = 6 / x\n"
+    Path("faulty.krd").write_text(faulty)
+    schema = printed(capsys, "schema", "simulated")
+    task = str(Path(__file__).parents[2] / "specs" / "examples" / "task.krd")
+    for program, ending in (("holds", "limit"), ("violated", "violated"), ("faulty", "fault")):
+        words = ("sim", f"{program}.krd", "--rounds", "3", "--no-html", "--json")
+        found = printed(capsys, *words)
+        assert found["ending"] == ending
+        Draft202012Validator(schema).validate(found)
+    found = printed(capsys, "sim", task, "--rounds", "2", "--no-html", "--json")
+    assert found["tasks"]
+    Draft202012Validator(schema).validate(found)
+    for field, change in (("ending", "over"), ("robots", [{}]), ("rounds", -1)):
+        assert not Draft202012Validator(schema).is_valid(found | {field: change})
+
+
+def test_deployed_runs_are_as_described(capsys: pytest.CaptureFixture[str]) -> None:
+    schema = printed(capsys, "schema", "deployed")
+    two = koord.read_configuration(koord.Source("two.yaml", "num_robots: 2\ndelta: 0.05\n"))
+    run = koord.deploy("violated.krd", two, rounds=4, as_fast_as_possible=True, trace="run.json")
+    found = json.loads(run.to_json())
+    assert {one["claim"] for one in found["broken"]} == {"invariant Small", "invariant Few"}
+    assert found["trace"]["format"] == "koord-merged"
+    assert found["robots"][0]["process"]["state"] == "over"
+    Draft202012Validator(schema).validate(found)
+    for field, change in (("robots", [{}]), ("trace", {}), ("stuck", 1)):
+        assert not Draft202012Validator(schema).is_valid(found | {field: change})
+
+
+def test_findings_on_compiled_programs_are_as_described(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    schema = printed(capsys, "schema", "refinement")
+    check = ("check-refinement", "--target", "engine", "--runs", "2", "--json")
+    found = printed(capsys, *check, "holds.krd")
+    assert found["targets"][0]["runs"] == 2
+    Draft202012Validator(schema).validate(found)
+    assert not Draft202012Validator(schema).is_valid(found | {"format": "koord-protocol-check"})
+    pytest.importorskip("ompl")
+    words = ("check-refinement", "holds.krd", "--target", "simulator", "--runs", "1", "--json")
+    (one,) = found = printed(capsys, *words)
+    assert one["refused"] is None
+    Draft202012Validator(schema).validate(found)
+    monkeypatch.setattr(refinement, "TRIES", 0)
+    monkeypatch.setattr(running, "compiled", lambda one: compiled(one).replace("+ 1", "+ 2"))
+    found = printed(capsys, *check, "holds.krd")
+    assert found["failure"]["rule"] is not None
+    Draft202012Validator(schema).validate(found)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("what", [("guardian",), ("protocol",), ("protocol", "--for-every-number")])
+def test_findings_on_protocol_and_guardian_are_as_described(
+    capsys: pytest.CaptureFixture[str], what: tuple[str, ...]
+) -> None:
+    found = printed(capsys, "check-refinement", "--json", "--runs", "1", "--target", *what)
+    valid(capsys, "refinement", found)

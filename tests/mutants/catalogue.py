@@ -17,6 +17,7 @@ from tests.mutants.catalogue_old_forms import OLD_FORMS
 from tests.mutants.catalogue_progress import PROGRESS
 from tests.mutants.catalogue_runs import RUNS
 from tests.mutants.catalogue_shown import SHOWN
+from tests.mutants.catalogue_tools import TOOLS
 from tests.mutants.catalogue_wcet import WCET
 from tests.mutants.cone import CONE
 from tests.mutants.deployed import DEPLOYED
@@ -1026,6 +1027,7 @@ MUTANTS = (
     *JUDGED,
     *COMPILED,
     *OLD_FORMS,
+    *TOOLS,
     *WCET,
     *SHOWN,
     *SIMULATED,

@@ -1,0 +1,1 @@
+"""What other tools load of koord: pytest and IPython. Nothing here is loaded by koord itself."""
