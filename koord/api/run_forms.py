@@ -120,9 +120,7 @@ class SimulatedRun(Form):
     fault: SimulatedFault | None
     late: Annotated[
         Natural | UnsetType,
-        Meta(
-            description="Of programs in several processes: proposals that came too late for their rounds."
-        ),
+        Meta(description="With several processes: proposals that came too late."),
     ] = UNSET
 
 
