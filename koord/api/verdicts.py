@@ -245,17 +245,9 @@ class Verdict(Result, frozen=True):
         return f"<Verdict {self.name}: {self.outcome.value}{reach}{by}>"
 
     def _repr_html_(self) -> str:
-        if self.found.counterexample is None:
-            return html_table(repr(self), (), ())
-        from koord.api.stories import of_verdict
-
-        return of_verdict(self)[0]._repr_html_()
-
-    def html_run(self) -> str:
-        """The run that breaks the claim as a table, which needs no script; "" without one."""
         run, found = self.counterexample, self.found.counterexample
         if run is None or found is None:
-            return ""
+            return html_table(repr(self), (), ())
         heading = f"{self.name}: {found.detail} [{self.rule}]"
         return html_table(heading, (), ()) + run._repr_html_()
 

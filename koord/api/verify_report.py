@@ -295,7 +295,7 @@ class VerifyReport(Result, frozen=True):
         for verdict in self.verdicts:
             if verdict.found.counterexample is not None:
                 heading = f"a run that breaks {verdict.name}"
-                shown.append(html_details(heading, verdict.html_run()))
+                shown.append(html_details(heading, verdict._repr_html_()))
         return "".join(shown)
 
 

@@ -23,7 +23,9 @@ from koord.api.results import ArgumentError, Result
 from koord.api.robots import system_of
 from koord.api.run import HowToRun, Policy, RunReport, session_of
 from koord.api.simulation import simulate
+from koord.api.stories import of_verdict
 from koord.api.traces import Trace
+from koord.api.verdicts import Verdict
 from koord.api.verify import Question, verify_each
 from koord.cli.arguments import add_bounds, add_settings, seconds, settings
 from koord.cli.diagnostics import in_flags, render
@@ -46,14 +48,22 @@ class NoProgramError(Exception):
 
 
 def load(shell: InteractiveShell) -> None:
-    """Give a shell the magics ``%koord`` and ``%%koord``."""
+    """Give a shell the magics ``%koord`` and ``%%koord``, and pages of runs that break claims."""
 
     def koord(line: str, cell: str | None = None) -> Result:
         """Check, verify, run or simulate a program: ``%%koord verify --robots 3``."""
         return answer(shell, line, cell)
 
+    formatters: Any = shell.display_formatter
+    formatters.formatters["text/html"].for_type(Verdict, _shown)
     register: Any = shell.register_magic_function  # whose type is that of a method
     register(koord, "line_cell", "koord")
+
+
+def _shown(verdict: Verdict) -> str:
+    """A verdict for a notebook: the page of the run that breaks the claim, if there is one."""
+    stories = of_verdict(verdict)
+    return stories[0]._repr_html_() if stories else verdict._repr_html_()
 
 
 def answer(shell: InteractiveShell, line: str, cell: str | None) -> Result:
