@@ -2,6 +2,7 @@
 # make slow    the deep searches and the long fuzzing runs
 # make sample  one case of each deep search of which none is a fast test, in two minutes
 # make peers   the same of tests against vehicles in processes of their own
+# make editors  test and pack the extension of VS Code; needs Node.js
 # make bench   the tables of benchmarks/
 # make docs    the documentation site, in build/site
 # make format  put the layout right
@@ -28,7 +29,7 @@ ATHERIS   := $(VENV)/.atheris
 BENCHMARKS := $(filter-out $(patsubst %,benchmarks/%.py,harness claiming every_number), \
 	$(sort $(wildcard benchmarks/*.py)))
 
-.PHONY: check format lint types test sample peers slow fuzz bench docs clean
+.PHONY: editors check format lint types test sample peers slow fuzz bench docs clean
 
 # Types are checked beside the tests: by themselves they would keep one core busy.
 check: lint
@@ -43,6 +44,11 @@ types: $(INSTALLED)
 
 test: $(COMPILED)
 	$(BIN)/pytest -q $(PARALLEL)
+
+# what the extension of VS Code needs comes from npm
+editors: $(INSTALLED)
+	$(BIN)/python -m editors.generate
+	cd editors/vscode && npm ci --no-fund --no-audit && npm test && npm run package
 
 slow: $(INSTALLED)
 	$(BIN)/pytest -q $(PARALLEL) -m "slow or generated"

@@ -41,6 +41,8 @@ if TYPE_CHECKING:
     from koord.api.drivers import installed_drivers as installed_drivers
     from koord.api.drivers import installed_localisers as installed_localisers
     from koord.api.drivers import installed_plug_ins as installed_plug_ins
+    from koord.api.editing import Document as Document
+    from koord.api.editing import document as document
     from koord.api.export import Exported as Exported
     from koord.api.export import export as export
     from koord.api.fitting import read_configuration as read_configuration
@@ -123,6 +125,7 @@ _HOMES = {
         "installed_localisers",
         "installed_plug_ins",
     ),
+    "koord.api.editing": ("Document", "document"),
     "koord.api.export": ("Exported", "export"),
     "koord.api.fitting": ("read_configuration",),
     "koord.api.guardian_check": ("GuardianCheck", "check_guardian"),

@@ -28,7 +28,7 @@ def rooms() -> dict[str, set[str]]:
         room: set(re.findall(r"`(\w+)`", below))
         for room, below in _ROOM.findall(GUIDE.read_text("utf-8"))
     }
-    above = set(found) - {"api", "cli", "plugins"}
+    above = set(found) - {"api", "lsp", "cli", "plugins"}
     found["api"] = above
     return found
 

@@ -26,7 +26,7 @@ def naming(pattern: str) -> list[str]:
 @pytest.mark.parametrize(
     ("what", "pattern", "most"),
     [
-        ("an operator that others define", r"\bclamp\b", 2),
+        ("an operator that others define", r"\bclamp\b", 4),
         ("a primitive operator", r"ListOp\.KEYS|KEYS = ", 9),
         ("a statement", r"\bRepeat\b|\bREPEAT\b|loops\.repeat\b|def repeat\b", 12),
         (

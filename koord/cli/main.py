@@ -130,6 +130,7 @@ COMMANDS = (
     CommandEntry("recheck", "settle the obligations of a proof with another solver"),
     CommandEntry("replay", "check a trace rule by rule against its program"),
     CommandEntry("sim", "run a program in a simulated world"),
+    CommandEntry("lsp", "serve editors: mistakes, names, completions, verdicts while you type"),
     CommandEntry("compile", "compile a program to Python that robots run"),
     CommandEntry("deploy", "run a program on robots, or as processes on this machine"),
     CommandEntry("estop", "stop robots at once: the e-stop"),

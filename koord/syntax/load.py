@@ -8,6 +8,7 @@ from koord.syntax import ast
 from koord.syntax.diagnostics import Diagnostic, Severity
 from koord.syntax.elaboration import Elaborated, Settings, elaborate
 from koord.syntax.elaboration.findings import DiagnosticLog
+from koord.syntax.elaboration.recorder import Recorder
 from koord.syntax.parsing.parser import parse
 from koord.syntax.source import Source, Span
 
@@ -25,11 +26,15 @@ _OF_PROPERTIES = (
 
 
 def load(
-    source: Source, settings: Settings = _DEFAULTS, properties: tuple[Source, ...] = ()
+    source: Source,
+    settings: Settings = _DEFAULTS,
+    properties: tuple[Source, ...] = (),
+    recorder: Recorder | None = None,
 ) -> Elaborated:
     """Load the core program of a text, joined with files of properties.
 
-    Every error of every file is in ``diagnostics``; there is a program only if there are none.
+    Every error of every file is in ``diagnostics``; there is a program only if there are none. A
+    ``recorder`` is told what names mean.
     """
     parsed = parse(source)
     diagnostics = list(parsed.diagnostics)
@@ -48,7 +53,7 @@ def load(
         diagnostics += part.diagnostics
         diagnostics += findings.in_order()
     program = ast.Program(tuple(sections), parsed.program.comments, span=parsed.program.span)
-    elaborated = elaborate(program, settings)
+    elaborated = elaborate(program, settings, recorder)
     texts = {file.name: file for file in (source, *properties)}
     damaged = _has_errors(diagnostics)
     # a string without an end: what stood behind it is not known

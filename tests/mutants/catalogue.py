@@ -9,6 +9,7 @@ from tests.mutants.catalogue_certified import CERTIFIED
 from tests.mutants.catalogue_claims import JUDGING
 from tests.mutants.catalogue_columns import COLUMNS
 from tests.mutants.catalogue_compiled import COMPILED
+from tests.mutants.catalogue_editors import EDITORS
 from tests.mutants.catalogue_exported import EXPORTED
 from tests.mutants.catalogue_kernels import KERNELS
 from tests.mutants.catalogue_lanes import LANES
@@ -1026,6 +1027,7 @@ MUTANTS = (
     *GUARDED,
     *JUDGED,
     *COMPILED,
+    *EDITORS,
     *OLD_FORMS,
     *TOOLS,
     *WCET,

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from enum import Enum
 
 from msgspec import Struct, field
 
 from koord.syntax import ast, core
 from koord.syntax.diagnostics import Edit
 from koord.syntax.elaboration.findings import DiagnosticLog
+from koord.syntax.elaboration.recorder import Meaning, Recorder
 from koord.syntax.elaboration.settings import Settings
 from koord.syntax.elaboration.symbols import (
     RESERVED,
@@ -24,6 +24,7 @@ from koord.syntax.elaboration.symbols import (
     RecordInfo,
     Role,
 )
+from koord.syntax.elaboration.where import Where as Where
 from koord.syntax.source import NOWHERE, Span
 from koord.syntax.types import INT, Type
 
@@ -108,6 +109,8 @@ class Elaboration(Struct):
     missing: dict[str, MissingFunction] = field(default_factory=dict)
     confusions: list[Confusion] = field(default_factory=list)
     atomic_blocks: dict[int, AtomicBlock] = field(default_factory=dict)
+    #: Who is told what names mean, if an editor asks.
+    recorder: Recorder | None = None
     #: The library's modules, which a program can use without declaring their ports.
     library_ports: dict[str, frozenset[str]] = field(default_factory=dict)
 
@@ -142,25 +145,6 @@ class Elaboration(Struct):
 
 #: Expressions and blocks stand inside each other at most so deep.
 MAX_DEPTH = 120
-
-
-class Where(Enum):
-    """The construct that a body belongs to; the value says it in messages."""
-
-    GUARD = "a guard"
-    EFFECT = "an effect"
-    INIT = "`init:`"
-    ENVIRONMENT = "an `environment:` block"
-    FUNCTION = "a function"
-    REQUIRES = "the `requires:` of a contract"
-    ENSURES = "the `ensures:` of a contract"
-    SUMMARY_REQUIRES = "the `requires:` of an external function"
-    SUMMARY = "the `ensures:` of an external function"
-    PROPERTY = "a property"
-    ASSUMPTION = "an assumption"
-    INITIAL = "an initial value"
-    SHARED_INITIAL = "the initial value of an `allwrite` variable"
-    CONSTANT = "a constant"
 
 
 CONTRACT = frozenset({Where.REQUIRES, Where.ENSURES})
@@ -236,7 +220,11 @@ class BodyScope(Struct):
     def expr(self, e: ast.Expr, expected: Type | None = None) -> core.Expr | None:
         """Elaborate an expression; None if it is wrong, which is reported."""
         with self.deeper(e) as allowed:
-            return self.session.expression(self, e, expected) if allowed else None
+            made = self.session.expression(self, e, expected) if allowed else None
+        recorder = self.session.recorder
+        if recorder is not None and made is not None:
+            recorder.types[e.span] = made.type
+        return made
 
     @contextmanager
     def deeper(self, e: ast.Expr) -> Iterator[bool]:
@@ -265,6 +253,12 @@ class BodyScope(Struct):
         """Record an error."""
         self.findings.error(code, span, message, hint)
 
+    def note(self, span: Span, meaning: Meaning) -> None:
+        """Tell an editor what the name at a place means."""
+        recorder = self.session.recorder
+        if recorder is not None:
+            recorder.meanings[span] = meaning
+
     def is_told(self, code: str, name: str, span: Span) -> bool:
         """Return whether a name was reported as unknown elsewhere; then this place is added."""
         first = self.session.unknown.setdefault((self.findings, name), span)
@@ -292,6 +286,7 @@ class BodyScope(Struct):
         variable = self.slot(name.name, type_) if type_ is not None else None
         symbol = BoundSymbol(variable, role, name, kind)
         self.frames[-1][name.name] = symbol
+        self.note(name.span, symbol)
         return symbol
 
     def lookup(self, name: str) -> BoundSymbol | None:

@@ -16,12 +16,14 @@ from koord.syntax.elaboration.body import (
     MissingFunction,
     Where,
 )
+from koord.syntax.elaboration.candidates import fill
 from koord.syntax.elaboration.coercion import POISON, fit, widened
 from koord.syntax.elaboration.function_calls import call, candidates, is_named
 from koord.syntax.elaboration.library import library_names
 from koord.syntax.elaboration.literals import construct, keys_of, list_of
 from koord.syntax.elaboration.phrases import a, did_you_mean, listed, mathematics, otherwise
 from koord.syntax.elaboration.quantifiers import ran
+from koord.syntax.elaboration.recorder import HOLE, OwnName
 from koord.syntax.elaboration.resolve_types import element_of, is_numeric
 from koord.syntax.elaboration.symbols import RecordInfo, VariableSymbol
 from koord.syntax.source import NOWHERE, Span
@@ -243,6 +245,7 @@ def function_call(body: BodyScope, e: ast.Call, expected: Type | None) -> core.E
         return construct(body, e, _POS)
     special = _SPECIAL.get(name)
     if special is not None:
+        body.note(e.function.span, OwnName(name))
         return special(body, e)
     if name in CHANGES:
         return _change(body, e, name)
@@ -252,6 +255,7 @@ def function_call(body: BodyScope, e: ast.Call, expected: Type | None) -> core.E
             if found is not None:
                 return function_call(body, found, expected)
     if name in BUILTINS:
+        body.note(e.function.span, OwnName(name))
         if is_named(body, e):
             return None
         return BUILTINS[name](body, e, expected)
@@ -449,6 +453,8 @@ def _unknown(body: BodyScope, e: ast.Call, expected: Type | None) -> core.Expr |
     if body.session.partial:
         return None
     name = e.function.name
+    if name == HOLE:
+        fill(body, expected, is_statement=body.where in _CHANGING)
     known = _functions(body) + (list(CHANGES) if body.where in _CHANGING else [])
     hint, near = otherwise(name) or mathematics(name), did_you_mean(name, known)
     if hint is None and near is not None and not _is_another(near, name):

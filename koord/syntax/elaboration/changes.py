@@ -11,11 +11,13 @@ from koord.syntax import ast, core
 from koord.syntax.diagnostics import Note
 from koord.syntax.elaboration.body import BodyScope, SharedWrite, Where
 from koord.syntax.elaboration.calls import METHODS, as_call, counted, element_written
+from koord.syntax.elaboration.candidates import fill
 from koord.syntax.elaboration.coercion import POISON, fit
 from koord.syntax.elaboration.literals import field_position
 from koord.syntax.elaboration.names import Meaning
 from koord.syntax.elaboration.phrases import a, did_you_mean
 from koord.syntax.elaboration.places import find_module, is_unknown, meaning
+from koord.syntax.elaboration.recorder import HOLE, OwnName
 from koord.syntax.elaboration.symbols import ParamSymbol, PortSymbol, Role, StreamSymbol
 from koord.syntax.elaboration.unknown_names import unknown
 from koord.syntax.types import BOOL, INT, PRESENT, GrowingType, MapType, RecordType, SetType, Type
@@ -34,6 +36,8 @@ def target(body: BodyScope, e: ast.Expr) -> core.Place | None:
         return None
     if _is_constant(body, e, root):
         return None
+    if isinstance(e, ast.Name) and e.name == HOLE:
+        fill(body, None, is_statement=True)
     if isinstance(e, ast.Name) and is_unknown(body, e.name):
         if not body.session.partial:
             unknown(body, e, is_written=True)
@@ -100,6 +104,7 @@ def _is_constant(body: BodyScope, e: ast.Expr, root: ast.Name) -> bool:
         return False
     known = body.session.shared.get(root.name)
     if isinstance(known, ParamSymbol):
+        body.note(root.span, known)
         note = Note(known.declared.span, f"`{root.name}` is declared here")
         body.findings.error(
             "K213",
@@ -228,6 +233,7 @@ def call_statement(body: BodyScope, s: ast.CallStmt) -> core.Block:
     own = name in body.session.functions.own and not body.library
     change = None if own else _CHANGES.get(name)
     if change is not None:
+        body.note(call.function.span, OwnName(name))
         return change(body, call)
     stored = None if own else element_written(body, call)
     if stored is not None:
@@ -335,6 +341,7 @@ def pop_into(body: BodyScope, s: ast.Assign) -> core.Block:
     """Elaborate ``v = pop(q)``."""
     assert isinstance(s.value, ast.Call | ast.MethodCall)
     call = s.value if isinstance(s.value, ast.Call) else as_call(s.value)
+    body.note(call.function.span, OwnName("pop"))
     into = target(body, s.target)
     place = _changed(body, call, 1)
     if place is None or into is None:

@@ -58,6 +58,8 @@ def call(body: BodyScope, e: ast.Call, known: Sequence[Signature]) -> core.Expr 
         return None
     fitting = [s for s in known if len(s.parameters) == len(e.arguments)]
     if not fitting:
+        if known:
+            body.note(e.function.span, known[0])
         for argument in e.arguments:
             body.expr(argument.value, POISON)
         _wrong_count(body, e, known)
@@ -65,6 +67,7 @@ def call(body: BodyScope, e: ast.Call, known: Sequence[Signature]) -> core.Expr 
     signature, arguments = _chosen(body, e, fitting)
     if signature is None:
         return None
+    body.note(e.function.span, signature)
     fitted = [
         fit(body, value, wanted, argument.value.span, f"{_ordinal(place)} of `{signature.written}`")
         for place, (value, wanted, argument) in enumerate(

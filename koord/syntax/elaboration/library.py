@@ -68,11 +68,21 @@ class _Functions(Mapping[str, tuple[ast.FunDef, ...]]):
         return len(self._places)
 
 
+def library_path() -> str:
+    """The path of the prelude."""
+    return os.path.abspath(_FILE)
+
+
+def library_text() -> str:
+    """The text of the prelude."""
+    with open(_FILE, encoding="utf-8") as file:
+        return normalise(file.read())
+
+
 @lru_cache(maxsize=1)
 def library() -> Library:
     """The prelude, read once."""
-    with open(_FILE, encoding="utf-8") as file:
-        lines = normalise(file.read()).split("\n")
+    lines = library_text().split("\n")
     places: dict[str, list[range]] = {}
     others: list[range] = []
     for block in _blocks(lines):

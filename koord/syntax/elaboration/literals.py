@@ -6,6 +6,7 @@ from koord.syntax import ast, core
 from koord.syntax.elaboration.body import BodyScope, Where
 from koord.syntax.elaboration.coercion import POISON, fit, widened
 from koord.syntax.elaboration.phrases import choice, did_you_mean, listed
+from koord.syntax.elaboration.recorder import FieldSymbol, TypeSymbol
 from koord.syntax.elaboration.resolve_types import element_of
 from koord.syntax.elaboration.symbols import RecordInfo
 from koord.syntax.source import Span
@@ -170,6 +171,8 @@ def _entry_types(body: BodyScope, e: ast.MapLit) -> MapType | None:
 
 def construct(body: BodyScope, e: ast.Call, record: RecordInfo) -> core.Expr | None:
     """Elaborate a record of the type, with named or positional fields."""
+    if e.function.span.column != e.function.span.end_column:
+        body.note(e.function.span, TypeSymbol(record.type.name, record.type))
     given = _placed(body, e, record)
     fields: list[core.Expr] = []
     missing: list[str] = []
@@ -247,6 +250,11 @@ def _position(
             f"`{record.type.name}` has no field `{argument.name}`",
             did_you_mean(argument.name, names) or choice("its fields are", names),
         )
+    else:
+        span = argument.span
+        end = span.column + len(argument.name)
+        named = Span(span.file, span.line, span.column, span.line, end)
+        body.note(named, FieldSymbol(record.type, position))
     return position
 
 

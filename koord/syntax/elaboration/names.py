@@ -15,8 +15,10 @@ from koord.syntax.elaboration.body import (
     BodyScope,
     Where,
 )
+from koord.syntax.elaboration.candidates import fill
 from koord.syntax.elaboration.coercion import POISON
 from koord.syntax.elaboration.phrases import listed
+from koord.syntax.elaboration.recorder import HOLE, OwnName
 from koord.syntax.elaboration.resolve_types import element_of
 from koord.syntax.elaboration.symbols import (
     AgentScope,
@@ -33,6 +35,7 @@ from koord.syntax.elaboration.symbols import (
 from koord.syntax.elaboration.unknown_names import out_of_reach, unknown
 from koord.syntax.source import Span
 from koord.syntax.types import FLOAT, INT, Type
+from koord.syntax.vocabulary import OWN_NAMES
 
 #: The double nearest to π.
 _PI = Fraction("3.141592653589793")
@@ -45,9 +48,11 @@ def name(body: BodyScope, e: ast.Name, expected: Type | None) -> Meaning:
     """Resolve a name."""
     bound = body.lookup(e.name)
     if bound is not None:
+        body.note(e.span, bound)
         return None if bound.variable is None else core.Place(bound.variable, span=e.span)
     found, agent = _declared(body, e)
     if found is not None:
+        body.note(e.span, found)
         return _symbol(body, e, found, agent)
     ports = _ports(body, e.name)
     if ports:
@@ -179,6 +184,7 @@ def _module(port: PortNamed) -> str | None:
 
 
 def _unqualified(body: BodyScope, e: ast.Name, ports: list[PortNamed]) -> Meaning:
+    body.note(e.span, ports[0])
     if len(ports) > 1:
         modules = [port.module for port in ports if not isinstance(port, Poisoned)]
         body.error(
@@ -232,10 +238,15 @@ def _member(
             return None
         members = wanted
     member = members[0]
+    body.note(e.span, member)
     return core.Const(member.position, member.type, span=e.span)
 
 
 def _special(body: BodyScope, e: ast.Name, expected: Type | None) -> Meaning:
+    if e.name == HOLE:
+        fill(body, expected)
+    elif e.name in OWN_NAMES:
+        body.note(e.span, OwnName(e.name))
     match e.name:
         case "pid":
             return _pid(body, e)

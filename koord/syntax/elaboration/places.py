@@ -5,11 +5,13 @@ from __future__ import annotations
 from koord.syntax import ast, core
 from koord.syntax.elaboration import names
 from koord.syntax.elaboration.body import CLOSED, CONTRACT, BodyScope
+from koord.syntax.elaboration.candidates import fill_owned, fill_part
 from koord.syntax.elaboration.coercion import fit
 from koord.syntax.elaboration.literals import field_position
 from koord.syntax.elaboration.names import Meaning
 from koord.syntax.elaboration.phrases import a, choice, did_you_mean, listed
 from koord.syntax.elaboration.quantifiers import at_robot, primed
+from koord.syntax.elaboration.recorder import HOLE, FieldSymbol, ModuleSymbol, TypeSymbol
 from koord.syntax.elaboration.resolve_types import element_of
 from koord.syntax.elaboration.symbols import RESERVED, ModuleScope, Poisoned
 from koord.syntax.elaboration.unknown_names import unknown
@@ -93,6 +95,8 @@ def is_unknown(body: BodyScope, name: str) -> bool:
 def field(body: BodyScope, base: core.Place | core.Expr, e: ast.Attribute) -> Meaning:
     """Elaborate a field of a record."""
     record = base.type
+    if e.name.name == HOLE:
+        fill_part(body, record)
     if not isinstance(record, RecordType):
         hint = None
         element = element_of(record)
@@ -117,6 +121,7 @@ def field(body: BodyScope, base: core.Place | core.Expr, e: ast.Attribute) -> Me
         )
         return None
     name, type_ = record.fields[found]
+    body.note(e.name.span, FieldSymbol(record, found))
     return stepped(base, core.FieldStep(found, name, type_, span=e.name.span), e)
 
 
@@ -137,6 +142,12 @@ def _is_module(body: BodyScope, name: str) -> bool:
 
 def _qualified(body: BodyScope, e: ast.Attribute, owner: str) -> Meaning:
     kind = body.session.types.named.get(owner)
+    if owner in body.session.types.named:
+        body.note(e.base.span, TypeSymbol(owner, kind))
+    else:
+        body.note(e.base.span, ModuleSymbol(owner))
+    if e.name.name == HOLE:
+        fill_owned(body, owner, find_module(body, owner))
     if isinstance(kind, EnumType):
         return _member(body, e, kind)
     module = find_module(body, owner)
@@ -163,6 +174,7 @@ def _qualified(body: BodyScope, e: ast.Attribute, owner: str) -> Meaning:
             did_you_mean(e.name.name, known) or choice("its ports are", sorted(known)),
         )
         return None
+    body.note(e.name.span, port)
     if isinstance(port, Poisoned):
         return None
     return names.port_place(body, e, port)
@@ -180,6 +192,9 @@ def find_module(body: BodyScope, owner: str) -> ModuleScope | None:
 
 def _member(body: BodyScope, e: ast.Attribute, kind: EnumType) -> Meaning:
     if e.name.name in kind.members:
+        for member in body.session.member(e.name.name):
+            if member.type == kind:
+                body.note(e.name.span, member)
         return core.Const(kind.members.index(e.name.name), kind, span=e.span)
     body.error(
         "K205",

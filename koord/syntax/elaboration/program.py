@@ -27,6 +27,7 @@ from koord.syntax.elaboration.coercion import fit
 from koord.syntax.elaboration.findings import DiagnosticLog
 from koord.syntax.elaboration.library import library_ports, mentioned
 from koord.syntax.elaboration.operators import expression
+from koord.syntax.elaboration.recorder import Recorder
 from koord.syntax.elaboration.sections import AgentSections, Sections, sort
 from koord.syntax.elaboration.settings import Elaborated, Settings
 from koord.syntax.elaboration.starts import assumed
@@ -34,7 +35,7 @@ from koord.syntax.elaboration.statements import block
 from koord.syntax.elaboration.symbols import AgentScope, FunctionTable, Named, VariableSymbol
 from koord.syntax.source import NOWHERE
 from koord.syntax.types import BOOL
-from koord.syntax.walk import with_blocks
+from koord.syntax.walk import nodes, with_blocks
 
 
 def lock_classes(
@@ -158,8 +159,12 @@ def initialisation(
 _DEFAULTS = Settings()
 
 
-def elaborate(program: ast.Program, settings: Settings = _DEFAULTS) -> Elaborated:
+def elaborate(
+    program: ast.Program, settings: Settings = _DEFAULTS, recorder: Recorder | None = None
+) -> Elaborated:
     """Elaborate a tree to a core program, with errors and warnings.
+
+    A ``recorder`` is told what names mean.
 
     A tree that holds properties alone is checked as far as that goes, and gives no program.
     """
@@ -167,6 +172,9 @@ def elaborate(program: ast.Program, settings: Settings = _DEFAULTS) -> Elaborate
     sections = sort(program.sections, findings)
     session = Elaboration(settings, findings, expression, block, FunctionTable())
     session.library_ports = library_ports()
+    if recorder is not None:
+        session.recorder, recorder.program = recorder, program
+        recorder.functions = session.functions
     session.partial = sections.only_properties
     session.whole = program.span
     if sections.is_empty:
@@ -283,6 +291,8 @@ def _define(
     if not session.partial:
         cautions.unused(session, [session.shared, *(each.scope.variables for each in robots)])
     starts.check_tasks(allwrite, session.settings, session.findings)
+    if session.recorder is not None:
+        _record_locks(session.recorder, session, agents)
     classes, agents = classified(session.atomic_blocks.values(), agents)
     known = assumed(assumptions, len(agents))
     made = core.Program(
@@ -304,6 +314,16 @@ def _define(
     if not session.partial and not session.findings.errors:
         cautions.never_set(session, made)
     return made
+
+
+def _record_locks(recorder: Recorder, session: Elaboration, agents: list[core.Agent]) -> None:
+    """Tell an editor which class each block of ``atomic`` locks."""
+    classes, class_of = lock_classes(session.atomic_blocks.values())
+    for agent in agents:
+        for event in agent.events:
+            for node in nodes(event.effect):
+                if isinstance(node, core.Atomic):
+                    recorder.locked[node.span] = classes[class_of[node.lock_class]]
 
 
 def _starts_with_tasks(session: Elaboration, allwrite: tuple[core.Declaration, ...]) -> bool:

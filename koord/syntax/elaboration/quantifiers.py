@@ -14,10 +14,12 @@ from koord.syntax.elaboration.body import (
     RobotScope,
     Where,
 )
+from koord.syntax.elaboration.candidates import fill_events
 from koord.syntax.elaboration.coercion import fit
 from koord.syntax.elaboration.literals import gone_through
 from koord.syntax.elaboration.names import Meaning, robot_entry
 from koord.syntax.elaboration.phrases import a, did_you_mean
+from koord.syntax.elaboration.recorder import HOLE, EventSymbol, KindSymbol, OwnName
 from koord.syntax.elaboration.resolve_types import element_of, resolve
 from koord.syntax.elaboration.symbols import Role
 from koord.syntax.types import BOOL, INT, Type
@@ -112,6 +114,7 @@ def _typed(
     if isinstance(type_, ast.NamedType) and not type_.arguments:
         for agent in body.session.agents:
             if agent.name and agent.name == type_.name:
+                body.note(type_.span, KindSymbol(agent.name))
                 return _bind(body, name, INT, core.RobotRange(agent.index), agent.index)
     if body.where not in SUMMARIES:
         if not body.session.partial and body.where in LOGICAL:
@@ -213,12 +216,16 @@ def ran(body: BodyScope, e: ast.Call) -> core.Expr | None:
         for agent in body.session.agents
         if argument.name in agent.events
     )
+    if argument.name == HOLE:
+        fill_events(body)
     if not events:
         known = [name for agent in body.session.agents for name in agent.events]
         if not body.session.partial:
             hint = did_you_mean(argument.name, known)
             body.error("K304", argument.span, f"there is no event `{argument.name}`", hint)
         return None
+    body.note(e.function.span, OwnName("ran"))
+    body.note(argument.span, EventSymbol(argument.name))
     if body.robot is not None:
         body.robot.used = True
         robot = body.robot.expr

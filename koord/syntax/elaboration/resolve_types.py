@@ -6,7 +6,10 @@ from koord.syntax import ast, core
 from koord.syntax.analysis.folding import constant
 from koord.syntax.diagnostics import Edit
 from koord.syntax.elaboration.body import BodyScope, Where
+from koord.syntax.elaboration.candidates import fill_types
 from koord.syntax.elaboration.phrases import did_you_mean
+from koord.syntax.elaboration.recorder import HOLE, TypeSymbol
+from koord.syntax.source import Span
 from koord.syntax.types import (
     BOOL,
     FLOAT,
@@ -88,6 +91,7 @@ def _named(body: BodyScope, written: ast.NamedType, depth: int) -> Type | None:
         return _old_type(body, written)
     arguments = [resolve(body, argument, depth + 1) for argument in written.arguments]
     if name in GENERIC:
+        _note(body, written, None)
         if len(arguments) != GENERIC[name]:
             many = "a type" if GENERIC[name] == 1 else "two types"
             body.error("K203", written.span, f"`{name}` wants {many} between `<` and `>`")
@@ -97,6 +101,8 @@ def _named(body: BodyScope, written: ast.NamedType, depth: int) -> Type | None:
             return None
         return _generic(body, name, found, written)
     types = body.session.types
+    if name == HOLE:
+        fill_types(body, [*PREDEFINED, *GENERIC, *types.named])
     if name in types.named:
         meant = types.named[name]
     elif name in PREDEFINED:
@@ -110,10 +116,19 @@ def _named(body: BodyScope, written: ast.NamedType, depth: int) -> Type | None:
                 "K203", written.span, f"there is no type `{name}`", did_you_mean(name, known)
             )
         return None
+    _note(body, written, meant)
     if arguments:
         body.error("K203", written.span, f"`{name}` takes no types between `<` and `>`")
         return None
     return meant
+
+
+def _note(body: BodyScope, written: ast.NamedType, meant: Type | None) -> None:
+    """Tell an editor what the name of a type means, which its arguments are behind."""
+    span = written.span
+    end = span.column + len(written.name)
+    place = Span(span.file, span.line, span.column, span.line, end)
+    body.note(place, TypeSymbol(written.name, meant))
 
 
 def _is_scans(written: ast.NamedType) -> bool:

@@ -14,6 +14,7 @@ from koord.syntax.elaboration.coercion import POISON, fit, stores_list
 from koord.syntax.elaboration.operators import pieces
 from koord.syntax.elaboration.phrases import a
 from koord.syntax.elaboration.places import find_module, meaning
+from koord.syntax.elaboration.recorder import ModuleSymbol, OwnName
 from koord.syntax.elaboration.resolve_types import is_numeric, resolve
 from koord.syntax.elaboration.symbols import PortSymbol, Role, StreamSymbol
 from koord.syntax.types import BOOL, FLOAT, INT, STREAM
@@ -331,13 +332,17 @@ def _stream(body: BodyScope, e: ast.Expr) -> str | None:
         case ast.Name(name=name):
             ports = [p for p in agent.ports.get(name, []) if isinstance(p, StreamSymbol)]
             if ports:
+                body.note(e.span, ports[0])
                 return ports[0].stream
             if name == STDOUT and name not in agent.variables:
+                body.note(e.span, OwnName(STDOUT))
                 return STDOUT
         case ast.Attribute(base=ast.Name(name=owner), name=ast.Ident(name=port)):
             module = find_module(body, owner)
             found = module.ports.get(port) if module is not None else None
             if isinstance(found, StreamSymbol):
+                body.note(e.base.span, ModuleSymbol(owner))
+                body.note(e.name.span, found)
                 return found.stream
     before = body.findings.errors
     if body.expr(e) is None and body.findings.errors > before:

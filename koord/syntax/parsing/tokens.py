@@ -15,19 +15,8 @@ from koord.syntax.ast import Comment
 from koord.syntax.operators import SPELLINGS
 from koord.syntax.parsing.report import ErrorLog
 from koord.syntax.source import Source, Span
-
-
-def words(text: str) -> frozenset[str]:
-    """The words of a text, as a set."""
-    return frozenset(text.split())
-
-
-#: Words that no program may use as names.
-KEYWORDS = words(
-    """agent allread allwrite and assume atomic break def eff elif else enum eventually exists false
-    False for forall if implies in init invariant leadsto local not or param pass pre repeat return
-    stop true True trystop urgent using"""
-)
+from koord.syntax.vocabulary import KEYWORDS as KEYWORDS
+from koord.syntax.vocabulary import words as words
 
 #: The types of the words that begin a statement with a body, arms of ``if`` included.
 LOOPS = words("FOR REPEAT")

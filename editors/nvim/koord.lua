@@ -1,0 +1,26 @@
+-- Neovim 0.11 and newer: put this into ~/.config/nvim/lsp/koord.lua, and say
+-- vim.lsp.enable("koord") in init.lua. The syntax is in ../vim.
+return {
+  cmd = { "koord", "lsp" },
+  filetypes = { "koord" },
+  root_markers = { ".git" },
+  init_options = { verify = { on = "change" } },
+  handlers = {
+    -- verdicts as signs in the gutter, and in a line below
+    ["koord/verdicts"] = function(_, told)
+      local space = vim.api.nvim_create_namespace("koord")
+      local buffer = vim.uri_to_bufnr(told.uri)
+      vim.api.nvim_buf_clear_namespace(buffer, space, 0, -1)
+      local signs = { holds = "✓", bounded = "✓", vacuous = "∅", violated = "✗", unknown = "?" }
+      local groups = { violated = "DiagnosticError", vacuous = "DiagnosticWarn", unknown = "DiagnosticInfo" }
+      for _, mark in ipairs(told.marks) do
+        if mark.line < vim.api.nvim_buf_line_count(buffer) then
+          vim.api.nvim_buf_set_extmark(buffer, space, mark.line, 0, {
+            sign_text = mark.stale and "…" or signs[mark.kind],
+            sign_hl_group = groups[mark.kind] or "DiagnosticOk",
+          })
+        end
+      end
+    end,
+  },
+}

@@ -1,0 +1,58 @@
+"""Counterexamples as Markdown, for editors that show no pages."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from koord.api.verdicts import Verdict
+from koord.semantics.configurations import NO_EVENT
+from koord.traces.changes import Change, changes
+from koord.traces.names import Names
+from koord.traces.trace import Trace
+
+
+def run_text(verdict: Verdict) -> str:
+    """The run that breaks a claim: a row a round, with events and what changed.
+
+    Raises ValueError if the claim is not violated.
+    """
+    run, trace = verdict.found.counterexample, verdict.counterexample
+    if run is None or trace is None:
+        raise ValueError(f"{verdict.name} is not violated")
+    lines = [f"# {verdict.name} is violated", ""]
+    if run.detail:
+        lines += [run.detail, ""]
+    robots = range(trace.recorded.system.robots)
+    lines += [
+        " | ".join(["| round", *(f"robot {robot}" for robot in robots), "changes |"]),
+        f"|{' --- |' * (len(robots) + 2)}",
+        *_rows(trace.recorded),
+        "",
+    ]
+    if run.recording.loop is not None:
+        lines += [f"From round {run.recording.loop + 1} on it repeats itself, for ever.", ""]
+    elif run.robot is not None:
+        lines += [f"It breaks in round {run.round}, in the turn of robot {run.robot}.", ""]
+    else:
+        lines += [f"It breaks in round {run.round}, {run.phase.value}.", ""]
+    return "\n".join(lines)
+
+
+def _rows(trace: Trace) -> Iterator[str]:
+    system, names = trace.system, Names(trace.system)
+    for number, round_ in enumerate(trace.recording.rounds):
+        ran = [
+            "–" if event is None or event == NO_EVENT else system.agent(robot).events[event].name
+            for robot, event in enumerate(round_.events)
+        ]
+        changed = ", ".join(map(_told, changes(names, *trace.configurations[number : number + 2])))
+        yield " | ".join([f"| {number + 1}", *ran, f"{_cell(changed)} |"])
+
+
+def _told(change: Change) -> str:
+    where = "" if change.robot is None else f"@{change.robot}"
+    return f"{change.name}{where}: {change.old} → {change.new}"
+
+
+def _cell(text: str) -> str:
+    return text.replace("|", "\\|").replace("\n", " ")

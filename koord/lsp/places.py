@@ -1,0 +1,62 @@
+"""Places of the protocol, which count from 0 in units of an encoding, and those of koord."""
+
+from __future__ import annotations
+
+from lsprotocol import types
+
+from koord.api.editing import Edit, Source, Span
+
+
+def width(text: str, encoding: types.PositionEncodingKind | str) -> int:
+    """The length of a text in the units of an encoding."""
+    match encoding:
+        case types.PositionEncodingKind.Utf8:
+            return len(text.encode("utf-8", "surrogatepass"))
+        case types.PositionEncodingKind.Utf32:
+            return len(text)
+        case _:
+            return len(text) + sum(ord(character) > 0xFFFF for character in text)
+
+
+class Places:
+    """The places of one text, in an encoding."""
+
+    def __init__(self, source: Source, encoding: types.PositionEncodingKind | str) -> None:
+        self.source = source
+        self.encoding = encoding
+
+    def line_and_column(self, position: types.Position) -> tuple[int, int]:
+        """The line and column of a position; the end of the line if it is behind that."""
+        text = self.source.line_text(position.line + 1)
+        if text.isascii():
+            return position.line + 1, min(position.character, len(text)) + 1
+        left, column = position.character, 1
+        for character in text:
+            left -= width(character, self.encoding)
+            if left < 0:
+                break
+            column += 1
+        return position.line + 1, column
+
+    def position(self, line: int, column: int) -> types.Position:
+        """The position of a line and column; the whole file's is the beginning."""
+        text = self.source.line_text(line)[: max(0, column - 1)]
+        return types.Position(max(0, line - 1), width(text, self.encoding))
+
+    def range(self, span: Span) -> types.Range:
+        """The range of a span."""
+        start = self.position(span.line, span.column)
+        end = self.position(span.end_line, span.end_column)
+        return types.Range(start, max(start, end, key=lambda at: (at.line, at.character)))
+
+    def text_edit(self, edit: Edit) -> types.TextEdit:
+        """An edit."""
+        return types.TextEdit(self.range(edit.span), edit.text)
+
+    @property
+    def everything(self) -> types.Range:
+        """The range of the whole text."""
+        lines = self.source.text.split("\n")
+        return types.Range(
+            types.Position(0, 0), types.Position(len(lines) - 1, width(lines[-1], self.encoding))
+        )

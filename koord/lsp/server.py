@@ -1,0 +1,641 @@
+"""The server: documents, what is asked about them, and verdicts as they come.
+
+Analysis and verification run in threads, so that the loop of the protocol goes on. A text is
+analysed once a version; what is asked waits for the newest. Nothing that a client sends ends the
+server: what a handler raises is answered as an error.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import gc
+import logging
+import tempfile
+import threading
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any, BinaryIO, TypeVar
+
+from lsprotocol import types
+from msgspec import Struct, to_builtins
+from pygls.exceptions import FeatureRequestError, JsonRpcException, JsonRpcInvalidParams
+from pygls.lsp.server import LanguageServer
+from pygls.protocol import LanguageServerProtocol, lsp_method
+
+from koord.api.editing import Document, Source, Span, document, normalise
+from koord.api.verdict_marks import MarkKind, VerdictMark
+from koord.lsp import features
+from koord.lsp.places import Places
+from koord.lsp.settings import LspSettings, read_settings
+from koord.lsp.texts import changed
+from koord.lsp.verifying import Verified, Verifier, counterexample_text, warm_up
+from koord.version import __version__
+
+T = TypeVar("T")
+
+#: The notification of verdicts, and the commands, which clients know by these names.
+VERDICTS = "koord/verdicts"
+COUNTEREXAMPLE = "koord.counterexample"
+SHOW_TRACE = "koord/showTrace"
+VERIFY = "koord.verify"
+CANCEL = "koord.cancelVerification"
+
+_MARKS = {
+    MarkKind.HOLDS: "✓",
+    MarkKind.BOUNDED: "✓",
+    MarkKind.VACUOUS: "∅",
+    MarkKind.VIOLATED: "✗",
+    MarkKind.UNKNOWN: "?",
+}
+
+
+class RefusedError(JsonRpcException):
+    """A request that is understood and cannot be met; the message says why."""
+
+    CODE = -32803  # RequestFailed in the protocol
+
+
+class OpenText:
+    """An open document: its newest text, its analysis, and the verdicts that are known."""
+
+    def __init__(self, uri: str, text: str, version: int) -> None:
+        self.uri = uri
+        self.text = text
+        self.version = version
+        self.analysis: asyncio.Task[Document] | None = None
+        self.known: Document | None = None  #: the newest analysis that has ended
+        self.verifier: Verifier | None = None
+        self.waiting: asyncio.Task[None] | None = None  #: for the delay before a verification
+        self.verified: Verified | None = None
+        self.verified_version = -1
+        self.is_verifying = False
+        self.diagnostics: list[types.Diagnostic] = []
+
+
+class Shown(Struct, frozen=True, rename="camel"):
+    """A verdict as the client is told of it; ``line`` counts from 0."""
+
+    name: str
+    kind: str
+    line: int
+    title: str
+    story: str
+    engine: str
+    seconds: float
+    kept: bool
+    has_trace: bool
+    stale: bool
+
+
+class KoordProtocol(LanguageServerProtocol):
+    """The protocol, with texts kept by the server alone.
+
+    pygls keeps texts, too, whose lines end where Python's do: changes then are in other places.
+    """
+
+    _server: KoordServer
+
+    @lsp_method(types.TEXT_DOCUMENT_DID_OPEN)
+    def lsp_text_document__did_open(self, params: types.DidOpenTextDocumentParams) -> None:
+        given = params.text_document
+        self._server.open(given.uri, given.text, given.version)
+
+    @lsp_method(types.TEXT_DOCUMENT_DID_CHANGE)
+    def lsp_text_document__did_change(self, params: types.DidChangeTextDocumentParams) -> None:
+        self._server.change(params)
+
+    @lsp_method(types.TEXT_DOCUMENT_DID_CLOSE)
+    def lsp_text_document__did_close(self, params: types.DidCloseTextDocumentParams) -> None:
+        self._server.close(params.text_document.uri)
+
+
+class KoordServer(LanguageServer):
+    """The language server of Koord."""
+
+    def __init__(self, warm: Callable[[], None] = warm_up) -> None:
+        super().__init__("koord", __version__, protocol_cls=KoordProtocol)
+        self.warm = warm  #: called beside the loop, once a client is there
+        self.settings = LspSettings()
+        self.texts: dict[str, OpenText] = {}
+        self.analysts = ThreadPoolExecutor(1, "analysis")
+        self._folder: tempfile.TemporaryDirectory[str] | None = None
+        _register(self)
+
+    def report_server_error(self, error: Exception, source: Any) -> None:
+        """Log what went wrong outside of requests, which are answered with their errors."""
+        if source is not FeatureRequestError:
+            message = f"koord: {error}"
+            self.window_log_message(types.LogMessageParams(types.MessageType.Error, message))
+
+    # --- documents --------------------------------------------------------------------------------
+
+    def open(self, uri: str, text: str, version: int) -> None:
+        """Take a document up."""
+        known = self.texts.get(uri)
+        if known is not None:
+            self.close(uri)
+        self.texts[uri] = OpenText(uri, text, version)
+        self._analyse(self.texts[uri])
+
+    def change(self, params: types.DidChangeTextDocumentParams) -> None:
+        """Make changes of a document."""
+        text = self.texts.get(params.text_document.uri)
+        if text is None:
+            return
+        for change in params.content_changes:
+            text.text = changed(text.text, change, self.encoding)
+        text.version = params.text_document.version
+        self._analyse(text)
+
+    def close(self, uri: str) -> None:
+        """Put a document away."""
+        text = self.texts.pop(uri, None)
+        if text is None:
+            return
+        self._end_verification(text)
+        self.text_document_publish_diagnostics(types.PublishDiagnosticsParams(uri, []))
+
+    def close_all(self) -> None:
+        """Put everything away, before the server ends."""
+        for text in list(self.texts.values()):
+            self._end_verification(text, patience_s=2.0)
+        self.texts.clear()
+        self.analysts.shutdown(wait=False, cancel_futures=True)
+        if self._folder is not None:
+            self._folder.cleanup()
+            self._folder = None
+
+    @property
+    def encoding(self) -> types.PositionEncodingKind | str:
+        """The units in which the client counts characters."""
+        return self.server_capabilities.position_encoding or types.PositionEncodingKind.Utf16
+
+    def places(self, of: Document) -> Places:
+        """The places of a document as the client counts them."""
+        return Places(of.source, self.encoding)
+
+    async def document(self, uri: str) -> tuple[Document, Places]:
+        """The newest analysis of a document. Raises JsonRpcInvalidParams if it is not open."""
+        while True:
+            text = self.texts.get(uri)
+            if text is None or text.analysis is None:
+                raise JsonRpcInvalidParams(f"{uri} is not open")
+            analysis = text.analysis
+            # one that is superseded is cancelled, and the newer one asked
+            await asyncio.wait([analysis])
+            if not analysis.cancelled() and text.analysis is analysis:
+                found = analysis.result()
+                return found, self.places(found)
+
+    async def ask(self, uri: str, question: Callable[[Document, Places], T]) -> T:
+        """Ask about the newest analysis, beside the loop."""
+        found, places = await self.document(uri)
+        loop = asyncio.get_running_loop()
+        return await loop.run_in_executor(self.analysts, question, found, places)
+
+    def _analyse(self, text: OpenText) -> None:
+        if text.analysis is not None:
+            text.analysis.cancel()
+        self._end_verification(text)
+        text.analysis = asyncio.get_running_loop().create_task(self._analysed(text))
+        text.analysis.add_done_callback(self._report)
+
+    async def _analysed(self, text: OpenText) -> Document:
+        name = features.file_name(None, text.uri)
+        source = Source(name, normalise(text.text))
+        loop = asyncio.get_running_loop()
+        version = text.version
+        found = await loop.run_in_executor(self.analysts, document, source)
+        text.known = found
+        text.diagnostics = features.diagnostics(found, self.places(found), text.uri)
+        self._publish(text, version)
+        if self.settings.verify.on == "change":
+            self.verify(text)
+        elif text.verified is not None:
+            self._tell(text, "stale")
+        return found
+
+    def _report(self, task: asyncio.Task[Any]) -> None:
+        """Tell of what failed in a task that nobody waits for."""
+        if not task.cancelled() and (error := task.exception()) is not None:
+            message = f"koord could not read the text: {error!r}"
+            self.window_log_message(types.LogMessageParams(types.MessageType.Error, message))
+
+    def _publish(self, text: OpenText, version: int) -> None:
+        """Tell what is wrong: with the text, and by the verdicts on just this text."""
+        found = list(text.diagnostics)
+        is_current = text.verified_version == version and not text.is_verifying
+        if text.verified is not None and text.known is not None and is_current:
+            found += _verdict_diagnostics(text.verified, self.places(text.known))
+        self.text_document_publish_diagnostics(
+            types.PublishDiagnosticsParams(text.uri, found, version)
+        )
+
+    # --- verdicts ---------------------------------------------------------------------------------
+
+    def verify(self, text: OpenText, *, at_once: bool = False) -> None:
+        """Verify a document as it is now; what is going on about older texts is ended."""
+        found = text.known
+        self._end_verification(text)
+        if found is None or found.program is None:
+            self._tell(text, "errors")
+            return
+        delay_s = 0.0 if at_once else self.settings.verify.delay_s
+        version = text.version
+        text.is_verifying = True
+        self._tell(text, "verifying")
+        loop = asyncio.get_running_loop()
+        text.waiting = loop.create_task(self._verify_later(text, found, version, delay_s))
+
+    async def _verify_later(
+        self, text: OpenText, found: Document, version: int, delay_s: float
+    ) -> None:
+        await asyncio.sleep(delay_s)
+        if text.verifier is None:
+            loop = asyncio.get_running_loop()
+
+            def tell(version: int, verified: Verified) -> None:
+                loop.call_soon_threadsafe(self._verified, text, version, verified)
+
+            text.verifier = Verifier(self.settings.verify, tell)
+        text.verifier.start(found, version)
+
+    def _verified(self, text: OpenText, version: int, verified: Verified) -> None:
+        """Show the verdicts on a text, if it is still the newest."""
+        if version != text.version or self.texts.get(text.uri) is not text or verified.interrupted:
+            return
+        text.is_verifying = False
+        text.verified, text.verified_version = verified, version
+        self._publish(text, version)
+        self._tell(text, "refused" if verified.refused else "done")
+
+    def _end_verification(self, text: OpenText, patience_s: float = 0.0) -> None:
+        text.is_verifying = False
+        if text.waiting is not None:
+            text.waiting.cancel()
+            text.waiting = None
+        if text.verifier is not None:
+            if patience_s:
+                text.verifier.close(patience_s)
+            else:
+                text.verifier.cancel()
+
+    def stop_verification(self, uri: str) -> None:
+        """End the verification of a document, as the user asks."""
+        text = self.texts.get(uri)
+        if text is not None:
+            self._end_verification(text)
+            self._tell(text, "cancelled")
+
+    def _tell(self, text: OpenText, state: str) -> None:
+        """Tell the client how verification is going, for its lenses and gutter."""
+        verified = text.verified
+        marks = [] if verified is None else self.shown(text)
+        self.protocol.notify(
+            VERDICTS,
+            {
+                "uri": text.uri,
+                "version": text.version,
+                "state": state,
+                "reason": "" if verified is None else verified.refused,
+                "marks": [to_builtins(mark) for mark in marks],
+            },
+        )
+        workspace = self.client_capabilities.workspace
+        lens = None if workspace is None else workspace.code_lens
+        if lens is not None and lens.refresh_support:
+            self.workspace_code_lens_refresh(None)
+
+    def shown(self, text: OpenText) -> list[Shown]:
+        """The verdicts that are known, at the places of their claims in the newest text."""
+        if text.verified is None or text.known is None:
+            return []
+        stale = text.verified_version != text.version or text.is_verifying
+        lines = _lines(text.known)
+        shown: list[Shown] = []
+        for mark in text.verified.marks:
+            line = lines.get(mark.name) if stale else mark.span.line - 1
+            if line is None and mark.span.line == 1:
+                line = 0
+            if line is not None:
+                shown.append(_shown(mark, line, stale))
+        return shown
+
+    def lenses(self, uri: str) -> list[types.CodeLens]:
+        """The verdicts above their claims; those of an older text are said to be."""
+        text = self.texts.get(uri)
+        if text is None or text.known is None:
+            return []
+        lenses = [_lens(mark, uri) for mark in self.shown(text)]
+        told = {mark.name for mark in self.shown(text)}
+        if text.is_verifying:
+            for name, line in _lines(text.known).items():
+                if name not in told:
+                    at = types.Range(types.Position(line, 0), types.Position(line, 0))
+                    lenses.append(types.CodeLens(at, types.Command("… verifying", "")))
+        return lenses
+
+    def counterexample(self, uri: str, claim: str) -> dict[str, str]:
+        """The run that breaks a claim: its title, as text and as a trace in JSON.
+
+        Raises JsonRpcInvalidParams if there is none.
+        """
+        text = self.texts.get(uri)
+        report = None if text is None or text.verified is None else text.verified.report
+        try:
+            if report is None:
+                raise KeyError(claim)
+            told = counterexample_text(report, claim)
+            trace = report.verdict(claim).counterexample
+            assert trace is not None
+        except KeyError:
+            raise JsonRpcInvalidParams(f"there is no counterexample of {claim}") from None
+        return {
+            "claim": claim,
+            "title": f"{claim}: counterexample",
+            "text": told,
+            "trace": trace.to_json(),
+            "html": trace._repr_html_(),
+        }
+
+    async def show_counterexample(self, uri: str, claim: str) -> dict[str, str]:
+        """Show a counterexample: by the client if it can, else as a file that it opens."""
+        loop = asyncio.get_running_loop()
+        found = await loop.run_in_executor(self.analysts, self.counterexample, uri, claim)
+        if self.settings.trace_view:
+            self.protocol.notify(SHOW_TRACE, {"uri": uri, **found})
+            return found
+        if self._folder is None:
+            self._folder = tempfile.TemporaryDirectory(prefix="koord-lsp-")
+        safe = "".join(c if c.isalnum() else "_" for c in claim)
+        path = Path(self._folder.name) / f"{safe}.md"
+        path.write_text(found["text"], encoding="utf-8")
+        path.with_suffix(".json").write_text(found["trace"], encoding="utf-8")
+        window = self.client_capabilities.window
+        if window is not None and window.show_document is not None and window.show_document.support:
+            self.window_show_document(
+                types.ShowDocumentParams(path.as_uri(), take_focus=True), lambda _: None
+            )
+        else:
+            message = f"the counterexample of {claim} is in {path}"
+            self.window_show_message(types.ShowMessageParams(types.MessageType.Info, message))
+        return found
+
+    def configure(self, given: Any) -> None:
+        """Take settings; wrong ones are told, and the old ones stay."""
+        try:
+            self.settings = read_settings(given)
+        except ValueError as error:
+            self.window_show_message(types.ShowMessageParams(types.MessageType.Warning, str(error)))
+            return
+        for text in self.texts.values():
+            self._end_verification(text)
+            text.verifier = None
+
+
+def _lines(document: Document) -> dict[str, int]:
+    """The lines of claims by name, from 0."""
+    kinds = ("invariant", "liveness property")
+    return {
+        symbol.name: symbol.name_span.line - 1
+        for symbol in document.symbols
+        if symbol.kind.value in kinds and symbol.name_span is not None
+    }
+
+
+def _shown(mark: VerdictMark, line: int, stale: bool) -> Shown:
+    return Shown(
+        mark.name,
+        mark.kind.value,
+        line,
+        f"{_MARKS[mark.kind]} {mark.title}",
+        mark.story,
+        mark.engine,
+        mark.seconds,
+        mark.kept,
+        mark.has_trace,
+        stale,
+    )
+
+
+def _lens(mark: Shown, uri: str) -> types.CodeLens:
+    at = types.Range(types.Position(mark.line, 0), types.Position(mark.line, 0))
+    title = f"… {mark.title} (before the last change)" if mark.stale else mark.title
+    command = types.Command(title, "")
+    if mark.has_trace and not mark.stale:
+        command = types.Command(
+            f"{title} · show the run", COUNTEREXAMPLE, arguments=[uri, mark.name]
+        )
+    return types.CodeLens(at, command)
+
+
+def _verdict_diagnostics(verified: Verified, places: Places) -> list[types.Diagnostic]:
+    """What verdicts tell that people have to do something about."""
+    found: list[types.Diagnostic] = []
+
+    def add(span: Span, severity: types.DiagnosticSeverity, message: str, code: str) -> None:
+        range_ = places.range(span)
+        line = places.source.line_text(span.line)
+        if span.end_line > span.line:  # of a section its first line
+            end = places.position(span.line, len(line) + 1)
+            range_ = types.Range(range_.start, end)
+        found.append(types.Diagnostic(range_, message, severity, code, None, "koord verify"))
+
+    for mark in verified.marks:
+        match mark.kind:
+            case MarkKind.VIOLATED:
+                add(mark.span, types.DiagnosticSeverity.Error, mark.story, "violated")
+                if mark.broken_at is not None and mark.broken_at != mark.span:
+                    add(
+                        mark.broken_at,
+                        types.DiagnosticSeverity.Information,
+                        f"{mark.name} breaks here",
+                        "violated",
+                    )
+            case MarkKind.UNKNOWN:
+                add(mark.span, types.DiagnosticSeverity.Information, mark.story, "unknown")
+            case MarkKind.HOLDS | MarkKind.BOUNDED | MarkKind.VACUOUS:
+                pass
+    for span, told in verified.vacuities:
+        add(span, types.DiagnosticSeverity.Warning, f"vacuous: {told}", "vacuous")
+    if verified.refused:
+        first = Span(places.source.name, 1, 1, 1, 1)
+        add(first, types.DiagnosticSeverity.Information, verified.refused, "not verified")
+    return found
+
+
+# --- what clients ask -----------------------------------------------------------------------------
+
+
+def _register(server: KoordServer) -> None:
+    """Register what the server answers."""
+    feature = server.feature
+
+    @feature(types.INITIALIZE)
+    def initialize(params: types.InitializeParams) -> None:
+        server.configure(params.initialization_options)
+
+    @feature(types.INITIALIZED)
+    def initialized(params: types.InitializedParams) -> None:
+        threading.Thread(target=server.warm, name="warming up", daemon=True).start()
+
+    @feature(types.SHUTDOWN)
+    def shutdown(params: None) -> None:
+        server.close_all()
+
+    @feature(types.WORKSPACE_DID_CHANGE_CONFIGURATION)
+    def configured(params: types.DidChangeConfigurationParams) -> None:
+        server.configure(params.settings)
+        for text in server.texts.values():
+            if server.settings.verify.on == "change" and text.known is not None:
+                server.verify(text)
+
+    @feature(types.TEXT_DOCUMENT_DID_SAVE)
+    def saved(params: types.DidSaveTextDocumentParams) -> None:
+        text = server.texts.get(params.text_document.uri)
+        if text is not None and server.settings.verify.on == "save":
+            server.verify(text, at_once=True)
+
+    @feature(types.TEXT_DOCUMENT_HOVER)
+    async def hover(params: types.HoverParams) -> types.Hover | None:
+        return await server.ask(
+            params.text_document.uri, lambda d, at: features.hover(d, at, params.position)
+        )
+
+    @feature(types.TEXT_DOCUMENT_DEFINITION)
+    async def definition(params: types.DefinitionParams) -> types.Location | None:
+        uri = params.text_document.uri
+        return await server.ask(uri, lambda d, at: features.definition(d, at, params.position, uri))
+
+    @feature(types.TEXT_DOCUMENT_REFERENCES)
+    async def references(params: types.ReferenceParams) -> list[types.Location]:
+        return await server.ask(
+            params.text_document.uri, lambda d, at: features.references(d, at, params)
+        )
+
+    @feature(types.TEXT_DOCUMENT_DOCUMENT_HIGHLIGHT)
+    async def highlights(params: types.DocumentHighlightParams) -> list[types.DocumentHighlight]:
+        return await server.ask(
+            params.text_document.uri, lambda d, at: features.highlights(d, at, params.position)
+        )
+
+    @feature(
+        types.TEXT_DOCUMENT_COMPLETION, types.CompletionOptions(trigger_characters=[".", "@", "<"])
+    )
+    async def completion(params: types.CompletionParams) -> types.CompletionList:
+        snippets = _takes_snippets(server)
+        return await server.ask(
+            params.text_document.uri,
+            lambda d, at: features.completions(d, at, params.position, snippets=snippets),
+        )
+
+    @feature(
+        types.TEXT_DOCUMENT_SIGNATURE_HELP,
+        types.SignatureHelpOptions(trigger_characters=["(", ","]),
+    )
+    async def signature(params: types.SignatureHelpParams) -> types.SignatureHelp | None:
+        return await server.ask(
+            params.text_document.uri, lambda d, at: features.signature_help(d, at, params.position)
+        )
+
+    @feature(types.TEXT_DOCUMENT_FORMATTING)
+    async def formatting(params: types.DocumentFormattingParams) -> list[types.TextEdit] | None:
+        return await server.ask(params.text_document.uri, features.formatting)
+
+    @feature(types.TEXT_DOCUMENT_PREPARE_RENAME)
+    async def prepare(params: types.PrepareRenameParams) -> types.Range:
+        found = await server.ask(
+            params.text_document.uri, lambda d, at: features.prepare_rename(d, at, params.position)
+        )
+        if isinstance(found, str):
+            raise RefusedError(found)
+        return found
+
+    @feature(types.TEXT_DOCUMENT_RENAME, types.RenameOptions(prepare_provider=True))
+    async def rename(params: types.RenameParams) -> types.WorkspaceEdit:
+        found = await server.ask(
+            params.text_document.uri, lambda d, at: features.rename(d, at, params)
+        )
+        if isinstance(found, str):
+            raise RefusedError(found)
+        return found
+
+    @feature(types.TEXT_DOCUMENT_DOCUMENT_SYMBOL)
+    async def symbols(params: types.DocumentSymbolParams) -> list[types.DocumentSymbol]:
+        return await server.ask(params.text_document.uri, features.symbols)
+
+    @feature(
+        types.TEXT_DOCUMENT_SEMANTIC_TOKENS_FULL,
+        types.SemanticTokensLegend(features.TOKEN_KINDS, features.TOKEN_MODIFIERS),
+    )
+    async def tokens(params: types.SemanticTokensParams) -> types.SemanticTokens:
+        return await server.ask(params.text_document.uri, features.semantic_tokens)
+
+    @feature(types.TEXT_DOCUMENT_FOLDING_RANGE)
+    async def folding(params: types.FoldingRangeParams) -> list[types.FoldingRange]:
+        return await server.ask(params.text_document.uri, lambda d, at: features.folding(d))
+
+    @feature(types.TEXT_DOCUMENT_INLAY_HINT)
+    async def inlays(params: types.InlayHintParams) -> list[types.InlayHint]:
+        if not server.settings.inlay_hints:
+            return []
+        return await server.ask(
+            params.text_document.uri, lambda d, at: features.inlays(d, at, params.range)
+        )
+
+    @feature(
+        types.TEXT_DOCUMENT_CODE_ACTION,
+        types.CodeActionOptions(
+            code_action_kinds=[types.CodeActionKind.QuickFix, types.CodeActionKind.SourceFixAll]
+        ),
+    )
+    async def actions(params: types.CodeActionParams) -> list[types.CodeAction]:
+        uri = params.text_document.uri
+        return await server.ask(uri, lambda d, at: features.code_actions(d, at, uri, params.range))
+
+    @feature(types.TEXT_DOCUMENT_CODE_LENS)
+    async def lenses(params: types.CodeLensParams) -> list[types.CodeLens]:
+        await server.document(params.text_document.uri)
+        return server.lenses(params.text_document.uri)
+
+    @server.command(COUNTEREXAMPLE)
+    async def counterexample(uri: str, claim: str) -> dict[str, str]:
+        return await server.show_counterexample(uri, claim)
+
+    @server.command(VERIFY)
+    async def verify(uri: str) -> None:
+        await server.document(uri)
+        server.verify(server.texts[uri], at_once=True)
+
+    @server.command(CANCEL)
+    def cancel(uri: str) -> None:
+        server.stop_verification(uri)
+
+
+def _takes_snippets(server: KoordServer) -> bool:
+    text = server.client_capabilities.text_document
+    completion = None if text is None else text.completion
+    item = None if completion is None else completion.completion_item
+    return item is not None and bool(item.snippet_support)
+
+
+#: Collect garbage so seldom: what an analysis makes has few cycles, and what is loaded is much.
+_COLLECTED_EACH = 50_000
+
+
+def _warm_for_good() -> None:
+    """Load what verifies, and leave it to no collector: this process does nothing else."""
+    warm_up()
+    gc.freeze()
+    gc.set_threshold(_COLLECTED_EACH, *gc.get_threshold()[1:])
+
+
+def serve(stdin: BinaryIO, stdout: BinaryIO) -> None:
+    """Serve a client over two streams until it says so, or is gone."""
+    logging.getLogger("pygls").setLevel(logging.CRITICAL)  # errors are answered, and told once
+    server = KoordServer(_warm_for_good)
+    try:
+        server.start_io(stdin, stdout)
+    finally:
+        server.close_all()

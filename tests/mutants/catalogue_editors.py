@@ -1,0 +1,52 @@
+"""Seeded mistakes in what editors are told."""
+
+from __future__ import annotations
+
+from tests.mutants.mutant import Mutant
+
+_TESTS = ("tests/syntax/test_editing.py",)
+
+EDITORS = (
+    Mutant(
+        "a name may be renamed to one that catches another",
+        "syntax.editing.renaming.renamed",
+        "_shape(after) != _shape(model)",
+        "False",
+        _TESTS,
+    ),
+    Mutant(
+        "variables of two quantifiers are one symbol",
+        "syntax.editing.model.identity",
+        "(span.file, span.line, span.column)",
+        "(span.file, symbol.kind, symbol.name)",
+        _TESTS,
+    ),
+    Mutant(
+        "a cure is offered that mends nothing",
+        "syntax.editing.cures.cures",
+        "len(after) < len(before) and not set(after) - set(before)",
+        "True",
+        _TESTS,
+    ),
+    Mutant(
+        "verdicts on an older text are shown as those on the newest",
+        "lsp.server.KoordServer._verified",
+        "version != text.version or self.texts.get(text.uri) is not text or verified.interrupted",
+        "verified.interrupted",
+        ("tests/lsp/test_verdicts.py",),
+    ),
+    Mutant(
+        "the end of a change is the end of its first line",
+        "lsp.texts.changed",
+        "offset(text, change.range.end, encoding)",
+        "offset(text, change.range.start, encoding)",
+        ("tests/lsp/test_texts.py",),
+    ),
+    Mutant(
+        "characters of two units count as one",
+        "lsp.places.width",
+        "ord(character) > 0xFFFF",
+        "ord(character) > 0x10FFFF",
+        ("tests/lsp/test_texts.py",),
+    ),
+)
