@@ -1,4 +1,7 @@
-"""What README.md promises is what the project has, and what it shows is what the tool prints."""
+"""What README.md promises is what the project has, and what it shows is what the tool prints.
+
+So it is of the pages that its long sections became, which are read with it as one text.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +25,27 @@ from tests.loading import example_files
 from tests.test_examples import EXPECTED
 
 ROOT = Path(__file__).resolve().parent.parent
-README = (ROOT / "README.md").read_text(encoding="utf-8")
+
+#: The pages that are read with README.md, in the order of what they show.
+MOVED = (
+    "docs/tutorial/tour.md",
+    "docs/reference/one_page.md",
+    "docs/reference/examples.md",
+    "docs/explanation/benchmarks.md",
+    "docs/how_to/commands.md",
+    "docs/how_to/begin.md",
+    "docs/how_to/tests.md",
+    "docs/how_to/python.md",
+)
+
+
+def _read(name: str) -> str:
+    """A page, with its links as they would be in the folder of the project."""
+    text = (ROOT / name).read_text(encoding="utf-8")
+    return text.replace("](../../", "](").replace("](../", "](docs/")
+
+
+README = "\n".join(map(_read, ("README.md", *MOVED)))
 EXAMPLES = ROOT / "specs" / "examples"
 
 #: In what the README shows, a line of its own that stands for any number of lines left out.
