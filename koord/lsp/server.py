@@ -24,6 +24,7 @@ from pygls.lsp.server import LanguageServer
 from pygls.protocol import LanguageServerProtocol, lsp_method
 
 from koord.api.editing import Document, Source, Span, document, normalise
+from koord.api.html import html
 from koord.api.verdict_marks import MarkKind, VerdictMark
 from koord.lsp import features
 from koord.lsp.places import Places
@@ -356,7 +357,7 @@ class KoordServer(LanguageServer):
             "title": f"{claim}: counterexample",
             "text": told,
             "trace": trace.to_json(),
-            "html": trace._repr_html_(),
+            "html": html(report.verdict(claim)),
         }
 
     async def show_counterexample(self, uri: str, claim: str) -> dict[str, str]:

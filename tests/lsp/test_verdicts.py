@@ -77,6 +77,7 @@ def test_a_counterexample_is_one_click_away() -> None:
             assert trace.text.startswith("# Few is violated")
             assert "| Go |" in trace.text
             assert "total: 3 → 4" in trace.text
+            assert trace.html.lower().startswith("<!doctype html")
             assert '"format"' in trace.trace or '"koord' in trace.trace
             with pytest.raises(JsonRpcException, match="no counterexample"):
                 await editor.client.workspace_execute_command_async(
