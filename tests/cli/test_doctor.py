@@ -23,7 +23,7 @@ ROOT = Path(__file__).parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 
 #: Extras for who works on koord itself.
-OWN = {"dev", "fuzz"}
+OWN = {"dev", "docs", "fuzz"}
 
 
 @pytest.fixture(autouse=True)

@@ -77,7 +77,7 @@ def test_the_version(capsys: pytest.CaptureFixture[str]) -> None:
     ("words", "message"),
     [
         (["chekc"], "there is no command 'chekc'; did you mean check?"),
-        (["zzz"], "the commands are check, fmt, migrate, explain, verify, cache, run,"),
+        (["zzz"], "the commands are new, check, fmt, migrate, explain, verify, cache, run,"),
         (["--colour", "check"], "unrecognized arguments: --colour"),
         (["check"], "the following arguments are required: FILE"),
         (["verify", "--round", "3", "x"], "unrecognized arguments: --round"),
