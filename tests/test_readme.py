@@ -307,6 +307,7 @@ def test_the_command_of_each_row_shows_its_verdict(path: str, flags: str, said: 
         "tests/README.md",
         "specs/semantics/README.md",
         "specs/decisions/README.md",
+        "docs/systems.md",
     ],
 )
 def test_the_files_that_are_linked_exist(name: str) -> None:

@@ -203,3 +203,34 @@ def test_robots_share_a_strip() -> None:
     # Each is near the middle of its part, and so parts are nearly of one length.
     assert np.abs(x - (ends[1:] + ends[:-1]) / 2).max() < 0.12
     assert np.abs(np.diff(ends) - 1.2).max() < 0.4
+
+
+# --- one program on several platforms -------------------------------------------------------------
+
+
+@pytest.mark.parametrize("platform", ["", "_car", "_drone"])
+def test_one_program_goes_around_its_square_on_each_platform(platform: str) -> None:
+    path = SYSTEMS / "pyrobot_square.krd"
+    file = SYSTEMS / f"pyrobot_square{platform}.yaml"
+    made = simulation(fit(fit_request(path, file, None, None, None, None)), Simulation)
+    made.begin()
+    corners = [made.fleet.positions()[0, :2] + c for c in ((2, 0), (2, 2), (0, 2), (0, 0))]
+    nearest = np.full(4, np.inf)
+    for _ in run(made, 60.0):
+        here = made.fleet.positions()[0, :2]
+        nearest = np.minimum(nearest, [np.hypot(*(here - corner)) for corner in corners])
+    assert (made.ending, made.broken) == (Ending.STOPPED, [])
+    assert nearest.max() < 0.3
+    assert np.hypot(*(here - corners[-1])) < 0.3
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_robot_with_a_map_finds_out_where_it_is(seed: int) -> None:
+    path = SYSTEMS / "mrpt_relocalise.krd"
+    request = fit_request(path, path.with_suffix(".yaml"), None, None, seed, None)
+    made = simulation(fit(request), Simulation)
+    made.begin()
+    list(run(made, 10.0))
+    assert (made.ending, made.broken) == (Ending.STOPPED, [])
+    held = vars(made.engine.robots[0])
+    assert [k for k, may_be in enumerate(held["maybe"]) if may_be] == [held["Corridor_cell"]]
