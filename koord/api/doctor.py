@@ -41,6 +41,7 @@ EXTRAS = (
     Extra("export", "runs for Rerun and for ROS 2 tools", ("rerun-sdk", "rosbags")),
     Extra("fast", "machine code for searches, long runs and control", ("llvmlite",)),
     Extra("gps", "the localiser of GPS receivers", ("pymap3d", "pynmea2")),
+    Extra("lsp", "the language server that editors start (`koord lsp`)", ("pygls",)),
     Extra("mavlink", "the driver of PX4 and ArduPilot", ("pymavlink",)),
     Extra("motioncapture", "localisers of motion capture systems", ("motioncapture", "numpy")),
     Extra("mujoco", "vehicles with wheels, tyres and rotors", ("mujoco-core",)),
@@ -61,6 +62,7 @@ EXTRAS = (
 NEEDED = {
     "lark": "lark",
     "msgspec": "msgspec",
+    "pygments": "pygments",
     "python-sat": "pysat.solvers",
     "pyyaml": "yaml",
     "rich": "rich",

@@ -77,7 +77,8 @@ def test_a_report_has_a_verdict_on_each_claim() -> None:
     with pytest.raises(KeyError):
         report.verdict("High")
     assert "Small: violated in round 2" in repr(report)
-    assert "<td>Small</td><td>violated</td>" in report._repr_html_()
+    row = '<td>Small</td><td><b style="color: #d0403f">violated</b></td><td>round 2</td>'
+    assert row in report._repr_html_()
     (document,) = valid(report)["reports"]
     assert document["outcome"] == "violated"
     assert document["problem"]["robots"] == 2

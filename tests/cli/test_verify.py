@@ -54,7 +54,10 @@ def test_every_flag_of_verify_arrives(monkeypatch: pytest.MonkeyPatch, program: 
     seen: list[tuple[list[str], argparse.Namespace, Options]] = []
 
     def engine(
-        programs: Sequence[Program], arguments: argparse.Namespace, options: Options, told: object
+        programs: Sequence[Program],
+        arguments: argparse.Namespace,
+        options: Options,
+        *lists: object,
     ) -> Exit:
         seen.append(([loaded.source.name for loaded in programs], arguments, options))
         return Exit.UNKNOWN
@@ -94,7 +97,7 @@ def test_the_defaults_are_those_of_the_documentation(
     seen: list[tuple[argparse.Namespace, Options]] = []
 
     def engine(
-        loaded: object, arguments: argparse.Namespace, options: Options, told: object
+        loaded: object, arguments: argparse.Namespace, options: Options, *lists: object
     ) -> Exit:
         seen.append((arguments, options))
         return Exit.OK
