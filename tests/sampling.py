@@ -12,18 +12,25 @@ from hypothesis import settings
 #: Whole families in blocks of a minute or more. Small samples of them are tests by themselves.
 _FAMILIES = re.compile(r"_many(_|$)|_at_length$|_further_on$")
 
-#: Tests whose shortest case takes more than 15 seconds of CPU, and why.
+#: Tests whose shortest case takes too much CPU for a default run and for a sample, and why.
 TOO_LONG = {
     "test_a_dry_run_does_with_the_lab_what_a_simulation_does": "two minutes of real time",
+    "test_a_part_that_was_asked_about_although_no_claim_reads_it_is_looked_at": "many verdicts",
+    "test_a_program_uses_all_of_the_lab_in_a_simulation": "all of the lab, in a process of its own",
+    "test_a_search_agrees": "all runs of a lock with three robots",
     "test_a_token_in_a_ring_is_shown_again": "each of many questions, by two solvers",
     "test_all_places_are_visited_and_the_trace_is_legal": "a minute and a half of real time",
     "test_all_three_refuse_all_mutants_alike": "three readers of some hundred configurations",
     "test_an_element_that_robots_race_for_is_as_one_of_them_left_it": "as that of the ring",
     "test_cars_among_processes_make_the_same_run": "half a minute of a fleet, twice",
     "test_cars_and_drones_visit_all_places": "two minutes of real time",
+    "test_contracts_hold_at_each_instant": "each instant of many runs",
+    "test_cubes_of_helpers_give_the_same_outcomes": "all cubes, one by one and together",
     "test_events_that_never_run_are_told": "what never happens, looked for in all ways",
     "test_it_is_asked_before_rounds_are_unrolled_for_long": "Spacer, for its time",
+    "test_no_question_outlives_who_asked_it": "a cluster that is started and ended",
     "test_nothing_false_is_confirmed_of_a_thousand_edits": "a thousand certificates",
+    "test_rates_of_a_program_are_the_known_ones": "some hundred runs",
     "test_robots_whose_people_are_gone_are_reached_all_the_same": "a minute of real time",
     "test_some_work_is_done_for_all_rounds": "an engine that is given twenty seconds",
     "test_the_driver_of_ardupilot_passes_every_check": "as that of px4, which is in the sample",
@@ -38,7 +45,9 @@ TOO_LONG = {
     "test_what_grows_for_ever_is_proved_all_the_same": "what all engines but one go on about",
     "test_what_holds_of_the_driver_by_rclpy_holds": "another run of tests, most of a minute",
     "test_what_is_shown_again_of_shared_arrays_is_refuted_for_none": "two solvers",
+    "test_where_nobody_is_is_told": "it waits until nobody has answered",
     "test_with_loss_a_killed_robot_and_a_lost_localiser_everybody_is_safe": "two minutes, as well",
+    "test_without_what_is_spare_all_is_still_proved_and_without_what_is_needed_it_is_not": "proofs",
 }
 
 

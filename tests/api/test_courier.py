@@ -186,6 +186,7 @@ def test_each_worker_has_to_have_koord() -> None:
         assert [d.code for d in no.value.diagnostics] == ["K947"]
 
 
+@pytest.mark.slow
 def test_where_nobody_is_is_told() -> None:
     with (
         pytest.raises(KoordError, match="there is no Dask scheduler at nonsense") as nobody,

@@ -271,6 +271,7 @@ def test_a_run_that_is_not_repeated_is_told(monkeypatch: pytest.MonkeyPatch) -> 
     assert [one.code for one in told.value.diagnostics] == ["K955"]
 
 
+@pytest.mark.slow
 def test_rates_of_a_program_are_the_known_ones() -> None:
     params = {"start": 1, "goal": 8}
     found = koord.splitting(

@@ -155,6 +155,7 @@ def test_a_cluster_without_workers_is_told(
     assert "2 workers of the cluster ended at a question" in last
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "number",
     [

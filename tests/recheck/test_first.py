@@ -11,6 +11,7 @@ from koord.recheck.sorts import NotRecheckedError
 from koord.syntax.diagnostics import KoordError
 from tests.recheck.by_hand import by_hand, found, measure, unmet, way
 from tests.recheck.certificates import Document
+from tests.sampling import first
 
 pytest.importorskip("cvc5")
 
@@ -132,7 +133,9 @@ UNMET: dict[str, tuple[Callable[[], Document], str]] = {
 }
 
 
-@pytest.mark.parametrize("case", UNMET.values(), ids=[name.replace(" ", "_") for name in UNMET])
+@pytest.mark.parametrize(
+    "case", first(3, [(case,) for case in UNMET.values()]), ids=[n.replace(" ", "_") for n in UNMET]
+)
 def test_a_premise_that_is_left_out_is_missed(case: tuple[Callable[[], Document], str]) -> None:
     made, premise = case
     assert unmet(made(), _BRIEFLY).endswith(f": {premise}")

@@ -216,6 +216,7 @@ invariant Within: 0 <= Body.x and Body.x <= 1
 """
 
 
+@pytest.mark.slow
 def test_contracts_hold_at_each_instant() -> None:
     assert outcomes(CONTRACT) == {"Within between rounds": Outcome.HOLDS}
     loose = CONTRACT.replace("x' <= max(x, goal)", "x' <= max(x, goal) + delta")

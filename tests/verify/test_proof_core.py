@@ -91,6 +91,7 @@ def test_what_is_needed_stays_and_the_rest_goes(choice: Engine | None) -> None:
     assert not told.untried
 
 
+@pytest.mark.slow
 def test_without_what_is_spare_all_is_still_proved_and_without_what_is_needed_it_is_not() -> None:
     of = system(robots=1)
     told = found(of)

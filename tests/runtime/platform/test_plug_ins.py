@@ -61,6 +61,7 @@ def test_what_is_installed_is_listed(lab: Path, capsys: pytest.CaptureFixture[st
     assert [one.name for one in koord.installed_plug_ins()["planner"]] == ["mylab_grid"]
 
 
+@pytest.mark.slow
 def test_a_program_uses_all_of_the_lab_in_a_simulation(lab: Path) -> None:
     """(P-OWN)"""
     ran = koord.simulate(str(lab / "fetch.krd"), str(lab / "fetch.yaml"))
@@ -245,11 +246,12 @@ def test_a_robot_whose_controller_fails_stays_and_says_why(
     one.tick(20)
     assert one.driven.sensed.position_m == here
     assert one.driven.mode is Mode.RUNNING
-    (said,) = one.driven.remarks
+    # On a busy machine it is told as well that the driver took long.
+    (said,) = (each for each in one.driven.remarks if each.startswith("the controller"))
     assert f"the controller {HERE}:Controller {story}" in said
     monkeypatch.setattr(Controller, "answer", staticmethod(lambda: Drive(0.2)))
     one.tick(20)
-    assert one.driven.remarks == ()
+    assert not any(each.startswith("the controller") for each in one.driven.remarks)
     assert one.driven.sensed.position_m != here
 
 

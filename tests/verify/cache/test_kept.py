@@ -273,6 +273,7 @@ def test_a_part_that_helped_is_looked_at_although_the_claim_does_not_read_it() -
     assert small.outcome is Outcome.VIOLATED
 
 
+@pytest.mark.slow
 def test_a_part_that_was_asked_about_although_no_claim_reads_it_is_looked_at() -> None:
     """What seems to break `Small` starts nowhere, which only the whole program tells."""
     cache = new_cache()

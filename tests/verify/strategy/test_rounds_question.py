@@ -277,6 +277,7 @@ def test_claims_about_whole_runs_are_asked_elsewhere() -> None:
     assert [v.outcome for v in one.verdicts[-2:]] == [Outcome.HOLDS, Outcome.VIOLATED]
 
 
+@pytest.mark.slow
 def test_cubes_of_helpers_give_the_same_outcomes(monkeypatch: pytest.MonkeyPatch) -> None:
     system = system_of(LATE)
     look_at_little(monkeypatch)

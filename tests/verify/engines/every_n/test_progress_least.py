@@ -97,6 +97,7 @@ def test_who_has_a_number_enters(seed: int) -> None:
     assert isinstance(found, ProgressProof), found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robots", but_slow((3,), (2, 3)))
 def test_a_search_agrees(robots: int) -> None:
     outcomes = {v.outcome for v in searched(FEW, robots).verdicts}

@@ -86,7 +86,15 @@ Drop:
 }
 
 #: Those of them that take longer.
-LONG_VIOLATED = ("a ticket is passed over", "what is granted is dropped", "who reads may read on")
+LONG_VIOLATED = (
+    "a place is lost",
+    "a ticket is passed over",
+    "one robot keeps the lock",
+    "the token comes back",
+    "the token passes one robot by",
+    "what is granted is dropped",
+    "who reads may read on",
+)
 
 
 def asked(text: str, robots: int, engine: Engine) -> Verdict:
