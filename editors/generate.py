@@ -18,9 +18,6 @@ from koord.syntax.elaboration.library import library, library_names
 
 FOLDER = Path(__file__).resolve().parent
 
-#: Words that are keywords only before a colon, or in a place of their own.
-_HEADS = vocabulary.words("sensors actuators environment requires ensures")
-
 
 def _any(words: Iterable[str]) -> str:
     """A group of words for a regular expression."""
@@ -81,7 +78,7 @@ def textmate() -> dict[str, object]:
         ),
         match(rf"\b(urgent)\s+({name})(?=\s*:)", "", g1="storage.modifier", g2="entity.name.event"),
         match(rf"^(?!(?:{_any(vocabulary.KEYWORDS)})\b){name}(?=\s*:)", "entity.name.event"),
-        match(rf"\b({_any(_HEADS)})\b(?=\s*:)", "storage.type"),
+        match(rf"\b({_any(vocabulary.HEADS)})\b(?=\s*:)", "storage.type"),
         match(r"\bextern(\s+fresh)?\b|\bat\s+round\b", "storage.modifier"),
         match(rf"\b({_any(vocabulary.OPERATORS)})\b", "keyword.operator.word"),
         match(rf"\b({_any(vocabulary.CONSTANTS)})\b", "constant.language"),
@@ -128,7 +125,7 @@ def vim() -> str:
         keywords("koordName", vocabulary.OWN_NAMES),
         keywords("koordType", vocabulary.TYPES | vocabulary.GENERIC_TYPES),
         keywords("koordModule", library().modules),
-        f"syn match koordSection /\\v<({_any(_HEADS)})>\\ze\\s*:/",
+        f"syn match koordSection /\\v<({_any(vocabulary.HEADS)})>\\ze\\s*:/",
         "syn match koordSection /\\v<(fun|adt|contract)>\\ze\\s+\\w/",
         "syn match koordModifier /\\v<extern(\\s+fresh)?>|<at\\s+round>/",
         f"syn match koordBuiltin /\\v<({_any(vocabulary.FUNCTIONS)})>\\ze\\s*\\(/",
@@ -205,9 +202,10 @@ def main(arguments: list[str]) -> int:
     found = outdated()
     if "--check" in arguments:
         return 1 if found else 0
+    made = files() if found else {}
     for path in found:
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(files()[path], encoding="utf-8")
+        path.write_text(made[path], encoding="utf-8")
     return 0
 
 

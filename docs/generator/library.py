@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import re
-from importlib.resources import files
 
 from docs.generator.markdown import fence
-from koord.syntax.elaboration.library import LIBRARY
+from koord.syntax.elaboration.library import library_text
 
 PAGE = "reference/library.md"
 
@@ -16,12 +15,7 @@ _DECLARED = re.compile(r"^(?:def fun|def|using) (\w+)")
 
 def pages() -> dict[str, str]:
     """The page."""
-    return {PAGE: _page(prelude())}
-
-
-def prelude() -> str:
-    """The text of the prelude."""
-    return files("koord.syntax").joinpath(LIBRARY).read_text(encoding="utf-8")
+    return {PAGE: _page(library_text())}
 
 
 def names(text: str) -> list[str]:

@@ -55,7 +55,7 @@ class KoordLexer(RegexLexer):
             (_words(vocabulary.CONSTANTS), Keyword.Constant),
             (_words(vocabulary.SECTIONS), Keyword.Declaration),
             (_words(vocabulary.STATEMENTS), Keyword),
-            (r"\b(sensors|actuators|environment|requires|ensures)(?=\s*:)", Keyword.Declaration),
+            (rf"\b({'|'.join(sorted(vocabulary.HEADS))})(?=\s*:)", Keyword.Declaration),
             (r"\bextern(?:\s+fresh)?\b|\bat\s+round\b", Keyword),
             (r"^[A-Za-z_]\w*(?=\s*:)", Name.Label),
             (_words(vocabulary.TYPES | vocabulary.GENERIC_TYPES), Keyword.Type),

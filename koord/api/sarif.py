@@ -344,7 +344,7 @@ def _event_span(verdict: Verdict, step: Step) -> Span | None:
 
 
 def _of_vacuity(report: VerifyReport, one: Vacuity, rules: _Rules) -> forms.Result:
-    about = re.sub(r"\s+", " ", f"{one.subject}: {one.detail}".removeprefix(": "))
+    about = re.sub(r"\s+", " ", one.told)
     file = whole_file(report.program.source.name)
     return forms.Result(
         rule_id=_VACUITY,

@@ -123,7 +123,7 @@ def _story(verdict: Verdict, kind: MarkKind, empty: list[Vacuity], report: Verif
 
 
 def _told(vacuity: Vacuity) -> str:
-    subject = f"{vacuity.what.value} {vacuity.subject}".strip()
+    subject = vacuity.what.of(vacuity.subject)
     return f"{subject}: {vacuity.detail}" if vacuity.detail else subject
 
 

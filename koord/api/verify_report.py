@@ -142,9 +142,7 @@ class VerifyReport(Result, frozen=True):
     @property
     def not_looked_at(self) -> tuple[str, ...]:
         """The events and suppositions whose reachability is unknown, as the search was given up."""
-        from koord.verify.vacuity.analysis import words
-
-        return tuple(words(each.what, each.subject) for each in self.report.unlooked)
+        return tuple(each.what.of(each.subject) for each in self.report.unlooked)
 
     @property
     def interrupted(self) -> bool:
@@ -289,7 +287,7 @@ class VerifyReport(Result, frozen=True):
         columns = ("claim", "outcome", "how far", "engine", "reason")
         shown = [html_table(f"{self.problem}: {self.outcome.value}", columns, rows)]
         if self.vacuities:
-            said = [(f"{one.subject}: {one.detail}".removeprefix(": "),) for one in self.vacuities]
+            said = [(one.told,) for one in self.vacuities]
             heading = "verdicts say less than they seem to:" if self.is_vacuous else "seen so far:"
             shown.append(html_table(heading, ("",), said))
         for verdict in self.verdicts:

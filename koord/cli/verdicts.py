@@ -18,7 +18,6 @@ from koord.verify.claims import ClaimKind
 from koord.verify.engine_names import Engine, engine_named
 from koord.verify.obstacles import Failure
 from koord.verify.verdicts import (
-    Emptiness,
     EnumerationResult,
     Outcome,
     Report,
@@ -190,11 +189,8 @@ def _given_up(unlooked: Sequence[str], style: Style) -> Iterator[str]:
 def _empty(vacuity: Vacuity, style: Style) -> str:
     """Describe a vacuity in a line."""
     label = style.paint("vacuous:" if vacuity.certain else "warning:", Paint.WARNING)
-    what = f"{vacuity.what.value} {vacuity.subject}".rstrip()
-    if vacuity.what is Emptiness.SUPPOSITION:
-        what = f"what {vacuity.subject} supposes"
     place = f" ({vacuity.span})" if vacuity.span is not None else ""
-    return f"{label} {what}: {vacuity.detail}{place}"
+    return f"{label} {vacuity.what.of(vacuity.subject)}: {vacuity.detail}{place}"
 
 
 def summary(found: VerifyReport, style: Style) -> str:

@@ -9,6 +9,8 @@ from koord.api.editing import Edit, Source, Span
 
 def width(text: str, encoding: types.PositionEncodingKind | str) -> int:
     """The length of a text in the units of an encoding."""
+    if text.isascii():
+        return len(text)
     match encoding:
         case types.PositionEncodingKind.Utf8:
             return len(text.encode("utf-8", "surrogatepass"))
@@ -16,6 +18,17 @@ def width(text: str, encoding: types.PositionEncodingKind | str) -> int:
             return len(text)
         case _:
             return len(text) + sum(ord(character) > 0xFFFF for character in text)
+
+
+def characters(line: str, units: int, encoding: types.PositionEncodingKind | str) -> int:
+    """How many characters of a line so many units are; all of them at most."""
+    if line.isascii():
+        return min(units, len(line))
+    for number, character in enumerate(line):
+        units -= width(character, encoding)
+        if units < 0:
+            return number
+    return len(line)
 
 
 class Places:
@@ -28,15 +41,7 @@ class Places:
     def line_and_column(self, position: types.Position) -> tuple[int, int]:
         """The line and column of a position; the end of the line if it is behind that."""
         text = self.source.line_text(position.line + 1)
-        if text.isascii():
-            return position.line + 1, min(position.character, len(text)) + 1
-        left, column = position.character, 1
-        for character in text:
-            left -= width(character, self.encoding)
-            if left < 0:
-                break
-            column += 1
-        return position.line + 1, column
+        return position.line + 1, characters(text, position.character, self.encoding) + 1
 
     def position(self, line: int, column: int) -> types.Position:
         """The position of a line and column; the whole file's is the beginning."""

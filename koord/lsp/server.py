@@ -23,14 +23,15 @@ from pygls.exceptions import FeatureRequestError, JsonRpcException, JsonRpcInval
 from pygls.lsp.server import LanguageServer
 from pygls.protocol import LanguageServerProtocol, lsp_method
 
-from koord.api.editing import Document, Source, Span, document, normalise
+from koord.api.editing import Document, Source, Span, SymbolKind, document, normalise
 from koord.api.html import html
+from koord.api.run_texts import run_text
 from koord.api.verdict_marks import MarkKind, VerdictMark
 from koord.lsp import features
 from koord.lsp.places import Places
 from koord.lsp.settings import LspSettings, read_settings
 from koord.lsp.texts import changed
-from koord.lsp.verifying import Verified, Verifier, counterexample_text, warm_up
+from koord.lsp.verifying import Verified, Verifier, warm_up
 from koord.version import __version__
 
 T = TypeVar("T")
@@ -133,9 +134,7 @@ class KoordServer(LanguageServer):
 
     def open(self, uri: str, text: str, version: int) -> None:
         """Take a document up."""
-        known = self.texts.get(uri)
-        if known is not None:
-            self.close(uri)
+        self.close(uri)  # a client that opens it again has another text
         self.texts[uri] = OpenText(uri, text, version)
         self._analyse(self.texts[uri])
 
@@ -292,7 +291,6 @@ class KoordServer(LanguageServer):
     def _tell(self, text: OpenText, state: str) -> None:
         """Tell the client how verification is going, for its lenses and gutter."""
         verified = text.verified
-        marks = [] if verified is None else self.shown(text)
         self.protocol.notify(
             VERDICTS,
             {
@@ -300,7 +298,7 @@ class KoordServer(LanguageServer):
                 "version": text.version,
                 "state": state,
                 "reason": "" if verified is None else verified.refused,
-                "marks": [to_builtins(mark) for mark in marks],
+                "marks": [to_builtins(mark) for mark in self.shown(text)],
             },
         )
         workspace = self.client_capabilities.workspace
@@ -328,8 +326,9 @@ class KoordServer(LanguageServer):
         text = self.texts.get(uri)
         if text is None or text.known is None:
             return []
-        lenses = [_lens(mark, uri) for mark in self.shown(text)]
-        told = {mark.name for mark in self.shown(text)}
+        shown = self.shown(text)
+        lenses = [_lens(mark, uri) for mark in shown]
+        told = {mark.name for mark in shown}
         if text.is_verifying:
             for name, line in _lines(text.known).items():
                 if name not in told:
@@ -345,19 +344,18 @@ class KoordServer(LanguageServer):
         text = self.texts.get(uri)
         report = None if text is None or text.verified is None else text.verified.report
         try:
-            if report is None:
-                raise KeyError(claim)
-            told = counterexample_text(report, claim)
-            trace = report.verdict(claim).counterexample
-            assert trace is not None
+            verdict = None if report is None else report.verdict(claim)
         except KeyError:
-            raise JsonRpcInvalidParams(f"there is no counterexample of {claim}") from None
+            verdict = None
+        trace = None if verdict is None else verdict.counterexample
+        if verdict is None or trace is None:
+            raise JsonRpcInvalidParams(f"there is no counterexample of {claim}")
         return {
             "claim": claim,
             "title": f"{claim}: counterexample",
-            "text": told,
+            "text": run_text(verdict),
             "trace": trace.to_json(),
-            "html": html(report.verdict(claim)),
+            "html": html(verdict),
         }
 
     async def show_counterexample(self, uri: str, claim: str) -> dict[str, str]:
@@ -397,11 +395,11 @@ class KoordServer(LanguageServer):
 
 def _lines(document: Document) -> dict[str, int]:
     """The lines of claims by name, from 0."""
-    kinds = ("invariant", "liveness property")
+    kinds = (SymbolKind.INVARIANT, SymbolKind.EVENTUALLY)
     return {
         symbol.name: symbol.name_span.line - 1
         for symbol in document.symbols
-        if symbol.kind.value in kinds and symbol.name_span is not None
+        if symbol.kind in kinds and symbol.name_span is not None
     }
 
 

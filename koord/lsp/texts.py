@@ -10,7 +10,7 @@ import re
 
 from lsprotocol import types
 
-from koord.lsp.places import width
+from koord.lsp.places import characters
 
 _LINE_END = re.compile(r"\r\n|\n|\r")
 
@@ -38,11 +38,4 @@ def offset(text: str, position: types.Position, encoding: types.PositionEncoding
         start = found.end()
     found = _LINE_END.search(text, start)
     line = text[start : len(text) if found is None else found.start()]
-    if line.isascii():
-        return start + min(position.character, len(line))
-    left = position.character
-    for number, character in enumerate(line):
-        left -= width(character, encoding)
-        if left < 0:
-            return start + number
-    return start + len(line)
+    return start + characters(line, position.character, encoding)

@@ -10,7 +10,6 @@ from msgspec import Struct
 from koord.api.cache import Cache, usual_folder
 from koord.api.editing import Document, KoordError, Span
 from koord.api.results import ArgumentError
-from koord.api.run_texts import run_text
 from koord.api.session import Session
 from koord.api.verdict_marks import VerdictMark, vacuity_places, verdict_marks
 from koord.api.verify import load_for_threads
@@ -25,7 +24,11 @@ class Verified(Struct, frozen=True):
     vacuities: tuple[tuple[Span, str], ...] = ()
     report: VerifyReport | None = None
     refused: str = ""
-    interrupted: bool = False
+
+    @property
+    def interrupted(self) -> bool:
+        """Whether the verification was ended before it was done."""
+        return self.report is not None and self.report.interrupted
 
 
 class Verifier:
@@ -86,18 +89,9 @@ class Verifier:
         except MemoryError:
             return Verified(refused="there is not enough memory")
         marks = verdict_marks(report, document)
-        return Verified(marks, vacuity_places(report, document), report, "", report.interrupted)
+        return Verified(marks, vacuity_places(report, document), report)
 
 
 def warm_up() -> None:
     """Load what verifies, so that the first verdict need not wait for it."""
     load_for_threads()
-
-
-def counterexample_text(report: VerifyReport, claim: str) -> str:
-    """The run that breaks a claim, as text. Raises KeyError if there is none."""
-    verdict = report.verdict(claim)
-    trace = verdict.counterexample
-    if trace is None:
-        raise KeyError(claim)
-    return run_text(verdict)

@@ -219,7 +219,7 @@ def judge_vacuities(report: VerifyReport, config: pytest.Config, vacuous: str | 
     """Raise ClaimError, or warn, where verdicts say less than they seem to."""
     if not report.is_vacuous:
         return
-    said = [f"{one.subject}: {one.detail}".removeprefix(": ") for one in report.vacuities]
+    said = [one.told for one in report.vacuities]
     heading = f"{report.problem}: verdicts say less than they seem to"
     _become(chosen("vacuous", vacuous, config), [heading, *said])
 

@@ -28,6 +28,15 @@ class Span(Struct, frozen=True):
         """The smallest span that covers this one and ``other``, which lies behind it."""
         return Span(self.file, self.line, self.column, other.end_line, other.end_column)
 
+    def beginning(self, length: int) -> Span:
+        """Its first characters, so many, which are in one line."""
+        return Span(self.file, self.line, self.column, self.line, self.column + length)
+
+    @property
+    def end(self) -> Span:
+        """The empty span just behind it."""
+        return Span(self.file, self.end_line, self.end_column, self.end_line, self.end_column)
+
     def __str__(self) -> str:
         return f"{self.file}:{self.line}:{self.column}"
 

@@ -36,6 +36,9 @@ CONTEXTUAL = words(
     sensors"""
 )
 
+#: Of these, what is a keyword before a colon.
+HEADS = words("actuators ensures environment requires sensors")
+
 #: Names that the language gives a meaning without a declaration.
 OWN_NAMES = words("Nsys delta numAgents pi pid result stopped")
 

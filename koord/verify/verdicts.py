@@ -129,6 +129,12 @@ class Emptiness(Enum):
     SUPPOSITION = "supposition"  #: what an invariant supposes is never true
     UNTOUCHED = "untouched"  #: nothing that an invariant reads ever changes, or nothing breaks it
 
+    def of(self, subject: str) -> str:
+        """Name what may be empty, in words."""
+        if self is Emptiness.SUPPOSITION:
+            return f"what {subject} supposes"
+        return f"{self.value} {subject}".rstrip()
+
 
 class Vacuity(Struct, frozen=True):
     """A vacuity: a reason why verdicts say less than they seem to.
@@ -143,6 +149,11 @@ class Vacuity(Struct, frozen=True):
     detail: str
     certain: bool
     span: Span | None = None
+
+    @property
+    def told(self) -> str:
+        """What it is about, and why verdicts say less."""
+        return f"{self.subject}: {self.detail}" if self.subject else self.detail
 
 
 class UnsearchedGoal(Struct, frozen=True):

@@ -20,6 +20,7 @@ from koord.api.drivers import OWN, OWN_LOCALISERS
 from koord.cli.main import COMMANDS
 from koord.runtime.configuration import forms
 from koord.syntax.catalogue import entries
+from koord.syntax.elaboration.library import library_text
 
 
 class _Loader(yaml.SafeLoader):
@@ -121,7 +122,7 @@ def test_every_code_of_a_diagnostic_is_told_once() -> None:
 
 
 def test_everything_that_the_prelude_declares_is_in_the_library() -> None:
-    prelude = library.prelude()
+    prelude = library_text()
     page = library.pages()[library.PAGE]
     names = library.names(prelude)
     assert {"Task", "findPath", "Motion", "textOf"} <= set(names)

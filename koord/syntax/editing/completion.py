@@ -17,6 +17,7 @@ from koord.syntax.editing.model import SemanticModel
 from koord.syntax.editing.symbols import Symbol, SymbolKind, library_symbols
 from koord.syntax.editing.words import WORDS
 from koord.syntax.elaboration.body import LOGICAL
+from koord.syntax.elaboration.calls import CHANGES
 from koord.syntax.elaboration.library import library, library_names
 from koord.syntax.elaboration.recorder import (
     HOLE,
@@ -104,7 +105,6 @@ _IN_STATEMENTS = {
     Where.FUNCTION: ("return", "break"),
     Where.ENVIRONMENT: ("pass", "break"),
 }
-_CHANGES = ("append", "add", "remove", "pop", "assign")
 _IDENTIFIER = re.compile(r"[A-Za-z_0-9]*$")
 _PAIRS = {"(": ")", "[": "]", "{": "}"}
 
@@ -269,7 +269,7 @@ def _operators(hole: Hole) -> Iterator[Completion]:
 def _functions(hole: Hole) -> Iterator[Completion]:
     changing = hole.kind is HoleKind.STATEMENT
     for name in sorted(FUNCTIONS):
-        if (name in _CHANGES) == changing and _has_place(name, hole.where):
+        if (name in CHANGES) == changing and _has_place(name, hole.where):
             yield _word(name, Rank.LANGUAGE, f"{name}($1)$0")
     if changing or hole.where is Where.CONSTANT:
         return

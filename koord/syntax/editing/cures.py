@@ -20,7 +20,6 @@ class Cure(Struct, frozen=True):
 
     title: str
     edits: tuple[Edit, ...]
-    diagnostic: Diagnostic
 
 
 def cures(model: SemanticModel, found: Diagnostic) -> tuple[Cure, ...]:
@@ -31,7 +30,7 @@ def cures(model: SemanticModel, found: Diagnostic) -> tuple[Cure, ...]:
     """
     if found.edits:
         title = found.hint or "Do what the message says"
-        return (Cure(_capital(title), found.edits, found),)
+        return (Cure(_capital(title), found.edits),)
     if found.hint is None or is_whole_file(found.span) or found.span.file != model.source.name:
         return ()
     before = _told(model.diagnostics)
@@ -39,7 +38,7 @@ def cures(model: SemanticModel, found: Diagnostic) -> tuple[Cure, ...]:
         text = Source(model.source.name, edited(model.source, edits))
         after = _told(load(text, model.settings, model.properties).diagnostics)
         if len(after) < len(before) and not set(after) - set(before):
-            return (Cure(title, edits, found),)
+            return (Cure(title, edits),)
     return ()
 
 
@@ -62,10 +61,9 @@ def _proposals(source: Source, found: Diagnostic) -> Iterator[tuple[str, tuple[E
         elif span.line == span.end_line:
             if hint.startswith("did you mean") and (word := _misspelt(source, span, piece)):
                 yield f"Write `{piece}`", (Edit(word, piece),)
-            yield f"Write `{piece}`", (Edit(_replaced(source, span), piece),)
+            yield f"Write `{piece}`", (Edit(span, piece),)
             if piece.startswith((":", "=")) or hint.startswith("end it with"):
-                end = Span(source.name, span.line, span.end_column, span.line, span.end_column)
-                yield f"Write `{piece}`", (Edit(end, piece),)
+                yield f"Write `{piece}`", (Edit(span.end, piece),)
     if hint.startswith("leave it out") and span.line == span.end_line:
         yield "Leave it out", (Edit(span, ""),)
 
@@ -79,10 +77,6 @@ def _misspelt(source: Source, span: Span, piece: str) -> Span | None:
         return None
     start = span.column + words[near[0]]
     return Span(source.name, span.line, start, span.line, start + len(near[0]))
-
-
-def _replaced(source: Source, span: Span) -> Span:
-    return Span(source.name, span.line, span.column, span.end_line, span.end_column)
 
 
 def _indented(source: Source, span: Span, way: str, by: int) -> tuple[Edit, ...]:

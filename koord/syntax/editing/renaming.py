@@ -54,9 +54,7 @@ def renamed(model: SemanticModel, line: int, column: int, name: str) -> Renaming
         return Renaming(refused=f"`{name}` is no name: it has letters, digits and `_`")
     if name in KEYWORDS or name in OWN_NAMES:
         return Renaming(refused=f"`{name}` is a word of the language")
-    key = identity(found.symbol)
-    meant = {each.span for each in model.occurrences if identity(each.symbol) == key}
-    edits = tuple(Edit(span, name) for span in sorted(meant, key=lambda s: (s.line, s.column)))
+    edits = tuple(Edit(each.span, name) for each in model.occurrences_of(found.symbol))
     after = SemanticModel(
         Source(model.source.name, edited(model.source, edits)), model.settings, model.properties
     )

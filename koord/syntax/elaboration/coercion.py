@@ -67,9 +67,7 @@ def fit(
 
 def _as_path(span: Span) -> tuple[Edit, ...]:
     """The edits that make a path of a position: the path of somebody who stays. [OLD-PATH]"""
-    before = Span(span.file, span.line, span.column, span.line, span.column)
-    behind = Span(span.file, span.end_line, span.end_column, span.end_line, span.end_column)
-    return Edit(before, "["), Edit(behind, "]")
+    return Edit(span.beginning(0), "["), Edit(span.end, "]")
 
 
 def _cure(wanted: Type, given: Type) -> str | None:

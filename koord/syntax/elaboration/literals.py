@@ -251,10 +251,7 @@ def _position(
             did_you_mean(argument.name, names) or choice("its fields are", names),
         )
     else:
-        span = argument.span
-        end = span.column + len(argument.name)
-        named = Span(span.file, span.line, span.column, span.line, end)
-        body.note(named, FieldSymbol(record.type, position))
+        body.note(argument.span.beginning(len(argument.name)), FieldSymbol(record.type, position))
     return position
 
 

@@ -291,9 +291,9 @@ def _define(
     if not session.partial:
         cautions.unused(session, [session.shared, *(each.scope.variables for each in robots)])
     starts.check_tasks(allwrite, session.settings, session.findings)
-    if session.recorder is not None:
-        _record_locks(session.recorder, session, agents)
     classes, agents = classified(session.atomic_blocks.values(), agents)
+    if session.recorder is not None:
+        _record_locks(session.recorder, classes, agents)
     known = assumed(assumptions, len(agents))
     made = core.Program(
         _stem(program.span.file),
@@ -316,14 +316,15 @@ def _define(
     return made
 
 
-def _record_locks(recorder: Recorder, session: Elaboration, agents: list[core.Agent]) -> None:
+def _record_locks(
+    recorder: Recorder, classes: tuple[core.LockClass, ...], agents: list[core.Agent]
+) -> None:
     """Tell an editor which class each block of ``atomic`` locks."""
-    classes, class_of = lock_classes(session.atomic_blocks.values())
     for agent in agents:
         for event in agent.events:
             for node in nodes(event.effect):
                 if isinstance(node, core.Atomic):
-                    recorder.locked[node.span] = classes[class_of[node.lock_class]]
+                    recorder.locked[node.span] = classes[node.lock_class]
 
 
 def _starts_with_tasks(session: Elaboration, allwrite: tuple[core.Declaration, ...]) -> bool:

@@ -9,7 +9,6 @@ from koord.syntax.elaboration.body import BodyScope, Where
 from koord.syntax.elaboration.candidates import fill_types
 from koord.syntax.elaboration.phrases import did_you_mean
 from koord.syntax.elaboration.recorder import HOLE, TypeSymbol
-from koord.syntax.source import Span
 from koord.syntax.types import (
     BOOL,
     FLOAT,
@@ -125,10 +124,7 @@ def _named(body: BodyScope, written: ast.NamedType, depth: int) -> Type | None:
 
 def _note(body: BodyScope, written: ast.NamedType, meant: Type | None) -> None:
     """Tell an editor what the name of a type means, which its arguments are behind."""
-    span = written.span
-    end = span.column + len(written.name)
-    place = Span(span.file, span.line, span.column, span.line, end)
-    body.note(place, TypeSymbol(written.name, meant))
+    body.note(written.span.beginning(len(written.name)), TypeSymbol(written.name, meant))
 
 
 def _is_scans(written: ast.NamedType) -> bool:

@@ -23,7 +23,7 @@ from koord.syntax.elaboration.symbols import (
     VariableSymbol,
 )
 from koord.syntax.literals import ParamValue
-from koord.syntax.source import Span, whole_file
+from koord.syntax.source import whole_file
 from koord.syntax.types import STREAM, ArrayType, EnumType, ListType, Robots, Type, show
 
 
@@ -204,14 +204,12 @@ def _per_robot(session: Elaboration, decl: ast.VarDecl, type_: Type) -> Type | N
                     f"write `{show(element)}[] {decl.name.name}`, or {cure.removeprefix('write ')}"
                 )
         case _:  # one value is one for each robot [OLD-ALLREAD]
-            end = decl.type.span
-            place = Span(end.file, end.end_line, end.end_column, end.end_line, end.end_column)
             session.findings.old(
                 "allread",
                 decl.span,
                 f"`{decl.name.name}` has one entry for each robot: it is an array",
                 f"write `{show(type_)}[] {decl.name.name}`",
-                Edit(place, "[]"),
+                Edit(decl.type.span.end, "[]"),
             )
             return ArrayType(type_, Robots.ALL)
     session.findings.error("K211", decl.span, message, cure)

@@ -218,15 +218,9 @@ def _limited(ledger: Ledger, seconds: float) -> Ledger:
 
 def tell(ledger: Ledger, goals: Sequence[ReachabilityGoal]) -> None:
     """Report the present search."""
-    asked = list(dict.fromkeys(words(_aim(goal), goal.subject) for goal in goals))
+    asked = list(dict.fromkeys(_aim(goal).of(goal.subject) for goal in goals))
     more = f" and {len(asked) - 2} more" if len(asked) > 2 else ""
     ledger.say(f"looking for what never happens: {', '.join(asked[:2])}{more}")
-
-
-def words(what: Emptiness, subject: str) -> str:
-    """Name a thing that may never happen, in words."""
-    supposed = what is Emptiness.SUPPOSITION
-    return f"what {subject} supposes" if supposed else f"{what.value} {subject}"
 
 
 def _aim(goal: ReachabilityGoal) -> Emptiness:

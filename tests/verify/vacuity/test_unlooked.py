@@ -9,7 +9,6 @@ from koord.verify.effort import Deadline
 from koord.verify.ledger import Ledger
 from koord.verify.strategy.verification import verify
 from koord.verify.vacuity import analysis
-from koord.verify.vacuity.analysis import words
 from koord.verify.verdicts import Bounds, Emptiness, Outcome, Report
 from tests.loading import program_of
 
@@ -33,7 +32,7 @@ def system() -> System:
 
 
 def named(report: Report) -> list[str]:
-    return [words(each.what, each.subject) for each in report.unlooked]
+    return [each.what.of(each.subject) for each in report.unlooked]
 
 
 def test_with_time_for_it_nothing_is_left_open(system: System) -> None:
