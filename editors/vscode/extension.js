@@ -3,7 +3,6 @@
 
 const vscode = require("vscode");
 const { LanguageClient } = require("vscode-languageclient/node");
-const { tracePage } = require("./trace-page");
 
 const KINDS = ["holds", "bounded", "vacuous", "violated", "unknown", "stale"];
 
@@ -186,21 +185,9 @@ function showTrace(trace) {
     );
     panels.set(key, panel);
     panel.onDidDispose(() => panels.delete(key));
-    panel.webview.onDidReceiveMessage(async (message) => {
-      if (message.save) await save(panel.trace);
-    });
   }
-  panel.trace = trace;
-  panel.webview.html = tracePage(trace);
+  panel.webview.html = trace.html; // a whole page, which loads nothing
   panel.reveal(undefined, true);
-}
-
-async function save(trace) {
-  const file = await vscode.window.showSaveDialog({
-    filters: { Trace: ["json"] },
-    title: "Keep the trace, for koord replay",
-  });
-  if (file) await vscode.workspace.fs.writeFile(file, Buffer.from(trace.trace, "utf-8"));
 }
 
 module.exports = { activate, deactivate: stop };
