@@ -235,11 +235,10 @@ def built() -> Path | None:
     return Path(stated) if stated and (Path(stated) / _CONTROLLER).is_dir() else None
 
 
-def crowd(build: Path, count: int, seconds: float) -> tuple[float, float]:
+def crowd(build: Path, controller: Path, count: int, seconds: float) -> tuple[float, float]:
     """The CPU seconds of a run of ARGoS with its start, and its memory in MiB."""
     side = math.ceil(math.sqrt(count))
     robots = (ROBOT.format(k=k, x=6 * (k % side), y=6 * (k // side)) for k in range(count))
-    (controller,) = (build / _CONTROLLER).glob("lib*controller*")
     text = EXPERIMENT.format(
         seconds=seconds,
         controller=controller.with_suffix(""),
@@ -247,10 +246,6 @@ def crowd(build: Path, count: int, seconds: float) -> tuple[float, float]:
         middle=3 * side,
         robots="".join(robots),
     )
-    libraries = {str(found.parent) for found in build.rglob("*.so")}
-    plugins = (place for place in libraries if "/testing/" not in place)
-    os.environ["ARGOS_PLUGIN_PATH"] = ":".join(sorted(plugins))
-    os.environ["LD_LIBRARY_PATH"] = ":".join(sorted(libraries))
     with tempfile.NamedTemporaryFile("w", suffix=".argos") as file:
         file.write(text)
         file.flush()
@@ -275,12 +270,17 @@ def argos(report: Report) -> None:
         Column("start_s", "start CPU s"),
         Column("peak_mib", "MiB", 0),
     )
+    (controller,) = (build / _CONTROLLER).glob("lib*controller*")
+    libraries = {str(found.parent) for found in build.rglob("*.so")}
+    plugins = (place for place in libraries if "/testing/" not in place)
+    os.environ["ARGOS_PLUGIN_PATH"] = ":".join(sorted(plugins))
+    os.environ["LD_LIBRARY_PATH"] = ":".join(sorted(libraries))
     for count, seconds in CROWDS:
         if report.quick and count > 100:
             continue
         note(f"ARGoS, {count} robots")
-        start_s, _ = crowd(build, count, 0.1)
-        cpu_s, peak_mib = crowd(build, count, seconds)
+        start_s, _ = crowd(build, controller, count, 0.1)
+        cpu_s, peak_mib = crowd(build, controller, count, seconds)
         cpu_s = max(cpu_s - start_s, 1e-3)
         row: dict[str, Cell] = {"count": count, "seconds": seconds, "cpu_s": cpu_s}
         table.rows.append(

@@ -73,11 +73,8 @@ class Shared:
         self._library = ctypes.CDLL(f"/proc/self/fd/{number}")
 
     def function(self, name: str, arguments: int) -> Callable[..., int]:
-        found: Any = getattr(self._library, name)
         type_ = ctypes.CFUNCTYPE(ctypes.c_int64, *[ctypes.c_int64] * arguments)
-        address = ctypes.cast(found, ctypes.c_void_p).value
-        assert address is not None
-        return cast("Callable[..., int]", type_(address))
+        return cast("Callable[..., int]", type_((name, self._library)))
 
 
 def kept(name: str, of: tuple[object, ...], make: Callable[[], Ir]) -> Compiled:

@@ -7,7 +7,6 @@ import sys
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from koord.runtime.motion.arrays import Floats, Ints
 from koord.runtime.proposals import Decision
@@ -34,9 +33,13 @@ class Digest:
 
     def note(self, decision: Decision) -> None:
         """Hash the robots' events in a round, by position of the event."""
-        self._hash.update(decision.round.to_bytes(8, sys.byteorder, signed=True))
         ran = decision.ran
-        self._hash.update(events_of(decision, self._robots).tobytes() if ran else self._nothing)
+        events = events_of(decision, self._robots).tobytes() if ran else self._nothing
+        self._begin(decision.round, events)
+
+    def _begin(self, number: int, events: bytes) -> None:
+        self._hash.update(number.to_bytes(8, sys.byteorder, signed=True))
+        self._hash.update(events)
 
     def place(self, positions: Floats) -> None:
         """Hash the robots' positions, shape ``(n, 3)``."""
@@ -44,13 +47,9 @@ class Digest:
 
     def pass_idle(self, first: int, places: Sequence[Floats]) -> None:
         """Hash rounds in which nobody acted, from the first on, each with the robots' positions."""
-        count, head = len(places), 8 + len(self._nothing)
-        rows: NDArray[np.uint8] = np.empty((count, head + 24 * self._robots), np.uint8)
-        rows[:, :8] = np.arange(first, first + count).astype(np.int64)[:, None].view(np.uint8)
-        rows[:, 8:head] = np.frombuffer(self._nothing, np.uint8)
-        for row, place in zip(rows, places, strict=True):
-            row[head:] = place.reshape(-1).view(np.uint8)
-        self._hash.update(rows.data)
+        for number, place in enumerate(places, first):
+            self._begin(number, self._nothing)
+            self.place(place)
 
     def hexdigest(self) -> str:
         """The hexadecimal digest so far."""

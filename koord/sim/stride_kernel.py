@@ -15,6 +15,7 @@ from functools import cache
 from koord.machine.code import BYTES, F64, I8, I64, WORD_BYTES, Code, Ir, constant, new_module, word
 from koord.machine.kept import kept
 from koord.machine.lanes import DOUBLE_BYTES, Lane, Lanes
+from koord.runtime.compile.machine.made import MORE_OF_CLAIMS, MORE_OF_TURNS, STATE_WORDS
 from koord.sim.standing_kernel import SOMEBODY
 
 #: What the machine code is given in a table: numbers and addresses, in this order.
@@ -32,11 +33,11 @@ TABLE = (
     *("tilts", "all_states", "all_tilts"),
 )
 
-#: Numbers of a call of a guard and of a look, and of what is told of blocks and of positions.
-GUARD_WORDS, LOOK_WORDS, KEPT_WORDS, SEEN_WORDS = 6, 7, 3, 5
+#: Numbers of a call of a guard and of a look: the function, and what it is given behind the state.
+GUARD_WORDS, LOOK_WORDS = 1 + MORE_OF_TURNS, 1 + MORE_OF_CLAIMS
 
-#: Numbers of the state that turns are given.
-STATE_WORDS = 6
+#: Numbers of what is told of blocks and of positions.
+KEPT_WORDS, SEEN_WORDS = 3, 5
 
 #: Entries of the table of a squad that are other arrays in each round.
 MOVING = ("times", "places", "short")

@@ -241,7 +241,7 @@ class Strides:
         of, run, ticks = self._of, self._of.run, self._ticks
         first, done, began = of.engine.round, len(made.states), run.fleet.ticks
         decisions = [
-            Decision(number, (), of.engine.order_of(number), ())
+            Decision(number, (), run.schedule.order(number, len(run.engine.robots)), ())
             for number in range(first, first + done)
         ]
         at_first = run.fleet.positions()

@@ -22,9 +22,9 @@ from koord.cli.main import main
 from koord.machine import kept as keeping
 from koord.machine.code import I64, Code, Ir, Loaded, new_module, word
 from koord.machine.folder import MachineFolder, machine_folder
-from koord.machine.kept import Shared, find, keep, kept, key_of, newly_kept
+from koord.machine.kept import Shared, find, is_kept, keep, kept, key_of, newly_kept
 from koord.machine.processor import abilities
-from koord.runtime.compile.machine.kept_turns import are_kept, kept_turns
+from koord.runtime.compile.machine.kept_turns import kept_turns, key_of_turns
 from koord.runtime.compile.machine.lazy import LazyTurns
 from koord.runtime.compile.watching import watched
 from koord.runtime.motion.bodies import Car
@@ -253,11 +253,12 @@ def test_turns_are_kept_with_what_is_to_be_known_of_them(
 def test_turns_of_other_claims_are_made_anew(folder: MachineFolder) -> None:
     program = program_of(HOLDING + CLAIMS)
     LazyTurns(program, watched(program, Fraction(0)))()
-    assert are_kept(program, watched(program, Fraction(0)))
-    assert not are_kept(program, watched(program, Fraction(1, 100)))
-    assert not are_kept(program, None)
+    assert is_kept(key_of_turns(program, watched(program, Fraction(0))))
+    assert not is_kept(key_of_turns(program, watched(program, Fraction(1, 100))))
+    assert not is_kept(key_of_turns(program, None))
     other = program_of((HOLDING + CLAIMS).replace("k@i > 2", "k@i > 3"))
-    assert kept_turns(other, watched(other, Fraction(0))) is None
+    looked = watched(other, Fraction(0))
+    assert kept_turns(other, looked, key_of_turns(other, looked)) is None
 
 
 DRONES = """\

@@ -33,6 +33,7 @@ from tests.published.documents import Document
 from tests.published.programs import Finding, Outcome
 from tests.published.runs import Ran
 
+Asked = TypeVar("Asked", bound=Path | Finding)
 Found = TypeVar("Found")
 
 
@@ -52,16 +53,18 @@ class Result(msgspec.Struct):
         )
 
 
-def _each(paths: Iterable[Path], look: Callable[[Path], Found], into: list[Found]) -> None:
-    """Look at files, and tell of each what became of it."""
-    chosen = list(paths)
-    for done, path in enumerate(chosen):
+def _each(asked: Iterable[Asked], look: Callable[[Asked], Found], into: list[Found]) -> None:
+    """Look at files or at what was found of them, and tell of each what became of it."""
+    chosen = list(asked)
+    for done, each in enumerate(chosen):
+        path = each if isinstance(each, Path) else each.path
         _progress(f"{done} of {len(chosen)}: {path.name}")
-        into.append(look(path))
+        into.append(look(each))
         one = into[-1].finding if isinstance(into[-1], Document) else into[-1]
         _progress("")
         print(one)
-        if isinstance(one, Finding) and one.trouble and not one.outcome.is_wanted:
+        is_wanted = isinstance(one, Finding) and one.outcome.is_wanted
+        if isinstance(one, Finding | Ran) and one.trouble and not is_wanted:
             print(one.trouble)
 
 
@@ -84,13 +87,7 @@ def looked_at(folder: Path, only: str) -> Result:
         _each(programs.files(folder, documents.ENDINGS), documents.judged, result.documents)
         print()
         kept = [one for one in result.programs if one.source is not None]
-        for done, finding in enumerate(kept):
-            _progress(f"{done} of {len(kept)}: {finding.path.name}")
-            result.ran.append(runs.ran(finding, result.documents))
-            _progress("")
-            print(result.ran[-1])
-            if result.ran[-1].trouble:
-                print(result.ran[-1].trouble)
+        _each(kept, lambda finding: runs.ran(finding, result.documents), result.ran)
     except KeyboardInterrupt:
         result.interrupted = True
         print("interrupted: this is what was found until then")

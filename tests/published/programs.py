@@ -53,8 +53,11 @@ def files(folder: Path, endings: tuple[str, ...]) -> Iterator[Path]:
     """The files below a folder with such names, of equal ones the first."""
     seen: set[bytes] = set()
     for path in sorted(folder.rglob("*")):
-        if path.suffix in endings and path.is_file() and path.read_bytes() not in seen:
-            seen.add(path.read_bytes())
+        if path.suffix not in endings or not path.is_file():
+            continue
+        data = path.read_bytes()
+        if data not in seen:
+            seen.add(data)
             yield path
 
 

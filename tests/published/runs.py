@@ -13,7 +13,7 @@ from msgspec import Struct
 import koord
 from koord.api.sim_report import Ending
 from koord.sim.bounds import moves
-from koord.syntax.source import Source
+from koord.syntax.source import Source, counted
 from tests.published.documents import Document
 from tests.published.programs import Finding, codes
 
@@ -64,13 +64,9 @@ class Ran(Struct, frozen=True):
         if self.faults:
             said += f", {self.faults} ended by its own fault"
         if self.simulations:
-            said += f"; simulated {len(ran)} of {_plural(len(self.simulations), 'time')}: "
+            said += f"; simulated {len(ran)} of {counted(len(self.simulations), 'time')}: "
             said += ", ".join(_counted(ran)) or "never"
         return f"{'WRONG' if self.trouble else 'ran':<27}  {self.finding.path.name}  {said}"
-
-
-def _plural(many: int, noun: str) -> str:
-    return f"{many} {noun}{'' if many == 1 else 's'}"
 
 
 def _counted(ran: Sequence[Simulation]) -> list[str]:

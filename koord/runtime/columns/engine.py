@@ -269,12 +269,6 @@ class ColumnEngine(RoundEngine):
         self.counts.by_code += rounds * len(self._robots)
         self._decided, self._write = decision, write
 
-    def order_of(self, round_: int) -> tuple[int, ...]:
-        """The rotating order of a round."""
-        count = len(self._robots)
-        first = round_ % count
-        return tuple(self._ranks[first : first + count].tolist())
-
     def judge(self, watched: Watched) -> CodeJudge | None:
         """A judge of claims about the state as it is now, if machine code has been made for it."""
         if self._judge is None or self._judge[0] is not watched:

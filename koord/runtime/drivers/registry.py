@@ -40,17 +40,18 @@ class Group(Struct, Generic[Made], frozen=True):
 
     name: str
     noun: str
+    own: tuple[tuple[str, str], ...] = ()  #: koord's own plug-ins, and where they are
 
 
 DRIVERS = Group[DriverType]("koord.drivers", "driver")
 LOCALISERS = Group[LocaliserType]("koord.localisers", "localiser")
 PLANNERS: Group[OwnPlannerType] = Group("koord.planners", "planner")
-CONTROLLERS: Group[OwnControllerType] = Group("koord.controllers", "controller")
+CONTROLLERS: Group[OwnControllerType] = Group(
+    "koord.controllers",
+    "controller",
+    (("barrier", "koord.runtime.motion.certificates:BarrierCertificates"),),
+)
 MODULES: Group[OwnModuleType] = Group("koord.modules", "module")
-
-
-#: koord's own controllers.
-OWN_CONTROLLERS = {"barrier": "koord.runtime.motion.certificates:BarrierCertificates"}
 
 
 class DriverEntry(Struct, frozen=True):

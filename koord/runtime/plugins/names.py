@@ -14,7 +14,6 @@ from koord.runtime.drivers.driver import DriverError
 from koord.runtime.drivers.registry import (
     CONTROLLERS,
     MODULES,
-    OWN_CONTROLLERS,
     Group,
     Optioned,
     Registry,
@@ -27,9 +26,8 @@ Made = TypeVar("Made", bound=Optioned)
 
 
 def plug_ins(group: Group[Made]) -> Registry[Made]:
-    """The plug-ins of a group that are installed. koord's own are controllers."""
-    own = OWN_CONTROLLERS if group.name == CONTROLLERS.name else {}
-    return Registry(group, own, __version__)
+    """The plug-ins of a group that are installed, and koord's own."""
+    return Registry(group, dict(group.own), __version__)
 
 
 def flaw(group: Group[Made], plug_in: PlugIn) -> tuple[str, str] | None:
@@ -51,9 +49,14 @@ def loaded(group: Group[Made], plug_in: PlugIn) -> tuple[Made, Struct]:
         raise PlugInError(what, f"cannot be used: {error.message}", error.hint) from None
 
 
+def leads_fleets(made: object) -> bool:
+    """Return whether what makes controllers makes one for all vehicles of a device together."""
+    return bool(getattr(made, "OF_FLEETS", False))
+
+
 def is_of_fleets(controller: PlugIn) -> bool:
-    """Return whether a controller leads all vehicles of a device together. Raises DriverError."""
-    return bool(getattr(plug_ins(CONTROLLERS).load(controller.value), "OF_FLEETS", False))
+    """The same of a controller by its name. Raises DriverError."""
+    return leads_fleets(plug_ins(CONTROLLERS).load(controller.value))
 
 
 def served_ports(named: Iterable[tuple[str, PlugIn]]) -> frozenset[tuple[str, str]]:

@@ -9,10 +9,12 @@ from __future__ import annotations
 import msgspec
 from msgspec import Struct
 
-from koord.machine.kept import Compiled, find, is_kept, key_of
+from koord.machine.kept import Compiled, find, key_of
 from koord.runtime.compile.machine.layout import Column, Layout
 from koord.runtime.compile.machine.made import (
     HEAD_WORDS,
+    MORE_OF_CLAIMS,
+    MORE_OF_TURNS,
     STATE_WORDS,
     ClaimCode,
     Effect,
@@ -23,9 +25,6 @@ from koord.runtime.compile.naming import PythonNames
 from koord.runtime.compile.watching import Watched
 from koord.syntax import core
 from koord.syntax.core import Home
-
-#: What guards and events are given behind the state, and what claims are.
-_MORE_OF_TURNS, _MORE_OF_CLAIMS = 5, 6
 
 
 class ToldColumn(Struct, frozen=True, array_like=True):
@@ -70,14 +69,9 @@ def key_of_turns(program: core.Program, watched: Watched | None) -> str | None:
     return key_of("turns", repr(program), claims)
 
 
-def are_kept(program: core.Program, watched: Watched | None) -> bool:
-    """Return whether machine code of a program is kept."""
-    return is_kept(key_of_turns(program, watched))
-
-
-def kept_turns(program: core.Program, watched: Watched | None) -> Turns | None:
-    """The kept machine code of a program; None if there is none that can be used."""
-    found = find(key_of_turns(program, watched))
+def kept_turns(program: core.Program, watched: Watched | None, key: str | None) -> Turns | None:
+    """The machine code of a program that is kept under its key; None if none can be used."""
+    found = find(key)
     if found is None:
         return None
     try:
@@ -102,7 +96,7 @@ def assembled(
     )
     claims = {
         method: tuple(
-            ClaimCode(code.function(one.function, STATE_WORDS + _MORE_OF_CLAIMS), one.kinds)
+            ClaimCode(code.function(one.function, STATE_WORDS + MORE_OF_CLAIMS), one.kinds)
             for one in looks
         )
         for method, looks in told.claims.items()
@@ -113,7 +107,7 @@ def assembled(
 def _kind(
     agent: core.Agent, number: int, told: ToldKind, columns: list[Column], code: Compiled
 ) -> KindTurns:
-    count = STATE_WORDS + _MORE_OF_TURNS
+    count = STATE_WORDS + MORE_OF_TURNS
     effects: list[Effect | None] = []
     for position, event in enumerate(told.events):
         if event is None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from functools import cached_property
 
 from koord.machine import is_installed
 from koord.runtime.compile.machine.made import Turns
@@ -41,9 +42,16 @@ class LazyTurns:
         return _WORTH_TURNS if "llvmlite.binding" in sys.modules else _WORTH_TURNS_AND_IMPORT
 
     def _are_kept(self) -> bool:
-        from koord.runtime.compile.machine.kept_turns import are_kept
+        from koord.machine.kept import is_kept
 
-        return are_kept(self._program, self._watched)
+        return is_kept(self._key)
+
+    @cached_property
+    def _key(self) -> str | None:
+        """The key of the machine code. To write out a program takes a while."""
+        from koord.runtime.compile.machine.kept_turns import key_of_turns
+
+        return key_of_turns(self._program, self._watched)
 
     def __call__(self) -> Turns | None:
         """The machine code. It takes llvmlite (extra ``fast``); without it there is none."""
@@ -56,11 +64,11 @@ class LazyTurns:
     def _kept(self) -> Turns | None:
         from koord.runtime.compile.machine.kept_turns import kept_turns
 
-        return kept_turns(self._program, self._watched)
+        return kept_turns(self._program, self._watched, self._key)
 
     def _compiled(self) -> Turns | None:
         try:
             from koord.runtime.compile.machine.turns import turns_of
         except ModuleNotFoundError:
             return None
-        return turns_of(self._program, self._watched)
+        return turns_of(self._program, self._watched, self._key)

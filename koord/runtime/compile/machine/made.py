@@ -15,6 +15,9 @@ NO, YES, IN_DOUBT = 0, 1, 2
 #: What every function is given first: rows and cells, their flags, the number of robots, δ.
 STATE_WORDS = 6
 
+#: What guards and events are given behind it, and what claims are.
+MORE_OF_TURNS, MORE_OF_CLAIMS = 5, 6
+
 #: Before the cells of what an event writes: its locks, and whether it asks to stop.
 HEAD_WORDS = 2
 

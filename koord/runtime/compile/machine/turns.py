@@ -33,7 +33,6 @@ from koord.runtime.compile.machine.kept_turns import (
     ToldKind,
     ToldTurns,
     assembled,
-    key_of_turns,
 )
 from koord.runtime.compile.machine.layout import Column, Layout, NoCodeError
 from koord.runtime.compile.machine.made import (
@@ -54,12 +53,12 @@ from koord.syntax.walk import reached, written
 _MOST_BITS = 63
 
 
-def turns_of(program: core.Program, watched: Watched | None = None) -> Turns | None:
+def turns_of(program: core.Program, watched: Watched | None, key: str | None) -> Turns | None:
     """Compile the turns of a program, and its claims; None where there is no use of it.
 
-    They are kept.
+    They are kept, under a key if there is one.
     """
-    return _Making(program, watched).turns()
+    return _Making(program, watched, key).turns()
 
 
 class _Written(Struct):
@@ -70,8 +69,8 @@ class _Written(Struct):
 
 
 class _Making:
-    def __init__(self, program: core.Program, watched: Watched | None) -> None:
-        self.program, self.watched = program, watched
+    def __init__(self, program: core.Program, watched: Watched | None, key: str | None) -> None:
+        self.program, self.watched, self.key = program, watched, key
         self.module = new_module("turns")
         self.layout = Layout(PythonNames(program))
         self.budget = Budget()
@@ -94,10 +93,9 @@ class _Making:
         )
         columns = tuple(ToldColumn(w, home.value, slot) for w, home, slot in self.layout.columns)
         told = ToldTurns(columns, kinds, {} if claims is None else claims.told())
-        key = key_of_turns(self.program, self.watched)
         about = msgspec.json.encode(told)
         try:
-            code = keep(key, self.module, about, hasty=True)
+            code = keep(self.key, self.module, about, hasty=True)
         except TooMuchCodeError:
             return None
         return assembled(self.program, self.watched, told, code)
